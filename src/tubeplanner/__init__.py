@@ -1,0 +1,83 @@
+"""The fastest smooth joint motion of a robot arm whose hand stays in a tolerance tube.
+
+Letters used everywhere: N samples, K control points, n joints, m tube segments (m+1 reference
+points). Units are SI and radians; positions are in the frame of the URDF's root link.
+
+    problem = load_problem("example:ur5/over_the_wall")
+    result = plan(problem)
+
+Names are loaded on first use, so that `import tubeplanner` stays quick.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from tubeplanner.certificate import Certificate as Certificate
+    from tubeplanner.certificate import Condition as Condition
+    from tubeplanner.certificate import Tolerance as Tolerance
+    from tubeplanner.errors import OptionError as OptionError
+    from tubeplanner.errors import OutputError as OutputError
+    from tubeplanner.errors import ProblemError as ProblemError
+    from tubeplanner.errors import RobotError as RobotError
+    from tubeplanner.errors import TrajectoryError as TrajectoryError
+    from tubeplanner.errors import TubePlannerError as TubePlannerError
+    from tubeplanner.export import read_trajectory as read_trajectory
+    from tubeplanner.joint_limits import LimitOverrides as LimitOverrides
+    from tubeplanner.obstacle import Obstacle as Obstacle
+    from tubeplanner.obstacle import placement_of as placement_of
+    from tubeplanner.outcome import Place as Place
+    from tubeplanner.outcome import PlanStatus as PlanStatus
+    from tubeplanner.planner import PlanOptions as PlanOptions
+    from tubeplanner.planner import PlanResult as PlanResult
+    from tubeplanner.planner import plan as plan
+    from tubeplanner.plotting import plot_trajectory as plot_trajectory
+    from tubeplanner.problem import PlanningProblem as PlanningProblem
+    from tubeplanner.problem import Seed as Seed
+    from tubeplanner.problem import load_problem as load_problem
+    from tubeplanner.problem import parse_problem as parse_problem
+    from tubeplanner.robot import Payload as Payload
+    from tubeplanner.robot import RobotModel as RobotModel
+    from tubeplanner.robot import ToolOffset as ToolOffset
+    from tubeplanner.robot import load_robot as load_robot
+    from tubeplanner.trajectory import JointTrajectory as JointTrajectory
+    from tubeplanner.tube import Tube as Tube
+    from tubeplanner.verification import verify as verify
+
+__version__ = "0.1.0"
+
+_HOMES = {
+    "certificate": ("Certificate", "Condition", "Tolerance"),
+    "errors": (
+        "OptionError",
+        "OutputError",
+        "ProblemError",
+        "RobotError",
+        "TrajectoryError",
+        "TubePlannerError",
+    ),
+    "export": ("read_trajectory",),
+    "joint_limits": ("LimitOverrides",),
+    "obstacle": ("Obstacle", "placement_of"),
+    "outcome": ("Place", "PlanStatus"),
+    "planner": ("PlanOptions", "PlanResult", "plan"),
+    "plotting": ("plot_trajectory",),
+    "problem": ("PlanningProblem", "Seed", "load_problem", "parse_problem"),
+    "robot": ("Payload", "RobotModel", "ToolOffset", "load_robot"),
+    "trajectory": ("JointTrajectory",),
+    "tube": ("Tube",),
+    "verification": ("verify",),
+}
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
+
+__all__ = sorted([*_HOME_OF, "__version__"])
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME_OF:
+        raise AttributeError(f"module 'tubeplanner' has no attribute '{name}'")
+    return getattr(import_module(f"tubeplanner.{_HOME_OF[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -1,0 +1,97 @@
+"""Rigorous bounds on polynomials: a polynomial lies in the hull of its Bernstein coefficients.
+
+Coefficients are laid out as in `scipy.interpolate.PPoly`: shape (degree+1, pieces, n), highest
+power first, local time from 0 to the width of the piece.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import comb
+
+from tubeplanner.arrays import FloatArray, IntArray
+
+# Halvings after which a piece is not cut further: its width is then 1e-12 of the original.
+_MOST_HALVINGS = 40
+_RESOLUTION = 1e-10  # relative to the largest value
+
+
+@dataclass(frozen=True, eq=False)
+class Extrema:
+    """Largest values of n polynomials over all their pieces, and where.
+
+    Attributes:
+        value: Shape (n,); a value that is attained, at most 1e-10 (relative) below the maximum.
+        piece: Piece that attains it: int, shape (n,).
+        local_time: Time from the start of that piece [s], shape (n,).
+    """
+
+    value: FloatArray
+    piece: IntArray
+    local_time: FloatArray
+
+
+def bernstein_coefficients(
+    coefficients: FloatArray, start: FloatArray, width: FloatArray
+) -> FloatArray:
+    """Return the Bernstein coefficients of polynomials restricted to intervals.
+
+    Args:
+        coefficients: Shape (degree+1, P, n), highest power first.
+        start: Start of each interval in local time [s], shape (P,).
+        width: Width of each interval [s], shape (P,).
+
+    Returns:
+        Shape (degree+1, P, n); the first and the last are the values at the interval's ends.
+        (Farouki, "The Bernstein polynomial basis: a centennial retrospective", 2012, section 3.2.)
+    """
+    degree = len(coefficients) - 1
+    ascending = coefficients[::-1]
+    scaled = np.empty_like(ascending)
+    for power in range(degree + 1):
+        # Taylor coefficient about the start: sum over k of C(k, power) start^(k - power) c_k.
+        orders = np.arange(power, degree + 1)
+        factors = comb(orders, power)[:, None] * start ** (orders - power)[:, None]
+        scaled[power] = np.einsum("kp,kpn->pn", factors, ascending[power:])
+        scaled[power] *= (width**power)[:, None]
+    return np.einsum("bk,kpn->bpn", _power_to_bernstein(degree), scaled)
+
+
+def maxima(coefficients: FloatArray, widths: FloatArray) -> Extrema:
+    """Return the largest value of each of n piecewise polynomials, by Bernstein subdivision.
+
+    Args:
+        coefficients: Shape (degree+1, pieces, n).
+        widths: Widths of the pieces [s], shape (pieces,).
+    """
+    pieces, n = coefficients.shape[1:]
+    # One row per (piece, polynomial) still in question.
+    piece = np.repeat(np.arange(pieces), n)
+    column = np.tile(np.arange(n), pieces)
+    start, width = np.zeros(len(piece)), widths[piece].astype(float)
+    value = np.full(n, -np.inf)
+    best_piece, best_time = np.zeros(n, dtype=np.int64), np.zeros(n)
+    for _ in range(_MOST_HALVINGS):
+        rows = coefficients[:, piece, column][:, :, None]
+        bounds = bernstein_coefficients(rows, start, width)[:, :, 0]
+        for ends, times in ((bounds[0], start), (bounds[-1], start + width)):
+            order = np.argsort(ends, kind="stable")
+            better = order[ends[order] > value[column[order]]]
+            value[column[better]] = ends[better]
+            best_piece[column[better]] = piece[better]
+            best_time[column[better]] = times[better]
+        slack = _RESOLUTION * np.maximum(abs(value), 1e-300)
+        open_ = bounds.max(axis=0) > value[column] + slack[column]
+        if not open_.any():
+            break
+        piece, column = np.repeat(piece[open_], 2), np.repeat(column[open_], 2)
+        width = np.repeat(width[open_] / 2, 2)
+        start = np.repeat(start[open_], 2)
+        start[1::2] += width[1::2]
+    return Extrema(value, best_piece, best_time)
+
+
+def _power_to_bernstein(degree: int) -> FloatArray:
+    """Return the matrix from powers of u on [0, 1] to Bernstein coefficients, (k+1, k+1)."""
+    i, j = np.mgrid[: degree + 1, : degree + 1]
+    return np.where(j <= i, comb(i, j) / comb(degree, j), 0.0)

@@ -1,0 +1,130 @@
+"""A certificate: every condition a trajectory must meet, with margin, place and coverage."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+from tubeplanner.errors import OptionError
+from tubeplanner.outcome import Place
+
+CONDITION_NAMES = (
+    "position",
+    "velocity",
+    "acceleration",
+    "jerk",
+    "effort",
+    "tube",
+    "joint_signs",
+    "rotation",
+    "start",
+    "goal",
+    "rest",
+    "continuity",
+    "obstacles",
+    "self_collision",
+)
+FOR_ALL_TIMES = "for all t"
+RELATIVE = "relative"
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """How far below zero a margin may lie.
+
+    Attributes:
+        absolute: For margins in m and rad, >= 0.
+        relative: For relative margins, >= 0.
+    """
+
+    absolute: float = 1e-6
+    relative: float = 1e-6
+
+    def __post_init__(self) -> None:
+        for name in ("absolute", "relative"):
+            if not 0 <= getattr(self, name) < 1:
+                raise OptionError(f"tolerance: {name} is {getattr(self, name):g}, not in [0, 1)")
+
+    def of(self, unit: str) -> float:
+        """Return the tolerance that belongs to a unit."""
+        return self.relative if unit == RELATIVE else self.absolute
+
+
+@dataclass(frozen=True)
+class Condition:
+    """One condition of a certificate.
+
+    Attributes:
+        margin: How much is left: negative where violated, None where not asked.
+        unit: "m", "rad" or "relative".
+        where: Where the margin is smallest.
+        coverage: "for all t", or how many samples and how dense.
+    """
+
+    margin: float | None
+    unit: str
+    where: Place
+    coverage: str
+
+    def holds(self, tolerance: Tolerance) -> bool:
+        """Return whether the condition is met, or not asked."""
+        return self.margin is None or self.margin >= -tolerance.of(self.unit)
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """The judgement of one trajectory.
+
+    Attributes:
+        conditions: By name, in the order of `CONDITION_NAMES`.
+        tolerance: What the margins were judged with.
+    """
+
+    conditions: Mapping[str, Condition]
+    tolerance: Tolerance
+
+    def __post_init__(self) -> None:
+        ordered = {name: self.conditions[name] for name in CONDITION_NAMES}
+        object.__setattr__(self, "conditions", MappingProxyType(ordered))
+
+    @property
+    def passed(self) -> bool:
+        """Whether every condition holds."""
+        return not self.failures()
+
+    def failures(self) -> list[str]:
+        """Return the names of the conditions that do not hold."""
+        return [
+            name
+            for name, condition in self.conditions.items()
+            if not condition.holds(self.tolerance)
+        ]
+
+    def describe(self, name: str) -> str:
+        """Return one line about a condition: margin, unit, place."""
+        condition = self.conditions[name]
+        if condition.margin is None:
+            return f"{name}: not asked ({condition.coverage})"
+        unit = "" if condition.unit == RELATIVE else f" {condition.unit}"
+        place = str(condition.where)
+        return f"{name}: margin {condition.margin:.3g}{unit}" + (f" ({place})" if place else "")
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the certificate as JSON values."""
+        return {
+            "passed": self.passed,
+            "tolerance": {
+                "absolute": self.tolerance.absolute,
+                "relative": self.tolerance.relative,
+            },
+            "conditions": {
+                name: {
+                    "margin": condition.margin,
+                    "unit": condition.unit,
+                    "satisfied": condition.holds(self.tolerance),
+                    "where": condition.where.as_dict(),
+                    "coverage": condition.coverage,
+                }
+                for name, condition in self.conditions.items()
+            },
+        }

@@ -1,0 +1,316 @@
+"""The command line, and nothing else: arguments in, text and exit status out.
+
+Exit status: 0 success; 1 infeasible, or a check that failed; 2 bad input or usage; 130 interrupted.
+"""
+
+import json
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from tubeplanner import __version__
+from tubeplanner.errors import OptionError, TubePlannerError
+
+if TYPE_CHECKING:
+    from tubeplanner.certificate import Certificate
+    from tubeplanner.planner import PlanResult
+    from tubeplanner.problem import PlanningProblem
+
+SUCCESS, INFEASIBLE, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+
+_PATH = click.Path(path_type=Path, dir_okay=False)
+_AS_JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+
+
+def run() -> None:
+    """Run the command line on the process's arguments."""
+    sys.exit(main(sys.argv[1:]))
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run the command line and return its exit status.
+
+    Args:
+        arguments: Without the program's name.
+    """
+    as_json = "--json" in arguments
+    try:
+        return int(cli.main(list(arguments), "tubeplanner", standalone_mode=False) or SUCCESS)
+    except click.ClickException as error:
+        if as_json:
+            return _fail("bad_input", error.format_message(), as_json, BAD_INPUT)
+        error.show()
+        return BAD_INPUT
+    except TubePlannerError as error:
+        return _fail("bad_input", str(error), as_json, BAD_INPUT)
+    except (KeyboardInterrupt, click.Abort):
+        return _fail("interrupted", "interrupted before anything was certified", as_json, INTERRUPTED)
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="tubeplanner")
+def cli() -> None:
+    """Plan the fastest smooth motion of a robot arm whose hand stays in a tube.
+
+    PROBLEM is a problem file (YAML or JSON) or example:ROBOT/NAME for a bundled one.
+    """
+
+
+@cli.command()
+@click.argument("problem")
+@click.option("-o", "--output", type=_PATH, help="Trajectory file (JSON).")
+@click.option("--csv", type=_PATH, help="Samples as CSV.")
+@click.option("--ros", type=_PATH, help="Samples as trajectory_msgs/JointTrajectory, YAML.")
+@click.option("--rate", type=float, default=500.0, show_default=True, help="Samples per second.")
+@click.option("--plot", type=_PATH, help="Figure (PNG).")
+@click.option("--method", default="stop-at-corners", show_default=True, help="How to plan.")
+@click.option("--time-limit", type=float, help="Give up after so many seconds.")
+@_AS_JSON
+def plan(
+    problem: str,
+    output: Path | None,
+    csv: Path | None,
+    ros: Path | None,
+    rate: float,
+    plot: Path | None,
+    method: str,
+    time_limit: float | None,
+    as_json: bool,
+) -> int:
+    """Plan PROBLEM, certify the answer, and write it where asked.
+
+    Nothing is written unless the certificate passes.
+    """
+    from tubeplanner.export import require_writable
+    from tubeplanner.planner import PlanOptions
+    from tubeplanner.planner import plan as plan_problem
+
+    options = PlanOptions(method, time_limit)
+    if not rate > 0:
+        raise OptionError(f"--rate is {rate:g} Hz; it must be > 0")
+    outputs = _Outputs(output, csv, ros, rate, plot)
+    for _, path in outputs.paths():
+        require_writable(path)
+    with _progress() as enter:
+        loaded, loading_time = _load(problem, enter)
+        result = plan_problem(loaded, options, enter)
+        if result.succeeded:
+            enter("output files")
+            _write(outputs, loaded, result)
+    if as_json:
+        _print_json({**result.as_dict(), "loading_time": loading_time})
+    else:
+        _print_plan(loaded, result, loading_time, outputs)
+    return SUCCESS if result.succeeded else INFEASIBLE
+
+
+@cli.command()
+@click.argument("problem")
+@click.argument("trajectory", type=_PATH)
+@click.option("--tolerance", help="ABS[,REL]: how far below zero margins may lie [1e-6,1e-6].")
+@_AS_JSON
+def check(problem: str, trajectory: Path, tolerance: str | None, as_json: bool) -> int:
+    """Judge the TRAJECTORY file against PROBLEM."""
+    from tubeplanner.export import read_trajectory
+    from tubeplanner.verification import verify
+
+    limits = _tolerance(tolerance)
+    read = read_trajectory(trajectory)
+    with _progress() as enter:
+        loaded, loading_time = _load(problem, enter)
+        enter("certificate")
+        begin = time.perf_counter()
+        certificate = verify(loaded, read, limits)
+        certificate_time = time.perf_counter() - begin
+    failures = certificate.failures()
+    message = f"fails: {', '.join(failures)}" if failures else "passes every condition"
+    if as_json:
+        status = "certificate_failed" if failures else "success"
+        where = certificate.conditions[failures[0]].where.as_dict() if failures else _nowhere()
+        _print_json(
+            {
+                **_report(status, f"the trajectory {message}", where),
+                "duration": read.duration,
+                "certificate_time": certificate_time,
+                "loading_time": loading_time,
+                "certificate": certificate.as_dict(),
+            }
+        )
+    else:
+        _print_certificate(certificate)
+        print(f"{trajectory} ({read.duration:.4f} s) {message}.")
+    return INFEASIBLE if failures else SUCCESS
+
+
+@cli.command()
+@_AS_JSON
+def robots(as_json: bool) -> None:
+    """List the robots and problems that example: names."""
+    from tubeplanner.resources import bundled_problems, bundled_robots, example_robot_names
+
+    problems = list(bundled_problems())
+    if as_json:
+        _print_json({"robots": example_robot_names(), "problems": problems})
+        return
+    print("Problems (example:ROBOT/NAME):")
+    print(*(f"  example:{name}" for name in problems), sep="\n")
+    print("Robots (robot.urdf: example:NAME), from this package and from example-robot-data:")
+    bundled = bundled_robots()
+    for name in example_robot_names():
+        print(f"  example:{name}{'  (bundled)' if name in bundled else ''}")
+
+
+@cli.command()
+@click.option("--json", is_flag=True, help="For symmetry: the schema is always JSON.")
+def schema(json: bool) -> None:
+    """Print the JSON schema of the problem file."""
+    from tubeplanner.problem_format import problem_schema
+
+    _print_json(problem_schema(), indent=2)
+
+
+@dataclass(frozen=True)
+class _Outputs:
+    """The files a plan was asked to write."""
+
+    trajectory: Path | None
+    csv: Path | None
+    ros: Path | None
+    rate: float
+    plot: Path | None
+
+    def paths(self) -> list[tuple[str, Path]]:
+        """Return what was asked for: kind and path."""
+        asked = {
+            "trajectory": self.trajectory,
+            "CSV": self.csv,
+            "ROS": self.ros,
+            "plot": self.plot,
+        }
+        return [(kind, path) for kind, path in asked.items() if path is not None]
+
+
+def _write(outputs: _Outputs, problem: "PlanningProblem", result: "PlanResult") -> None:
+    from tubeplanner.export import trajectory_csv, trajectory_json, trajectory_ros, write_text
+
+    answer = result.trajectory
+    if outputs.trajectory:
+        text = trajectory_json(answer, method=result.method, tubeplanner_version=__version__)
+        write_text(outputs.trajectory, text)
+    if outputs.csv:
+        write_text(outputs.csv, trajectory_csv(problem.robot, answer, outputs.rate))
+    if outputs.ros:
+        write_text(outputs.ros, trajectory_ros(answer, outputs.rate))
+    if outputs.plot:
+        from tubeplanner.plotting import plot_trajectory
+
+        plot_trajectory(problem, answer, outputs.plot)
+
+
+def _load(name: str, enter: Callable[[str], None]) -> "tuple[PlanningProblem, float]":
+    begin = time.perf_counter()
+    enter("loading robot and collision geometry")
+    from tubeplanner.problem import load_problem
+
+    return load_problem(name), time.perf_counter() - begin
+
+
+def _tolerance(text: str | None) -> Any:
+    from tubeplanner.certificate import Tolerance
+
+    if text is None:
+        return Tolerance()
+    try:
+        numbers = [float(word) for word in text.split(",")]
+        absolute, relative = numbers if len(numbers) == 2 else (*numbers, *numbers)
+    except ValueError:
+        raise OptionError(f"--tolerance '{text}' is not ABS or ABS,REL") from None
+    return Tolerance(absolute, relative)
+
+
+@contextmanager
+def _progress() -> Iterator[Callable[[str], None]]:
+    """Yield a function that shows the current stage on a terminal's standard error."""
+    if not sys.stderr.isatty():
+        yield lambda stage: None
+        return
+    from rich.console import Console
+
+    with Console(stderr=True).status("") as status:
+        yield lambda stage: status.update(f"{stage} ...")
+
+
+def _print_plan(
+    problem: "PlanningProblem", result: "PlanResult", loading_time: float, outputs: _Outputs
+) -> None:
+    robot = problem.robot
+    print(f"{problem.name}: {robot.name}, {robot.joint_count} joints to {robot.tool_frame}")
+    print(
+        f"loaded in {loading_time:.2f} s, planned in {result.planning_time:.2f} s "
+        f"(certificate {result.certificate_time:.2f} s), method {result.method}"
+    )
+    if result.certificate is not None:
+        _print_certificate(result.certificate)
+    print(f"{result.status}: {result.message}")
+    place = str(result.place)
+    if place:
+        print(f"where: {place}")
+    if result.succeeded:
+        for kind, path in outputs.paths():
+            print(f"{kind}: {path}")
+
+
+def _print_certificate(certificate: "Certificate") -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title="Certificate", title_justify="left")
+    for heading in ("condition", "margin", "where", "holds"):
+        table.add_column(heading, justify="right" if heading == "margin" else "left")
+    for name, condition in certificate.conditions.items():
+        if condition.margin is None:
+            table.add_row(name, "-", condition.coverage, "not asked")
+            continue
+        margin = f"{condition.margin:.3g} {condition.unit}"
+        if condition.unit == "relative":
+            margin = f"{100 * condition.margin:.3g} %"
+        verdict = "yes" if condition.holds(certificate.tolerance) else "NO"
+        table.add_row(name, margin, str(condition.where), f"{verdict}, {condition.coverage}")
+    Console(width=None if sys.stdout.isatty() else 140).print(table)
+
+
+def _fail(status: str, message: str, as_json: bool, code: int) -> int:
+    if as_json:
+        _print_json(_report(status, message, _nowhere()))
+    else:
+        print(f"tubeplanner: {message}", file=sys.stderr)
+    return code
+
+
+def _report(status: str, message: str, where: dict[str, Any]) -> dict[str, Any]:
+    """Return the JSON object of a run, numbers still absent."""
+    numbers = ("duration", "phase1_duration", "planning_time", "certificate_time", "loading_time")
+    return {
+        "status": status,
+        "message": message,
+        "where": where,
+        **dict.fromkeys(numbers),
+        "stopped_by": None,
+        "certificate": None,
+    }
+
+
+def _nowhere() -> dict[str, Any]:
+    from tubeplanner.outcome import Place
+
+    return Place().as_dict()
+
+
+def _print_json(fields: dict[str, Any], indent: int | None = None) -> None:
+    print(json.dumps(fields, allow_nan=False, indent=indent))

@@ -1,0 +1,95 @@
+"""Solids as unions of convex shapes: what collision checking is done with.
+
+A shape is a polytope grown by a radius (a sphere is one grown point, a capsule a grown edge), so
+that one bound on distance serves all of them. Every conversion covers the original solid.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from tubeplanner.arrays import FloatArray, read_only
+
+# A cylinder becomes a circumscribed prism; 24 sides make it at most 0.9 % too wide.
+_PRISM_SIDES = 24
+# A flat point set has no hull with faces; it is given this half thickness [m].
+_FLAT_HALF_THICKNESS = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class ConvexShape:
+    """The convex hull of some points, grown by a radius.
+
+    Attributes:
+        vertices: Shape (V, 3) [m].
+        radius: Growth [m], >= 0.
+    """
+
+    vertices: FloatArray
+    radius: float = 0.0
+
+    @cached_property
+    def center(self) -> FloatArray:
+        """Centre of the bounding sphere, shape (3,) [m]."""
+        return (self.vertices.min(axis=0) + self.vertices.max(axis=0)) / 2
+
+    @cached_property
+    def bounding_radius(self) -> float:
+        """Radius of the bounding sphere about `center` [m]."""
+        return self.reach(self.center)
+
+    @cached_property
+    def faces(self) -> np.ndarray:
+        """Triangles of the polytope as vertex indices, outward: int, shape (F, 3)."""
+        hull = ConvexHull(self.vertices)
+        triangles = self.vertices[hull.simplices]
+        normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+        inward = np.einsum("fi,fi->f", normals, hull.equations[:, :3]) < 0
+        return np.where(inward[:, None], hull.simplices[:, ::-1], hull.simplices)
+
+    def reach(self, point: FloatArray) -> float:
+        """Return the largest distance from a point (3,) to the shape [m]."""
+        return float(np.linalg.norm(self.vertices - point, axis=1).max()) + self.radius
+
+    def transformed(self, placement: FloatArray) -> "ConvexShape":
+        """Return the shape moved by a homogeneous transform, shape (4, 4)."""
+        moved = self.vertices @ placement[:3, :3].T + placement[:3, 3]
+        return ConvexShape(read_only(moved), self.radius)
+
+
+def box(size: Iterable[float]) -> ConvexShape:
+    """Return a centred box of full side lengths [m]."""
+    signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T
+    return ConvexShape(read_only(signs * np.array(list(size)) / 2))
+
+
+def sphere(radius: float) -> ConvexShape:
+    """Return a centred sphere."""
+    return ConvexShape(read_only(np.zeros((1, 3))), radius)
+
+
+def capsule(radius: float, length: float) -> ConvexShape:
+    """Return a centred capsule along z; `length` [m] lies between the centres of its caps."""
+    return ConvexShape(read_only([[0, 0, -length / 2], [0, 0, length / 2]]), radius)
+
+
+def cylinder(radius: float, length: float) -> ConvexShape:
+    """Return the prism around a centred cylinder along z."""
+    angles = np.arange(_PRISM_SIDES) * 2 * np.pi / _PRISM_SIDES
+    ring = radius / np.cos(np.pi / _PRISM_SIDES) * np.array([np.cos(angles), np.sin(angles)]).T
+    ends = [np.column_stack([ring, np.full(_PRISM_SIDES, z)]) for z in (-length / 2, length / 2)]
+    return ConvexShape(read_only(np.vstack(ends)))
+
+
+def convex_hull(points: FloatArray) -> ConvexShape:
+    """Return the convex hull of points (N, 3); a flat set becomes its thickened bounding box."""
+    try:
+        return ConvexShape(read_only(points[ConvexHull(points).vertices]))
+    except QhullError:
+        low = points.min(axis=0) - _FLAT_HALF_THICKNESS
+        high = points.max(axis=0) + _FLAT_HALF_THICKNESS
+        corners = box(high - low).vertices + (low + high) / 2
+        return ConvexShape(read_only(corners))

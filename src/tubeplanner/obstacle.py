@@ -1,0 +1,85 @@
+"""Obstacles: named solids that stand still in the base frame."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from tubeplanner import convex_shape
+from tubeplanner.arrays import FloatArray
+from tubeplanner.convex_shape import ConvexShape
+from tubeplanner.errors import ProblemError
+
+
+@dataclass(frozen=True, eq=False)
+class Obstacle:
+    """A solid that the links must keep clear of.
+
+    Attributes:
+        name: Unique among the obstacles of a problem.
+        shapes: Convex shapes in the base frame that together cover it.
+    """
+
+    name: str
+    shapes: tuple[ConvexShape, ...]
+
+    @classmethod
+    def box(cls, name: str, size: Sequence[float], placement: FloatArray) -> "Obstacle":
+        """Return a box of full side lengths [m], centred in a placement (4, 4)."""
+        _require_positive(name, "box", size)
+        return cls(name, (convex_shape.box(size).transformed(placement),))
+
+    @classmethod
+    def sphere(cls, name: str, radius: float, placement: FloatArray) -> "Obstacle":
+        """Return a sphere [m], centred in a placement (4, 4)."""
+        _require_positive(name, "sphere", [radius])
+        return cls(name, (convex_shape.sphere(radius).transformed(placement),))
+
+    @classmethod
+    def cylinder(
+        cls, name: str, radius: float, length: float, placement: FloatArray
+    ) -> "Obstacle":
+        """Return a cylinder [m] along z of a placement (4, 4), centred in it."""
+        _require_positive(name, "cylinder", [radius, length])
+        return cls(name, (convex_shape.cylinder(radius, length).transformed(placement),))
+
+    @classmethod
+    def capsule(cls, name: str, radius: float, length: float, placement: FloatArray) -> "Obstacle":
+        """Return a capsule [m] along z of a placement (4, 4); length between its caps' centres."""
+        _require_positive(name, "capsule", [radius, length])
+        return cls(name, (convex_shape.capsule(radius, length).transformed(placement),))
+
+
+def placement_of(
+    position: Sequence[float] = (0.0, 0.0, 0.0),
+    rpy: Sequence[float] | None = None,
+    quaternion: Sequence[float] | None = None,
+) -> FloatArray:
+    """Return a homogeneous transform, shape (4, 4).
+
+    Args:
+        position: [m].
+        rpy: Roll, pitch, yaw about fixed x, y, z [rad], as in URDF; default: no rotation.
+        quaternion: x, y, z, w instead of `rpy`; it need not have unit length.
+
+    Raises:
+        ProblemError: Both rotations are given, or the quaternion is zero.
+    """
+    if rpy is not None and quaternion is not None:
+        raise ProblemError("a placement takes rpy or quaternion, not both")
+    placement = np.eye(4)
+    placement[:3, 3] = position
+    if quaternion is not None:
+        if not np.linalg.norm(quaternion) > 0:
+            raise ProblemError(f"quaternion {list(quaternion)} has no direction")
+        placement[:3, :3] = Rotation.from_quat(quaternion).as_matrix()
+    elif rpy is not None:
+        placement[:3, :3] = Rotation.from_euler("xyz", rpy).as_matrix()
+    return placement
+
+
+def _require_positive(name: str, kind: str, values: Sequence[float]) -> None:
+    for value in values:
+        if not 0 < value < np.inf:
+            raise ProblemError(f"obstacle '{name}': {kind} has size {value:g} m, which must be > 0")

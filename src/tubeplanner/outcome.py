@@ -1,0 +1,74 @@
+"""How an attempt to plan ends: the status, and the place where something is wrong."""
+
+from dataclasses import asdict, dataclass
+from enum import StrEnum
+from typing import Any
+
+
+class PlanStatus(StrEnum):
+    """How `plan` ended; the values are those of the command line's JSON."""
+
+    SUCCESS = "success"
+    GRAVITY_EXCEEDS_EFFORT = "gravity_exceeds_effort"
+    UNREACHABLE = "unreachable"
+    TUBE_BLOCKED = "tube_blocked"
+    NO_TRAJECTORY = "no_trajectory"
+    CERTIFICATE_FAILED = "certificate_failed"
+    TIME_LIMIT = "time_limit"
+    INTERRUPTED = "interrupted"
+    BAD_INPUT = "bad_input"
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where something holds or fails; what does not apply is None.
+
+    Attributes:
+        time: [s].
+        joint: Joint name.
+        segment: Index of the tube's segment, from 0.
+        links: Names of the links.
+        obstacle: Name of the obstacle.
+        position: Of the hand, base frame [m].
+    """
+
+    time: float | None = None
+    joint: str | None = None
+    segment: int | None = None
+    links: tuple[str, ...] | None = None
+    obstacle: str | None = None
+    position: tuple[float, float, float] | None = None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the fields as JSON values."""
+        return asdict(self)
+
+    def __str__(self) -> str:
+        parts = []
+        if self.links:
+            parts.append(" and ".join(self.links))
+        if self.obstacle is not None:
+            parts.append(f"to '{self.obstacle}'")
+        if self.joint is not None:
+            parts.append(self.joint)
+        if self.segment is not None:
+            parts.append(f"segment {self.segment}")
+        if self.time is not None:
+            parts.append(f"t = {self.time:.4f} s")
+        if self.position is not None:
+            parts.append("hand at [" + ", ".join(f"{x:.3f}" for x in self.position) + "] m")
+        return ", ".join(parts)
+
+
+class Infeasible(Exception):
+    """There is no answer, for a reason and at a place; `plan` turns it into its result.
+
+    Attributes:
+        status: Which kind of reason.
+        place: Where.
+    """
+
+    def __init__(self, status: PlanStatus, message: str, place: Place) -> None:
+        super().__init__(message)
+        self.status = status
+        self.place = place

@@ -1,0 +1,191 @@
+"""From a problem to a certified trajectory, or to the reason why there is none."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tubeplanner.certificate import Certificate
+from tubeplanner.errors import OptionError, unknown_name
+from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.problem import PlanningProblem
+from tubeplanner.reference_branch import reference_branch
+from tubeplanner.stop_at_corners import stop_at_corners
+from tubeplanner.trajectory import JointTrajectory
+from tubeplanner.verification import verify
+
+METHODS = ("stop-at-corners",)
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class PlanOptions:
+    """How to plan.
+
+    Attributes:
+        method: "stop-at-corners": along the reference branch, resting at every reference point.
+        time_limit: Wall time after which planning gives up [s]; None: never.
+    """
+
+    method: str = METHODS[0]
+    time_limit: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.method not in METHODS:
+            raise OptionError(unknown_name("method", self.method, METHODS))
+        if self.time_limit is not None and not self.time_limit > 0:
+            raise OptionError(f"time_limit is {self.time_limit:g} s; it must be > 0")
+
+
+@dataclass(frozen=True, eq=False)
+class PlanResult:
+    """What came of planning.
+
+    Attributes:
+        status: Success means that the certificate passed.
+        message: One sentence: the answer, or why there is none.
+        place: Where, if there is no answer.
+        method: How it was planned.
+        trajectory: The answer; None unless successful.
+        certificate: Of the answer, or of the best attempt; None if there was none.
+        planning_time: Wall time from the loaded problem to the certified result [s].
+        certificate_time: The part of it that the certificate took [s].
+    """
+
+    status: PlanStatus
+    message: str
+    place: Place
+    method: str
+    trajectory: JointTrajectory | None
+    certificate: Certificate | None
+    planning_time: float
+    certificate_time: float
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether there is a certified trajectory."""
+        return self.status is PlanStatus.SUCCESS
+
+    @property
+    def duration(self) -> float | None:
+        """Duration of the trajectory [s], None if there is none."""
+        return None if self.trajectory is None else self.trajectory.duration
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the fields of the command line's JSON, but for loading_time."""
+        return {
+            "status": str(self.status),
+            "message": self.message,
+            "where": self.place.as_dict(),
+            "duration": self.duration,
+            "phase1_duration": None,
+            "planning_time": self.planning_time,
+            "certificate_time": self.certificate_time,
+            "stopped_by": None,
+            "method": self.method,
+            "certificate": None if self.certificate is None else self.certificate.as_dict(),
+        }
+
+
+def plan(
+    problem: PlanningProblem,
+    options: PlanOptions | None = None,
+    progress: Progress | None = None,
+) -> PlanResult:
+    """Plan a trajectory and certify it.
+
+    Args:
+        problem: What is asked.
+        options: How to plan.
+        progress: Called with the name of each stage as it begins.
+
+    Returns:
+        A result whose status is success only if the certificate passed; else its message and
+        place say what stands in the way.
+    """
+    options = options or PlanOptions()
+    clock = _Clock(options.time_limit, progress)
+    try:
+        return _certified(problem, _trajectory(problem, clock), options, clock)
+    except Infeasible as reason:
+        return PlanResult(
+            reason.status, str(reason), reason.place, options.method, None, None, clock.elapsed, 0.0
+        )
+
+
+class _Clock:
+    """Wall time since planning began; announces stages and ends planning at the time limit."""
+
+    def __init__(self, time_limit: float | None, progress: Progress | None) -> None:
+        self._begin = time.perf_counter()
+        self._limit = np.inf if time_limit is None else time_limit
+        self._progress = progress
+
+    @property
+    def elapsed(self) -> float:
+        return time.perf_counter() - self._begin
+
+    def enter(self, stage: str) -> None:
+        if self.elapsed > self._limit:
+            message = f"the time limit of {self._limit:g} s passed before: {stage}"
+            raise Infeasible(PlanStatus.TIME_LIMIT, message, Place())
+        if self._progress is not None:
+            self._progress(stage)
+
+
+def _trajectory(problem: PlanningProblem, clock: _Clock) -> JointTrajectory:
+    clock.enter("inverse kinematics along the reference path")
+    branch = reference_branch(problem)
+    clock.enter("motion along it, stopping at corners")
+    return stop_at_corners(problem, branch)
+
+
+def _certified(
+    problem: PlanningProblem, trajectory: JointTrajectory, options: PlanOptions, clock: _Clock
+) -> PlanResult:
+    clock.enter("certificate")
+    begin = clock.elapsed
+    certificate = verify(problem, trajectory)
+    status, message, place = _judge(problem, trajectory, certificate)
+    answer = trajectory if status is PlanStatus.SUCCESS else None
+    end = clock.elapsed
+    return PlanResult(
+        status, message, place, options.method, answer, certificate, end, end - begin
+    )
+
+
+def _judge(
+    problem: PlanningProblem, trajectory: JointTrajectory, certificate: Certificate
+) -> tuple[PlanStatus, str, Place]:
+    failures = certificate.failures()
+    if not failures:
+        message = f"certified motion of {trajectory.duration:.4f} s"
+        if problem.goal is None:
+            q = ", ".join(f"{value:.4f}" for value in trajectory.position(trajectory.duration))
+            message += f"; the goal was left open and became [{q}]"
+        return PlanStatus.SUCCESS, message, Place()
+    blocked = [name for name in failures if name in ("obstacles", "self_collision")]
+    if blocked:
+        condition = certificate.conditions[blocked[0]]
+        return PlanStatus.TUBE_BLOCKED, _blocked_message(problem, condition), condition.where
+    lines = "; ".join(certificate.describe(name) for name in failures)
+    place = certificate.conditions[failures[0]].where
+    return PlanStatus.CERTIFICATE_FAILED, f"the trajectory fails its certificate: {lines}", place
+
+
+def _blocked_message(problem: PlanningProblem, condition: Any) -> str:
+    place = condition.where
+    short = f"{-1000 * condition.margin:.1f} mm"
+    if place.obstacle is None:
+        return (
+            f"{' and '.join(place.links)} overlap by {short} at t = {place.time:.3f} s; choose "
+            "another configuration, or list the pair in collision.ignore if it may touch"
+        )
+    kept = f"the clearance of {problem.clearance:g} m from" if problem.clearance else "clear of"
+    return (
+        f"'{place.links[0]}' misses {kept} '{place.obstacle}' by {short} at "
+        f"t = {place.time:.3f} s; move the reference points or choose another configuration"
+    )

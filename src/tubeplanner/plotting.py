@@ -1,0 +1,187 @@
+"""Figures of a trajectory: against the limits of its joints, and in its tube.
+
+matplotlib is imported when first drawn with.
+"""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.convex_shape import ConvexShape
+from tubeplanner.export import write_whole
+from tubeplanner.problem import PlanningProblem
+from tubeplanner.trajectory import JointTrajectory
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# Okabe & Ito's palette, told apart by colour-blind readers and in print; 7 joints and more repeat.
+_COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+_DASHES = ("-", "--")
+_SEGMENT_COLORS = ("#56B4E9", "#E69F00", "#009E73", "#CC79A7")
+_LIMIT = {"color": "#444444", "linewidth": 1.0, "linestyle": (0, (4, 3))}
+_SAMPLES = 800
+
+
+def plot_trajectory(
+    problem: PlanningProblem, trajectory: JointTrajectory, path: str | Path | None = None
+) -> "Figure":
+    """Draw positions, velocities and efforts against limits, and the hand's path in the tube.
+
+    Args:
+        problem: What was asked.
+        trajectory: Of the problem's joints, in any order.
+        path: Where to save the figure as PNG; None: nowhere.
+
+    Returns:
+        The figure.
+
+    Raises:
+        OutputError: The file could not be written.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    trajectory = trajectory.reordered(problem.robot.joint_names)
+    figure = Figure(figsize=(12.5, 8.5), dpi=110, layout="constrained")
+    FigureCanvasAgg(figure)
+    figure.suptitle(f"{problem.name}: {trajectory.duration:.4f} s", fontsize=13)
+    grid = figure.add_gridspec(3, 2, width_ratios=(1.15, 1))
+    axes = [figure.add_subplot(grid[row, 0]) for row in range(3)]
+    _draw_joints(axes, problem, trajectory)
+    hand_axes = figure.add_subplot(grid[:2, 1], projection="3d")
+    use_axes = figure.add_subplot(grid[2, 1])
+    samples = trajectory.at(np.linspace(0.0, trajectory.duration, _SAMPLES))
+    hand = problem.robot.tool_position(samples.position)
+    _draw_hand(hand_axes, problem, hand)
+    _draw_tube_use(use_axes, problem, samples.time, hand)
+    if path is not None:
+        write_whole(Path(path), lambda stream: figure.savefig(stream, format="png"))
+    return figure
+
+
+def _draw_joints(
+    axes: "list[Axes]", problem: PlanningProblem, trajectory: JointTrajectory
+) -> None:
+    robot = problem.robot
+    samples = trajectory.per_piece(max(4, _SAMPLES // len(trajectory.widths)))
+    effort = robot.inverse_dynamics(samples.position, samples.velocity, samples.acceleration)
+    unit = "rad" if robot.revolute.all() else "rad, m"
+    for j, name in enumerate(robot.joint_names):
+        style = _line_style(j)
+        axes[0].plot(samples.time, samples.position[:, j], label=name, **style)
+    axes[0].set_ylabel(f"position [{unit}]")
+    _draw_shares(axes[1], samples.time, samples.velocity, robot.limits.velocity, "velocity")
+    _draw_shares(axes[2], samples.time, effort, robot.limits.effort, "effort")
+    axes[2].set_xlabel("time [s]")
+    axes[0].legend(
+        loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, fontsize=8, frameon=False
+    )
+    for axis in axes:
+        axis.set_xlim(0.0, trajectory.duration)
+        axis.grid(alpha=0.25)
+
+
+def _draw_shares(
+    axis: "Axes", time: FloatArray, values: FloatArray, limit: FloatArray, quantity: str
+) -> None:
+    """Draw values as percent of their limits, or in SI units where a joint has no limit."""
+    units = {"velocity": "rad/s, m/s", "effort": "N m, N"}
+    limited = bool(np.isfinite(limit).all())
+    shown = 100 * values / limit if limited else values
+    for j in range(values.shape[1]):
+        axis.plot(time, shown[:, j], **_line_style(j))
+    if limited:
+        for bound in (-100, 100):
+            axis.axhline(bound, **_LIMIT)
+        axis.set_ylim(-112, 112)
+        axis.set_ylabel(f"{quantity} [% of limit]")
+        return
+    axis.set_ylabel(f"{quantity} [{units[quantity]}]")
+    axis.set_title(f"not every joint has a {quantity} limit", fontsize=8, loc="right")
+
+
+def _line_style(joint: int) -> dict[str, Any]:
+    dashes = _DASHES[(joint // len(_COLORS)) % len(_DASHES)]
+    return {"color": _COLORS[joint % len(_COLORS)], "linewidth": 1.5, "linestyle": dashes}
+
+
+def _draw_hand(axis: Any, problem: PlanningProblem, hand: FloatArray) -> None:
+    tube = problem.tube
+    for k in range(tube.segment_count):
+        color = _SEGMENT_COLORS[k % len(_SEGMENT_COLORS)]
+        surface = _capsule_surface(tube.points[k], tube.points[k + 1], tube.effective_radius[k])
+        axis.plot_surface(*surface, color=color, alpha=0.18, linewidth=0, shade=False)
+    for obstacle in problem.obstacles:
+        for shape in obstacle.shapes:
+            _draw_shape(axis, shape)
+    axis.plot(*tube.points.T, color="#444444", linewidth=1, linestyle="--", label="reference")
+    axis.plot(*hand.T, color="#D55E00", linewidth=2.2, label="hand")
+    axis.scatter(*hand[0], color="#009E73", s=30, label="start")
+    axis.scatter(*hand[-1], color="#000000", s=30, label="goal")
+    axis.legend(fontsize=8, loc="upper left")
+    axis.set_xlabel("x [m]")
+    axis.set_ylabel("y [m]")
+    axis.set_zlabel("z [m]")
+    _frame(axis, problem)
+
+
+def _frame(axis: Any, problem: PlanningProblem) -> None:
+    """Show the tube whole, in equal scale; a flat tube is seen from above it."""
+    reach = problem.tube.radius.max()
+    low, high = problem.tube.points.min(axis=0) - reach, problem.tube.points.max(axis=0) + reach
+    spread = high - low
+    axis.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+    axis.set_box_aspect(spread)
+    flat = np.ptp(problem.tube.points[:, 2]) < 1e-9
+    axis.view_init(elev=75 if flat else 22, azim=-90 if flat else -55)
+
+
+def _draw_shape(axis: Any, shape: ConvexShape) -> None:
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    if len(shape.vertices) <= 2:
+        ends = shape.vertices[[0, -1]]
+        axis.plot_surface(*_capsule_surface(*ends, shape.radius), color="#777777", alpha=0.35)
+        return
+    triangles = shape.vertices[shape.faces]
+    axis.add_collection3d(Poly3DCollection(triangles, facecolor="#777777", alpha=0.35))
+
+
+def _capsule_surface(
+    start: FloatArray, end: FloatArray, radius: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return x, y, z grids of a capsule's surface [m]."""
+    along = end - start
+    length = float(np.linalg.norm(along))
+    z = along / length if length > 0 else np.array([0.0, 0.0, 1.0])
+    x = np.cross(z, np.eye(3)[int(np.argmin(abs(z)))])
+    x /= np.linalg.norm(x)
+    polar = np.linspace(0, np.pi, 18)
+    offset = np.where(polar < np.pi / 2, 0.0, length)
+    height, ring = offset - radius * np.cos(polar), radius * np.sin(polar)
+    turn = np.linspace(0, 2 * np.pi, 25)[:, None, None]
+    radial = np.cos(turn) * x + np.sin(turn) * np.cross(z, x)
+    points = start + height[:, None] * z + ring[:, None] * radial
+    return points[..., 0], points[..., 1], points[..., 2]
+
+
+def _draw_tube_use(
+    axis: "Axes", problem: PlanningProblem, time: FloatArray, hand: FloatArray
+) -> None:
+    """Draw the distance to the reference path, and the radius of the segment it is measured in."""
+    tube = problem.tube
+    distance = tube.distance(hand)
+    nearest = (tube.effective_radius - distance).argmax(axis=1)
+    rows = np.arange(len(hand))
+    axis.plot(time, 1000 * distance[rows, nearest], color="#D55E00", label="hand")
+    axis.plot(time, 1000 * tube.effective_radius[nearest], label="radius", **_LIMIT)
+    axis.set_xlim(0.0, time[-1])
+    axis.set_ylim(0.0, 1100 * tube.effective_radius.max())
+    axis.set_xlabel("time [s]")
+    axis.set_ylabel("distance from reference [mm]")
+    axis.legend(fontsize=8)
+    axis.grid(alpha=0.25)

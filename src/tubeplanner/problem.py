@@ -1,0 +1,267 @@
+"""A planning problem: robot, tube, start, goal, obstacles; built in Python or read from a file."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, read_only
+from tubeplanner.collision import CollisionChecker
+from tubeplanner.errors import ProblemError, unknown_name
+from tubeplanner.joint_limits import LimitOverrides
+from tubeplanner.obstacle import Obstacle, placement_of
+from tubeplanner.problem_format import (
+    EndpointFields,
+    JointValues,
+    ObstacleFields,
+    ProblemFields,
+    RobotFields,
+    check_problem_fields,
+    read_problem_fields,
+)
+from tubeplanner.resources import find_problem
+from tubeplanner.robot import Payload, RobotModel, ToolOffset, load_robot
+from tubeplanner.tube import Tube
+
+# How far outside a bound a given start or goal may be and still count as on it [rad, m].
+_INPUT_TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Seed:
+    """Ask for the inverse kinematics of a reference point, starting from a configuration.
+
+    Attributes:
+        joints: Shape (n,), group order [rad or m].
+    """
+
+    joints: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class PlanningProblem:
+    """What `plan` is asked to do.
+
+    Attributes:
+        robot: The arm.
+        tube: Where its hand may be.
+        start: Configuration (n,) [rad or m] in group order, or a map by joint name, or a Seed.
+        goal: The same for the last point; None: the configuration in which the branch ends.
+        obstacles: Solids in the base frame.
+        clearance: Least distance between any moving link and any obstacle [m].
+        self_collision: Whether links are checked against each other.
+        ignore_collisions: Pairs of names of links or obstacles that may touch.
+        name: What messages and plots call it.
+
+    Raises:
+        ProblemError: On construction, if start or goal break a limit, a sign or their capsule, or
+            the tube names a joint that is not planned.
+    """
+
+    robot: RobotModel
+    tube: Tube
+    start: FloatArray | Seed
+    goal: FloatArray | Seed | None = None
+    obstacles: Sequence[Obstacle] = ()
+    clearance: float = 0.0
+    self_collision: bool = True
+    ignore_collisions: Sequence[tuple[str, str]] = ()
+    name: str = "problem"
+    joint_lower: FloatArray = field(init=False)
+    joint_upper: FloatArray = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._keep_joint_bounds()
+        for end, segment in (("start", 0), ("goal", self.tube.segment_count - 1)):
+            given = getattr(self, end)
+            if given is None:
+                continue
+            if isinstance(given, Seed):
+                self._keep(end, Seed(self._configuration(end, given.joints)))
+                continue
+            q = self._configuration(end, given)
+            self._require_inside(end, q, segment)
+            self._keep(end, q)
+        if not 0 <= self.clearance < np.inf:
+            raise ProblemError(f"clearance is {self.clearance:g} m; it must be >= 0 and finite")
+
+    @cached_property
+    def collision(self) -> CollisionChecker:
+        """The robot's links and the obstacles, ready to be checked."""
+        return CollisionChecker(
+            self.robot,
+            self.obstacles,
+            self_collision=self.self_collision,
+            ignore=self.ignore_collisions,
+        )
+
+    def _keep(self, name: str, value: object) -> None:
+        object.__setattr__(self, name, value)
+
+    def _keep_joint_bounds(self) -> None:
+        """Keep, per segment, the position limits cut with the tube's joint ranges: (m, n)."""
+        names, limits = self.robot.joint_names, self.robot.limits
+        for ranges in self.tube.joint_ranges:
+            for joint in ranges:
+                if joint not in names:
+                    raise ProblemError(f"tube.joint_signs: {unknown_name('joint', joint, names)}")
+        lower, upper = self.tube.ranges_of(names)
+        lower = np.maximum(lower, limits.lower_position)
+        upper = np.minimum(upper, limits.upper_position)
+        for segment, joint in np.argwhere(lower > upper):
+            raise ProblemError(
+                f"tube.joint_signs: joint '{names[joint]}' has no value left in segment {segment}: "
+                f"its position limits are [{limits.lower_position[joint]:g}, "
+                f"{limits.upper_position[joint]:g}]"
+            )
+        self._keep("joint_lower", read_only(lower))
+        self._keep("joint_upper", read_only(upper))
+
+    def _configuration(self, end: str, values: Any) -> FloatArray:
+        """Return joint values given in group order or by name as an array (n,)."""
+        names = self.robot.joint_names
+        if isinstance(values, Mapping):
+            for name in values:
+                if name not in names:
+                    raise ProblemError(f"{end}: {unknown_name('joint', name, names)}")
+            missing = [name for name in names if name not in values]
+            if missing:
+                raise ProblemError(f"{end}: no value for joint {', '.join(missing)}")
+            values = [values[name] for name in names]
+        q = read_only(values)
+        if q.shape != (len(names),):
+            raise ProblemError(
+                f"{end} has {q.size} values for the {len(names)} joints {', '.join(names)}"
+            )
+        if not np.isfinite(q).all():
+            raise ProblemError(f"{end} must be finite numbers")
+        return q
+
+    def _require_inside(self, end: str, q: FloatArray, segment: int) -> None:
+        lower, upper = self.joint_lower[segment], self.joint_upper[segment]
+        for name, value, low, high in zip(self.robot.joint_names, q, lower, upper, strict=True):
+            if not low - _INPUT_TOLERANCE <= value <= high + _INPUT_TOLERANCE:
+                raise ProblemError(
+                    f"{end}: joint '{name}' at {value:g} is outside [{low:g}, {high:g}], its "
+                    f"position limits and joint sign in segment {segment}"
+                )
+        hand = self.robot.tool_position(q[None])
+        margin = float(self.tube.margin(hand)[0, segment])
+        if margin < -_INPUT_TOLERANCE:
+            point = self.tube.points[segment + (end == "goal")]
+            raise ProblemError(
+                f"{end}: the hand is at {np.round(hand[0], 4).tolist()} m, {-margin:.4f} m outside "
+                f"the capsule of segment {segment} (its end point is {point.tolist()} m); move the "
+                f"{end} or the reference point"
+            )
+
+
+def load_problem(name: str | Path, directory: str | Path = ".") -> PlanningProblem:
+    """Read a problem file, its robot and its robot's collision geometry.
+
+    Args:
+        name: A path, or `example:ROBOT/NAME` for a bundled problem.
+        directory: Where a relative path starts.
+
+    Raises:
+        ProblemError: The file contradicts its format, itself or its robot.
+        RobotError: The robot cannot be planned with.
+    """
+    path = find_problem(name, Path(directory))
+    return _build(read_problem_fields(path), path.parent, f"{path.parent.name}/{path.stem}", str(path))
+
+
+def parse_problem(
+    data: Mapping[str, Any], directory: str | Path = ".", name: str = "problem"
+) -> PlanningProblem:
+    """Build a problem from what a problem file holds, as dictionaries and lists.
+
+    Args:
+        data: The contents of a problem file.
+        directory: Where its relative paths start.
+        name: What messages and plots call it.
+
+    Raises:
+        ProblemError: As `load_problem`.
+        RobotError: As `load_problem`.
+    """
+    return _build(check_problem_fields(data, name), Path(directory), name, name)
+
+
+def _build(fields: ProblemFields, directory: Path, name: str, source: str) -> PlanningProblem:
+    try:
+        problem = PlanningProblem(
+            robot=_robot(fields.robot, directory),
+            tube=_tube(fields),
+            start=_endpoint("start", fields.start),
+            goal=None if fields.goal is None else _endpoint("goal", fields.goal),
+            obstacles=tuple(_obstacle(obstacle) for obstacle in fields.obstacles),
+            clearance=fields.clearance,
+            self_collision=fields.collision.self_,
+            ignore_collisions=tuple(fields.collision.ignore),
+            name=name,
+        )
+        _ = problem.collision  # built here: planning starts from loaded geometry
+    except ProblemError as error:
+        raise ProblemError(f"{source}: {error}") from None
+    return problem
+
+
+def _robot(fields: RobotFields, directory: Path) -> RobotModel:
+    limits = fields.limits.model_dump()
+    payload = None if fields.payload is None else Payload(**fields.payload.model_dump())
+    return load_robot(
+        fields.urdf,
+        fields.tool_frame,
+        joints=fields.joints,
+        locked_joints=fields.locked_joints,
+        tool_offset=ToolOffset(**fields.tool_offset.model_dump()),
+        gravity=fields.gravity,
+        payload=payload,
+        limits=LimitOverrides(**limits),
+        package_dirs=fields.package_dirs,
+        directory=directory,
+    )
+
+
+def _tube(fields: ProblemFields) -> Tube:
+    return Tube(
+        fields.tube.points,
+        fields.tube.radius,
+        tool_radius=fields.tube.tool_radius,
+        joint_signs=fields.tube.joint_signs,
+        visit=fields.tube.visit,
+    )
+
+
+def _endpoint(end: str, fields: EndpointFields) -> Any:
+    if (fields.joints is None) == (fields.seed is None):
+        raise ProblemError(f"{end} takes either joints or seed")
+    return _values(fields.joints) if fields.joints is not None else Seed(_values(fields.seed))
+
+
+def _values(values: JointValues | None) -> Any:
+    return values if isinstance(values, dict) else np.array(values, dtype=float)
+
+
+def _obstacle(fields: ObstacleFields) -> Obstacle:
+    if fields.mesh is not None:
+        raise ProblemError(
+            f"obstacles: '{fields.name}': mesh is not honoured by this version; "
+            "cover the solid with boxes, cylinders, capsules or spheres"
+        )
+    placement = placement_of(fields.position, fields.rpy, fields.quaternion)
+    kinds = ("box", "sphere", "cylinder", "capsule")
+    given = [kind for kind in kinds if getattr(fields, kind) is not None]
+    if len(given) != 1:
+        raise ProblemError(
+            f"obstacles: '{fields.name}' must have exactly one of {', '.join(kinds)}; "
+            f"it has {', '.join(given) or 'none'}"
+        )
+    sizes = getattr(fields, given[0])
+    if given[0] in ("cylinder", "capsule"):
+        return getattr(Obstacle, given[0])(fields.name, *sizes, placement)
+    return getattr(Obstacle, given[0])(fields.name, sizes, placement)

@@ -1,0 +1,268 @@
+"""The problem file's shape: fields, units, defaults. Other tools read it, so names never change.
+
+Here a file is only read and its shape checked; `problem` gives it meaning.
+"""
+
+import json
+from pathlib import Path
+from typing import Annotated, Any, Literal, NoReturn, TypeAlias
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+
+from tubeplanner.errors import ProblemError, unknown_name
+
+Finite: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Number: TypeAlias = Annotated[float, Field(strict=True)]
+Vector: TypeAlias = tuple[Finite, Finite, Finite]
+Quaternion: TypeAlias = tuple[Finite, Finite, Finite, Finite]
+JointValues: TypeAlias = list[Finite] | dict[str, Finite]
+Sign: TypeAlias = Literal["+", "-", "0", 1, -1, 0] | tuple[Number, Number]
+
+_NOT_HONOURED_YET = {
+    "robot.srdf": "list the pairs in collision.ignore instead",
+    "robot.attached": "leave it out",
+    "tube.orientations": "leave it out: the hand's orientation is free",
+    "tube.rotation_tolerance": "leave it out: the hand's orientation is free",
+}
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class ToolOffsetFields(_Section):
+    """The tool centre point in the tool frame."""
+
+    position: Vector = Field((0.0, 0.0, 0.0), description="[m]")
+    rpy: Vector = Field((0.0, 0.0, 0.0), description="fixed x, y, z as in URDF [rad]")
+
+
+class PayloadFields(_Section):
+    """A mass carried in the tool frame."""
+
+    mass: Finite = Field(description="[kg]")
+    com: Vector = Field((0.0, 0.0, 0.0), description="centre of mass in tool_frame [m]")
+    inertia: tuple[Finite, Finite, Finite, Finite, Finite, Finite] = Field(
+        (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        description="ixx iyy izz ixy ixz iyz about the com [kg m^2]",
+    )
+
+
+class LimitFields(_Section):
+    """Limits by joint name; they replace the URDF's. `.inf` on purpose is allowed."""
+
+    effort: dict[str, Number] = Field({}, description="[N m] or [N]")
+    velocity: dict[str, Number] = Field({}, description="[rad/s] or [m/s]")
+    position: dict[str, tuple[Number, Number]] = Field({}, description="[lower, upper] [rad, m]")
+    acceleration: dict[str, Number] = Field({}, description="[rad/s^2] or [m/s^2]")
+    jerk: dict[str, Number] = Field({}, description="[rad/s^3] or [m/s^3]")
+    scale: dict[str, Finite] = Field(
+        {}, description="factors in (0, 1] on effort, velocity, acceleration"
+    )
+
+
+class RobotFields(_Section):
+    """The arm."""
+
+    urdf: str = Field(description="path relative to this file, package://PKG/..., example:NAME")
+    package_dirs: list[str] = Field([], description="extra roots for package:// names")
+    srdf: str | None = Field(None, description="pairs of links that may touch")
+    tool_frame: str = Field(description="any URDF link")
+    tool_offset: ToolOffsetFields = ToolOffsetFields()
+    joints: list[str] | None = Field(None, description="planning group; default: the chain's")
+    locked_joints: dict[str, Finite] = Field({}, description="joints outside the group [rad, m]")
+    gravity: Vector = Field((0.0, 0.0, -9.81), description="base frame [m/s^2]")
+    payload: PayloadFields | None = None
+    attached: list[dict[str, Any]] = Field([], description="shapes carried in tool_frame")
+    limits: LimitFields = LimitFields()
+
+
+class TubeFields(_Section):
+    """Where the hand may be."""
+
+    points: list[Vector] = Field(description="m+1 reference points, base frame [m]")
+    radius: Finite | list[Finite] = Field(description="one or m path tolerances [m]")
+    tool_radius: Finite = Field(0.0, description="end effector as a sphere [m]")
+    joint_signs: dict[str, Sign] | list[dict[str, Sign]] = Field(
+        {}, description="one map or m: '+', '-', '0', 1, -1, 0, or [lower, upper] [rad, m]"
+    )
+    orientations: list[Quaternion] | None = Field(None, description="m+1 quaternions x y z w")
+    rotation_tolerance: list[Any] | None = Field(None, description="m angles or triples [rad]")
+    visit: Literal["ordered", "any"] = "ordered"
+
+
+class EndpointFields(_Section):
+    """A configuration, or a seed for the inverse kinematics of the reference point."""
+
+    joints: JointValues | None = Field(None, description="group order or by name [rad, m]")
+    seed: JointValues | None = Field(None, description="group order or by name [rad, m]")
+
+
+class ObstacleFields(_Section):
+    """One solid in the base frame; exactly one of box, sphere, cylinder, capsule, mesh."""
+
+    name: str
+    box: Vector | None = Field(None, description="full side lengths [m]")
+    sphere: Finite | None = Field(None, description="radius [m]")
+    cylinder: tuple[Finite, Finite] | None = Field(None, description="radius, length along z [m]")
+    capsule: tuple[Finite, Finite] | None = Field(
+        None, description="radius, length between the centres of its caps [m]"
+    )
+    mesh: str | None = Field(None, description="file, relative to this one")
+    scale: Finite = Field(1.0, description="of a mesh")
+    position: Vector = Field((0.0, 0.0, 0.0), description="[m]")
+    rpy: Vector | None = Field(None, description="fixed x, y, z as in URDF [rad]")
+    quaternion: Quaternion | None = Field(None, description="x y z w, instead of rpy")
+
+
+class CollisionFields(_Section):
+    """What is checked."""
+
+    self_: bool = Field(True, alias="self", description="links against links")
+    ignore: list[tuple[str, str]] = Field([], description="pairs of links or obstacles left out")
+
+
+class ProblemFields(_Section):
+    """A tubeplanner problem. SI units, radians; positions in the frame of the URDF's root link."""
+
+    format: Literal["tubeplanner/problem"] = "tubeplanner/problem"
+    version: Literal[1] = 1
+    robot: RobotFields
+    tube: TubeFields
+    start: EndpointFields
+    goal: EndpointFields | None = None
+    obstacles: list[ObstacleFields] = []
+    clearance: Finite = Field(0.0, description="least distance of links to obstacles [m]")
+    collision: CollisionFields = CollisionFields()
+
+
+def problem_schema() -> dict[str, Any]:
+    """Return the JSON schema of the problem file."""
+    return ProblemFields.model_json_schema(by_alias=True)
+
+
+def read_problem_fields(path: Path) -> ProblemFields:
+    """Read a problem file, YAML 1.2 or JSON.
+
+    Raises:
+        ProblemError: The file cannot be read, a key is unknown or doubled, a value has the wrong
+            type, or a field is not honoured yet. The message names the file and the field.
+    """
+    return check_problem_fields(_read(path), str(path))
+
+
+def check_problem_fields(data: object, source: str) -> ProblemFields:
+    """Check the shape of a problem given as nested dictionaries and lists.
+
+    Args:
+        data: What a problem file holds.
+        source: What messages call it.
+
+    Raises:
+        ProblemError: As `read_problem_fields`.
+    """
+    if not isinstance(data, dict):
+        raise ProblemError(f"{source}: a problem is a map with robot, tube and start")
+    try:
+        fields = ProblemFields.model_validate(data)
+    except ValidationError as error:
+        _raise_first(source, data, error)
+    for name, advice in _NOT_HONOURED_YET.items():
+        section, key = name.split(".")
+        if getattr(getattr(fields, section), key):
+            raise ProblemError(f"{source}: {name} is not honoured by this version; {advice}")
+    return fields
+
+
+def _read(path: Path) -> object:
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ProblemError(f"problem file {path} cannot be read: {error}") from error
+    try:
+        if path.suffix == ".json":
+            return json.loads(text, object_pairs_hook=_unique_keys)
+        return YAML(typ="safe", pure=True).load(text)
+    except (YAMLError, ValueError) as error:
+        reason = " ".join(str(error).split())
+        raise ProblemError(f"problem file {path} is malformed: {reason}") from error
+
+
+def _unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    result = dict(pairs)
+    if len(result) < len(pairs):
+        keys = [key for key, _ in pairs]
+        raise ValueError(f"the key '{max(keys, key=keys.count)}' is given twice")
+    return result
+
+
+def _raise_first(source: str, data: dict[str, Any], error: ValidationError) -> NoReturn:
+    """Raise a ProblemError for the first fault: field, value, what is wanted."""
+    # A union reports each of its members: the fault that lies deepest is the one the user made.
+    first = max(error.errors(), key=lambda fault: _depth_in_data(data, fault["loc"]))
+    location = _location(data, first["loc"])
+    if first["type"] == "extra_forbidden":
+        known = _known_keys(first["loc"])
+        section, _, key = location.rpartition(".")
+        raise ProblemError(f"{source}: {section or 'top level'}: {unknown_name('key', key, known)}")
+    if first["type"] == "missing":
+        raise ProblemError(f"{source}: {location} is required")
+    raise ProblemError(f"{source}: {location} is {first['input']!r}: {first['msg'].lower()}")
+
+
+def _depth_in_data(data: object, path: tuple[int | str, ...]) -> int:
+    return len(_steps_in_data(data, path))
+
+
+def _steps_in_data(data: object, path: tuple[int | str, ...]) -> list[int | str]:
+    """Return the steps of an error's path that exist in the data; the rest name union members."""
+    steps = []
+    for step in path:
+        if isinstance(data, dict) and step in data:
+            data = data[step]
+        elif isinstance(data, list | tuple) and isinstance(step, int) and step < len(data):
+            data = data[step]
+        else:
+            continue
+        steps.append(step)
+    return steps
+
+
+def _location(data: object, path: tuple[int | str, ...]) -> str:
+    steps = _steps_in_data(data, path)
+    if path and (not steps or steps[-1] != path[-1]) and path[-1] in _all_field_names():
+        steps.append(path[-1])
+    text = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in steps)
+    return text.lstrip(".")
+
+
+def _all_field_names() -> set[str]:
+    return {name for section in _SECTIONS for name in _keys(section)}
+
+
+def _keys(section: type[BaseModel]) -> list[str]:
+    return [field.alias or name for name, field in section.model_fields.items()]
+
+
+def _known_keys(path: tuple[int | str, ...]) -> list[str]:
+    """Return the keys known where an unknown key was found."""
+    section: type[BaseModel] = ProblemFields
+    for step in path[:-1]:
+        section = _SECTION_OF.get(str(step), section)
+    return _keys(section)
+
+
+_SECTION_OF: dict[str, type[BaseModel]] = {
+    "robot": RobotFields,
+    "tool_offset": ToolOffsetFields,
+    "payload": PayloadFields,
+    "limits": LimitFields,
+    "tube": TubeFields,
+    "start": EndpointFields,
+    "goal": EndpointFields,
+    "obstacles": ObstacleFields,
+    "collision": CollisionFields,
+}
+_SECTIONS = (ProblemFields, *_SECTION_OF.values())

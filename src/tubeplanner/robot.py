@@ -1,0 +1,410 @@
+"""A robot arm for N samples at once: kinematics, dynamics, limits. All of Pinocchio lives here.
+
+Frames: the base frame is the frame of the URDF's root link; every position, rotation and Jacobian
+is expressed in it. A configuration is a plain vector of n joint values in group order; continuous
+joints are not wrapped.
+"""
+
+import os
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from tubeplanner.arrays import FloatArray, read_only
+from tubeplanner.errors import RobotError, unknown_name
+from tubeplanner.joint_limits import JointLimits, LimitOverrides, resolve_limits
+from tubeplanner.resources import find_urdf
+from tubeplanner.urdf import UrdfDescription, read_urdf
+
+EARTH_GRAVITY = (0.0, 0.0, -9.81)  # [m/s^2]
+
+
+@dataclass(frozen=True)
+class Payload:
+    """A mass carried in the tool frame.
+
+    Attributes:
+        mass: [kg], >= 0.
+        com: Centre of mass in the tool frame [m].
+        inertia: ixx, iyy, izz, ixy, ixz, iyz about the centre of mass, axes of the tool frame
+            [kg m^2].
+    """
+
+    mass: float
+    com: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    inertia: tuple[float, float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.mass < np.inf:
+            raise RobotError(f"payload: mass {self.mass:g} kg must be >= 0 and finite")
+        if np.linalg.eigvalsh(self.inertia_matrix()).min() < -1e-12:
+            raise RobotError(f"payload: inertia {self.inertia} is not positive semidefinite")
+
+    def inertia_matrix(self) -> FloatArray:
+        """Return the inertia as a matrix, shape (3, 3) [kg m^2]."""
+        xx, yy, zz, xy, xz, yz = self.inertia
+        return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+@dataclass(frozen=True)
+class ToolOffset:
+    """The tool centre point in the tool frame.
+
+    Attributes:
+        position: [m].
+        rpy: Roll, pitch, yaw about fixed x, y, z, as in URDF [rad].
+    """
+
+    position: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    rpy: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+def load_robot(
+    urdf: str | Path,
+    tool_frame: str,
+    *,
+    joints: Sequence[str] | None = None,
+    locked_joints: Mapping[str, float] | None = None,
+    tool_offset: ToolOffset | None = None,
+    gravity: Sequence[float] = EARTH_GRAVITY,
+    payload: Payload | None = None,
+    limits: LimitOverrides | None = None,
+    package_dirs: Sequence[str | Path] = (),
+    directory: str | Path = ".",
+) -> "RobotModel":
+    """Load the arm that ends at a link of a URDF.
+
+    Args:
+        urdf: A path, `package://PACKAGE/...`, or `example:NAME`.
+        tool_frame: Any link; with the tool offset it gives the point that must stay in the tube.
+        joints: Planning group, in the order wanted; default: the movable joints from the root to
+            the tool frame, in chain order.
+        locked_joints: Values of joints outside the group, by name [rad or m]; default 0, moved
+            into the limits. A mimic joint follows its master.
+        tool_offset: Tool centre point in the tool frame; default: its origin.
+        gravity: In the base frame [m/s^2].
+        payload: Carried mass; default: none.
+        limits: What replaces the URDF's limits; default: nothing.
+        package_dirs: Further folders that hold the packages of `package://` names.
+        directory: Where relative paths start.
+
+    Raises:
+        RobotError: The description cannot be planned with; the message says why.
+    """
+    directory = Path(directory)
+    folders = tuple(directory / folder for folder in package_dirs)
+    description = read_urdf(find_urdf(urdf, directory, folders))
+    group = _planning_group(description, tool_frame, joints)
+    joint_limits = resolve_limits(description, group, limits or LimitOverrides())
+    model = _reduced_model(description, group, locked_joints or {})
+    model.gravity = pin.Motion(np.array(gravity, dtype=float), np.zeros(3))
+    tool = model.frames[model.getFrameId(tool_frame, pin.FrameType.BODY)]
+    if payload is not None:
+        inertia = pin.Inertia(payload.mass, np.array(payload.com), payload.inertia_matrix())
+        model.appendBodyToJoint(tool.parentJoint, inertia, tool.placement)
+    _require_masses(description, model, joint_limits)
+    return RobotModel(description, model, group, tool, tool_offset or ToolOffset(), joint_limits, folders)
+
+
+class RobotModel:
+    """An arm of n joints and its bodies; made by `load_robot`.
+
+    A body is everything that moves as one: body 0 is fixed to the base, body j > 0 is what hangs
+    rigidly from one of the n joints.
+
+    Attributes:
+        name: The robot's name.
+        urdf: The description it was made from.
+        package_dirs: Folders searched for `package://` meshes.
+        joint_names: The n joints, in group order.
+        tool_frame: Name of the tool frame.
+        gravity: Shape (3,), base frame [m/s^2].
+        limits: Limits of the joints.
+        link_body: Body of every link of the URDF, by name.
+        link_placement: Pose of every link in its body's frame, by name, shape (4, 4).
+    """
+
+    def __init__(
+        self,
+        urdf: UrdfDescription,
+        model: pin.Model,
+        joint_names: Sequence[str],
+        tool: pin.Frame,
+        tool_offset: ToolOffset,
+        limits: JointLimits,
+        package_dirs: tuple[Path, ...],
+    ) -> None:
+        self.name = urdf.name
+        self.urdf = urdf
+        self.package_dirs = package_dirs
+        self.joint_names = tuple(joint_names)
+        self.tool_frame = tool.name
+        self.gravity = read_only(model.gravity.linear)
+        self.limits = limits
+        self.link_body, self.link_placement = _links(urdf, model)
+        self._model = model
+        self._tool_id = _add_tool_centre_point(model, tool, tool_offset)
+        # A Data made before the last edit of its model corrupts memory without a word.
+        self._data = model.createData()
+        self._pool = pin.ModelPool(model, 1)
+        # Pinocchio orders joints its own way: q_model = q[:, to_model], q = q_model[:, to_group].
+        self._to_model = np.array([self.joint_names.index(name) for name in model.names[1:]])
+        self._to_group = np.argsort(self._to_model)
+
+    @property
+    def joint_count(self) -> int:
+        """Number n of joints."""
+        return len(self.joint_names)
+
+    @property
+    def body_count(self) -> int:
+        """Number of bodies, the fixed base included."""
+        return int(self._model.njoints)
+
+    def tool_position(self, q: FloatArray) -> FloatArray:
+        """Return the tool centre point [m]: q of shape (N, n) gives (N, 3)."""
+        return self.tool_pose(q)[1]
+
+    def tool_pose(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return rotation (N, 3, 3) and position (N, 3) [m] of the tool centre point."""
+        model, data, tool_id = self._model, self._data, self._tool_id
+        rotation, position = np.empty((len(q), 3, 3)), np.empty((len(q), 3))
+        placement = data.oMf[tool_id]
+        for i, q_i in enumerate(self._model_order(q)):
+            pin.forwardKinematics(model, data, q_i)
+            pin.updateFramePlacement(model, data, tool_id)
+            rotation[i], position[i] = placement.rotation, placement.translation
+        return rotation, position
+
+    def tool_jacobian(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the tool centre point (N, 3) [m] and its Jacobian (N, 6, n).
+
+        Rows 0-2 give the linear velocity of the point [m/s], rows 3-5 the angular velocity
+        [rad/s], both in the base frame.
+        """
+        model, data, tool_id = self._model, self._data, self._tool_id
+        position, jacobian = np.empty((len(q), 3)), np.empty((len(q), 6, self.joint_count))
+        placement = data.oMf[tool_id]
+        for i, q_i in enumerate(self._model_order(q)):
+            jacobian[i] = pin.computeFrameJacobian(
+                model, data, q_i, tool_id, pin.LOCAL_WORLD_ALIGNED
+            )
+            pin.updateFramePlacement(model, data, tool_id)
+            position[i] = placement.translation
+        return position, jacobian[:, :, self._to_group]
+
+    def body_poses(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return rotations (N, bodies, 3, 3) and origins (N, bodies, 3) [m] of all bodies."""
+        model, data = self._model, self._data
+        rotation = np.empty((len(q), self.body_count, 3, 3))
+        position = np.empty((len(q), self.body_count, 3))
+        placements = list(enumerate(data.oMi))
+        for i, q_i in enumerate(self._model_order(q)):
+            pin.forwardKinematics(model, data, q_i)
+            for j, placement in placements:
+                rotation[i, j], position[i, j] = placement.rotation, placement.translation
+        return rotation, position
+
+    def inverse_dynamics(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+        """Return the joint efforts [N m or N] that a motion needs (recursive Newton-Euler).
+
+        Args:
+            q: Configurations, shape (N, n).
+            v: Velocities, shape (N, n).
+            a: Accelerations, shape (N, n).
+
+        Returns:
+            Shape (N, n). Friction and damping of the URDF are not included.
+        """
+        columns = [self._model_order(array).T for array in (q, v, a)]
+        # One thread: two were measured up to 50 times slower on a machine with a busy core.
+        tau = pin.rneaInParallel(1, self._pool, *columns).T
+        return np.ascontiguousarray(tau[:, self._to_group])
+
+    def gravity_effort(self, q: FloatArray) -> FloatArray:
+        """Return the joint efforts (N, n) [N m or N] that hold the arm still against gravity."""
+        zero = np.zeros_like(q)
+        return self.inverse_dynamics(q, zero, zero)
+
+    def inverse_dynamics_derivatives(
+        self, q: FloatArray, v: FloatArray, a: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return d tau / d q, d tau / d v and d tau / d a, each (N, effort joint, n)."""
+        model, data = self._model, self._data
+        derivatives = np.empty((3, len(q), self.joint_count, self.joint_count))
+        for i, (q_i, v_i, a_i) in enumerate(
+            zip(*(self._model_order(array) for array in (q, v, a)), strict=True)
+        ):
+            # The result is a set of views into data, overwritten by the next call: copied here.
+            derivatives[:, i] = pin.computeRNEADerivatives(model, data, q_i, v_i, a_i)
+        by_group = derivatives[:, :, self._to_group][:, :, :, self._to_group]
+        return by_group[0], by_group[1], by_group[2]
+
+    @cached_property
+    def joint_moves_body(self) -> np.ndarray:
+        """Whether a joint moves a body: bool, shape (bodies, n)."""
+        moves = np.zeros((self.body_count, self.joint_count), dtype=bool)
+        for body in range(1, self.body_count):
+            for joint in self._supports(body):
+                moves[body, self._to_model[joint - 1]] = True
+        return moves
+
+    @cached_property
+    def revolute(self) -> np.ndarray:
+        """Whether a joint turns (rather than slides): bool, shape (n,)."""
+        kinds = [self.urdf.joints[name].type != "prismatic" for name in self.joint_names]
+        return np.array(kinds)
+
+    @cached_property
+    def lever_arm(self) -> FloatArray:
+        """Upper bound on the distance from a joint's axis to a body's origin [m].
+
+        Shape (bodies, n), 0 where the joint does not move the body; the sum of the distances
+        between consecutive joint origins, and of the whole travel of sliding joints between.
+        """
+        lever = np.zeros((self.body_count, self.joint_count))
+        for body in range(1, self.body_count):
+            reach = 0.0
+            for joint in self._supports(body):
+                group_index = self._to_model[joint - 1]
+                if not self.revolute[group_index]:
+                    reach += float(self._travel[group_index])
+                lever[body, group_index] = reach
+                reach += float(np.linalg.norm(self._model.jointPlacements[joint].translation))
+        return read_only(lever)
+
+    @property
+    def _travel(self) -> FloatArray:
+        """Largest distance of a joint value from zero, shape (n,)."""
+        return np.maximum(abs(self.limits.lower_position), abs(self.limits.upper_position))
+
+    def _supports(self, body: int) -> list[int]:
+        """Return the Pinocchio joints that move a body, from the body to the base."""
+        joints = []
+        while body > 0:
+            joints.append(body)
+            body = self._model.parents[body]
+        return joints
+
+    def _model_order(self, values: FloatArray) -> FloatArray:
+        return np.ascontiguousarray(values[:, self._to_model], dtype=np.float64)
+
+
+def _planning_group(
+    description: UrdfDescription, tool_frame: str, joints: Sequence[str] | None
+) -> list[str]:
+    if tool_frame not in description.links:
+        message = unknown_name("tool_frame", tool_frame, description.links)
+        raise RobotError(f"{description.path}: {message}")
+    chain = description.chain(tool_frame)
+    group = list(chain if joints is None else joints)
+    for name in group:
+        if name not in description.movable():
+            message = unknown_name("movable joint", name, description.movable())
+            raise RobotError(f"{description.path}: joints: {message}")
+        if group.count(name) > 1:
+            raise RobotError(f"joints: '{name}' is listed {group.count(name)} times")
+        if description.joints[name].mimic is not None:
+            raise RobotError(
+                f"{description.path}: joint '{name}' mimics "
+                f"'{description.joints[name].mimic.master}' and cannot be planned by itself"
+            )
+    if not set(group) & set(chain):
+        raise RobotError(
+            f"{description.path}: no planned joint moves tool_frame '{tool_frame}'; the movable "
+            f"joints on its chain are: {', '.join(chain) or 'none'}"
+        )
+    return group
+
+
+def _reduced_model(
+    description: UrdfDescription, group: Sequence[str], locked: Mapping[str, float]
+) -> pin.Model:
+    """Return the Pinocchio model of the group alone, all other joints locked."""
+    full = _parse(description)
+    outside = [name for name in description.movable() if name not in group]
+    for name in locked:
+        if name not in outside:
+            raise RobotError(f"locked_joints: {unknown_name('joint outside the group', name, outside)}")
+    values = {name: _locked_value(description, name, locked) for name in outside}
+    q = pin.neutral(full)
+    for name, value in values.items():
+        q[full.joints[full.getJointId(name)].idx_q] = value
+    return pin.buildReducedModel(full, [full.getJointId(name) for name in outside], q)
+
+
+def _locked_value(description: UrdfDescription, name: str, locked: Mapping[str, float]) -> float:
+    joint = description.joints[name]
+    if joint.mimic is None:
+        value = locked.get(name, float(np.clip(0.0, joint.lower, joint.upper)))
+        if not joint.lower <= value <= joint.upper:
+            raise RobotError(
+                f"locked_joints: '{name}' at {value:g} is outside its position limits "
+                f"[{joint.lower:g}, {joint.upper:g}]"
+            )
+        return value
+    if joint.mimic.master not in description.joints:
+        message = unknown_name("joint", joint.mimic.master, description.joints)
+        raise RobotError(f"{description.path}: joint '{name}' mimics: {message}")
+    master = _locked_value(description, joint.mimic.master, locked)
+    value = joint.mimic.multiplier * master + joint.mimic.offset
+    if abs(locked.get(name, value) - value) > 1e-9:
+        raise RobotError(
+            f"locked_joints: '{name}' at {locked[name]:g} contradicts the joint it mimics, "
+            f"'{joint.mimic.master}', which puts it at {value:g}"
+        )
+    return value
+
+
+def _parse(description: UrdfDescription) -> pin.Model:
+    """Return the whole robot as a Pinocchio model, its C++ complaints turned into ours."""
+    with tempfile.TemporaryFile() as log:
+        kept = os.dup(2)
+        os.dup2(log.fileno(), 2)  # the URDF parser gives its reasons on the C stderr only
+        try:
+            return pin.buildModelFromXML(description.kinematic_xml())
+        except ValueError as error:
+            log.seek(0)
+            reason = log.read().decode(errors="replace").strip() or str(error)
+            raise RobotError(f"{description.path}: Pinocchio rejects it: {reason}") from error
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
+
+
+def _require_masses(description: UrdfDescription, model: pin.Model, limits: JointLimits) -> None:
+    """Raise if a moving body has no mass while its motors' efforts count."""
+    if not np.isfinite(limits.effort).any():
+        return
+    for joint in range(1, model.njoints):
+        if not model.inertias[joint].mass > 0:
+            raise RobotError(
+                f"{description.path}: what joint '{model.names[joint]}' moves has mass "
+                f"{model.inertias[joint].mass:g} kg; efforts need the links' <inertial>"
+            )
+
+
+def _links(
+    description: UrdfDescription, model: pin.Model
+) -> tuple[dict[str, int], dict[str, FloatArray]]:
+    body, placement = {}, {}
+    for name in description.links:
+        frame = model.frames[model.getFrameId(name, pin.FrameType.BODY)]
+        body[name] = int(frame.parentJoint)
+        placement[name] = read_only(frame.placement.homogeneous)
+    return body, placement
+
+
+def _add_tool_centre_point(model: pin.Model, tool: pin.Frame, offset: ToolOffset) -> int:
+    placement = tool.placement * pin.SE3(
+        pin.rpy.rpyToMatrix(*offset.rpy), np.array(offset.position, dtype=float)
+    )
+    frame = pin.Frame(
+        "tool centre point", tool.parentJoint, tool.parentFrame, placement, pin.FrameType.OP_FRAME
+    )
+    return int(model.addFrame(frame))

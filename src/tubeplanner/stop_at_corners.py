@@ -1,0 +1,122 @@
+"""The first answer: along the reference branch, stopping at each corner.
+
+Every segment is a rest-to-rest motion along the branch, as a quintic B-spline whose first and last
+three control points coincide, so that velocity and acceleration vanish exactly at its ends. Later
+planners start from it and must beat it.
+"""
+
+import numpy as np
+from scipy.interpolate import BSpline, CubicSpline
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.problem import PlanningProblem
+from tubeplanner.reference_branch import ReferenceBranch
+from tubeplanner.time_scaling import scaled_to_limits
+from tubeplanner.trajectory import JointTrajectory, concatenate, from_spline
+
+_DEGREE = 5
+_REST_POINTS = 3  # equal control points at an end put velocity and acceleration there to zero
+_FEWEST_INTERVALS = 16
+_MOST_INTERVALS = 128
+_FIT_POINTS_PER_INTERVAL = 8
+# The fit may use this share of the tube's radius; the rest is left to whoever improves on it.
+_FIT_RADIUS_SHARE = 0.1
+# Shares of the time spent speeding up, and as much slowing down: the fastest is kept.
+_RAMP_SHARES = (0.5, 0.4, 0.3, 0.2, 0.15, 0.1)
+
+
+def stop_at_corners(problem: PlanningProblem, branch: ReferenceBranch) -> JointTrajectory:
+    """Return the fastest of a family of motions that rest at every reference point.
+
+    Raises:
+        Infeasible: Gravity exceeds a motor's effort, or no spline follows the branch in the tube.
+    """
+    return concatenate([_fastest(problem, branch, k) for k in range(len(branch.segments))])
+
+
+def _fastest(problem: PlanningProblem, branch: ReferenceBranch, segment: int) -> JointTrajectory:
+    motions = [_follow(problem, branch, segment, ramp) for ramp in _RAMP_SHARES]
+    return min(motions, key=lambda motion: motion.duration)
+
+
+def _follow(
+    problem: PlanningProblem, branch: ReferenceBranch, segment: int, ramp: float
+) -> JointTrajectory:
+    """Return the segment at its limits, with as few knots as follow the branch closely."""
+    q = branch.segments[segment]
+    radius = problem.tube.effective_radius[segment]
+    available = _least_margin(problem, q, segment)
+    intervals = _FEWEST_INTERVALS
+    while intervals <= _MOST_INTERVALS:
+        shape = _fit(problem, q, segment, ramp, intervals)
+        samples = shape.per_piece(_FIT_POINTS_PER_INTERVAL).position
+        if _least_margin(problem, samples, segment) > available - _FIT_RADIUS_SHARE * radius:
+            return scaled_to_limits(problem.robot, shape)
+        intervals *= 2
+    raise Infeasible(
+        PlanStatus.NO_TRAJECTORY,
+        f"segment {segment}: no spline of {_MOST_INTERVALS} pieces follows the inverse kinematics "
+        f"within {_FIT_RADIUS_SHARE * radius:.4f} m; widen the radius",
+        Place(segment=segment),
+    )
+
+
+def _least_margin(problem: PlanningProblem, q: FloatArray, segment: int) -> float:
+    hand = problem.robot.tool_position(q)
+    return float(problem.tube.margin(hand)[:, segment].min())
+
+
+def _fit(
+    problem: PlanningProblem, q: FloatArray, segment: int, ramp: float, intervals: int
+) -> JointTrajectory:
+    """Return the least-squares spline of one second along the configurations q, shape (P, n).
+
+    Control points are moved into the segment's joint bounds, which then hold for all t: a spline
+    lies in the hull of its control points.
+    """
+    breakpoints = (1 - np.cos(np.pi * np.arange(intervals + 1) / intervals)) / 2
+    knots = np.concatenate([np.zeros(_DEGREE), breakpoints, np.ones(_DEGREE)])
+    times = _between(breakpoints, _FIT_POINTS_PER_INTERVAL)
+    wanted = _along(q)(_ramped(times, ramp))
+    design = BSpline.design_matrix(times, knots, _DEGREE).toarray()
+    control_points = np.empty((design.shape[1], q.shape[1]))
+    control_points[:_REST_POINTS], control_points[-_REST_POINTS:] = q[0], q[-1]
+    inner = slice(_REST_POINTS, -_REST_POINTS)
+    fixed = design[:, :_REST_POINTS].sum(axis=1)[:, None] * q[0]
+    fixed = fixed + design[:, -_REST_POINTS:].sum(axis=1)[:, None] * q[-1]
+    solution = np.linalg.lstsq(design[:, inner], wanted - fixed, rcond=None)[0]
+    lower, upper = problem.joint_lower[segment], problem.joint_upper[segment]
+    control_points[inner] = np.clip(solution, lower, upper)
+    return from_spline(problem.robot.joint_names, BSpline(knots, control_points, _DEGREE))
+
+
+def _between(breakpoints: FloatArray, count: int) -> FloatArray:
+    """Return `count` times in every interval, none on its ends."""
+    local = (np.arange(count) + 0.5) / count
+    return (breakpoints[:-1, None] + local * np.diff(breakpoints)[:, None]).ravel()
+
+
+def _along(q: FloatArray) -> CubicSpline:
+    """Return the curve through configurations (P, n) over its own length, from 0 to 1.
+
+    Joint-space length rather than the hand's: where the arm is stretched, joints move while the
+    hand hardly does.
+    """
+    lengths = np.linalg.norm(np.diff(q, axis=0), axis=1)
+    kept = np.concatenate([[True], lengths > 1e-9])
+    way = np.cumsum(lengths[kept[1:]])
+    return CubicSpline(np.concatenate([[0.0], way / way[-1]]), q[kept])
+
+
+def _ramped(u: FloatArray, ramp: float) -> FloatArray:
+    """Return the way covered at times u in [0, 1]: speed up, cruise, slow down.
+
+    While speeding up for a share `ramp` of the time, speed follows the smoothstep 3x^2 - 2x^3, so
+    acceleration starts and ends at zero.
+    """
+    top_speed = 1 / (1 - ramp)
+    x = np.clip(np.minimum(u, 1 - u) / ramp, 0.0, 1.0)
+    ramped = top_speed * ramp * (x**3 - x**4 / 2)  # way within one ramp
+    cruised = top_speed * np.maximum(np.minimum(u, 1 - u) - ramp, 0.0)
+    return np.where(u <= 0.5, ramped + cruised, 1 - ramped - cruised)

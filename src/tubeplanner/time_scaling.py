@@ -1,0 +1,129 @@
+"""The shortest duration of a fixed shape.
+
+A shape run `b` times as fast has `b` times the velocity, `b^2` the acceleration and `b^3` the jerk,
+and needs the efforts `tau(b) = g + b^2 (tau - g)`, g being gravity's share (Suh & Bishop 1988,
+property 2; Hollerbach, "Dynamic scaling of manipulator trajectories", 1984).
+"""
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.bernstein import maxima
+from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.robot import RobotModel
+from tubeplanner.trajectory import JointTrajectory, TrajectorySamples
+
+_SAMPLES_PER_PIECE = 24
+# Peaks of effort are looked for around every sample this near the smallest factor (relative).
+_PEAK_SHARE = 0.02
+_ZOOM_POINTS = 17
+_ZOOMS = 4
+# Rounding must not put a trajectory outside a limit it is scaled to meet exactly.
+_SAFETY = 1e-8
+
+
+def scaling_factor(robot: RobotModel, samples: TrajectorySamples) -> FloatArray:
+    """Return how many times faster efforts and velocities allow each sample to be run: b(t).
+
+    Args:
+        robot: The arm.
+        samples: N samples of a trajectory.
+
+    Returns:
+        Shape (N, n): `min(v_limit / |v|, sqrt((tau_limit - g) / (tau - g)))`, the effort limit
+        taken with the sign of `tau - g`; inf where nothing limits. (Digest of the paper: b_ij.)
+
+    Raises:
+        Infeasible: Status gravity_exceeds_effort: gravity alone needs a motor's whole effort.
+    """
+    velocity = robot.limits.velocity
+    return np.minimum(_ratio(velocity, abs(samples.velocity)), effort_factor(robot, samples))
+
+
+def effort_factor(robot: RobotModel, samples: TrajectorySamples) -> FloatArray:
+    """Return the part of `scaling_factor` that the efforts give, shape (N, n)."""
+    limit = robot.limits.effort
+    gravity = robot.gravity_effort(samples.position)
+    _require_gravity(robot, samples, gravity)
+    tau = robot.inverse_dynamics(samples.position, samples.velocity, samples.acceleration)
+    motion = tau - gravity
+    room = np.where(motion >= 0, limit - gravity, limit + gravity)
+    return np.sqrt(_ratio(room, abs(motion)))
+
+
+def minimum_duration(robot: RobotModel, trajectory: JointTrajectory) -> float:
+    """Return the shortest duration [s] of a trajectory's shape under all limits of the robot.
+
+    Velocity, acceleration and jerk are exact for all t; effort is the highest of its peaks, found
+    from 24 samples per polynomial piece and refined around the highest ones.
+
+    Raises:
+        Infeasible: Status gravity_exceeds_effort.
+    """
+    factor = min(_polynomial_factor(robot, trajectory), _least_effort_factor(robot, trajectory))
+    return trajectory.duration / factor * (1 + _SAFETY)
+
+
+def scaled_to_limits(robot: RobotModel, trajectory: JointTrajectory) -> JointTrajectory:
+    """Return the trajectory's shape, run in its `minimum_duration`.
+
+    Raises:
+        Infeasible: Status gravity_exceeds_effort.
+    """
+    return trajectory.scaled(minimum_duration(robot, trajectory) / trajectory.duration)
+
+
+def _polynomial_factor(robot: RobotModel, trajectory: JointTrajectory) -> float:
+    """Return the largest b that velocity, acceleration and jerk limits allow."""
+    limits = robot.limits
+    factor = np.inf
+    for order, limit in ((1, limits.velocity), (2, limits.acceleration), (3, limits.jerk)):
+        bounded = np.isfinite(limit)
+        if not bounded.any():
+            continue
+        coefficients = trajectory.derivative_coefficients(order)[:, :, bounded]
+        both = np.concatenate([coefficients, -coefficients], axis=2)
+        peak = maxima(both, trajectory.widths).value.reshape(2, -1).max(axis=0)
+        factor = min(factor, float(_ratio(limit[bounded], peak).min()) ** (1 / order))
+    return factor
+
+
+def _least_effort_factor(robot: RobotModel, trajectory: JointTrajectory) -> float:
+    """Return the smallest effort factor over time, its valleys refined between samples."""
+    samples = trajectory.per_piece(_SAMPLES_PER_PIECE)
+    factor = effort_factor(robot, samples).min(axis=1)
+    least = float(factor.min())
+    if not np.isfinite(least):
+        return least
+    centers = samples.time[factor <= least * (1 + _PEAK_SHARE)]
+    reach = float(trajectory.widths.max()) / (_SAMPLES_PER_PIECE - 1)
+    for _ in range(_ZOOMS):
+        times = centers[:, None] + reach * np.linspace(-1, 1, _ZOOM_POINTS)
+        times = np.clip(times, 0.0, trajectory.duration)
+        near = effort_factor(robot, trajectory.at(times.ravel())).min(axis=1).reshape(times.shape)
+        least = min(least, float(near.min()))
+        centers = times[np.arange(len(times)), near.argmin(axis=1)]
+        reach *= 2 / (_ZOOM_POINTS - 1)
+    return least
+
+
+def _ratio(room: FloatArray, use: FloatArray) -> FloatArray:
+    """Return room / use, inf where nothing is used or nothing limits."""
+    room, use = np.broadcast_arrays(room, use)
+    return np.divide(room, use, out=np.full(use.shape, np.inf), where=(use > 0) & np.isfinite(room))
+
+
+def _require_gravity(robot: RobotModel, samples: TrajectorySamples, gravity: FloatArray) -> None:
+    room = robot.limits.effort - abs(gravity)
+    if (room > 0).all():
+        return
+    sample, joint = np.unravel_index(int(room.argmin()), room.shape)
+    hand = robot.tool_position(samples.position[sample][None])[0]
+    name = robot.joint_names[joint]
+    raise Infeasible(
+        PlanStatus.GRAVITY_EXCEEDS_EFFORT,
+        f"joint '{name}' needs {abs(gravity[sample, joint]):.2f} N m against gravity alone, its "
+        f"effort limit is {robot.limits.effort[joint]:.2f}; lighten the payload, choose another "
+        "configuration or a stronger motor",
+        Place(joint=name, position=(float(hand[0]), float(hand[1]), float(hand[2]))),
+    )

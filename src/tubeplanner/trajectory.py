@@ -1,0 +1,197 @@
+"""Joint trajectories: piecewise polynomials in time."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import BSpline, PPoly
+from scipy.special import factorial
+
+from tubeplanner.arrays import FloatArray, read_only
+from tubeplanner.errors import TrajectoryError
+
+
+@dataclass(frozen=True, eq=False)
+class TrajectorySamples:
+    """A trajectory at N times.
+
+    Attributes:
+        time: Shape (N,) [s].
+        position: Shape (N, n) [rad or m].
+        velocity: Shape (N, n) [rad/s or m/s].
+        acceleration: Shape (N, n) [rad/s^2 or m/s^2].
+    """
+
+    time: FloatArray
+    position: FloatArray
+    velocity: FloatArray
+    acceleration: FloatArray
+
+
+class JointTrajectory:
+    """Positions of n joints over time, as polynomials between breakpoints.
+
+    Attributes:
+        joint_names: The n joints.
+        breakpoints: Shape (pieces+1,) [s], from 0 to the duration, increasing.
+        coefficients: Shape (degree+1, pieces, n), as `scipy.interpolate.PPoly`: highest power
+            first, local time `t - breakpoints[i]`.
+    """
+
+    def __init__(
+        self, joint_names: Sequence[str], breakpoints: object, coefficients: object
+    ) -> None:
+        """Check and keep the polynomials.
+
+        Raises:
+            TrajectoryError: Shapes do not fit, a number is not finite, or time does not increase
+                from zero.
+        """
+        self.joint_names = tuple(joint_names)
+        try:
+            self.breakpoints = read_only(breakpoints)
+            self.coefficients = read_only(coefficients)
+        except (TypeError, ValueError):
+            raise TrajectoryError("breakpoints and coefficients must be arrays of numbers") from None
+        self._require_consistent()
+        position = PPoly(self.coefficients, self.breakpoints)
+        self._derivatives = [position.derivative(order) for order in range(4)]
+
+    @property
+    def duration(self) -> float:
+        """Duration [s]."""
+        return float(self.breakpoints[-1])
+
+    @property
+    def widths(self) -> FloatArray:
+        """Durations of the pieces, shape (pieces,) [s]."""
+        return np.diff(self.breakpoints)
+
+    def position(self, t: object) -> FloatArray:
+        """Return joint positions at times of any shape (...,): shape (..., n) [rad or m].
+
+        Times before the start or after the end [s] give the first or last configuration.
+        """
+        return self._derivatives[0](self._clip(t))
+
+    def velocity(self, t: object) -> FloatArray:
+        """Return joint velocities at times of any shape (...,): shape (..., n) [rad/s or m/s]."""
+        return self._derivatives[1](self._clip(t))
+
+    def acceleration(self, t: object) -> FloatArray:
+        """Return joint accelerations at times (...,): shape (..., n) [rad/s^2 or m/s^2]."""
+        return self._derivatives[2](self._clip(t))
+
+    def derivative_coefficients(self, order: int) -> FloatArray:
+        """Return the coefficients of the derivative of an order from 0 to 3 (jerk).
+
+        Shape (degree+1-order, pieces, n), at least one row.
+        """
+        return self._derivatives[order].c
+
+    def sample(self, rate: float = 500.0) -> TrajectorySamples:
+        """Return samples at a rate [Hz], the last one at the duration.
+
+        A regular sample closer than half a period to the end is dropped.
+
+        Raises:
+            TrajectoryError: The rate is not positive.
+        """
+        if not 0 < rate < np.inf:
+            raise TrajectoryError(f"rate {rate:g} Hz must be > 0 and finite")
+        regular = np.arange(int(np.ceil(self.duration * rate))) / rate
+        regular = regular[regular <= self.duration - 0.5 / rate]
+        if len(regular) == 0:
+            regular = np.zeros(1)
+        return self.at(np.append(regular, self.duration))
+
+    def at(self, time: FloatArray) -> TrajectorySamples:
+        """Return samples at times of shape (N,) [s]."""
+        return TrajectorySamples(
+            time, self.position(time), self.velocity(time), self.acceleration(time)
+        )
+
+    def per_piece(self, count: int) -> TrajectorySamples:
+        """Return `count` samples of every piece, both its ends included as that piece sees them.
+
+        At a breakpoint the two neighbouring pieces give two samples at the same time, which differ
+        where a derivative jumps.
+        """
+        local = np.linspace(0.0, 1.0, count)[:, None] * self.widths
+        values = []
+        for order in range(3):
+            coefficients = self.derivative_coefficients(order)
+            value = np.zeros((count, len(self.widths), len(self.joint_names)))
+            for row in coefficients:
+                value = value * local[:, :, None] + row
+            values.append(value.transpose(1, 0, 2).reshape(-1, len(self.joint_names)))
+        time = (self.breakpoints[:-1] + local).T.ravel()
+        return TrajectorySamples(time, *values)
+
+    def scaled(self, factor: float) -> "JointTrajectory":
+        """Return the same path with all times multiplied by a factor > 0."""
+        degree = len(self.coefficients) - 1
+        powers = np.arange(degree, -1, -1)
+        coefficients = self.coefficients / (factor**powers)[:, None, None]
+        return JointTrajectory(self.joint_names, self.breakpoints * factor, coefficients)
+
+    def between(self, begin: float, end: float) -> "JointTrajectory":
+        """Return the part between two times [s], its own time starting at zero.
+
+        A part shorter than a nanosecond is widened to one.
+        """
+        width = max(end - begin, 1e-9)
+        begin = min(begin, self.duration - width)
+        inner = self.breakpoints[(self.breakpoints > begin) & (self.breakpoints < begin + width)]
+        starts = np.concatenate([[begin], inner])
+        position = PPoly(self.coefficients, self.breakpoints)
+        powers = np.arange(len(self.coefficients) - 1, -1, -1)
+        rows = [position.derivative(power)(starts) / factorial(power) for power in powers]
+        return JointTrajectory(self.joint_names, np.append(starts, begin + width) - begin, rows)
+
+    def reordered(self, joint_names: Sequence[str]) -> "JointTrajectory":
+        """Return the trajectory with its joints in another order.
+
+        Raises:
+            TrajectoryError: The names are not the same set.
+        """
+        if sorted(joint_names) != sorted(self.joint_names):
+            raise TrajectoryError(
+                f"the trajectory moves the joints {', '.join(self.joint_names)}; the problem's "
+                f"are {', '.join(joint_names)}"
+            )
+        columns = [self.joint_names.index(name) for name in joint_names]
+        return JointTrajectory(joint_names, self.breakpoints, self.coefficients[:, :, columns])
+
+    def _clip(self, t: object) -> FloatArray:
+        return np.clip(np.asarray(t, dtype=np.float64), 0.0, self.duration)
+
+    def _require_consistent(self) -> None:
+        b, c = self.breakpoints, self.coefficients
+        if b.ndim != 1 or len(b) < 2 or b[0] != 0.0 or not (np.diff(b) > 0).all():
+            raise TrajectoryError("breakpoints must be at least two times that increase from 0")
+        expected = (max(len(c), 1), len(b) - 1, len(self.joint_names))
+        if c.shape != expected:
+            raise TrajectoryError(
+                f"coefficients have shape {c.shape}; (degree+1, pieces, joints) = {expected} is "
+                "needed for these breakpoints and joint_names"
+            )
+        if not np.isfinite(b).all() or not np.isfinite(c).all():
+            raise TrajectoryError("breakpoints and coefficients must be finite numbers")
+
+
+def concatenate(parts: Sequence[JointTrajectory]) -> JointTrajectory:
+    """Return trajectories of the same joints and degree, one after the other."""
+    starts = np.cumsum([0.0, *(part.duration for part in parts)])
+    breakpoints = [np.zeros(1)]
+    breakpoints += [part.breakpoints[1:] + start for part, start in zip(parts, starts, strict=False)]
+    coefficients = np.concatenate([part.coefficients for part in parts], axis=1)
+    return JointTrajectory(parts[0].joint_names, np.concatenate(breakpoints), coefficients)
+
+
+def from_spline(joint_names: Sequence[str], spline: BSpline) -> JointTrajectory:
+    """Return a B-spline with control points of shape (K, n), clamped and starting at time 0."""
+    breakpoints = np.unique(spline.t)
+    powers = np.arange(spline.k, -1, -1)
+    rows = [spline.derivative(power)(breakpoints[:-1]) / factorial(power) for power in powers]
+    return JointTrajectory(joint_names, breakpoints, rows)

@@ -1,0 +1,206 @@
+"""The tube: where the hand may be, and which arm configuration it asks for. Pure geometry.
+
+Segment k joins reference points k and k+1; its capsule is all points within the path tolerance of
+it (Suh & Bishop 1988, section on the tube model; digest: F_j). All positions are in the base
+frame.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, read_only
+from tubeplanner.errors import ProblemError, unknown_name
+
+JointRange: TypeAlias = tuple[float, float]
+JointSign: TypeAlias = str | int | Sequence[float]
+
+_SIGNS: dict[str | int, JointRange] = {
+    "+": (0.0, np.inf),
+    "-": (-np.inf, 0.0),
+    "0": (-np.inf, np.inf),
+    1: (0.0, np.inf),
+    -1: (-np.inf, 0.0),
+    0: (-np.inf, np.inf),
+}
+VISITS = ("ordered", "any")
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class Tube:
+    """Reference points, a tolerance per segment, and joint ranges per segment.
+
+    Attributes:
+        points: Reference points, shape (m+1, 3) [m].
+        radius: Path tolerances, shape (m,) [m].
+        tool_radius: The hand as a sphere [m]; every effective radius is smaller by it.
+        joint_ranges: Per segment, by joint name: [lower, upper] that must hold in it [rad or m].
+        visit: "ordered": segments one after the other, with hand-overs in both capsules; "any":
+            the union of all capsules.
+    """
+
+    points: FloatArray
+    radius: FloatArray
+    tool_radius: float
+    joint_ranges: tuple[Mapping[str, JointRange], ...]
+    visit: Literal["ordered", "any"]
+
+    def __init__(
+        self,
+        points: Sequence[Sequence[float]] | FloatArray,
+        radius: float | Sequence[float] | FloatArray,
+        *,
+        tool_radius: float = 0.0,
+        joint_signs: Mapping[str, JointSign] | Sequence[Mapping[str, JointSign]] | None = None,
+        visit: Literal["ordered", "any"] = "ordered",
+    ) -> None:
+        """Check and keep the tube.
+
+        Args:
+            points: m+1 reference points, shape (m+1, 3) [m].
+            radius: One tolerance for all segments, or m of them [m].
+            tool_radius: The hand as a sphere [m].
+            joint_signs: One map for all segments, or m maps, from joint name to "+" (>= 0),
+                "-" (<= 0), "0" (free), the numbers 1, -1, 0, or a range [lower, upper] [rad or m].
+            visit: "ordered" or "any".
+
+        Raises:
+            ProblemError: A count, a number or a sign is wrong; the message names it.
+        """
+        corners = _points(points)
+        segments = len(corners) - 1
+        _set(self, "points", corners)
+        _set(self, "radius", _radii(radius, segments))
+        _set(self, "tool_radius", float(tool_radius))
+        _set(self, "joint_ranges", _ranges(joint_signs or {}, segments))
+        _set(self, "visit", visit)
+        if visit not in VISITS:
+            raise ProblemError(f"tube.visit: {unknown_name('value', str(visit), VISITS)}")
+        if not 0 <= self.tool_radius < self.radius.min():
+            raise ProblemError(
+                f"tube.tool_radius {self.tool_radius:g} m must be >= 0 and below the smallest "
+                f"radius, {self.radius.min():g} m"
+            )
+
+    @property
+    def segment_count(self) -> int:
+        """Number m of segments."""
+        return len(self.radius)
+
+    @property
+    def effective_radius(self) -> FloatArray:
+        """How far the tool centre point may stray, shape (m,) [m]."""
+        return self.radius - self.tool_radius
+
+    def distance(self, p: FloatArray) -> FloatArray:
+        """Return distances of points (N, 3) to every reference segment, shape (N, m) [m]."""
+        return np.linalg.norm(p[:, None] - self.nearest(p), axis=2)
+
+    def distance_gradient(self, p: FloatArray) -> FloatArray:
+        """Return the gradient of `distance` with respect to the points, shape (N, m, 3).
+
+        It is the unit vector away from the segment, zero on the segment.
+        """
+        away = p[:, None] - self.nearest(p)
+        length = np.linalg.norm(away, axis=2, keepdims=True)
+        return np.divide(away, length, out=np.zeros_like(away), where=length > 0)
+
+    def margin(self, p: FloatArray) -> FloatArray:
+        """Return how far inside each capsule points (N, 3) lie, shape (N, m) [m]."""
+        return self.effective_radius - self.distance(p)
+
+    def nearest(self, p: FloatArray) -> FloatArray:
+        """Return the nearest points of all segments to points (N, 3), shape (N, m, 3) [m]."""
+        start, along = self.points[:-1], np.diff(self.points, axis=0)
+        squared = np.einsum("mi,mi->m", along, along)
+        projection = np.einsum("nmi,mi->nm", p[:, None] - start, along)
+        share = np.clip(projection / squared, 0.0, 1.0)
+        return start + share[:, :, None] * along
+
+    def ranges_of(self, joint_names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+        """Return lower and upper joint ranges of all segments, each (m, n) [rad or m]."""
+        free = (-np.inf, np.inf)
+        rows = [[ranges.get(name, free) for name in joint_names] for ranges in self.joint_ranges]
+        table = np.array(rows).reshape(self.segment_count, len(joint_names), 2)
+        return table[:, :, 0], table[:, :, 1]
+
+
+def _set(tube: Tube, name: str, value: object) -> None:
+    object.__setattr__(tube, name, value)
+
+
+def _points(points: Sequence[Sequence[float]] | FloatArray) -> FloatArray:
+    try:
+        corners = read_only(points)
+    except (TypeError, ValueError):
+        raise ProblemError(f"tube.points: {points} is no list of points [x, y, z]") from None
+    if corners.ndim != 2 or corners.shape[0] < 2 or corners.shape[1] != 3:
+        raise ProblemError(
+            f"tube.points has shape {corners.shape}; at least two points [x, y, z] are needed"
+        )
+    if not np.isfinite(corners).all():
+        raise ProblemError("tube.points must be finite numbers")
+    for k, length in enumerate(np.linalg.norm(np.diff(corners, axis=0), axis=1)):
+        if not length > 0:
+            raise ProblemError(f"tube.points: points {k} and {k + 1} are the same; remove one")
+    return corners
+
+
+def _radii(radius: float | Sequence[float] | FloatArray, segments: int) -> FloatArray:
+    radii = np.array(radius, dtype=np.float64)
+    if radii.ndim == 0:
+        radii = np.full(segments, float(radii))
+    if radii.shape != (segments,):
+        raise ProblemError(
+            f"tube.radius has {radii.size} values for {segments} segments; give one, or one each"
+        )
+    for k, value in enumerate(radii):
+        if not 0 < value < np.inf:
+            raise ProblemError(f"tube.radius[{k}] is {value:g} m; it must be > 0 and finite")
+    return read_only(radii)
+
+
+def _ranges(
+    joint_signs: Mapping[str, JointSign] | Sequence[Mapping[str, JointSign]], segments: int
+) -> tuple[Mapping[str, JointRange], ...]:
+    if isinstance(joint_signs, Mapping):
+        maps: list[Mapping[str, JointSign]] = [joint_signs] * segments
+    else:
+        maps = list(joint_signs)
+    if len(maps) != segments:
+        raise ProblemError(
+            f"tube.joint_signs has {len(maps)} maps for {segments} segments; give one, or one each"
+        )
+    ranges = tuple(
+        {name: _range(f"tube.joint_signs: joint '{name}'", sign) for name, sign in row.items()}
+        for row in maps
+    )
+    for k, (before, after) in enumerate(zip(ranges[:-1], ranges[1:], strict=True)):
+        _require_hand_over(k, before, after)
+    return ranges
+
+
+def _range(where: str, sign: JointSign) -> JointRange:
+    if isinstance(sign, str | int) and not isinstance(sign, bool):
+        if sign in _SIGNS:
+            return _SIGNS[sign]
+    elif isinstance(sign, Sequence) and len(sign) == 2:
+        lower, upper = float(sign[0]), float(sign[1])
+        if lower <= upper:
+            return lower, upper
+    raise ProblemError(f"{where}: {sign!r} is none of '+', '-', '0', 1, -1, 0, [lower, upper]")
+
+
+def _require_hand_over(
+    k: int, before: Mapping[str, JointRange], after: Mapping[str, JointRange]
+) -> None:
+    for name in before.keys() & after.keys():
+        lower = max(before[name][0], after[name][0])
+        upper = min(before[name][1], after[name][1])
+        if lower > upper:
+            raise ProblemError(
+                f"tube.joint_signs: joint '{name}' has the range {list(before[name])} in segment "
+                f"{k} and {list(after[name])} in segment {k + 1}, which do not meet"
+            )
