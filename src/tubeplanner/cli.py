@@ -50,7 +50,9 @@ def main(arguments: Sequence[str]) -> int:
     except TubePlannerError as error:
         return _fail("bad_input", str(error), as_json, BAD_INPUT)
     except (KeyboardInterrupt, click.Abort):
-        return _fail("interrupted", "interrupted before anything was certified", as_json, INTERRUPTED)
+        return _fail(
+            "interrupted", "interrupted before anything was certified", as_json, INTERRUPTED
+        )
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
@@ -270,18 +272,21 @@ def _print_certificate(certificate: "Certificate") -> None:
     from rich.console import Console
     from rich.table import Table
 
+    from tubeplanner.certificate import RELATIVE
+
     table = Table(title="Certificate", title_justify="left")
-    for heading in ("condition", "margin", "where", "holds"):
+    for heading in ("condition", "margin", "holds", "where", "coverage"):
         table.add_column(heading, justify="right" if heading == "margin" else "left")
     for name, condition in certificate.conditions.items():
         if condition.margin is None:
-            table.add_row(name, "-", condition.coverage, "not asked")
+            table.add_row(name, "", "not asked", "", condition.coverage)
             continue
-        margin = f"{condition.margin:.3g} {condition.unit}"
-        if condition.unit == "relative":
-            margin = f"{100 * condition.margin:.3g} %"
+        # Rounding errors of the machine are shown as what they are: nothing.
+        shown = 0.0 if abs(condition.margin) < 1e-10 else condition.margin
+        percent = condition.unit == RELATIVE
+        margin = f"{100 * shown:.3g} %" if percent else f"{shown:.3g} {condition.unit}"
         verdict = "yes" if condition.holds(certificate.tolerance) else "NO"
-        table.add_row(name, margin, str(condition.where), f"{verdict}, {condition.coverage}")
+        table.add_row(name, margin, verdict, str(condition.where), condition.coverage)
     Console(width=None if sys.stdout.isatty() else 140).print(table)
 
 

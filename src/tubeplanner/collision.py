@@ -98,9 +98,7 @@ class CollisionChecker:
             candidates = self._select((i, j) for i in everything for j in everything if i < j)
             self.link_pairs = self._without_always_touching(candidates)
 
-    def distances(
-        self, rotation: FloatArray, position: FloatArray, pairs: IntArray
-    ) -> FloatArray:
+    def distances(self, rotation: FloatArray, position: FloatArray, pairs: IntArray) -> FloatArray:
         """Return lower bounds on the signed distances of pairs at one configuration [m].
 
         Args:
@@ -278,4 +276,6 @@ def _require_names(
     for pair in ignore:
         for name in pair:
             if name not in known:
-                raise ProblemError(f"collision.ignore: {unknown_name('link or obstacle', name, known)}")
+                raise ProblemError(
+                    f"collision.ignore: {unknown_name('link or obstacle', name, known)}"
+                )

@@ -59,9 +59,7 @@ def _read_links(robot: RobotModel) -> list[Any]:
             load_meshes=False,
             build_collision_scene_graph=False,
             load_collision_meshes=False,
-            filename_handler=partial(
-                find_mesh, urdf=source.path, package_dirs=robot.package_dirs
-            ),
+            filename_handler=partial(find_mesh, urdf=source.path, package_dirs=robot.package_dirs),
         )
     except (ValueError, IndexError, TypeError) as error:
         raise RobotError(f"{source.path}: link geometry cannot be read: {error}") from error

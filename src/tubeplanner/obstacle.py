@@ -37,9 +37,7 @@ class Obstacle:
         return cls(name, (convex_shape.sphere(radius).transformed(placement),))
 
     @classmethod
-    def cylinder(
-        cls, name: str, radius: float, length: float, placement: FloatArray
-    ) -> "Obstacle":
+    def cylinder(cls, name: str, radius: float, length: float, placement: FloatArray) -> "Obstacle":
         """Return a cylinder [m] along z of a placement (4, 4), centred in it."""
         _require_positive(name, "cylinder", [radius, length])
         return cls(name, (convex_shape.cylinder(radius, length).transformed(placement),))

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from tubeplanner.certificate import Certificate
+from tubeplanner.certificate import Certificate, Condition
 from tubeplanner.errors import OptionError, unknown_name
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.problem import PlanningProblem
@@ -152,9 +152,7 @@ def _certified(
     status, message, place = _judge(problem, trajectory, certificate)
     answer = trajectory if status is PlanStatus.SUCCESS else None
     end = clock.elapsed
-    return PlanResult(
-        status, message, place, options.method, answer, certificate, end, end - begin
-    )
+    return PlanResult(status, message, place, options.method, answer, certificate, end, end - begin)
 
 
 def _judge(
@@ -176,7 +174,7 @@ def _judge(
     return PlanStatus.CERTIFICATE_FAILED, f"the trajectory fails its certificate: {lines}", place
 
 
-def _blocked_message(problem: PlanningProblem, condition: Any) -> str:
+def _blocked_message(problem: PlanningProblem, condition: Condition) -> str:
     place = condition.where
     short = f"{-1000 * condition.margin:.1f} mm"
     if place.obstacle is None:
@@ -184,8 +182,13 @@ def _blocked_message(problem: PlanningProblem, condition: Any) -> str:
             f"{' and '.join(place.links)} overlap by {short} at t = {place.time:.3f} s; choose "
             "another configuration, or list the pair in collision.ignore if it may touch"
         )
-    kept = f"the clearance of {problem.clearance:g} m from" if problem.clearance else "clear of"
+    deed = (
+        f"comes within {1000 * (condition.margin + problem.clearance):.1f} mm of"
+        if problem.clearance + condition.margin > 0
+        else f"reaches {-1000 * (condition.margin + problem.clearance):.1f} mm into"
+    )
+    wanted = f" (clearance {1000 * problem.clearance:g} mm)" if problem.clearance else ""
     return (
-        f"'{place.links[0]}' misses {kept} '{place.obstacle}' by {short} at "
-        f"t = {place.time:.3f} s; move the reference points or choose another configuration"
+        f"'{place.links[0]}' {deed} '{place.obstacle}'{wanted} at t = {place.time:.3f} s; move "
+        "the reference points or choose another configuration"
     )

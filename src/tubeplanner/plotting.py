@@ -63,9 +63,7 @@ def plot_trajectory(
     return figure
 
 
-def _draw_joints(
-    axes: "list[Axes]", problem: PlanningProblem, trajectory: JointTrajectory
-) -> None:
+def _draw_joints(axes: "list[Axes]", problem: PlanningProblem, trajectory: JointTrajectory) -> None:
     robot = problem.robot
     samples = trajectory.per_piece(max(4, _SAMPLES // len(trajectory.widths)))
     effort = robot.inverse_dynamics(samples.position, samples.velocity, samples.acceleration)
@@ -77,9 +75,7 @@ def _draw_joints(
     _draw_shares(axes[1], samples.time, samples.velocity, robot.limits.velocity, "velocity")
     _draw_shares(axes[2], samples.time, effort, robot.limits.effort, "effort")
     axes[2].set_xlabel("time [s]")
-    axes[0].legend(
-        loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, fontsize=8, frameon=False
-    )
+    axes[0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, fontsize=8, frameon=False)
     for axis in axes:
         axis.set_xlim(0.0, trajectory.duration)
         axis.grid(alpha=0.25)
@@ -131,11 +127,15 @@ def _draw_hand(axis: Any, problem: PlanningProblem, hand: FloatArray) -> None:
 
 def _frame(axis: Any, problem: PlanningProblem) -> None:
     """Show the tube whole, in equal scale; a flat tube is seen from above it."""
+    from matplotlib.ticker import MaxNLocator
+
     reach = problem.tube.radius.max()
     low, high = problem.tube.points.min(axis=0) - reach, problem.tube.points.max(axis=0) + reach
     spread = high - low
     axis.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
     axis.set_box_aspect(spread)
+    for coordinate in (axis.xaxis, axis.yaxis, axis.zaxis):
+        coordinate.set_major_locator(MaxNLocator(4))
     flat = np.ptp(problem.tube.points[:, 2]) < 1e-9
     axis.view_init(elev=75 if flat else 22, azim=-90 if flat else -55)
 
@@ -175,7 +175,7 @@ def _draw_tube_use(
     """Draw the distance to the reference path, and the radius of the segment it is measured in."""
     tube = problem.tube
     distance = tube.distance(hand)
-    nearest = (tube.effective_radius - distance).argmax(axis=1)
+    nearest = distance.argmin(axis=1)
     rows = np.arange(len(hand))
     axis.plot(time, 1000 * distance[rows, nearest], color="#D55E00", label="hand")
     axis.plot(time, 1000 * tube.effective_radius[nearest], label="radius", **_LIMIT)

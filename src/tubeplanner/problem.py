@@ -171,7 +171,9 @@ def load_problem(name: str | Path, directory: str | Path = ".") -> PlanningProbl
         RobotError: The robot cannot be planned with.
     """
     path = find_problem(name, Path(directory))
-    return _build(read_problem_fields(path), path.parent, f"{path.parent.name}/{path.stem}", str(path))
+    return _build(
+        read_problem_fields(path), path.parent, f"{path.parent.name}/{path.stem}", str(path)
+    )
 
 
 def parse_problem(

@@ -108,7 +108,9 @@ def load_robot(
         inertia = pin.Inertia(payload.mass, np.array(payload.com), payload.inertia_matrix())
         model.appendBodyToJoint(tool.parentJoint, inertia, tool.placement)
     _require_masses(description, model, joint_limits)
-    return RobotModel(description, model, group, tool, tool_offset or ToolOffset(), joint_limits, folders)
+    return RobotModel(
+        description, model, group, tool, tool_offset or ToolOffset(), joint_limits, folders
+    )
 
 
 class RobotModel:
@@ -330,7 +332,9 @@ def _reduced_model(
     outside = [name for name in description.movable() if name not in group]
     for name in locked:
         if name not in outside:
-            raise RobotError(f"locked_joints: {unknown_name('joint outside the group', name, outside)}")
+            raise RobotError(
+                f"locked_joints: {unknown_name('joint outside the group', name, outside)}"
+            )
     values = {name: _locked_value(description, name, locked) for name in outside}
     q = pin.neutral(full)
     for name, value in values.items():

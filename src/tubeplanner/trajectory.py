@@ -52,7 +52,9 @@ class JointTrajectory:
             self.breakpoints = read_only(breakpoints)
             self.coefficients = read_only(coefficients)
         except (TypeError, ValueError):
-            raise TrajectoryError("breakpoints and coefficients must be arrays of numbers") from None
+            raise TrajectoryError(
+                "breakpoints and coefficients must be arrays of numbers"
+            ) from None
         self._require_consistent()
         position = PPoly(self.coefficients, self.breakpoints)
         self._derivatives = [position.derivative(order) for order in range(4)]
@@ -184,7 +186,9 @@ def concatenate(parts: Sequence[JointTrajectory]) -> JointTrajectory:
     """Return trajectories of the same joints and degree, one after the other."""
     starts = np.cumsum([0.0, *(part.duration for part in parts)])
     breakpoints = [np.zeros(1)]
-    breakpoints += [part.breakpoints[1:] + start for part, start in zip(parts, starts, strict=False)]
+    breakpoints += [
+        part.breakpoints[1:] + start for part, start in zip(parts, starts, strict=False)
+    ]
     coefficients = np.concatenate([part.coefficients for part in parts], axis=1)
     return JointTrajectory(parts[0].joint_names, np.concatenate(breakpoints), coefficients)
 

@@ -148,7 +148,11 @@ def read_urdf(path: Path) -> UrdfDescription:
     _require_unique(path, "joint", [joint.name for joint in joints])
     _require_tree(path, links, joints)
     return UrdfDescription(
-        path, root.get("name", path.stem), tuple(links), {joint.name: joint for joint in joints}, text
+        path,
+        root.get("name", path.stem),
+        tuple(links),
+        {joint.name: joint for joint in joints},
+        text,
     )
 
 
@@ -195,7 +199,7 @@ def _read_number(where: str, element: ElementTree.Element | None, key: str) -> f
     try:
         value = float(text)
     except ValueError:
-        raise RobotError(f"{where}: {key}=\"{text}\" is not a number") from None
+        raise RobotError(f'{where}: {key}="{text}" is not a number') from None
     if np.isnan(value):
         raise RobotError(f"{where}: {key} is not a number (nan)")
     return value
@@ -208,7 +212,7 @@ def _require_axis(where: str, element: ElementTree.Element) -> None:
     except ValueError:
         axis = []
     if len(axis) != 3 or not 1e-6 < float(np.linalg.norm(axis)) < np.inf:
-        raise RobotError(f"{where}: axis xyz=\"{text}\" is no direction; three numbers, not all zero")
+        raise RobotError(f'{where}: axis xyz="{text}" is no direction; three numbers, not all zero')
 
 
 def _attribute(path: Path, element: ElementTree.Element, key: str) -> str:
@@ -228,7 +232,9 @@ def _child(where: str, element: ElementTree.Element, tag: str) -> ElementTree.El
 def _require_unique(path: Path, kind: str, names: list[str]) -> None:
     doubled = sorted({name for name in names if names.count(name) > 1})
     if doubled:
-        raise RobotError(f"{path}: {kind} '{doubled[0]}' is defined {names.count(doubled[0])} times")
+        raise RobotError(
+            f"{path}: {kind} '{doubled[0]}' is defined {names.count(doubled[0])} times"
+        )
 
 
 def _require_tree(path: Path, links: list[str], joints: list[UrdfJoint]) -> None:
@@ -237,13 +243,17 @@ def _require_tree(path: Path, links: list[str], joints: list[UrdfJoint]) -> None
     for joint in joints:
         for end in (joint.parent, joint.child):
             if end not in links:
-                raise RobotError(f"{path}: joint '{joint.name}': {unknown_name('link', end, links)}")
+                raise RobotError(
+                    f"{path}: joint '{joint.name}': {unknown_name('link', end, links)}"
+                )
         if joint.child in parents:
             raise RobotError(f"{path}: link '{joint.child}' is the child of more than one joint")
         parents[joint.child] = joint.parent
     roots = [link for link in links if link not in parents]
     if len(roots) != 1:
-        raise RobotError(f"{path}: the links must hang from one root; roots found: {roots or 'none'}")
+        raise RobotError(
+            f"{path}: the links must hang from one root; roots found: {roots or 'none'}"
+        )
     for link in links:
         if sum(1 for _ in _ancestors(link, parents, len(links))) > len(links):
             raise RobotError(f"{path}: the links form a loop through '{link}'")

@@ -102,9 +102,7 @@ class _Judge:
         if not np.isfinite(limit).any():
             return Condition(None, RELATIVE, Place(), "no joint has this limit")
         samples = self._samples
-        tau = self._robot.inverse_dynamics(
-            samples.position, samples.velocity, samples.acceleration
-        )
+        tau = self._robot.inverse_dynamics(samples.position, samples.velocity, samples.acceleration)
         share = abs(tau) / limit
         sample, joint = np.unravel_index(int(share.argmax()), share.shape)
         place = Place(time=float(samples.time[sample]), joint=self._robot.joint_names[joint])
@@ -245,7 +243,9 @@ class _Judge:
         edges = np.flatnonzero(np.diff(best)) + 1
         runs = np.split(np.arange(len(best)), edges)
         return [
-            _Visit(int(best[run[0]]), time[run[0]], time[run[-1]], time[run], margin[run, best[run[0]]])
+            _Visit(
+                int(best[run[0]]), time[run[0]], time[run[-1]], time[run], margin[run, best[run[0]]]
+            )
             for run in runs
         ]
 
