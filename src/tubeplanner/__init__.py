@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from tubeplanner.obstacle import placement_of as placement_of
     from tubeplanner.outcome import Place as Place
     from tubeplanner.outcome import PlanStatus as PlanStatus
+    from tubeplanner.pinocchio_model import Payload as Payload
+    from tubeplanner.pinocchio_model import ToolOffset as ToolOffset
     from tubeplanner.planner import PlanOptions as PlanOptions
     from tubeplanner.planner import PlanResult as PlanResult
     from tubeplanner.planner import plan as plan
@@ -36,9 +38,7 @@ if TYPE_CHECKING:
     from tubeplanner.problem import Seed as Seed
     from tubeplanner.problem import load_problem as load_problem
     from tubeplanner.problem import parse_problem as parse_problem
-    from tubeplanner.robot import Payload as Payload
     from tubeplanner.robot import RobotModel as RobotModel
-    from tubeplanner.robot import ToolOffset as ToolOffset
     from tubeplanner.robot import load_robot as load_robot
     from tubeplanner.trajectory import JointTrajectory as JointTrajectory
     from tubeplanner.tube import Tube as Tube
@@ -61,9 +61,10 @@ _HOMES = {
     "obstacle": ("Obstacle", "placement_of"),
     "outcome": ("Place", "PlanStatus"),
     "planner": ("PlanOptions", "PlanResult", "plan"),
+    "pinocchio_model": ("Payload", "ToolOffset"),
     "plotting": ("plot_trajectory",),
     "problem": ("PlanningProblem", "Seed", "load_problem", "parse_problem"),
-    "robot": ("Payload", "RobotModel", "ToolOffset", "load_robot"),
+    "robot": ("RobotModel", "load_robot"),
     "trajectory": ("JointTrajectory",),
     "tube": ("Tube",),
     "verification": ("verify",),

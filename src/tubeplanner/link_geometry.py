@@ -6,6 +6,7 @@ yourdfpy reads the URDF's geometry, trimesh the meshes; both are imported when f
 import io
 import logging
 from functools import partial
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -119,10 +120,7 @@ def _slab_hulls(mesh: "trimesh.Trimesh", count: int) -> list[ConvexShape]:
     bounds = np.linspace(mesh.bounds[0, axis], mesh.bounds[1, axis], count + 1)
     return [
         convex_hull(points)
-        for points in (
-            _slab_points(mesh, axis, low, high)
-            for low, high in zip(bounds[:-1], bounds[1:], strict=True)
-        )
+        for points in (_slab_points(mesh, axis, low, high) for low, high in pairwise(bounds))
         if len(points)
     ]
 

@@ -13,6 +13,7 @@ from tubeplanner.collision import CollisionChecker
 from tubeplanner.errors import ProblemError, unknown_name
 from tubeplanner.joint_limits import LimitOverrides
 from tubeplanner.obstacle import Obstacle, placement_of
+from tubeplanner.pinocchio_model import Payload, ToolOffset
 from tubeplanner.problem_format import (
     EndpointFields,
     JointValues,
@@ -23,7 +24,7 @@ from tubeplanner.problem_format import (
     read_problem_fields,
 )
 from tubeplanner.resources import find_problem
-from tubeplanner.robot import Payload, RobotModel, ToolOffset, load_robot
+from tubeplanner.robot import RobotModel, load_robot
 from tubeplanner.tube import Tube
 
 # How far outside a bound a given start or goal may be and still count as on it [rad, m].

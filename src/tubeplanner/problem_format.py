@@ -220,11 +220,9 @@ def _steps_in_data(data: object, path: tuple[int | str, ...]) -> list[int | str]
     """Return the steps of an error's path that exist in the data; the rest name union members."""
     steps = []
     for step in path:
-        if isinstance(data, dict) and step in data:
-            data = data[step]
-        elif isinstance(data, list | tuple) and isinstance(step, int) and step < len(data):
-            data = data[step]
-        else:
+        try:
+            data = data[step]  # type: ignore[index]
+        except (KeyError, IndexError, TypeError):
             continue
         steps.append(step)
     return steps

@@ -20,7 +20,9 @@ _EXAMPLE_ROBOT_DATA = {
     "asr_twodof": "asr_twodof_description/urdf/TwoDofs.urdf",
     "baxter": "baxter_description/urdf/baxter.urdf",
     "double_pendulum": "double_pendulum_description/urdf/double_pendulum.urdf",
-    "double_pendulum_continuous": "double_pendulum_description/urdf/double_pendulum_continuous.urdf",
+    "double_pendulum_continuous": (
+        "double_pendulum_description/urdf/double_pendulum_continuous.urdf"
+    ),
     "double_pendulum_simple": "double_pendulum_description/urdf/double_pendulum_simple.urdf",
     "kinova": "kinova_description/robots/kinova.urdf",
     "panda": "panda_description/urdf/panda.urdf",
@@ -88,7 +90,8 @@ def find_urdf(name: str | Path, directory: Path, package_dirs: tuple[Path, ...] 
     """Return the path of a robot's URDF.
 
     Args:
-        name: A path, relative to `directory` or absolute; `package://PACKAGE/...`; or `example:NAME`.
+        name: A path, relative to `directory` or absolute, `package://PACKAGE/...`, or
+            `example:NAME`.
         directory: Where relative paths start.
         package_dirs: Further folders that hold packages.
 

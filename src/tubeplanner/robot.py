@@ -1,14 +1,11 @@
-"""A robot arm for N samples at once: kinematics, dynamics, limits. All of Pinocchio lives here.
+"""A robot arm for N samples at once: kinematics, dynamics, limits.
 
 Frames: the base frame is the frame of the URDF's root link; every position, rotation and Jacobian
 is expressed in it. A configuration is a plain vector of n joint values in group order; continuous
 joints are not wrapped.
 """
 
-import os
-import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
@@ -16,52 +13,12 @@ import numpy as np
 import pinocchio as pin
 
 from tubeplanner.arrays import FloatArray, read_only
-from tubeplanner.errors import RobotError, unknown_name
 from tubeplanner.joint_limits import JointLimits, LimitOverrides, resolve_limits
+from tubeplanner.pinocchio_model import Payload, ToolOffset, build_model, planning_group
 from tubeplanner.resources import find_urdf
 from tubeplanner.urdf import UrdfDescription, read_urdf
 
 EARTH_GRAVITY = (0.0, 0.0, -9.81)  # [m/s^2]
-
-
-@dataclass(frozen=True)
-class Payload:
-    """A mass carried in the tool frame.
-
-    Attributes:
-        mass: [kg], >= 0.
-        com: Centre of mass in the tool frame [m].
-        inertia: ixx, iyy, izz, ixy, ixz, iyz about the centre of mass, axes of the tool frame
-            [kg m^2].
-    """
-
-    mass: float
-    com: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    inertia: tuple[float, float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-
-    def __post_init__(self) -> None:
-        if not 0 <= self.mass < np.inf:
-            raise RobotError(f"payload: mass {self.mass:g} kg must be >= 0 and finite")
-        if np.linalg.eigvalsh(self.inertia_matrix()).min() < -1e-12:
-            raise RobotError(f"payload: inertia {self.inertia} is not positive semidefinite")
-
-    def inertia_matrix(self) -> FloatArray:
-        """Return the inertia as a matrix, shape (3, 3) [kg m^2]."""
-        xx, yy, zz, xy, xz, yz = self.inertia
-        return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-
-
-@dataclass(frozen=True)
-class ToolOffset:
-    """The tool centre point in the tool frame.
-
-    Attributes:
-        position: [m].
-        rpy: Roll, pitch, yaw about fixed x, y, z, as in URDF [rad].
-    """
-
-    position: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    rpy: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 def load_robot(
@@ -99,17 +56,19 @@ def load_robot(
     directory = Path(directory)
     folders = tuple(directory / folder for folder in package_dirs)
     description = read_urdf(find_urdf(urdf, directory, folders))
-    group = _planning_group(description, tool_frame, joints)
+    group = planning_group(description, tool_frame, joints)
     joint_limits = resolve_limits(description, group, limits or LimitOverrides())
-    model = _reduced_model(description, group, locked_joints or {})
-    model.gravity = pin.Motion(np.array(gravity, dtype=float), np.zeros(3))
-    tool = model.frames[model.getFrameId(tool_frame, pin.FrameType.BODY)]
-    if payload is not None:
-        inertia = pin.Inertia(payload.mass, np.array(payload.com), payload.inertia_matrix())
-        model.appendBodyToJoint(tool.parentJoint, inertia, tool.placement)
-    _require_masses(description, model, joint_limits)
+    model = build_model(
+        description,
+        group,
+        tool_frame,
+        locked_joints=locked_joints or {},
+        gravity=gravity,
+        payload=payload,
+        needs_masses=bool(np.isfinite(joint_limits.effort).any()),
+    )
     return RobotModel(
-        description, model, group, tool, tool_offset or ToolOffset(), joint_limits, folders
+        description, model, group, tool_frame, tool_offset or ToolOffset(), joint_limits, folders
     )
 
 
@@ -136,7 +95,7 @@ class RobotModel:
         urdf: UrdfDescription,
         model: pin.Model,
         joint_names: Sequence[str],
-        tool: pin.Frame,
+        tool_frame: str,
         tool_offset: ToolOffset,
         limits: JointLimits,
         package_dirs: tuple[Path, ...],
@@ -145,12 +104,12 @@ class RobotModel:
         self.urdf = urdf
         self.package_dirs = package_dirs
         self.joint_names = tuple(joint_names)
-        self.tool_frame = tool.name
+        self.tool_frame = tool_frame
         self.gravity = read_only(model.gravity.linear)
         self.limits = limits
         self.link_body, self.link_placement = _links(urdf, model)
         self._model = model
-        self._tool_id = _add_tool_centre_point(model, tool, tool_offset)
+        self._tool_id = _add_tool_centre_point(model, tool_frame, tool_offset)
         # A Data made before the last edit of its model corrupts memory without a word.
         self._data = model.createData()
         self._pool = pin.ModelPool(model, 1)
@@ -297,102 +256,6 @@ class RobotModel:
         return np.ascontiguousarray(values[:, self._to_model], dtype=np.float64)
 
 
-def _planning_group(
-    description: UrdfDescription, tool_frame: str, joints: Sequence[str] | None
-) -> list[str]:
-    if tool_frame not in description.links:
-        message = unknown_name("tool_frame", tool_frame, description.links)
-        raise RobotError(f"{description.path}: {message}")
-    chain = description.chain(tool_frame)
-    group = list(chain if joints is None else joints)
-    for name in group:
-        if name not in description.movable():
-            message = unknown_name("movable joint", name, description.movable())
-            raise RobotError(f"{description.path}: joints: {message}")
-        if group.count(name) > 1:
-            raise RobotError(f"joints: '{name}' is listed {group.count(name)} times")
-        if description.joints[name].mimic is not None:
-            raise RobotError(
-                f"{description.path}: joint '{name}' mimics "
-                f"'{description.joints[name].mimic.master}' and cannot be planned by itself"
-            )
-    if not set(group) & set(chain):
-        raise RobotError(
-            f"{description.path}: no planned joint moves tool_frame '{tool_frame}'; the movable "
-            f"joints on its chain are: {', '.join(chain) or 'none'}"
-        )
-    return group
-
-
-def _reduced_model(
-    description: UrdfDescription, group: Sequence[str], locked: Mapping[str, float]
-) -> pin.Model:
-    """Return the Pinocchio model of the group alone, all other joints locked."""
-    full = _parse(description)
-    outside = [name for name in description.movable() if name not in group]
-    for name in locked:
-        if name not in outside:
-            raise RobotError(
-                f"locked_joints: {unknown_name('joint outside the group', name, outside)}"
-            )
-    values = {name: _locked_value(description, name, locked) for name in outside}
-    q = pin.neutral(full)
-    for name, value in values.items():
-        q[full.joints[full.getJointId(name)].idx_q] = value
-    return pin.buildReducedModel(full, [full.getJointId(name) for name in outside], q)
-
-
-def _locked_value(description: UrdfDescription, name: str, locked: Mapping[str, float]) -> float:
-    joint = description.joints[name]
-    if joint.mimic is None:
-        value = locked.get(name, float(np.clip(0.0, joint.lower, joint.upper)))
-        if not joint.lower <= value <= joint.upper:
-            raise RobotError(
-                f"locked_joints: '{name}' at {value:g} is outside its position limits "
-                f"[{joint.lower:g}, {joint.upper:g}]"
-            )
-        return value
-    if joint.mimic.master not in description.joints:
-        message = unknown_name("joint", joint.mimic.master, description.joints)
-        raise RobotError(f"{description.path}: joint '{name}' mimics: {message}")
-    master = _locked_value(description, joint.mimic.master, locked)
-    value = joint.mimic.multiplier * master + joint.mimic.offset
-    if abs(locked.get(name, value) - value) > 1e-9:
-        raise RobotError(
-            f"locked_joints: '{name}' at {locked[name]:g} contradicts the joint it mimics, "
-            f"'{joint.mimic.master}', which puts it at {value:g}"
-        )
-    return value
-
-
-def _parse(description: UrdfDescription) -> pin.Model:
-    """Return the whole robot as a Pinocchio model, its C++ complaints turned into ours."""
-    with tempfile.TemporaryFile() as log:
-        kept = os.dup(2)
-        os.dup2(log.fileno(), 2)  # the URDF parser gives its reasons on the C stderr only
-        try:
-            return pin.buildModelFromXML(description.kinematic_xml())
-        except ValueError as error:
-            log.seek(0)
-            reason = log.read().decode(errors="replace").strip() or str(error)
-            raise RobotError(f"{description.path}: Pinocchio rejects it: {reason}") from error
-        finally:
-            os.dup2(kept, 2)
-            os.close(kept)
-
-
-def _require_masses(description: UrdfDescription, model: pin.Model, limits: JointLimits) -> None:
-    """Raise if a moving body has no mass while its motors' efforts count."""
-    if not np.isfinite(limits.effort).any():
-        return
-    for joint in range(1, model.njoints):
-        if not model.inertias[joint].mass > 0:
-            raise RobotError(
-                f"{description.path}: what joint '{model.names[joint]}' moves has mass "
-                f"{model.inertias[joint].mass:g} kg; efforts need the links' <inertial>"
-            )
-
-
 def _links(
     description: UrdfDescription, model: pin.Model
 ) -> tuple[dict[str, int], dict[str, FloatArray]]:
@@ -404,7 +267,8 @@ def _links(
     return body, placement
 
 
-def _add_tool_centre_point(model: pin.Model, tool: pin.Frame, offset: ToolOffset) -> int:
+def _add_tool_centre_point(model: pin.Model, tool_frame: str, offset: ToolOffset) -> int:
+    tool = model.frames[model.getFrameId(tool_frame, pin.FrameType.BODY)]
     placement = tool.placement * pin.SE3(
         pin.rpy.rpyToMatrix(*offset.rpy), np.array(offset.position, dtype=float)
     )

@@ -7,6 +7,7 @@ frame.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -177,7 +178,7 @@ def _ranges(
         {name: _range(f"tube.joint_signs: joint '{name}'", sign) for name, sign in row.items()}
         for row in maps
     )
-    for k, (before, after) in enumerate(zip(ranges[:-1], ranges[1:], strict=True)):
+    for k, (before, after) in enumerate(pairwise(ranges)):
         _require_hand_over(k, before, after)
     return ranges
 

@@ -6,6 +6,7 @@ that made the trajectory.
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -219,7 +220,7 @@ class _Judge:
         bounds = np.append(bounds, self._trajectory.duration)
         return [
             self._visit(k, begin, end, margin[:, k])
-            for k, (begin, end) in enumerate(zip(bounds[:-1], bounds[1:], strict=True))
+            for k, (begin, end) in enumerate(pairwise(bounds))
         ]
 
     def _visit(self, segment: int, begin: float, end: float, margin: FloatArray) -> _Visit:
