@@ -152,9 +152,10 @@ class RobotModel:
         position, jacobian = np.empty((len(q), 3)), np.empty((len(q), 6, self.joint_count))
         placement = data.oMf[tool_id]
         for i, q_i in enumerate(self._model_order(q)):
-            jacobian[i] = pin.computeFrameJacobian(
+            columns = pin.computeFrameJacobian(
                 model, data, q_i, tool_id, pin.LOCAL_WORLD_ALIGNED
             )
+            jacobian[i] = np.reshape(columns, jacobian.shape[1:])  # one column comes back flat
             pin.updateFramePlacement(model, data, tool_id)
             position[i] = placement.translation
         return position, jacobian[:, :, self._to_group]
@@ -184,8 +185,10 @@ class RobotModel:
         """
         columns = [self._model_order(array).T for array in (q, v, a)]
         # One thread: two were measured up to 50 times slower on a machine with a busy core.
-        tau = pin.rneaInParallel(1, self._pool, *columns).T
-        return np.ascontiguousarray(tau[:, self._to_group])
+        tau = pin.rneaInParallel(1, self._pool, *columns)
+        # A single row or column comes back one-dimensional.
+        tau = np.reshape(tau, (self.joint_count, len(q)))
+        return np.ascontiguousarray(tau[self._to_group].T)
 
     def gravity_effort(self, q: FloatArray) -> FloatArray:
         """Return the joint efforts (N, n) [N m or N] that hold the arm still against gravity."""
@@ -202,7 +205,8 @@ class RobotModel:
             zip(*(self._model_order(array) for array in (q, v, a)), strict=True)
         ):
             # The result is a set of views into data, overwritten by the next call: copied here.
-            derivatives[:, i] = pin.computeRNEADerivatives(model, data, q_i, v_i, a_i)
+            blocks = pin.computeRNEADerivatives(model, data, q_i, v_i, a_i)
+            derivatives[:, i] = np.reshape(blocks, (3, self.joint_count, self.joint_count))
         by_group = derivatives[:, :, self._to_group][:, :, :, self._to_group]
         return by_group[0], by_group[1], by_group[2]
 

@@ -1,0 +1,46 @@
+"""Robots and problems that many tests share; loaded once."""
+
+import numpy as np
+import pytest
+
+from tubeplanner import LimitOverrides, load_problem, load_robot, plan
+
+
+@pytest.fixture(scope="session")
+def two_link():
+    unlimited = {"joint1": np.inf, "joint2": np.inf}
+    return load_robot(
+        "example:two_link", "hand", gravity=(0, 0, 0), limits=LimitOverrides(velocity=unlimited)
+    )
+
+
+@pytest.fixture(scope="session")
+def ur5():
+    return load_robot("example:ur5", "tool0")
+
+
+@pytest.fixture(scope="session")
+def panda():
+    return load_robot("example:panda", "panda_hand_tcp")
+
+
+@pytest.fixture(scope="session", params=["two_link", "ur5", "panda"])
+def robot(request):
+    return request.getfixturevalue(request.param)
+
+
+PROBLEMS = ("two_link/around_a_post", "ur5/over_the_wall", "panda/between_shelves")
+
+
+@pytest.fixture(scope="session")
+def planned():
+    """Return a function from a bundled problem's name to the problem and its plan, made once."""
+    made = {}
+
+    def of(name):
+        if name not in made:
+            problem = load_problem(f"example:{name}")
+            made[name] = (problem, plan(problem))
+        return made[name]
+
+    return of

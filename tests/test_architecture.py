@@ -1,0 +1,142 @@
+"""Reading order is the architecture: a module imports only modules above it in this list."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import tubeplanner
+
+ORDER = (
+    "errors",
+    "arrays",
+    "resources",
+    "urdf",
+    "joint_limits",
+    "pinocchio_model",
+    "robot",
+    "convex_shape",
+    "link_geometry",
+    "obstacle",
+    "collision",
+    "tube",
+    "problem_format",
+    "problem",
+    "bernstein",
+    "trajectory",
+    "outcome",
+    "inverse_kinematics",
+    "reference_branch",
+    "time_scaling",
+    "stop_at_corners",
+    "certificate",
+    "closest_approach",
+    "hand_overs",
+    "verification",
+    "planner",
+    "export",
+    "plotting",
+    "cli",
+)
+PACKAGE = Path(tubeplanner.__file__).parent
+# The judge must not share code with what it judges.
+PLANNING = {"inverse_kinematics", "reference_branch", "time_scaling", "stop_at_corners", "planner"}
+# Who may know which library.
+KNOWS = {
+    "pinocchio": {"pinocchio_model", "robot"},
+    "fcl": {"collision"},
+    "yourdfpy": {"link_geometry"},
+    "trimesh": {"link_geometry"},
+    "matplotlib": {"plotting"},
+    "click": {"cli"},
+    "rich": {"cli"},
+    "pydantic": {"problem_format"},
+}
+
+
+def imported(module: str) -> set[str]:
+    """Return every module that a module's file imports anywhere, by full name."""
+    names = set()
+    for node in ast.walk(ast.parse((PACKAGE / f"{module}.py").read_text())):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            names.add(node.module)
+            names |= {f"{node.module}.{alias.name}" for alias in node.names}
+    return names
+
+
+def imported_here(module: str) -> set[str]:
+    """Return the modules of this package that a module imports."""
+    ours = {name.removeprefix("tubeplanner.") for name in imported(module)}
+    return ours & set(ORDER)
+
+
+def reachable(module: str) -> set[str]:
+    found, queue = set(), [module]
+    while queue:
+        for name in imported_here(queue.pop()) - found:
+            found.add(name)
+            queue.append(name)
+    return found
+
+
+def test_the_list_names_every_module():
+    files = {path.stem for path in PACKAGE.glob("*.py")} - {"__init__"}
+    assert files == set(ORDER)
+
+
+@pytest.mark.parametrize("module", ORDER)
+def test_a_module_imports_only_modules_above_it(module):
+    above = set(ORDER[: ORDER.index(module)])
+    assert imported_here(module) <= above
+
+
+def test_the_judge_does_not_reach_the_code_it_judges():
+    assert reachable("verification") & PLANNING == set()
+
+
+@pytest.mark.parametrize("library", KNOWS)
+def test_a_library_is_known_in_one_place(library):
+    users = {m for m in ORDER if library in {name.split(".")[0] for name in imported(m)}}
+    assert users == KNOWS[library]
+
+
+def test_importing_the_package_loads_no_heavy_library():
+    code = (
+        "import sys, tubeplanner, tubeplanner.problem, tubeplanner.planner;"
+        "print(sorted({'meshcat', 'matplotlib', 'yourdfpy', 'trimesh'} & set(sys.modules)))"
+    )
+    output = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert output.stdout.strip() == "[]"
+
+
+def test_the_command_line_starts_without_numpy():
+    code = "import sys, tubeplanner.cli; print('numpy' in sys.modules)"
+    output = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert output.stdout.strip() == "False"
+
+
+def test_every_public_name_exists_and_is_listed_for_type_checkers():
+    source = ast.parse((PACKAGE / "__init__.py").read_text())
+    block = next(node for node in source.body if isinstance(node, ast.If))
+    listed = {alias.name for node in block.body for alias in node.names}
+    assert listed == set(tubeplanner.__all__) - {"__version__"}
+    assert all(getattr(tubeplanner, name) is not None for name in tubeplanner.__all__)
+
+
+def test_an_unknown_public_name_is_refused():
+    with pytest.raises(AttributeError, match="no attribute 'paln'"):
+        tubeplanner.paln  # noqa: B018
+
+
+def test_no_function_is_long_and_no_module_huge():
+    for module in ORDER:
+        text = (PACKAGE / f"{module}.py").read_text()
+        assert len(text.splitlines()) <= 400, module
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, ast.FunctionDef):
+                first = node.body[1] if ast.get_docstring(node) and node.body[1:] else node.body[0]
+                assert node.end_lineno - first.lineno < 40, f"{module}.{node.name}"

@@ -1,0 +1,94 @@
+"""Every analytic derivative of the package against central differences: one table."""
+
+import numpy as np
+import pytest
+
+from tubeplanner import JointTrajectory, Tube
+
+STEP = 1e-6
+
+
+def finite_difference(function, x, step=STEP):
+    """Return d function / d x by central differences: shape (N, ..., n) for x of shape (N, n)."""
+    columns = []
+    for j in range(x.shape[1]):
+        shift = np.zeros_like(x)
+        shift[:, j] = step
+        columns.append((function(x + shift) - function(x - shift)) / (2 * step))
+    return np.stack(columns, axis=-1)
+
+
+def random_motion(robot, count=20):
+    rng = np.random.default_rng(4)
+    low, high = robot.limits.lower_position, robot.limits.upper_position
+    q = rng.uniform(np.maximum(low, -3), np.minimum(high, 3), (count, robot.joint_count))
+    return q, rng.normal(size=q.shape), rng.normal(size=q.shape)
+
+
+def effort_by(argument):
+    def case(robot):
+        motion = list(random_motion(robot))
+
+        def effort(x):
+            varied = [*motion]
+            varied[argument] = x
+            return robot.inverse_dynamics(*varied)
+
+        return effort, motion[argument], robot.inverse_dynamics_derivatives(*motion)[argument]
+
+    return case
+
+
+def hand_by_joints(robot):
+    q, _, _ = random_motion(robot)
+    return robot.tool_position, q, robot.tool_jacobian(q)[1][:, :3]
+
+
+def turn_by_joints(robot):
+    """The angular rows: d R / d q_j = [w_j] R, compared as the matrix's three columns."""
+    q, _, _ = random_motion(robot)
+    rotation = robot.tool_pose(q)[0]
+    angular = robot.tool_jacobian(q)[1][:, 3:]
+    turned = np.cross(angular.transpose(0, 2, 1)[:, None], rotation.transpose(0, 2, 1)[:, :, None])
+    return lambda x: robot.tool_pose(x)[0].transpose(0, 2, 1), q, turned.transpose(0, 1, 3, 2)
+
+
+def distance_by_point(robot):
+    rng = np.random.default_rng(5)
+    tube = Tube(rng.normal(size=(4, 3)), 0.1)
+    points = rng.normal(size=(30, 3))
+    return tube.distance, points, tube.distance_gradient(points)
+
+
+def trajectory_by_time(order):
+    def case(robot):
+        rng = np.random.default_rng(6)
+        n = robot.joint_count
+        trajectory = JointTrajectory(robot.joint_names, [0, 0.4, 1.0], rng.normal(size=(6, 2, n)))
+        functions = (trajectory.position, trajectory.velocity, trajectory.acceleration)
+        times = rng.uniform(0.01, 0.39, (20, 1))
+        exact = functions[order + 1](times)[:, 0][:, :, None]
+        return lambda t: functions[order](t)[:, 0], times, exact
+
+    return case
+
+
+TABLE = {
+    "hand position by joints": (hand_by_joints, 1e-8),
+    "hand rotation by joints": (turn_by_joints, 1e-8),
+    "effort by position": (effort_by(0), 1e-6),
+    "effort by velocity": (effort_by(1), 1e-6),
+    "effort by acceleration": (effort_by(2), 1e-6),
+    "tube distance by point": (distance_by_point, 1e-8),
+    "trajectory velocity": (trajectory_by_time(0), 1e-7),
+    "trajectory acceleration": (trajectory_by_time(1), 1e-7),
+}
+
+
+@pytest.mark.parametrize("name", TABLE)
+def test_derivative_agrees_with_finite_differences(name, robot):
+    case, tolerance = TABLE[name]
+    function, x, exact = case(robot)
+    difference = finite_difference(function, x)
+    assert exact.shape == difference.shape
+    np.testing.assert_allclose(exact, difference, atol=tolerance * max(1, abs(exact).max()))

@@ -1,0 +1,102 @@
+"""Time scaling against moves whose minimum time is known in closed form."""
+
+import numpy as np
+import pytest
+
+from tubeplanner import JointTrajectory, LimitOverrides, load_robot
+from tubeplanner.outcome import Infeasible, PlanStatus
+from tubeplanner.time_scaling import (
+    minimum_duration,
+    scaled_to_limits,
+    scaling_factor,
+)
+
+INERTIA, ANGLE = 0.7, 1.3  # [kg m^2], [rad]
+# Peaks of the quintic rest-to-rest move of one radian in one second.
+PEAK_VELOCITY, PEAK_ACCELERATION, PEAK_JERK = 1.875, 10 / np.sqrt(3), 60.0
+
+
+def one_joint(tmp_path, mass=0.0, **limits):
+    """A bar that turns about z with a known inertia; gravity acts only if it has a mass lever."""
+    (tmp_path / "bar.urdf").write_text(
+        f"""<robot name="bar"><link name="base"/>
+        <link name="bar"><inertial><origin xyz="{0.5 if mass else 0} 0 0"/>
+          <mass value="{mass or 1}"/>
+          <inertia ixx="1" iyy="1" izz="{INERTIA}" ixy="0" ixz="0" iyz="0"/></inertial></link>
+        <joint name="turn" type="revolute"><parent link="base"/><child link="bar"/>
+          <axis xyz="0 0 1"/><limit lower="-9" upper="9" effort="5" velocity="4"/></joint>
+        </robot>"""
+    )
+    overrides = {name: {"turn": value} for name, value in limits.items()}
+    gravity = (0, -9.81, 0)
+    return load_robot(
+        "bar.urdf", "bar", gravity=gravity, limits=LimitOverrides(**overrides), directory=tmp_path
+    )
+
+
+def quintic(angle=ANGLE, duration=1.0):
+    shape = np.array([6.0, -15.0, 10.0, 0.0, 0.0, 0.0]) * angle
+    return JointTrajectory(["turn"], [0, 1.0], shape[:, None, None]).scaled(duration)
+
+
+@pytest.mark.parametrize(
+    ("limits", "expected"),
+    [
+        ({"velocity": np.inf}, np.sqrt(INERTIA * ANGLE * PEAK_ACCELERATION / 5)),
+        ({"velocity": 1.5, "effort": np.inf}, ANGLE * PEAK_VELOCITY / 1.5),
+        (
+            {"velocity": np.inf, "effort": np.inf, "acceleration": 2.0},
+            np.sqrt(ANGLE * PEAK_ACCELERATION / 2),
+        ),
+        ({"velocity": 100.0, "effort": np.inf, "jerk": 30.0}, np.cbrt(ANGLE * PEAK_JERK / 30)),
+    ],
+    ids=["effort", "velocity", "acceleration", "jerk"],
+)
+def test_one_joint_move_takes_its_known_minimum_time(tmp_path, limits, expected):
+    robot = one_joint(tmp_path, **limits)
+    for given in (0.1, 1.0, 7.0):
+        assert minimum_duration(robot, quintic(duration=given)) == pytest.approx(expected, rel=1e-7)
+
+
+def test_scaling_again_changes_nothing(planned):
+    problem, result = planned("ur5/over_the_wall")
+    segment = result.trajectory.between(0.0, result.trajectory.duration)
+    again = minimum_duration(problem.robot, segment)
+    assert again == pytest.approx(result.trajectory.duration, rel=1e-5)
+
+
+def test_gravity_takes_its_share_of_the_effort(tmp_path):
+    """The scaled motion meets the effort limit at its worst instant, and never breaks it."""
+    robot = one_joint(tmp_path, mass=0.5, velocity=np.inf)
+    trajectory = scaled_to_limits(robot, quintic())
+    samples = trajectory.at(np.linspace(0, trajectory.duration, 20_001))
+    lever, mass = 0.5, 0.5
+    inertia = INERTIA + mass * lever**2
+    gravity = mass * lever * 9.81 * np.cos(samples.position)
+    effort = inertia * samples.acceleration + gravity
+    assert abs(effort).max() == pytest.approx(5.0, rel=1e-6)
+    assert abs(effort).max() <= 5.0 * (1 + 1e-9)
+
+
+def test_scaling_factor_says_how_much_faster_each_sample_could_be_run(tmp_path):
+    robot = one_joint(tmp_path, mass=0.5)
+    samples = quintic(duration=2.0).at(np.array([0.4, 1.1]))
+    factor = scaling_factor(robot, samples)[:, 0]
+    for i, b in enumerate(factor):
+        q, v, a = samples.position[[i]], b * samples.velocity[[i]], b**2 * samples.acceleration[[i]]
+        use = max(abs(robot.inverse_dynamics(q, v, a)[0, 0]) / 5, abs(v[0, 0]) / 4)
+        assert use == pytest.approx(1.0, rel=1e-12)
+
+
+def test_a_joint_at_rest_limits_nothing(tmp_path):
+    robot = one_joint(tmp_path)
+    still = JointTrajectory(["turn"], [0, 1.0], np.zeros((6, 1, 1)))
+    assert np.isinf(scaling_factor(robot, still.at(np.zeros(1)))).all()
+
+
+def test_gravity_beyond_the_motor_is_an_answer_with_joint_and_place(tmp_path):
+    robot = one_joint(tmp_path, mass=2.0)
+    with pytest.raises(Infeasible, match=r"'turn' needs 9\.81 .* effort limit is 5\.00") as caught:
+        minimum_duration(robot, quintic())
+    assert caught.value.status is PlanStatus.GRAVITY_EXCEEDS_EFFORT
+    assert caught.value.place.joint == "turn"
