@@ -1,0 +1,60 @@
+import numpy as np
+import pytest
+
+from tubeplanner import JointTrajectory, Obstacle, placement_of
+from tubeplanner.closest_approach import closest_approach
+from tubeplanner.collision import CollisionChecker
+
+
+def random_motion(robot, seed, pieces=6):
+    rng = np.random.default_rng(seed)
+    breakpoints = np.concatenate([[0.0], np.cumsum(rng.uniform(0.05, 0.4, pieces))])
+    coefficients = rng.normal(size=(4, pieces, robot.joint_count)) * [[[20]], [[8]], [[3]], [[1]]]
+    return JointTrajectory(robot.joint_names, breakpoints, coefficients)
+
+
+def sampled(checker, trajectory, pairs, count=600):
+    q = trajectory.per_piece(count // len(trajectory.widths)).position
+    rotation, position = checker.robot.body_poses(q)
+    return min(
+        checker.distances(rotation[i], position[i], pairs).min() for i in range(len(rotation))
+    )
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("name", ["ur5", "two_link"])
+def test_the_bound_is_below_every_sample_and_close_to_the_least(name, seed, request):
+    robot = request.getfixturevalue(name)
+    block = Obstacle.box("block", [0.2, 0.2, 0.2], placement_of([0.6, 0.3 * seed - 0.4, 0.3]))
+    checker = CollisionChecker(robot, [block])
+    trajectory = random_motion(robot, seed)
+    for pairs in (checker.obstacle_pairs, checker.link_pairs):
+        nearest = closest_approach(checker, trajectory, pairs, 0.0)
+        least = sampled(checker, trajectory, pairs)
+        assert nearest.lower_bound <= least + 1e-12
+        assert nearest.lower_bound >= least - 0.03 * abs(least) - 1e-6
+
+
+def test_the_time_and_the_pair_are_those_of_the_distance(ur5):
+    checker = CollisionChecker(ur5)
+    trajectory = random_motion(ur5, 9)
+    nearest = closest_approach(checker, trajectory, checker.link_pairs, 0.0)
+    rotation, position = ur5.body_poses(trajectory.position([nearest.time]))
+    distance = checker.distances(rotation[0], position[0], np.array([nearest.pair]))
+    assert distance[0] == pytest.approx(nearest.distance, abs=1e-9)
+
+
+def test_a_thin_plate_passed_in_a_moment_is_seen(two_link):
+    """The arm sweeps through a 0.2 mm plate in about a millisecond of a one-second motion."""
+    plate = Obstacle.box("plate", [0.1, 2e-4, 0.2], placement_of([0.55, 0, 0]))
+    checker = CollisionChecker(two_link, [plate], self_collision=False)
+    sweep = [[[3.0, 0.0]], [[-1.5, 0.0]]]
+    trajectory = JointTrajectory(two_link.joint_names, [0, 1.0], sweep)
+    nearest = closest_approach(checker, trajectory, checker.obstacle_pairs, 0.0)
+    assert nearest.lower_bound < 0
+    assert nearest.time == pytest.approx(0.5, abs=0.04)
+
+
+def test_without_pairs_there_is_no_closest_approach(two_link):
+    checker = CollisionChecker(two_link)
+    assert closest_approach(checker, random_motion(two_link, 0), checker.obstacle_pairs, 0) is None

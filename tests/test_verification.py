@@ -1,0 +1,287 @@
+"""Defects put into good trajectories: each is found by its own condition, at its place."""
+
+from dataclasses import fields as dataclass_fields
+
+import numpy as np
+import pytest
+
+from conftest import PROBLEMS
+from tubeplanner import (
+    JointTrajectory,
+    LimitOverrides,
+    Obstacle,
+    PlanningProblem,
+    Tolerance,
+    TrajectoryError,
+    Tube,
+    load_robot,
+    placement_of,
+    verify,
+)
+from tubeplanner.certificate import CONDITION_NAMES
+
+UR5 = "ur5/over_the_wall"
+
+
+def changed(problem, **fields):
+    """Return a problem with some fields replaced."""
+    given = {field.name: getattr(problem, field.name) for field in dataclass_fields(problem)}
+    given = {name: value for name, value in given.items() if not name.startswith("joint_")}
+    return PlanningProblem(**{**given, **fields})
+
+
+def with_radius(tube, radius):
+    return Tube(tube.points, radius, joint_signs=tube.joint_ranges, visit=tube.visit)
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_a_planned_trajectory_passes(name, planned):
+    problem, result = planned(name)
+    certificate = verify(problem, result.trajectory)
+    assert certificate.passed
+    assert tuple(certificate.conditions) == CONDITION_NAMES
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_two_parts_in_a_thousand_faster_is_too_fast(name, planned):
+    problem, result = planned(name)
+    certificate = verify(problem, result.trajectory.scaled(1 / 1.002))
+    assert set(certificate.failures()) <= {"effort", "velocity"}
+    assert certificate.failures()
+    worst = min(certificate.conditions[name].margin for name in certificate.failures())
+    assert -0.0045 < worst < -0.0015
+
+
+def test_a_hand_pushed_out_of_the_tube_by_a_fraction_of_a_millimetre_is_found(planned):
+    """A bump of the shoulder in mid-segment, and the radius that it exceeds by 0.2 mm."""
+    problem, result = planned(UR5)
+    trajectory, when = bumped(result.trajectory, joint=0, size=0.02)
+    near = trajectory.position(np.linspace(when - 0.05, when + 0.05, 4001))
+    segment = 1
+    off = problem.tube.distance(problem.robot.tool_position(near))[:, segment].max()
+    radius = problem.tube.radius.copy()
+    radius[segment] = off - 2e-4
+    certificate = verify(changed(problem, tube=with_radius(problem.tube, radius)), trajectory)
+    assert "tube" in certificate.failures()
+    condition = certificate.conditions["tube"]
+    assert condition.margin == pytest.approx(-2e-4, abs=5e-6)
+    assert condition.where.segment == segment
+    assert condition.where.time == pytest.approx(when, abs=0.02)
+    assert "tube" not in verify(problem, trajectory).failures()
+
+
+def bumped(trajectory, joint, size):
+    """Return the trajectory with a smooth bump of one joint over its middle piece, and when."""
+    piece = len(trajectory.widths) // 2
+    width = trajectory.widths[piece]
+    coefficients = np.concatenate(
+        [np.zeros((1, *trajectory.coefficients.shape[1:])), trajectory.coefficients]
+    )
+    # 64 u^3 (1 - u)^3 has the value 1 at u = 1/2, and no slope or curvature at its ends.
+    bump = 64 * size * np.array([-1.0, 3, -3, 1, 0, 0, 0]) / width ** np.arange(6, -1, -1)
+    coefficients[:, piece, joint] += bump
+    bump_time = trajectory.breakpoints[piece] + width / 2
+    return (
+        JointTrajectory(trajectory.joint_names, trajectory.breakpoints, coefficients),
+        float(bump_time),
+    )
+
+
+@pytest.mark.parametrize(
+    ("order", "condition"), [(0, "continuity"), (1, "continuity"), (2, "continuity")]
+)
+def test_a_jump_is_found_at_its_joint_and_time(order, condition, planned):
+    problem, result = planned(UR5)
+    trajectory = result.trajectory
+    coefficients = trajectory.coefficients.copy()
+    coefficients[-1 - order, 20, 3] += 1e-3
+    jumping = JointTrajectory(trajectory.joint_names, trajectory.breakpoints, coefficients)
+    certificate = verify(problem, jumping)
+    assert condition in certificate.failures()
+    where = certificate.conditions[condition].where
+    assert where.joint == "wrist_1_joint"
+    assert where.time in trajectory.breakpoints[[20, 21]]
+
+
+def test_a_trajectory_through_the_wall_is_found(planned):
+    """The same motion with its lift left out: straight from pick to place."""
+    problem, result = planned(UR5)
+    ends = result.trajectory.position(np.array([0.0, result.trajectory.duration]))
+    shape = np.array([6.0, -15.0, 10.0, 0.0, 0.0, 0.0])
+    coefficients = shape[:, None, None] * (ends[1] - ends[0])
+    coefficients[-1] = ends[0]
+    straight = JointTrajectory(problem.robot.joint_names, [0, 1.0], coefficients).scaled(3.0)
+    certificate = verify(problem, straight)
+    condition = certificate.conditions["obstacles"]
+    assert {"obstacles", "tube"} <= set(certificate.failures())
+    assert condition.where.obstacle == "wall"
+    assert condition.margin < -0.02
+    assert condition.where.time == pytest.approx(1.5, abs=0.6)
+
+
+def test_the_clearance_is_asked_for(planned):
+    problem, result = planned(UR5)
+    kept = verify(problem, result.trajectory).conditions["obstacles"].margin
+    wider = changed(problem, clearance=problem.clearance + kept + 2e-3)
+    condition = verify(wider, result.trajectory).conditions["obstacles"]
+    assert -3e-3 < condition.margin < -1e-3
+
+
+def test_links_that_meet_are_found(ur5):
+    """The elbow folds until the wrist is in the upper arm."""
+    q0, q1 = np.array([0, -1.2, 1.5, -1.5, -1.5, 0.0]), np.array([0, -1.2, 3.1, -1.5, -1.5, 0])
+    shape = np.array([6.0, -15.0, 10.0, 0.0, 0.0, 0.0])[:, None, None]
+    coefficients = shape * (q1 - q0)
+    coefficients[-1] = q0
+    folding = JointTrajectory(ur5.joint_names, [0, 1.0], coefficients).scaled(4.0)
+    hand = ur5.tool_position(np.array([q0, q1]))
+    problem = PlanningProblem(ur5, Tube(hand, 2.0), q0, q1)
+    certificate = verify(problem, folding)
+    assert certificate.failures() == ["self_collision"]
+    assert "upper_arm_link" in certificate.conditions["self_collision"].where.links
+
+
+def test_a_flipped_sign_is_found(planned):
+    problem, result = planned("two_link/around_a_post")
+    tube = problem.tube
+    flipped = Tube(tube.points, tube.radius, joint_signs={"joint2": "+"})
+    certificate = verify(changed(problem, tube=flipped), result.trajectory)
+    assert "joint_signs" in certificate.failures()
+    assert certificate.conditions["joint_signs"].where.joint == "joint2"
+
+
+def test_a_range_broken_for_an_instant_between_samples_is_found(planned):
+    """The joint's largest value, found exactly; a range that ends 1e-5 rad below it is broken."""
+    problem, result = planned("two_link/around_a_post")
+    peak = result.trajectory.per_piece(400).position[:, 1].max()
+    for slack, holds in ((-1e-5, False), (1e-5, True)):
+        ranges = {"joint2": [-3.0, peak + slack]}
+        tube = Tube(problem.tube.points, problem.tube.radius, joint_signs=ranges)
+        certificate = verify(changed(problem, tube=tube), result.trajectory)
+        assert ("joint_signs" not in certificate.failures()) is holds
+
+
+def test_position_limits_are_judged_exactly(planned):
+    problem, result = planned("two_link/around_a_post")
+    q = result.trajectory.per_piece(400).position
+    for slack, holds in ((-1e-5, False), (1e-5, True)):
+        ranges = {"joint1": (-3.0, q[:, 0].max() + slack)}
+        limits = LimitOverrides(velocity=unlimited().velocity, position=ranges)
+        robot = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=limits)
+        certificate = verify(changed(problem, robot=robot), result.trajectory)
+        assert ("position" not in certificate.failures()) is holds
+
+
+def unlimited():
+    return LimitOverrides(velocity={"joint1": np.inf, "joint2": np.inf})
+
+
+def test_a_trajectory_that_skips_a_segment_fails_ordered_and_passes_any(two_link):
+    """A narrow U whose ends overlap: staying there is in the union, but the bend is left out."""
+    q = np.array([0.3, -1.0])
+    still = JointTrajectory(two_link.joint_names, [0, 1.0], q[None, None])
+    hand = two_link.tool_position(q[None])[0]
+    points = hand + np.array([[0, 0, 0], [0, -0.3, 0], [0.03, -0.3, 0], [0.03, 0, 0]])
+    ordered = Tube(points, 0.05)
+    condition = verify(PlanningProblem(two_link, ordered, q, q), still).conditions["tube"]
+    assert condition.margin == pytest.approx(0.05 - 0.3)
+    assert condition.where.segment == 1
+    anyhow = Tube(points, 0.05, visit="any")
+    certificate = verify(PlanningProblem(two_link, anyhow, q, q), still)
+    assert "tube" not in certificate.failures()
+
+
+def test_another_start_or_goal_is_found(planned):
+    problem, result = planned("panda/between_shelves")
+    for end in ("start", "goal"):
+        q = getattr(problem, end) + 1e-4
+        certificate = verify(changed(problem, **{end: q}), result.trajectory)
+        assert certificate.failures() == [end]
+        assert certificate.conditions[end].margin == pytest.approx(-1e-4)
+
+
+def test_a_trajectory_that_does_not_stop_is_found(planned):
+    problem, result = planned(UR5)
+    moving = result.trajectory.between(0.0, result.trajectory.duration * 0.97)
+    failures = verify(problem, moving).failures()
+    assert {"rest", "goal"} <= set(failures)
+
+
+def test_degrees_for_radians_are_found(planned):
+    problem, result = planned(UR5)
+    degrees = JointTrajectory(
+        result.trajectory.joint_names,
+        result.trajectory.breakpoints,
+        np.degrees(result.trajectory.coefficients),
+    )
+    assert {"position", "start", "tube"} <= set(verify(problem, degrees).failures())
+
+
+def test_joints_may_come_in_any_order_but_must_be_the_problems(planned):
+    problem, result = planned(UR5)
+    names = result.trajectory.joint_names[::-1]
+    assert verify(problem, result.trajectory.reordered(names)).passed
+    alien = JointTrajectory(["x"], [0, 1], np.zeros((2, 1, 1)))
+    with pytest.raises(TrajectoryError, match="the trajectory moves the joints x"):
+        verify(problem, alien)
+
+
+def test_limits_on_acceleration_and_jerk_are_judged(planned):
+    problem, result = planned("two_link/around_a_post")
+    peaks = [
+        abs(result.trajectory.per_piece(300).acceleration).max(),
+        abs(result.trajectory.derivative_coefficients(3)[-1]).max(),
+    ]
+    for quantity, peak in zip(("acceleration", "jerk"), peaks, strict=True):
+        values = {joint: 0.9 * peak for joint in problem.robot.joint_names}
+        limits = LimitOverrides(velocity=unlimited().velocity, **{quantity: values})
+        robot = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=limits)
+        certificate = verify(changed(problem, robot=robot), result.trajectory)
+        assert certificate.failures() == [quantity]
+        assert certificate.conditions[quantity].coverage == "for all t"
+
+
+def test_a_wider_tolerance_forgives(planned):
+    problem, result = planned(UR5)
+    faster = result.trajectory.scaled(1 / 1.002)
+    assert not verify(problem, faster).passed
+    assert verify(problem, faster, Tolerance(1e-4, 1e-2)).passed
+
+
+def test_what_is_not_asked_has_no_margin(two_link):
+    q = np.array([0.3, -1.0])
+    hand = two_link.tool_position(q[None])[0]
+    tube = Tube(hand + np.array([[0, 0, 0], [0.05, 0, 0]]), 0.1)
+    still = JointTrajectory(two_link.joint_names, [0, 1.0], q[None, None])
+    problem = PlanningProblem(two_link, tube, q, q, self_collision=False)
+    conditions = verify(problem, still).conditions
+    for name in ("velocity", "acceleration", "jerk", "joint_signs", "rotation"):
+        assert conditions[name].margin is None
+    for name in ("obstacles", "self_collision"):
+        assert conditions[name].margin is None
+        assert conditions[name].coverage.startswith("no ")
+
+
+def test_an_obstacle_is_found_whatever_its_shape(two_link):
+    q = np.array([0.3, -1.0])
+    hand = two_link.tool_position(q[None])[0]
+    tube = Tube(hand + np.array([[0, 0, 0], [0.05, 0, 0]]), 0.1)
+    still = JointTrajectory(two_link.joint_names, [0, 1.0], q[None, None])
+    there = placement_of(hand)
+    for obstacle in (
+        Obstacle.box("thing", [0.02, 0.02, 0.02], there),
+        Obstacle.sphere("thing", 0.02, there),
+        Obstacle.cylinder("thing", 0.02, 0.05, there),
+        Obstacle.capsule("thing", 0.02, 0.05, there),
+    ):
+        problem = PlanningProblem(two_link, tube, q, q, obstacles=[obstacle])
+        condition = verify(problem, still).conditions["obstacles"]
+        assert condition.margin < -0.005
+        assert condition.where.obstacle == "thing"
+        assert condition.where.links == ("link2",)
+
+
+@pytest.mark.parametrize(("absolute", "relative"), [(-1e-9, 0), (0, 1), (np.nan, 0)])
+def test_a_tolerance_must_be_small_and_not_negative(absolute, relative):
+    with pytest.raises(Exception, match=r"tolerance: .* not in \[0, 1\)"):
+        Tolerance(absolute, relative)
