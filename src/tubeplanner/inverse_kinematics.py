@@ -17,9 +17,14 @@ _DAMPING = 1e-10  # added to half the squared error [m^2]
 _POSITION_TOLERANCE = 1e-10  # [m]
 _POSTURE_TOLERANCE = 1e-9  # [rad or m]
 _MOST_ITERATIONS = 100
+# Near full stretch a joint is all but spare, and a pull on it would keep the hand from its target:
+# later iterations go for the target alone.
+_PULLED_ITERATIONS = 40
 _LARGEST_STEP = 0.2  # [rad or m] of any joint
 # Directions in which a joint moves the hand by less than this count as spare [m/rad].
 _SPARE_GAIN = 1e-4
+# A stretched arm cannot feel which way to fold: it is bent this much, one way, then the other.
+_BENDS = (0.05, -0.05)  # [rad or m], its sign alternating from joint to joint
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,18 +61,38 @@ def solve_position(
     Returns:
         The solution; its error says whether the target was reached.
     """
+    solution = _descend(robot, target, seed, lower, upper, preferred)
+    pattern = (-1.0) ** np.arange(len(seed))
+    for bend in _BENDS:
+        if solution.error < _POSITION_TOLERANCE**0.5:
+            break
+        bent = solution.q + bend * pattern
+        other = _descend(robot, target, bent, lower, upper, preferred)
+        solution = min(solution, other, key=lambda found: found.error)
+    return solution
+
+
+def _descend(
+    robot: RobotModel,
+    target: FloatArray,
+    seed: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    preferred: FloatArray | None,
+) -> PositionSolution:
     q = np.clip(seed, lower, upper)
-    for _ in range(_MOST_ITERATIONS):
+    for iteration in range(_MOST_ITERATIONS):
         position, jacobian = robot.tool_jacobian(q[None])
         error, jacobian = target - position[0], jacobian[0, :3]
-        pull = np.zeros_like(q) if preferred is None else preferred - q
+        pulled = preferred is not None and iteration < _PULLED_ITERATIONS
+        pull = preferred - q if pulled else np.zeros_like(q)
         step = _step(jacobian, error, pull, q, lower, upper)
         step *= min(1.0, _LARGEST_STEP / max(float(abs(step).max()), 1e-300))
         moved = np.clip(q + step, lower, upper) - q
         q = q + moved
         if abs(moved).max() < _POSTURE_TOLERANCE:
             break
-        if preferred is None and np.linalg.norm(error) < _POSITION_TOLERANCE:
+        if not pulled and np.linalg.norm(error) < _POSITION_TOLERANCE:
             break
     error = target - robot.tool_position(q[None])[0]
     return PositionSolution(q, float(np.linalg.norm(error)))

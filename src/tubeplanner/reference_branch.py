@@ -59,8 +59,10 @@ def reference_branch(problem: PlanningProblem) -> ReferenceBranch:
     way = np.concatenate([[0.0], np.cumsum(lengths)]) / lengths.sum()
     q, segments = start, []
     for k in range(problem.tube.segment_count):
-        walk = _SegmentWalk(problem, k, route[k : k + 2], way[k : k + 2], start, goal)
-        segments.append(walk.from_(q))
+        walk = _SegmentWalk(problem, k, route[k : k + 2], q)
+        if goal is not None:
+            walk.blend_spare_joints(start, goal, way[k], way[k + 1])
+        segments.append(walk.to_the_end())
         q = segments[-1][-1]
     if goal is not None:
         _require_goal(problem, q, goal)
@@ -72,21 +74,27 @@ class _SegmentWalk:
     """Follows the branch through one segment, in steps that keep the joints close."""
 
     def __init__(
-        self,
-        problem: PlanningProblem,
-        segment: int,
-        ends: FloatArray,
-        way: FloatArray,
-        start: FloatArray,
-        goal: FloatArray | None,
+        self, problem: PlanningProblem, segment: int, ends: FloatArray, begin: FloatArray
     ) -> None:
+        """Walk from the configuration `begin`, the hand going from ends[0] to ends[1]."""
         self._problem, self._segment = problem, segment
-        self._ends, self._way = ends, way
-        self._start, self._goal = start, goal
+        self._ends, self._begin = ends, begin
+        self._bounds = problem.joint_lower[segment], problem.joint_upper[segment]
+        self._end_bounds = _bounds_at_end(problem, segment)
+        self._wanted_ends: tuple[FloatArray, FloatArray] | None = None
 
-    def from_(self, q: FloatArray) -> FloatArray:
-        """Return the configurations (P, n) from q at the segment's start to its end."""
-        found, share, step = [q], 0.0, _LONGEST_STEP
+    def blend_spare_joints(
+        self, start: FloatArray, goal: FloatArray, way_begin: float, way_end: float
+    ) -> None:
+        """Pull spare joints from start to goal, in proportion to the way of the whole route."""
+        self._wanted_ends = (
+            (1 - way_begin) * start + way_begin * goal,
+            (1 - way_end) * start + way_end * goal,
+        )
+
+    def to_the_end(self) -> FloatArray:
+        """Return the configurations (P, n) from the segment's start to its end."""
+        found, share, step = [self._begin], 0.0, _LONGEST_STEP
         while share < 1.0:
             following = min(1.0, share + step)
             solution = self._solve(following, found[-1])
@@ -103,23 +111,28 @@ class _SegmentWalk:
         return np.array(found)
 
     def _solve(self, share: float, seed: FloatArray) -> PositionSolution:
-        lower, upper = self._bounds(share)
+        """Solve at a share of the segment; at its end the next segment's bounds hold as well."""
+        lower, upper = self._end_bounds if share == 1.0 else self._bounds
+        preferred = self._preferred(share, seed)
         return solve_position(
-            self._problem.robot, self._point(share), seed, lower, upper, self._preferred(share)
+            self._problem.robot, self._point(share), seed, lower, upper, preferred
         )
 
     def _point(self, share: float) -> FloatArray:
         return (1 - share) * self._ends[0] + share * self._ends[1]
 
-    def _preferred(self, share: float) -> FloatArray | None:
-        if self._goal is None:
-            return None
-        way = (1 - share) * self._way[0] + share * self._way[1]
-        return (1 - way) * self._start + way * self._goal
+    def _preferred(self, share: float, seed: FloatArray) -> FloatArray:
+        """Return where spare joints go: towards the goal, or nowhere; in time for the hand-over.
 
-    def _bounds(self, share: float) -> tuple[FloatArray, FloatArray]:
-        """Return the joint bounds; where the segment ends, the next one's must hold as well."""
-        return _bounds(self._problem, self._segment, at_end=share == 1.0)
+        What the hand-over asks of a joint narrows in on it linearly, so that it need not jump.
+        """
+        wanted = seed
+        if self._wanted_ends is not None:
+            wanted = (1 - share) * self._wanted_ends[0] + share * self._wanted_ends[1]
+        lower, upper = self._end_bounds
+        below = np.maximum(lower - self._begin, 0.0)
+        above = np.maximum(self._begin - upper, 0.0)
+        return np.clip(wanted, lower - (1 - share) * below, upper + (1 - share) * above)
 
     def _is_off(self, solution: PositionSolution, share: float) -> bool:
         radius = self._problem.tube.effective_radius
@@ -130,7 +143,7 @@ class _SegmentWalk:
     def _give_up(self, share: float, q: FloatArray, solution: PositionSolution) -> None:
         point = self._point(share)
         place = Place(segment=self._segment, position=_as_position(point))
-        where = f"segment {self._segment} at {100 * share:.1f} % of its length, {place}"
+        where = f"{100 * share:.1f} % along {place}"
         if self._is_off(solution, share):
             reason = _explain(self._problem, point, q, self._segment, solution)
             raise Infeasible(PlanStatus.UNREACHABLE, f"{where}: {reason}", place)
@@ -143,13 +156,11 @@ class _SegmentWalk:
         )
 
 
-def _bounds(
-    problem: PlanningProblem, segment: int, *, at_end: bool
-) -> tuple[FloatArray, FloatArray]:
-    lower, upper = problem.joint_lower[segment], problem.joint_upper[segment]
-    if at_end and segment + 1 < problem.tube.segment_count:
-        lower = np.maximum(lower, problem.joint_lower[segment + 1])
-        upper = np.minimum(upper, problem.joint_upper[segment + 1])
+def _bounds_at_end(problem: PlanningProblem, segment: int) -> tuple[FloatArray, FloatArray]:
+    """Return the joint bounds where a segment ends: its own, cut with the next one's."""
+    following = min(segment + 1, problem.tube.segment_count - 1)
+    lower = np.maximum(problem.joint_lower[segment], problem.joint_lower[following])
+    upper = np.minimum(problem.joint_upper[segment], problem.joint_upper[following])
     return lower, upper
 
 
@@ -158,7 +169,7 @@ def _endpoint(problem: PlanningProblem, given: FloatArray | Seed, point: int) ->
     if not isinstance(given, Seed):
         return given
     segment = 0 if point == 0 else problem.tube.segment_count - 1
-    lower, upper = _bounds(problem, segment, at_end=False)
+    lower, upper = problem.joint_lower[segment], problem.joint_upper[segment]
     target = problem.tube.points[point]
     solution = solve_position(problem.robot, target, given.joints, lower, upper)
     if solution.error > 1e-6:

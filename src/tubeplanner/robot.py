@@ -152,9 +152,7 @@ class RobotModel:
         position, jacobian = np.empty((len(q), 3)), np.empty((len(q), 6, self.joint_count))
         placement = data.oMf[tool_id]
         for i, q_i in enumerate(self._model_order(q)):
-            columns = pin.computeFrameJacobian(
-                model, data, q_i, tool_id, pin.LOCAL_WORLD_ALIGNED
-            )
+            columns = pin.computeFrameJacobian(model, data, q_i, tool_id, pin.LOCAL_WORLD_ALIGNED)
             jacobian[i] = np.reshape(columns, jacobian.shape[1:])  # one column comes back flat
             pin.updateFramePlacement(model, data, tool_id)
             position[i] = placement.translation

@@ -1,0 +1,125 @@
+import numpy as np
+import pytest
+
+from conftest import PROBLEMS
+from tubeplanner import LimitOverrides, PlanningProblem, PlanStatus, Seed, Tube, load_robot, plan
+from tubeplanner.outcome import Infeasible
+from tubeplanner.reference_branch import reference_branch
+
+
+def two_link_problem(two_link, points, radius=0.03, signs=None, start=(0.0, -1.0), goal=None):
+    points = [[x, y, 0.0] for x, y in points]
+    tube = Tube(points, radius, joint_signs=signs or {})
+    return PlanningProblem(two_link, tube, Seed(np.array(start)), goal)
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_the_branch_follows_the_reference_path_in_small_steps(name, planned):
+    problem, _ = planned(name)
+    branch = reference_branch(problem)
+    for k, q in enumerate(branch.segments):
+        hand = problem.robot.tool_position(q)
+        assert problem.tube.distance(hand)[:, k].max() < 1e-3
+        assert abs(np.diff(q, axis=0)).max() <= 0.1
+        assert (q >= problem.joint_lower[k] - 1e-12).all()
+        assert (q <= problem.joint_upper[k] + 1e-12).all()
+        if k:
+            np.testing.assert_array_equal(q[0], branch.segments[k - 1][-1])
+
+
+@pytest.mark.parametrize("sign", ["+", "-"])
+def test_the_sign_chooses_the_branch(sign, two_link):
+    """Closed form: cos(q2) = (x^2 + y^2 - 2 l^2) / (2 l^2), its sign as asked."""
+    elbow = 1.0 if sign == "+" else -1.0
+    problem = two_link_problem(
+        two_link, [(0.3, -0.3), (0.3, 0.3)], signs={"joint2": sign}, start=(0.0, elbow)
+    )
+    q = reference_branch(problem).segments[0]
+    x, y, _ = two_link.tool_position(q).T
+    expected = elbow * np.arccos((x**2 + y**2 - 2 * 0.09) / (2 * 0.09))
+    np.testing.assert_allclose(q[:, 1], expected, atol=1e-6)
+    np.testing.assert_allclose(x, 0.3, atol=1e-8)
+
+
+def test_a_fully_stretched_goal_is_reached(two_link):
+    problem = two_link_problem(two_link, [(0.3, 0.0), (0.6, 0.0)], signs={"joint2": "-"})
+    branch = reference_branch(problem)
+    np.testing.assert_allclose(branch.goal, 0, atol=5e-3)
+    assert plan(problem).succeeded
+
+
+def test_a_given_goal_is_met_exactly_with_spare_joints_blended(planned):
+    problem, _ = planned("panda/between_shelves")
+    branch = reference_branch(problem)
+    np.testing.assert_array_equal(branch.start, problem.start)
+    np.testing.assert_array_equal(branch.goal, problem.goal)
+
+
+def test_a_goal_on_another_branch_is_named(two_link):
+    q = np.array([-0.5, 1.0])
+    hand = two_link.tool_position(q[None])[0]
+    tube = Tube([[0.3, -0.3, 0], hand], 0.03)
+    problem = PlanningProblem(two_link, tube, Seed(np.array([0.0, -1.0])), q)
+    with pytest.raises(Infeasible, match="the goal lies on another branch") as caught:
+        reference_branch(problem)
+    assert caught.value.status is PlanStatus.UNREACHABLE
+    assert caught.value.place.segment == 0
+
+
+def test_a_point_out_of_reach_is_named_with_segment_place_and_shortfall(two_link):
+    problem = two_link_problem(two_link, [(0.3, -0.3), (0.5, 0.0), (0.7, 0.0)])
+    with pytest.raises(Infeasible, match=r"along segment 1, .* out of the arm's reach") as caught:
+        reference_branch(problem)
+    assert caught.value.place.segment == 1
+    assert caught.value.place.position[0] == pytest.approx(0.613, abs=3e-3)
+
+
+def test_a_point_slightly_out_of_reach_is_passed_within_the_radius(two_link):
+    """The middle of the line is 5 mm beyond the arm's 0.6 m; the tube is 30 mm wide."""
+    problem = two_link_problem(two_link, [(0.55, -0.15), (0.605, 0.0), (0.55, 0.15)])
+    branch = reference_branch(problem)
+    hand = two_link.tool_position(branch.segments[0][-1:])
+    assert problem.tube.distance(hand)[0].max() == pytest.approx(0.005, abs=1e-3)
+
+
+def test_a_stretched_start_is_left(two_link):
+    tube = Tube([[0.6, 0, 0], [0.3, 0, 0]], 0.03, joint_signs={"joint2": "-"})
+    problem = PlanningProblem(two_link, tube, np.zeros(2))
+    assert reference_branch(problem).goal[1] < -1
+    assert plan(problem).succeeded
+
+
+def test_signs_in_the_way_are_named(two_link):
+    """The elbow must stay nearly straight, so the hand cannot come near the base."""
+    problem = two_link_problem(
+        two_link, [(0.55, 0.0), (0.3, 0.0)], signs={"joint2": [-1.0, 0]}, start=(0.3, -0.5)
+    )
+    with pytest.raises(Infeasible, match=r"joint signs of segment 0 \(at their bounds: joint2\)"):
+        reference_branch(problem)
+
+
+def test_position_limits_in_the_way_are_named():
+    limits = LimitOverrides(
+        velocity={"joint1": np.inf, "joint2": np.inf}, position={"joint2": (-1.0, 0.0)}
+    )
+    robot = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=limits)
+    problem = two_link_problem(robot, [(0.55, 0.0), (0.3, 0.0)], start=(0.3, -0.5))
+    with pytest.raises(Infeasible, match=r"position limits are in the way \(.*joint2\)"):
+        reference_branch(problem)
+
+
+def test_a_seed_that_reaches_nothing_is_named(two_link):
+    problem = two_link_problem(two_link, [(0.8, 0.0), (0.3, 0.0)])
+    with pytest.raises(Infeasible, match=r"start from its seed: .* \(0\.2000 m short\)"):
+        reference_branch(problem)
+
+
+def test_a_sign_may_change_where_the_joint_is_zero(ur5):
+    """The wrist goes from its negative to its positive range; at the corner it must be at 0."""
+    q = np.array([0.2, -1.2, 1.6, -1.8, -1.5, -0.3])
+    hand = ur5.tool_position(q[None])[0]
+    points = hand + np.array([[0, 0, 0], [0, 0.15, 0], [0, 0.15, 0.15]])
+    signs = [{"wrist_3_joint": "-"}, {"wrist_3_joint": "+"}]
+    problem = PlanningProblem(ur5, Tube(points, 0.05, joint_signs=signs), q)
+    branch = reference_branch(problem)
+    assert branch.segments[0][-1][5] == pytest.approx(0, abs=1e-12)
