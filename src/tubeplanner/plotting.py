@@ -57,6 +57,8 @@ def plot_trajectory(
     samples = trajectory.at(np.linspace(0.0, trajectory.duration, _SAMPLES))
     hand = problem.robot.tool_position(samples.position)
     _draw_hand(hand_axes, problem, hand)
+    low, high = _draw_arm(hand_axes, problem, samples.position[[0, -1]])
+    _frame(hand_axes, problem, low, high)
     _draw_tube_use(use_axes, problem, samples.time, hand)
     if path is not None:
         write_whole(Path(path), lambda stream: figure.savefig(stream, format="png"))
@@ -113,7 +115,7 @@ def _draw_hand(axis: Any, problem: PlanningProblem, hand: FloatArray) -> None:
         axis.plot_surface(*surface, color=color, alpha=0.18, linewidth=0, shade=False)
     for obstacle in problem.obstacles:
         for shape in obstacle.shapes:
-            _draw_shape(axis, shape)
+            _draw_shape(axis, shape, "#777777", 0.2)
     axis.plot(*tube.points.T, color="#444444", linewidth=1, linestyle="--", label="reference")
     axis.plot(*hand.T, color="#D55E00", linewidth=2.2, label="hand")
     axis.scatter(*hand[0], color="#009E73", s=30, label="start")
@@ -122,33 +124,50 @@ def _draw_hand(axis: Any, problem: PlanningProblem, hand: FloatArray) -> None:
     axis.set_xlabel("x [m]")
     axis.set_ylabel("y [m]")
     axis.set_zlabel("z [m]")
-    _frame(axis, problem)
 
 
-def _frame(axis: Any, problem: PlanningProblem) -> None:
-    """Show the tube whole, in equal scale; a flat tube is seen from above it."""
+def _draw_arm(axis: Any, problem: PlanningProblem, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Draw the links at some configurations; return the corners of the space they take [m]."""
+    rotation, position = problem.robot.body_poses(q)
+    corners = []
+    for body_shape in problem.collision.shapes:
+        if body_shape.owner not in problem.robot.link_body:
+            continue
+        for i in range(len(q)):
+            placement = np.eye(4)
+            placement[:3, :3] = rotation[i, body_shape.body]
+            placement[:3, 3] = position[i, body_shape.body]
+            shape = body_shape.shape.transformed(placement)
+            _draw_shape(axis, shape, "#0072B2", 0.08)
+            corners.append(shape.vertices)
+    points = np.vstack(corners) if corners else problem.tube.points
+    return points.min(axis=0), points.max(axis=0)
+
+
+def _frame(axis: Any, problem: PlanningProblem, low: FloatArray, high: FloatArray) -> None:
+    """Show tube and arm whole, in equal scale; a flat tube is seen from above."""
     from matplotlib.ticker import MaxNLocator
 
     reach = problem.tube.radius.max()
-    low, high = problem.tube.points.min(axis=0) - reach, problem.tube.points.max(axis=0) + reach
-    spread = high - low
+    low = np.minimum(low, problem.tube.points.min(axis=0) - reach)
+    high = np.maximum(high, problem.tube.points.max(axis=0) + reach)
     axis.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
-    axis.set_box_aspect(spread)
+    axis.set_box_aspect(high - low)
     for coordinate in (axis.xaxis, axis.yaxis, axis.zaxis):
         coordinate.set_major_locator(MaxNLocator(4))
     flat = np.ptp(problem.tube.points[:, 2]) < 1e-9
     axis.view_init(elev=75 if flat else 22, azim=-90 if flat else -55)
 
 
-def _draw_shape(axis: Any, shape: ConvexShape) -> None:
+def _draw_shape(axis: Any, shape: ConvexShape, color: str, alpha: float) -> None:
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     if len(shape.vertices) <= 2:
-        ends = shape.vertices[[0, -1]]
-        axis.plot_surface(*_capsule_surface(*ends, shape.radius), color="#777777", alpha=0.35)
+        surface = _capsule_surface(*shape.vertices[[0, -1]], shape.radius)
+        axis.plot_surface(*surface, color=color, alpha=alpha, linewidth=0)
         return
     triangles = shape.vertices[shape.faces]
-    axis.add_collection3d(Poly3DCollection(triangles, facecolor="#777777", alpha=0.35))
+    axis.add_collection3d(Poly3DCollection(triangles, facecolor=color, alpha=alpha))
 
 
 def _capsule_surface(

@@ -1,0 +1,195 @@
+"""The command line as a user meets it: text, one JSON object, files, exit status."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tubeplanner import Place
+from tubeplanner.cli import main
+
+PROBLEM = "example:two_link/around_a_post"
+FIELDS = {
+    "status",
+    "message",
+    "where",
+    "duration",
+    "phase1_duration",
+    "planning_time",
+    "loading_time",
+    "certificate_time",
+    "stopped_by",
+    "certificate",
+}
+
+
+@pytest.fixture
+def run(capsys):
+    """Return a function from arguments to exit status, standard output and standard error."""
+
+    def call(*arguments):
+        status = main([str(argument) for argument in arguments])
+        captured = capsys.readouterr()
+        return status, captured.out, captured.err
+
+    return call
+
+
+@pytest.fixture
+def run_json(run):
+    def call(*arguments):
+        status, out, _ = run(*arguments, "--json")
+        return status, json.loads(out)
+
+    return call
+
+
+def problem_file(folder: Path, **sections):
+    fields = {
+        "robot": {
+            "urdf": "example:two_link",
+            "tool_frame": "hand",
+            "gravity": [0, 0, 0],
+            "limits": {"velocity": {"joint1": 50.0, "joint2": 50.0}},
+        },
+        "tube": {"points": [[0.3, -0.3, 0], [0.3, 0.3, 0]], "radius": 0.03},
+        "start": {"seed": [0.0, -1.0]},
+        **sections,
+    }
+    path = folder / "problem.json"
+    path.write_text(json.dumps(fields))
+    return path
+
+
+def test_plan_writes_what_was_asked_and_says_where(run, tmp_path):
+    files = {option: tmp_path / option.strip("-") for option in ("-o", "--csv", "--ros", "--plot")}
+    arguments = [word for pair in files.items() for word in pair]
+    status, out, err = run("plan", PROBLEM, *arguments)
+    assert status == 0
+    assert err == ""
+    for path in files.values():
+        assert path.stat().st_size > 1000
+        assert str(path) in out
+    assert "success: certified motion of" in out
+
+
+def test_plan_without_an_output_option_writes_nothing(run, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert run("plan", PROBLEM)[0] == 0
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_json_is_one_object_with_every_field(run_json):
+    status, fields = run_json("plan", PROBLEM)
+    assert status == 0
+    assert set(fields) >= FIELDS
+    assert fields["status"] == "success"
+    assert fields["phase1_duration"] is None
+    assert set(fields["where"]) == set(Place().as_dict())
+    assert fields["certificate"]["passed"] is True
+
+
+def test_a_planned_file_passes_check_and_a_faster_one_fails(run, run_json, tmp_path):
+    good, fast = tmp_path / "good.json", tmp_path / "fast.json"
+    run("plan", PROBLEM, "-o", good)
+    status, out, _ = run("check", PROBLEM, good)
+    assert status == 0
+    assert "passes every condition" in out
+    fields = json.loads(good.read_text())
+    factor, degree = 1 / 1.002, len(fields["coefficients"]) - 1
+    fields["breakpoints"] = [t * factor for t in fields["breakpoints"]]
+    fields["duration"] = fields["breakpoints"][-1]
+    fields["coefficients"] = [
+        [[value / factor ** (degree - row) for value in joint] for joint in rows]
+        for row, rows in enumerate(fields["coefficients"])
+    ]
+    fast.write_text(json.dumps(fields))
+    status, answer = run_json("check", PROBLEM, fast)
+    assert status == 1
+    assert answer["status"] == "certificate_failed"
+    assert answer["message"] == "the trajectory fails: effort"
+    assert set(answer) >= FIELDS
+    assert answer["where"]["joint"] == "joint2"
+    assert run("check", PROBLEM, fast, "--tolerance", "1e-6,0.01")[0] == 0
+
+
+def test_an_infeasible_problem_is_an_answer(run, run_json, tmp_path):
+    path = problem_file(tmp_path, tube={"points": [[0.3, -0.3, 0], [0.9, 0, 0]], "radius": 0.03})
+    output = tmp_path / "t.json"
+    output.write_text("precious")
+    status, out, _ = run("plan", path, "-o", output)
+    assert status == 1
+    assert "unreachable: " in out
+    assert output.read_text() == "precious"
+    status, fields = run_json("plan", path)
+    assert status == 1
+    assert fields["status"] == "unreachable"
+    assert fields["where"]["segment"] == 0
+    assert fields["duration"] is None
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["plan", "example:ur5/over"], "unknown bundled problem 'ur5/over'"),
+        (["plan", "nowhere.yaml"], "problem file nowhere.yaml does not exist"),
+        (["plan", PROBLEM, "--method", "magic"], "unknown method 'magic'"),
+        (["plan", PROBLEM, "--rate", "0"], "--rate is 0 Hz; it must be > 0"),
+        (["plan", PROBLEM, "--time-limit", "-1"], "time_limit is -1 s"),
+        (["plan", PROBLEM, "-o", "/nowhere/t.json"], "the folder /nowhere does not exist"),
+        (["plan", PROBLEM, "--spped", "1"], "No such option"),
+        (["plan"], "Missing argument 'PROBLEM'"),
+        (["paln", PROBLEM], "No such command 'paln'"),
+        (["check", PROBLEM, "nowhere.json"], "nowhere.json cannot be read"),
+        (["check", PROBLEM, "x.json", "--tolerance", "small"], "'small' is not ABS or ABS,REL"),
+    ],
+)
+def test_bad_input_is_named_and_exits_with_2(arguments, message, run, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    status, out, err = run(*arguments)
+    assert status == 2
+    assert out == ""
+    assert message in err
+    status, out, _ = run(*arguments, "--json")
+    assert status == 2
+    fields = json.loads(out)
+    assert fields["status"] == "bad_input"
+    assert message in fields["message"]
+    assert set(fields) >= FIELDS
+
+
+def test_an_interrupt_before_anything_is_certified_exits_with_130(run, run_json, monkeypatch):
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("tubeplanner.planner.verify", interrupt)
+    assert run("plan", PROBLEM)[0] == 130
+    status, fields = run_json("plan", PROBLEM)
+    assert status == 130
+    assert fields["status"] == "interrupted"
+
+
+def test_robots_and_schema_are_listed(run, run_json):
+    status, out, _ = run("robots")
+    assert status == 0
+    assert "example:ur5/over_the_wall" in out
+    assert "example:two_link  (bundled)" in out
+    assert "panda/between_shelves" in run_json("robots")[1]["problems"]
+    schema = json.loads(run("schema")[1])
+    assert set(schema["required"]) == {"robot", "tube", "start"}
+
+
+def test_help_names_every_command(run):
+    status, out, _ = run("--help")
+    assert status == 0
+    for command in ("plan", "check", "robots", "schema"):
+        assert command in out
+
+
+def test_the_installed_command_runs():
+    command = Path(sys.executable).parent / "tubeplanner"
+    output = subprocess.run([command, "--version"], capture_output=True, text=True)
+    assert output.returncode == 0
+    assert output.stdout.startswith("tubeplanner, version ")

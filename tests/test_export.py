@@ -1,0 +1,125 @@
+import csv
+import io
+import json
+
+import numpy as np
+import pytest
+from ruamel.yaml import YAML
+from scipy.interpolate import PPoly
+
+from tubeplanner import OutputError, TrajectoryError, read_trajectory
+from tubeplanner.export import (
+    require_writable,
+    trajectory_csv,
+    trajectory_json,
+    trajectory_ros,
+    write_text,
+)
+
+UR5 = "ur5/over_the_wall"
+
+
+def test_a_trajectory_file_reads_back_to_the_last_bit(planned, tmp_path):
+    _, result = planned(UR5)
+    path = tmp_path / "t.json"
+    write_text(path, trajectory_json(result.trajectory, method="stop-at-corners"))
+    again = read_trajectory(path)
+    np.testing.assert_array_equal(again.coefficients, result.trajectory.coefficients)
+    np.testing.assert_array_equal(again.breakpoints, result.trajectory.breakpoints)
+    assert again.joint_names == result.trajectory.joint_names
+
+
+def test_a_trajectory_file_is_what_scipy_takes(planned):
+    _, result = planned(UR5)
+    fields = json.loads(trajectory_json(result.trajectory))
+    assert fields["format"] == "tubeplanner/trajectory"
+    assert fields["version"] == 1
+    assert fields["duration"] == fields["breakpoints"][-1] == result.duration
+    position = PPoly(np.array(fields["coefficients"]), np.array(fields["breakpoints"]))
+    np.testing.assert_array_equal(position(0.3), result.trajectory.position(0.3))
+
+
+def test_csv_has_every_quantity_of_every_joint(planned):
+    problem, result = planned(UR5)
+    rows = list(csv.DictReader(io.StringIO(trajectory_csv(problem.robot, result.trajectory, 100))))
+    names = problem.robot.joint_names
+    quantities = ("position", "velocity", "acceleration", "effort")
+    assert list(rows[0]) == ["time", *(f"{name}.{what}" for what in quantities for name in names)]
+    time = np.array([float(row["time"]) for row in rows])
+    np.testing.assert_allclose(np.diff(time)[:-1], 0.01)
+    assert time[-1] == result.duration
+    q, v, a, tau = (
+        np.array([[float(row[f"{name}.{what}"]) for name in names] for row in rows])
+        for what in quantities
+    )
+    np.testing.assert_array_equal(q, result.trajectory.position(time))
+    np.testing.assert_array_equal(v, result.trajectory.velocity(time))
+    np.testing.assert_allclose(tau, problem.robot.inverse_dynamics(q, v, a))
+
+
+def test_ros_is_a_joint_trajectory_without_efforts(planned):
+    _, result = planned(UR5)
+    message = YAML(typ="safe", pure=True).load(trajectory_ros(result.trajectory, 50))
+    assert message["joint_names"] == list(result.trajectory.joint_names)
+    point = message["points"][7]
+    assert set(point) == {"positions", "velocities", "accelerations", "time_from_start"}
+    stamp = point["time_from_start"]
+    time = stamp["sec"] + 1e-9 * stamp["nanosec"]
+    assert time == pytest.approx(7 / 50)
+    np.testing.assert_allclose(point["positions"], result.trajectory.position(7 / 50))
+    last = message["points"][-1]["time_from_start"]
+    assert last["sec"] + 1e-9 * last["nanosec"] == pytest.approx(result.duration, abs=1e-9)
+    assert all(isinstance(value, float) for row in message["points"] for value in row["positions"])
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("{", "cannot be read as JSON"),
+        ("[]", "is no trajectory file"),
+        ('{"format": "other"}', "format must be tubeplanner/trajectory"),
+        ('{"format": "tubeplanner/trajectory", "version": 2}', "version 2 cannot be read"),
+        (
+            '{"format": "tubeplanner/trajectory", "version": 1, "joint_names": ["a"]}',
+            "breakpoints is missing or no list",
+        ),
+        (
+            '{"format": "tubeplanner/trajectory", "version": 1, "joint_names": ["a"], '
+            '"breakpoints": [0, 1], "coefficients": [[[1], [2]]]}',
+            "coefficients have shape",
+        ),
+        (
+            '{"format": "tubeplanner/trajectory", "version": 1, "joint_names": ["a"], '
+            '"breakpoints": [0, 1], "coefficients": [[[1]]], "duration": 2}',
+            "duration 2 s contradicts the last breakpoint, 1.0 s",
+        ),
+    ],
+)
+def test_a_file_that_is_no_trajectory_is_refused_by_name(text, message, tmp_path):
+    path = tmp_path / "t.json"
+    path.write_text(text)
+    with pytest.raises(TrajectoryError, match=message) as caught:
+        read_trajectory(path)
+    assert str(path) in str(caught.value)
+
+
+def test_a_failed_write_leaves_what_was_there(tmp_path, monkeypatch):
+    path = tmp_path / "t.json"
+    path.write_text("precious")
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("pathlib.Path.replace", full)
+    with pytest.raises(OutputError, match="No space left on device"):
+        write_text(path, "new")
+    assert path.read_text() == "precious"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_places_that_cannot_be_written_to_are_named_before_work_begins(tmp_path):
+    with pytest.raises(OutputError, match="is a folder; name a file"):
+        require_writable(tmp_path)
+    with pytest.raises(OutputError, match=r"the folder .*nowhere does not exist"):
+        require_writable(tmp_path / "nowhere" / "t.json")
+    require_writable(tmp_path / "t.json")

@@ -1,0 +1,134 @@
+import numpy as np
+import pytest
+
+from conftest import PROBLEMS
+from tubeplanner import (
+    Obstacle,
+    OptionError,
+    Payload,
+    PlanningProblem,
+    PlanOptions,
+    PlanStatus,
+    Seed,
+    Tube,
+    load_robot,
+    placement_of,
+    plan,
+    verify,
+)
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_bundled_problems_are_planned_and_certified(name, planned):
+    problem, result = planned(name)
+    assert result.status is PlanStatus.SUCCESS
+    assert result.certificate.passed
+    assert verify(problem, result.trajectory).passed
+    assert 0 < result.certificate_time < result.planning_time
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_bundled_problems_are_worth_looking_at(name, planned):
+    """A turn of 90 degrees, a radius of at most 3 cm, an obstacle within 5 cm of a link."""
+    problem, result = planned(name)
+    along = np.diff(problem.tube.points, axis=0)
+    along /= np.linalg.norm(along, axis=1)[:, None]
+    turn = np.degrees(np.arccos(np.clip((along[:-1] * along[1:]).sum(axis=1), -1, 1)))
+    assert turn.max() >= 90 - 1e-9
+    assert problem.tube.radius.min() <= 0.03
+    assert result.certificate.conditions["obstacles"].margin + problem.clearance < 0.05
+
+
+def two_link_problem(two_link, obstacles=(), **more):
+    tube = Tube([[0.3, -0.3, 0], [0.3, 0.3, 0]], 0.03, joint_signs={"joint2": "-"})
+    seed = Seed(np.array([0.0, -1.0]))
+    return PlanningProblem(two_link, tube, seed, obstacles=obstacles, **more)
+
+
+def test_an_obstacle_in_the_tube_is_named_with_link_place_and_depth(two_link):
+    post = Obstacle.cylinder("post", 0.02, 0.3, placement_of([0.3, 0.0, 0.0]))
+    result = plan(two_link_problem(two_link, [post]))
+    assert result.status is PlanStatus.TUBE_BLOCKED
+    assert result.trajectory is None
+    assert result.place.obstacle == "post"
+    assert result.place.links == ("link1",)  # the elbow passes there before the hand does
+    assert "'link1' reaches" in result.message
+    assert "mm into 'post' at t = " in result.message
+    assert not result.certificate.passed
+
+
+def test_a_missed_clearance_is_named(two_link):
+    post = Obstacle.cylinder("post", 0.02, 0.3, placement_of([0.37, 0.0, 0.0]))
+    free = plan(two_link_problem(two_link, [post]))
+    assert free.succeeded
+    result = plan(two_link_problem(two_link, [post], clearance=0.2))
+    assert result.status is PlanStatus.TUBE_BLOCKED
+    assert "mm of 'post' (clearance 200 mm)" in result.message
+
+
+def test_links_in_each_others_way_are_named(ur5):
+    q = np.array([0, -1.2, 2.9, -1.5, -1.5, 0])
+    hand = ur5.tool_position(q[None])[0]
+    problem = PlanningProblem(ur5, Tube(hand + np.array([[0, 0, 0], [0, 0, 0.02]]), 0.1), q)
+    result = plan(problem)
+    assert result.status is PlanStatus.TUBE_BLOCKED
+    assert "overlap by" in result.message
+    assert "collision.ignore" in result.message
+    assert result.place.obstacle is None
+
+
+def test_a_payload_too_heavy_is_named():
+    robot = load_robot("example:ur5", "tool0", payload=Payload(mass=60.0))
+    q = np.array([-0.773861, -1.294184, 1.830514, -1.925057, -1.682929, 0.0])
+    hand = robot.tool_position(q[None])[0]
+    tube = Tube(hand + np.array([[0, 0, 0], [0.1, 0, 0.1]]), 0.05)
+    result = plan(PlanningProblem(robot, tube, q))
+    assert result.status is PlanStatus.GRAVITY_EXCEEDS_EFFORT
+    assert "against gravity alone, its effort limit is" in result.message
+    assert result.place.joint in robot.joint_names
+
+
+def test_a_tube_out_of_reach_is_named(two_link):
+    tube = Tube([[0.3, -0.3, 0], [0.9, 0.3, 0]], 0.03)
+    result = plan(PlanningProblem(two_link, tube, Seed(np.array([0.0, -1.0]))))
+    assert result.status is PlanStatus.UNREACHABLE
+    assert "out of the arm's reach" in result.message
+    assert result.certificate is None
+    assert result.duration is None
+
+
+def test_an_open_goal_is_reported(two_link):
+    result = plan(two_link_problem(two_link))
+    q = result.trajectory.position(result.duration)
+    assert f"the goal was left open and became [{q[0]:.4f}, {q[1]:.4f}]" in result.message
+
+
+def test_a_time_limit_ends_planning(two_link):
+    result = plan(two_link_problem(two_link), PlanOptions(time_limit=1e-9))
+    assert result.status is PlanStatus.TIME_LIMIT
+    assert "time limit of 1e-09 s" in result.message
+
+
+def test_stages_are_announced(two_link):
+    stages = []
+    plan(two_link_problem(two_link), progress=stages.append)
+    assert len(stages) == 3
+    assert stages[-1] == "certificate"
+
+
+def test_options_are_checked_when_they_are_made():
+    with pytest.raises(OptionError, match="unknown method 'fast'; there is: stop-at-corners"):
+        PlanOptions(method="fast")
+    with pytest.raises(OptionError, match="time_limit is -1 s; it must be > 0"):
+        PlanOptions(time_limit=-1)
+
+
+def test_limits_scaled_down_slow_the_motion_down(planned, two_link):
+    """Half the effort, no gravity: the same shape takes sqrt(2) times as long."""
+    from tubeplanner import LimitOverrides
+
+    unlimited = {"joint1": np.inf, "joint2": np.inf}
+    half = LimitOverrides(velocity=unlimited, scale={"effort": 0.5})
+    weak = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=half)
+    strong, slow = plan(two_link_problem(two_link)), plan(two_link_problem(weak))
+    assert slow.duration / strong.duration == pytest.approx(np.sqrt(2), rel=1e-6)
