@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PROBLEM ?= example:ur5/over_the_wall
 
-.PHONY: demo test lint clean
+.PHONY: demo test lint wheel clean
 
 demo: $(VENV)/.installed
 	mkdir -p output
@@ -17,6 +17,15 @@ test: $(VENV)/.installed-test lint
 lint: $(VENV)/.installed-test
 	$(BIN)/ruff check src tests
 	$(BIN)/ruff format --check src tests
+	$(BIN)/mypy
+
+# The built wheel alone, away from the checkout, must list and plan the bundled problems.
+wheel: $(VENV)/.installed
+	rm -rf output/wheel
+	$(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir output/wheel .
+	$(BIN)/python -m pip install --quiet --no-deps --target output/wheel/installed output/wheel/*.whl
+	cd output/wheel && PYTHONPATH=installed ../../$(BIN)/python -c \
+		"import tubeplanner; from tubeplanner.cli import main; assert 'installed' in tubeplanner.__file__; raise SystemExit(main(['plan', '$(PROBLEM)']))"
 
 clean:
 	rm -rf $(VENV) output

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from tubeplanner.certificate import Certificate
     from tubeplanner.planner import PlanResult
     from tubeplanner.problem import PlanningProblem
+    from tubeplanner.trajectory import JointTrajectory
 
 SUCCESS, INFEASIBLE, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
@@ -102,9 +103,9 @@ def plan(
     with _progress() as enter:
         loaded, loading_time = _load(problem, enter)
         result = plan_problem(loaded, options, enter)
-        if result.succeeded:
+        if result.trajectory is not None:
             enter("output files")
-            _write(outputs, loaded, result)
+            _write(outputs, loaded, result.method, result.trajectory)
     if as_json:
         _print_json({**result.as_dict(), "loading_time": loading_time})
     else:
@@ -198,12 +199,13 @@ class _Outputs:
         return [(kind, path) for kind, path in asked.items() if path is not None]
 
 
-def _write(outputs: _Outputs, problem: "PlanningProblem", result: "PlanResult") -> None:
+def _write(
+    outputs: _Outputs, problem: "PlanningProblem", method: str, answer: "JointTrajectory"
+) -> None:
     from tubeplanner.export import trajectory_csv, trajectory_json, trajectory_ros, write_text
 
-    answer = result.trajectory
     if outputs.trajectory:
-        text = trajectory_json(answer, method=result.method, tubeplanner_version=__version__)
+        text = trajectory_json(answer, method=method, tubeplanner_version=__version__)
         write_text(outputs.trajectory, text)
     if outputs.csv:
         write_text(outputs.csv, trajectory_csv(problem.robot, answer, outputs.rate))

@@ -23,7 +23,8 @@ def best_hand_overs(margin: FloatArray) -> IntArray:
     best = [np.minimum.accumulate(margin[:, 0])]
     for k in range(1, margin.shape[1]):
         best.append(_best_after_hand_over(best[-1], margin[:, k]))
-    hand_overs, last = [], len(margin) - 1
+    hand_overs: list[int] = []
+    last = len(margin) - 1
     for k in range(margin.shape[1] - 1, 0, -1):
         last = _hand_over_before(best[k - 1], margin[:, k - 1], margin[:, k], last)
         hand_overs.insert(0, last)

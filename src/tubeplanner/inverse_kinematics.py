@@ -56,11 +56,12 @@ def solve_position(
         seed: Where to start, shape (n,) [rad or m].
         lower: Lower joint bounds, shape (n,).
         upper: Upper joint bounds, shape (n,).
-        preferred: Where spare joints go, shape (n,); default: they move as little as needed.
+        preferred: Where spare joints go, shape (n,); default: back to the seed.
 
     Returns:
         The solution; its error says whether the target was reached.
     """
+    preferred = seed if preferred is None else preferred
     solution = _descend(robot, target, seed, lower, upper, preferred)
     pattern = (-1.0) ** np.arange(len(seed))
     for bend in _BENDS:
@@ -78,13 +79,13 @@ def _descend(
     seed: FloatArray,
     lower: FloatArray,
     upper: FloatArray,
-    preferred: FloatArray | None,
+    preferred: FloatArray,
 ) -> PositionSolution:
     q = np.clip(seed, lower, upper)
     for iteration in range(_MOST_ITERATIONS):
         position, jacobian = robot.tool_jacobian(q[None])
         error, jacobian = target - position[0], jacobian[0, :3]
-        pulled = preferred is not None and iteration < _PULLED_ITERATIONS
+        pulled = iteration < _PULLED_ITERATIONS
         pull = preferred - q if pulled else np.zeros_like(q)
         step = _step(jacobian, error, pull, q, lower, upper)
         step *= min(1.0, _LARGEST_STEP / max(float(abs(step).max()), 1e-300))

@@ -73,10 +73,11 @@ def planning_group(
             raise RobotError(f"{description.path}: joints: {message}")
         if group.count(name) > 1:
             raise RobotError(f"joints: '{name}' is listed {group.count(name)} times")
-        if description.joints[name].mimic is not None:
+        mimic = description.joints[name].mimic
+        if mimic is not None:
             raise RobotError(
-                f"{description.path}: joint '{name}' mimics "
-                f"'{description.joints[name].mimic.master}' and cannot be planned by itself"
+                f"{description.path}: joint '{name}' mimics '{mimic.master}' and cannot be planned "
+                "by itself; choose joints without it"
             )
     if not set(group) & set(chain):
         raise RobotError(

@@ -175,20 +175,21 @@ def _judge(
 
 
 def _blocked_message(problem: PlanningProblem, condition: Condition) -> str:
-    place = condition.where
-    short = f"{-1000 * condition.margin:.1f} mm"
-    if place.obstacle is None:
+    """Say which links are where, and how deep or how near."""
+    links, obstacle = condition.where.links or (), condition.where.obstacle
+    when = f"at t = {condition.where.time or 0.0:.3f} s"
+    margin = condition.margin or 0.0
+    if obstacle is None:
         return (
-            f"{' and '.join(place.links)} overlap by {short} at t = {place.time:.3f} s; choose "
-            "another configuration, or list the pair in collision.ignore if it may touch"
+            f"{' and '.join(links)} overlap by {-1000 * margin:.1f} mm {when}; choose another "
+            "configuration, or list the pair in collision.ignore if it may touch"
         )
+    distance = 1000 * (margin + problem.clearance)
     deed = (
-        f"comes within {1000 * (condition.margin + problem.clearance):.1f} mm of"
-        if problem.clearance + condition.margin > 0
-        else f"reaches {-1000 * (condition.margin + problem.clearance):.1f} mm into"
+        f"comes within {distance:.1f} mm of" if distance > 0 else f"reaches {-distance:.1f} mm into"
     )
     wanted = f" (clearance {1000 * problem.clearance:g} mm)" if problem.clearance else ""
     return (
-        f"'{place.links[0]}' {deed} '{place.obstacle}'{wanted} at t = {place.time:.3f} s; move "
-        "the reference points or choose another configuration"
+        f"'{links[0]}' {deed} '{obstacle}'{wanted} {when}; move the reference points or choose "
+        "another configuration"
     )

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 _COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 _DASHES = ("-", "--")
 _SEGMENT_COLORS = ("#56B4E9", "#E69F00", "#009E73", "#CC79A7")
-_LIMIT = {"color": "#444444", "linewidth": 1.0, "linestyle": (0, (4, 3))}
+_LIMIT: dict[str, Any] = {"color": "#444444", "linewidth": 1.0, "linestyle": (0, (4, 3))}
 _SAMPLES = 800
 
 
@@ -163,7 +163,7 @@ def _draw_shape(axis: Any, shape: ConvexShape, color: str, alpha: float) -> None
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     if len(shape.vertices) <= 2:
-        surface = _capsule_surface(*shape.vertices[[0, -1]], shape.radius)
+        surface = _capsule_surface(shape.vertices[0], shape.vertices[-1], shape.radius)
         axis.plot_surface(*surface, color=color, alpha=alpha, linewidth=0)
         return
     triangles = shape.vertices[shape.faces]

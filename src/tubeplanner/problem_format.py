@@ -263,4 +263,4 @@ _SECTION_OF: dict[str, type[BaseModel]] = {
     "obstacles": ObstacleFields,
     "collision": CollisionFields,
 }
-_SECTIONS = (ProblemFields, *_SECTION_OF.values())
+_SECTIONS: tuple[type[BaseModel], ...] = (ProblemFields, *_SECTION_OF.values())

@@ -1,0 +1,255 @@
+"""A URDF read strictly: every fault is named."""
+
+import xml.etree.ElementTree as ElementTree
+
+import numpy as np
+import pytest
+
+from tubeplanner.errors import RobotError
+from tubeplanner.urdf import Mimic, read_urdf
+
+LIMIT = '<limit lower="-1" upper="2" effort="10" velocity="3"/>'
+
+
+def joint(name="j", kind="revolute", parent="a", child="b", inner=LIMIT):
+    ends = f'<parent link="{parent}"/><child link="{child}"/>'
+    return f'<joint name="{name}" type="{kind}">{ends}{inner}</joint>'
+
+
+def links(names):
+    return "".join(f'<link name="{name}"/>' for name in names)
+
+
+def robot(*parts):
+    return f'<robot name="arm">{"".join(parts)}</robot>'
+
+
+def read(tmp_path, text):
+    path = tmp_path / "arm.urdf"
+    path.write_text(text, encoding="utf-8")
+    return read_urdf(path)
+
+
+FAULTS = {
+    "an empty file": ("", "cannot be read as URDF: no element found"),
+    "malformed XML": ("<robot><link></robot>", "cannot be read as URDF: mismatched tag: line 1"),
+    "a file cut off": ('<robot name="arm"><link', "cannot be read as URDF: unclosed token"),
+    "another root tag": ("<sdf/>", "the root element is <sdf>, not <robot>"),
+    "no link": (robot(), "the links must hang from one root; roots found: none"),
+    "a link without name": (robot("<link/>"), "a <link> element has no attribute 'name'"),
+    "a joint without name": (
+        robot(links("ab"), joint(name="")),
+        "a <joint> element has no attribute 'name'",
+    ),
+    "a joint without type": (
+        robot(links("ab"), joint(kind="")),
+        "a <joint> element has no attribute 'type'",
+    ),
+    "a doubled link": (robot(links("aba"), joint()), "link 'a' is defined 2 times"),
+    "a doubled joint": (
+        robot(links("abc"), joint(), joint(), joint(child="c")),
+        "joint 'j' is defined 3 times",
+    ),
+    "an unknown parent": (
+        robot(links(["arm", "b"]), joint(parent="arn")),
+        "joint 'j': unknown link 'arn' (did you mean 'arm'?); there is: arm, b",
+    ),
+    "an unknown child": (robot(links("ab"), joint(child="c")), "joint 'j': unknown link 'c'"),
+    "two roots": (
+        robot(links("abc"), joint()),
+        "the links must hang from one root; roots found: ['a', 'c']",
+    ),
+    "nothing but a loop": (
+        robot(links("ab"), joint(), joint("k", parent="b", child="a")),
+        "the links must hang from one root; roots found: none",
+    ),
+    "a loop beside the root": (
+        robot(links("rab"), joint(), joint("k", parent="b", child="a")),
+        "the links form a loop through 'a'",
+    ),
+    "a link that is its own parent": (
+        robot(links("ra"), joint(parent="a", child="a")),
+        "the links form a loop through 'a'",
+    ),
+    "two parents": (
+        robot(links("abc"), joint(child="c"), joint("k", parent="b", child="c")),
+        "link 'c' is the child of more than one joint",
+    ),
+    "a planar joint": (
+        robot(links("ab"), joint(kind="planar")),
+        "joint 'j' has type 'planar'; the types that can be planned are: revolute, continuous, "
+        "prismatic, fixed",
+    ),
+    "no parent": (
+        robot(links("ab"), '<joint name="j" type="fixed"><child link="b"/></joint>'),
+        "joint 'j' has no <parent>",
+    ),
+    "no child": (
+        robot(links("ab"), '<joint name="j" type="fixed"><parent link="a"/></joint>'),
+        "joint 'j' has no <child>",
+    ),
+    "a parent without link": (
+        robot(links("ab"), joint(parent="")),
+        "a <parent> element has no attribute 'link'",
+    ),
+    "a zero axis": (
+        robot(links("ab"), joint(inner='<axis xyz="0 0 0"/>' + LIMIT)),
+        "joint 'j': axis xyz=\"0 0 0\" is no direction; three numbers, not all zero",
+    ),
+    "an axis of two numbers": (
+        robot(links("ab"), joint(inner='<axis xyz="0 1"/>' + LIMIT)),
+        "joint 'j': axis xyz=\"0 1\" is no direction",
+    ),
+    "an axis of words": (
+        robot(links("ab"), joint(inner='<axis xyz="x y z"/>' + LIMIT)),
+        "joint 'j': axis xyz=\"x y z\" is no direction",
+    ),
+    "an axis that is not a number": (
+        robot(links("ab"), joint(inner='<axis xyz="0 nan 1"/>' + LIMIT)),
+        "joint 'j': axis xyz=\"0 nan 1\" is no direction",
+    ),
+    "a decimal comma": (
+        robot(links("ab"), joint(inner='<limit effort="10,5" velocity="1"/>')),
+        "joint 'j': effort=\"10,5\" is not a number",
+    ),
+    "an unexpanded xacro value": (
+        robot(links("ab"), joint(inner='<limit effort="1" velocity="${v}"/>')),
+        "joint 'j': velocity=\"${v}\" is not a number",
+    ),
+    "nan": (
+        robot(links("ab"), joint(inner='<limit lower="nan" effort="1" velocity="1"/>')),
+        "joint 'j': lower is not a number (nan)",
+    ),
+    "a mimic of nothing": (
+        robot(links("ab"), joint(inner=LIMIT + "<mimic/>")),
+        "joint 'j': <mimic> names no joint",
+    ),
+    "a mimic multiplier": (
+        robot(links("ab"), joint(inner=LIMIT + '<mimic joint="j" multiplier="x"/>')),
+        "joint 'j': multiplier=\"x\" is not a number",
+    ),
+}
+
+
+@pytest.mark.parametrize(("text", "message"), FAULTS.values(), ids=FAULTS.keys())
+def test_a_fault_is_named_with_its_file(tmp_path, text, message):
+    with pytest.raises(RobotError) as caught:
+        read(tmp_path, text)
+    assert str(caught.value).startswith(str(tmp_path / "arm.urdf"))
+    assert message in str(caught.value)
+
+
+def test_a_file_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(RobotError) as caught:
+        read_urdf(tmp_path / "none.urdf")
+    assert f"{tmp_path / 'none.urdf'} cannot be read as URDF" in str(caught.value)
+    assert "No such file" in str(caught.value)
+
+
+def test_a_file_that_is_no_text_is_named(tmp_path):
+    (tmp_path / "arm.urdf").write_bytes(b"\xff\xfe\x00\x01")
+    with pytest.raises(RobotError, match="cannot be read as URDF"):
+        read_urdf(tmp_path / "arm.urdf")
+
+
+def test_a_good_file_gives_links_and_joints_as_written(tmp_path):
+    description = read(tmp_path, robot(links("abc"), joint(), joint("k", "fixed", "b", "c", "")))
+    assert description.name == "arm"
+    assert description.links == ("a", "b", "c")
+    assert list(description.joints) == ["j", "k"]
+    j = description.joints["j"]
+    assert (j.type, j.parent, j.child) == ("revolute", "a", "b")
+    assert (j.lower, j.upper, j.effort, j.velocity) == (-1, 2, 10, 3)
+    assert description.movable() == ["j"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "limit", "expected"),
+    [
+        ("revolute", "", (0, 0, None, None)),
+        ("revolute", '<limit effort="5"/>', (0, 0, 5, None)),
+        ("revolute", '<limit effort="0" velocity="inf"/>', (0, 0, 0, np.inf)),
+        ("prismatic", '<limit lower="-inf" upper="0.5"/>', (-np.inf, 0.5, None, None)),
+        ("continuous", '<limit lower="-1" upper="1" effort="5"/>', (-np.inf, np.inf, 5, None)),
+        ("continuous", "", (-np.inf, np.inf, None, None)),
+    ],
+)
+def test_limits_are_read_but_not_judged(tmp_path, kind, limit, expected):
+    description = read(tmp_path, robot(links("ab"), joint(kind=kind, inner=limit)))
+    j = description.joints["j"]
+    assert (j.lower, j.upper, j.effort, j.velocity) == expected
+
+
+@pytest.mark.parametrize(
+    ("mimic", "expected"),
+    [
+        ('<mimic joint="k"/>', Mimic("k", 1.0, 0.0)),
+        ('<mimic joint="k" multiplier="-2" offset="0.5"/>', Mimic("k", -2.0, 0.5)),
+        ('<mimic joint="k" multiplier="0"/>', Mimic("k", 0.0, 0.0)),
+    ],
+)
+def test_a_mimic_joint_keeps_its_rule(tmp_path, mimic, expected):
+    description = read(
+        tmp_path, robot(links("abc"), joint(inner=LIMIT + mimic), joint("k", child="c"))
+    )
+    assert description.joints["j"].mimic == expected
+
+
+def test_a_byte_order_mark_and_a_declared_encoding_do_no_harm(tmp_path):
+    text = robot(links("ab"), joint())
+    path = tmp_path / "arm.urdf"
+    path.write_text('<?xml version="1.0" encoding="utf-8"?>\n' + text, encoding="utf-8-sig")
+    assert read_urdf(path).movable() == ["j"]
+
+
+def test_the_chain_runs_from_the_root_and_skips_fixed_joints_and_branches(tmp_path):
+    description = read(
+        tmp_path,
+        robot(
+            links("fedcba"),
+            joint("last", "prismatic", "d", "e"),
+            joint("weld", "fixed", "b", "d", ""),
+            joint("first", "continuous", "a", "b"),
+            joint("branch", "revolute", "b", "c"),
+            joint("tip", "fixed", "e", "f", ""),
+        ),
+    )
+    assert description.chain("f") == ["first", "last"]
+    assert description.chain("c") == ["first", "branch"]
+    assert description.chain("a") == []
+
+
+def test_the_chain_to_an_unknown_link_lists_the_links(tmp_path):
+    description = read(tmp_path, robot(links("ab"), joint()))
+    with pytest.raises(RobotError, match="arm.urdf: unknown link 'x'; there is: a, b"):
+        description.chain("x")
+
+
+def test_the_kinematic_copy_has_no_geometry_and_only_plain_bounded_joints(tmp_path):
+    solid = "<geometry><sphere radius='1'/></geometry>"
+    extra = '<safety_controller k_velocity="1"/><calibration rising="0"/><mimic joint="k"/>'
+    description = read(
+        tmp_path,
+        robot(
+            f'<link name="a"><visual>{solid}</visual><collision>{solid}</collision></link>',
+            links("bcd"),
+            joint("j", "continuous", "a", "b", ""),
+            joint("k", "prismatic", "b", "c", LIMIT + extra),
+            joint("weld", "fixed", "c", "d", ""),
+        ),
+    )
+    root = ElementTree.fromstring(description.kinematic_xml())
+    assert {element.tag for element in root.iter()} == {
+        "robot", "link", "joint", "parent", "child", "limit"
+    }  # fmt: skip
+    assert {j.get("name"): j.get("type") for j in root.findall("joint")} == {
+        "j": "revolute",
+        "k": "prismatic",
+        "weld": "fixed",
+    }
+    limits = [element.attrib for element in root.iter("limit")]
+    assert len(limits) == 2
+    for limit in limits:
+        assert float(limit["lower"]) < float(limit["upper"])
+        assert float(limit["effort"]) > 0
+        assert float(limit["velocity"]) > 0
