@@ -26,8 +26,10 @@ ORDER = (
     "problem",
     "bernstein",
     "trajectory",
+    "peaks",
     "outcome",
     "inverse_kinematics",
+    "segment_walk",
     "reference_branch",
     "time_scaling",
     "stop_at_corners",
@@ -42,7 +44,14 @@ ORDER = (
 )
 PACKAGE = Path(tubeplanner.__file__).parent
 # The judge must not share code with what it judges.
-PLANNING = {"inverse_kinematics", "reference_branch", "time_scaling", "stop_at_corners", "planner"}
+PLANNING = {
+    "inverse_kinematics",
+    "segment_walk",
+    "reference_branch",
+    "time_scaling",
+    "stop_at_corners",
+    "planner",
+}
 # Who may know which library.
 KNOWS = {
     "pinocchio": {"pinocchio_model", "robot"},

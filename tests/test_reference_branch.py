@@ -110,7 +110,7 @@ def test_position_limits_in_the_way_are_named():
 
 def test_a_seed_that_reaches_nothing_is_named(two_link):
     problem = two_link_problem(two_link, [(0.8, 0.0), (0.3, 0.0)])
-    with pytest.raises(Infeasible, match=r"start from its seed: .* \(0\.2000 m short\)"):
+    with pytest.raises(Infeasible, match=r"start from its seed: .* \(0\.2 m short\)"):
         reference_branch(problem)
 
 

@@ -15,7 +15,7 @@ from tubeplanner.robot import RobotModel
 
 _DAMPING = 1e-10  # added to half the squared error [m^2]
 _POSITION_TOLERANCE = 1e-10  # [m]
-_POSTURE_TOLERANCE = 1e-9  # [rad or m]
+_POSTURE_TOLERANCE = 1e-8  # [rad or m]
 _MOST_ITERATIONS = 100
 # Near full stretch a joint is all but spare, and a pull on it would keep the hand from its target:
 # later iterations go for the target alone.
@@ -81,11 +81,16 @@ def _descend(
     upper: FloatArray,
     preferred: FloatArray,
 ) -> PositionSolution:
-    q = np.clip(seed, lower, upper)
+    q = last = np.clip(seed, lower, upper)
+    least = np.inf
     for iteration in range(_MOST_ITERATIONS):
         position, jacobian = robot.tool_jacobian(q[None])
         error, jacobian = target - position[0], jacobian[0, :3]
         pulled = iteration < _PULLED_ITERATIONS
+        if not pulled and np.linalg.norm(error) > least:
+            q = (last + q) / 2  # a step beyond a target out of reach
+            continue
+        least, last = float(np.linalg.norm(error)), q
         pull = preferred - q if pulled else np.zeros_like(q)
         step = _step(jacobian, error, pull, q, lower, upper)
         step *= min(1.0, _LARGEST_STEP / max(float(abs(step).max()), 1e-300))
@@ -93,7 +98,7 @@ def _descend(
         q = q + moved
         if abs(moved).max() < _POSTURE_TOLERANCE:
             break
-        if not pulled and np.linalg.norm(error) < _POSITION_TOLERANCE:
+        if not pulled and least < _POSITION_TOLERANCE:
             break
     error = target - robot.tool_position(q[None])[0]
     return PositionSolution(q, float(np.linalg.norm(error)))

@@ -16,12 +16,16 @@ from tubeplanner.time_scaling import scaled_to_limits
 from tubeplanner.trajectory import JointTrajectory, concatenate, from_spline
 
 _DEGREE = 5
+_STILL = 1e-9  # [rad or m]: a segment whose joints move less is left out
+# Configurations nearer to their neighbour than this share of the largest step carry no direction.
+_LEAST_STEP_SHARE = 1e-4
 _REST_POINTS = 3  # equal control points at an end put velocity and acceleration there to zero
 _FEWEST_INTERVALS = 16
 _MOST_INTERVALS = 128
 _FIT_POINTS_PER_INTERVAL = 8
 # The fit may use this share of the tube's radius; the rest is left to whoever improves on it.
 _FIT_RADIUS_SHARE = 0.1
+_ON_THE_WALL = 5e-7  # [m]
 # Shares of the time spent speeding up, and as much slowing down: the fastest is kept.
 _RAMP_SHARES = (0.5, 0.4, 0.3, 0.2, 0.15, 0.1)
 
@@ -32,7 +36,12 @@ def stop_at_corners(problem: PlanningProblem, branch: ReferenceBranch) -> JointT
     Raises:
         Infeasible: Gravity exceeds a motor's effort, or no spline follows the branch in the tube.
     """
-    return concatenate([_fastest(problem, branch, k) for k in range(len(branch.segments))])
+    moving = [k for k, q in enumerate(branch.segments) if np.ptp(q, axis=0).max() > _STILL]
+    if not moving:
+        raise Infeasible(
+            PlanStatus.NO_TRAJECTORY, "the start is the goal: there is nothing to move", Place()
+        )
+    return concatenate([_fastest(problem, branch, k) for k in moving])
 
 
 def _fastest(problem: PlanningProblem, branch: ReferenceBranch, segment: int) -> JointTrajectory:
@@ -47,24 +56,26 @@ def _follow(
     q = branch.segments[segment]
     radius = problem.tube.effective_radius[segment]
     available = _least_margin(problem, q, segment)
+    # Where the branch itself touches the wall, or leaves it by a rounding error, so may the fit.
+    needed = max(available - _FIT_RADIUS_SHARE * radius, min(available, 0.0) - _ON_THE_WALL)
     intervals = _FEWEST_INTERVALS
     while intervals <= _MOST_INTERVALS:
         shape = _fit(problem, q, segment, ramp, intervals)
         samples = shape.per_piece(_FIT_POINTS_PER_INTERVAL).position
-        if _least_margin(problem, samples, segment) > available - _FIT_RADIUS_SHARE * radius:
+        if _least_margin(problem, samples, segment) > needed:
             return scaled_to_limits(problem.robot, shape)
         intervals *= 2
     raise Infeasible(
         PlanStatus.NO_TRAJECTORY,
         f"segment {segment}: no spline of {_MOST_INTERVALS} pieces follows the inverse kinematics "
-        f"within {_FIT_RADIUS_SHARE * radius:.4f} m; widen the radius",
+        f"within {_FIT_RADIUS_SHARE * radius:.3g} m; widen the radius",
         Place(segment=segment),
     )
 
 
 def _least_margin(problem: PlanningProblem, q: FloatArray, segment: int) -> float:
     hand = problem.robot.tool_position(q)
-    return float(problem.tube.margin(hand)[:, segment].min())
+    return float(problem.tube.margin(hand, slice(segment, segment + 1)).min())
 
 
 def _fit(
@@ -104,8 +115,10 @@ def _along(q: FloatArray) -> CubicSpline:
     hand hardly does.
     """
     lengths = np.linalg.norm(np.diff(q, axis=0), axis=1)
-    kept = np.concatenate([[True], lengths > 1e-9])
-    way = np.cumsum(lengths[kept[1:]])
+    apart = lengths > _LEAST_STEP_SHARE * lengths.max()
+    kept = np.concatenate([[True], apart[:-1], [True]])
+    kept[-2] &= apart[-1] or len(q) == 2
+    way = np.cumsum(np.linalg.norm(np.diff(q[kept], axis=0), axis=1))
     return CubicSpline(np.concatenate([[0.0], way / way[-1]]), q[kept])
 
 

@@ -10,14 +10,13 @@ import numpy as np
 from tubeplanner.arrays import FloatArray
 from tubeplanner.bernstein import maxima
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.peaks import refined_maximum
 from tubeplanner.robot import RobotModel
 from tubeplanner.trajectory import JointTrajectory, TrajectorySamples
 
 _SAMPLES_PER_PIECE = 24
-# Peaks of effort are looked for around every sample this near the smallest factor (relative).
-_PEAK_SHARE = 0.02
-_ZOOM_POINTS = 17
-_ZOOMS = 4
+# Valleys of the factor this near the smallest sample (relative) are refined.
+_VALLEY_SHARE = 0.02
 # Rounding must not put a trajectory outside a limit it is scaled to meet exactly.
 _SAFETY = 1e-8
 
@@ -95,16 +94,12 @@ def _least_effort_factor(robot: RobotModel, trajectory: JointTrajectory) -> floa
     least = float(factor.min())
     if not np.isfinite(least):
         return least
-    centers = samples.time[factor <= least * (1 + _PEAK_SHARE)]
-    reach = float(trajectory.widths.max()) / (_SAMPLES_PER_PIECE - 1)
-    for _ in range(_ZOOMS):
-        times = centers[:, None] + reach * np.linspace(-1, 1, _ZOOM_POINTS)
-        times = np.clip(times, 0.0, trajectory.duration)
-        near = effort_factor(robot, trajectory.at(times.ravel())).min(axis=1).reshape(times.shape)
-        least = min(least, float(near.min()))
-        centers = times[np.arange(len(times)), near.argmin(axis=1)]
-        reach *= 2 / (_ZOOM_POINTS - 1)
-    return least
+
+    def negative(time: FloatArray) -> FloatArray:
+        return -effort_factor(robot, trajectory.at(time)).min(axis=1)
+
+    highest, _ = refined_maximum(negative, samples.time, -factor, band=_VALLEY_SHARE * least)
+    return -highest
 
 
 def _ratio(room: FloatArray, use: FloatArray) -> FloatArray:

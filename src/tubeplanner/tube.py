@@ -26,6 +26,7 @@ _SIGNS: dict[str | int, JointRange] = {
     -1: (-np.inf, 0.0),
     0: (-np.inf, np.inf),
 }
+_ALL = slice(None)
 VISITS = ("ordered", "any")
 
 
@@ -95,9 +96,9 @@ class Tube:
         """How far the tool centre point may stray, shape (m,) [m]."""
         return self.radius - self.tool_radius
 
-    def distance(self, p: FloatArray) -> FloatArray:
-        """Return distances of points (N, 3) to every reference segment, shape (N, m) [m]."""
-        return np.linalg.norm(p[:, None] - self.nearest(p), axis=2)
+    def distance(self, p: FloatArray, segments: slice = _ALL) -> FloatArray:
+        """Return distances of points (N, 3) to some segments (of m, all), shape (N, m) [m]."""
+        return np.linalg.norm(p[:, None] - self.nearest(p, segments), axis=2)
 
     def distance_gradient(self, p: FloatArray) -> FloatArray:
         """Return the gradient of `distance` with respect to the points, shape (N, m, 3).
@@ -108,13 +109,13 @@ class Tube:
         length = np.linalg.norm(away, axis=2, keepdims=True)
         return np.divide(away, length, out=np.zeros_like(away), where=length > 0)
 
-    def margin(self, p: FloatArray) -> FloatArray:
-        """Return how far inside each capsule points (N, 3) lie, shape (N, m) [m]."""
-        return self.effective_radius - self.distance(p)
+    def margin(self, p: FloatArray, segments: slice = _ALL) -> FloatArray:
+        """Return how far inside some capsules (of m, all) points (N, 3) lie, shape (N, m) [m]."""
+        return self.effective_radius[segments] - self.distance(p, segments)
 
-    def nearest(self, p: FloatArray) -> FloatArray:
-        """Return the nearest points of all segments to points (N, 3), shape (N, m, 3) [m]."""
-        start, along = self.points[:-1], np.diff(self.points, axis=0)
+    def nearest(self, p: FloatArray, segments: slice = _ALL) -> FloatArray:
+        """Return the points of some segments (of m, all) nearest to points (N, 3): (N, m, 3)."""
+        start, along = self.points[:-1][segments], np.diff(self.points, axis=0)[segments]
         squared = np.einsum("mi,mi->m", along, along)
         projection = np.einsum("nmi,mi->nm", p[:, None] - start, along)
         share = np.clip(projection / squared, 0.0, 1.0)

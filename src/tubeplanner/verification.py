@@ -17,11 +17,14 @@ from tubeplanner.certificate import FOR_ALL_TIMES, RELATIVE, Certificate, Condit
 from tubeplanner.closest_approach import closest_approach
 from tubeplanner.hand_overs import best_hand_overs
 from tubeplanner.outcome import Place
+from tubeplanner.peaks import refined_maximum
 from tubeplanner.problem import PlanningProblem, Seed
 from tubeplanner.trajectory import JointTrajectory, TrajectorySamples
 
 _LEAST_SAMPLES = 2000
 _LEAST_SAMPLES_PER_PIECE = 20
+_PEAK_BAND = 0.02  # peaks this near the highest sample are refined: share of effort, of radius
+_HAND_OVER_TOLERANCE = 1e-10  # [s]
 
 
 def verify(
@@ -102,19 +105,21 @@ class _Judge:
         limit = self._robot.limits.effort
         if not np.isfinite(limit).any():
             return Condition(None, RELATIVE, Place(), "no joint has this limit")
-        samples = self._samples
-        tau = self._robot.inverse_dynamics(samples.position, samples.velocity, samples.acceleration)
-        share = abs(tau) / limit
-        sample, joint = np.unravel_index(int(share.argmax()), share.shape)
-        place = Place(time=float(samples.time[sample]), joint=self._robot.joint_names[joint])
-        return Condition(1 - float(share.max()), RELATIVE, place, self._coverage)
+        peak, time = refined_maximum(
+            lambda t: self._effort_share(self._trajectory.at(t)).max(axis=1),
+            self._samples.time,
+            self._effort_share(self._samples).max(axis=1),
+            band=_PEAK_BAND,
+        )
+        joint = int(self._effort_share(self._trajectory.at(np.array([time])))[0].argmax())
+        place = Place(time=time, joint=self._robot.joint_names[joint])
+        return Condition(1 - peak, RELATIVE, place, self._coverage)
 
     def tube(self) -> Condition:
         """The hand in the tube, segment by segment or in their union, at samples."""
-        worst = min(self._visits, key=lambda visit: float(visit.margin.min()))
-        sample = int(worst.margin.argmin())
-        place = Place(time=float(worst.time[sample]), segment=worst.segment)
-        return Condition(float(worst.margin[sample]), "m", place, self._coverage)
+        peaks = [(*self._farthest(visit), visit.segment) for visit in self._visits]
+        outside, time, segment = max(peaks, key=lambda peak: peak[0])
+        return Condition(-outside, "m", Place(time=time, segment=segment), self._coverage)
 
     def joint_signs(self) -> Condition:
         """Joint ranges of the segments, exactly between the hand-overs."""
@@ -205,13 +210,29 @@ class _Judge:
     def _coverage(self) -> str:
         count = len(self._samples.time)
         spacing = np.diff(self._samples.time).max()
-        return f"at {count} samples, at most {1000 * spacing:.3g} ms apart"
+        return f"at {count} samples, at most {1000 * spacing:.3g} ms apart, peaks refined"
+
+    def _effort_share(self, samples: TrajectorySamples) -> FloatArray:
+        """Return the share of each motor's effort that samples use, shape (N, n)."""
+        tau = self._robot.inverse_dynamics(samples.position, samples.velocity, samples.acceleration)
+        return abs(tau) / self._robot.limits.effort
+
+    def _farthest(self, visit: _Visit) -> tuple[float, float]:
+        """Return how far outside its capsule a visit gets [m] and when; negative inside."""
+        capsule = slice(visit.segment, visit.segment + 1)
+
+        def outside(time: FloatArray) -> FloatArray:
+            hand = self._robot.tool_position(self._trajectory.position(time))
+            return -self._tube.margin(hand, capsule)[:, 0]
+
+        band = _PEAK_BAND * float(self._tube.effective_radius[visit.segment])
+        return refined_maximum(outside, visit.time, -visit.margin, band=band)
 
     @cached_property
     def _visits(self) -> list[_Visit]:
         """The trajectory's share of each segment it visits."""
         margin = self._tube.margin(self._robot.tool_position(self._samples.position))
-        fit = margin + np.minimum(0.0, self._sign_margin(self._samples.position))
+        fit = np.minimum(margin, self._sign_margin(self._samples.position))
         if self._tube.visit == "any":
             return self._visits_in_any_order(margin, fit)
         indices = best_hand_overs(fit)
@@ -229,12 +250,13 @@ class _Judge:
         inside = (begin <= time) & (time <= end)
         ends = np.array([begin, end])
         hand = self._robot.tool_position(self._trajectory.position(ends))
+        at_ends = self._tube.margin(hand, slice(segment, segment + 1))[:, 0]
         return _Visit(
             segment,
             begin,
             end,
-            np.concatenate([ends, time[inside]]),
-            np.concatenate([self._tube.margin(hand)[:, segment], margin[inside]]),
+            np.concatenate([[begin], time[inside], [end]]),
+            np.concatenate([at_ends[:1], margin[inside], at_ends[1:]]),
         )
 
     def _visits_in_any_order(self, margin: FloatArray, fit: FloatArray) -> list[_Visit]:
@@ -257,14 +279,14 @@ class _Judge:
 
         def lost(t: float) -> float:
             q = self._trajectory.position(np.array([t]))
-            fit = self._tube.margin(self._robot.tool_position(q)) + np.minimum(
-                0.0, self._sign_margin(q)
-            )
-            return -float(fit[0, k : k + 2].min())
+            both = slice(k, k + 2)
+            margin = self._tube.margin(self._robot.tool_position(q), both)
+            return -float(min(margin.min(), self._sign_margin(q)[0, both].min()))
 
         if high <= low:
             return float(time[index])
-        result = minimize_scalar(lost, bounds=(low, high), method="bounded")
+        options = {"xatol": _HAND_OVER_TOLERANCE}
+        result = minimize_scalar(lost, bounds=(low, high), method="bounded", options=options)
         return float(result.x if result.fun < lost(float(time[index])) else time[index])
 
     def _sign_margin(self, q: FloatArray) -> FloatArray:

@@ -1,0 +1,55 @@
+"""The highest peak of a function of time, refined between its samples."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+
+_MOST_PEAKS = 24
+_POINTS = 9  # per peak and zoom; every zoom narrows in by a factor of 4
+_ZOOMS = 6
+
+
+def refined_maximum(
+    function: Callable[[FloatArray], FloatArray],
+    time: FloatArray,
+    value: FloatArray,
+    *,
+    band: float,
+) -> tuple[float, float]:
+    """Return the largest value of a function and its time [s].
+
+    Args:
+        function: From times (N,) to values (N,).
+        time: Increasing sample times, shape (N,) [s]; two may be equal where a derivative jumps.
+        value: The function at these samples, shape (N,).
+        band: Peaks of the samples this far below the highest are refined as well.
+
+    Returns:
+        At least the largest sample.
+    """
+    best, when = float(value.max()), float(time[value.argmax()])
+    peaks = _peaks(value, best - band)
+    low = time[np.maximum(peaks - 1, 0)]
+    high = time[np.minimum(peaks + 1, len(time) - 1)]
+    for _ in range(_ZOOMS):
+        grid = low[:, None] + np.linspace(0, 1, _POINTS) * (high - low)[:, None]
+        found = function(grid.ravel()).reshape(grid.shape)
+        top = found.argmax(axis=1)
+        rows = np.arange(len(grid))
+        highest = int(found[rows, top].argmax())
+        if found[highest, top[highest]] > best:
+            best = float(found[highest, top[highest]])
+            when = float(grid[highest, top[highest]])
+        low = grid[rows, np.maximum(top - 1, 0)]
+        high = grid[rows, np.minimum(top + 1, _POINTS - 1)]
+    return best, when
+
+
+def _peaks(value: FloatArray, floor: float) -> np.ndarray:
+    """Return the samples that are no lower than their neighbours and the floor, highest first."""
+    padded = np.concatenate([[-np.inf], value, [-np.inf]])
+    is_peak = (value >= padded[:-2]) & (value >= padded[2:]) & (value >= floor)
+    peaks = np.flatnonzero(is_peak)
+    return peaks[np.argsort(-value[peaks], kind="stable")][:_MOST_PEAKS]
