@@ -13,6 +13,8 @@ ORDER = (
     "errors",
     "arrays",
     "resources",
+    "urdf_values",
+    "urdf_link",
     "urdf",
     "joint_limits",
     "pinocchio_model",
@@ -22,6 +24,7 @@ ORDER = (
     "obstacle",
     "collision",
     "tube",
+    "problem_faults",
     "problem_format",
     "problem",
     "bernstein",
@@ -39,6 +42,7 @@ ORDER = (
     "verification",
     "planner",
     "export",
+    "output_files",
     "plotting",
     "cli",
 )
@@ -61,7 +65,7 @@ KNOWS = {
     "matplotlib": {"plotting"},
     "click": {"cli"},
     "rich": {"cli"},
-    "pydantic": {"problem_format"},
+    "pydantic": {"problem_faults", "problem_format"},
 }
 
 

@@ -1,13 +1,15 @@
 """The command line as a user meets it: text, one JSON object, files, exit status."""
 
 import json
+import signal
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from tubeplanner import Place
+from tubeplanner import Place, load_robot
 from tubeplanner.cli import main
 
 PROBLEM = "example:two_link/around_a_post"
@@ -64,7 +66,8 @@ def problem_file(folder: Path, **sections):
 
 
 def test_plan_writes_what_was_asked_and_says_where(run, tmp_path):
-    files = {option: tmp_path / option.strip("-") for option in ("-o", "--csv", "--ros", "--plot")}
+    files = {option: tmp_path / option.strip("-") for option in ("-o", "--csv", "--ros")}
+    files["--plot"] = tmp_path / "figure.png"
     arguments = [word for pair in files.items() for word in pair]
     status, out, err = run("plan", PROBLEM, *arguments)
     assert status == 0
@@ -109,7 +112,7 @@ def test_a_planned_file_passes_check_and_a_faster_one_fails(run, run_json, tmp_p
     status, answer = run_json("check", PROBLEM, fast)
     assert status == 1
     assert answer["status"] == "certificate_failed"
-    assert answer["message"] == "the trajectory fails: effort"
+    assert answer["message"].startswith("the trajectory fails: effort: margin -0.004")
     assert set(answer) >= FIELDS
     assert answer["where"]["joint"] == "joint2"
     assert run("check", PROBLEM, fast, "--tolerance", "1e-6,0.01")[0] == 0
@@ -139,10 +142,12 @@ def test_an_infeasible_problem_is_an_answer(run, run_json, tmp_path):
         (["plan", PROBLEM, "--rate", "0"], "--rate is 0 Hz; it must be > 0"),
         (["plan", PROBLEM, "--time-limit", "-1"], "time_limit is -1 s"),
         (["plan", PROBLEM, "-o", "/nowhere/t.json"], "the folder /nowhere does not exist"),
+        (["plan", PROBLEM, "--plot", "x.pdf"], "name a file that ends in .png"),
+        (["plan", PROBLEM, "-o", "a", "--csv", "a"], "is the same file as a; choose another"),
         (["plan", PROBLEM, "--spped", "1"], "No such option"),
         (["plan"], "Missing argument 'PROBLEM'"),
         (["paln", PROBLEM], "No such command 'paln'"),
-        (["check", PROBLEM, "nowhere.json"], "nowhere.json cannot be read"),
+        (["check", PROBLEM, "nowhere.json"], "nowhere.json cannot be read: No such file"),
         (["check", PROBLEM, "x.json", "--tolerance", "small"], "'small' is not ABS or ABS,REL"),
     ],
 )
@@ -169,6 +174,64 @@ def test_an_interrupt_before_anything_is_certified_exits_with_130(run, run_json,
     status, fields = run_json("plan", PROBLEM)
     assert status == 130
     assert fields["status"] == "interrupted"
+
+
+def test_an_interrupt_while_a_certified_answer_is_written_loses_nothing(
+    run_json, monkeypatch, tmp_path
+):
+    from tubeplanner import output_files
+
+    write = output_files.write_files
+
+    def interrupted_write(contents):
+        signal.raise_signal(signal.SIGINT)
+        write(contents)
+
+    monkeypatch.setattr(output_files, "write_files", interrupted_write)
+    path = tmp_path / "t.json"
+    status, fields = run_json("plan", PROBLEM, "-o", path)
+    assert status == 0
+    assert fields["status"] == "success"
+    assert fields["stopped_by"] == "interrupt"
+    assert path.exists()
+
+
+def test_an_error_of_our_own_is_one_line_and_not_a_verdict(run_json, monkeypatch):
+    def broken(*_):
+        raise ZeroDivisionError("oops")
+
+    monkeypatch.setattr("tubeplanner.planner.verify", broken)
+    status, fields = run_json("plan", PROBLEM)
+    assert status == 2
+    assert "internal error, please report it" in fields["message"]
+    assert "ZeroDivisionError: oops" in fields["message"]
+
+
+def test_obstacles_that_nothing_can_meet_are_pointed_out(run, tmp_path):
+    """asr_twodof has no collision geometry at all."""
+    path = tmp_path / "problem.json"
+    ball = {"name": "ball", "sphere": 0.1, "position": [0.5, 0.5, 0.5]}
+    q = [0.3, 0.4]
+    robot = load_robot("example:asr_twodof", "Tip")
+    hand = robot.tool_position(np.array([q, [0.4, 0.4]]))
+    fields = {
+        "robot": {"urdf": "example:asr_twodof", "tool_frame": "Tip"},
+        "tube": {"points": hand.tolist(), "radius": 0.2},
+        "start": {"joints": q},
+        "goal": {"joints": [0.4, 0.4]},
+        "obstacles": [ball],
+    }
+    path.write_text(json.dumps(fields))
+    status, out, _ = run("plan", path)
+    assert status == 0
+    assert "no collision geometry; the obstacles were NOT checked" in out
+
+
+def test_a_name_is_printed_as_it_is(run, tmp_path):
+    """Square brackets are markup to the library that draws the table."""
+    ball = {"name": "b [red]x[/red]", "sphere": 0.01, "position": [0.3, 0, 0]}
+    path = problem_file(tmp_path, obstacles=[ball])
+    assert "b [red]x[/red]" in run("plan", path)[1]
 
 
 def test_robots_and_schema_are_listed(run, run_json):

@@ -46,14 +46,14 @@ def two_link_problem(two_link, obstacles=(), **more):
 
 
 def test_an_obstacle_in_the_tube_is_named_with_link_place_and_depth(two_link):
-    post = Obstacle.cylinder("post", 0.02, 0.3, placement_of([0.3, 0.0, 0.0]))
-    result = plan(two_link_problem(two_link, [post]))
+    ball = Obstacle.sphere("ball", 0.04, placement_of([0.3, 0.0, 0.05]))  # above link1
+    result = plan(two_link_problem(two_link, [ball]))
     assert result.status is PlanStatus.TUBE_BLOCKED
     assert result.trajectory is None
-    assert result.place.obstacle == "post"
-    assert result.place.links == ("link1",)  # the elbow passes there before the hand does
-    assert "'link1' reaches" in result.message
-    assert "mm into 'post' at t = " in result.message
+    assert result.place.obstacle == "ball"
+    assert result.place.links == ("link2",)
+    assert "'link2' reaches" in result.message
+    assert "mm into 'ball' at t = " in result.message
     assert not result.certificate.passed
 
 
@@ -101,6 +101,32 @@ def test_an_open_goal_is_reported(two_link):
     result = plan(two_link_problem(two_link))
     q = result.trajectory.position(result.duration)
     assert f"the goal was left open and became [{q[0]:.4f}, {q[1]:.4f}]" in result.message
+
+
+def test_a_start_in_collision_is_named_as_such(two_link):
+    block = Obstacle.box("block", [0.1, 0.1, 0.1], placement_of([0.3, -0.3, 0.0]))
+    result = plan(two_link_problem(two_link, [block]))
+    assert result.status is PlanStatus.TUBE_BLOCKED
+    assert "into 'block' in the start configuration" in result.message
+    assert result.place.obstacle == "block"
+
+
+def test_a_start_that_is_the_goal_leaves_nothing_to_plan(two_link):
+    q = np.array([0.3, -1.0])
+    hand = two_link.tool_position(q[None])[0]
+    tube = Tube(hand + np.array([[0, 0, 0], [0.02, 0, 0]]), 0.05)
+    result = plan(PlanningProblem(two_link, tube, q, q))
+    assert result.status is PlanStatus.NO_TRAJECTORY
+    assert result.message == "the start is the goal: there is nothing to move"
+
+
+def test_spare_joints_alone_can_be_moved(panda):
+    """Start and goal hold the hand in the same place; only the last joint turns."""
+    q = np.array([0.1, -0.3, 0.2, -2.0, 0.1, 2.0, 0.5])
+    goal = q + np.array([0, 0, 0, 0, 0, 0, 0.8])
+    hand = panda.tool_position(q[None])[0]
+    tube = Tube(hand + np.array([[0, 0, 0], [0.03, 0, 0]]), 0.05)
+    assert plan(PlanningProblem(panda, tube, q, goal)).succeeded
 
 
 def test_a_time_limit_ends_planning(two_link):

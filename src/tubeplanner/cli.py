@@ -4,8 +4,11 @@ Exit status: 0 success; 1 infeasible, or a check that failed; 2 bad input or usa
 """
 
 import json
+import os
+import signal
 import sys
 import time
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -31,6 +34,13 @@ _AS_JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON 
 
 def run() -> None:
     """Run the command line on the process's arguments."""
+    # A reader that stops reading ends the process as it ends every other one in a pipe.
+    if hasattr(signal, "SIGPIPE"):
+        signal.signal(signal.SIGPIPE, signal.SIG_DFL)
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # closed by the caller
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
+    warnings.simplefilter("ignore")  # a library's warnings mean nothing to a user
     sys.exit(main(sys.argv[1:]))
 
 
@@ -42,7 +52,9 @@ def main(arguments: Sequence[str]) -> int:
     """
     as_json = "--json" in arguments
     try:
-        return int(cli.main(list(arguments), "tubeplanner", standalone_mode=False) or SUCCESS)
+        status = cli.main(list(arguments), "tubeplanner", standalone_mode=False)
+        sys.stdout.flush()
+        return int(status or SUCCESS)
     except click.ClickException as error:
         if as_json:
             return _fail("bad_input", error.format_message(), as_json, BAD_INPUT)
@@ -51,9 +63,12 @@ def main(arguments: Sequence[str]) -> int:
     except TubePlannerError as error:
         return _fail("bad_input", str(error), as_json, BAD_INPUT)
     except (KeyboardInterrupt, click.Abort):
-        return _fail(
-            "interrupted", "interrupted before anything was certified", as_json, INTERRUPTED
-        )
+        message = "interrupted before anything was certified"
+        return _fail("interrupted", message, as_json, INTERRUPTED)
+    except Exception as error:  # the last resort: a user gets one line, never a traceback
+        kind = type(error).__name__
+        message = f"internal error, please report it with the problem file: {kind}: {error}"
+        return _fail("bad_input", message, as_json, BAD_INPUT)
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
@@ -90,24 +105,25 @@ def plan(
 
     Nothing is written unless the certificate passes.
     """
-    from tubeplanner.export import require_writable
     from tubeplanner.planner import PlanOptions
     from tubeplanner.planner import plan as plan_problem
 
     options = PlanOptions(method, time_limit)
-    if not rate > 0:
-        raise OptionError(f"--rate is {rate:g} Hz; it must be > 0")
     outputs = _Outputs(output, csv, ros, rate, plot)
-    for _, path in outputs.paths():
-        require_writable(path)
+    outputs.require_usable(problem)
+    interrupted = False
     with _progress() as enter:
         loaded, loading_time = _load(problem, enter)
         result = plan_problem(loaded, options, enter)
         if result.trajectory is not None:
-            enter("output files")
-            _write(outputs, loaded, result.method, result.trajectory)
+            with _interrupts_held() as held:
+                enter("output files")
+                outputs.write(loaded, result.method, result.trajectory)
+            interrupted = bool(held)
     if as_json:
-        _print_json({**result.as_dict(), "loading_time": loading_time})
+        stopped_by = "interrupt" if interrupted else None
+        fields = {**result.as_dict(), "loading_time": loading_time, "stopped_by": stopped_by}
+        _print_json(fields)
     else:
         _print_plan(loaded, result, loading_time, outputs)
     return SUCCESS if result.succeeded else INFEASIBLE
@@ -132,7 +148,8 @@ def check(problem: str, trajectory: Path, tolerance: str | None, as_json: bool) 
         certificate = verify(loaded, read, limits)
         certificate_time = time.perf_counter() - begin
     failures = certificate.failures()
-    message = f"fails: {', '.join(failures)}" if failures else "passes every condition"
+    reasons = "; ".join(certificate.describe(name) for name in failures)
+    message = f"fails: {reasons}" if failures else "passes every condition"
     if as_json:
         status = "certificate_failed" if failures else "success"
         where = certificate.conditions[failures[0]].where.as_dict() if failures else _nowhere()
@@ -159,7 +176,8 @@ def robots(as_json: bool) -> None:
 
     problems = list(bundled_problems())
     if as_json:
-        _print_json({"robots": example_robot_names(), "problems": problems})
+        fields = {"robots": example_robot_names(), "problems": problems}
+        _print_json({**_report("success", "what example: names", _nowhere()), **fields})
         return
     print("Problems (example:ROBOT/NAME):")
     print(*(f"  example:{name}" for name in problems), sep="\n")
@@ -198,23 +216,51 @@ class _Outputs:
         }
         return [(kind, path) for kind, path in asked.items() if path is not None]
 
+    def require_usable(self, problem: str) -> None:
+        """Raise if a file could not be written, before any work is done."""
+        from tubeplanner.output_files import require_writable
 
-def _write(
-    outputs: _Outputs, problem: "PlanningProblem", method: str, answer: "JointTrajectory"
-) -> None:
-    from tubeplanner.export import trajectory_csv, trajectory_json, trajectory_ros, write_text
+        if not 0 < self.rate < float("inf"):
+            raise OptionError(f"--rate is {self.rate:g} Hz; it must be > 0 and finite")
+        if self.plot is not None and self.plot.suffix.lower() != ".png":
+            raise OptionError(
+                f"--plot {self.plot}: a PNG is written; name a file that ends in .png"
+            )
+        require_writable([path for _, path in self.paths()], [Path(problem)])
 
-    if outputs.trajectory:
-        text = trajectory_json(answer, method=method, tubeplanner_version=__version__)
-        write_text(outputs.trajectory, text)
-    if outputs.csv:
-        write_text(outputs.csv, trajectory_csv(problem.robot, answer, outputs.rate))
-    if outputs.ros:
-        write_text(outputs.ros, trajectory_ros(answer, outputs.rate))
-    if outputs.plot:
-        from tubeplanner.plotting import plot_trajectory
+    def write(self, problem: "PlanningProblem", method: str, trajectory: "JointTrajectory") -> None:
+        """Write all files, or none of them."""
+        from tubeplanner.export import trajectory_csv, trajectory_json, trajectory_ros
+        from tubeplanner.output_files import write_files
 
-        plot_trajectory(problem, answer, outputs.plot)
+        contents: dict[Path, bytes] = {}
+        if self.trajectory:
+            more = {"method": method, "tubeplanner_version": __version__}
+            contents[self.trajectory] = trajectory_json(trajectory, **more).encode()
+        if self.csv:
+            contents[self.csv] = trajectory_csv(problem.robot, trajectory, self.rate).encode()
+        if self.ros:
+            contents[self.ros] = trajectory_ros(trajectory, self.rate).encode()
+        if self.plot:
+            from tubeplanner.plotting import figure_png, plot_trajectory
+
+            contents[self.plot] = figure_png(plot_trajectory(problem, trajectory))
+        write_files(contents)
+
+
+@contextmanager
+def _interrupts_held() -> Iterator[list[int]]:
+    """Keep Ctrl-C waiting while a certified answer is written; yield a list of what came."""
+    held: list[int] = []
+    try:
+        previous = signal.signal(signal.SIGINT, lambda number, _: held.append(number))
+    except ValueError:  # not the main thread: signals do not come here
+        yield held
+        return
+    try:
+        yield held
+    finally:
+        signal.signal(signal.SIGINT, previous)
 
 
 def _load(name: str, enter: Callable[[str], None]) -> "tuple[PlanningProblem, float]":
@@ -231,11 +277,9 @@ def _tolerance(text: str | None) -> Any:
     if text is None:
         return Tolerance()
     try:
-        numbers = [float(word) for word in text.split(",")]
-        absolute, relative = numbers if len(numbers) == 2 else (*numbers, *numbers)
-    except ValueError:
+        return Tolerance(*(float(word) for word in text.split(",")))
+    except (TypeError, ValueError):
         raise OptionError(f"--tolerance '{text}' is not ABS or ABS,REL") from None
-    return Tolerance(absolute, relative)
 
 
 @contextmanager
@@ -265,6 +309,8 @@ def _print_plan(
     place = str(result.place)
     if place:
         print(f"where: {place}")
+    if problem.obstacles and not problem.collision.has_link_geometry:
+        print("note: the robot has no collision geometry; the obstacles were NOT checked")
     if result.succeeded:
         for kind, path in outputs.paths():
             print(f"{kind}: {path}")
@@ -272,6 +318,7 @@ def _print_plan(
 
 def _print_certificate(certificate: "Certificate") -> None:
     from rich.console import Console
+    from rich.markup import escape
     from rich.table import Table
 
     from tubeplanner.certificate import RELATIVE
@@ -288,7 +335,8 @@ def _print_certificate(certificate: "Certificate") -> None:
         percent = condition.unit == RELATIVE
         margin = f"{100 * shown:.3g} %" if percent else f"{shown:.3g} {condition.unit}"
         verdict = "yes" if condition.holds(certificate.tolerance) else "NO"
-        table.add_row(name, margin, verdict, str(condition.where), condition.coverage)
+        place = escape(str(condition.where))
+        table.add_row(name, margin, verdict, place, condition.coverage)
     Console(width=None if sys.stdout.isatty() else 140).print(table)
 
 

@@ -20,6 +20,8 @@ _RELATIVE_RESOLUTION = 0.02
 _RESOLUTION = 5e-7
 # Intervals this short [s] are not halved: their bound counts as it stands.
 _SHORTEST_INTERVAL = 1e-7
+# After so many intervals no more are halved: far beyond what any sensible motion needs.
+_MOST_INTERVALS = 3_000_000
 _BATCH = 64  # distances evaluated before intervals are judged anew
 
 
@@ -104,7 +106,7 @@ class _Search:
         while len(piece):
             lower = self._lower_bounds(piece, start, width, pair)
             undecided = lower < self._settled_above()
-            final = undecided & (width < _SHORTEST_INTERVAL)
+            final = undecided & ((width < _SHORTEST_INTERVAL) | (self.intervals > _MOST_INTERVALS))
             self._settle(lower[~undecided | final])
             split = undecided & ~final
             piece, pair = np.repeat(piece[split], 2), np.repeat(pair[split], 2)

@@ -56,6 +56,7 @@ class CollisionChecker:
         shapes: All shapes, links first.
         obstacle_pairs: Link against obstacle, as indices of `shapes`: int, shape (P, 2).
         link_pairs: Link against link, likewise.
+        has_link_geometry: Whether the robot has any collision geometry.
     """
 
     def __init__(
@@ -80,6 +81,7 @@ class CollisionChecker:
             RobotError: A link's geometry cannot be read.
         """
         links = link_shapes(robot)
+        self.has_link_geometry = bool(links)
         _require_names(robot, obstacles, ignore)
         self.robot = robot
         self.shapes = [
@@ -152,6 +154,13 @@ class CollisionChecker:
         relative = moves[first] != moves[second]
         return np.where(relative, np.where(moves[first], weights[first], weights[second]), 0.0)
 
+    def owners(self, pair: IntArray | tuple[int, int]) -> tuple[tuple[str, ...], str | None]:
+        """Return the links of a pair, and its obstacle or None."""
+        names = [self.shapes[index].owner for index in pair]
+        links = tuple(name for name in names if name in self.robot.link_body)
+        obstacles = [name for name in names if name not in self.robot.link_body]
+        return links, obstacles[0] if obstacles else None
+
     @cached_property
     def _spheres(self) -> tuple[IntArray, FloatArray, FloatArray]:
         bodies = np.array([shape.body for shape in self.shapes])
@@ -173,8 +182,8 @@ class CollisionChecker:
     def _without_always_touching(self, pairs: IntArray) -> IntArray:
         """Return the pairs whose links came apart in at least one random configuration."""
         limits = self.robot.limits
-        low = np.maximum(limits.lower_position, -np.pi)
-        high = np.minimum(limits.upper_position, np.pi)
+        low = np.clip(limits.lower_position, -np.pi, limits.upper_position)
+        high = np.minimum(limits.upper_position, low + 2 * np.pi)
         q = np.random.default_rng(_TOUCH_SEED).uniform(low, high, (_TOUCH_SAMPLES, len(low)))
         rotation, position = self.robot.body_poses(q)
         names = [self._owners(pair) for pair in pairs]

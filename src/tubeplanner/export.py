@@ -1,20 +1,19 @@
-"""Trajectory files: JSON, CSV, ROS. An output file is replaced whole or not at all."""
+"""Trajectories as text: our JSON, CSV, ROS; and our JSON read back."""
 
 import json
-import os
-import tempfile
-from collections.abc import Callable
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 
-from tubeplanner.errors import OutputError, TrajectoryError
+from tubeplanner.arrays import FloatArray
+from tubeplanner.errors import TrajectoryError
 from tubeplanner.robot import RobotModel
 from tubeplanner.trajectory import JointTrajectory
 
 TRAJECTORY_FORMAT = "tubeplanner/trajectory"
 TRAJECTORY_VERSION = 1
+_DURATION_TOLERANCE = 1e-9  # [s]
 
 
 def trajectory_json(trajectory: JointTrajectory, **more: Any) -> str:
@@ -42,33 +41,55 @@ def read_trajectory(path: Path) -> JointTrajectory:
     Raises:
         TrajectoryError: It cannot be read, is no trajectory file, or contradicts itself.
     """
+    fields = _read_fields(path)
     try:
-        fields = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise TrajectoryError(f"trajectory file {path} cannot be read as JSON: {error}") from error
-    if not isinstance(fields, dict) or fields.get("format") != TRAJECTORY_FORMAT:
-        raise TrajectoryError(f"{path} is no trajectory file: format must be {TRAJECTORY_FORMAT}")
-    if fields.get("version") != TRAJECTORY_VERSION:
-        raise TrajectoryError(
-            f"{path}: version {fields.get('version')} cannot be read; this is version "
-            f"{TRAJECTORY_VERSION}"
+        trajectory = JointTrajectory(
+            _names(fields), _numbers(fields, "breakpoints"), _numbers(fields, "coefficients")
         )
-    for key in ("joint_names", "breakpoints", "coefficients"):
-        if not isinstance(fields.get(key), list):
-            raise TrajectoryError(f"{path}: {key} is missing or no list")
-    try:
-        trajectory = JointTrajectory(*(fields[key] for key in _PARTS))
+        duration = float(_numbers(fields, "duration")) if "duration" in fields else None
     except TrajectoryError as error:
         raise TrajectoryError(f"{path}: {error}") from error
-    if abs(fields.get("duration", trajectory.duration) - trajectory.duration) > 1e-9:
+    if duration is not None and not abs(duration - trajectory.duration) <= _DURATION_TOLERANCE:
         raise TrajectoryError(
-            f"{path}: duration {fields['duration']} s contradicts the last breakpoint, "
+            f"{path}: duration {duration} s contradicts the last breakpoint, "
             f"{trajectory.duration} s"
         )
     return trajectory
 
 
-_PARTS = ("joint_names", "breakpoints", "coefficients")
+def _read_fields(path: Path) -> dict[str, Any]:
+    try:
+        fields = json.loads(path.read_text(encoding="utf-8-sig"))
+    except OSError as error:
+        raise TrajectoryError(f"trajectory file {path} cannot be read: {error.strerror}") from error
+    except (ValueError, RecursionError) as error:
+        raise TrajectoryError(
+            f"trajectory file {path} is no JSON ({error}); only tubeplanner's own JSON is read"
+        ) from error
+    if not isinstance(fields, dict) or fields.get("format") != TRAJECTORY_FORMAT:
+        raise TrajectoryError(f"{path} is no trajectory file: format must be {TRAJECTORY_FORMAT}")
+    version = fields.get("version")
+    if version != TRAJECTORY_VERSION or isinstance(version, bool):
+        raise TrajectoryError(f"{path}: version is {version!r}; {TRAJECTORY_VERSION} can be read")
+    return fields
+
+
+def _names(fields: dict[str, Any]) -> list[str]:
+    names = fields.get("joint_names")
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise TrajectoryError(f"joint_names is {names!r:.60}; it must be a list of names")
+    return names
+
+
+def _numbers(fields: dict[str, Any], key: str) -> FloatArray:
+    """Return a field as an array of numbers; texts, truth values and gaps are no numbers."""
+    try:
+        array = np.array(fields.get(key))
+    except ValueError:
+        raise TrajectoryError(f"{key} has rows of different lengths") from None
+    if array.dtype.kind not in "iuf" or array.size == 0:
+        raise TrajectoryError(f"{key} is {fields.get(key)!r:.60}; it must be numbers")
+    return array.astype(np.float64)
 
 
 def trajectory_csv(robot: RobotModel, trajectory: JointTrajectory, rate: float) -> str:
@@ -115,57 +136,6 @@ def trajectory_ros(trajectory: JointTrajectory, rate: float) -> str:
         seconds, rest = divmod(nanoseconds, 10**9)
         lines.append(f"  time_from_start: {{sec: {seconds}, nanosec: {rest}}}")
     return "\n".join(lines) + "\n"
-
-
-def require_writable(path: Path) -> None:
-    """Raise unless a file could be written there, before work is spent on its contents.
-
-    Raises:
-        OutputError: The folder does not exist or cannot be written to, or the path is a folder.
-    """
-    if path.is_dir():
-        raise OutputError(f"output {path} is a folder; name a file")
-    if not path.parent.is_dir():
-        raise OutputError(f"output {path}: the folder {path.parent} does not exist")
-    if not os.access(path.parent, os.W_OK):
-        raise OutputError(f"output {path}: the folder {path.parent} cannot be written to")
-
-
-def write_text(path: Path, text: str) -> None:
-    """Replace a file by a text, whole or not at all.
-
-    Raises:
-        OutputError: It could not be written; what was there before is untouched.
-    """
-    write_whole(path, lambda stream: stream.write(text.encode()))
-
-
-def write_whole(path: Path, write: Callable[[IO[bytes]], object]) -> None:
-    """Replace a file by what `write` puts into a stream, whole or not at all.
-
-    Raises:
-        OutputError: As `write_text`.
-    """
-    temporary = None
-    try:
-        with tempfile.NamedTemporaryFile(
-            dir=path.parent, prefix=f".{path.name}.", delete=False
-        ) as stream:
-            temporary = Path(stream.name)
-            write(stream)
-        temporary.chmod(0o666 & ~_umask())
-        temporary.replace(path)
-    except OSError as error:
-        raise OutputError(f"output {path} could not be written: {error}") from error
-    finally:
-        if temporary is not None:
-            temporary.unlink(missing_ok=True)
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
 
 
 def _ros_list(values: list[float]) -> str:

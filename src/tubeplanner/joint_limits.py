@@ -9,6 +9,7 @@ from tubeplanner.arrays import FloatArray, read_only
 from tubeplanner.errors import RobotError, unknown_name
 from tubeplanner.urdf import UrdfDescription, UrdfJoint
 
+_LEAST, _MOST = 1e-6, 1e9  # limits that make sense, in SI units
 _SCALABLE = ("effort", "velocity", "acceleration")
 
 
@@ -35,13 +36,16 @@ class LimitOverrides:
     def __post_init__(self) -> None:
         for quantity in (*_SCALABLE, "jerk"):
             for name, value in getattr(self, quantity).items():
-                if not value > 0:
-                    raise RobotError(f"limits.{quantity}: joint '{name}' at {value:g} must be > 0")
+                if not (_LEAST <= value <= _MOST or value == np.inf):
+                    raise RobotError(
+                        f"robot.limits.{quantity}: joint '{name}' at {value:g}; give a number from "
+                        f"{_LEAST:g} to {_MOST:g}, or .inf for none"
+                    )
         for name, factor in self.scale.items():
             if name not in _SCALABLE:
-                raise RobotError(f"limits.scale: {unknown_name('quantity', name, _SCALABLE)}")
+                raise RobotError(f"robot.limits.scale: {unknown_name('quantity', name, _SCALABLE)}")
             if not 0 < factor <= 1:
-                raise RobotError(f"limits.scale: {name} at {factor:g} must be in (0, 1]")
+                raise RobotError(f"robot.limits.scale: {name} at {factor:g} must be in (0, 1]")
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +85,9 @@ def resolve_limits(
     for quantity in ("effort", "velocity", "position", "acceleration", "jerk"):
         for name in getattr(overrides, quantity):
             if name not in joint_names:
-                raise RobotError(f"limits.{quantity}: {unknown_name('joint', name, joint_names)}")
+                raise RobotError(
+                    f"robot.limits.{quantity}: {unknown_name('joint', name, joint_names)}"
+                )
     joints = [description.joints[name] for name in joint_names]
     positions = np.array([_position(description, joint, overrides) for joint in joints])
     values = {
@@ -111,10 +117,12 @@ def _position(
 ) -> tuple[float, float]:
     lower, upper = overrides.position.get(joint.name, (joint.lower, joint.upper))
     if not lower < upper:
-        source = "limits.position" if joint.name in overrides.position else str(description.path)
+        source = (
+            "robot.limits.position" if joint.name in overrides.position else str(description.path)
+        )
         raise RobotError(
             f"{source}: joint '{joint.name}' has position limits [{lower:g}, {upper:g}], an empty "
-            "range; give them in limits.position"
+            "range; give them in robot.limits.position"
         )
     return lower, upper
 
@@ -130,6 +138,6 @@ def _required(
         found = "none" if value is None else f"{value:g}"
         raise RobotError(
             f"{description.path}: joint '{joint.name}' has {quantity} limit {found}; "
-            f"give a positive one in limits.{quantity}"
+            f"give a positive one in robot.limits.{quantity}, or .inf if there is none"
         )
     return value

@@ -55,14 +55,14 @@ def _read_links(robot: RobotModel) -> list[Any]:
     source = robot.urdf
     try:
         parsed = yourdfpy.URDF.load(
-            io.BytesIO(source.text.encode()),
+            io.BytesIO(source.xml),
             build_scene_graph=False,
             load_meshes=False,
             build_collision_scene_graph=False,
             load_collision_meshes=False,
             filename_handler=partial(find_mesh, urdf=source.path, package_dirs=robot.package_dirs),
         )
-    except (ValueError, IndexError, TypeError) as error:
+    except (ValueError, IndexError, TypeError, KeyError, AttributeError) as error:
         raise RobotError(f"{source.path}: link geometry cannot be read: {error}") from error
     return parsed.robot.links
 
@@ -91,9 +91,15 @@ def _load_mesh(robot: RobotModel, link: str, mesh: Any) -> "trimesh.Trimesh":
     try:
         loaded = trimesh.load(str(path), force="mesh")
     except Exception as error:  # trimesh's readers raise whatever their formats' libraries raise
-        raise RobotError(f"link '{link}': mesh {path} cannot be read: {error}") from error
-    if len(loaded.vertices) == 0:
-        raise RobotError(f"link '{link}': mesh {path} has no vertices")
+        raise RobotError(
+            f"link '{link}': mesh {path} is no readable {path.suffix[1:].upper()} file; export it "
+            f"again ({error})"
+        ) from error
+    if len(loaded.vertices) == 0 or not np.isfinite(loaded.vertices).all():
+        raise RobotError(
+            f"link '{link}': mesh {path} has no vertices, or some that are not finite; export it "
+            "again"
+        )
     if mesh.scale is not None:
         loaded.apply_scale(mesh.scale)
     return loaded

@@ -66,6 +66,8 @@ def placement_of(
     """
     if rpy is not None and quaternion is not None:
         raise ProblemError("a placement takes rpy or quaternion, not both")
+    if not (abs(np.array(position)) <= FARTHEST).all():
+        raise ProblemError(f"position {list(position)} lies beyond {FARTHEST:g} m")
     placement = np.eye(4)
     placement[:3, 3] = position
     if quaternion is not None:
@@ -77,7 +79,14 @@ def placement_of(
     return placement
 
 
+# Lengths that make sense around an arm [m]; far outside them distances are only rounding.
+SMALLEST, FARTHEST = 1e-6, 1e4
+
+
 def _require_positive(name: str, kind: str, values: Sequence[float]) -> None:
     for value in values:
-        if not 0 < value < np.inf:
-            raise ProblemError(f"obstacle '{name}': {kind} has size {value:g} m, which must be > 0")
+        if not SMALLEST <= value <= FARTHEST:
+            raise ProblemError(
+                f"obstacle '{name}': {kind} has size {value:g} m; {SMALLEST:g} to {FARTHEST:g} m "
+                "are accepted"
+            )

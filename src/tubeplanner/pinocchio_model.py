@@ -2,15 +2,19 @@
 
 import os
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import IO
 
 import numpy as np
 import pinocchio as pin
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import RobotError, unknown_name
-from tubeplanner.urdf import UrdfDescription
+from tubeplanner.urdf import Mimic, UrdfDescription, UrdfJoint, joint_id, link_id
+
+_HEAVIEST = 1e6  # [kg]
 
 
 @dataclass(frozen=True)
@@ -29,8 +33,8 @@ class Payload:
     inertia: tuple[float, float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        if not 0 <= self.mass < np.inf:
-            raise RobotError(f"payload: mass {self.mass:g} kg must be >= 0 and finite")
+        if not 0 <= self.mass <= _HEAVIEST:
+            raise RobotError(f"payload: mass {self.mass:g} kg must be from 0 to {_HEAVIEST:g} kg")
         if np.linalg.eigvalsh(self.inertia_matrix()).min() < -1e-12:
             raise RobotError(f"payload: inertia {self.inertia} is not positive semidefinite")
 
@@ -115,7 +119,7 @@ def build_model(
     model = _reduced_model(description, group, locked_joints)
     model.gravity = pin.Motion(np.array(gravity, dtype=float), np.zeros(3))
     if payload is not None:
-        tool = model.frames[model.getFrameId(tool_frame, pin.FrameType.BODY)]
+        tool = model.frames[model.getFrameId(link_id(tool_frame), pin.FrameType.BODY)]
         inertia = pin.Inertia(payload.mass, np.array(payload.com), payload.inertia_matrix())
         model.appendBodyToJoint(tool.parentJoint, inertia, tool.placement)
     if needs_masses:
@@ -134,47 +138,92 @@ def _reduced_model(
             raise RobotError(
                 f"locked_joints: {unknown_name('joint outside the group', name, outside)}"
             )
-    values = {name: _locked_value(description, name, locked) for name in outside}
     q = pin.neutral(full)
-    for name, value in values.items():
-        q[full.joints[full.getJointId(name)].idx_q] = value
-    return pin.buildReducedModel(full, [full.getJointId(name) for name in outside], q)
+    ids = [full.getJointId(joint_id(name)) for name in outside]
+    for name, index in zip(outside, ids, strict=True):
+        q[full.joints[index].idx_q] = _locked_value(description, name, group, locked)
+    return pin.buildReducedModel(full, ids, q)
 
 
-def _locked_value(description: UrdfDescription, name: str, locked: Mapping[str, float]) -> float:
-    joint = description.joints[name]
-    if joint.mimic is None:
-        value = locked.get(name, float(np.clip(0.0, joint.lower, joint.upper)))
-        if not joint.lower <= value <= joint.upper:
-            raise RobotError(
-                f"locked_joints: '{name}' at {value:g} is outside its position limits "
-                f"[{joint.lower:g}, {joint.upper:g}]"
-            )
-        return value
-    if joint.mimic.master not in description.joints:
-        message = unknown_name("joint", joint.mimic.master, description.joints)
-        raise RobotError(f"{description.path}: joint '{name}' mimics: {message}")
-    master = _locked_value(description, joint.mimic.master, locked)
-    value = joint.mimic.multiplier * master + joint.mimic.offset
+def _locked_value(
+    description: UrdfDescription, name: str, group: Sequence[str], locked: Mapping[str, float]
+) -> float:
+    """Return the value of a joint outside the group: given, zero, or what its master makes it."""
+    factor, offset, leader = 1.0, 0.0, description.joints[name]
+    followed = [name]
+    while leader.mimic is not None:
+        factor, offset = factor * leader.mimic.multiplier, offset + factor * leader.mimic.offset
+        leader = _master(description, leader.mimic, followed, group)
+        followed.append(leader.name)
+    if len(followed) == 1:
+        return _free_value(leader, locked)
+    value = factor * _free_value(leader, locked) + offset
     if abs(locked.get(name, value) - value) > 1e-9:
         raise RobotError(
             f"locked_joints: '{name}' at {locked[name]:g} contradicts the joint it mimics, "
-            f"'{joint.mimic.master}', which puts it at {value:g}"
+            f"'{followed[1]}', which puts it at {value:g}"
+        )
+    return value
+
+
+def _master(
+    description: UrdfDescription, mimic: Mimic, followed: list[str], group: Sequence[str]
+) -> UrdfJoint:
+    where = f"{description.path}: joint '{followed[-1]}' mimics '{mimic.master}'"
+    if mimic.master not in description.joints:
+        names = unknown_name("joint", mimic.master, description.joints)
+        raise RobotError(f"{where}: {names}")
+    if mimic.master in followed:
+        raise RobotError(f"{where}: joints mimic each other in a circle")
+    if mimic.master in group:
+        raise RobotError(
+            f"{where}, which is planned: a joint that moves along with a planned one is not "
+            "supported; lock the master or remove the <mimic>"
+        )
+    return description.joints[mimic.master]
+
+
+def _free_value(joint: UrdfJoint, locked: Mapping[str, float]) -> float:
+    if not joint.lower <= joint.upper:
+        raise RobotError(
+            f"joint '{joint.name}' has reversed position limits [{joint.lower:g}, {joint.upper:g}]"
+        )
+    value = locked.get(joint.name, float(np.clip(0.0, joint.lower, joint.upper)))
+    if not joint.lower <= value <= joint.upper:
+        raise RobotError(
+            f"locked_joints: '{joint.name}' at {value:g} is outside its position limits "
+            f"[{joint.lower:g}, {joint.upper:g}]"
         )
     return value
 
 
 def _parse(description: UrdfDescription) -> pin.Model:
     """Return the whole robot as a Pinocchio model, its C++ complaints turned into ours."""
-    with tempfile.TemporaryFile() as log:
-        kept = os.dup(2)
-        os.dup2(log.fileno(), 2)  # the URDF parser gives its reasons on the C stderr only
+    with _captured_c_stderr() as log:
         try:
-            return pin.buildModelFromXML(description.kinematic_xml())
+            model = pin.buildModelFromXML(description.kinematic_xml())
         except ValueError as error:
+            raise RobotError(f"{description.path}: Pinocchio rejects it: {error}") from error
+        finally:
             log.seek(0)
-            reason = log.read().decode(errors="replace").strip() or str(error)
-            raise RobotError(f"{description.path}: Pinocchio rejects it: {reason}") from error
+            complaints = log.read().decode(errors="replace").strip()
+    if "Error" in complaints:
+        raise RobotError(f"{description.path}: Pinocchio rejects it: {complaints}")
+    return model
+
+
+@contextmanager
+def _captured_c_stderr() -> Iterator[IO[bytes]]:
+    """Send the C standard error to a file: the URDF parser gives its reasons there only."""
+    with tempfile.TemporaryFile() as log:
+        try:
+            kept = os.dup(2)
+        except OSError:  # there is no standard error
+            yield log
+            return
+        os.dup2(log.fileno(), 2)
+        try:
+            yield log
         finally:
             os.dup2(kept, 2)
             os.close(kept)
@@ -183,7 +232,8 @@ def _parse(description: UrdfDescription) -> pin.Model:
 def _require_masses(description: UrdfDescription, model: pin.Model) -> None:
     for joint in range(1, model.njoints):
         if not model.inertias[joint].mass > 0:
+            name = model.names[joint].removeprefix(joint_id(""))
             raise RobotError(
-                f"{description.path}: what joint '{model.names[joint]}' moves has mass "
+                f"{description.path}: what joint '{name}' moves has mass "
                 f"{model.inertias[joint].mass:g} kg; efforts need the links' <inertial>"
             )

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from tubeplanner.certificate import Certificate, Condition
+from tubeplanner.arrays import FloatArray
+from tubeplanner.certificate import Certificate, Tolerance
 from tubeplanner.errors import OptionError, unknown_name
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.problem import PlanningProblem
@@ -129,18 +130,43 @@ class _Clock:
         return time.perf_counter() - self._begin
 
     def enter(self, stage: str) -> None:
-        if self.elapsed > self._limit:
-            message = f"the time limit of {self._limit:g} s passed before: {stage}"
-            raise Infeasible(PlanStatus.TIME_LIMIT, message, Place())
+        self._stage = stage
+        self.check()
         if self._progress is not None:
             self._progress(stage)
+
+    def check(self) -> None:
+        """Raise if the time limit has passed."""
+        if self.elapsed > self._limit:
+            message = f"the time limit of {self._limit:g} s passed before: {self._stage}"
+            raise Infeasible(PlanStatus.TIME_LIMIT, message, Place())
 
 
 def _trajectory(problem: PlanningProblem, clock: _Clock) -> JointTrajectory:
     clock.enter("inverse kinematics along the reference path")
-    branch = reference_branch(problem)
+    branch = reference_branch(problem, clock.check)
+    for name, q in (("start", branch.start), ("goal", branch.goal)):
+        _require_free(problem, name, q)
     clock.enter("motion along it, stopping at corners")
-    return stop_at_corners(problem, branch)
+    return stop_at_corners(problem, branch, clock.check)
+
+
+def _require_free(problem: PlanningProblem, name: str, q: FloatArray) -> None:
+    """Raise if a configuration is itself in collision or too near to an obstacle."""
+    checker = problem.collision
+    rotation, position = problem.robot.body_poses(q[None])
+    for pairs, required in ((checker.obstacle_pairs, problem.clearance), (checker.link_pairs, 0.0)):
+        if len(pairs) == 0:
+            continue
+        distance = checker.distances(rotation[0], position[0], pairs)
+        worst = int(distance.argmin())
+        if distance[worst] < required - Tolerance().absolute:
+            links, obstacle = checker.owners(pairs[worst])
+            where = f"in the {name} configuration"
+            message = _blocked_message(problem, links, obstacle, distance[worst] - required, where)
+            raise Infeasible(
+                PlanStatus.TUBE_BLOCKED, message, Place(links=links, obstacle=obstacle)
+            )
 
 
 def _certified(
@@ -168,26 +194,31 @@ def _judge(
     blocked = [name for name in failures if name in ("obstacles", "self_collision")]
     if blocked:
         condition = certificate.conditions[blocked[0]]
-        return PlanStatus.TUBE_BLOCKED, _blocked_message(problem, condition), condition.where
+        place, margin = condition.where, condition.margin or 0.0
+        when = f"at t = {place.time or 0.0:.3f} s"
+        message = _blocked_message(problem, place.links or (), place.obstacle, margin, when)
+        return PlanStatus.TUBE_BLOCKED, message, place
     lines = "; ".join(certificate.describe(name) for name in failures)
     place = certificate.conditions[failures[0]].where
     return PlanStatus.CERTIFICATE_FAILED, f"the trajectory fails its certificate: {lines}", place
 
 
-def _blocked_message(problem: PlanningProblem, condition: Condition) -> str:
+def _blocked_message(
+    problem: PlanningProblem,
+    links: tuple[str, ...],
+    obstacle: str | None,
+    margin: float,
+    when: str,
+) -> str:
     """Say which links are where, and how deep or how near."""
-    links, obstacle = condition.where.links or (), condition.where.obstacle
-    when = f"at t = {condition.where.time or 0.0:.3f} s"
-    margin = condition.margin or 0.0
     if obstacle is None:
         return (
             f"{' and '.join(links)} overlap by {-1000 * margin:.1f} mm {when}; choose another "
             "configuration, or list the pair in collision.ignore if it may touch"
         )
     distance = 1000 * (margin + problem.clearance)
-    deed = (
-        f"comes within {distance:.1f} mm of" if distance > 0 else f"reaches {-distance:.1f} mm into"
-    )
+    near = f"comes within {distance:.1f} mm of"
+    deed = near if distance > 0 else f"reaches {-distance:.1f} mm into"
     wanted = f" (clearance {1000 * problem.clearance:g} mm)" if problem.clearance else ""
     return (
         f"'{links[0]}' {deed} '{obstacle}'{wanted} {when}; move the reference points or choose "

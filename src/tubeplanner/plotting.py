@@ -3,6 +3,8 @@
 matplotlib is imported when first drawn with.
 """
 
+import io
+import logging
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +12,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.convex_shape import ConvexShape
-from tubeplanner.export import write_whole
+from tubeplanner.output_files import write_files
 from tubeplanner.problem import PlanningProblem
 from tubeplanner.trajectory import JointTrajectory
 
@@ -42,6 +44,7 @@ def plot_trajectory(
     Raises:
         OutputError: The file could not be written.
     """
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)  # its font cache is its own affair
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -61,8 +64,15 @@ def plot_trajectory(
     _frame(hand_axes, problem, low, high)
     _draw_tube_use(use_axes, problem, samples.time, hand)
     if path is not None:
-        write_whole(Path(path), lambda stream: figure.savefig(stream, format="png"))
+        write_files({Path(path): figure_png(figure)})
     return figure
+
+
+def figure_png(figure: "Figure") -> bytes:
+    """Return a figure as the contents of a PNG file."""
+    stream = io.BytesIO()
+    figure.savefig(stream, format="png")
+    return stream.getvalue()
 
 
 def _draw_joints(axes: "list[Axes]", problem: PlanningProblem, trajectory: JointTrajectory) -> None:

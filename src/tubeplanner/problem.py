@@ -10,9 +10,9 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray, read_only
 from tubeplanner.collision import CollisionChecker
-from tubeplanner.errors import ProblemError, unknown_name
+from tubeplanner.errors import ProblemError, RobotError, unknown_name
 from tubeplanner.joint_limits import LimitOverrides
-from tubeplanner.obstacle import Obstacle, placement_of
+from tubeplanner.obstacle import FARTHEST, Obstacle, placement_of
 from tubeplanner.pinocchio_model import Payload, ToolOffset
 from tubeplanner.problem_format import (
     EndpointFields,
@@ -81,13 +81,17 @@ class PlanningProblem:
             if given is None:
                 continue
             if isinstance(given, Seed):
-                self._keep(end, Seed(self._configuration(end, given.joints)))
+                seed = self._configuration(f"{end}.seed", given.joints)
+                self._require_within_limits(f"{end}.seed", seed)
+                self._keep(end, Seed(seed))
                 continue
             q = self._configuration(end, given)
             self._require_inside(end, q, segment)
             self._keep(end, q)
-        if not 0 <= self.clearance < np.inf:
-            raise ProblemError(f"clearance is {self.clearance:g} m; it must be >= 0 and finite")
+        if not 0 <= self.clearance <= FARTHEST:
+            raise ProblemError(
+                f"clearance is {self.clearance:g} m; 0 to {FARTHEST:g} m are accepted"
+            )
 
     @cached_property
     def collision(self) -> CollisionChecker:
@@ -140,6 +144,19 @@ class PlanningProblem:
         if not np.isfinite(q).all():
             raise ProblemError(f"{end} must be finite numbers")
         return q
+
+    def _require_within_limits(self, what: str, q: FloatArray) -> None:
+        limits = self.robot.limits
+        low, high = (
+            limits.lower_position - _INPUT_TOLERANCE,
+            limits.upper_position + _INPUT_TOLERANCE,
+        )
+        for joint in np.flatnonzero((q < low) | (q > high)):
+            raise ProblemError(
+                f"{what}: joint '{self.robot.joint_names[joint]}' at {q[joint]:g} is outside its "
+                f"position limits [{limits.lower_position[joint]:g}, "
+                f"{limits.upper_position[joint]:g}] (radians and metres are meant)"
+            )
 
     def _require_inside(self, end: str, q: FloatArray, segment: int) -> None:
         lower, upper = self.joint_lower[segment], self.joint_upper[segment]
@@ -208,8 +225,8 @@ def _build(fields: ProblemFields, directory: Path, name: str, source: str) -> Pl
             name=name,
         )
         _ = problem.collision  # built here: planning starts from loaded geometry
-    except ProblemError as error:
-        raise ProblemError(f"{source}: {error}") from None
+    except (ProblemError, RobotError) as error:
+        raise type(error)(f"{source}: {error}") from None
     return problem
 
 
@@ -242,7 +259,8 @@ def _tube(fields: ProblemFields) -> Tube:
 
 def _endpoint(end: str, fields: EndpointFields) -> Any:
     if (fields.joints is None) == (fields.seed is None):
-        raise ProblemError(f"{end} takes either joints or seed")
+        found = "neither" if fields.joints is None else "both"
+        raise ProblemError(f"{end} takes either joints or seed; it has {found}")
     return _values(fields.joints) if fields.joints is not None else Seed(_values(fields.seed))
 
 
@@ -256,6 +274,8 @@ def _obstacle(fields: ObstacleFields) -> Obstacle:
             f"obstacles: '{fields.name}': mesh is not honoured by this version; "
             "cover the solid with boxes, cylinders, capsules or spheres"
         )
+    if fields.scale != 1.0:
+        raise ProblemError(f"obstacles: '{fields.name}': scale belongs to a mesh alone; remove it")
     placement = placement_of(fields.position, fields.rpy, fields.quaternion)
     kinds = ("box", "sphere", "cylinder", "capsule")
     given = [kind for kind in kinds if getattr(fields, kind) is not None]

@@ -5,20 +5,45 @@ Here a file is only read and its shape checked; `problem` gives it meaning.
 
 import json
 from pathlib import Path
-from typing import Annotated, Any, Literal, NoReturn, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
-from tubeplanner.errors import ProblemError, unknown_name
+from tubeplanner.errors import ProblemError
+from tubeplanner.problem_faults import first_fault
 
 Finite: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Number: TypeAlias = Annotated[float, Field(strict=True)]
 Vector: TypeAlias = tuple[Finite, Finite, Finite]
 Quaternion: TypeAlias = tuple[Finite, Finite, Finite, Finite]
 JointValues: TypeAlias = list[Finite] | dict[str, Finite]
-Sign: TypeAlias = Literal["+", "-", "0", 1, -1, 0] | tuple[Number, Number]
+Flag: TypeAlias = Annotated[bool, Field(strict=True)]
+
+
+def _no_flag(value: object) -> object:
+    """Refuse true and false where 1 and 0 are numbers: YAML and Python take them for equal."""
+    if isinstance(value, bool):
+        raise ValueError("true and false are no numbers")
+    return value
+
+
+def _sign_or_range(value: object) -> object:
+    """Say at once what a sign may be, rather than what each of its alternatives asks for."""
+    _no_flag(value)
+    is_range = isinstance(value, list | tuple) and len(value) == 2
+    if not is_range and value not in ("+", "-", "0", 1, -1, 0):
+        raise ValueError("it must be '+', '-', '0', 1, -1, 0 or a range [lower, upper]")
+    return value
+
+
+Sign: TypeAlias = Annotated[
+    Literal["+", "-", "0", 1, -1, 0] | tuple[Number, Number], BeforeValidator(_sign_or_range)
+]
+Version: TypeAlias = Annotated[Literal[1], BeforeValidator(_no_flag)]
+
+_MOST_BYTES = 10_000_000
 
 _NOT_HONOURED_YET = {
     "robot.srdf": "list the pairs in collision.ignore instead",
@@ -120,7 +145,7 @@ class ObstacleFields(_Section):
 class CollisionFields(_Section):
     """What is checked."""
 
-    self_: bool = Field(True, alias="self", description="links against links")
+    self_: Flag = Field(True, alias="self", description="links against links")
     ignore: list[tuple[str, str]] = Field([], description="pairs of links or obstacles left out")
 
 
@@ -128,7 +153,7 @@ class ProblemFields(_Section):
     """A tubeplanner problem. SI units, radians; positions in the frame of the URDF's root link."""
 
     format: Literal["tubeplanner/problem"] = "tubeplanner/problem"
-    version: Literal[1] = 1
+    version: Version = 1
     robot: RobotFields
     tube: TubeFields
     start: EndpointFields
@@ -168,26 +193,43 @@ def check_problem_fields(data: object, source: str) -> ProblemFields:
     try:
         fields = ProblemFields.model_validate(data)
     except ValidationError as error:
-        _raise_first(source, data, error)
+        fault = first_fault(data, error, ProblemFields)
+        raise ProblemError(f"{source}: {fault}") from None
     for name, advice in _NOT_HONOURED_YET.items():
         section, key = name.split(".")
-        if getattr(getattr(fields, section), key):
+        if key in getattr(fields, section).model_fields_set and data[section][key] is not None:
             raise ProblemError(f"{source}: {name} is not honoured by this version; {advice}")
     return fields
 
 
 def _read(path: Path) -> object:
     try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ProblemError(f"problem file {path} cannot be read: {error}") from error
+        with path.open("rb") as stream:
+            data = stream.read(_MOST_BYTES + 1)
+    except OSError as error:
+        raise ProblemError(f"problem file {path} cannot be read: {error.strerror}") from error
+    if len(data) > _MOST_BYTES:
+        raise ProblemError(f"problem file {path} is larger than {_MOST_BYTES // 10**6} MB")
     try:
+        text = data.decode("utf-8-sig")
         if path.suffix == ".json":
             return json.loads(text, object_pairs_hook=_unique_keys)
         return YAML(typ="safe", pure=True).load(text)
-    except (YAMLError, ValueError) as error:
+    except MarkedYAMLError as error:
+        raise ProblemError(f"problem file {path} is malformed: {_yaml_reason(error)}") from error
+    except (YAMLError, ValueError, RecursionError) as error:
         reason = " ".join(str(error).split())
         raise ProblemError(f"problem file {path} is malformed: {reason}") from error
+
+
+def _yaml_reason(error: MarkedYAMLError) -> str:
+    """Return what is wrong in a YAML file, and where, on one line."""
+    mark = error.problem_mark or error.context_mark
+    place = "" if mark is None else f"line {mark.line + 1}, column {mark.column + 1}: "
+    reason = str(error.problem or error.context).split(" with value ")[0]
+    if "\\t" in reason:
+        reason += "; use spaces"
+    return f"{place}{reason}"
 
 
 def _unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -196,71 +238,3 @@ def _unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         keys = [key for key, _ in pairs]
         raise ValueError(f"the key '{max(keys, key=keys.count)}' is given twice")
     return result
-
-
-def _raise_first(source: str, data: dict[str, Any], error: ValidationError) -> NoReturn:
-    """Raise a ProblemError for the first fault: field, value, what is wanted."""
-    # A union reports each of its members: the fault that lies deepest is the one the user made.
-    first = max(error.errors(), key=lambda fault: _depth_in_data(data, fault["loc"]))
-    location = _location(data, first["loc"])
-    if first["type"] == "extra_forbidden":
-        known = _known_keys(first["loc"])
-        section, _, key = location.rpartition(".")
-        raise ProblemError(f"{source}: {section or 'top level'}: {unknown_name('key', key, known)}")
-    if first["type"] == "missing":
-        raise ProblemError(f"{source}: {location} is required")
-    raise ProblemError(f"{source}: {location} is {first['input']!r}: {first['msg'].lower()}")
-
-
-def _depth_in_data(data: object, path: tuple[int | str, ...]) -> int:
-    return len(_steps_in_data(data, path))
-
-
-def _steps_in_data(data: object, path: tuple[int | str, ...]) -> list[int | str]:
-    """Return the steps of an error's path that exist in the data; the rest name union members."""
-    steps = []
-    for step in path:
-        try:
-            data = data[step]  # type: ignore[index]
-        except (KeyError, IndexError, TypeError):
-            continue
-        steps.append(step)
-    return steps
-
-
-def _location(data: object, path: tuple[int | str, ...]) -> str:
-    steps = _steps_in_data(data, path)
-    if path and (not steps or steps[-1] != path[-1]) and path[-1] in _all_field_names():
-        steps.append(path[-1])
-    text = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in steps)
-    return text.lstrip(".")
-
-
-def _all_field_names() -> set[str]:
-    return {name for section in _SECTIONS for name in _keys(section)}
-
-
-def _keys(section: type[BaseModel]) -> list[str]:
-    return [field.alias or name for name, field in section.model_fields.items()]
-
-
-def _known_keys(path: tuple[int | str, ...]) -> list[str]:
-    """Return the keys known where an unknown key was found."""
-    section: type[BaseModel] = ProblemFields
-    for step in path[:-1]:
-        section = _SECTION_OF.get(str(step), section)
-    return _keys(section)
-
-
-_SECTION_OF: dict[str, type[BaseModel]] = {
-    "robot": RobotFields,
-    "tool_offset": ToolOffsetFields,
-    "payload": PayloadFields,
-    "limits": LimitFields,
-    "tube": TubeFields,
-    "start": EndpointFields,
-    "goal": EndpointFields,
-    "obstacles": ObstacleFields,
-    "collision": CollisionFields,
-}
-_SECTIONS: tuple[type[BaseModel], ...] = (ProblemFields, *_SECTION_OF.values())

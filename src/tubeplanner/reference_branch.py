@@ -6,6 +6,7 @@ ranges of each segment choose the branch. Spare joints go from start to goal in 
 way.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,34 +44,45 @@ class ReferenceBranch:
         return self.segments[-1][-1]
 
 
-def reference_branch(problem: PlanningProblem) -> ReferenceBranch:
+def reference_branch(
+    problem: PlanningProblem, checkpoint: Callable[[], None] = lambda: None
+) -> ReferenceBranch:
     """Return the branch that the joint signs, the start and the goal ask for.
+
+    Args:
+        problem: What is asked.
+        checkpoint: Called before every segment; it may raise to end the work.
 
     Raises:
         Infeasible: Status unreachable: the message says where the branch ends and why.
     """
     start = _endpoint(problem, problem.start, 0)
     if problem.goal is None:
-        return _follow(problem, start, None, blended=False)
+        return _follow(problem, start, None, checkpoint, blended=False)
     goal = _endpoint(problem, problem.goal, -1)
     try:
-        return _follow(problem, start, goal, blended=True)
+        return _follow(problem, start, goal, checkpoint, blended=True)
     except Infeasible as reason:
+        if reason.status is not PlanStatus.UNREACHABLE:
+            raise
         # The pull on the spare joints may itself be in the way: all of it at the goal, then.
-        try:
-            return _follow(problem, start, goal, blended=False)
-        except Infeasible:
-            raise reason from None
+        return _follow(problem, start, goal, checkpoint, blended=False)
 
 
 def _follow(
-    problem: PlanningProblem, start: FloatArray, goal: FloatArray | None, *, blended: bool
+    problem: PlanningProblem,
+    start: FloatArray,
+    goal: FloatArray | None,
+    checkpoint: Callable[[], None],
+    *,
+    blended: bool,
 ) -> ReferenceBranch:
     """Walk through all segments; `blended` spreads the spare joints' motion over the way."""
     route = _route(problem, start, goal)
     way = _shares_of_way(route)
     q, segments = start, []
     for k in range(problem.tube.segment_count):
+        checkpoint()
         wanted = None
         if goal is not None and blended:
             at_begin, at_end = ((1 - way[i]) * start + way[i] * goal for i in (k, k + 1))

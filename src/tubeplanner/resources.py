@@ -81,8 +81,10 @@ def find_problem(name: str | Path, directory: Path) -> Path:
             raise ProblemError(unknown_name("bundled problem", key, problems))
         return problems[key]
     path = directory / text
-    if not path.is_file():
+    if not _exists(path):
         raise ProblemError(f"problem file {path} does not exist")
+    if path.is_dir():
+        raise ProblemError(f"{path} is a folder; name a problem file")
     return path
 
 
@@ -104,7 +106,7 @@ def find_urdf(name: str | Path, directory: Path, package_dirs: tuple[Path, ...] 
     if text.startswith(_PACKAGE_PREFIX):
         return _find_in_packages(text, (*package_dirs, *_environment_roots()))
     path = directory / text
-    if not path.is_file():
+    if not _exists(path) or path.is_dir():
         raise RobotError(f"robot description {path} does not exist")
     return path.resolve()
 
@@ -128,6 +130,14 @@ def find_mesh(filename: str, urdf: Path, package_dirs: tuple[Path, ...] = ()) ->
     if not path.is_file():
         raise RobotError(f"mesh {path}, named in {urdf}, does not exist")
     return path
+
+
+def _exists(path: Path) -> bool:
+    """Return whether a path exists; one that the system refuses as too long does not."""
+    try:
+        return path.exists()
+    except OSError:
+        return False
 
 
 @cache

@@ -16,7 +16,7 @@ from tubeplanner.arrays import FloatArray, read_only
 from tubeplanner.joint_limits import JointLimits, LimitOverrides, resolve_limits
 from tubeplanner.pinocchio_model import Payload, ToolOffset, build_model, planning_group
 from tubeplanner.resources import find_urdf
-from tubeplanner.urdf import UrdfDescription, read_urdf
+from tubeplanner.urdf import UrdfDescription, joint_id, link_id, read_urdf
 
 EARTH_GRAVITY = (0.0, 0.0, -9.81)  # [m/s^2]
 
@@ -114,7 +114,9 @@ class RobotModel:
         self._data = model.createData()
         self._pool = pin.ModelPool(model, 1)
         # Pinocchio orders joints its own way: q_model = q[:, to_model], q = q_model[:, to_group].
-        self._to_model = np.array([self.joint_names.index(name) for name in model.names[1:]])
+        self._to_model = np.array(
+            [self.joint_names.index(name.removeprefix(joint_id(""))) for name in model.names[1:]]
+        )
         self._to_group = np.argsort(self._to_model)
 
     @property
@@ -263,14 +265,14 @@ def _links(
 ) -> tuple[dict[str, int], dict[str, FloatArray]]:
     body, placement = {}, {}
     for name in description.links:
-        frame = model.frames[model.getFrameId(name, pin.FrameType.BODY)]
+        frame = model.frames[model.getFrameId(link_id(name), pin.FrameType.BODY)]
         body[name] = int(frame.parentJoint)
         placement[name] = read_only(frame.placement.homogeneous)
     return body, placement
 
 
 def _add_tool_centre_point(model: pin.Model, tool_frame: str, offset: ToolOffset) -> int:
-    tool = model.frames[model.getFrameId(tool_frame, pin.FrameType.BODY)]
+    tool = model.frames[model.getFrameId(link_id(tool_frame), pin.FrameType.BODY)]
     placement = tool.placement * pin.SE3(
         pin.rpy.rpyToMatrix(*offset.rpy), np.array(offset.position, dtype=float)
     )

@@ -5,6 +5,8 @@ three control points coincide, so that velocity and acceleration vanish exactly 
 planners start from it and must beat it.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy.interpolate import BSpline, CubicSpline
 
@@ -30,8 +32,17 @@ _ON_THE_WALL = 5e-7  # [m]
 _RAMP_SHARES = (0.5, 0.4, 0.3, 0.2, 0.15, 0.1)
 
 
-def stop_at_corners(problem: PlanningProblem, branch: ReferenceBranch) -> JointTrajectory:
+def stop_at_corners(
+    problem: PlanningProblem,
+    branch: ReferenceBranch,
+    checkpoint: Callable[[], None] = lambda: None,
+) -> JointTrajectory:
     """Return the fastest of a family of motions that rest at every reference point.
+
+    Args:
+        problem: What is asked.
+        branch: The arm along the reference path.
+        checkpoint: Called before every segment; it may raise to end the work.
 
     Raises:
         Infeasible: Gravity exceeds a motor's effort, or no spline follows the branch in the tube.
@@ -41,7 +52,11 @@ def stop_at_corners(problem: PlanningProblem, branch: ReferenceBranch) -> JointT
         raise Infeasible(
             PlanStatus.NO_TRAJECTORY, "the start is the goal: there is nothing to move", Place()
         )
-    return concatenate([_fastest(problem, branch, k) for k in moving])
+    motions = []
+    for k in moving:
+        checkpoint()
+        motions.append(_fastest(problem, branch, k))
+    return concatenate(motions)
 
 
 def _fastest(problem: PlanningProblem, branch: ReferenceBranch, segment: int) -> JointTrajectory:

@@ -27,6 +27,8 @@ _SIGNS: dict[str | int, JointRange] = {
     0: (-np.inf, np.inf),
 }
 _ALL = slice(None)
+_FARTHEST = 1e4  # [m]
+_SHORTEST = 1e-6  # [m]: reference points nearer to each other are the same
 VISITS = ("ordered", "any")
 
 
@@ -142,10 +144,10 @@ def _points(points: Sequence[Sequence[float]] | FloatArray) -> FloatArray:
         raise ProblemError(
             f"tube.points has shape {corners.shape}; at least two points [x, y, z] are needed"
         )
-    if not np.isfinite(corners).all():
-        raise ProblemError("tube.points must be finite numbers")
+    if not (abs(corners) <= _FARTHEST).all():
+        raise ProblemError(f"tube.points must be finite numbers within {_FARTHEST:g} m")
     for k, length in enumerate(np.linalg.norm(np.diff(corners, axis=0), axis=1)):
-        if not length > 0:
+        if not length >= _SHORTEST:
             raise ProblemError(f"tube.points: points {k} and {k + 1} are the same; remove one")
     return corners
 
@@ -159,8 +161,10 @@ def _radii(radius: float | Sequence[float] | FloatArray, segments: int) -> Float
             f"tube.radius has {radii.size} values for {segments} segments; give one, or one each"
         )
     for k, value in enumerate(radii):
-        if not 0 < value < np.inf:
-            raise ProblemError(f"tube.radius[{k}] is {value:g} m; it must be > 0 and finite")
+        if not 0 < value <= _FARTHEST:
+            raise ProblemError(
+                f"tube.radius[{k}] is {value:g} m; it must be > 0 and at most {_FARTHEST:g} m"
+            )
     return read_only(radii)
 
 
@@ -190,8 +194,11 @@ def _range(where: str, sign: JointSign) -> JointRange:
             return _SIGNS[sign]
     elif isinstance(sign, Sequence) and len(sign) == 2:
         lower, upper = float(sign[0]), float(sign[1])
-        if lower <= upper:
-            return lower, upper
+        if not lower <= upper:
+            raise ProblemError(
+                f"{where}: the range [{lower:g}, {upper:g}] is reversed or no number"
+            )
+        return lower, upper
     raise ProblemError(f"{where}: {sign!r} is none of '+', '-', '0', 1, -1, 0, [lower, upper]")
 
 

@@ -12,9 +12,15 @@ from pathlib import Path
 import numpy as np
 
 from tubeplanner.errors import RobotError, unknown_name
+from tubeplanner.urdf_link import require_sound_link
+from tubeplanner.urdf_values import read_child, read_name, read_number, read_numbers, require_origin
 
 MOVABLE_TYPES = ("revolute", "continuous", "prismatic")
-_JOINT_TYPES = (*MOVABLE_TYPES, "fixed")
+# A planar or floating joint carries a mobile base, which stands still while its arm moves.
+_STANDING_TYPES = ("planar", "floating")
+_JOINT_TYPES = (*MOVABLE_TYPES, "fixed", *_STANDING_TYPES)
+_XACRO = "{http://www.ros.org/wiki/xacro}"
+_MOST_BYTES = 50_000_000
 # Tags that Pinocchio's kinematic copy does not need; meshes are read by `link_geometry`.
 _NOT_KINEMATIC = ("visual", "collision")
 
@@ -34,7 +40,7 @@ class UrdfJoint:
 
     Attributes:
         name: The joint's name.
-        type: One of revolute, continuous, prismatic, fixed.
+        type: One of revolute, continuous, prismatic, fixed, planar, floating.
         parent: Name of the parent link.
         child: Name of the child link.
         lower: Lower position limit [rad or m], -inf where continuous.
@@ -64,14 +70,14 @@ class UrdfDescription:
         name: The robot's name.
         links: Names of all links.
         joints: All joints by name, in the order of the file.
-        text: The XML text of the file.
+        xml: The contents of the file.
     """
 
     path: Path
     name: str
     links: tuple[str, ...]
     joints: dict[str, UrdfJoint]
-    text: str
+    xml: bytes
 
     def chain(self, link: str) -> list[str]:
         """Return the names of the movable joints from the root to a link, in chain order.
@@ -97,29 +103,50 @@ class UrdfDescription:
     def kinematic_xml(self) -> str:
         """Return the XML for Pinocchio: geometry removed, every limit a finite placeholder.
 
-        Continuous joints become revolute, so that a configuration is a plain vector (nq = nv).
-        The true limits stay in `joints`.
+        Continuous joints become revolute, so that a configuration is a plain vector (nq = nv);
+        planar and floating joints become fixed. The true limits stay in `joints`. Links and joints
+        are renamed by `link_id` and `joint_id`, because Pinocchio confuses equal names.
         """
-        root = ElementTree.fromstring(self.text)
+        root = ElementTree.fromstring(self.xml)
+        plain = ElementTree.Element("robot", name=self.name)
         for link in root.findall("link"):
             for tag in _NOT_KINEMATIC:
                 for element in link.findall(tag):
                     link.remove(element)
-        for element in root.findall("joint"):
-            self._plain_joint(element)
-        return ElementTree.tostring(root, encoding="unicode")
+            link.set("name", link_id(str(link.get("name"))))
+            plain.append(link)
+        for joint in root.findall("joint"):
+            self._plain_joint(joint)
+            plain.append(joint)
+        return ElementTree.tostring(plain, encoding="unicode")
 
     @staticmethod
     def _plain_joint(element: ElementTree.Element) -> None:
-        if element.get("type") == "fixed":
-            return
+        element.set("name", joint_id(str(element.get("name"))))
+        for end in ("parent", "child"):
+            for link in element.findall(end):
+                link.set("link", link_id(str(link.get("link"))))
+        if element.get("type") in _STANDING_TYPES:
+            element.set("type", "fixed")
         if element.get("type") == "continuous":
             element.set("type", "revolute")
         for tag in ("limit", "mimic", "safety_controller", "calibration"):
             for child in element.findall(tag):
                 element.remove(child)
+        if element.get("type") == "fixed":
+            return
         placeholder = {"effort": "1", "velocity": "1", "lower": "-1", "upper": "1"}
         ElementTree.SubElement(element, "limit", placeholder)
+
+
+def link_id(name: str) -> str:
+    """Return the name that a link has in `kinematic_xml`."""
+    return f"link:{name}"
+
+
+def joint_id(name: str) -> str:
+    """Return the name that a joint has in `kinematic_xml`."""
+    return f"joint:{name}"
 
 
 def read_urdf(path: Path) -> UrdfDescription:
@@ -132,51 +159,71 @@ def read_urdf(path: Path) -> UrdfDescription:
         The description; its limits are as written, not yet judged.
 
     Raises:
-        RobotError: The XML is malformed, a name is doubled or missing, the links are no tree, or a
-            number cannot be read. The message names the file and the element.
+        RobotError: The XML is malformed, a name is doubled or missing, the links are no tree, an
+            inertia or a size is impossible, or a number cannot be read. The message names the file
+            and the element.
     """
+    xml = _read_bytes(path)
     try:
-        text = path.read_text(encoding="utf-8")
-        root = ElementTree.fromstring(text)
-    except (OSError, UnicodeDecodeError, ElementTree.ParseError) as error:
+        root = ElementTree.fromstring(xml)
+    except (ElementTree.ParseError, LookupError, ValueError) as error:
         raise RobotError(f"{path} cannot be read as URDF: {error}") from error
-    if root.tag != "robot":
-        raise RobotError(f"{path}: the root element is <{root.tag}>, not <robot>")
-    links = [_attribute(path, element, "name") for element in root.findall("link")]
+    _require_robot(path, root)
+    links = [read_name(str(path), element, "name") for element in root.findall("link")]
     joints = [_read_joint(path, element) for element in root.findall("joint")]
     _require_unique(path, "link", links)
     _require_unique(path, "joint", [joint.name for joint in joints])
     _require_tree(path, links, joints)
-    return UrdfDescription(
-        path,
-        root.get("name", path.stem),
-        tuple(links),
-        {joint.name: joint for joint in joints},
-        text,
-    )
+    for name, element in zip(links, root.findall("link"), strict=True):
+        require_sound_link(f"{path}: link '{name}'", element)
+    by_name = {joint.name: joint for joint in joints}
+    return UrdfDescription(path, root.get("name", path.stem), tuple(links), by_name, xml)
+
+
+def _read_bytes(path: Path) -> bytes:
+    try:
+        if path.stat().st_size > _MOST_BYTES:
+            raise RobotError(f"{path} is larger than {_MOST_BYTES // 10**6} MB: no URDF is")
+        xml = path.read_bytes()
+    except OSError as error:
+        raise RobotError(f"{path} cannot be read: {error.strerror}") from error
+    if b"<!ENTITY" in xml:
+        raise RobotError(f"{path} declares XML entities, which are not expanded; write them out")
+    return xml
+
+
+def _require_robot(path: Path, root: ElementTree.Element) -> None:
+    if root.tag != "robot":
+        raise RobotError(f"{path}: the root element is <{root.tag}>, not <robot>")
+    for element in root.iter():
+        if str(element.tag).startswith(_XACRO):
+            tag = str(element.tag).removeprefix(_XACRO)
+            raise RobotError(
+                f"{path} holds <xacro:{tag}>: it must be expanded first, by "
+                f"xacro {path.name} > {path.name.split('.')[0]}.urdf"
+            )
 
 
 def _read_joint(path: Path, element: ElementTree.Element) -> UrdfJoint:
-    name = _attribute(path, element, "name")
+    name = read_name(str(path), element, "name")
     where = f"{path}: joint '{name}'"
-    kind = _attribute(path, element, "type")
+    kind = read_name(where, element, "type")
     if kind not in _JOINT_TYPES:
-        known = ", ".join(_JOINT_TYPES)
-        raise RobotError(f"{where} has type '{kind}'; the types that can be planned are: {known}")
-    axis = element.find("axis")
-    if kind != "fixed" and axis is not None:
-        _require_axis(where, axis)
+        raise RobotError(f"{where}: {unknown_name('type', kind, _JOINT_TYPES)}")
+    require_origin(where, element)
+    if kind in MOVABLE_TYPES:  # others carry meaningless axes in the wild
+        _require_axis(where, element.find("axis"))
     limit = element.find("limit")
-    lower, upper = _read_number(where, limit, "lower"), _read_number(where, limit, "upper")
+    lower, upper = read_number(where, limit, "lower"), read_number(where, limit, "upper")
     return UrdfJoint(
         name=name,
         type=kind,
-        parent=_attribute(path, _child(where, element, "parent"), "link"),
-        child=_attribute(path, _child(where, element, "child"), "link"),
+        parent=read_name(where, read_child(where, element, "parent"), "link"),
+        child=read_name(where, read_child(where, element, "child"), "link"),
         lower=-np.inf if kind == "continuous" else (lower or 0.0),
         upper=np.inf if kind == "continuous" else (upper or 0.0),
-        effort=_read_number(where, limit, "effort"),
-        velocity=_read_number(where, limit, "velocity"),
+        effort=read_number(where, limit, "effort"),
+        velocity=read_number(where, limit, "velocity"),
         mimic=_read_mimic(where, element.find("mimic")),
     )
 
@@ -184,49 +231,17 @@ def _read_joint(path: Path, element: ElementTree.Element) -> UrdfJoint:
 def _read_mimic(where: str, element: ElementTree.Element | None) -> Mimic | None:
     if element is None:
         return None
-    master = element.get("joint")
-    if master is None:
-        raise RobotError(f"{where}: <mimic> names no joint")
-    multiplier = _read_number(where, element, "multiplier")
-    offset = _read_number(where, element, "offset")
+    multiplier = read_number(where, element, "multiplier")
+    offset = read_number(where, element, "offset")
+    master = read_name(where, element, "joint")
     return Mimic(master, 1.0 if multiplier is None else multiplier, offset or 0.0)
 
 
-def _read_number(where: str, element: ElementTree.Element | None, key: str) -> float | None:
-    text = None if element is None else element.get(key)
-    if text is None:
-        return None
-    try:
-        value = float(text)
-    except ValueError:
-        raise RobotError(f'{where}: {key}="{text}" is not a number') from None
-    if np.isnan(value):
-        raise RobotError(f"{where}: {key} is not a number (nan)")
-    return value
-
-
-def _require_axis(where: str, element: ElementTree.Element) -> None:
-    text = element.get("xyz", "")
-    try:
-        axis = [float(word) for word in text.split()]
-    except ValueError:
-        axis = []
-    if len(axis) != 3 or not 1e-6 < float(np.linalg.norm(axis)) < np.inf:
-        raise RobotError(f'{where}: axis xyz="{text}" is no direction; three numbers, not all zero')
-
-
-def _attribute(path: Path, element: ElementTree.Element, key: str) -> str:
-    value = element.get(key)
-    if not value:
-        raise RobotError(f"{path}: a <{element.tag}> element has no attribute '{key}'")
-    return value
-
-
-def _child(where: str, element: ElementTree.Element, tag: str) -> ElementTree.Element:
-    child = element.find(tag)
-    if child is None:
-        raise RobotError(f"{where} has no <{tag}>")
-    return child
+def _require_axis(where: str, element: ElementTree.Element | None) -> None:
+    if element is None:
+        return
+    if not np.linalg.norm(read_numbers(where, element, "xyz", 3)) > 1e-6:
+        raise RobotError(f'{where}: <axis> xyz="{element.get("xyz")}" is no direction')
 
 
 def _require_unique(path: Path, kind: str, names: list[str]) -> None:

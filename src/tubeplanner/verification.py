@@ -193,10 +193,10 @@ class _Judge:
         checker = self._problem.collision
         nearest = closest_approach(checker, self._trajectory, pairs, required)
         if nearest is None:
+            if not checker.has_link_geometry:
+                not_asked = "the robot has no collision geometry: nothing could be checked"
             return Condition(None, "m", Place(), not_asked)
-        owners = [checker.shapes[index].owner for index in nearest.pair]
-        links = tuple(owner for owner in owners if owner in self._robot.link_body)
-        obstacle = next((owner for owner in owners if owner not in self._robot.link_body), None)
+        links, obstacle = checker.owners(nearest.pair)
         place = Place(time=nearest.time, links=links, obstacle=obstacle)
         return Condition(nearest.lower_bound - required, "m", place, FOR_ALL_TIMES)
 

@@ -1,0 +1,107 @@
+"""What pydantic finds wrong in a problem file, in the words of that file."""
+
+from typing import Any, get_args
+
+from pydantic import BaseModel, ValidationError
+
+from tubeplanner.errors import unknown_name
+
+_Path = tuple[int | str, ...]
+
+# What pydantic's kinds of fault ask for.
+_WANTED = {
+    "bool_type": "true or false",
+    "dict_type": "a map",
+    "float_type": "a number",
+    "finite_number": "a finite number",
+    "int_type": "a whole number",
+    "list_type": "a list",
+    "model_type": "a map",
+    "string_type": "text",
+    "tuple_type": "a list of numbers",
+}
+_LONGEST_VALUE = 60
+
+
+def first_fault(data: dict[str, Any], error: ValidationError, root: type[BaseModel]) -> str:
+    """Return the first fault of a document: where, which value, what is wanted.
+
+    Args:
+        data: The document.
+        error: What pydantic says of it.
+        root: The model it was held against.
+    """
+    # A union reports each of its members: the fault that lies deepest is the one the user made.
+    faults = error.errors()
+    fault = max(faults, key=lambda fault: len(_steps(data, fault["loc"])))
+    steps, kind = _steps(data, fault["loc"]), fault["type"]
+    if kind == "extra_forbidden":
+        known = _keys(_model_at(root, fault["loc"][:-1]))
+        section = _join(steps[:-1]) or "top level"
+        return f"{section}: {unknown_name('key', str(fault['loc'][-1]), known)}"
+    if kind == "missing" and isinstance(fault["loc"][-1], int):
+        count = 1 + max(step for f in faults if isinstance(step := f["loc"][-1], int))
+        return f"{_join(steps)} has {fault['loc'][-1]} numbers; {count} are needed"
+    if kind == "missing":
+        return f"{_join([*steps, fault['loc'][-1]])} is required"
+    if kind == "too_long":
+        sizes = fault["ctx"]
+        return f"{_join(steps)} has more than {sizes['max_length']} numbers"
+    if kind == "invalid_key" or fault["loc"][-1:] == ("[key]",):
+        return f"{_join(steps[:-1]) or 'top level'}: the key {steps[-1]!r} is no text; quote it"
+    return f"{_join(steps) or 'the problem'} is {_shown(fault['input'])}; {_wanted(fault, root)}"
+
+
+def _wanted(fault: Any, root: type[BaseModel]) -> str:
+    wanted = _WANTED.get(fault["type"])
+    if fault["type"] in ("model_type", "dict_type"):
+        model = _model_at(root, fault["loc"])
+        keys = _keys(model) if model is not root or not fault["loc"] else []
+        return f"it must be a map with {', '.join(keys)}" if keys else "it must be a map"
+    if wanted is not None:
+        return f"it must be {wanted}"
+    return str(fault["msg"]).removeprefix("Input ").removeprefix("Value error, ").lower()
+
+
+def _shown(value: object) -> str:
+    text = "empty" if value is None else repr(value)
+    return text if len(text) <= _LONGEST_VALUE else text[:_LONGEST_VALUE] + "..."
+
+
+def _steps(data: object, path: _Path) -> list[int | str]:
+    """Return the steps of a fault's path that exist in the data; others name union members."""
+    steps: list[int | str] = []
+    for step in path:
+        try:
+            data = data[step]  # type: ignore[index]
+        except (KeyError, IndexError, TypeError):
+            continue
+        steps.append(step)
+    return steps
+
+
+def _join(steps: list[int | str]) -> str:
+    text = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in steps)
+    return text.lstrip(".")
+
+
+def _keys(model: type[BaseModel]) -> list[str]:
+    return [field.alias or name for name, field in model.model_fields.items()]
+
+
+def _model_at(root: type[BaseModel], path: _Path) -> type[BaseModel]:
+    """Return the innermost model that a path leads into."""
+    model = root
+    for step in path:
+        for name, field in model.model_fields.items():
+            if step in (name, field.alias):
+                model = _model_in(field.annotation) or model
+    return model
+
+
+def _model_in(annotation: Any) -> type[BaseModel] | None:
+    """Return the model that an annotation is, or is a list or an alternative of."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    found = (_model_in(argument) for argument in get_args(annotation))
+    return next((model for model in found if model is not None), None)
