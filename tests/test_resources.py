@@ -130,7 +130,8 @@ def test_a_missing_package_lists_the_folders_tried_and_what_to_do(tmp_path, no_r
 
 
 @pytest.mark.parametrize(
-    "filename", ["meshes/a.stl", "file://FOLDER/my_arm/meshes/a.stl", "package://my_arm/meshes/a.stl"]
+    "filename",
+    ["meshes/a.stl", "file://FOLDER/my_arm/meshes/a.stl", "package://my_arm/meshes/a.stl"],
 )
 def test_a_mesh_is_found_beside_its_urdf_by_every_kind_of_name(tmp_path, no_ros, filename):
     urdf = write(tmp_path / "my_arm" / "arm.urdf")

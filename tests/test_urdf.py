@@ -221,8 +221,9 @@ def test_the_chain_runs_from_the_root_and_skips_fixed_joints_and_branches(tmp_pa
 
 def test_the_chain_to_an_unknown_link_lists_the_links(tmp_path):
     description = read(tmp_path, robot(links("ab"), joint()))
-    with pytest.raises(RobotError, match="arm.urdf: unknown link 'x'; there is: a, b"):
+    with pytest.raises(RobotError) as caught:
         description.chain("x")
+    assert str(caught.value) == f"{description.path}: unknown link 'x'; there is: a, b"
 
 
 def test_the_kinematic_copy_has_no_geometry_and_only_plain_bounded_joints(tmp_path):

@@ -1,0 +1,467 @@
+"""Problems from files, from dictionaries and from Python."""
+
+import copy
+import shutil
+
+import numpy as np
+import pytest
+
+from tubeplanner import (
+    LimitOverrides,
+    Obstacle,
+    Payload,
+    PlanningProblem,
+    Seed,
+    ToolOffset,
+    Tube,
+    load_problem,
+    load_robot,
+    parse_problem,
+    placement_of,
+)
+from tubeplanner.errors import ProblemError, RobotError
+from tubeplanner.resources import bundled_folder, bundled_problems
+
+# The two-link arm, stretched along x at its start, turns to y: the hand goes round the corner.
+LEAST = {
+    "robot": {"urdf": "example:two_link", "tool_frame": "hand", "gravity": [0, 0, 0]},
+    "tube": {"points": [[0.6, 0, 0], [0.4, 0.4, 0], [0, 0.6, 0]], "radius": 0.1},
+    "start": {"joints": [0, 0]},
+}
+START, GOAL = [0.0, 0.0], [np.pi / 2, 0.0]
+
+
+def changed(**changes):
+    """Return the least problem with values replaced; `__` stands for the dot between keys."""
+    data = copy.deepcopy(LEAST)
+    for place, value in changes.items():
+        *sections, key = place.split("__")
+        section = data
+        for name in sections:
+            section = section.setdefault(name, {})
+        section[key] = value
+    return data
+
+
+def fault(data, kind=ProblemError):
+    with pytest.raises(kind) as caught:
+        parse_problem(data, name="my problem")
+    return str(caught.value)
+
+
+# --- start and goal ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "given",
+    [{"joints": [0.1, -0.2]}, {"joints": {"joint2": -0.2, "joint1": 0.1}}],
+    ids=["list", "map"],
+)
+@pytest.mark.parametrize("end", ["start", "goal"])
+def test_an_end_may_be_a_list_in_group_order_or_a_map_by_name(end, given):
+    data = changed(tube__radius=2.0, **{end: given})
+    np.testing.assert_array_equal(getattr(parse_problem(data), end), [0.1, -0.2])
+
+
+@pytest.mark.parametrize("end", ["start", "goal"])
+@pytest.mark.parametrize("given", [[0.1, -3.0], {"joint2": -3.0, "joint1": 0.1}])
+def test_an_end_may_be_a_seed_which_need_not_be_in_the_tube(end, given):
+    seed = getattr(parse_problem(changed(**{end: {"seed": given}})), end)
+    assert isinstance(seed, Seed)
+    np.testing.assert_array_equal(seed.joints, [0.1, -3.0])
+
+
+def test_without_a_goal_there_is_none():
+    assert parse_problem(LEAST).goal is None
+
+
+def test_values_follow_the_group_order_of_the_file():
+    data = changed(robot__joints=["joint2", "joint1"], start={"joints": {"joint1": 0, "joint2": 1}})
+    data["tube"]["radius"] = 1.0
+    np.testing.assert_array_equal(parse_problem(data).start, [1, 0])
+
+
+@pytest.mark.parametrize("end", ["start", "goal"])
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"joints": [0]}, "END has 1 values for the 2 joints joint1, joint2"),
+        ({"joints": [0, 0, 0]}, "END has 3 values for the 2 joints joint1, joint2"),
+        ({"seed": []}, "END has 0 values for the 2 joints joint1, joint2"),
+        ({"joints": {"joint1": 0}}, "END: no value for joint joint2"),
+        ({"seed": {}}, "END: no value for joint joint1, joint2"),
+        (
+            {"joints": {"joint1": 0, "join2": 0}},
+            "END: unknown joint 'join2' (did you mean 'joint2'?); there is: joint1, joint2",
+        ),
+        ({}, "END takes either joints or seed"),
+        ({"joints": [0, 0], "seed": [0, 0]}, "END takes either joints or seed"),
+        (
+            {"joints": [0, 4]},
+            "END: joint 'joint2' at 4 is outside [-3.14159, 3.14159], its position limits and "
+            "joint sign in segment K",
+        ),
+        (
+            {"joints": [0, -0.5]},
+            "END: joint 'joint2' at -0.5 is outside [0, 3.14159], its position limits and joint "
+            "sign in segment K",
+        ),
+        (
+            {"joints": [np.pi, 0]},
+            "END: the hand is at [-0.6, 0.0, 0.0] m, DISTANCE m outside the capsule of segment K "
+            "(its end point is POINT m); move the END or the reference point",
+        ),
+    ],
+)
+def test_an_end_that_cannot_be_is_bad_input(end, given, message):
+    radius, signs = 0.1, ({"joint2": "+"} if given == {"joints": [0, -0.5]} else {})
+    segment, point, away = {
+        "start": (0, [0.6, 0.0, 0.0], np.hypot(1.0, 0.4)),  # from the far end of the segment
+        "goal": (1, [0.0, 0.6, 0.0], np.hypot(0.6, 0.6)),
+    }[end]
+    text = message.replace("END", end).replace("K", str(segment)).replace("POINT", str(point))
+    text = text.replace("DISTANCE", f"{away - radius:.4f}")
+    data = changed(tube__joint_signs=signs, **{end: given})
+    assert fault(data) == f"my problem: {text}"
+
+
+def test_an_end_may_exceed_its_bounds_by_what_rounding_does():
+    data = changed(tube__joint_signs={"joint2": "+"}, start={"joints": [0, -1e-7]})
+    assert parse_problem(data).start[1] == -1e-7
+    assert "joint 'joint2' at -1e-05" in fault(changed(**{**data, "start": {"joints": [0, -1e-5]}}))
+
+
+@pytest.mark.parametrize(("outside", "refused"), [(1e-7, False), (1e-5, True)])
+def test_the_hand_may_leave_the_capsule_by_what_rounding_does(outside, refused):
+    points = [[0.6 + 0.1 + outside, 0, 0], [1, 0, 0]]
+    data = changed(tube__points=points)
+    if refused:
+        assert "m outside the capsule of segment 0" in fault(data)
+    else:
+        assert parse_problem(data).start.tolist() == START
+
+
+# --- tube and joints ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("visit", ["ordered", "any"])
+def test_the_way_of_visiting_reaches_the_tube(visit):
+    assert parse_problem(changed(tube__visit=visit)).tube.visit == visit
+
+
+def test_position_limits_and_signs_are_cut_per_segment():
+    data = changed(
+        tube__joint_signs=[{"joint2": "+"}, {"joint2": [-1.0, 0.5], "joint1": "-"}],
+        start={"joints": [0, 0]},
+    )
+    problem = parse_problem(data)
+    full, half = 2 * np.pi, np.pi
+    np.testing.assert_allclose(problem.joint_lower, [[-full, 0], [-full, -1]])
+    np.testing.assert_allclose(problem.joint_upper, [[full, half], [0, 0.5]])
+
+
+@pytest.mark.parametrize(
+    ("signs", "message"),
+    [
+        (
+            {"joint3": "+"},
+            "tube.joint_signs: unknown joint 'joint3' (did you mean 'joint2'?); there is: joint1, "
+            "joint2",
+        ),
+        (
+            {"joint2": [4, 5]},
+            "tube.joint_signs: joint 'joint2' has no value left in segment 0: its position limits "
+            "are [-3.14159, 3.14159]",
+        ),
+        ([{}], "tube.joint_signs has 1 maps for 2 segments; give one, or one each"),
+        (
+            [{"joint2": [0, 1]}, {"joint2": [2, 3]}],
+            "tube.joint_signs: joint 'joint2' has the range [0.0, 1.0] in segment 0 and [2.0, 3.0] "
+            "in segment 1, which do not meet",
+        ),
+    ],
+)
+def test_joint_signs_that_cannot_hold_are_refused(signs, message):
+    assert fault(changed(tube__joint_signs=signs)) == f"my problem: {message}"
+
+
+@pytest.mark.parametrize("clearance", [-0.01, -1])
+def test_a_negative_clearance_is_refused(clearance):
+    message = f"my problem: clearance is {clearance:g} m; it must be >= 0 and finite"
+    assert fault(changed(clearance=clearance)) == message
+
+
+# --- robot -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"robot__urdf": "none.urdf"}, "robot description none.urdf does not exist"),
+        ({"robot__urdf": "example:two_lnk"}, "(did you mean 'two_link'?)"),
+        ({"robot__tool_frame": "hnd"}, "unknown tool_frame 'hnd' (did you mean 'hand'?)"),
+        ({"robot__joints": ["joint1", "join2"]}, "unknown movable joint 'join2'"),
+        ({"robot__locked_joints": {"joint9": 1}}, "locked_joints: unknown joint outside the group"),
+        (
+            {"robot__limits": {"effort": {"elbow": 1}}},
+            "limits.effort: unknown joint 'elbow'; there is: joint1, joint2",
+        ),
+        (
+            {"robot__limits": {"effort": {"joint1": np.inf}, "velocity": {"joint1": np.inf}}},
+            "joint 'joint1' has no finite limit among effort, velocity and acceleration",
+        ),
+        (
+            {"robot__limits": {"scale": {"effort": 2}}},
+            "limits.scale: effort at 2 must be in (0, 1]",
+        ),
+        ({"robot__payload": {"mass": -1}}, "payload: mass -1 kg must be >= 0 and finite"),
+    ],
+)
+def test_a_robot_that_cannot_be_planned_with_says_why(change, message):
+    assert message in fault(changed(**change), RobotError)
+
+
+def test_every_field_of_the_robot_reaches_the_robot():
+    problem = parse_problem(
+        {
+            "robot": {
+                "urdf": "example:ur5",
+                "tool_frame": "tool0",
+                "tool_offset": {"position": [0, 0, 0.1], "rpy": [0.1, 0.2, 0.3]},
+                "joints": ["elbow_joint", "shoulder_pan_joint", "shoulder_lift_joint"],
+                "locked_joints": {"wrist_1_joint": 0.5},
+                "gravity": [9.81, 0, 0],
+                "payload": {"mass": 2, "com": [0, 0, 0.1], "inertia": [0.1, 0.1, 0.1, 0, 0, 0]},
+                "limits": {
+                    "effort": {"elbow_joint": 100},
+                    "velocity": {"elbow_joint": np.inf},
+                    "position": {"elbow_joint": [0, 3]},
+                    "acceleration": {"elbow_joint": 7},
+                    "jerk": {"elbow_joint": 70},
+                    "scale": {"effort": 0.5},
+                },
+            },
+            "tube": {"points": [[0, 0, 0], [1, 0, 0]], "radius": 5},
+            "start": {"joints": [1, 0, 0]},
+        }
+    )
+    expected = load_robot(
+        "example:ur5",
+        "tool0",
+        tool_offset=ToolOffset((0, 0, 0.1), (0.1, 0.2, 0.3)),
+        joints=["elbow_joint", "shoulder_pan_joint", "shoulder_lift_joint"],
+        locked_joints={"wrist_1_joint": 0.5},
+        gravity=(9.81, 0, 0),
+        payload=Payload(2, (0, 0, 0.1), (0.1, 0.1, 0.1, 0, 0, 0)),
+    )
+    robot, q = problem.robot, np.array([[0.4, -0.5, 0.6]])
+    assert robot.joint_names == expected.joint_names
+    for mine, other in zip(robot.tool_pose(q), expected.tool_pose(q), strict=True):
+        np.testing.assert_array_equal(mine, other)
+    np.testing.assert_array_equal(
+        robot.inverse_dynamics(q, q, q), expected.inverse_dynamics(q, q, q)
+    )
+    limits = robot.limits
+    assert (limits.lower_position[0], limits.upper_position[0]) == (0, 3)
+    assert limits.effort.tolist() == [50, 75, 75]
+    assert limits.velocity.tolist() == [np.inf, 3.15, 3.15]
+    assert (limits.acceleration[0], limits.jerk[0]) == (7, 70)
+
+
+# --- obstacles ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("obstacle", "message"),
+    [
+        ({}, "obstacles: 'part' must have exactly one of box, sphere, cylinder, capsule; it has "),
+        ({"box": [1, 1, 1], "sphere": 1}, "it has box, sphere"),
+        ({"mesh": "part.stl"}, "obstacles: 'part': mesh is not honoured by this version; cover"),
+        ({"box": [1, 0, 1]}, "obstacle 'part': box has size 0 m, which must be > 0"),
+        ({"sphere": -1}, "obstacle 'part': sphere has size -1 m, which must be > 0"),
+        (
+            {"sphere": 1, "rpy": [0, 0, 0], "quaternion": [0, 0, 0, 1]},
+            "rpy or quaternion, not both",
+        ),
+        ({"sphere": 1, "quaternion": [0, 0, 0, 0]}, "has no direction"),
+    ],
+)
+def test_an_obstacle_that_cannot_be_is_named(obstacle, message):
+    text = fault(changed(obstacles=[{"name": "part", **obstacle}]))
+    assert text.startswith("my problem: ")
+    assert message in text
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            {"obstacles": [{"name": "a", "sphere": 1}, {"name": "a", "sphere": 2}]},
+            "my problem: obstacles: the name 'a' is given 2 times",
+        ),
+        (
+            {"obstacles": [{"name": "link1", "sphere": 1}]},
+            "my problem: obstacles: 'link1' is also the name of a link; choose another",
+        ),
+        (
+            {"collision__ignore": [["link1", "wal"]]},
+            "my problem: collision.ignore: unknown link or obstacle 'wal'; there is: base, link1, "
+            "link2, hand",
+        ),
+    ],
+)
+def test_names_of_obstacles_are_checked_on_loading(change, message):
+    assert fault(changed(**change)) == message
+
+
+def test_each_kind_of_obstacle_stands_where_the_file_puts_it():
+    quarter = np.sqrt(0.5)
+    problem = parse_problem(
+        changed(
+            obstacles=[
+                {"name": "a", "box": [1, 2, 3], "position": [5, 0, 0], "rpy": [0, 0, np.pi / 2]},
+                {"name": "b", "sphere": 0.5, "position": [0, 5, 0]},
+                {"name": "c", "cylinder": [0.5, 2], "quaternion": [quarter, 0, 0, quarter]},
+                {"name": "d", "capsule": [0.5, 2], "position": [0, 0, 5]},
+            ],
+            collision={"self": False, "ignore": [["c", "link1"], ["c", "link2"]]},
+            clearance=0.25,
+        )
+    )
+    spans = {
+        obstacle.name: np.ptp(obstacle.shapes[0].vertices, axis=0) for obstacle in problem.obstacles
+    }
+    np.testing.assert_allclose(spans["a"], [2, 1, 3], atol=1e-12)
+    np.testing.assert_allclose(spans["c"][1], 2, atol=1e-12)
+    np.testing.assert_allclose(spans["d"], [0, 0, 2], atol=1e-12)
+    centers = {obstacle.name: obstacle.shapes[0].center for obstacle in problem.obstacles}
+    np.testing.assert_allclose(centers["b"], [0, 5, 0])
+    assert [obstacle.shapes[0].radius for obstacle in problem.obstacles] == [0, 0.5, 0, 0.5]
+    assert problem.clearance == 0.25
+    assert len(problem.collision.link_pairs) == 0
+    checked = {problem.collision.shapes[j].owner for _, j in problem.collision.obstacle_pairs}
+    assert checked == {"a", "b", "d"}
+
+
+# --- files -------------------------------------------------------------------------------------
+
+YAML_TEXT = """\
+robot: {urdf: arms/two.urdf, tool_frame: hand, gravity: [0, 0, 0]}
+tube: {points: [[0.6, 0, 0], [0, 0.6, 0]], radius: 0.3}
+start: {joints: [0, 0]}
+"""
+
+
+@pytest.fixture
+def cell(tmp_path):
+    """A folder with a problem file and, in a folder beside it, its robot."""
+    (tmp_path / "arms").mkdir()
+    shutil.copy(bundled_folder() / "two_link" / "two_link.urdf", tmp_path / "arms" / "two.urdf")
+    (tmp_path / "turn.yaml").write_text(YAML_TEXT)
+    return tmp_path
+
+
+def test_paths_are_relative_to_the_problem_file(cell, monkeypatch):
+    monkeypatch.chdir("/")
+    problem = load_problem(cell / "turn.yaml")
+    assert problem.robot.urdf.path == cell / "arms" / "two.urdf"
+    assert load_problem("turn.yaml", cell).robot.urdf.path == problem.robot.urdf.path
+
+
+def test_package_folders_are_relative_to_the_problem_file_too(cell, monkeypatch):
+    monkeypatch.chdir("/")
+    text = YAML_TEXT.replace("arms/two.urdf", "package://arms/two.urdf, package_dirs: [.]")
+    (cell / "turn.yaml").write_text(text)
+    assert load_problem(cell / "turn.yaml").robot.urdf.path == cell / "arms" / "two.urdf"
+
+
+def test_a_fault_in_a_file_is_reported_with_the_file(cell):
+    (cell / "turn.yaml").write_text(YAML_TEXT.replace("[0, 0]}", "[0, 0, 0]}"))
+    with pytest.raises(ProblemError) as caught:
+        load_problem(cell / "turn.yaml")
+    assert str(caught.value) == (
+        f"{cell / 'turn.yaml'}: start has 3 values for the 2 joints joint1, joint2"
+    )
+
+
+@pytest.mark.parametrize("name", bundled_problems())
+def test_bundled_problems_load_by_name_and_are_called_so(name):
+    problem = load_problem(f"example:{name}")
+    assert problem.name == name
+    assert len(problem.collision.shapes) > len(problem.obstacles) > 0
+
+
+# --- Python ------------------------------------------------------------------------------------
+
+
+def test_a_problem_built_in_python_equals_the_one_that_was_parsed():
+    parsed = parse_problem(
+        changed(
+            robot__limits={"velocity": {"joint1": np.inf}},
+            tube__joint_signs={"joint2": "+"},
+            tube__tool_radius=0.02,
+            goal={"joints": GOAL},
+            obstacles=[{"name": "post", "cylinder": [0.03, 0.3], "position": [0.2, 0.2, 1]}],
+            clearance=0.01,
+            collision={"ignore": [["post", "link1"]]},
+        ),
+        name="turn",
+    )
+    built = PlanningProblem(
+        robot=load_robot(
+            "example:two_link",
+            "hand",
+            gravity=(0, 0, 0),
+            limits=LimitOverrides(velocity={"joint1": np.inf}),
+        ),
+        tube=Tube(LEAST["tube"]["points"], 0.1, tool_radius=0.02, joint_signs={"joint2": "+"}),
+        start=np.array(START),
+        goal={"joint1": GOAL[0], "joint2": GOAL[1]},
+        obstacles=[Obstacle.cylinder("post", 0.03, 0.3, placement_of((0.2, 0.2, 1)))],
+        clearance=0.01,
+        ignore_collisions=[("post", "link1")],
+        name="turn",
+    )
+    same = np.testing.assert_array_equal
+    for name in ("start", "goal", "joint_lower", "joint_upper"):
+        same(getattr(built, name), getattr(parsed, name))
+    for name in ("points", "radius", "tool_radius", "effective_radius"):
+        same(getattr(built.tube, name), getattr(parsed.tube, name))
+    assert built.tube.joint_ranges == parsed.tube.joint_ranges
+    assert built.tube.visit == parsed.tube.visit
+    for name in ("lower_position", "upper_position", "velocity", "effort", "acceleration"):
+        same(getattr(built.robot.limits, name), getattr(parsed.robot.limits, name))
+    assert built.robot.joint_names == parsed.robot.joint_names
+    same(built.robot.gravity, parsed.robot.gravity)
+    assert (built.name, built.clearance) == (parsed.name, parsed.clearance)
+    same(built.collision.obstacle_pairs, parsed.collision.obstacle_pairs)
+    same(built.collision.link_pairs, parsed.collision.link_pairs)
+    for mine, other in zip(built.collision.shapes, parsed.collision.shapes, strict=True):
+        assert (mine.owner, mine.body) == (other.owner, other.body)
+        same(mine.shape.vertices, other.shape.vertices)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"start": [0.0]}, "start has 1 values for the 2 joints joint1, joint2"),
+        ({"start": [0.0, np.nan]}, "start must be finite numbers"),
+        ({"start": Seed(np.array([np.inf, 0]))}, "start must be finite numbers"),
+        ({"start": Seed(np.zeros(3))}, "start has 3 values for the 2 joints joint1, joint2"),
+        ({"goal": [3.0, 0.0]}, "goal: the hand is at [-0.594, 0.0847, 0.0] m"),
+        ({"clearance": np.inf}, "clearance is inf m; it must be >= 0 and finite"),
+        ({"clearance": np.nan}, "clearance is nan m; it must be >= 0 and finite"),
+    ],
+)
+def test_a_problem_built_in_python_is_checked_at_once(two_link, options, message):
+    tube = Tube(LEAST["tube"]["points"], 0.1)
+    with pytest.raises(ProblemError) as caught:
+        PlanningProblem(two_link, tube, **{"start": START, **options})
+    assert str(caught.value).startswith(message)
+
+
+def test_what_a_problem_holds_cannot_be_written_to(two_link):
+    problem = PlanningProblem(two_link, Tube(LEAST["tube"]["points"], 0.1), START)
+    for array in (problem.start, problem.joint_lower, problem.joint_upper):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1.0

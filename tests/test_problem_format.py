@@ -1,0 +1,405 @@
+"""The problem file's shape: what is refused, by name, and what is understood."""
+
+import copy
+import json
+
+import numpy as np
+import pytest
+from ruamel.yaml import YAML
+
+from tubeplanner.errors import ProblemError
+from tubeplanner.problem_format import check_problem_fields, problem_schema, read_problem_fields
+from tubeplanner.resources import bundled_problems
+
+LEAST = {
+    "robot": {"urdf": "arm.urdf", "tool_frame": "hand"},
+    "tube": {"points": [[0, 0, 0], [1, 0, 0]], "radius": 0.1},
+    "start": {"joints": [0, 0]},
+}
+LEAST_YAML = """\
+robot: {urdf: arm.urdf, tool_frame: hand}
+tube: {points: [[0, 0, 0], [1, 0, 0]], radius: 0.1}
+start: {joints: [0, 0]}
+"""
+ABSENT = object()
+
+
+def changed(place, value):
+    """Return the least problem with one value replaced, added, or taken away."""
+    data = copy.deepcopy(LEAST)
+    *sections, key = place.split(".")
+    section = data
+    for name in sections:
+        section = section.setdefault(name, {})
+    if value is ABSENT:
+        del section[key]
+    else:
+        section[key] = value
+    return data
+
+
+def fault(data):
+    with pytest.raises(ProblemError) as caught:
+        check_problem_fields(data, "my problem")
+    message = str(caught.value)
+    assert message.startswith("my problem: ")
+    return message.removeprefix("my problem: ")
+
+
+def read(tmp_path, text, name="p.yaml"):
+    path = tmp_path / name
+    path.write_text(text, encoding="utf-8")
+    return read_problem_fields(path)
+
+
+# --- names -------------------------------------------------------------------------------------
+
+TOP = "format, version, robot, tube, start, goal, obstacles, clearance, collision"
+ROBOT = (
+    "urdf, package_dirs, srdf, tool_frame, tool_offset, joints, locked_joints, gravity, payload, "
+    "attached, limits"
+)
+LIMITS = "effort, velocity, position, acceleration, jerk, scale"
+TUBE = "points, radius, tool_radius, joint_signs, orientations, rotation_tolerance, visit"
+OBSTACLE = "name, box, sphere, cylinder, capsule, mesh, scale, position, rpy, quaternion"
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "section", "key", "meant", "known"),
+    [
+        ("clearence", 1, "top level", "clearence", "clearance", TOP),
+        ("robot.toolframe", "hand", "robot", "toolframe", "tool_frame", ROBOT),
+        ("robot.limits.velocities", {}, "robot.limits", "velocities", "velocity", LIMITS),
+        ("robot.payload", {"mas": 1}, "robot.payload", "mas", "mass", "mass, com, inertia"),
+        ("robot.tool_offset.rpi", [0, 0, 0], "robot.tool_offset", "rpi", "rpy", "position, rpy"),
+        ("tube.radii", 0.1, "tube", "radii", "radius", TUBE),
+        ("start.joint", [0, 0], "start", "joint", "joints", "joints, seed"),
+        ("goal", {"joint": [0, 0]}, "goal", "joint", "joints", "joints, seed"),
+        ("obstacles", [{"name": "a", "boxx": 1}], "obstacles[0]", "boxx", "box", OBSTACLE),
+        (
+            "obstacles",
+            [{"name": "a", "sphere": 1}, {"name": "b", "spere": 1}],
+            "obstacles[1]",
+            "spere",
+            "sphere",
+            OBSTACLE,
+        ),
+        ("collision.self_", True, "collision", "self_", "self", "self, ignore"),
+    ],
+)
+def test_an_unknown_key_gets_a_suggestion_and_the_known_keys(
+    place, value, section, key, meant, known
+):
+    expected = f"{section}: unknown key '{key}' (did you mean '{meant}'?); there is: {known}"
+    assert fault(changed(place, value)) == expected
+
+
+def test_an_unknown_key_that_resembles_nothing_gets_the_known_keys_only():
+    assert fault(changed("xyz", 1)) == f"top level: unknown key 'xyz'; there is: {TOP}"
+
+
+@pytest.mark.parametrize(
+    ("place", "name"),
+    [
+        ("robot", "robot"),
+        ("robot.urdf", "robot.urdf"),
+        ("robot.tool_frame", "robot.tool_frame"),
+        ("tube", "tube"),
+        ("tube.points", "tube.points"),
+        ("tube.radius", "tube.radius"),
+        ("start", "start"),
+    ],
+)
+def test_a_required_field_that_is_missing_is_named(place, name):
+    assert fault(changed(place, ABSENT)) == f"{name} is required"
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "name"),
+    [
+        ("robot.payload", {"com": [0, 0, 0]}, "robot.payload.mass"),
+        ("obstacles", [{"sphere": 1}], "obstacles[0].name"),
+    ],
+)
+def test_a_field_required_inside_an_optional_one_is_named(place, value, name):
+    assert fault(changed(place, value)) == f"{name} is required"
+
+
+# --- types -------------------------------------------------------------------------------------
+
+NOT_A_NUMBER = "input should be a valid number"
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "message"),
+    [
+        ("tube.radius", "wide", f"tube.radius is 'wide': {NOT_A_NUMBER}"),
+        ("tube.radius", True, f"tube.radius is True: {NOT_A_NUMBER}"),
+        ("tube.radius", [0.1, "wide"], f"tube.radius[1] is 'wide': {NOT_A_NUMBER}"),
+        ("tube.points", [[0, 0, "x"]], f"tube.points[0][2] is 'x': {NOT_A_NUMBER}"),
+        ("tube.points", 5, "tube.points is 5: input should be a valid list"),
+        ("tube.points", [[0, 0, 0, 0]], "tube.points[0] is [0, 0, 0, 0]: "),
+        ("tube.visit", "all", "tube.visit is 'all': input should be 'ordered' or 'any'"),
+        ("tube.joint_signs", {"j": "x"}, "tube.joint_signs.j is 'x': input should be '+', '-', "),
+        ("tube.joint_signs", [{"j": 2}], "tube.joint_signs[0].j is 2: input should be '+', '-', "),
+        ("start.joints", ["a", 0], f"start.joints[0] is 'a': {NOT_A_NUMBER}"),
+        ("start.joints", {"j": "a"}, f"start.joints.j is 'a': {NOT_A_NUMBER}"),
+        ("robot.urdf", 5, "robot.urdf is 5: input should be a valid string"),
+        ("robot.gravity", [0, 0, None], f"robot.gravity[2] is None: {NOT_A_NUMBER}"),
+        ("robot.joints", "joint1", "robot.joints is 'joint1': input should be a valid list"),
+        (
+            "robot.limits.effort",
+            {"elbow": "strong"},
+            f"robot.limits.effort.elbow is 'strong': {NOT_A_NUMBER}",
+        ),
+        (
+            "robot.limits.position",
+            {"elbow": [0, "x"]},
+            f"robot.limits.position.elbow[1] is 'x': {NOT_A_NUMBER}",
+        ),
+        ("clearance", "1 cm", f"clearance is '1 cm': {NOT_A_NUMBER}"),
+        (
+            "obstacles",
+            [{"name": "a", "sphere": "1"}],
+            f"obstacles[0].sphere is '1': {NOT_A_NUMBER}",
+        ),
+        ("collision", {"ignore": ["a"]}, "collision.ignore[0] is 'a': "),
+        ("format", "toolpath", "format is 'toolpath': input should be 'tubeplanner/problem'"),
+        ("version", 2, "version is 2: input should be 1"),
+    ],
+)
+def test_a_value_of_the_wrong_type_is_named_with_its_place(place, value, message):
+    assert fault(changed(place, value)).startswith(message)
+
+
+@pytest.mark.parametrize("data", [None, [], "robot", 5])
+def test_a_problem_that_is_no_map_is_refused(data):
+    assert fault(data) == "a problem is a map with robot, tube and start"
+
+
+@pytest.mark.parametrize("value", [np.inf, -np.inf, np.nan])
+@pytest.mark.parametrize(
+    "place",
+    [
+        "tube.radius",
+        "tube.tool_radius",
+        "clearance",
+        "robot.limits.scale.effort",
+        "robot.locked_joints.j",
+        "start.joints.j",
+    ],
+)
+def test_numbers_outside_limits_must_be_finite(place, value):
+    data = changed("start.joints", {})
+    *sections, key = place.split(".")
+    section = data
+    for name in sections:
+        section = section.setdefault(name, {})
+    section[key] = value
+    assert fault(data) == f"{place} is {value}: input should be a finite number"
+
+
+@pytest.mark.parametrize("quantity", ["effort", "velocity", "acceleration", "jerk"])
+def test_limits_may_be_infinite(tmp_path, quantity):
+    text = LEAST_YAML.replace("hand}", f"hand, limits: {{{quantity}: {{j: .inf}}}}}}")
+    limits = read(tmp_path, text).robot.limits
+    assert getattr(limits, quantity) == {"j": np.inf}
+
+
+def test_position_limits_and_joint_ranges_may_be_open_on_one_side(tmp_path):
+    text = LEAST_YAML.replace("hand}", "hand, limits: {position: {j: [-.inf, 1]}}}")
+    text = text.replace("radius: 0.1", "radius: 0.1, joint_signs: {j: [0.5, .inf]}")
+    fields = read(tmp_path, text)
+    assert fields.robot.limits.position == {"j": (-np.inf, 1)}
+    assert fields.tube.joint_signs == {"j": (0.5, np.inf)}
+
+
+# --- fields that are not honoured yet ----------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("place", "value"),
+    [
+        ("robot.srdf", "arm.srdf"),
+        ("robot.attached", [{"name": "tool", "sphere": 0.1}]),
+        ("tube.orientations", [[0, 0, 0, 1], [0, 0, 0, 1]]),
+        ("tube.rotation_tolerance", [0.1]),
+        ("tube.rotation_tolerance", [[0.1, 0.1, np.inf]]),
+    ],
+)
+def test_a_field_that_is_not_honoured_yet_is_refused_by_name(place, value):
+    message = fault(changed(place, value))
+    assert message.startswith(f"{place} is not honoured by this version; ")
+    assert len(message.split("; ")[1]) > 10
+
+
+@pytest.mark.parametrize(
+    ("place", "default"),
+    [
+        ("robot.srdf", None),
+        ("robot.attached", []),
+        ("tube.orientations", None),
+        ("tube.rotation_tolerance", None),
+        ("tube.visit", "ordered"),
+        ("robot.joints", None),
+        ("robot.payload", None),
+        ("goal", None),
+        ("format", "tubeplanner/problem"),
+        ("version", 1),
+    ],
+)
+def test_defaults_may_be_written_out(place, default):
+    assert check_problem_fields(changed(place, default), "my problem") == check_problem_fields(
+        LEAST, "my problem"
+    )
+
+
+# --- files -------------------------------------------------------------------------------------
+
+
+def test_yaml_and_json_say_the_same(tmp_path):
+    from_yaml = read(tmp_path, LEAST_YAML)
+    assert from_yaml == read(tmp_path, json.dumps(LEAST), "p.json")
+    assert from_yaml == check_problem_fields(LEAST, "my problem")
+
+
+@pytest.mark.parametrize(
+    ("written", "value"),
+    [("1e-3", 1e-3), ("1E+1", 10.0), ("5", 5.0), (".5", 0.5), ("1_000.0", 1000.0), ("+2", 2.0)],
+)
+def test_numbers_are_read_as_people_write_them(tmp_path, written, value):
+    fields = read(tmp_path, LEAST_YAML.replace("radius: 0.1", f"radius: {written}"))
+    assert fields.tube.radius == value
+
+
+@pytest.mark.parametrize(
+    ("written", "sign"), [("+", "+"), ("-", "-"), ('"0"', "0"), ("0", 0), ("+1", 1), ("-1", -1)]
+)
+def test_signs_may_be_written_with_and_without_quotes(tmp_path, written, sign):
+    signs = f"radius: 0.1, joint_signs: {{j: {written}}}"
+    fields = read(tmp_path, LEAST_YAML.replace("radius: 0.1", signs))
+    assert fields.tube.joint_signs == {"j": sign}
+
+
+def test_words_that_older_yaml_took_for_truth_values_stay_words(tmp_path):
+    fields = read(tmp_path, LEAST_YAML.replace("hand", "on"))
+    assert fields.robot.tool_frame == "on"
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "fragments"),
+    [
+        ("p.yaml", LEAST_YAML + "start: {joints: [1, 1]}\n", ['duplicate key "start"', "line 4"]),
+        (
+            "p.yaml",
+            LEAST_YAML.replace("[0, 0]}", "{j: 0, j: 1}}"),
+            ['duplicate key "j"', "line 3"],
+        ),
+        ("p.json", '{"robot": {"urdf": "a", "urdf": "b"}}', ["the key 'urdf' is given twice"]),
+        ("p.yaml", "robot: [1,", ["line 1"]),
+        ("p.yaml", "robot:\n\turdf: x", ["line 2", "cannot start any token"]),
+        ("p.yaml", "robot: !!python/object:os.system {}", ["line 1", "could not determine"]),
+        ("p.json", '{"robot": 1,', ["line 1 column 13"]),
+        ("p.json", "", ["line 1 column 1"]),
+    ],
+)
+def test_a_malformed_file_is_named_with_the_line(tmp_path, name, text, fragments):
+    with pytest.raises(ProblemError) as caught:
+        read(tmp_path, text, name)
+    message = str(caught.value)
+    assert message.startswith(f"problem file {tmp_path / name} is malformed: ")
+    assert "\n" not in message
+    for fragment in fragments:
+        assert fragment in message
+
+
+def test_a_file_that_is_no_text_or_not_there_is_named(tmp_path):
+    (tmp_path / "p.yaml").write_bytes(b"\xff\xfe\x00")
+    for path, reason in ((tmp_path / "p.yaml", "utf-8"), (tmp_path / "q.yaml", "No such file")):
+        with pytest.raises(ProblemError) as caught:
+            read_problem_fields(path)
+        assert str(caught.value).startswith(f"problem file {path} cannot be read: ")
+        assert reason in str(caught.value)
+
+
+def test_an_empty_file_is_no_problem(tmp_path):
+    with pytest.raises(ProblemError, match="a problem is a map with robot, tube and start"):
+        read(tmp_path, "# nothing yet\n")
+
+
+@pytest.mark.parametrize("literal", ["NaN", "Infinity", "-Infinity"])
+def test_json_numbers_that_are_not_finite_are_refused(tmp_path, literal):
+    text = json.dumps(LEAST).replace('"radius": 0.1', f'"radius": {literal}')
+    with pytest.raises(ProblemError, match=r"tube\.radius is .*: input should be a finite number"):
+        read(tmp_path, text, "p.json")
+
+
+def test_the_fields_cannot_be_changed_after_reading():
+    fields = check_problem_fields(LEAST, "my problem")
+    with pytest.raises(ValueError, match="frozen"):
+        fields.clearance = 1.0
+
+
+# --- schema ------------------------------------------------------------------------------------
+
+
+def resolve(schema, part):
+    """Return the object schema behind a property: a reference, or the one choice that is one."""
+    for choice in [part, *part.get("anyOf", []), part.get("items", {})]:
+        if "$ref" in choice:
+            return schema["$defs"][choice["$ref"].rpartition("/")[2]]
+    return None
+
+
+def require_valid(schema, section, data):
+    """Assert that a map has the required keys and only known ones, down to every section."""
+    assert set(section.get("required", [])) <= set(data)
+    assert set(data) <= set(section["properties"])
+    for key, value in data.items():
+        below = resolve(schema, section["properties"][key])
+        for item in value if isinstance(value, list) else [value]:
+            if below is not None and isinstance(item, dict):
+                require_valid(schema, below, item)
+
+
+def test_the_schema_is_plain_json_and_closed_at_every_level():
+    schema = problem_schema()
+    assert json.loads(json.dumps(schema)) == schema
+    for section in [schema, *schema["$defs"].values()]:
+        assert section["type"] == "object"
+        assert section["additionalProperties"] is False
+
+
+def test_the_schema_asks_for_what_the_contract_asks_for():
+    schema = problem_schema()
+    robot, tube = (resolve(schema, schema["properties"][name]) for name in ("robot", "tube"))
+    assert set(schema["required"]) == {"robot", "tube", "start"}
+    assert set(robot["required"]) == {"urdf", "tool_frame"}
+    assert set(tube["required"]) == {"points", "radius"}
+    limits = resolve(schema, robot["properties"]["limits"])
+    collision = resolve(schema, schema["properties"]["collision"])
+    obstacle = resolve(schema, schema["properties"]["obstacles"])
+    for section, names in (
+        (schema, TOP),
+        (robot, ROBOT),
+        (tube, TUBE),
+        (limits, LIMITS),
+        (obstacle, OBSTACLE),
+        (collision, "self, ignore"),
+    ):
+        assert list(section["properties"]) == names.split(", ")
+
+
+@pytest.mark.parametrize("path", bundled_problems().values(), ids=bundled_problems().keys())
+def test_bundled_problems_fit_the_schema(path):
+    schema = problem_schema()
+    data = YAML(typ="safe", pure=True).load(path.read_text(encoding="utf-8"))
+    require_valid(schema, schema, data)
+    assert read_problem_fields(path).robot.urdf == data["robot"]["urdf"]
+
+
+def test_the_schema_check_itself_can_fail():
+    schema = problem_schema()
+    for broken in (changed("robot.urdff", "x"), changed("tube.radius", ABSENT)):
+        with pytest.raises(AssertionError):
+            require_valid(schema, schema, broken)

@@ -1,0 +1,522 @@
+"""The robot against closed forms, against yourdfpy, and against conservation laws."""
+
+import numpy as np
+import pytest
+import yourdfpy
+from scipy.spatial.transform import Rotation
+
+from tubeplanner import LimitOverrides, Payload, ToolOffset, load_robot
+from tubeplanner.errors import RobotError
+
+RNG_SEED = 7
+INERTIAL = (
+    '<inertial><origin xyz="0.1 0 0"/><mass value="2"/>'
+    '<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>'
+)
+LIMIT = '<limit lower="-2" upper="2" effort="50" velocity="3"/>'
+
+
+def link(name, inner=INERTIAL):
+    return f'<link name="{name}">{inner}</link>'
+
+
+def joint(name, parent, child, kind="revolute", xyz="0 0 0", axis="0 0 1", limit=LIMIT):
+    return (
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="{xyz}"/><axis xyz="{axis}"/>{limit}</joint>'
+    )
+
+
+@pytest.fixture
+def arm(tmp_path):
+    """Load an arm from a few lines of URDF."""
+
+    def load(*elements, tool="tip", **options):
+        path = tmp_path / "arm.urdf"
+        path.write_text(f'<robot name="arm">{"".join(elements)}</robot>')
+        return load_robot(path, tool, **options)
+
+    return load
+
+
+SLIDER = (
+    *(link(name) for name in ("base", "turn", "slide", "tip")),
+    joint("turner", "base", "turn"),
+    joint("slider", "turn", "slide", "prismatic", "0.2 0 0", "1 0 0", LIMIT.replace("-2", "-1")),
+    joint("wrist", "slide", "tip", "revolute", "0.3 0 0.1", "0 1 0"),
+)
+BRANCHED = (
+    *(link(name) for name in ("base", "arm", "tip", "side")),
+    joint("first", "base", "arm"),
+    joint("second", "arm", "tip", xyz="1 0 0"),
+    joint("other", "arm", "side", xyz="0 1 0"),
+)
+
+
+def random_configurations(robot, count):
+    low = np.maximum(robot.limits.lower_position, -2 * np.pi)
+    high = np.minimum(robot.limits.upper_position, 2 * np.pi)
+    return np.random.default_rng(RNG_SEED).uniform(low, high, (count, robot.joint_count))
+
+
+def random_motion(robot, count=50):
+    rng = np.random.default_rng(RNG_SEED + 1)
+    q = random_configurations(robot, count)
+    return q, rng.normal(size=q.shape), rng.normal(size=q.shape)
+
+
+# --- closed forms: the two-link arm of the paper -----------------------------------------------
+
+LENGTH, MASS, INERTIA = 0.3, 14.6, 0.1  # of both links; the centre of mass is at the far end
+
+
+def two_link_position(q):
+    return LENGTH * np.column_stack(
+        [
+            np.cos(q[:, 0]) + np.cos(q[:, 0] + q[:, 1]),
+            np.sin(q[:, 0]) + np.sin(q[:, 0] + q[:, 1]),
+            np.zeros(len(q)),
+        ]
+    )
+
+
+def two_link_effort(q, v, a, gravity=0.0):
+    """Return M(q) a + h(q, v) + g(q), from the arm's Lagrangian; gravity along -y."""
+    unit = MASS * LENGTH**2
+    cosine, sine = np.cos(q[:, 1]), np.sin(q[:, 1])
+    m11 = 2 * INERTIA + unit + unit * (2 + 2 * cosine)
+    m12 = INERTIA + unit * (1 + cosine)
+    m22 = INERTIA + unit
+    h1 = -unit * sine * (2 * v[:, 0] * v[:, 1] + v[:, 1] ** 2)
+    h2 = unit * sine * v[:, 0] ** 2
+    outer = MASS * gravity * LENGTH * np.cos(q[:, 0] + q[:, 1])
+    inner = 2 * MASS * gravity * LENGTH * np.cos(q[:, 0])
+    return np.column_stack(
+        [
+            m11 * a[:, 0] + m12 * a[:, 1] + h1 + inner + outer,
+            m12 * a[:, 0] + m22 * a[:, 1] + h2 + outer,
+        ]
+    )
+
+
+def test_two_link_hand_is_where_trigonometry_puts_it(two_link):
+    q = random_configurations(two_link, 200)
+    rotation, position = two_link.tool_pose(q)
+    np.testing.assert_allclose(position, two_link_position(q), atol=1e-14)
+    np.testing.assert_allclose(two_link.tool_position(q), position, atol=0)
+    expected = Rotation.from_euler("z", q.sum(axis=1)[:, None]).as_matrix()
+    np.testing.assert_allclose(rotation, expected, atol=1e-14)
+
+
+def test_two_link_jacobian_is_the_textbook_one(two_link):
+    q = random_configurations(two_link, 50)
+    position, jacobian = two_link.tool_jacobian(q)
+    elbow = LENGTH * np.column_stack([np.cos(q[:, 0]), np.sin(q[:, 0])])
+    x, y = position[:, 0], position[:, 1]
+    np.testing.assert_allclose(jacobian[:, 0], np.column_stack([-y, elbow[:, 1] - y]), atol=1e-14)
+    np.testing.assert_allclose(jacobian[:, 1], np.column_stack([x, x - elbow[:, 0]]), atol=1e-14)
+    np.testing.assert_allclose(jacobian[:, 5], 1.0, atol=1e-14)
+    np.testing.assert_allclose(jacobian[:, 2:5], 0.0, atol=1e-14)
+
+
+def test_two_link_effort_is_mass_times_acceleration_plus_coriolis(two_link):
+    motion = random_motion(two_link, 200)
+    np.testing.assert_allclose(
+        two_link.inverse_dynamics(*motion), two_link_effort(*motion), atol=1e-11
+    )
+    np.testing.assert_array_equal(two_link.gravity_effort(motion[0]), 0.0)
+
+
+def test_two_link_effort_in_a_vertical_plane_adds_the_weight():
+    robot = load_robot("example:two_link", "hand", gravity=(0, -9.81, 0))
+    motion = random_motion(robot, 200)
+    expected = two_link_effort(*motion, gravity=9.81)
+    np.testing.assert_allclose(robot.inverse_dynamics(*motion), expected, atol=1e-11)
+    still = two_link_effort(motion[0], 0 * motion[1], 0 * motion[2], gravity=9.81)
+    np.testing.assert_allclose(robot.gravity_effort(motion[0]), still, atol=1e-11)
+    np.testing.assert_array_equal(robot.gravity, [0, -9.81, 0])
+
+
+# --- another library ---------------------------------------------------------------------------
+
+
+def yourdfpy_poses(robot, q):
+    """Return yourdfpy's pose (4, 4) of every link; joints outside the group at 0."""
+    model = yourdfpy.URDF.load(str(robot.urdf.path), load_meshes=False, load_collision_meshes=False)
+    values = dict.fromkeys(model.actuated_joint_names, 0.0)
+    values.update(zip(robot.joint_names, q, strict=True))
+    model.update_cfg([values[name] for name in model.actuated_joint_names])
+    return {name: model.get_transform(name, model.base_link) for name in robot.urdf.links}
+
+
+@pytest.mark.parametrize("name", ["two_link", "ur5", "panda"])
+def test_every_link_is_where_yourdfpy_puts_it(request, name):
+    robot = request.getfixturevalue(name)
+    q = random_configurations(robot, 3)
+    rotation, origin = robot.body_poses(q)
+    tool_rotation, tool_position = robot.tool_pose(q)
+    for i, q_i in enumerate(q):
+        expected = yourdfpy_poses(robot, q_i)
+        for link_name, body in robot.link_body.items():
+            placement = robot.link_placement[link_name]
+            np.testing.assert_allclose(
+                rotation[i, body] @ placement[:3, :3], expected[link_name][:3, :3], atol=1e-12
+            )
+            np.testing.assert_allclose(
+                rotation[i, body] @ placement[:3, 3] + origin[i, body],
+                expected[link_name][:3, 3],
+                atol=1e-12,
+            )
+        tool = expected[robot.tool_frame]
+        np.testing.assert_allclose(tool_rotation[i], tool[:3, :3], atol=1e-12)
+        np.testing.assert_allclose(tool_position[i], tool[:3, 3], atol=1e-12)
+
+
+# --- payload -----------------------------------------------------------------------------------
+
+PAYLOAD = Payload(2.5, (0.05, -0.02, 0.1), (0.03, 0.02, 0.04, 0.005, -0.002, 0.001))
+
+
+@pytest.fixture(scope="module")
+def loaded_ur5():
+    return load_robot("example:ur5", "tool0", payload=PAYLOAD)
+
+
+@pytest.fixture(scope="module")
+def ur5_at_payload():
+    """A UR5 whose tool centre point is the payload's centre of mass."""
+    return load_robot("example:ur5", "tool0", tool_offset=ToolOffset(PAYLOAD.com))
+
+
+def test_a_payload_adds_its_weight_through_the_jacobian(ur5, loaded_ur5, ur5_at_payload):
+    q = random_configurations(ur5, 20)
+    weight = np.array([0, 0, -9.81 * PAYLOAD.mass])
+    jacobian = ur5_at_payload.tool_jacobian(q)[1][:, :3]
+    added = loaded_ur5.gravity_effort(q) - ur5.gravity_effort(q)
+    np.testing.assert_allclose(added, -np.einsum("nij,i->nj", jacobian, weight), atol=1e-10)
+
+
+def test_a_payload_adds_its_kinetic_energy(ur5, loaded_ur5, ur5_at_payload):
+    q, v, _ = random_motion(ur5, 20)
+    zero = np.zeros_like(q)
+
+    def energy(robot):
+        momentum = robot.inverse_dynamics(q, zero, v) - robot.gravity_effort(q)
+        return np.einsum("ni,ni->n", v, momentum) / 2
+
+    twist = np.einsum("nij,nj->ni", ur5_at_payload.tool_jacobian(q)[1], v)
+    spin = np.einsum("nji,nj->ni", ur5_at_payload.tool_pose(q)[0], twist[:, 3:])
+    xx, yy, zz, xy, xz, yz = PAYLOAD.inertia
+    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    linear = PAYLOAD.mass * np.sum(twist[:, :3] ** 2, axis=1) / 2
+    angular = np.einsum("ni,ij,nj->n", spin, inertia, spin) / 2
+    np.testing.assert_allclose(energy(loaded_ur5) - energy(ur5), linear + angular, atol=1e-10)
+
+
+def test_a_payload_moves_nothing(ur5, loaded_ur5):
+    q = random_configurations(ur5, 5)
+    np.testing.assert_array_equal(loaded_ur5.tool_position(q), ur5.tool_position(q))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((-1.0,), "payload: mass -1 kg must be >= 0 and finite"),
+        ((np.nan,), "payload: mass nan kg must be >= 0 and finite"),
+        ((np.inf,), "payload: mass inf kg must be >= 0 and finite"),
+        ((1.0, (0, 0, 0), (1, 1, -1, 0, 0, 0)), "payload: inertia (1, 1, -1, 0, 0, 0) is not"),
+        ((1.0, (0, 0, 0), (1, 1, 1, 2, 0, 0)), "is not positive semidefinite"),
+    ],
+)
+def test_an_impossible_payload_is_refused(arguments, message):
+    with pytest.raises(RobotError) as caught:
+        Payload(*arguments)
+    assert message in str(caught.value)
+
+
+# --- order of joints, tool offset, locked joints -----------------------------------------------
+
+
+def test_joints_in_another_order_permute_everything(ur5):
+    order = [3, 0, 5, 1, 4, 2]
+    shuffled = load_robot("example:ur5", "tool0", joints=[ur5.joint_names[i] for i in order])
+    assert shuffled.joint_names == tuple(ur5.joint_names[i] for i in order)
+    motion = random_motion(ur5, 10)
+    mixed = [values[:, order] for values in motion]
+    close = {"rtol": 0, "atol": 1e-12}
+    np.testing.assert_allclose(shuffled.tool_position(mixed[0]), ur5.tool_position(motion[0]))
+    for mine, plain in zip(shuffled.body_poses(mixed[0]), ur5.body_poses(motion[0]), strict=True):
+        np.testing.assert_allclose(mine, plain, **close)
+    np.testing.assert_allclose(
+        shuffled.tool_jacobian(mixed[0])[1], ur5.tool_jacobian(motion[0])[1][:, :, order], **close
+    )
+    np.testing.assert_allclose(
+        shuffled.inverse_dynamics(*mixed), ur5.inverse_dynamics(*motion)[:, order], **close
+    )
+    for mine, plain in zip(
+        shuffled.inverse_dynamics_derivatives(*mixed),
+        ur5.inverse_dynamics_derivatives(*motion),
+        strict=True,
+    ):
+        np.testing.assert_allclose(mine, plain[:, order][:, :, order], **close)
+    np.testing.assert_array_equal(shuffled.limits.effort, ur5.limits.effort[order])
+    np.testing.assert_array_equal(shuffled.limits.velocity, ur5.limits.velocity[order])
+    np.testing.assert_array_equal(shuffled.joint_moves_body, ur5.joint_moves_body[:, order])
+    np.testing.assert_allclose(shuffled.lever_arm, ur5.lever_arm[:, order])
+
+
+def test_the_tool_offset_is_applied_in_the_tool_frame_with_urdf_angles(ur5):
+    offset = ToolOffset((0.1, -0.2, 0.3), (0.4, -0.5, 0.6))
+    robot = load_robot("example:ur5", "tool0", tool_offset=offset)
+    q = random_configurations(ur5, 10)
+    rotation, position = ur5.tool_pose(q)
+    moved_rotation, moved_position = robot.tool_pose(q)
+    turn = Rotation.from_euler("xyz", offset.rpy).as_matrix()
+    np.testing.assert_allclose(moved_rotation, rotation @ turn, atol=1e-12)
+    np.testing.assert_allclose(moved_position, position + rotation @ offset.position, atol=1e-12)
+
+
+def test_locked_joints_stand_where_the_problem_puts_them(ur5):
+    moving = [1, 2, 4]
+    q = random_configurations(ur5, 1)
+    locked = {ur5.joint_names[i]: q[0, i] for i in (0, 3, 5)}
+    names = [ur5.joint_names[i] for i in moving]
+    robot = load_robot("example:ur5", "tool0", joints=names, locked_joints=locked)
+    part = q[:, moving]
+    np.testing.assert_allclose(robot.tool_position(part), ur5.tool_position(q), atol=1e-12)
+    np.testing.assert_allclose(
+        robot.gravity_effort(part), ur5.gravity_effort(q)[:, moving], atol=1e-10
+    )
+    assert robot.joint_count == 3
+    assert robot.body_count == 4
+
+
+def test_a_joint_locked_by_default_stands_at_zero_or_the_nearest_limit(panda):
+    others = [name for name in panda.joint_names if name != "panda_joint4"]
+    robot = load_robot("example:panda", "panda_hand_tcp", joints=others)
+    q = np.zeros((1, 7))
+    q[0, 3] = panda.limits.upper_position[3]
+    assert q[0, 3] < 0
+    expected = panda.tool_position(q)
+    np.testing.assert_allclose(robot.tool_position(np.zeros((1, 6))), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("fingers", [{}, {"panda_finger_joint1": 0.03}], ids=["closed", "open"])
+def test_panda_fingers_are_locked_and_the_second_mirrors_the_first(fingers):
+    robot = load_robot("example:panda", "panda_hand_tcp", locked_joints=fingers)
+    assert robot.joint_names == tuple(f"panda_joint{i}" for i in range(1, 8))
+    in_hand = np.linalg.inv(robot.link_placement["panda_hand"])
+    left = (in_hand @ robot.link_placement["panda_leftfinger"])[:3, 3]
+    right = (in_hand @ robot.link_placement["panda_rightfinger"])[:3, 3]
+    opening = fingers.get("panda_finger_joint1", 0.0)
+    np.testing.assert_allclose(left, [0, opening, 0.0584], atol=1e-9)
+    np.testing.assert_allclose(right, [0, -opening, 0.0584], atol=1e-9)
+
+
+def test_a_value_for_a_mimic_joint_is_accepted_if_it_agrees():
+    agreeing = {"panda_finger_joint1": 0.02, "panda_finger_joint2": 0.02}
+    robot = load_robot("example:panda", "panda_hand_tcp", locked_joints=agreeing)
+    assert robot.joint_count == 7
+
+
+@pytest.mark.parametrize(
+    ("locked", "message"),
+    [
+        (
+            {"panda_finger_joint1": 0.02, "panda_finger_joint2": 0.01},
+            "locked_joints: 'panda_finger_joint2' at 0.01 contradicts the joint it mimics, "
+            "'panda_finger_joint1', which puts it at 0.02",
+        ),
+        (
+            {"panda_finger_joint1": 0.5},
+            "locked_joints: 'panda_finger_joint1' at 0.5 is outside its position limits [0, 0.04]",
+        ),
+        (
+            {"panda_finger_joint3": 0.0},
+            "locked_joints: unknown joint outside the group 'panda_finger_joint3' (did you mean",
+        ),
+        (
+            {"panda_joint1": 0.0},
+            "locked_joints: unknown joint outside the group 'panda_joint1'",
+        ),
+    ],
+)
+def test_a_locked_joint_out_of_place_is_named(locked, message):
+    with pytest.raises(RobotError) as caught:
+        load_robot("example:panda", "panda_hand_tcp", locked_joints=locked)
+    assert message in str(caught.value)
+
+
+# --- joint types -------------------------------------------------------------------------------
+
+
+def test_a_continuous_joint_is_a_plain_coordinate_beyond_full_turns(arm):
+    free = '<limit effort="50" velocity="3"/>'
+    robot = arm(
+        link("base"),
+        link("rotor"),
+        link("tip"),
+        joint("j", "base", "rotor", "continuous", axis="0 0 2", limit=free),
+        '<joint name="weld" type="fixed"><parent link="rotor"/><child link="tip"/>'
+        '<origin xyz="0.5 0 0"/></joint>',
+    )
+    q = np.linspace(-20, 20, 41)[:, None]
+    expected = 0.5 * np.column_stack([np.cos(q), np.sin(q), 0 * q])
+    np.testing.assert_allclose(robot.tool_position(q), expected, atol=1e-13)
+    assert (robot.limits.lower_position[0], robot.limits.upper_position[0]) == (-np.inf, np.inf)
+    assert robot.revolute.tolist() == [True]
+
+
+def test_a_sliding_joint_moves_and_carries_along_its_axis(arm):
+    robot = arm(*SLIDER)
+    q, v, a = random_motion(robot, 30)
+    turn = Rotation.from_euler("z", q[:, :1]).as_matrix()
+    reach = 0.5 + q[:, 1]
+    local = np.column_stack([reach, 0 * reach, 0 * reach + 0.1])
+    expected = np.einsum("nij,nj->ni", turn, local)
+    np.testing.assert_allclose(robot.tool_position(q), expected, atol=1e-13)
+    assert robot.revolute.tolist() == [True, False, True]
+    # Along the slide, force is mass times (acceleration - centripetal): wrist held straight.
+    q[:, 2] = v[:, 2] = a[:, 2] = 0
+    slide, tip = q[:, 1] + 0.3, q[:, 1] + 0.6
+    force = 2 * (2 * a[:, 1] - v[:, 0] ** 2 * (slide + tip))
+    np.testing.assert_allclose(robot.inverse_dynamics(q, v, a)[:, 1], force, atol=1e-11)
+
+
+@pytest.mark.parametrize("which", ["ur5", "panda", "slider"])
+def test_no_body_point_moves_further_than_the_lever_arms_allow(request, arm, which):
+    robot = arm(*SLIDER) if which == "slider" else request.getfixturevalue(which)
+    rng = np.random.default_rng(3)
+    before, after = random_configurations(robot, 400).reshape(2, 200, -1)
+    after[::2] = before[::2] + rng.normal(scale=0.01, size=after[::2].shape)
+    after = robot.limits.clip(after)
+    point = rng.normal(scale=0.2, size=(200, 3))
+    rotation, origin = robot.body_poses(np.vstack([before, after]))
+    world = np.einsum("nbij,nj->nbi", rotation, np.vstack([point, point])) + origin
+    moved = np.linalg.norm(world[:200] - world[200:], axis=2)
+    reach = np.linalg.norm(point, axis=1)[:, None, None] + robot.lever_arm
+    weights = np.where(robot.revolute, reach, 1.0) * robot.joint_moves_body
+    bound = np.einsum("nbj,nj->nb", weights, abs(after - before))
+    assert (moved <= bound + 1e-12).all()
+    np.testing.assert_array_equal(moved[:, 0], 0.0)
+
+
+def test_the_lever_arm_of_a_sliding_chain_counts_the_whole_travel(arm):
+    robot = arm(*SLIDER)
+    hand = robot.link_body["tip"]
+    assert robot.limits.upper_position[1] == 2
+    expected = [0.2 + 2 + np.hypot(0.3, 0.1), 0.0]
+    np.testing.assert_allclose(robot.lever_arm[hand, robot.revolute], expected)
+    assert robot.joint_moves_body[robot.link_body["turn"]].tolist() == [True, False, False]
+    assert not robot.joint_moves_body[0].any()
+
+
+def test_joints_of_another_branch_do_not_move_a_body(arm):
+    robot = arm(*BRANCHED, joints=["other", "second", "first"])
+    moves = {name: robot.joint_moves_body[body].tolist() for name, body in robot.link_body.items()}
+    assert moves == {
+        "base": [False, False, False],
+        "arm": [False, False, True],
+        "tip": [False, True, True],
+        "side": [True, False, True],
+    }
+
+
+# --- faults ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"tool": "tp"}, "unknown tool_frame 'tp' (did you mean 'tip'?); there is: base, arm"),
+        ({"joints": ["1"]}, "joints: unknown movable joint '1'; there is: first, second, other"),
+        ({"joints": ["first", "first"]}, "joints: 'first' is listed 2 times"),
+        ({"joints": ["other"]}, "no planned joint moves tool_frame 'tip'; the movable joints on"),
+        ({"joints": []}, "joints on its chain are: first, second"),
+        ({"tool": "base"}, "no planned joint moves tool_frame 'base'"),
+        (
+            {"limits": LimitOverrides(effort={"other": 1})},
+            "limits.effort: unknown joint 'other'; there is: first, second",
+        ),
+    ],
+)
+def test_a_group_that_cannot_be_planned_is_refused(arm, options, message):
+    with pytest.raises(RobotError) as caught:
+        arm(*BRANCHED, **options)
+    assert message in str(caught.value)
+
+
+def test_a_mimic_joint_on_the_chain_is_refused_with_its_master(arm):
+    mimic = LIMIT + '<mimic joint="first"/>'
+    elements = (*BRANCHED[:5], joint("second", "arm", "tip", limit=mimic), BRANCHED[6])
+    with pytest.raises(RobotError, match="joint 'second' mimics 'first' and cannot be planned"):
+        arm(*elements)
+
+
+def test_a_mimic_of_an_unknown_joint_is_named(arm):
+    elements = (*BRANCHED[:6], joint("other", "arm", "side", limit=LIMIT + '<mimic joint="x"/>'))
+    with pytest.raises(RobotError, match="joint 'other' mimics: unknown joint 'x'; there is: fi"):
+        arm(*elements)
+
+
+def test_a_missing_mass_is_named_by_the_joint_that_moves_it(arm):
+    elements = (link("base", ""), link("middle"), link("tip", ""))
+    joints = (joint("first", "base", "middle"), joint("last", "middle", "tip"))
+    with pytest.raises(RobotError) as caught:
+        arm(*elements, *joints)
+    assert "what joint 'last' moves has mass 0 kg; efforts need the links' <inertial>" in str(
+        caught.value
+    )
+
+
+def test_masses_are_not_needed_where_efforts_do_not_count(arm):
+    free = LimitOverrides(effort={"j": np.inf})
+    robot = arm(link("base", ""), link("tip", ""), joint("j", "base", "tip"), limits=free)
+    assert robot.joint_names == ("j",)
+
+
+def test_a_payload_makes_up_for_a_massless_tool(arm):
+    massless = (link("base", ""), link("tip", ""), joint("j", "base", "tip", axis="0 1 0"))
+    robot = arm(*massless, payload=Payload(3.0, (0.5, 0, 0)))
+    np.testing.assert_allclose(robot.gravity_effort(np.zeros((1, 1))), [[-3 * 9.81 * 0.5]])
+
+
+@pytest.mark.parametrize("samples", [0, 1, 3])
+def test_one_joint_and_any_number_of_samples_keep_their_shapes(arm, samples):
+    """A pendulum: 2 kg at 0.1 m, 0.1 kg m^2 about its centre of mass."""
+    robot = arm(link("base"), link("tip"), joint("j", "base", "tip", axis="0 -1 0"))
+    q, v, a = np.random.default_rng(5).normal(size=(3, samples, 1))
+    effort = (0.1 + 2 * 0.1**2) * a + 2 * 9.81 * 0.1 * np.cos(q)
+    np.testing.assert_allclose(robot.inverse_dynamics(q, v, a), effort, atol=1e-12)
+    position, jacobian = robot.tool_jacobian(q)
+    assert position.shape == (samples, 3)
+    np.testing.assert_allclose(jacobian, np.tile([[0], [0], [0], [0], [-1], [0]], (samples, 1, 1)))
+    by_q, by_v, by_a = robot.inverse_dynamics_derivatives(q, v, a)
+    np.testing.assert_allclose(by_q, -2 * 9.81 * 0.1 * np.sin(q)[:, :, None], atol=1e-12)
+    np.testing.assert_allclose(by_v, np.zeros((samples, 1, 1)))
+    np.testing.assert_allclose(by_a, np.full((samples, 1, 1), 0.12))
+
+
+def test_what_pinocchio_rejects_is_reported_with_its_reason(arm, capfd):
+    with pytest.raises(RobotError) as caught:
+        arm(link("base"), link("tip"), joint("j", "base", "tip", xyz="0 0 high"))
+    assert "arm.urdf: Pinocchio rejects it: " in str(caught.value)
+    assert "high" in str(caught.value)
+    assert capfd.readouterr().err == ""
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(RobotError) as caught:
+        load_robot("arm.urdf", "tip", directory=tmp_path)
+    assert str(caught.value) == f"robot description {tmp_path / 'arm.urdf'} does not exist"
+
+
+def test_a_joint_and_a_link_may_share_a_name(arm):
+    robot = arm(link("base"), link("tip"), joint("tip", "base", "tip", xyz="0 0 1"))
+    np.testing.assert_allclose(robot.tool_position(np.zeros((1, 1))), [[0, 0, 1]])
+
+
+def test_what_is_handed_out_cannot_be_written_to(ur5):
+    for array in (ur5.gravity, ur5.lever_arm, ur5.link_placement["tool0"]):
+        with pytest.raises(ValueError, match="read-only"):
+            array[:] = 0.0

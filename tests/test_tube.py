@@ -1,0 +1,202 @@
+"""The tube's geometry against brute force, and everything that can be wrong with a tube."""
+
+import numpy as np
+import pytest
+
+from tubeplanner import Tube
+from tubeplanner.errors import ProblemError
+
+POINTS = [[0, 0, 0], [1, 0, 0], [1, 2, 0], [0.5, 2, 0.5]]
+LINE = [[0, 0, 0], [1, 0, 0]]
+CORNER = [[0, 0, 0], [1, 0, 0], [1, 1, 0]]
+INF = np.inf
+
+
+def random_points(count=100):
+    return np.random.default_rng(1).uniform(-1, 3, (count, 3))
+
+
+def test_distances_agree_with_brute_force_along_every_segment():
+    tube, p = Tube(POINTS, 0.1), random_points()
+    along = np.linspace(0, 1, 2001)[:, None]
+    for k in range(tube.segment_count):
+        samples = tube.points[k] + along * (tube.points[k + 1] - tube.points[k])
+        brute = np.linalg.norm(p[:, None] - samples, axis=2).min(axis=1)
+        found = tube.distance(p)[:, k]
+        assert (found <= brute + 1e-12).all()
+        assert (found >= brute - 1e-3).all()
+
+
+@pytest.mark.parametrize(
+    ("point", "nearest", "distance"),
+    [
+        ([0.3, 0.4, 0], [0.3, 0, 0], 0.4),
+        ([-3, 4, 0], [0, 0, 0], 5.0),
+        ([2, 0, 0], [1, 0, 0], 1.0),
+        ([0.5, 0, 0], [0.5, 0, 0], 0.0),
+    ],
+    ids=["beside", "before the start", "beyond the end", "on the segment"],
+)
+def test_the_nearest_point_is_on_the_segment(point, nearest, distance):
+    tube = Tube(LINE, 0.1)
+    p = np.array([point], dtype=float)
+    np.testing.assert_allclose(tube.nearest(p), [[nearest]], atol=1e-15)
+    np.testing.assert_allclose(tube.distance(p), [[distance]], atol=1e-15)
+
+
+def test_the_margin_is_what_is_left_of_each_effective_radius():
+    tube = Tube(CORNER, [0.3, 0.5], tool_radius=0.1)
+    np.testing.assert_allclose(tube.effective_radius, [0.2, 0.4])
+    np.testing.assert_allclose(tube.margin(np.array([[0.5, 0.05, 0]])), [[0.15, -0.1]])
+
+
+def test_part_of_the_segments_can_be_asked_for():
+    tube, p, part = Tube(POINTS, [0.1, 0.2, 0.3]), random_points(), slice(1, 3)
+    np.testing.assert_array_equal(tube.nearest(p, part), tube.nearest(p)[:, part])
+    np.testing.assert_array_equal(tube.distance(p, part), tube.distance(p)[:, part])
+    np.testing.assert_array_equal(tube.margin(p, part), tube.margin(p)[:, part])
+
+
+def test_the_gradient_points_away_from_the_segment_and_is_zero_on_it():
+    tube = Tube(LINE, 0.1)
+    p = np.array([[0.5, 2, 0], [4, 0, 0], [0.5, 0, 0], [0, 0, 0]], dtype=float)
+    expected = [[[0, 1, 0]], [[1, 0, 0]], [[0, 0, 0]], [[0, 0, 0]]]
+    np.testing.assert_allclose(tube.distance_gradient(p), expected, atol=1e-15)
+
+
+def test_one_radius_serves_all_segments():
+    np.testing.assert_array_equal(Tube(POINTS, 0.2).radius, [0.2, 0.2, 0.2])
+    np.testing.assert_array_equal(Tube(POINTS, [0.1, 0.2, 0.3]).radius, [0.1, 0.2, 0.3])
+
+
+@pytest.mark.parametrize(
+    ("sign", "expected"),
+    [
+        ("+", (0, INF)),
+        (1, (0, INF)),
+        ("-", (-INF, 0)),
+        (-1, (-INF, 0)),
+        ("0", (-INF, INF)),
+        (0, (-INF, INF)),
+        ([-0.5, 2], (-0.5, 2)),
+        ((0.3, 0.3), (0.3, 0.3)),
+        ([-INF, 1.0], (-INF, 1.0)),
+    ],
+)
+def test_a_sign_is_a_range(sign, expected):
+    assert Tube(LINE, 0.1, joint_signs={"j": sign}).joint_ranges == ({"j": expected},)
+
+
+def test_one_map_of_signs_serves_all_segments_and_other_joints_are_free():
+    lower, upper = Tube(CORNER, 0.1, joint_signs={"j": "+"}).ranges_of(["i", "j"])
+    np.testing.assert_array_equal(lower, [[-INF, 0], [-INF, 0]])
+    np.testing.assert_array_equal(upper, [[INF, INF], [INF, INF]])
+
+
+def test_a_map_per_segment_holds_in_its_segment():
+    tube = Tube(CORNER, 0.1, joint_signs=[{"j": "-"}, {"j": [0, 2], "i": "+"}])
+    lower, upper = tube.ranges_of(["i", "j"])
+    np.testing.assert_array_equal(lower, [[-INF, -INF], [0, 0]])
+    np.testing.assert_array_equal(upper, [[INF, 0], [INF, 2]])
+
+
+def test_without_signs_every_joint_is_free():
+    lower, upper = Tube(CORNER, 0.1).ranges_of(["i"])
+    np.testing.assert_array_equal(lower, [[-INF], [-INF]])
+    np.testing.assert_array_equal(upper, [[INF], [INF]])
+
+
+@pytest.mark.parametrize(
+    ("points", "radius", "options", "message"),
+    [
+        (5, 1, {}, "tube.points has shape (); at least two points [x, y, z] are needed"),
+        ([[0, 0, 0]], 1, {}, "tube.points has shape (1, 3); at least two points"),
+        ([[0, 0], [1, 0]], 1, {}, "tube.points has shape (2, 2); at least two points"),
+        ([[0, 0, 0], [1, 0]], 1, {}, "tube.points: [[0, 0, 0], [1, 0]] is no list of points"),
+        ([[0, 0, "a"], [1, 0, 0]], 1, {}, "is no list of points [x, y, z]"),
+        ([[0, 0, 0], [1, 0, np.nan]], 1, {}, "tube.points must be finite numbers"),
+        ([[0, 0, 0], [INF, 0, 0]], 1, {}, "tube.points must be finite numbers"),
+        (
+            [[0, 0, 0], [1, 0, 0], [1, 0, 0]],
+            1,
+            {},
+            "tube.points: points 1 and 2 are the same; remove one",
+        ),
+        (
+            CORNER,
+            [1, 1, 1],
+            {},
+            "tube.radius has 3 values for 2 segments; give one, or one each",
+        ),
+        (LINE, 0, {}, "tube.radius[0] is 0 m; it must be > 0 and finite"),
+        (CORNER, [0.1, -0.2], {}, "tube.radius[1] is -0.2 m; it must be > 0 and finite"),
+        (LINE, np.nan, {}, "tube.radius[0] is nan m; it must be > 0 and finite"),
+        (LINE, INF, {}, "tube.radius[0] is inf m; it must be > 0 and finite"),
+        (
+            CORNER,
+            [0.3, 0.2],
+            {"tool_radius": 0.2},
+            "tube.tool_radius 0.2 m must be >= 0 and below the smallest radius, 0.2 m",
+        ),
+        (LINE, 1, {"tool_radius": -0.1}, "tube.tool_radius -0.1 m must be >= 0"),
+        (LINE, 1, {"tool_radius": np.nan}, "tube.tool_radius nan m must be >= 0"),
+        (
+            LINE,
+            1,
+            {"visit": "order"},
+            "tube.visit: unknown value 'order' (did you mean 'ordered'?); there is: ordered, any",
+        ),
+        (
+            LINE,
+            1,
+            {"joint_signs": [{}, {}]},
+            "tube.joint_signs has 2 maps for 1 segments; give one, or one each",
+        ),
+        (
+            LINE,
+            1,
+            {"joint_signs": {"j": "++"}},
+            "tube.joint_signs: joint 'j': '++' is none of '+', '-', '0', 1, -1, 0, [lower, upper]",
+        ),
+        (LINE, 1, {"joint_signs": {"j": 2}}, "joint 'j': 2 is none of '+', '-'"),
+        (LINE, 1, {"joint_signs": {"j": True}}, "joint 'j': True is none of '+', '-'"),
+        (LINE, 1, {"joint_signs": {"j": None}}, "joint 'j': None is none of '+', '-'"),
+        (LINE, 1, {"joint_signs": {"j": [1, 0]}}, "joint 'j': [1, 0] is none of '+', '-'"),
+        (LINE, 1, {"joint_signs": {"j": [0, 1, 2]}}, "joint 'j': [0, 1, 2] is none of"),
+        (LINE, 1, {"joint_signs": {"j": [np.nan, 1]}}, "joint 'j': [nan, 1] is none of"),
+        (
+            CORNER,
+            1,
+            {"joint_signs": [{"j": [0, 1]}, {"j": [1.5, 2]}]},
+            "tube.joint_signs: joint 'j' has the range [0.0, 1.0] in segment 0 and [1.5, 2.0] in "
+            "segment 1, which do not meet",
+        ),
+    ],
+)
+def test_a_fault_is_named(points, radius, options, message):
+    with pytest.raises(ProblemError) as caught:
+        Tube(points, radius, **options)
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "signs",
+    [
+        [{"j": "+"}, {"j": "-"}],
+        [{"j": [0, 1]}, {"j": [1, 2]}],
+        [{"j": [0, 1]}, {"i": [5, 6]}],
+    ],
+    ids=["a sign change at zero", "ranges that touch", "different joints"],
+)
+def test_ranges_that_meet_across_a_hand_over_are_accepted(signs):
+    assert Tube(CORNER, 0.1, joint_signs=signs).segment_count == 2
+
+
+def test_a_tube_keeps_its_own_copy_that_cannot_be_written_to():
+    points = np.array(CORNER, dtype=float)
+    tube = Tube(points, 0.1)
+    points[0] = 9.0
+    np.testing.assert_array_equal(tube.points, CORNER)
+    for array in (tube.points, tube.radius):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1.0
