@@ -18,7 +18,7 @@ _WANTED = {
     "list_type": "a list",
     "model_type": "a map",
     "string_type": "text",
-    "tuple_type": "a list of numbers",
+    "tuple_type": "a list",
 }
 _LONGEST_VALUE = 60
 
@@ -41,12 +41,12 @@ def first_fault(data: dict[str, Any], error: ValidationError, root: type[BaseMod
         return f"{section}: {unknown_name('key', str(fault['loc'][-1]), known)}"
     if kind == "missing" and isinstance(fault["loc"][-1], int):
         count = 1 + max(step for f in faults if isinstance(step := f["loc"][-1], int))
-        return f"{_join(steps)} has {fault['loc'][-1]} numbers; {count} are needed"
+        return f"{_join(steps)} has {fault['loc'][-1]} values; {count} are needed"
     if kind == "missing":
         return f"{_join([*steps, fault['loc'][-1]])} is required"
     if kind == "too_long":
         sizes = fault["ctx"]
-        return f"{_join(steps)} has more than {sizes['max_length']} numbers"
+        return f"{_join(steps)} has more than {sizes['max_length']} values"
     if kind == "invalid_key" or fault["loc"][-1:] == ("[key]",):
         return f"{_join(steps[:-1]) or 'top level'}: the key {steps[-1]!r} is no text; quote it"
     return f"{_join(steps) or 'the problem'} is {_shown(fault['input'])}; {_wanted(fault, root)}"

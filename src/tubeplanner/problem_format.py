@@ -197,7 +197,8 @@ def check_problem_fields(data: object, source: str) -> ProblemFields:
         raise ProblemError(f"{source}: {fault}") from None
     for name, advice in _NOT_HONOURED_YET.items():
         section, key = name.split(".")
-        if key in getattr(fields, section).model_fields_set and data[section][key] is not None:
+        part = getattr(fields, section)
+        if getattr(part, key) != type(part).model_fields[key].default:
             raise ProblemError(f"{source}: {name} is not honoured by this version; {advice}")
     return fields
 
@@ -212,6 +213,9 @@ def _read(path: Path) -> object:
         raise ProblemError(f"problem file {path} is larger than {_MOST_BYTES // 10**6} MB")
     try:
         text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ProblemError(f"problem file {path} cannot be read: {error}") from error
+    try:
         if path.suffix == ".json":
             return json.loads(text, object_pairs_hook=_unique_keys)
         return YAML(typ="safe", pure=True).load(text)
