@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tubeplanner import Obstacle, load_robot, placement_of
+from tubeplanner import LimitOverrides, Obstacle, load_robot, placement_of
 from tubeplanner.collision import CollisionChecker
 from tubeplanner.errors import ProblemError
 
@@ -291,6 +291,24 @@ def test_link_pairs_that_always_touch_are_left_out(snake):
     assert ("flange", "c") in owners(always, always.link_pairs)
 
 
+def test_joints_whose_limits_exclude_zero_are_sampled_within_them(snake):
+    limits = LimitOverrides(position={"to_a": (4, 5), "to_b": (0.5, 1), "to_c": (3.5, 9)})
+    checker = CollisionChecker(snake(limits=limits))
+    assert len(checker.link_pairs) == 8
+
+
+def test_the_owners_of_a_pair_are_told_apart(snake):
+    checker = CollisionChecker(snake(), [BLOCK])
+    assert checker.owners(checker.link_pairs[0])[1] is None
+    assert checker.owners(checker.obstacle_pairs[0]) == (("a",), "block")
+
+
+def test_whether_a_robot_has_geometry_is_known(snake, two_link):
+    assert CollisionChecker(snake()).has_link_geometry
+    bare = load_robot("example:asr_twodof", "Tip")
+    assert not CollisionChecker(bare, [BLOCK]).has_link_geometry
+
+
 @pytest.mark.parametrize(
     ("obstacles", "ignore", "message"),
     [
@@ -321,12 +339,28 @@ def test_names_that_clash_or_do_not_exist_are_refused(snake, obstacles, ignore, 
 @pytest.mark.parametrize(
     ("kind", "sizes", "message"),
     [
-        ("box", ([1, -2, 1],), "obstacle 'part': box has size -2 m, which must be > 0"),
-        ("box", ([1, 1, np.nan],), "obstacle 'part': box has size nan m, which must be > 0"),
-        ("sphere", (0.0,), "obstacle 'part': sphere has size 0 m, which must be > 0"),
-        ("sphere", (np.inf,), "obstacle 'part': sphere has size inf m, which must be > 0"),
-        ("cylinder", (0.1, 0.0), "obstacle 'part': cylinder has size 0 m, which must be > 0"),
-        ("capsule", (-0.1, 1.0), "obstacle 'part': capsule has size -0.1 m, which must be > 0"),
+        ("box", ([1, -2, 1],), "obstacle 'part': box has size -2 m; 1e-06 to 10000 m are accepted"),
+        (
+            "box",
+            ([1, 1, np.nan],),
+            "obstacle 'part': box has size nan m; 1e-06 to 10000 m are accepted",
+        ),
+        ("sphere", (0.0,), "obstacle 'part': sphere has size 0 m; 1e-06 to 10000 m are accepted"),
+        (
+            "sphere",
+            (np.inf,),
+            "obstacle 'part': sphere has size inf m; 1e-06 to 10000 m are accepted",
+        ),
+        (
+            "cylinder",
+            (0.1, 0.0),
+            "obstacle 'part': cylinder has size 0 m; 1e-06 to 10000 m are accepted",
+        ),
+        (
+            "capsule",
+            (-0.1, 1.0),
+            "obstacle 'part': capsule has size -0.1 m; 1e-06 to 10000 m are accepted",
+        ),
     ],
 )
 def test_an_obstacle_without_a_size_is_refused(kind, sizes, message):
@@ -350,6 +384,12 @@ def test_a_quaternion_ends_with_its_real_part_and_may_have_any_length():
 
 def test_a_placement_without_rotation_is_upright():
     np.testing.assert_array_equal(placement_of(), np.eye(4))
+
+
+@pytest.mark.parametrize("position", [(np.nan, 0, 0), (0, -np.inf, 0), (0, 0, 2e4)])
+def test_a_placement_out_of_this_world_is_refused(position):
+    with pytest.raises(ProblemError, match="lies beyond 10000 m"):
+        placement_of(position)
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ from tubeplanner.urdf import read_urdf
 
 COMPLETE = '<limit lower="-1" upper="2" effort="10" velocity="3"/>'
 INF = np.inf
+WANTED = "give a number from 1e-06 to 1e+09, or .inf for none"
 
 
 @pytest.fixture
@@ -88,8 +89,8 @@ def test_a_limit_the_urdf_should_have_is_asked_for(describe, limit, quantity, fo
     position = LimitOverrides(position={"j": (-1, 1)})
     with pytest.raises(RobotError) as caught:
         resolve_limits(describe(limit), ["j", "k"], position)
-    message = f"joint 'j' has {quantity} limit {found}; give a positive one in limits.{quantity}"
-    assert message in str(caught.value)
+    assert f"joint 'j' has {quantity} limit {found}; give a positive one in " in str(caught.value)
+    assert f"robot.limits.{quantity}, or .inf if there is none" in str(caught.value)
     assert "arm.urdf" in str(caught.value)
 
 
@@ -130,11 +131,15 @@ def test_a_joint_without_any_finite_limit_is_named(describe):
             '<limit lower="2" upper="1" effort="1" velocity="1"/>',
             {},
             "arm.urdf: joint 'j' has position limits [2, 1], an empty range; give them in "
-            "limits.position",
+            "robot.limits.position",
         ),
-        (COMPLETE, {"j": (1, 1)}, "limits.position: joint 'j' has position limits [1, 1]"),
-        (COMPLETE, {"j": (3, -3)}, "limits.position: joint 'j' has position limits [3, -3]"),
-        (COMPLETE, {"j": (np.nan, 1)}, "limits.position: joint 'j' has position limits [nan, 1]"),
+        (COMPLETE, {"j": (1, 1)}, "robot.limits.position: joint 'j' has position limits [1, 1]"),
+        (COMPLETE, {"j": (3, -3)}, "robot.limits.position: joint 'j' has position limits [3, -3]"),
+        (
+            COMPLETE,
+            {"j": (np.nan, 1)},
+            "robot.limits.position: joint 'j' has position limits [nan, 1]",
+        ),
     ],
 )
 def test_an_empty_position_range_is_refused(describe, limit, position, message):
@@ -157,23 +162,25 @@ def test_an_override_for_an_unknown_joint_lists_the_joints(describe, quantity):
     value = (0, 1) if quantity == "position" else 1.0
     with pytest.raises(RobotError) as caught:
         resolve_limits(describe(), ["j", "k"], LimitOverrides(**{quantity: {"l": value}}))
-    assert str(caught.value) == f"limits.{quantity}: unknown joint 'l'; there is: j, k"
+    assert str(caught.value) == f"robot.limits.{quantity}: unknown joint 'l'; there is: j, k"
 
 
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"effort": {"j": 0}}, "limits.effort: joint 'j' at 0 must be > 0"),
-        ({"velocity": {"j": -2.5}}, "limits.velocity: joint 'j' at -2.5 must be > 0"),
-        ({"acceleration": {"j": np.nan}}, "limits.acceleration: joint 'j' at nan must be > 0"),
-        ({"jerk": {"j": 0}}, "limits.jerk: joint 'j' at 0 must be > 0"),
-        ({"scale": {"effort": 0}}, "limits.scale: effort at 0 must be in (0, 1]"),
-        ({"scale": {"velocity": 1.1}}, "limits.scale: velocity at 1.1 must be in (0, 1]"),
-        ({"scale": {"effort": np.nan}}, "limits.scale: effort at nan must be in (0, 1]"),
+        ({"effort": {"j": 0}}, f"robot.limits.effort: joint 'j' at 0; {WANTED}"),
+        ({"velocity": {"j": -2.5}}, f"robot.limits.velocity: joint 'j' at -2.5; {WANTED}"),
+        ({"acceleration": {"j": np.nan}}, f"robot.limits.acceleration: joint 'j' at nan; {WANTED}"),
+        ({"jerk": {"j": -INF}}, f"robot.limits.jerk: joint 'j' at -inf; {WANTED}"),
+        ({"effort": {"j": 1e-7}}, f"robot.limits.effort: joint 'j' at 1e-07; {WANTED}"),
+        ({"effort": {"j": 1e10}}, f"robot.limits.effort: joint 'j' at 1e+10; {WANTED}"),
+        ({"scale": {"effort": 0}}, "robot.limits.scale: effort at 0 must be in (0, 1]"),
+        ({"scale": {"velocity": 1.1}}, "robot.limits.scale: velocity at 1.1 must be in (0, 1]"),
+        ({"scale": {"effort": np.nan}}, "robot.limits.scale: effort at nan must be in (0, 1]"),
         (
             {"scale": {"efort": 1}},
-            "limits.scale: unknown quantity 'efort' (did you mean 'effort'?); there is: effort, "
-            "velocity, acceleration",
+            "robot.limits.scale: unknown quantity 'efort' (did you mean 'effort'?); there is: "
+            "effort, velocity, acceleration",
         ),
     ],
 )

@@ -178,14 +178,20 @@ def test_a_mesh_beside_the_urdf_is_read_and_scaled(tmp_path, tip_shapes, scale, 
         ('<mesh filename="none.stl"/>', "none.stl, named in"),
         ('<mesh filename="package://nobody/a.stl"/>', "package://nobody/a.stl was not found"),
         ('<mesh filename="noise.stl"/>', "link 'tip': mesh"),
-        ('<mesh filename="noise.xyzabc"/>', "noise.xyzabc cannot be read: "),
+        (
+            '<mesh filename="noise.xyzabc"/>',
+            "noise.xyzabc is no readable XYZABC file; export it again",
+        ),
         ('<mesh filename="empty.obj"/>', "empty.obj has no vertices"),
-        ('<capsule radius="1" length="2"/>', "arm.urdf: link geometry cannot be read: Unknown tag"),
-        ('<box size="a b c"/>', "link geometry cannot be read: could not convert"),
-        ("", "arm.urdf: link geometry cannot be read"),
+        (
+            '<capsule radius="1" length="2"/>',
+            "a <geometry> holds <capsule>; it must hold one of <box>, <sphere>",
+        ),
+        ('<box size="a b c"/>', '<box> size="a b c" must be 3 finite numbers'),
+        ("", "a <geometry> holds nothing; it must hold one of"),
     ],
 )
-def test_geometry_that_cannot_be_used_is_named(tmp_path, tip_shapes, geometry, message):
+def test_mesh_that_cannot_be_used_is_named(tmp_path, tip_shapes, geometry, message):
     for name, content in (("noise.stl", "noise"), ("noise.xyzabc", "noise"), ("empty.obj", "")):
         (tmp_path / name).write_text(content)
     with pytest.raises(RobotError) as caught:

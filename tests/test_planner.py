@@ -46,7 +46,7 @@ def two_link_problem(two_link, obstacles=(), **more):
 
 
 def test_an_obstacle_in_the_tube_is_named_with_link_place_and_depth(two_link):
-    ball = Obstacle.sphere("ball", 0.04, placement_of([0.3, 0.0, 0.05]))  # above link1
+    ball = Obstacle.sphere("ball", 0.04, placement_of([0.36, 0.0, 0.05]))  # above link1
     result = plan(two_link_problem(two_link, [ball]))
     assert result.status is PlanStatus.TUBE_BLOCKED
     assert result.trajectory is None

@@ -221,9 +221,9 @@ def test_a_payload_moves_nothing(ur5, loaded_ur5):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ((-1.0,), "payload: mass -1 kg must be >= 0 and finite"),
-        ((np.nan,), "payload: mass nan kg must be >= 0 and finite"),
-        ((np.inf,), "payload: mass inf kg must be >= 0 and finite"),
+        ((-1.0,), "payload: mass -1 kg must be from 0 to 1e+06 kg"),
+        ((np.nan,), "payload: mass nan kg must be from 0 to 1e+06 kg"),
+        ((np.inf,), "payload: mass inf kg must be from 0 to 1e+06 kg"),
         ((1.0, (0, 0, 0), (1, 1, -1, 0, 0, 0)), "payload: inertia (1, 1, -1, 0, 0, 0) is not"),
         ((1.0, (0, 0, 0), (1, 1, 1, 2, 0, 0)), "is not positive semidefinite"),
     ],
@@ -436,7 +436,7 @@ def test_joints_of_another_branch_do_not_move_a_body(arm):
         ({"tool": "base"}, "no planned joint moves tool_frame 'base'"),
         (
             {"limits": LimitOverrides(effort={"other": 1})},
-            "limits.effort: unknown joint 'other'; there is: first, second",
+            "robot.limits.effort: unknown joint 'other'; there is: first, second",
         ),
     ],
 )
@@ -453,9 +453,42 @@ def test_a_mimic_joint_on_the_chain_is_refused_with_its_master(arm):
         arm(*elements)
 
 
+MIMICS = {
+    "of a planned joint": ("first", "joint 'other' mimics 'first', which is planned: "),
+    "of itself": ("other", "joint 'other' mimics 'other': joints mimic each other in a circle"),
+}
+
+
+@pytest.mark.parametrize(("master", "message"), MIMICS.values(), ids=MIMICS.keys())
+def test_a_mimic_joint_that_cannot_stand_still_is_named(arm, master, message):
+    mimic = f'{LIMIT}<mimic joint="{master}"/>'
+    with pytest.raises(RobotError) as caught:
+        arm(*BRANCHED[:6], joint("other", "arm", "side", limit=mimic))
+    assert message in str(caught.value)
+
+
+def test_a_mimic_of_a_mimic_follows_the_first_of_the_chain(arm):
+    names = ("base", "tip", "a", "b", "c")
+    rules = (
+        ("to_a", "a", LIMIT),
+        ("to_b", "b", LIMIT + '<mimic joint="to_a" multiplier="2" offset="0.1"/>'),
+        ("to_c", "c", LIMIT + '<mimic joint="to_b" multiplier="-3" offset="0.2"/>'),
+    )
+    robot = arm(
+        *(link(name) for name in names),
+        joint("j", "base", "tip"),
+        *(joint(name, "base", child, "prismatic", limit=limit) for name, child, limit in rules),
+        locked_joints={"to_a": 0.05},
+    )
+    heights = [robot.link_placement[name][2, 3] for name in ("a", "b", "c")]
+    np.testing.assert_allclose(heights, [0.05, 0.2, -0.4])
+
+
 def test_a_mimic_of_an_unknown_joint_is_named(arm):
     elements = (*BRANCHED[:6], joint("other", "arm", "side", limit=LIMIT + '<mimic joint="x"/>'))
-    with pytest.raises(RobotError, match="joint 'other' mimics: unknown joint 'x'; there is: fi"):
+    with pytest.raises(
+        RobotError, match="'other' mimics 'x': unknown joint 'x'; there is: first, s"
+    ):
         arm(*elements)
 
 
@@ -497,11 +530,8 @@ def test_one_joint_and_any_number_of_samples_keep_their_shapes(arm, samples):
     np.testing.assert_allclose(by_a, np.full((samples, 1, 1), 0.12))
 
 
-def test_what_pinocchio_rejects_is_reported_with_its_reason(arm, capfd):
-    with pytest.raises(RobotError) as caught:
-        arm(link("base"), link("tip"), joint("j", "base", "tip", xyz="0 0 high"))
-    assert "arm.urdf: Pinocchio rejects it: " in str(caught.value)
-    assert "high" in str(caught.value)
+def test_loading_leaves_the_standard_error_alone(arm, capfd):
+    arm(link("base"), link("tip"), joint("j", "base", "tip", axis="0 0 2"))
     assert capfd.readouterr().err == ""
 
 
@@ -514,6 +544,28 @@ def test_a_missing_file_is_named(tmp_path):
 def test_a_joint_and_a_link_may_share_a_name(arm):
     robot = arm(link("base"), link("tip"), joint("tip", "base", "tip", xyz="0 0 1"))
     np.testing.assert_allclose(robot.tool_position(np.zeros((1, 1))), [[0, 0, 1]])
+    assert robot.joint_names == ("tip",)
+
+
+def test_names_that_pinocchio_uses_itself_are_allowed(arm):
+    names = ("universe", "root_joint", "tool centre point")
+    robot = arm(
+        *(link(name) for name in names),
+        joint("universe", "universe", "root_joint", xyz="0 0 1"),
+        joint("root_joint", "root_joint", "tool centre point", xyz="0 0 2"),
+        tool="tool centre point",
+    )
+    np.testing.assert_allclose(robot.tool_position(np.zeros((1, 2))), [[0, 0, 3]])
+
+
+def test_an_arm_on_a_mobile_base_is_planned_with_the_base_standing_still(arm):
+    robot = arm(
+        *(link(name) for name in ("world", "base", "tip")),
+        joint("drive", "world", "base", "planar", xyz="0 0 0.5"),
+        joint("j", "base", "tip", xyz="0 0 1"),
+    )
+    assert robot.joint_names == ("j",)
+    np.testing.assert_allclose(robot.tool_position(np.zeros((1, 1))), [[0, 0, 1.5]])
 
 
 def test_what_is_handed_out_cannot_be_written_to(ur5):
