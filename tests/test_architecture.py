@@ -16,6 +16,7 @@ ORDER = (
     "urdf_values",
     "urdf_link",
     "urdf",
+    "srdf",
     "joint_limits",
     "pinocchio_model",
     "robot",

@@ -224,8 +224,6 @@ def test_position_limits_and_joint_ranges_may_be_open_on_one_side(tmp_path):
 @pytest.mark.parametrize(
     ("place", "value"),
     [
-        ("robot.srdf", "arm.srdf"),
-        ("robot.attached", [{"name": "tool", "sphere": 0.1}]),
         ("tube.orientations", [[0, 0, 0, 1], [0, 0, 0, 1]]),
         ("tube.rotation_tolerance", [0.1]),
         ("tube.rotation_tolerance", [[0.1, 0.1, np.inf]]),

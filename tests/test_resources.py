@@ -12,9 +12,9 @@ from tubeplanner.resources import (
     bundled_problems,
     bundled_robots,
     example_robot_names,
+    find_description,
     find_mesh,
     find_problem,
-    find_urdf,
 )
 
 
@@ -33,7 +33,7 @@ def write(path: Path, text: str = "<robot/>") -> Path:
 
 @pytest.mark.parametrize("name", example_robot_names())
 def test_every_example_name_leads_to_a_urdf_on_this_machine(name):
-    path = find_urdf(f"example:{name}", Path("nowhere"))
+    path = find_description(f"example:{name}", Path("nowhere"))
     assert path.is_file()
     assert "<robot" in path.read_text(encoding="utf-8")
 
@@ -46,13 +46,13 @@ def test_bundled_robots_and_problems_are_listed_by_name():
 def test_a_bundled_robot_hides_the_one_of_example_robot_data(tmp_path, monkeypatch):
     mine = write(tmp_path / "anything" / "ur5.urdf")
     monkeypatch.setattr(resources, "bundled_folder", lambda: tmp_path)
-    assert find_urdf("example:ur5", Path()) == mine
-    assert find_urdf("example:panda", Path()).name == "panda.urdf"
+    assert find_description("example:ur5", Path()) == mine
+    assert find_description("example:panda", Path()).name == "panda.urdf"
 
 
 def test_an_unknown_example_robot_gets_a_suggestion_and_the_list():
     with pytest.raises(RobotError) as caught:
-        find_urdf("example:ur55", Path())
+        find_description("example:ur55", Path())
     message = str(caught.value)
     assert message.startswith("unknown example robot 'ur55' (did you mean 'ur5'?); there is: ")
     assert all(name in message for name in ("two_link", "panda", "xarm7"))
@@ -60,13 +60,13 @@ def test_an_unknown_example_robot_gets_a_suggestion_and_the_list():
 
 def test_a_relative_urdf_starts_at_the_given_folder(tmp_path):
     path = write(tmp_path / "arm.urdf")
-    assert find_urdf("arm.urdf", tmp_path) == path
-    assert find_urdf(path, Path("elsewhere")) == path
+    assert find_description("arm.urdf", tmp_path) == path
+    assert find_description(path, Path("elsewhere")) == path
 
 
 def test_a_missing_urdf_is_named_with_its_full_path(tmp_path):
     with pytest.raises(RobotError) as caught:
-        find_urdf("arm.urdf", tmp_path)
+        find_description("arm.urdf", tmp_path)
     assert str(caught.value) == f"robot description {tmp_path / 'arm.urdf'} does not exist"
 
 
@@ -105,24 +105,24 @@ def test_packages_are_found_where_the_user_or_ros_says(tmp_path, monkeypatch, va
     else:
         folders = ()
         monkeypatch.setenv(variable, f"/nowhere:{tmp_path}")
-    assert find_urdf("package://my_arm/urdf/arm.urdf", Path(), folders) == path
+    assert find_description("package://my_arm/urdf/arm.urdf", Path(), folders) == path
 
 
 def test_a_package_folder_may_be_the_package_itself(tmp_path):
     path = write(tmp_path / "my_arm" / "arm.urdf")
-    assert find_urdf("package://my_arm/arm.urdf", Path(), (tmp_path / "my_arm",)) == path
+    assert find_description("package://my_arm/arm.urdf", Path(), (tmp_path / "my_arm",)) == path
 
 
 def test_folders_of_the_user_come_before_those_of_the_environment(tmp_path, monkeypatch):
     mine = write(tmp_path / "mine" / "my_arm" / "arm.urdf")
     write(tmp_path / "ros" / "my_arm" / "arm.urdf")
     monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "ros"))
-    assert find_urdf("package://my_arm/arm.urdf", Path(), (tmp_path / "mine",)) == mine
+    assert find_description("package://my_arm/arm.urdf", Path(), (tmp_path / "mine",)) == mine
 
 
 def test_a_missing_package_lists_the_folders_tried_and_what_to_do(tmp_path, no_ros):
     with pytest.raises(RobotError) as caught:
-        find_urdf("package://my_arm/arm.urdf", Path(), (tmp_path / "extra",))
+        find_description("package://my_arm/arm.urdf", Path(), (tmp_path / "extra",))
     message = str(caught.value)
     assert message.startswith("package://my_arm/arm.urdf was not found; folders tried: ")
     assert str(tmp_path / "extra") in message
@@ -155,8 +155,8 @@ def test_without_example_robot_data_the_message_says_what_to_install(monkeypatch
     resources._example_robot_data_share.cache_clear()
     try:
         with pytest.raises(RobotError, match="pip install example-robot-data"):
-            find_urdf("example:ur5", Path())
-        assert find_urdf("example:two_link", Path()).is_file()
+            find_description("example:ur5", Path())
+        assert find_description("example:two_link", Path()).is_file()
     finally:
         monkeypatch.undo()
         resources._example_robot_data_share.cache_clear()

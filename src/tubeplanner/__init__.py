@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from tubeplanner.errors import TubePlannerError as TubePlannerError
     from tubeplanner.export import read_trajectory as read_trajectory
     from tubeplanner.joint_limits import LimitOverrides as LimitOverrides
+    from tubeplanner.obstacle import AttachedSolid as AttachedSolid
     from tubeplanner.obstacle import Obstacle as Obstacle
     from tubeplanner.obstacle import placement_of as placement_of
     from tubeplanner.outcome import Place as Place
@@ -58,7 +59,7 @@ _HOMES = {
     ),
     "export": ("read_trajectory",),
     "joint_limits": ("LimitOverrides",),
-    "obstacle": ("Obstacle", "placement_of"),
+    "obstacle": ("AttachedSolid", "Obstacle", "placement_of"),
     "outcome": ("Place", "PlanStatus"),
     "planner": ("PlanOptions", "PlanResult", "plan"),
     "pinocchio_model": ("Payload", "ToolOffset"),

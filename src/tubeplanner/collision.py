@@ -15,7 +15,7 @@ from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.convex_shape import ConvexShape
 from tubeplanner.errors import ProblemError, unknown_name
 from tubeplanner.link_geometry import link_shapes
-from tubeplanner.obstacle import Obstacle
+from tubeplanner.obstacle import AttachedSolid, Obstacle
 from tubeplanner.robot import RobotModel
 
 _BASE = 0
@@ -56,7 +56,7 @@ class CollisionChecker:
         shapes: All shapes, links first.
         obstacle_pairs: Link against obstacle, as indices of `shapes`: int, shape (P, 2).
         link_pairs: Link against link, likewise.
-        has_link_geometry: Whether the robot has any collision geometry.
+        has_link_geometry: Whether the robot, or what it carries, has any collision geometry.
     """
 
     def __init__(
@@ -64,6 +64,7 @@ class CollisionChecker:
         robot: RobotModel,
         obstacles: Sequence[Obstacle] = (),
         *,
+        attached: Sequence[AttachedSolid] = (),
         self_collision: bool = True,
         ignore: Sequence[tuple[str, str]] = (),
     ) -> None:
@@ -72,31 +73,36 @@ class CollisionChecker:
         Args:
             robot: The arm.
             obstacles: Solids in the base frame.
+            attached: Solids in the tool frame; they count as links.
             self_collision: Whether links are checked against each other.
             ignore: Pairs of names of links or obstacles that may touch.
 
         Raises:
-            ProblemError: Two obstacles or an obstacle and a link share a name, or an ignored name
-                does not exist.
+            ProblemError: Two solids or a solid and a link share a name, or an ignored name does
+                not exist.
             RobotError: A link's geometry cannot be read.
         """
         links = link_shapes(robot)
-        self.has_link_geometry = bool(links)
-        _require_names(robot, obstacles, ignore)
+        self.has_link_geometry = bool(links) or bool(attached)
+        touching = [(solid.name, link) for solid in attached for link in solid.touch_links]
+        _require_names(robot, obstacles, attached, [*ignore, *touching])
         self.robot = robot
         self.shapes = [
             BodyShape(link, robot.link_body[link], shape)
             for link, shapes in links.items()
             for shape in shapes
         ]
+        self.shapes += _carried_shapes(robot, attached)
         link_count = len(self.shapes)
+        self._obstacle_names = {obstacle.name for obstacle in obstacles}
+        self._attached_names = {solid.name for solid in attached}
         self.shapes += [
             BodyShape(obstacle.name, _BASE, shape)
             for obstacle in obstacles
             for shape in obstacle.shapes
         ]
         self._objects = [_fcl_object(body_shape.shape) for body_shape in self.shapes]
-        self._ignored = {frozenset(pair) for pair in ignore}
+        self._ignored = {frozenset(pair) for pair in (*ignore, *touching)}
         everything, solids = range(link_count), range(link_count, len(self.shapes))
         self.obstacle_pairs = self._select((i, j) for i in everything for j in solids)
         self.link_pairs = _as_pairs([])
@@ -157,8 +163,8 @@ class CollisionChecker:
     def owners(self, pair: IntArray | tuple[int, int]) -> tuple[tuple[str, ...], str | None]:
         """Return the links of a pair, and its obstacle or None."""
         names = [self.shapes[index].owner for index in pair]
-        links = tuple(name for name in names if name in self.robot.link_body)
-        obstacles = [name for name in names if name not in self.robot.link_body]
+        links = tuple(name for name in names if name not in self._obstacle_names)
+        obstacles = [name for name in names if name in self._obstacle_names]
         return links, obstacles[0] if obstacles else None
 
     @cached_property
@@ -176,8 +182,10 @@ class CollisionChecker:
             return False
         moves = self.robot.joint_moves_body
         between = moves[first.body] != moves[second.body]
-        is_obstacle = second.owner not in self.robot.link_body
-        return bool(between.any()) if is_obstacle else int(between.sum()) > 1
+        # Neighbouring links meet at their joint; nothing else has a right to touch.
+        solids = self._obstacle_names | self._attached_names
+        neighbours_may_touch = first.owner not in solids and second.owner not in solids
+        return int(between.sum()) > (1 if neighbours_may_touch else 0)
 
     def _without_always_touching(self, pairs: IntArray) -> IntArray:
         """Return the pairs whose links came apart in at least one random configuration."""
@@ -299,10 +307,24 @@ def _as_pairs(pairs: list[tuple[int, int]]) -> IntArray:
     return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
 
+def _carried_shapes(robot: RobotModel, attached: Sequence[AttachedSolid]) -> list[BodyShape]:
+    """Return attached solids as shapes of the body that carries the tool."""
+    body = robot.link_body[robot.tool_frame]
+    placement = robot.link_placement[robot.tool_frame]
+    return [
+        BodyShape(solid.name, body, shape.transformed(placement))
+        for solid in attached
+        for shape in solid.shapes
+    ]
+
+
 def _require_names(
-    robot: RobotModel, obstacles: Sequence[Obstacle], ignore: Sequence[tuple[str, str]]
+    robot: RobotModel,
+    obstacles: Sequence[Obstacle],
+    attached: Sequence[AttachedSolid],
+    ignore: Sequence[tuple[str, str]],
 ) -> None:
-    names = [obstacle.name for obstacle in obstacles]
+    names = [*(obstacle.name for obstacle in obstacles), *(solid.name for solid in attached)]
     for name in names:
         if names.count(name) > 1:
             raise ProblemError(f"obstacles: the name '{name}' is given {names.count(name)} times")

@@ -43,4 +43,4 @@ def unknown_name(kind: str, name: str, known: Iterable[str]) -> str:
     names = list(known)
     close = difflib.get_close_matches(name, names, n=1)
     hint = f" (did you mean '{close[0]}'?)" if close else ""
-    return f"unknown {kind} '{name}'{hint}; there is: {', '.join(names) or 'none'}"
+    return f"unknown {kind} {name!r}{hint}; there is: {', '.join(names) or 'none'}"

@@ -1,4 +1,4 @@
-"""Obstacles: named solids that stand still in the base frame."""
+"""Named solids: obstacles that stand still in the base frame, and what the tool carries."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -47,6 +47,21 @@ class Obstacle:
         """Return a capsule [m] along z of a placement (4, 4); length between its caps' centres."""
         _require_positive(name, "capsule", [radius, length])
         return cls(name, (convex_shape.capsule(radius, length).transformed(placement),))
+
+
+@dataclass(frozen=True, eq=False)
+class AttachedSolid:
+    """A solid that the tool carries; it must keep clear like a link.
+
+    Attributes:
+        name: Unique among links, obstacles and attached solids.
+        shapes: Convex shapes in the tool frame that together cover it.
+        touch_links: Names of links that it may touch.
+    """
+
+    name: str
+    shapes: tuple[ConvexShape, ...]
+    touch_links: tuple[str, ...] = ()
 
 
 def placement_of(

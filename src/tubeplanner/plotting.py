@@ -139,9 +139,10 @@ def _draw_hand(axis: Any, problem: PlanningProblem, hand: FloatArray) -> None:
 def _draw_arm(axis: Any, problem: PlanningProblem, q: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Draw the links at some configurations; return the corners of the space they take [m]."""
     rotation, position = problem.robot.body_poses(q)
+    obstacles = {obstacle.name for obstacle in problem.obstacles}
     corners = []
     for body_shape in problem.collision.shapes:
-        if body_shape.owner not in problem.robot.link_body:
+        if body_shape.owner in obstacles:
             continue
         for i in range(len(q)):
             placement = np.eye(4)

@@ -12,9 +12,10 @@ from tubeplanner.arrays import FloatArray, read_only
 from tubeplanner.collision import CollisionChecker
 from tubeplanner.errors import ProblemError, RobotError, unknown_name
 from tubeplanner.joint_limits import LimitOverrides
-from tubeplanner.obstacle import FARTHEST, Obstacle, placement_of
+from tubeplanner.obstacle import FARTHEST, AttachedSolid, Obstacle, placement_of
 from tubeplanner.pinocchio_model import Payload, ToolOffset
 from tubeplanner.problem_format import (
+    AttachedFields,
     EndpointFields,
     JointValues,
     ObstacleFields,
@@ -23,8 +24,9 @@ from tubeplanner.problem_format import (
     check_problem_fields,
     read_problem_fields,
 )
-from tubeplanner.resources import find_problem
+from tubeplanner.resources import find_description, find_problem
 from tubeplanner.robot import RobotModel, load_robot
+from tubeplanner.srdf import read_allowed_pairs
 from tubeplanner.tube import Tube
 
 # How far outside a bound a given start or goal may be and still count as on it [rad, m].
@@ -52,6 +54,7 @@ class PlanningProblem:
         start: Configuration (n,) [rad or m] in group order, or a map by joint name, or a Seed.
         goal: The same for the last point; None: the configuration in which the branch ends.
         obstacles: Solids in the base frame.
+        attached: Solids in the tool frame, carried along.
         clearance: Least distance between any moving link and any obstacle [m].
         self_collision: Whether links are checked against each other.
         ignore_collisions: Pairs of names of links or obstacles that may touch.
@@ -67,6 +70,7 @@ class PlanningProblem:
     start: FloatArray | Seed
     goal: FloatArray | Seed | None = None
     obstacles: Sequence[Obstacle] = ()
+    attached: Sequence[AttachedSolid] = ()
     clearance: float = 0.0
     self_collision: bool = True
     ignore_collisions: Sequence[tuple[str, str]] = ()
@@ -99,6 +103,7 @@ class PlanningProblem:
         return CollisionChecker(
             self.robot,
             self.obstacles,
+            attached=self.attached,
             self_collision=self.self_collision,
             ignore=self.ignore_collisions,
         )
@@ -213,15 +218,17 @@ def parse_problem(
 
 def _build(fields: ProblemFields, directory: Path, name: str, source: str) -> PlanningProblem:
     try:
+        robot = _robot(fields.robot, directory)
         problem = PlanningProblem(
-            robot=_robot(fields.robot, directory),
+            robot=robot,
             tube=_tube(fields),
             start=_endpoint("start", fields.start),
             goal=None if fields.goal is None else _endpoint("goal", fields.goal),
             obstacles=tuple(_obstacle(obstacle) for obstacle in fields.obstacles),
+            attached=tuple(_attached(solid) for solid in fields.robot.attached),
             clearance=fields.clearance,
             self_collision=fields.collision.self_,
-            ignore_collisions=tuple(fields.collision.ignore),
+            ignore_collisions=(*fields.collision.ignore, *_srdf_pairs(fields, robot, directory)),
             name=name,
         )
         _ = problem.collision  # built here: planning starts from loaded geometry
@@ -266,6 +273,19 @@ def _endpoint(end: str, fields: EndpointFields) -> Any:
 
 def _values(values: JointValues | None) -> Any:
     return values if isinstance(values, dict) else np.array(values, dtype=float)
+
+
+def _srdf_pairs(fields: ProblemFields, robot: RobotModel, directory: Path) -> list[tuple[str, str]]:
+    """Return the pairs that the SRDF allows to touch, of links that this robot has."""
+    if fields.robot.srdf is None:
+        return []
+    folders = tuple(directory / folder for folder in fields.robot.package_dirs)
+    path = find_description(fields.robot.srdf, directory, folders)
+    return [pair for pair in read_allowed_pairs(path) if set(pair) <= robot.link_body.keys()]
+
+
+def _attached(fields: AttachedFields) -> AttachedSolid:
+    return AttachedSolid(fields.name, _obstacle(fields).shapes, tuple(fields.touch_links))
 
 
 def _obstacle(fields: ObstacleFields) -> Obstacle:

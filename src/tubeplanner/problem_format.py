@@ -46,8 +46,6 @@ Version: TypeAlias = Annotated[Literal[1], BeforeValidator(_no_flag)]
 _MOST_BYTES = 10_000_000
 
 _NOT_HONOURED_YET = {
-    "robot.srdf": "list the pairs in collision.ignore instead",
-    "robot.attached": "leave it out",
     "tube.orientations": "leave it out: the hand's orientation is free",
     "tube.rotation_tolerance": "leave it out: the hand's orientation is free",
 }
@@ -88,47 +86,10 @@ class LimitFields(_Section):
     )
 
 
-class RobotFields(_Section):
-    """The arm."""
-
-    urdf: str = Field(description="path relative to this file, package://PKG/..., example:NAME")
-    package_dirs: list[str] = Field([], description="extra roots for package:// names")
-    srdf: str | None = Field(None, description="pairs of links that may touch")
-    tool_frame: str = Field(description="any URDF link")
-    tool_offset: ToolOffsetFields = ToolOffsetFields()
-    joints: list[str] | None = Field(None, description="planning group; default: the chain's")
-    locked_joints: dict[str, Finite] = Field({}, description="joints outside the group [rad, m]")
-    gravity: Vector = Field((0.0, 0.0, -9.81), description="base frame [m/s^2]")
-    payload: PayloadFields | None = None
-    attached: list[dict[str, Any]] = Field([], description="shapes carried in tool_frame")
-    limits: LimitFields = LimitFields()
-
-
-class TubeFields(_Section):
-    """Where the hand may be."""
-
-    points: list[Vector] = Field(description="m+1 reference points, base frame [m]")
-    radius: Finite | list[Finite] = Field(description="one or m path tolerances [m]")
-    tool_radius: Finite = Field(0.0, description="end effector as a sphere [m]")
-    joint_signs: dict[str, Sign] | list[dict[str, Sign]] = Field(
-        {}, description="one map or m: '+', '-', '0', 1, -1, 0, or [lower, upper] [rad, m]"
-    )
-    orientations: list[Quaternion] | None = Field(None, description="m+1 quaternions x y z w")
-    rotation_tolerance: list[Any] | None = Field(None, description="m angles or triples [rad]")
-    visit: Literal["ordered", "any"] = "ordered"
-
-
-class EndpointFields(_Section):
-    """A configuration, or a seed for the inverse kinematics of the reference point."""
-
-    joints: JointValues | None = Field(None, description="group order or by name [rad, m]")
-    seed: JointValues | None = Field(None, description="group order or by name [rad, m]")
-
-
 class ObstacleFields(_Section):
-    """One solid in the base frame; exactly one of box, sphere, cylinder, capsule, mesh."""
+    """One solid; exactly one of box, sphere, cylinder, capsule, mesh."""
 
-    name: str
+    name: str = Field(description="unique; what messages call it")
     box: Vector | None = Field(None, description="full side lengths [m]")
     sphere: Finite | None = Field(None, description="radius [m]")
     cylinder: tuple[Finite, Finite] | None = Field(None, description="radius, length along z [m]")
@@ -142,6 +103,55 @@ class ObstacleFields(_Section):
     quaternion: Quaternion | None = Field(None, description="x y z w, instead of rpy")
 
 
+class AttachedFields(ObstacleFields):
+    """One solid carried by the tool, placed in tool_frame."""
+
+    touch_links: list[str] = Field([], description="links that it may touch")
+
+
+class RobotFields(_Section):
+    """The arm."""
+
+    urdf: str = Field(description="path relative to this file, package://PKG/..., example:NAME")
+    package_dirs: list[str] = Field([], description="extra roots for package:// names")
+    srdf: str | None = Field(
+        None, description="file whose disable_collisions lists pairs of links that may touch"
+    )
+    tool_frame: str = Field(description="any URDF link")
+    tool_offset: ToolOffsetFields = Field(
+        ToolOffsetFields(), description="the tool centre point in tool_frame"
+    )
+    joints: list[str] | None = Field(None, description="planning group; default: the chain's")
+    locked_joints: dict[str, Finite] = Field({}, description="joints outside the group [rad, m]")
+    gravity: Vector = Field((0.0, 0.0, -9.81), description="base frame [m/s^2]")
+    payload: PayloadFields | None = Field(None, description="a mass carried in tool_frame")
+    attached: list[AttachedFields] = Field([], description="solids carried in tool_frame")
+    limits: LimitFields = Field(LimitFields(), description="replace and scale the URDF's limits")
+
+
+class TubeFields(_Section):
+    """Where the hand may be."""
+
+    points: list[Vector] = Field(description="m+1 reference points, base frame [m]")
+    radius: Finite | list[Finite] = Field(description="one or m path tolerances [m]")
+    tool_radius: Finite = Field(0.0, description="end effector as a sphere [m]")
+    joint_signs: dict[str, Sign] | list[dict[str, Sign]] = Field(
+        {}, description="one map or m: '+', '-', '0', 1, -1, 0, or [lower, upper] [rad, m]"
+    )
+    orientations: list[Quaternion] | None = Field(None, description="m+1 quaternions x y z w")
+    rotation_tolerance: list[Any] | None = Field(None, description="m angles or triples [rad]")
+    visit: Literal["ordered", "any"] = Field(
+        "ordered", description="segments one after the other, or the union of their capsules"
+    )
+
+
+class EndpointFields(_Section):
+    """A configuration, or a seed for the inverse kinematics of the reference point."""
+
+    joints: JointValues | None = Field(None, description="group order or by name [rad, m]")
+    seed: JointValues | None = Field(None, description="group order or by name [rad, m]")
+
+
 class CollisionFields(_Section):
     """What is checked."""
 
@@ -152,15 +162,21 @@ class CollisionFields(_Section):
 class ProblemFields(_Section):
     """A tubeplanner problem. SI units, radians; positions in the frame of the URDF's root link."""
 
-    format: Literal["tubeplanner/problem"] = "tubeplanner/problem"
-    version: Version = 1
-    robot: RobotFields
-    tube: TubeFields
-    start: EndpointFields
-    goal: EndpointFields | None = None
-    obstacles: list[ObstacleFields] = []
+    model_config = ConfigDict(title="tubeplanner problem")
+
+    format: Literal["tubeplanner/problem"] = Field(
+        "tubeplanner/problem", description="what this file is"
+    )
+    version: Version = Field(1, description="of the format")
+    robot: RobotFields = Field(description="the arm, its tool and its limits")
+    tube: TubeFields = Field(description="where the hand may be, and in which configuration")
+    start: EndpointFields = Field(description="where the motion begins, at rest")
+    goal: EndpointFields | None = Field(
+        None, description="where it ends, at rest; left out: where the branch ends"
+    )
+    obstacles: list[ObstacleFields] = Field([], description="solids in the base frame")
     clearance: Finite = Field(0.0, description="least distance of links to obstacles [m]")
-    collision: CollisionFields = CollisionFields()
+    collision: CollisionFields = Field(CollisionFields(), description="what is checked")
 
 
 def problem_schema() -> dict[str, Any]:

@@ -141,7 +141,9 @@ def find_problem(name: str | Path, directory: Path) -> Path:
     return path
 
 
-def find_urdf(name: str | Path, directory: Path, package_dirs: tuple[Path, ...] = ()) -> Path:
+def find_description(
+    name: str | Path, directory: Path, package_dirs: tuple[Path, ...] = ()
+) -> Path:
     """Return the path of a robot's URDF.
 
     Args:

@@ -15,7 +15,7 @@ import pinocchio as pin
 from tubeplanner.arrays import FloatArray, read_only
 from tubeplanner.joint_limits import JointLimits, LimitOverrides, resolve_limits
 from tubeplanner.pinocchio_model import Payload, ToolOffset, build_model, planning_group
-from tubeplanner.resources import find_urdf
+from tubeplanner.resources import find_description
 from tubeplanner.urdf import UrdfDescription, joint_id, link_id, read_urdf
 
 EARTH_GRAVITY = (0.0, 0.0, -9.81)  # [m/s^2]
@@ -55,7 +55,7 @@ def load_robot(
     """
     directory = Path(directory)
     folders = tuple(directory / folder for folder in package_dirs)
-    description = read_urdf(find_urdf(urdf, directory, folders))
+    description = read_urdf(find_description(urdf, directory, folders))
     group = planning_group(description, tool_frame, joints)
     joint_limits = resolve_limits(description, group, limits or LimitOverrides())
     model = build_model(

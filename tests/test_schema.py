@@ -1,0 +1,55 @@
+"""The schema that editors complete problem files with."""
+
+import jsonschema
+import pytest
+from ruamel.yaml import YAML
+
+from tubeplanner.problem_format import problem_schema
+from tubeplanner.resources import bundled_problems
+
+SCHEMA = problem_schema()
+
+
+@pytest.mark.parametrize("name", bundled_problems())
+def test_bundled_problems_are_valid(name):
+    fields = YAML(typ="safe", pure=True).load(bundled_problems()[name].read_text())
+    jsonschema.Draft202012Validator(SCHEMA).validate(fields)
+
+
+@pytest.mark.parametrize(
+    ("change", "path"),
+    [
+        ({"start": {"jonts": [0]}}, ["start"]),
+        ({"clearance": "wide"}, ["clearance"]),
+        ({"tube": {"points": [[0, 0, 0]]}}, ["tube"]),
+    ],
+)
+def test_wrong_ones_are_not(change, path):
+    path_of_two_link = bundled_problems()["two_link/around_a_post"]
+    fields = YAML(typ="safe", pure=True).load(path_of_two_link.read_text())
+    errors = list(jsonschema.Draft202012Validator(SCHEMA).iter_errors({**fields, **change}))
+    assert [list(error.absolute_path) for error in errors] == [path]
+
+
+def test_every_field_has_a_title_and_a_description():
+    assert SCHEMA["title"] == "tubeplanner problem"
+    for section in (SCHEMA, *SCHEMA["$defs"].values()):
+        assert section["description"]
+        for name, field in section["properties"].items():
+            assert field.get("title") or "$ref" in field or "anyOf" in field or "const" in field
+            assert field.get("description"), name
+
+
+def test_physical_fields_say_their_unit():
+    units = {
+        "RobotFields": ["gravity", "locked_joints"],
+        "TubeFields": ["points", "radius", "tool_radius", "joint_signs"],
+        "PayloadFields": ["mass", "com", "inertia"],
+        "LimitFields": ["effort", "velocity", "position", "acceleration", "jerk"],
+        "ObstacleFields": ["box", "sphere", "cylinder", "capsule", "position", "rpy"],
+        "EndpointFields": ["joints", "seed"],
+    }
+    for section, names in units.items():
+        for name in names:
+            field = SCHEMA["$defs"][section]["properties"][name]
+            assert "[" in field["description"], name
