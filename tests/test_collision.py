@@ -388,7 +388,7 @@ def test_a_placement_without_rotation_is_upright():
 
 @pytest.mark.parametrize("position", [(np.nan, 0, 0), (0, -np.inf, 0), (0, 0, 2e4)])
 def test_a_placement_out_of_this_world_is_refused(position):
-    with pytest.raises(ProblemError, match="lies beyond 10000 m"):
+    with pytest.raises(ProblemError, match="must be three finite numbers within 10000 m"):
         placement_of(position)
 
 
@@ -403,3 +403,23 @@ def test_a_senseless_rotation_is_refused(rotation, message):
     with pytest.raises(ProblemError) as caught:
         placement_of((0, 0, 0), **rotation)
     assert message in str(caught.value)
+
+
+@pytest.mark.parametrize("poses", [[np.nan] * 3, [0, np.inf, 0]])
+def test_a_pose_that_is_not_finite_never_reaches_fcl(ur5, poses):
+    """FCL would end the process without a word."""
+    checker = CollisionChecker(ur5)
+    rotation, position = (array[0] for array in ur5.body_poses(np.zeros((1, 6))))
+    position[3] = poses
+    with pytest.raises(ValueError, match="poses must be finite"):
+        checker.distances(rotation, position, checker.link_pairs)
+
+
+def test_pairs_are_not_lost_where_limits_lie_a_turn_away():
+    """The same arc of the same joint, described one turn apart."""
+    kept = []
+    for turn in (0.0, -2 * np.pi):
+        limits = LimitOverrides(position={"wrist_1_joint": (0.28 + turn, 2.78 + turn)})
+        checker = CollisionChecker(load_robot("example:ur5", "tool0", limits=limits))
+        kept.append(len(checker.link_pairs))
+    assert kept[0] == kept[1]

@@ -138,7 +138,7 @@ FAULTS = {
     ),
     "xacro": (
         '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:property name="l"/></robot>',
-        "holds <xacro:property>: it must be expanded first, by xacro arm.urdf > arm.urdf",
+        "holds <xacro:property>: it must be expanded first, by xacro arm.urdf > arm.expanded.urdf",
     ),
     "XML entities": (
         '<!DOCTYPE robot [<!ENTITY a "a">]><robot name="&a;"/>',

@@ -46,7 +46,7 @@ def bernstein_coefficients(
         (Farouki, "The Bernstein polynomial basis: a centennial retrospective", 2012, section 3.2.)
     """
     degree = len(coefficients) - 1
-    ascending = coefficients[::-1]
+    ascending = np.asarray(coefficients, dtype=np.float64)[::-1]
     scaled = np.empty_like(ascending)
     for power in range(degree + 1):
         # Taylor coefficient about the start: sum over k of C(k, power) start^(k - power) c_k.
@@ -64,6 +64,8 @@ def maxima(coefficients: FloatArray, widths: FloatArray) -> Extrema:
         coefficients: Shape (degree+1, pieces, n).
         widths: Widths of the pieces [s], shape (pieces,).
     """
+    if not np.isfinite(coefficients).all():
+        raise ValueError("coefficients must be finite")
     pieces, n = coefficients.shape[1:]
     # One row per (piece, polynomial) still in question.
     piece = np.repeat(np.arange(pieces), n)

@@ -190,8 +190,9 @@ class CollisionChecker:
     def _without_always_touching(self, pairs: IntArray) -> IntArray:
         """Return the pairs whose links came apart in at least one random configuration."""
         limits = self.robot.limits
-        low = np.clip(limits.lower_position, -np.pi, limits.upper_position)
-        high = np.minimum(limits.upper_position, low + 2 * np.pi)
+        lower, upper = limits.lower_position, limits.upper_position
+        low = np.maximum(lower, np.minimum(-np.pi, upper - 2 * np.pi))  # one turn, if there is one
+        high = np.minimum(upper, low + 2 * np.pi)
         q = np.random.default_rng(_TOUCH_SEED).uniform(low, high, (_TOUCH_SAMPLES, len(low)))
         rotation, position = self.robot.body_poses(q)
         names = [self._owners(pair) for pair in pairs]
@@ -220,7 +221,12 @@ class _FclObject:
         self.radius = shape.radius
 
     def move(self, rotation: FloatArray, position: FloatArray, body: int) -> None:
-        """Place the shape: poses of all bodies, and the body that carries it."""
+        """Place the shape: poses of all bodies, and the body that carries it.
+
+        FCL ends the process on a pose that is not finite.
+        """
+        if not (np.isfinite(rotation[body]).all() and np.isfinite(position[body]).all()):
+            raise ValueError("poses must be finite")
         self._rotation, self._position = rotation[body], position[body]
         core_rotation = self._rotation @ self._core[:3, :3]
         core_position = self._rotation @ self._core[:3, 3] + self._position

@@ -116,6 +116,11 @@ def _position(
     description: UrdfDescription, joint: UrdfJoint, overrides: LimitOverrides
 ) -> tuple[float, float]:
     lower, upper = overrides.position.get(joint.name, (joint.lower, joint.upper))
+    if joint.type == "prismatic" and not np.isfinite([lower, upper]).all():
+        raise RobotError(
+            f"{description.path}: joint '{joint.name}' slides without end, position limits "
+            f"[{lower:g}, {upper:g}]; give finite ones in robot.limits.position"
+        )
     if not lower < upper:
         source = (
             "robot.limits.position" if joint.name in overrides.position else str(description.path)

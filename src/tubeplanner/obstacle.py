@@ -81,15 +81,19 @@ def placement_of(
     """
     if rpy is not None and quaternion is not None:
         raise ProblemError("a placement takes rpy or quaternion, not both")
-    if not (abs(np.array(position)) <= FARTHEST).all():
-        raise ProblemError(f"position {list(position)} lies beyond {FARTHEST:g} m")
+    if len(position) != 3 or not (abs(np.array(position)) <= FARTHEST).all():
+        raise ProblemError(
+            f"position {list(position)} must be three finite numbers within {FARTHEST:g} m"
+        )
     placement = np.eye(4)
     placement[:3, 3] = position
     if quaternion is not None:
-        if not np.linalg.norm(quaternion) > 0:
+        if len(quaternion) != 4 or not 1e-9 < np.linalg.norm(quaternion) < 1e9:
             raise ProblemError(f"quaternion {list(quaternion)} has no direction")
         placement[:3, :3] = Rotation.from_quat(quaternion).as_matrix()
     elif rpy is not None:
+        if len(rpy) != 3 or not np.isfinite(rpy).all():
+            raise ProblemError(f"rpy {list(rpy)} must be three finite angles")
         placement[:3, :3] = Rotation.from_euler("xyz", rpy).as_matrix()
     return placement
 
@@ -98,7 +102,14 @@ def placement_of(
 SMALLEST, FARTHEST = 1e-6, 1e4
 
 
+_SIZE_COUNTS = {"box": 3, "sphere": 1, "cylinder": 2, "capsule": 2}
+
+
 def _require_positive(name: str, kind: str, values: Sequence[float]) -> None:
+    if len(values) != _SIZE_COUNTS[kind]:
+        raise ProblemError(
+            f"obstacle '{name}': {kind} takes {_SIZE_COUNTS[kind]} sizes, not {len(values)}"
+        )
     for value in values:
         if not SMALLEST <= value <= FARTHEST:
             raise ProblemError(

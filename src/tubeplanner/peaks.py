@@ -31,8 +31,9 @@ def refined_maximum(
     """
     best, when = float(value.max()), float(time[value.argmax()])
     peaks = _peaks(value, best - band)
-    low = time[np.maximum(peaks - 1, 0)]
-    high = time[np.minimum(peaks + 1, len(time) - 1)]
+    # The nearest other times, not the nearest samples: at a breakpoint two samples share a time.
+    low = time[np.maximum(np.searchsorted(time, time[peaks], "left") - 1, 0)]
+    high = time[np.minimum(np.searchsorted(time, time[peaks], "right"), len(time) - 1)]
     for _ in range(_ZOOMS):
         grid = low[:, None] + np.linspace(0, 1, _POINTS) * (high - low)[:, None]
         found = function(grid.ravel()).reshape(grid.shape)

@@ -35,6 +35,10 @@ class Payload:
     def __post_init__(self) -> None:
         if not 0 <= self.mass <= _HEAVIEST:
             raise RobotError(f"payload: mass {self.mass:g} kg must be from 0 to {_HEAVIEST:g} kg")
+        if np.shape(self.com) != (3,) or not np.isfinite(self.com).all():
+            raise RobotError(f"payload: com {self.com} must be three finite numbers")
+        if np.shape(self.inertia) != (6,) or not np.isfinite(self.inertia).all():
+            raise RobotError(f"payload: inertia {self.inertia} must be six finite numbers")
         if np.linalg.eigvalsh(self.inertia_matrix()).min() < -1e-12:
             raise RobotError(f"payload: inertia {self.inertia} is not positive semidefinite")
 
@@ -55,6 +59,12 @@ class ToolOffset:
 
     position: tuple[float, float, float] = (0.0, 0.0, 0.0)
     rpy: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        for name in ("position", "rpy"):
+            values = getattr(self, name)
+            if np.shape(values) != (3,) or not np.isfinite(values).all():
+                raise RobotError(f"tool_offset: {name} {values} must be three finite numbers")
 
 
 def planning_group(
@@ -184,6 +194,8 @@ def _master(
 
 
 def _free_value(joint: UrdfJoint, locked: Mapping[str, float]) -> float:
+    if joint.lower == joint.upper == 0.0:  # the URDF gives no limits
+        return locked.get(joint.name, 0.0)
     if not joint.lower <= joint.upper:
         raise RobotError(
             f"joint '{joint.name}' has reversed position limits [{joint.lower:g}, {joint.upper:g}]"

@@ -141,7 +141,10 @@ class PlanningProblem:
             if missing:
                 raise ProblemError(f"{end}: no value for joint {', '.join(missing)}")
             values = [values[name] for name in names]
-        q = read_only(values)
+        try:
+            q = read_only(values)
+        except (TypeError, ValueError):
+            raise ProblemError(f"{end} {values!r} must be numbers, one per joint") from None
         if q.shape != (len(names),):
             raise ProblemError(
                 f"{end} has {q.size} values for the {len(names)} joints {', '.join(names)}"
@@ -195,7 +198,10 @@ def load_problem(name: str | Path, directory: str | Path = ".") -> PlanningProbl
     """
     path = find_problem(name, Path(directory))
     return _build(
-        read_problem_fields(path), path.parent, f"{path.parent.name}/{path.stem}", str(path)
+        read_problem_fields(path),
+        path.parent,
+        f"{path.resolve().parent.name}/{path.stem}",
+        str(path),
     )
 
 
@@ -296,7 +302,10 @@ def _obstacle(fields: ObstacleFields) -> Obstacle:
         )
     if fields.scale != 1.0:
         raise ProblemError(f"obstacles: '{fields.name}': scale belongs to a mesh alone; remove it")
-    placement = placement_of(fields.position, fields.rpy, fields.quaternion)
+    try:
+        placement = placement_of(fields.position, fields.rpy, fields.quaternion)
+    except ProblemError as error:
+        raise ProblemError(f"obstacles: '{fields.name}': {error}") from None
     kinds = ("box", "sphere", "cylinder", "capsule")
     given = [kind for kind in kinds if getattr(fields, kind) is not None]
     if len(given) != 1:

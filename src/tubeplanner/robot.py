@@ -13,6 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from tubeplanner.arrays import FloatArray, read_only
+from tubeplanner.errors import RobotError
 from tubeplanner.joint_limits import JointLimits, LimitOverrides, resolve_limits
 from tubeplanner.pinocchio_model import Payload, ToolOffset, build_model, planning_group
 from tubeplanner.resources import find_description
@@ -53,6 +54,8 @@ def load_robot(
     Raises:
         RobotError: The description cannot be planned with; the message says why.
     """
+    if np.shape(gravity) != (3,) or not np.isfinite(gravity).all():
+        raise RobotError(f"gravity {list(gravity)} must be three finite numbers [m/s^2]")
     directory = Path(directory)
     folders = tuple(directory / folder for folder in package_dirs)
     description = read_urdf(find_description(urdf, directory, folders))

@@ -8,7 +8,7 @@ frame.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
@@ -16,7 +16,8 @@ from tubeplanner.arrays import FloatArray, read_only
 from tubeplanner.errors import ProblemError, unknown_name
 
 JointRange: TypeAlias = tuple[float, float]
-JointSign: TypeAlias = str | int | Sequence[float]
+# "+", "-", "0", 1, -1, 0 or a range of two numbers
+JointSign: TypeAlias = Any
 
 _SIGNS: dict[str | int, JointRange] = {
     "+": (0.0, np.inf),
@@ -78,7 +79,7 @@ class Tube:
         _set(self, "points", corners)
         _set(self, "radius", _radii(radius, segments))
         _set(self, "tool_radius", float(tool_radius))
-        _set(self, "joint_ranges", _ranges(joint_signs or {}, segments))
+        _set(self, "joint_ranges", _ranges(joint_signs or {}, segments, visit))
         _set(self, "visit", visit)
         if visit not in VISITS:
             raise ProblemError(f"tube.visit: {unknown_name('value', str(visit), VISITS)}")
@@ -153,7 +154,10 @@ def _points(points: Sequence[Sequence[float]] | FloatArray) -> FloatArray:
 
 
 def _radii(radius: float | Sequence[float] | FloatArray, segments: int) -> FloatArray:
-    radii = np.array(radius, dtype=np.float64)
+    try:
+        radii = np.array(radius, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ProblemError(f"tube.radius {radius!r} is no number or list of numbers") from None
     if radii.ndim == 0:
         radii = np.full(segments, float(radii))
     if radii.shape != (segments,):
@@ -169,7 +173,9 @@ def _radii(radius: float | Sequence[float] | FloatArray, segments: int) -> Float
 
 
 def _ranges(
-    joint_signs: Mapping[str, JointSign] | Sequence[Mapping[str, JointSign]], segments: int
+    joint_signs: Mapping[str, JointSign] | Sequence[Mapping[str, JointSign]],
+    segments: int,
+    visit: str,
 ) -> tuple[Mapping[str, JointRange], ...]:
     if isinstance(joint_signs, Mapping):
         maps: list[Mapping[str, JointSign]] = [joint_signs] * segments
@@ -183,22 +189,19 @@ def _ranges(
         {name: _range(f"tube.joint_signs: joint '{name}'", sign) for name, sign in row.items()}
         for row in maps
     )
-    for k, (before, after) in enumerate(pairwise(ranges)):
+    for k, (before, after) in enumerate(pairwise(ranges) if visit == "ordered" else ()):
         _require_hand_over(k, before, after)
     return ranges
 
 
 def _range(where: str, sign: JointSign) -> JointRange:
-    if isinstance(sign, str | int) and not isinstance(sign, bool):
-        if sign in _SIGNS:
-            return _SIGNS[sign]
-    elif isinstance(sign, Sequence) and len(sign) == 2:
-        lower, upper = float(sign[0]), float(sign[1])
-        if not lower <= upper:
-            raise ProblemError(
-                f"{where}: the range [{lower:g}, {upper:g}] is reversed or no number"
-            )
-        return lower, upper
+    if np.ndim(sign) == 0 and not isinstance(sign, bool) and sign in _SIGNS:
+        return _SIGNS[sign]
+    if not isinstance(sign, str) and np.shape(sign) == (2,):
+        lower, upper = (float(bound) for bound in sign)
+        if lower <= upper:
+            return lower, upper
+        raise ProblemError(f"{where}: the range [{lower:g}, {upper:g}] is reversed or no number")
     raise ProblemError(f"{where}: {sign!r} is none of '+', '-', '0', 1, -1, 0, [lower, upper]")
 
 

@@ -200,7 +200,7 @@ def _require_robot(path: Path, root: ElementTree.Element) -> None:
             tag = str(element.tag).removeprefix(_XACRO)
             raise RobotError(
                 f"{path} holds <xacro:{tag}>: it must be expanded first, by "
-                f"xacro {path.name} > {path.name.split('.')[0]}.urdf"
+                f"xacro {path.name} > {path.name.split('.')[0]}.expanded.urdf"
             )
 
 

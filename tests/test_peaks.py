@@ -1,0 +1,34 @@
+import numpy as np
+import pytest
+
+from tubeplanner.peaks import refined_maximum
+
+
+def test_a_peak_between_samples_is_found():
+    time = np.linspace(0, 1, 21)
+    value, when = refined_maximum(
+        lambda t: np.cos(40 * (t - 0.3137)), time, np.cos(40 * (time - 0.3137)), band=0.3
+    )
+    assert value == pytest.approx(1, abs=1e-7)
+    assert np.cos(40 * (when - 0.3137)) == value
+
+
+@pytest.mark.parametrize("shift", [-1e-3, 1e-3])
+def test_a_peak_just_beside_a_doubled_sample_is_found_on_either_side(shift):
+    """At a breakpoint two samples share a time; rounding must not decide which side is searched."""
+    time = np.concatenate([np.linspace(0, 1, 6), np.linspace(1, 2, 6)])
+
+    def function(t):
+        return -((t - 1 - shift) ** 2)
+
+    value = function(time)
+    value[6] -= 1e-16
+    found, when = refined_maximum(function, time, value, band=0.5)
+    assert found == pytest.approx(0, abs=1e-9)
+    assert when == pytest.approx(1 + shift, abs=1e-4)
+
+
+def test_the_result_is_never_below_a_sample():
+    time = np.linspace(0, 1, 5)
+    value = np.array([0.0, 3.0, 0.0, 1.0, 0.0])
+    assert refined_maximum(lambda t: np.zeros_like(t), time, value, band=0.1) == (3.0, 0.25)
