@@ -119,7 +119,7 @@ def test_a_joint_without_any_finite_limit_is_named(describe):
         resolve_limits(describe(), ["j", "k"], overrides)
     assert str(caught.value) == (
         "joint 'k' has no finite limit among effort, velocity and acceleration, so its speed is "
-        "unbounded; give one in limits"
+        "unbounded; give one in robot.limits"
     )
 
 

@@ -206,7 +206,10 @@ def test_a_negative_clearance_is_refused(clearance):
         ({"robot__urdf": "example:two_lnk"}, "(did you mean 'two_link'?)"),
         ({"robot__tool_frame": "hnd"}, "unknown tool_frame 'hnd' (did you mean 'hand'?)"),
         ({"robot__joints": ["joint1", "join2"]}, "unknown movable joint 'join2'"),
-        ({"robot__locked_joints": {"joint9": 1}}, "locked_joints: unknown joint outside the group"),
+        (
+            {"robot__locked_joints": {"joint9": 1}},
+            "robot.locked_joints: unknown joint outside the group",
+        ),
         (
             {"robot__limits": {"effort": {"elbow": 1}}},
             "robot.limits.effort: unknown joint 'elbow'; there is: joint1, joint2",
@@ -219,7 +222,7 @@ def test_a_negative_clearance_is_refused(clearance):
             {"robot__limits": {"scale": {"effort": 2}}},
             "robot.limits.scale: effort at 2 must be in (0, 1]",
         ),
-        ({"robot__payload": {"mass": -1}}, "payload: mass -1 kg must be from 0 to 1e+06 kg"),
+        ({"robot__payload": {"mass": -1}}, "robot.payload: mass -1 kg must be from 0 to 1e+06 kg"),
     ],
 )
 def test_a_robot_that_cannot_be_planned_with_says_why(change, message):

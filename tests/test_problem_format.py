@@ -143,7 +143,7 @@ NOT_A_NUMBER = "it must be a number"
         ("start", [0, 0], "start is [0, 0]; it must be a map with joints, seed"),
         ("robot.limits.effort", {1: 5}, "robot.limits.effort: the key 1 is no text; quote it"),
         ("tube.joint_signs", {"j": True}, "tube.joint_signs.j is True; true and false are no num"),
-        ("tube.visit", "all", "tube.visit is 'all'; should be 'ordered' or 'any'"),
+        ("tube.visit", "all", "tube.visit is 'all'; it must be 'ordered' or 'any'"),
         ("tube.joint_signs", {"j": "x"}, "tube.joint_signs.j is 'x'; it must be '+', '-', "),
         ("tube.joint_signs", [{"j": 2}], "tube.joint_signs[0].j is 2; it must be '+', '-', "),
         ("start.joints", ["a", 0], f"start.joints[0] is 'a'; {NOT_A_NUMBER}"),
@@ -168,8 +168,8 @@ NOT_A_NUMBER = "it must be a number"
             f"obstacles[0].sphere is '1'; {NOT_A_NUMBER}",
         ),
         ("collision", {"ignore": ["a"]}, "collision.ignore[0] is 'a'; it must be a list"),
-        ("format", "toolpath", "format is 'toolpath'; should be 'tubeplanner/problem'"),
-        ("version", 2, "version is 2; should be 1"),
+        ("format", "toolpath", "format is 'toolpath'; it must be 'tubeplanner/problem'"),
+        ("version", 2, "version is 2; it must be 1"),
     ],
 )
 def test_a_value_of_the_wrong_type_is_named_with_its_place(place, value, message):

@@ -4,7 +4,12 @@ import pytest
 from conftest import PROBLEMS
 from tubeplanner import LimitOverrides, PlanningProblem, PlanStatus, Seed, Tube, load_robot, plan
 from tubeplanner.outcome import Infeasible
-from tubeplanner.reference_branch import reference_branch
+from tubeplanner.reference_branch import SpareJoints, reference_branch, spare_joint_rules
+
+
+def branch_of(problem):
+    """Return the branch by the first rule for spare joints."""
+    return reference_branch(problem, spare_joint_rules(problem)[0])
 
 
 def two_link_problem(two_link, points, radius=0.03, signs=None, start=(0.0, -1.0), goal=None):
@@ -16,7 +21,7 @@ def two_link_problem(two_link, points, radius=0.03, signs=None, start=(0.0, -1.0
 @pytest.mark.parametrize("name", PROBLEMS)
 def test_the_branch_follows_the_reference_path_in_small_steps(name, planned):
     problem, _ = planned(name)
-    branch = reference_branch(problem)
+    branch = branch_of(problem)
     for k, q in enumerate(branch.segments):
         hand = problem.robot.tool_position(q)
         assert problem.tube.distance(hand)[:, k].max() < 1e-3
@@ -34,7 +39,7 @@ def test_the_sign_chooses_the_branch(sign, two_link):
     problem = two_link_problem(
         two_link, [(0.3, -0.3), (0.3, 0.3)], signs={"joint2": sign}, start=(0.0, elbow)
     )
-    q = reference_branch(problem).segments[0]
+    q = branch_of(problem).segments[0]
     x, y, _ = two_link.tool_position(q).T
     expected = elbow * np.arccos((x**2 + y**2 - 2 * 0.09) / (2 * 0.09))
     np.testing.assert_allclose(q[:, 1], expected, atol=1e-6)
@@ -43,14 +48,14 @@ def test_the_sign_chooses_the_branch(sign, two_link):
 
 def test_a_fully_stretched_goal_is_reached(two_link):
     problem = two_link_problem(two_link, [(0.3, 0.0), (0.6, 0.0)], signs={"joint2": "-"})
-    branch = reference_branch(problem)
+    branch = branch_of(problem)
     np.testing.assert_allclose(branch.goal, 0, atol=5e-3)
     assert plan(problem).succeeded
 
 
 def test_a_given_goal_is_met_exactly_with_spare_joints_blended(planned):
     problem, _ = planned("panda/between_shelves")
-    branch = reference_branch(problem)
+    branch = branch_of(problem)
     np.testing.assert_array_equal(branch.start, problem.start)
     np.testing.assert_array_equal(branch.goal, problem.goal)
 
@@ -61,7 +66,7 @@ def test_a_goal_on_another_branch_is_named(two_link):
     tube = Tube([[0.3, -0.3, 0], hand], 0.03)
     problem = PlanningProblem(two_link, tube, Seed(np.array([0.0, -1.0])), q)
     with pytest.raises(Infeasible, match="the goal lies on another branch") as caught:
-        reference_branch(problem)
+        branch_of(problem)
     assert caught.value.status is PlanStatus.UNREACHABLE
     assert caught.value.place.segment == 0
 
@@ -69,7 +74,7 @@ def test_a_goal_on_another_branch_is_named(two_link):
 def test_a_point_out_of_reach_is_named_with_segment_place_and_shortfall(two_link):
     problem = two_link_problem(two_link, [(0.3, -0.3), (0.5, 0.0), (0.7, 0.0)])
     with pytest.raises(Infeasible, match=r"along segment 1, .* out of the arm's reach") as caught:
-        reference_branch(problem)
+        branch_of(problem)
     assert caught.value.place.segment == 1
     assert caught.value.place.position[0] == pytest.approx(0.613, abs=3e-3)
 
@@ -77,7 +82,7 @@ def test_a_point_out_of_reach_is_named_with_segment_place_and_shortfall(two_link
 def test_a_point_slightly_out_of_reach_is_passed_within_the_radius(two_link):
     """The middle of the line is 5 mm beyond the arm's 0.6 m; the tube is 30 mm wide."""
     problem = two_link_problem(two_link, [(0.55, -0.15), (0.605, 0.0), (0.55, 0.15)])
-    branch = reference_branch(problem)
+    branch = branch_of(problem)
     hand = two_link.tool_position(branch.segments[0][-1:])
     assert problem.tube.distance(hand)[0].max() == pytest.approx(0.005, abs=1e-3)
 
@@ -85,7 +90,7 @@ def test_a_point_slightly_out_of_reach_is_passed_within_the_radius(two_link):
 def test_a_stretched_start_is_left(two_link):
     tube = Tube([[0.6, 0, 0], [0.3, 0, 0]], 0.03, joint_signs={"joint2": "-"})
     problem = PlanningProblem(two_link, tube, np.zeros(2))
-    assert reference_branch(problem).goal[1] < -1
+    assert branch_of(problem).goal[1] < -1
     assert plan(problem).succeeded
 
 
@@ -95,7 +100,7 @@ def test_signs_in_the_way_are_named(two_link):
         two_link, [(0.55, 0.0), (0.3, 0.0)], signs={"joint2": [-1.0, 0]}, start=(0.3, -0.5)
     )
     with pytest.raises(Infeasible, match=r"joint signs of segment 0 \(at their bounds: joint2\)"):
-        reference_branch(problem)
+        branch_of(problem)
 
 
 def test_position_limits_in_the_way_are_named():
@@ -105,13 +110,13 @@ def test_position_limits_in_the_way_are_named():
     robot = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=limits)
     problem = two_link_problem(robot, [(0.55, 0.0), (0.3, 0.0)], start=(0.3, -0.5))
     with pytest.raises(Infeasible, match=r"position limits are in the way \(.*joint2\)"):
-        reference_branch(problem)
+        branch_of(problem)
 
 
 def test_a_seed_that_reaches_nothing_is_named(two_link):
     problem = two_link_problem(two_link, [(0.8, 0.0), (0.3, 0.0)])
     with pytest.raises(Infeasible, match=r"start from its seed: .* \(0\.2 m short\)"):
-        reference_branch(problem)
+        branch_of(problem)
 
 
 def test_a_sign_may_change_where_the_joint_is_zero(ur5):
@@ -121,5 +126,18 @@ def test_a_sign_may_change_where_the_joint_is_zero(ur5):
     points = hand + np.array([[0, 0, 0], [0, 0.15, 0], [0, 0.15, 0.15]])
     signs = [{"wrist_3_joint": "-"}, {"wrist_3_joint": "+"}]
     problem = PlanningProblem(ur5, Tube(points, 0.05, joint_signs=signs), q)
-    branch = reference_branch(problem)
+    branch = branch_of(problem)
     assert branch.segments[0][-1][5] == pytest.approx(0, abs=1e-12)
+
+
+@pytest.mark.parametrize("rule", SpareJoints)
+def test_spare_joints_follow_their_rule(rule, planned):
+    """The Panda's last joint turns by 1 rad from start to goal, and the hand does not need it."""
+    problem, _ = planned("panda/between_shelves")
+    goal = problem.goal + np.array([0, 0, 0, 0, 0, 0, 1.0])
+    problem = PlanningProblem(problem.robot, problem.tube, problem.start, goal)
+    branch = reference_branch(problem, rule)
+    np.testing.assert_array_equal(branch.goal, goal)
+    turned = [float(q[0, 6] - problem.start[6]) for q in branch.segments]
+    shares = {SpareJoints.PROPORTIONAL: [0, 0.26, 0.74]}.get(rule, [0, 0, 0])
+    np.testing.assert_allclose(turned, shares, atol=0.02)

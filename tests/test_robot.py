@@ -221,10 +221,13 @@ def test_a_payload_moves_nothing(ur5, loaded_ur5):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ((-1.0,), "payload: mass -1 kg must be from 0 to 1e+06 kg"),
-        ((np.nan,), "payload: mass nan kg must be from 0 to 1e+06 kg"),
-        ((np.inf,), "payload: mass inf kg must be from 0 to 1e+06 kg"),
-        ((1.0, (0, 0, 0), (1, 1, -1, 0, 0, 0)), "payload: inertia (1, 1, -1, 0, 0, 0) is not"),
+        ((-1.0,), "robot.payload: mass -1 kg must be from 0 to 1e+06 kg"),
+        ((np.nan,), "robot.payload: mass nan kg must be from 0 to 1e+06 kg"),
+        ((np.inf,), "robot.payload: mass inf kg must be from 0 to 1e+06 kg"),
+        (
+            (1.0, (0, 0, 0), (1, 1, -1, 0, 0, 0)),
+            "robot.payload: inertia (1, 1, -1, 0, 0, 0) is not",
+        ),
         ((1.0, (0, 0, 0), (1, 1, 1, 2, 0, 0)), "is not positive semidefinite"),
     ],
 )
@@ -324,20 +327,22 @@ def test_a_value_for_a_mimic_joint_is_accepted_if_it_agrees():
     [
         (
             {"panda_finger_joint1": 0.02, "panda_finger_joint2": 0.01},
-            "locked_joints: 'panda_finger_joint2' at 0.01 contradicts the joint it mimics, "
+            "robot.locked_joints: 'panda_finger_joint2' at 0.01 contradicts the joint it mimics, "
             "'panda_finger_joint1', which puts it at 0.02",
         ),
         (
             {"panda_finger_joint1": 0.5},
-            "locked_joints: 'panda_finger_joint1' at 0.5 is outside its position limits [0, 0.04]",
+            "robot.locked_joints: 'panda_finger_joint1' at 0.5 is outside its position limits "
+            "[0, 0.04]",
         ),
         (
             {"panda_finger_joint3": 0.0},
-            "locked_joints: unknown joint outside the group 'panda_finger_joint3' (did you mean",
+            "robot.locked_joints: unknown joint outside the group 'panda_finger_joint3' (did "
+            "you mean",
         ),
         (
             {"panda_joint1": 0.0},
-            "locked_joints: unknown joint outside the group 'panda_joint1'",
+            "robot.locked_joints: unknown joint outside the group 'panda_joint1'",
         ),
     ],
 )
@@ -429,8 +434,11 @@ def test_joints_of_another_branch_do_not_move_a_body(arm):
     ("options", "message"),
     [
         ({"tool": "tp"}, "unknown tool_frame 'tp' (did you mean 'tip'?); there is: base, arm"),
-        ({"joints": ["1"]}, "joints: unknown movable joint '1'; there is: first, second, other"),
-        ({"joints": ["first", "first"]}, "joints: 'first' is listed 2 times"),
+        (
+            {"joints": ["1"]},
+            "robot.joints: unknown movable joint '1'; there is: first, second, other",
+        ),
+        ({"joints": ["first", "first"]}, "robot.joints: 'first' is listed 2 times"),
         ({"joints": ["other"]}, "no planned joint moves tool_frame 'tip'; the movable joints on"),
         ({"joints": []}, "joints on its chain are: first, second"),
         ({"tool": "base"}, "no planned joint moves tool_frame 'base'"),

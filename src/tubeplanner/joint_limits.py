@@ -107,7 +107,7 @@ def resolve_limits(
         if not np.isfinite(column).any():
             raise RobotError(
                 f"joint '{name}' has no finite limit among effort, velocity and acceleration, so "
-                "its speed is unbounded; give one in limits"
+                "its speed is unbounded; give one in robot.limits"
             )
     return JointLimits(read_only(positions[:, 0]), read_only(positions[:, 1]), **scaled)
 

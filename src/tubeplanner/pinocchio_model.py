@@ -34,13 +34,15 @@ class Payload:
 
     def __post_init__(self) -> None:
         if not 0 <= self.mass <= _HEAVIEST:
-            raise RobotError(f"payload: mass {self.mass:g} kg must be from 0 to {_HEAVIEST:g} kg")
+            raise RobotError(
+                f"robot.payload: mass {self.mass:g} kg must be from 0 to {_HEAVIEST:g} kg"
+            )
         if np.shape(self.com) != (3,) or not np.isfinite(self.com).all():
-            raise RobotError(f"payload: com {self.com} must be three finite numbers")
+            raise RobotError(f"robot.payload: com {self.com} must be three finite numbers")
         if np.shape(self.inertia) != (6,) or not np.isfinite(self.inertia).all():
-            raise RobotError(f"payload: inertia {self.inertia} must be six finite numbers")
+            raise RobotError(f"robot.payload: inertia {self.inertia} must be six finite numbers")
         if np.linalg.eigvalsh(self.inertia_matrix()).min() < -1e-12:
-            raise RobotError(f"payload: inertia {self.inertia} is not positive semidefinite")
+            raise RobotError(f"robot.payload: inertia {self.inertia} is not positive semidefinite")
 
     def inertia_matrix(self) -> FloatArray:
         """Return the inertia as a matrix, shape (3, 3) [kg m^2]."""
@@ -64,7 +66,7 @@ class ToolOffset:
         for name in ("position", "rpy"):
             values = getattr(self, name)
             if np.shape(values) != (3,) or not np.isfinite(values).all():
-                raise RobotError(f"tool_offset: {name} {values} must be three finite numbers")
+                raise RobotError(f"robot.tool_offset: {name} {values} must be three finite numbers")
 
 
 def planning_group(
@@ -84,9 +86,9 @@ def planning_group(
     for name in group:
         if name not in description.movable():
             message = unknown_name("movable joint", name, description.movable())
-            raise RobotError(f"{description.path}: joints: {message}")
+            raise RobotError(f"{description.path}: robot.joints: {message}")
         if group.count(name) > 1:
-            raise RobotError(f"joints: '{name}' is listed {group.count(name)} times")
+            raise RobotError(f"robot.joints: '{name}' is listed {group.count(name)} times")
         mimic = description.joints[name].mimic
         if mimic is not None:
             raise RobotError(
@@ -146,7 +148,7 @@ def _reduced_model(
     for name in locked:
         if name not in outside:
             raise RobotError(
-                f"locked_joints: {unknown_name('joint outside the group', name, outside)}"
+                f"robot.locked_joints: {unknown_name('joint outside the group', name, outside)}"
             )
     q = pin.neutral(full)
     ids = [full.getJointId(joint_id(name)) for name in outside]
@@ -170,7 +172,7 @@ def _locked_value(
     value = factor * _free_value(leader, locked) + offset
     if abs(locked.get(name, value) - value) > 1e-9:
         raise RobotError(
-            f"locked_joints: '{name}' at {locked[name]:g} contradicts the joint it mimics, "
+            f"robot.locked_joints: '{name}' at {locked[name]:g} contradicts the joint it mimics, "
             f"'{followed[1]}', which puts it at {value:g}"
         )
     return value
@@ -203,7 +205,7 @@ def _free_value(joint: UrdfJoint, locked: Mapping[str, float]) -> float:
     value = locked.get(joint.name, float(np.clip(0.0, joint.lower, joint.upper)))
     if not joint.lower <= value <= joint.upper:
         raise RobotError(
-            f"locked_joints: '{joint.name}' at {value:g} is outside its position limits "
+            f"robot.locked_joints: '{joint.name}' at {value:g} is outside its position limits "
             f"[{joint.lower:g}, {joint.upper:g}]"
         )
     return value

@@ -12,7 +12,7 @@ from tubeplanner.certificate import Certificate, Tolerance
 from tubeplanner.errors import OptionError, unknown_name
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.problem import PlanningProblem
-from tubeplanner.reference_branch import reference_branch
+from tubeplanner.reference_branch import SpareJoints, reference_branch, spare_joint_rules
 from tubeplanner.stop_at_corners import stop_at_corners
 from tubeplanner.trajectory import JointTrajectory
 from tubeplanner.verification import verify
@@ -109,8 +109,24 @@ def plan(
     """
     options = options or PlanOptions()
     clock = _Clock(options.time_limit, progress)
+    failures = {}
+    for rule in spare_joint_rules(problem):
+        result = _attempt(problem, rule, options, clock)
+        if result.status in (PlanStatus.SUCCESS, *_FINAL):
+            return result
+        failures[rule] = result
+    return failures[SpareJoints.AS_NEEDED]
+
+
+# Reasons that do not depend on where the spare joints are.
+_FINAL = (PlanStatus.TIME_LIMIT,)
+
+
+def _attempt(
+    problem: PlanningProblem, rule: SpareJoints, options: PlanOptions, clock: "_Clock"
+) -> PlanResult:
     try:
-        return _certified(problem, _trajectory(problem, clock), options, clock)
+        return _certified(problem, _trajectory(problem, rule, clock), options, clock)
     except Infeasible as reason:
         return PlanResult(
             reason.status, str(reason), reason.place, options.method, None, None, clock.elapsed, 0.0
@@ -142,9 +158,9 @@ class _Clock:
             raise Infeasible(PlanStatus.TIME_LIMIT, message, Place())
 
 
-def _trajectory(problem: PlanningProblem, clock: _Clock) -> JointTrajectory:
+def _trajectory(problem: PlanningProblem, rule: SpareJoints, clock: _Clock) -> JointTrajectory:
     clock.enter("inverse kinematics along the reference path")
-    branch = reference_branch(problem, clock.check)
+    branch = reference_branch(problem, rule, clock.check)
     for name, q in (("start", branch.start), ("goal", branch.goal)):
         _require_free(problem, name, q)
     clock.enter("motion along it, stopping at corners")

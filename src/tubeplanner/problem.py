@@ -124,8 +124,9 @@ class PlanningProblem:
         for segment, joint in np.argwhere(lower > upper):
             raise ProblemError(
                 f"tube.joint_signs: joint '{names[joint]}' has no value left in segment {segment}: "
-                f"its position limits are [{limits.lower_position[joint]:g}, "
-                f"{limits.upper_position[joint]:g}]"
+                f"signs and position limits [{limits.lower_position[joint]:g}, "
+                f"{limits.upper_position[joint]:g}] ask for >= {lower[segment, joint]:g} and <= "
+                f"{upper[segment, joint]:g}"
             )
         self._keep("joint_lower", read_only(lower))
         self._keep("joint_upper", read_only(upper))
@@ -179,7 +180,7 @@ class PlanningProblem:
         if margin < -_INPUT_TOLERANCE:
             point = self.tube.points[segment + (end == "goal")]
             raise ProblemError(
-                f"{end}: the hand is at {np.round(hand[0], 4).tolist()} m, {-margin:.4f} m outside "
+                f"{end}: the hand is at {np.round(hand[0], 4).tolist()} m, {-margin:.3g} m outside "
                 f"the capsule of segment {segment} (its end point is {point.tolist()} m); move the "
                 f"{end} or the reference point"
             )

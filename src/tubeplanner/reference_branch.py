@@ -2,12 +2,12 @@
 
 The hand goes from where the start configuration has it, through the inner reference points, to
 where the goal configuration has it; each leg is straight, so it stays in its capsule. The joint
-ranges of each segment choose the branch. Spare joints go from start to goal in proportion to the
-way.
+ranges of each segment choose the branch, a rule moves the joints that are left free.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 
@@ -44,49 +44,44 @@ class ReferenceBranch:
         return self.segments[-1][-1]
 
 
+class SpareJoints(StrEnum):
+    """What joints do that the hand's position leaves free."""
+
+    AS_NEEDED = "they move as little as possible, and to the goal at the end"
+    PROPORTIONAL = "they go from start to goal in proportion to the way"
+    HELD = "they are held near the start, and go to the goal at the end"
+
+
+def spare_joint_rules(problem: PlanningProblem) -> tuple[SpareJoints, ...]:
+    """Return the rules worth trying for a problem, the most natural first."""
+    if problem.goal is None:
+        return SpareJoints.AS_NEEDED, SpareJoints.HELD
+    return SpareJoints.PROPORTIONAL, SpareJoints.AS_NEEDED, SpareJoints.HELD
+
+
 def reference_branch(
-    problem: PlanningProblem, checkpoint: Callable[[], None] = lambda: None
+    problem: PlanningProblem,
+    spare_joints: SpareJoints,
+    checkpoint: Callable[[], None] = lambda: None,
 ) -> ReferenceBranch:
     """Return the branch that the joint signs, the start and the goal ask for.
 
     Args:
         problem: What is asked.
+        spare_joints: What joints do that the hand's position leaves free.
         checkpoint: Called before every segment; it may raise to end the work.
 
     Raises:
         Infeasible: Status unreachable: the message says where the branch ends and why.
     """
     start = _endpoint(problem, problem.start, 0)
-    if problem.goal is None:
-        return _follow(problem, start, None, checkpoint, blended=False)
-    goal = _endpoint(problem, problem.goal, -1)
-    try:
-        return _follow(problem, start, goal, checkpoint, blended=True)
-    except Infeasible as reason:
-        if reason.status is not PlanStatus.UNREACHABLE:
-            raise
-        # The pull on the spare joints may itself be in the way: all of it at the goal, then.
-        return _follow(problem, start, goal, checkpoint, blended=False)
-
-
-def _follow(
-    problem: PlanningProblem,
-    start: FloatArray,
-    goal: FloatArray | None,
-    checkpoint: Callable[[], None],
-    *,
-    blended: bool,
-) -> ReferenceBranch:
-    """Walk through all segments; `blended` spreads the spare joints' motion over the way."""
+    goal = None if problem.goal is None else _endpoint(problem, problem.goal, -1)
     route = _route(problem, start, goal)
-    way = _shares_of_way(route)
+    pulls = _pulls(route, start, goal, spare_joints)
     q, segments = start, []
     for k in range(problem.tube.segment_count):
         checkpoint()
-        wanted = None
-        if goal is not None and blended:
-            at_begin, at_end = ((1 - way[i]) * start + way[i] * goal for i in (k, k + 1))
-            wanted = (at_begin, at_end)
+        wanted = None if pulls is None else pulls[k : k + 2]
         is_last = k + 1 == problem.tube.segment_count
         walk = SegmentWalk(problem, k, route[k : k + 2], q, wanted, goal if is_last else None)
         segments.append(walk.to_the_end())
@@ -95,6 +90,18 @@ def _follow(
         _require_goal(problem, q, goal)
         segments[-1][-1] = goal
     return ReferenceBranch(tuple(segments))
+
+
+def _pulls(
+    route: FloatArray, start: FloatArray, goal: FloatArray | None, spare_joints: SpareJoints
+) -> FloatArray | None:
+    """Return where spare joints are pulled at each point of a route, (m+1, n), if anywhere."""
+    if spare_joints is SpareJoints.HELD:
+        return np.tile(start, (len(route), 1))
+    if spare_joints is SpareJoints.AS_NEEDED or goal is None:
+        return None
+    way = _shares_of_way(route)[:, None]
+    return (1 - way) * start + way * goal
 
 
 def _endpoint(problem: PlanningProblem, given: FloatArray | Seed, point: int) -> FloatArray:

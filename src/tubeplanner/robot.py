@@ -55,7 +55,7 @@ def load_robot(
         RobotError: The description cannot be planned with; the message says why.
     """
     if np.shape(gravity) != (3,) or not np.isfinite(gravity).all():
-        raise RobotError(f"gravity {list(gravity)} must be three finite numbers [m/s^2]")
+        raise RobotError(f"robot.gravity {list(gravity)} must be three finite numbers [m/s^2]")
     directory = Path(directory)
     folders = tuple(directory / folder for folder in package_dirs)
     description = read_urdf(find_description(urdf, directory, folders))

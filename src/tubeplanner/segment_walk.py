@@ -33,7 +33,7 @@ class SegmentWalk:
         segment: int,
         ends: FloatArray,
         begin: FloatArray,
-        wanted: tuple[FloatArray, FloatArray] | None,
+        wanted: FloatArray | None,
         goal: FloatArray | None,
     ) -> None:
         """Prepare a walk.
@@ -43,7 +43,8 @@ class SegmentWalk:
             segment: Index of the tube's segment.
             ends: Where the hand starts and ends, shape (2, 3) [m].
             begin: Configuration at the start, shape (n,).
-            wanted: Where spare joints are pulled at the start and at the end; None: nowhere.
+            wanted: Where spare joints are pulled at the start and at the end, shape (2, n); None:
+                nowhere.
             goal: Configuration to settle in at the end; None: any that the next segment allows.
         """
         self._problem, self._segment = problem, segment
@@ -105,7 +106,12 @@ class SegmentWalk:
         above = np.maximum(self._begin - self._end_upper, 0.0)
         lower = self._end_lower - (1 - share) * below
         upper = self._end_upper + (1 - share) * above
-        pull = np.clip(np.clip(wanted, lower, upper) - last, -_LARGEST_PULL, _LARGEST_PULL)
+        wanted = np.clip(wanted, lower, upper)
+        solution = self._solve_with(share, seed, wanted)
+        if abs(solution.q - last).max() <= _LARGEST_JOINT_STEP:
+            return solution
+        # Too far at once, however short the step: spare joints have to go there by and by.
+        pull = np.clip(wanted - last, -_LARGEST_PULL, _LARGEST_PULL)
         return self._solve_with(share, seed, last + pull)
 
     def _solve_with(

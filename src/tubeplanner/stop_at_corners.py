@@ -14,7 +14,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.problem import PlanningProblem
 from tubeplanner.reference_branch import ReferenceBranch
-from tubeplanner.time_scaling import scaled_to_limits
+from tubeplanner.time_scaling import estimated_duration, scaled_to_limits
 from tubeplanner.trajectory import JointTrajectory, concatenate, from_spline
 
 _DEGREE = 5
@@ -60,14 +60,15 @@ def stop_at_corners(
 
 
 def _fastest(problem: PlanningProblem, branch: ReferenceBranch, segment: int) -> JointTrajectory:
-    motions = [_follow(problem, branch, segment, ramp) for ramp in _RAMP_SHARES]
-    return min(motions, key=lambda motion: motion.duration)
+    shapes = [_follow(problem, branch, segment, ramp) for ramp in _RAMP_SHARES]
+    fastest = min(shapes, key=lambda shape: estimated_duration(problem.robot, shape))
+    return scaled_to_limits(problem.robot, fastest)
 
 
 def _follow(
     problem: PlanningProblem, branch: ReferenceBranch, segment: int, ramp: float
 ) -> JointTrajectory:
-    """Return the segment at its limits, with as few knots as follow the branch closely."""
+    """Return the segment in one second, with as few knots as follow the branch closely."""
     q = branch.segments[segment]
     radius = problem.tube.effective_radius[segment]
     available = _least_margin(problem, q, segment)
@@ -78,7 +79,7 @@ def _follow(
         shape = _fit(problem, q, segment, ramp, intervals)
         samples = shape.per_piece(_FIT_POINTS_PER_INTERVAL).position
         if _least_margin(problem, samples, segment) > needed:
-            return scaled_to_limits(problem.robot, shape)
+            return shape
         intervals *= 2
     raise Infeasible(
         PlanStatus.NO_TRAJECTORY,

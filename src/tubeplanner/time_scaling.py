@@ -5,10 +5,12 @@ and needs the efforts `tau(b) = g + b^2 (tau - g)`, g being gravity's share (Suh
 property 2; Hollerbach, "Dynamic scaling of manipulator trajectories", 1984).
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.bernstein import maxima
+from tubeplanner.bernstein import bernstein_coefficients, maxima
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.peaks import refined_maximum
 from tubeplanner.robot import RobotModel
@@ -59,8 +61,21 @@ def minimum_duration(robot: RobotModel, trajectory: JointTrajectory) -> float:
     Raises:
         Infeasible: Status gravity_exceeds_effort.
     """
-    factor = min(_polynomial_factor(robot, trajectory), _least_effort_factor(robot, trajectory))
+    polynomial = _polynomial_factor(robot, trajectory, _exact_peaks)
+    factor = min(polynomial, _least_effort_factor(robot, trajectory))
     return trajectory.duration / factor * (1 + _SAFETY)
+
+
+def estimated_duration(robot: RobotModel, trajectory: JointTrajectory) -> float:
+    """Return a quick estimate of `minimum_duration` [s], to choose between shapes.
+
+    Effort is not refined between samples; velocity, acceleration and jerk are bounded from above.
+
+    Raises:
+        Infeasible: Status gravity_exceeds_effort.
+    """
+    effort = float(effort_factor(robot, trajectory.per_piece(_SAMPLES_PER_PIECE // 2)).min())
+    return trajectory.duration / min(_polynomial_factor(robot, trajectory, _hull_peaks), effort)
 
 
 def scaled_to_limits(robot: RobotModel, trajectory: JointTrajectory) -> JointTrajectory:
@@ -72,7 +87,11 @@ def scaled_to_limits(robot: RobotModel, trajectory: JointTrajectory) -> JointTra
     return trajectory.scaled(minimum_duration(robot, trajectory) / trajectory.duration)
 
 
-def _polynomial_factor(robot: RobotModel, trajectory: JointTrajectory) -> float:
+def _polynomial_factor(
+    robot: RobotModel,
+    trajectory: JointTrajectory,
+    peaks: Callable[[FloatArray, FloatArray], FloatArray],
+) -> float:
     """Return the largest b that velocity, acceleration and jerk limits allow."""
     limits = robot.limits
     factor = np.inf
@@ -81,10 +100,21 @@ def _polynomial_factor(robot: RobotModel, trajectory: JointTrajectory) -> float:
         if not bounded.any():
             continue
         coefficients = trajectory.derivative_coefficients(order)[:, :, bounded]
-        both = np.concatenate([coefficients, -coefficients], axis=2)
-        peak = maxima(both, trajectory.widths).value.reshape(2, -1).max(axis=0)
+        peak = peaks(coefficients, trajectory.widths)
         factor = min(factor, float(_ratio(limit[bounded], peak).min()) ** (1 / order))
     return factor
+
+
+def _exact_peaks(coefficients: FloatArray, widths: FloatArray) -> FloatArray:
+    """Return the largest magnitudes of piecewise polynomials, shape (n,)."""
+    both = np.concatenate([coefficients, -coefficients], axis=2)
+    return maxima(both, widths).value.reshape(2, -1).max(axis=0)
+
+
+def _hull_peaks(coefficients: FloatArray, widths: FloatArray) -> FloatArray:
+    """Return upper bounds on the largest magnitudes, from Bernstein coefficients."""
+    hull = bernstein_coefficients(coefficients, np.zeros_like(widths), widths)
+    return abs(hull).max(axis=(0, 1))
 
 
 def _least_effort_factor(robot: RobotModel, trajectory: JointTrajectory) -> float:
