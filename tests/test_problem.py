@@ -125,7 +125,7 @@ def test_an_end_that_cannot_be_is_bad_input(end, given, message):
         "goal": (1, [0.0, 0.6, 0.0], np.hypot(0.6, 0.6)),
     }[end]
     text = message.replace("END", end).replace("K", str(segment)).replace("POINT", str(point))
-    text = text.replace("DISTANCE", f"{away - radius:.4f}")
+    text = text.replace("DISTANCE", f"{away - radius:.3g}")
     data = changed(tube__joint_signs=signs, **{end: given})
     assert fault(data) == f"my problem: {text}"
 
@@ -175,8 +175,8 @@ def test_position_limits_and_signs_are_cut_per_segment():
         ),
         (
             {"joint2": [4, 5]},
-            "tube.joint_signs: joint 'joint2' has no value left in segment 0: its position limits "
-            "are [-3.14159, 3.14159]",
+            "tube.joint_signs: joint 'joint2' has no value left in segment 0: signs and position "
+            "limits [-3.14159, 3.14159] ask for >= 4 and <= 3.14159",
         ),
         ([{}], "tube.joint_signs has 1 maps for 2 segments; give one, or one each"),
         (
