@@ -1,6 +1,7 @@
 """Where robots, problems and meshes are found."""
 
 import importlib.metadata
+import json
 from pathlib import Path
 
 import pytest
@@ -160,3 +161,33 @@ def test_without_example_robot_data_the_message_says_what_to_install(monkeypatch
     finally:
         monkeypatch.undo()
         resources._example_robot_data_share.cache_clear()
+
+
+# The URDFs in each release of example-robot-data, as listed from its wheel.
+RELEASES = json.loads((Path(__file__).parent / "example_robot_data.json").read_text())
+
+
+def test_the_listing_of_the_installed_release_is_true():
+    version = importlib.metadata.version("example-robot-data")
+    if version not in RELEASES:
+        pytest.skip(f"no listing of example-robot-data {version} is kept")
+    robots = resources._example_robot_data_share() / "example-robot-data" / "robots"
+    found = sorted(path.relative_to(robots).as_posix() for path in robots.rglob("*.urdf"))
+    assert found == RELEASES[version]
+
+
+def test_every_name_of_the_table_is_in_a_release_and_arms_are_in_all():
+    table = resources._EXAMPLE_ROBOT_DATA
+    only_once = {
+        name
+        for name, path in table.items()
+        if sum(path in files for files in RELEASES.values()) < len(RELEASES)
+    }
+    assert all(any(path in files for files in RELEASES.values()) for path in table.values())
+    assert {name for name in only_once if "bravo7" not in name} == set()
+
+
+def test_a_robot_of_another_release_says_so(monkeypatch):
+    monkeypatch.setitem(resources._EXAMPLE_ROBOT_DATA, "gone", "gone_description/gone.urdf")
+    with pytest.raises(RobotError, match=r"'gone' is not in the installed example-robot-data \d"):
+        find_description("example:gone", Path())

@@ -337,7 +337,7 @@ def _print_certificate(certificate: "Certificate") -> None:
         verdict = "yes" if condition.holds(certificate.tolerance) else "NO"
         place = escape(str(condition.where))
         table.add_row(name, margin, verdict, place, condition.coverage)
-    Console(width=None if sys.stdout.isatty() else 140).print(table)
+    Console(width=None if sys.stdout.isatty() else 160).print(table)
 
 
 def _fail(status: str, message: str, as_json: bool, code: int) -> int:
