@@ -191,6 +191,19 @@ def test_a_trajectory_that_skips_a_segment_fails_ordered_and_passes_any(two_link
     assert "tube" not in certificate.failures()
 
 
+def test_the_rounding_errors_of_a_joint_at_rest_are_no_jumps(planned):
+    """The joint that stands still is given the noise that sums of large numbers leave."""
+    problem, result = planned(UR5)
+    trajectory = result.trajectory
+    still = trajectory.coefficients.copy()
+    still[:, :, 5] = 0.0
+    still[:-1, :, 5] = np.random.default_rng(0).normal(size=still[:-1, :, 5].shape) * 1e-15
+    noisy = JointTrajectory(trajectory.joint_names, trajectory.breakpoints, still)
+    failures = verify(problem, noisy).failures()
+    assert "rest" not in failures
+    assert "continuity" not in failures
+
+
 def test_another_start_or_goal_is_found(planned):
     problem, result = planned("panda/between_shelves")
     for end in ("start", "goal"):

@@ -25,6 +25,7 @@ _LEAST_SAMPLES = 2000
 _LEAST_SAMPLES_PER_PIECE = 20
 _PEAK_BAND = 0.02  # peaks this near the highest sample are refined: share of effort, of radius
 _HAND_OVER_TOLERANCE = 1e-10  # [s]
+_STILL_SHARE = 1e-6  # a joint slower than this share of the fastest counts as standing still
 
 
 def verify(
@@ -319,10 +320,15 @@ class _Judge:
         return np.array([coefficients[-1], np.einsum("kpn,kp->pn", coefficients, widths)])
 
     def _largest(self, order: int) -> FloatArray:
-        """Return the largest magnitude of a derivative per joint at samples, 1 where it is 0."""
+        """Return the largest magnitude of a derivative per joint at samples, shape (n,).
+
+        A joint that all but stands still is measured by the others: its own rounding errors are
+        no motion that could jump.
+        """
         values = (self._samples.velocity, self._samples.acceleration)[order - 1]
         largest = abs(values).max(axis=0)
-        return np.where(largest > 0, largest, 1.0)
+        overall = float(largest.max())
+        return np.maximum(largest, _STILL_SHARE * overall if overall > 0 else 1.0)
 
 
 def _highest(coefficients: FloatArray, trajectory: JointTrajectory) -> tuple[float, float, int]:
