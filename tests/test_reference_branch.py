@@ -139,5 +139,9 @@ def test_spare_joints_follow_their_rule(rule, planned):
     branch = reference_branch(problem, rule)
     np.testing.assert_array_equal(branch.goal, goal)
     turned = [float(q[0, 6] - problem.start[6]) for q in branch.segments]
-    shares = {SpareJoints.PROPORTIONAL: [0, 0.26, 0.74]}.get(rule, [0, 0, 0])
-    np.testing.assert_allclose(turned, shares, atol=0.02)
+    to_middle = -problem.start[6]  # the joint's range is symmetric
+    expected = {
+        SpareJoints.PROPORTIONAL: [0, 0.26, 0.74],
+        SpareJoints.CENTRED: [0, to_middle, to_middle],
+    }
+    np.testing.assert_allclose(turned, expected.get(rule, [0, 0, 0]), atol=0.02)

@@ -50,13 +50,19 @@ class SpareJoints(StrEnum):
     AS_NEEDED = "they move as little as possible, and to the goal at the end"
     PROPORTIONAL = "they go from start to goal in proportion to the way"
     HELD = "they are held near the start, and go to the goal at the end"
+    CENTRED = "they go to the middle of their ranges, and to the goal at the end"
 
 
 def spare_joint_rules(problem: PlanningProblem) -> tuple[SpareJoints, ...]:
     """Return the rules worth trying for a problem, the most natural first."""
     if problem.goal is None:
-        return SpareJoints.AS_NEEDED, SpareJoints.HELD
-    return SpareJoints.PROPORTIONAL, SpareJoints.AS_NEEDED, SpareJoints.HELD
+        return SpareJoints.AS_NEEDED, SpareJoints.HELD, SpareJoints.CENTRED
+    return (
+        SpareJoints.PROPORTIONAL,
+        SpareJoints.AS_NEEDED,
+        SpareJoints.HELD,
+        SpareJoints.CENTRED,
+    )
 
 
 def reference_branch(
@@ -77,7 +83,7 @@ def reference_branch(
     start = _endpoint(problem, problem.start, 0)
     goal = None if problem.goal is None else _endpoint(problem, problem.goal, -1)
     route = _route(problem, start, goal)
-    pulls = _pulls(route, start, goal, spare_joints)
+    pulls = _pulls(problem, route, start, goal, spare_joints)
     q, segments = start, []
     for k in range(problem.tube.segment_count):
         checkpoint()
@@ -93,11 +99,19 @@ def reference_branch(
 
 
 def _pulls(
-    route: FloatArray, start: FloatArray, goal: FloatArray | None, spare_joints: SpareJoints
+    problem: PlanningProblem,
+    route: FloatArray,
+    start: FloatArray,
+    goal: FloatArray | None,
+    spare_joints: SpareJoints,
 ) -> FloatArray | None:
     """Return where spare joints are pulled at each point of a route, (m+1, n), if anywhere."""
     if spare_joints is SpareJoints.HELD:
         return np.tile(start, (len(route), 1))
+    if spare_joints is SpareJoints.CENTRED:
+        with np.errstate(invalid="ignore"):
+            middle = (problem.joint_lower + problem.joint_upper) / 2
+        return np.vstack([start, np.where(np.isfinite(middle), middle, start)])
     if spare_joints is SpareJoints.AS_NEEDED or goal is None:
         return None
     way = _shares_of_way(route)[:, None]

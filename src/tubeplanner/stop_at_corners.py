@@ -70,21 +70,24 @@ def _follow(
 ) -> JointTrajectory:
     """Return the segment in one second, with as few knots as follow the branch closely."""
     q = branch.segments[segment]
-    radius = problem.tube.effective_radius[segment]
     available = _least_margin(problem, q, segment)
+    close = available - _FIT_RADIUS_SHARE * problem.tube.effective_radius[segment]
     # Where the branch itself touches the wall, or leaves it by a rounding error, so may the fit.
-    needed = max(available - _FIT_RADIUS_SHARE * radius, min(available, 0.0) - _ON_THE_WALL)
-    intervals = _FEWEST_INTERVALS
+    inside = min(available, 0.0) - _ON_THE_WALL
+    intervals, margin = _FEWEST_INTERVALS, -np.inf
     while intervals <= _MOST_INTERVALS:
         shape = _fit(problem, q, segment, ramp, intervals)
         samples = shape.per_piece(_FIT_POINTS_PER_INTERVAL).position
-        if _least_margin(problem, samples, segment) > needed:
+        margin = _least_margin(problem, samples, segment)
+        if margin > max(close, inside):
             return shape
         intervals *= 2
+    if margin > inside:  # not close to the branch, which has a sharp bend; but in the tube
+        return shape
     raise Infeasible(
         PlanStatus.NO_TRAJECTORY,
-        f"segment {segment}: no spline of {_MOST_INTERVALS} pieces follows the inverse kinematics "
-        f"within {_FIT_RADIUS_SHARE * radius:.3g} m; widen the radius",
+        f"segment {segment}: a spline of {_MOST_INTERVALS} pieces that follows the inverse "
+        f"kinematics leaves the tube by {-margin:.3g} m; widen the radius",
         Place(segment=segment),
     )
 
