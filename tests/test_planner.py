@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from ruamel.yaml import YAML
 
 from conftest import PROBLEMS
 from tubeplanner import (
@@ -11,11 +12,14 @@ from tubeplanner import (
     PlanStatus,
     Seed,
     Tube,
+    load_problem,
     load_robot,
     placement_of,
     plan,
     verify,
 )
+from tubeplanner.problem_format import ObstacleFields, ProblemFields, RobotFields, TubeFields
+from tubeplanner.resources import bundled_problems
 
 
 @pytest.mark.parametrize("name", PROBLEMS)
@@ -37,6 +41,19 @@ def test_bundled_problems_are_worth_looking_at(name, planned):
     assert turn.max() >= 90 - 1e-9
     assert problem.tube.radius.min() <= 0.03
     assert result.certificate.conditions["obstacles"].margin + problem.clearance < 0.05
+
+
+def test_a_problem_with_every_field_is_planned():
+    """The sample has every field of the format, whether at its default or not."""
+    path = bundled_problems()["ur5/every_field"]
+    fields = YAML(typ="safe", pure=True).load(path.read_text())
+    for name, model in (("robot", RobotFields), ("tube", TubeFields)):
+        assert set(fields[name]) == set(model.model_fields)
+    assert set(fields) == set(ProblemFields.model_fields)
+    kinds = {key for obstacle in fields["obstacles"] for key in obstacle}
+    assert kinds == set(ObstacleFields.model_fields)
+    result = plan(load_problem("example:ur5/every_field"))
+    assert result.succeeded
 
 
 def two_link_problem(two_link, obstacles=(), **more):

@@ -282,9 +282,12 @@ def test_every_field_of_the_robot_reaches_the_robot():
 @pytest.mark.parametrize(
     ("obstacle", "message"),
     [
-        ({}, "obstacles: 'part' must have exactly one of box, sphere, cylinder, capsule; it has "),
+        (
+            {},
+            "obstacles: 'part' must have exactly one of box, sphere, cylinder, capsule, mesh; it ",
+        ),
         ({"box": [1, 1, 1], "sphere": 1}, "it has box, sphere"),
-        ({"mesh": "part.stl"}, "obstacles: 'part': mesh is not honoured by this version; cover"),
+        ({"mesh": "part.stl"}, "mesh part.stl, named in the problem file, does not exist"),
         ({"box": [1, 0, 1]}, "obstacle 'part': box has size 0 m; 1e-06 to 10000 m are accepted"),
         ({"sphere": -1}, "obstacle 'part': sphere has size -1 m; 1e-06 to 10000 m are accepted"),
         (

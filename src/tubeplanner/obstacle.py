@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -10,6 +11,10 @@ from tubeplanner import convex_shape
 from tubeplanner.arrays import FloatArray
 from tubeplanner.convex_shape import ConvexShape
 from tubeplanner.errors import ProblemError
+from tubeplanner.mesh_cover import cover_mesh, load_mesh
+
+# Lengths that make sense around an arm [m]; far outside them distances are only rounding.
+SMALLEST, FARTHEST = 1e-6, 1e4
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +52,24 @@ class Obstacle:
         """Return a capsule [m] along z of a placement (4, 4); length between its caps' centres."""
         _require_positive(name, "capsule", [radius, length])
         return cls(name, (convex_shape.capsule(radius, length).transformed(placement),))
+
+    @classmethod
+    def mesh(
+        cls, name: str, path: str | Path, placement: FloatArray, scale: float = 1.0
+    ) -> "Obstacle":
+        """Return a solid mesh in a placement (4, 4).
+
+        It is covered by the convex hulls of at most eight slabs across its longest axis, so that a
+        hollow counts as solid unless it lies between slabs.
+
+        Raises:
+            RobotError: The file is no readable mesh.
+            ProblemError: The scale is not positive.
+        """
+        if not SMALLEST <= scale <= FARTHEST:
+            raise ProblemError(f"obstacle '{name}': scale {scale:g} must be > 0")
+        shapes = cover_mesh(load_mesh(f"obstacle '{name}'", Path(path), scale))
+        return cls(name, tuple(shape.transformed(placement) for shape in shapes))
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,10 +119,6 @@ def placement_of(
             raise ProblemError(f"rpy {list(rpy)} must be three finite angles")
         placement[:3, :3] = Rotation.from_euler("xyz", rpy).as_matrix()
     return placement
-
-
-# Lengths that make sense around an arm [m]; far outside them distances are only rounding.
-SMALLEST, FARTHEST = 1e-6, 1e4
 
 
 _SIZE_COUNTS = {"box": 3, "sphere": 1, "cylinder": 2, "capsule": 2}

@@ -24,7 +24,7 @@ from tubeplanner.problem_format import (
     check_problem_fields,
     read_problem_fields,
 )
-from tubeplanner.resources import find_description, find_problem
+from tubeplanner.resources import find_description, find_mesh, find_problem
 from tubeplanner.robot import RobotModel, load_robot
 from tubeplanner.srdf import read_allowed_pairs
 from tubeplanner.tube import Tube
@@ -231,8 +231,8 @@ def _build(fields: ProblemFields, directory: Path, name: str, source: str) -> Pl
             tube=_tube(fields),
             start=_endpoint("start", fields.start),
             goal=None if fields.goal is None else _endpoint("goal", fields.goal),
-            obstacles=tuple(_obstacle(obstacle) for obstacle in fields.obstacles),
-            attached=tuple(_attached(solid) for solid in fields.robot.attached),
+            obstacles=tuple(_obstacle(obstacle, directory) for obstacle in fields.obstacles),
+            attached=tuple(_attached(solid, directory) for solid in fields.robot.attached),
             clearance=fields.clearance,
             self_collision=fields.collision.self_,
             ignore_collisions=(*fields.collision.ignore, *_srdf_pairs(fields, robot, directory)),
@@ -291,29 +291,31 @@ def _srdf_pairs(fields: ProblemFields, robot: RobotModel, directory: Path) -> li
     return [pair for pair in read_allowed_pairs(path) if set(pair) <= robot.link_body.keys()]
 
 
-def _attached(fields: AttachedFields) -> AttachedSolid:
-    return AttachedSolid(fields.name, _obstacle(fields).shapes, tuple(fields.touch_links))
+def _attached(fields: AttachedFields, directory: Path) -> AttachedSolid:
+    solid = _obstacle(fields, directory)
+    return AttachedSolid(solid.name, solid.shapes, tuple(fields.touch_links))
 
 
-def _obstacle(fields: ObstacleFields) -> Obstacle:
-    if fields.mesh is not None:
-        raise ProblemError(
-            f"obstacles: '{fields.name}': mesh is not honoured by this version; "
-            "cover the solid with boxes, cylinders, capsules or spheres"
-        )
-    if fields.scale != 1.0:
-        raise ProblemError(f"obstacles: '{fields.name}': scale belongs to a mesh alone; remove it")
-    try:
-        placement = placement_of(fields.position, fields.rpy, fields.quaternion)
-    except ProblemError as error:
-        raise ProblemError(f"obstacles: '{fields.name}': {error}") from None
-    kinds = ("box", "sphere", "cylinder", "capsule")
+def _obstacle(fields: ObstacleFields, directory: Path) -> Obstacle:
+    kinds = ("box", "sphere", "cylinder", "capsule", "mesh")
     given = [kind for kind in kinds if getattr(fields, kind) is not None]
     if len(given) != 1:
         raise ProblemError(
             f"obstacles: '{fields.name}' must have exactly one of {', '.join(kinds)}; "
             f"it has {', '.join(given) or 'none'}"
         )
+    try:
+        placement = placement_of(fields.position, fields.rpy, fields.quaternion)
+    except ProblemError as error:
+        raise ProblemError(f"obstacles: '{fields.name}': {error}") from None
+    if fields.mesh is not None:
+        try:
+            path = find_mesh(fields.mesh, directory / "the problem file")
+            return Obstacle.mesh(fields.name, path, placement, fields.scale)
+        except RobotError as error:
+            raise ProblemError(f"obstacles: '{fields.name}': {error}") from None
+    if fields.scale != 1.0:
+        raise ProblemError(f"obstacles: '{fields.name}': scale belongs to a mesh alone; remove it")
     sizes = getattr(fields, given[0])
     if given[0] in ("cylinder", "capsule"):
         return getattr(Obstacle, given[0])(fields.name, *sizes, placement)

@@ -1,0 +1,76 @@
+import numpy as np
+import pytest
+import trimesh
+
+from tubeplanner import Obstacle, ProblemError, RobotError, parse_problem, placement_of
+from tubeplanner.resources import bundled_folder
+
+PART = bundled_folder() / "ur5" / "part.stl"
+
+
+def covered(obstacle, points):
+    """Return whether points (N, 3) lie in the union of an obstacle's shapes."""
+    inside = np.zeros(len(points), dtype=bool)
+    for shape in obstacle.shapes:
+        hull = trimesh.Trimesh(shape.vertices, shape.faces)
+        normals, origins = hull.face_normals, hull.triangles[:, 0]
+        height = np.einsum("nfi,fi->nf", points[:, None] - origins, normals)
+        inside |= (height <= 1e-9).all(axis=1)
+    return inside
+
+
+def test_a_mesh_is_covered_scaled_and_placed():
+    placement = placement_of([0.1, 0.2, 0.3], rpy=[0.4, 0.5, 0.6])
+    obstacle = Obstacle.mesh("part", PART, placement, scale=2.0)
+    mesh = trimesh.load(str(PART), force="mesh")
+    mesh.apply_scale(2.0)
+    mesh.apply_transform(placement)
+    surface, _ = trimesh.sample.sample_surface(mesh, 2000, seed=1)
+    assert covered(obstacle, np.array(surface)).all()
+    points = np.vstack([shape.vertices for shape in obstacle.shapes])
+    np.testing.assert_allclose(points.min(axis=0), mesh.bounds[0], atol=1e-9)
+    np.testing.assert_allclose(points.max(axis=0), mesh.bounds[1], atol=1e-9)
+
+
+def test_a_long_bent_mesh_gets_several_shapes(tmp_path):
+    """A banana of spheres: one hull would fill its bend."""
+    angles = np.linspace(0, np.pi / 2, 9)
+    balls = [
+        trimesh.creation.icosphere(radius=0.03).apply_translation([np.cos(a), np.sin(a), 0])
+        for a in angles
+    ]
+    path = tmp_path / "banana.obj"
+    trimesh.util.concatenate(balls).export(path)
+    obstacle = Obstacle.mesh("banana", path, np.eye(4))
+    assert len(obstacle.shapes) > 1
+    assert not covered(obstacle, np.array([[0.6, 0.6, 0.0]]))[0]
+
+
+@pytest.mark.parametrize(
+    ("text", "scale", "error", "message"),
+    [
+        ("solid nothing", 1.0, RobotError, r"obstacle 'part': mesh .*bad\.stl"),
+        (None, 0.0, ProblemError, "obstacle 'part': scale 0 must be > 0"),
+    ],
+)
+def test_a_mesh_that_cannot_be_used_is_named(tmp_path, text, scale, error, message):
+    path = PART
+    if text is not None:
+        path = tmp_path / "bad.stl"
+        path.write_text(text)
+    with pytest.raises(error, match=message):
+        Obstacle.mesh("part", path, np.eye(4), scale)
+
+
+def test_a_problem_finds_its_mesh_beside_its_file():
+    fields = {
+        "robot": {"urdf": "example:two_link", "tool_frame": "hand", "gravity": [0, 0, 0]},
+        "tube": {"points": [[0.3, -0.3, 0], [0.3, 0.3, 0]], "radius": 0.03},
+        "start": {"seed": [0, -1]},
+        "obstacles": [{"name": "part", "mesh": "part.stl", "position": [1, 1, 0]}],
+    }
+    problem = parse_problem(fields, PART.parent)
+    assert problem.obstacles[0].shapes
+    message = r"obstacles: 'part': mesh .*part\.stl, named in .*, does not exist"
+    with pytest.raises(ProblemError, match=message):
+        parse_problem(fields, PART.parent.parent)
