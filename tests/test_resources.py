@@ -191,3 +191,12 @@ def test_a_robot_of_another_release_says_so(monkeypatch):
     monkeypatch.setitem(resources._EXAMPLE_ROBOT_DATA, "gone", "gone_description/gone.urdf")
     with pytest.raises(RobotError, match=r"'gone' is not in the installed example-robot-data \d"):
         find_description("example:gone", Path())
+
+
+def test_a_package_path_may_not_leave_its_package(tmp_path):
+    (tmp_path / "arm").mkdir()
+    (tmp_path / "secret.stl").write_text("x")
+    with pytest.raises(
+        RobotError, match=r"package://arm/\.\./secret\.stl leads out of the package"
+    ):
+        find_mesh("package://arm/../secret.stl", tmp_path / "arm" / "arm.urdf", (tmp_path,))

@@ -79,13 +79,16 @@ def _draw_joints(axes: "list[Axes]", problem: PlanningProblem, trajectory: Joint
     robot = problem.robot
     samples = trajectory.per_piece(max(4, _SAMPLES // len(trajectory.widths)))
     effort = robot.inverse_dynamics(samples.position, samples.velocity, samples.acceleration)
-    unit = "rad" if robot.revolute.all() else "rad, m"
+    turning = bool(robot.revolute.all())
+    unit = "rad" if turning else "rad, m"
+    rate, effort_unit = ("rad/s", "N m") if turning else ("rad/s, m/s", "N m, N")
     for j, name in enumerate(robot.joint_names):
         style = _line_style(j)
         axes[0].plot(samples.time, samples.position[:, j], label=name, **style)
     axes[0].set_ylabel(f"position [{unit}]")
-    _draw_shares(axes[1], samples.time, samples.velocity, robot.limits.velocity, "velocity")
-    _draw_shares(axes[2], samples.time, effort, robot.limits.effort, "effort")
+    speed, limits = samples.velocity, robot.limits
+    _draw_shares(axes[1], samples.time, speed, limits.velocity, "velocity", rate)
+    _draw_shares(axes[2], samples.time, effort, limits.effort, "effort", effort_unit)
     axes[2].set_xlabel("time [s]")
     axes[0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, fontsize=8, frameon=False)
     for axis in axes:
@@ -94,10 +97,14 @@ def _draw_joints(axes: "list[Axes]", problem: PlanningProblem, trajectory: Joint
 
 
 def _draw_shares(
-    axis: "Axes", time: FloatArray, values: FloatArray, limit: FloatArray, quantity: str
+    axis: "Axes",
+    time: FloatArray,
+    values: FloatArray,
+    limit: FloatArray,
+    quantity: str,
+    unit: str,
 ) -> None:
-    """Draw values as percent of their limits, or in SI units where a joint has no limit."""
-    units = {"velocity": "rad/s, m/s", "effort": "N m, N"}
+    """Draw values as percent of their limits, or in their unit where a joint has no limit."""
     limited = bool(np.isfinite(limit).all())
     shown = 100 * values / limit if limited else values
     for j in range(values.shape[1]):
@@ -108,7 +115,7 @@ def _draw_shares(
         axis.set_ylim(-112, 112)
         axis.set_ylabel(f"{quantity} [% of limit]")
         return
-    axis.set_ylabel(f"{quantity} [{units[quantity]}]")
+    axis.set_ylabel(f"{quantity} [{unit}]")
     axis.set_title(f"not every joint has a {quantity} limit", fontsize=8, loc="right")
 
 
@@ -167,7 +174,11 @@ def _frame(axis: Any, problem: PlanningProblem, low: FloatArray, high: FloatArra
     for coordinate in (axis.xaxis, axis.yaxis, axis.zaxis):
         coordinate.set_major_locator(MaxNLocator(4))
     flat = np.ptp(problem.tube.points[:, 2]) < 1e-9
-    axis.view_init(elev=75 if flat else 22, azim=-90 if flat else -55)
+    axis.view_init(elev=90 if flat else 22, azim=-90 if flat else -55)
+    if flat:
+        axis.set_proj_type("ortho")
+        axis.set_zticks([])
+        axis.set_zlabel("")
 
 
 def _draw_shape(axis: Any, shape: ConvexShape, color: str, alpha: float) -> None:
