@@ -92,3 +92,14 @@ def test_the_file_says_the_same():
 def test_names_must_be_unique_and_known(two_link, solid, message):
     with pytest.raises(ProblemError, match=message):
         _ = problem(two_link, [solid], obstacles=[POST]).collision
+
+
+def test_what_is_carried_is_never_excused_by_touching_always(ur5):
+    """A ball so large that it is inside the forearm in every configuration."""
+    q = np.array([-0.773861, -1.294184, 1.830514, -1.925057, -1.682929, 0.0])
+    hand = ur5.tool_position(q[None])[0]
+    ball = AttachedSolid("ball", Obstacle.sphere("b", 0.25, placement_of()).shapes)
+    tube = Tube(hand + np.array([[0, 0, 0], [0, 0, 0.1]]), 0.05)
+    result = plan(PlanningProblem(ur5, tube, q, attached=[ball]))
+    assert result.status is PlanStatus.TUBE_BLOCKED
+    assert "ball" in result.place.links

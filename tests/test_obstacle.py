@@ -50,7 +50,7 @@ def test_a_long_bent_mesh_gets_several_shapes(tmp_path):
     ("text", "scale", "error", "message"),
     [
         ("solid nothing", 1.0, RobotError, r"obstacle 'part': mesh .*bad\.stl"),
-        (None, 0.0, ProblemError, "obstacle 'part': scale 0 must be > 0"),
+        (None, 0.0, ProblemError, "obstacle 'part': scale 0; 1e-06 to 10000 are accepted"),
     ],
 )
 def test_a_mesh_that_cannot_be_used_is_named(tmp_path, text, scale, error, message):
@@ -74,3 +74,18 @@ def test_a_problem_finds_its_mesh_beside_its_file():
     message = r"obstacles: 'part': mesh .*part\.stl, named in .*, does not exist"
     with pytest.raises(ProblemError, match=message):
         parse_problem(fields, PART.parent.parent)
+
+
+def test_the_unit_of_a_collada_file_counts(tmp_path):
+    """The same box, once in metres and once in millimetres."""
+    path = tmp_path / "box.dae"
+    text = trimesh.exchange.dae.export_collada(trimesh.creation.box((1.0, 2.0, 3.0)))
+    text = text.decode() if isinstance(text, bytes) else text
+    assert "<unit" not in text
+    sizes = []
+    for meter in ("1.0", "0.001"):
+        path.write_text(text.replace("</asset>", f'<unit name="u" meter="{meter}"/></asset>'))
+        vertices = np.vstack([s.vertices for s in Obstacle.mesh("b", path, np.eye(4)).shapes])
+        sizes.append(np.ptp(vertices, axis=0))
+    np.testing.assert_allclose(sizes[0], [1, 2, 3])
+    np.testing.assert_allclose(sizes[1], [1e-3, 2e-3, 3e-3])

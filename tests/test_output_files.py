@@ -1,4 +1,5 @@
 import os
+import tempfile
 
 import pytest
 
@@ -27,11 +28,19 @@ def test_a_replaced_file_keeps_its_mode_and_a_link_its_target(tmp_path):
     assert path.stat().st_mode & 0o777 == 0o600
 
 
-def test_a_failure_leaves_all_files_as_they_were(tmp_path):
-    """The second file cannot be staged: its folder vanished after it had been checked."""
-    first, second = tmp_path / "first", tmp_path / "gone" / "second"
+def test_a_failure_leaves_all_files_as_they_were(tmp_path, monkeypatch):
+    """The disk is full when the second file is written beside its target."""
+    first, second = tmp_path / "first", tmp_path / "second"
     first.write_text("precious")
-    with pytest.raises(OutputError, match="second could not be written: No such file"):
+    make = tempfile.mkstemp
+
+    def full(*_, prefix, **more):
+        if "second" in prefix:
+            raise OSError(28, "No space left on device")
+        return make(prefix=prefix, **more)
+
+    monkeypatch.setattr(tempfile, "mkstemp", full)
+    with pytest.raises(OutputError, match="second could not be written: No space left"):
         write_files({first: b"new", second: b"new"})
     assert first.read_text() == "precious"
     assert list(tmp_path.iterdir()) == [first]
@@ -43,6 +52,7 @@ def test_places_that_cannot_be_written_to_are_named_before_work_begins(tmp_path)
     os.mkfifo(tmp_path / "pipe")
     for outputs, inputs, message in (
         ([tmp_path], [], "is no regular file; name one"),
+        ([tmp_path / ("x" * 300)], [], "File name too long"),
         ([tmp_path / "pipe"], [], "is no regular file; name one"),
         ([tmp_path / "nowhere" / "t.json"], [], r"the folder .*nowhere does not exist"),
         ([path, other], [], r"other\.json is the same file as .*t\.json; choose another"),

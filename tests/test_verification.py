@@ -103,6 +103,20 @@ def test_a_jump_is_found_at_its_joint_and_time(order, condition, planned):
     assert where.time in trajectory.breakpoints[[20, 21]]
 
 
+def test_a_jump_of_position_is_judged_in_radians(planned):
+    """Half a milliradian is within a thousandth, but not within the tolerance in radians."""
+    problem, result = planned(UR5)
+    trajectory = result.trajectory
+    coefficients = trajectory.coefficients.copy()
+    coefficients[-1, 20, 1] += 5e-4
+    jumping = JointTrajectory(trajectory.joint_names, trajectory.breakpoints, coefficients)
+    certificate = verify(problem, jumping, Tolerance(1e-4, 1e-3))
+    condition = certificate.conditions["continuity"]
+    assert "continuity" in certificate.failures()
+    assert condition.unit == "rad"
+    assert condition.margin == pytest.approx(-5e-4, rel=1e-6)
+
+
 def test_a_trajectory_through_the_wall_is_found(planned):
     """The same motion with its lift left out: straight from pick to place."""
     problem, result = planned(UR5)

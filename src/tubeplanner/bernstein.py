@@ -63,6 +63,9 @@ def maxima(coefficients: FloatArray, widths: FloatArray) -> Extrema:
     Args:
         coefficients: Shape (degree+1, pieces, n).
         widths: Widths of the pieces [s], shape (pieces,).
+
+    Raises:
+        ValueError: A coefficient is not finite.
     """
     if not np.isfinite(coefficients).all():
         raise ValueError("coefficients must be finite")

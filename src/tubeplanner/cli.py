@@ -40,6 +40,8 @@ def run() -> None:
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:  # closed by the caller
             setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
+        # A name that the stream's encoding lacks must not undo a success.
+        getattr(sys, name).reconfigure(errors="backslashreplace")
     warnings.simplefilter("ignore")  # a library's warnings mean nothing to a user
     sys.exit(main(sys.argv[1:]))
 
@@ -74,7 +76,7 @@ def main(arguments: Sequence[str]) -> int:
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="tubeplanner")
 def cli() -> None:
-    """Plan the fastest smooth motion of a robot arm whose hand stays in a tube.
+    """Plan a smooth, certified motion of a robot arm whose hand stays in a tube.
 
     PROBLEM is a problem file (YAML or JSON) or example:ROBOT/NAME for a bundled one.
     """
@@ -114,6 +116,7 @@ def plan(
     interrupted = False
     with _progress() as enter:
         loaded, loading_time = _load(problem, enter)
+        outputs.require_usable(problem, loaded.robot.urdf.path)
         result = plan_problem(loaded, options, enter)
         if result.trajectory is not None:
             with _interrupts_held() as held:
@@ -216,7 +219,7 @@ class _Outputs:
         }
         return [(kind, path) for kind, path in asked.items() if path is not None]
 
-    def require_usable(self, problem: str) -> None:
+    def require_usable(self, *inputs: str | Path) -> None:
         """Raise if a file could not be written, before any work is done."""
         from tubeplanner.output_files import require_writable
 
@@ -226,7 +229,7 @@ class _Outputs:
             raise OptionError(
                 f"--plot {self.plot}: a PNG is written; name a file that ends in .png"
             )
-        require_writable([path for _, path in self.paths()], [Path(problem)])
+        require_writable([path for _, path in self.paths()], [Path(path) for path in inputs])
 
     def write(self, problem: "PlanningProblem", method: str, trajectory: "JointTrajectory") -> None:
         """Write all files, or none of them."""
@@ -310,7 +313,9 @@ def _print_plan(
     if place:
         print(f"where: {place}")
     if problem.obstacles and not problem.collision.has_link_geometry:
-        print("note: the robot has no collision geometry; the obstacles were NOT checked")
+        print(
+            "note: the robot has no collision geometry; the obstacles were NOT checked against it"
+        )
     if result.succeeded:
         for kind, path in outputs.paths():
             print(f"{kind}: {path}")

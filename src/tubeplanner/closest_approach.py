@@ -20,8 +20,10 @@ _RELATIVE_RESOLUTION = 0.02
 _RESOLUTION = 5e-7
 # Intervals this short [s] are not halved: their bound counts as it stands.
 _SHORTEST_INTERVAL = 1e-7
-# After so many intervals no more are halved: far beyond what any sensible motion needs.
+# After so many intervals, or so many times those it starts with, no more are halved: far beyond
+# what any sensible motion needs. Their bounds count as they stand, so that the answer stays safe.
 _MOST_INTERVALS = 3_000_000
+_MOST_ROUNDS = 8
 _BATCH = 64  # distances evaluated before intervals are judged anew
 
 
@@ -103,10 +105,11 @@ class _Search:
         self, piece: IntArray, start: FloatArray, width: FloatArray, pair: IntArray
     ) -> None:
         """Look at all rows, halve those that may hold the minimum, and so on."""
+        most = max(_MOST_INTERVALS, _MOST_ROUNDS * len(piece))
         while len(piece):
             lower = self._lower_bounds(piece, start, width, pair)
             undecided = lower < self._settled_above()
-            final = undecided & ((width < _SHORTEST_INTERVAL) | (self.intervals > _MOST_INTERVALS))
+            final = undecided & ((width < _SHORTEST_INTERVAL) | (self.intervals > most))
             self._settle(lower[~undecided | final])
             split = undecided & ~final
             piece, pair = np.repeat(piece[split], 2), np.repeat(pair[split], 2)

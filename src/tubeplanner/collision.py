@@ -56,7 +56,7 @@ class CollisionChecker:
         shapes: All shapes, links first.
         obstacle_pairs: Link against obstacle, as indices of `shapes`: int, shape (P, 2).
         link_pairs: Link against link, likewise.
-        has_link_geometry: Whether the robot, or what it carries, has any collision geometry.
+        has_link_geometry: Whether the robot itself has any collision geometry.
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class CollisionChecker:
             RobotError: A link's geometry cannot be read.
         """
         links = link_shapes(robot)
-        self.has_link_geometry = bool(links) or bool(attached)
+        self.has_link_geometry = bool(links)
         touching = [(solid.name, link) for solid in attached for link in solid.touch_links]
         _require_names(robot, obstacles, attached, [*ignore, *touching])
         self.robot = robot
@@ -103,11 +103,11 @@ class CollisionChecker:
         ]
         self._objects = [_fcl_object(body_shape.shape) for body_shape in self.shapes]
         self._ignored = {frozenset(pair) for pair in (*ignore, *touching)}
-        everything, solids = range(link_count), range(link_count, len(self.shapes))
-        self.obstacle_pairs = self._select((i, j) for i in everything for j in solids)
+        carried, standing = range(link_count), range(link_count, len(self.shapes))
+        self.obstacle_pairs = self._select((i, j) for i in carried for j in standing)
         self.link_pairs = _as_pairs([])
         if self_collision:
-            candidates = self._select((i, j) for i in everything for j in everything if i < j)
+            candidates = self._select((i, j) for i in carried for j in carried if i < j)
             self.link_pairs = self._without_always_touching(candidates)
 
     def distances(self, rotation: FloatArray, position: FloatArray, pairs: IntArray) -> FloatArray:
@@ -121,6 +121,9 @@ class CollisionChecker:
         Returns:
             Shape (P,); negative where shapes overlap. Never above the true distance, except by
             rounding.
+
+        Raises:
+            ValueError: A pose is not finite.
         """
         for index in np.unique(pairs):
             self._objects[index].move(rotation, position, self.shapes[index].body)
@@ -183,12 +186,15 @@ class CollisionChecker:
         moves = self.robot.joint_moves_body
         between = moves[first.body] != moves[second.body]
         # Neighbouring links meet at their joint; nothing else has a right to touch.
-        solids = self._obstacle_names | self._attached_names
-        neighbours_may_touch = first.owner not in solids and second.owner not in solids
+        solid_names = self._obstacle_names | self._attached_names
+        neighbours_may_touch = not {first.owner, second.owner} & solid_names
         return int(between.sum()) > (1 if neighbours_may_touch else 0)
 
     def _without_always_touching(self, pairs: IntArray) -> IntArray:
-        """Return the pairs whose links came apart in at least one random configuration."""
+        """Return the pairs whose links came apart in at least one random configuration.
+
+        Attached solids stay: only their touch_links excuse them.
+        """
         limits = self.robot.limits
         lower, upper = limits.lower_position, limits.upper_position
         low = np.maximum(lower, np.minimum(-np.pi, upper - 2 * np.pi))  # one turn, if there is one
@@ -196,7 +202,7 @@ class CollisionChecker:
         q = np.random.default_rng(_TOUCH_SEED).uniform(low, high, (_TOUCH_SAMPLES, len(low)))
         rotation, position = self.robot.body_poses(q)
         names = [self._owners(pair) for pair in pairs]
-        touching = set(names)
+        touching = {name for name in names if not name & self._attached_names}
         for sample in range(_TOUCH_SAMPLES):
             rows = [row for row, name in enumerate(names) if name in touching]
             if not rows:

@@ -67,17 +67,17 @@ def box(size: Iterable[float]) -> ConvexShape:
 
 
 def sphere(radius: float) -> ConvexShape:
-    """Return a centred sphere."""
+    """Return a centred sphere of a radius [m]."""
     return ConvexShape(read_only(np.zeros((1, 3))), radius)
 
 
 def capsule(radius: float, length: float) -> ConvexShape:
-    """Return a centred capsule along z; `length` [m] lies between the centres of its caps."""
+    """Return a centred capsule along z, in [m]; `length` lies between its caps' centres."""
     return ConvexShape(read_only([[0, 0, -length / 2], [0, 0, length / 2]]), radius)
 
 
 def cylinder(radius: float, length: float) -> ConvexShape:
-    """Return the prism around a centred cylinder along z."""
+    """Return the prism around a centred cylinder along z, in [m]."""
     angles = np.arange(_PRISM_SIDES) * 2 * np.pi / _PRISM_SIDES
     ring = radius / np.cos(np.pi / _PRISM_SIDES) * np.array([np.cos(angles), np.sin(angles)]).T
     ends = [np.column_stack([ring, np.full(_PRISM_SIDES, z)]) for z in (-length / 2, length / 2)]

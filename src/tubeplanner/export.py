@@ -46,9 +46,11 @@ def read_trajectory(path: Path) -> JointTrajectory:
         trajectory = JointTrajectory(
             _names(fields), _numbers(fields, "breakpoints"), _numbers(fields, "coefficients")
         )
-        duration = float(_numbers(fields, "duration")) if "duration" in fields else None
+        duration = float(_numbers(fields, "duration").item()) if "duration" in fields else None
     except TrajectoryError as error:
         raise TrajectoryError(f"{path}: {error}") from error
+    except ValueError:
+        raise TrajectoryError(f"{path}: duration must be one number") from None
     if duration is not None and not abs(duration - trajectory.duration) <= _DURATION_TOLERANCE:
         raise TrajectoryError(
             f"{path}: duration {duration} s contradicts the last breakpoint, "

@@ -1,5 +1,6 @@
 """Meshes covered by convex shapes. trimesh reads them; it is imported when first needed."""
 
+import xml.etree.ElementTree as ElementTree
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -44,9 +45,20 @@ def load_mesh(
         raise RobotError(
             f"{owner}: mesh {path} has no vertices, or some that are not finite; export it again"
         )
+    loaded.apply_scale(_unit(path))
     if scale is not None:
         loaded.apply_scale(scale)
     return loaded
+
+
+def _unit(path: Path) -> float:
+    """Return the length [m] of a mesh file's unit: COLLADA states it, and trimesh leaves it out."""
+    if path.suffix.lower() != ".dae":
+        return 1.0
+    for element in ElementTree.parse(path).iter():
+        if element.tag.endswith("}unit") or element.tag == "unit":
+            return float(element.get("meter", "1"))
+    return 1.0
 
 
 def cover_mesh(mesh: "trimesh.Trimesh") -> list[ConvexShape]:

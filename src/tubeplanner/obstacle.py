@@ -24,6 +24,8 @@ class Obstacle:
     Attributes:
         name: Unique among the obstacles of a problem.
         shapes: Convex shapes in the base frame that together cover it.
+
+    The constructors of each kind raise ProblemError for a size outside 1e-6 to 1e4 m.
     """
 
     name: str
@@ -64,10 +66,12 @@ class Obstacle:
 
         Raises:
             RobotError: The file is no readable mesh.
-            ProblemError: The scale is not positive.
+            ProblemError: The scale is not between 1e-6 and 1e4.
         """
         if not SMALLEST <= scale <= FARTHEST:
-            raise ProblemError(f"obstacle '{name}': scale {scale:g} must be > 0")
+            raise ProblemError(
+                f"obstacle '{name}': scale {scale:g}; {SMALLEST:g} to {FARTHEST:g} are accepted"
+            )
         shapes = cover_mesh(load_mesh(f"obstacle '{name}'", Path(path), scale))
         return cls(name, tuple(shape.transformed(placement) for shape in shapes))
 

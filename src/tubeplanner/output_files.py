@@ -25,7 +25,11 @@ def require_writable(outputs: Sequence[Path], inputs: Sequence[Path] = ()) -> No
         if target in taken:
             raise OutputError(f"output {path} is the same file as {taken[target]}; choose another")
         taken[target] = path
-        if target.exists() and not target.is_file():
+        try:
+            is_special = target.exists() and not target.is_file()
+        except OSError as error:
+            raise OutputError(f"output {path!s:.60}: {error.strerror}") from error
+        if is_special:
             raise OutputError(f"output {path} is no regular file; name one")
         if not target.parent.is_dir():
             raise OutputError(f"output {path}: the folder {target.parent} does not exist")
@@ -39,14 +43,19 @@ def write_files(contents: Mapping[Path, bytes]) -> None:
     Everything is written beside its target first, so that a full disk leaves all as it was.
 
     Raises:
-        OutputError: A file could not be written; all that was there before is untouched.
+        OutputError: A file could not be written. Nothing was changed, unless the system refused to
+            rename a file that it had let be written.
     """
+    require_writable(list(contents))
     staged: dict[Path, Path] = {}
     try:
         for path, data in contents.items():
             staged[path] = _stage(path, data)
         for path, temporary in staged.items():
-            temporary.replace(_target(path))
+            try:
+                temporary.replace(_target(path))
+            except OSError as error:
+                raise OutputError(f"output {path} could not be written: {error}") from error
     finally:
         for temporary in staged.values():
             temporary.unlink(missing_ok=True)

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -115,7 +115,7 @@ def plan(
         if result.status in (PlanStatus.SUCCESS, *_FINAL):
             return result
         failures[rule] = result
-    return failures[SpareJoints.AS_NEEDED]
+    return replace(failures[SpareJoints.AS_NEEDED], planning_time=clock.elapsed)
 
 
 # Reasons that do not depend on where the spare joints are.

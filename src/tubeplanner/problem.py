@@ -61,8 +61,8 @@ class PlanningProblem:
         name: What messages and plots call it.
 
     Raises:
-        ProblemError: On construction, if start or goal break a limit, a sign or their capsule, or
-            the tube names a joint that is not planned.
+        ProblemError: On construction, if start, goal or a seed break a limit, a sign or their
+            capsule, the tube names a joint that is not planned, or the clearance is negative.
     """
 
     robot: RobotModel
@@ -231,8 +231,12 @@ def _build(fields: ProblemFields, directory: Path, name: str, source: str) -> Pl
             tube=_tube(fields),
             start=_endpoint("start", fields.start),
             goal=None if fields.goal is None else _endpoint("goal", fields.goal),
-            obstacles=tuple(_obstacle(obstacle, directory) for obstacle in fields.obstacles),
-            attached=tuple(_attached(solid, directory) for solid in fields.robot.attached),
+            obstacles=tuple(
+                _obstacle(obstacle, directory, robot.package_dirs) for obstacle in fields.obstacles
+            ),
+            attached=tuple(
+                _attached(solid, directory, robot.package_dirs) for solid in fields.robot.attached
+            ),
             clearance=fields.clearance,
             self_collision=fields.collision.self_,
             ignore_collisions=(*fields.collision.ignore, *_srdf_pairs(fields, robot, directory)),
@@ -291,12 +295,12 @@ def _srdf_pairs(fields: ProblemFields, robot: RobotModel, directory: Path) -> li
     return [pair for pair in read_allowed_pairs(path) if set(pair) <= robot.link_body.keys()]
 
 
-def _attached(fields: AttachedFields, directory: Path) -> AttachedSolid:
-    solid = _obstacle(fields, directory)
+def _attached(fields: AttachedFields, directory: Path, folders: tuple[Path, ...]) -> AttachedSolid:
+    solid = _obstacle(fields, directory, folders)
     return AttachedSolid(solid.name, solid.shapes, tuple(fields.touch_links))
 
 
-def _obstacle(fields: ObstacleFields, directory: Path) -> Obstacle:
+def _obstacle(fields: ObstacleFields, directory: Path, folders: tuple[Path, ...]) -> Obstacle:
     kinds = ("box", "sphere", "cylinder", "capsule", "mesh")
     given = [kind for kind in kinds if getattr(fields, kind) is not None]
     if len(given) != 1:
@@ -310,7 +314,7 @@ def _obstacle(fields: ObstacleFields, directory: Path) -> Obstacle:
         raise ProblemError(f"obstacles: '{fields.name}': {error}") from None
     if fields.mesh is not None:
         try:
-            path = find_mesh(fields.mesh, directory / "the problem file")
+            path = find_mesh(fields.mesh, directory / "the problem file", folders)
             return Obstacle.mesh(fields.name, path, placement, fields.scale)
         except RobotError as error:
             raise ProblemError(f"obstacles: '{fields.name}': {error}") from None

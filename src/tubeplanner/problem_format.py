@@ -44,6 +44,8 @@ Sign: TypeAlias = Annotated[
 Version: TypeAlias = Annotated[Literal[1], BeforeValidator(_no_flag)]
 
 _MOST_BYTES = 10_000_000
+# What the readers raise for malformed input, whatever it says of the fault.
+_READER_ERRORS = (YAMLError, ValueError, RecursionError, LookupError, TypeError, AttributeError)
 
 _NOT_HONOURED_YET = {
     "tube.orientations": "leave it out: the hand's orientation is free",
@@ -237,7 +239,7 @@ def _read(path: Path) -> object:
         return YAML(typ="safe", pure=True).load(text)
     except MarkedYAMLError as error:
         raise ProblemError(f"problem file {path} is malformed: {_yaml_reason(error)}") from error
-    except (YAMLError, ValueError, RecursionError) as error:
+    except _READER_ERRORS as error:
         reason = " ".join(str(error).split())
         raise ProblemError(f"problem file {path} is malformed: {reason}") from error
 

@@ -145,9 +145,10 @@ def _require_gravity(robot: RobotModel, samples: TrajectorySamples, gravity: Flo
     sample, joint = np.unravel_index(int(room.argmin()), room.shape)
     hand = robot.tool_position(samples.position[sample][None])[0]
     name = robot.joint_names[joint]
+    unit = "N m" if robot.revolute[joint] else "N"
     raise Infeasible(
         PlanStatus.GRAVITY_EXCEEDS_EFFORT,
-        f"joint '{name}' needs {abs(gravity[sample, joint]):.2f} N m against gravity alone, its "
+        f"joint '{name}' needs {abs(gravity[sample, joint]):.2f} {unit} against gravity alone, its "
         f"effort limit is {robot.limits.effort[joint]:.2f}; lighten the payload, choose another "
         "configuration or a stronger motor",
         Place(joint=name, position=(float(hand[0]), float(hand[1]), float(hand[2]))),

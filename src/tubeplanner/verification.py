@@ -43,7 +43,8 @@ def verify(
     Raises:
         TrajectoryError: The trajectory moves other joints than the problem's.
     """
-    judge = _Judge(problem, trajectory.reordered(problem.robot.joint_names))
+    tolerance = tolerance or Tolerance()
+    judge = _Judge(problem, trajectory.reordered(problem.robot.joint_names), tolerance)
     conditions = {
         "position": judge.position(),
         "velocity": judge.derivative(1, problem.robot.limits.velocity),
@@ -60,7 +61,7 @@ def verify(
         "obstacles": judge.obstacles(),
         "self_collision": judge.self_collision(),
     }
-    return Certificate(conditions, tolerance or Tolerance())
+    return Certificate(conditions, tolerance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,8 +78,10 @@ class _Visit:
 class _Judge:
     """Computes each condition of one trajectory."""
 
-    def __init__(self, problem: PlanningProblem, trajectory: JointTrajectory) -> None:
-        self._problem, self._trajectory = problem, trajectory
+    def __init__(
+        self, problem: PlanningProblem, trajectory: JointTrajectory, tolerance: Tolerance
+    ) -> None:
+        self._problem, self._trajectory, self._tolerance = problem, trajectory, tolerance
         self._robot, self._tube = problem.robot, problem.tube
 
     def position(self) -> Condition:
@@ -89,7 +92,7 @@ class _Judge:
         )
         if margin is None:
             return Condition(None, "rad", Place(), "no joint has position limits")
-        return Condition(margin, "rad", place, FOR_ALL_TIMES)
+        return Condition(margin, self._unit_at(place), place, FOR_ALL_TIMES)
 
     def derivative(self, order: int, limit: FloatArray) -> Condition:
         """A limit on velocity, acceleration or jerk, exactly."""
@@ -136,7 +139,7 @@ class _Judge:
             return Condition(None, "rad", Place(), "no segment has joint signs")
         margin, place = min(found, key=lambda item: item[0])
         coverage = FOR_ALL_TIMES if self._tube.visit == "ordered" else self._coverage
-        return Condition(margin, "rad", place, coverage)
+        return Condition(margin, self._unit_at(place), place, coverage)
 
     def endpoint(self, index: int) -> Condition:
         """Start (0) or goal (-1): the given configuration, or else the reference point."""
@@ -149,7 +152,7 @@ class _Judge:
             return Condition(0.0 - error, "m", Place(time=time), "hand at the reference point")
         joint = int(abs(q - given).argmax())
         place = Place(time=time, joint=self._robot.joint_names[joint])
-        return Condition(0.0 - float(abs(q - given).max()), "rad", place, FOR_ALL_TIMES)
+        return Condition(0.0 - float(abs(q - given).max()), self._unit(joint), place, FOR_ALL_TIMES)
 
     def rest(self) -> Condition:
         """Velocity and acceleration at both ends, relative to their largest values."""
@@ -166,19 +169,36 @@ class _Judge:
         return Condition(0.0 - worst, RELATIVE, place, FOR_ALL_TIMES)
 
     def continuity(self) -> Condition:
-        """Jumps of position, or of velocity and acceleration relative to their largest values."""
-        worst, place = 0.0, Place()
+        """Jumps of position, or of velocity and acceleration relative to their largest values.
+
+        The one reported is the worst, each measured by its own tolerance.
+        """
+        found = [Condition(0.0, RELATIVE, Place(), FOR_ALL_TIMES)]
         for order in range(3):
             values = self._piece_ends(order)
             jumps = abs(values[0, 1:] - values[1, :-1])
+            if jumps.size == 0:
+                continue
             if order > 0:
                 jumps = jumps / self._largest(order)
-            if jumps.size and jumps.max() > worst:
-                at, joint = np.unravel_index(int(jumps.argmax()), jumps.shape)
-                worst = float(jumps.max())
-                time = float(self._trajectory.breakpoints[at + 1])
-                place = Place(time=time, joint=self._robot.joint_names[joint])
-        return Condition(0.0 - worst, RELATIVE, place, FOR_ALL_TIMES)
+            at, joint = np.unravel_index(int(jumps.argmax()), jumps.shape)
+            time = float(self._trajectory.breakpoints[at + 1])
+            place = Place(time=time, joint=self._robot.joint_names[joint])
+            unit = self._unit(int(joint)) if order == 0 else RELATIVE
+            found.append(Condition(0.0 - float(jumps.max()), unit, place, FOR_ALL_TIMES))
+        return min(found, key=self._in_tolerances)
+
+    def _in_tolerances(self, condition: Condition) -> float:
+        """Return a margin as a multiple of the tolerance that it is judged by."""
+        return (condition.margin or 0.0) / max(self._tolerance.of(condition.unit), 1e-300)
+
+    def _unit_at(self, place: Place) -> str:
+        """Return the unit of the position of the joint that a place names."""
+        return self._unit(self._robot.joint_names.index(place.joint or ""))
+
+    def _unit(self, joint: int) -> str:
+        """Return the unit of a joint's position."""
+        return "rad" if self._robot.revolute[joint] else "m"
 
     def obstacles(self) -> Condition:
         """Links against obstacles, for all t."""
@@ -320,13 +340,14 @@ class _Judge:
         return np.array([coefficients[-1], np.einsum("kpn,kp->pn", coefficients, widths)])
 
     def _largest(self, order: int) -> FloatArray:
-        """Return the largest magnitude of a derivative per joint at samples, shape (n,).
+        """Return the largest magnitude of a derivative per joint, shape (n,).
 
         A joint that all but stands still is measured by the others: its own rounding errors are
         no motion that could jump.
         """
-        values = (self._samples.velocity, self._samples.acceleration)[order - 1]
-        largest = abs(values).max(axis=0)
+        coefficients = self._trajectory.derivative_coefficients(order)
+        both = np.concatenate([coefficients, -coefficients], axis=2)
+        largest = maxima(both, self._trajectory.widths).value.reshape(2, -1).max(axis=0)
         overall = float(largest.max())
         return np.maximum(largest, _STILL_SHARE * overall if overall > 0 else 1.0)
 
