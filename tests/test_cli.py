@@ -1,5 +1,6 @@
 """The command line as a user meets it: text, one JSON object, files, exit status."""
 
+import contextlib
 import json
 import signal
 import subprocess
@@ -194,6 +195,23 @@ def test_an_interrupt_while_a_certified_answer_is_written_loses_nothing(
     assert fields["status"] == "success"
     assert fields["stopped_by"] == "interrupt"
     assert path.exists()
+
+
+def test_an_interrupt_that_a_library_swallows_still_counts(run_json, monkeypatch):
+    """trimesh catches everything while it imports; here, loading does."""
+    from tubeplanner import problem
+
+    load = problem.load_problem
+
+    def swallowing_load(name):
+        with contextlib.suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        return load(name)
+
+    monkeypatch.setattr(problem, "load_problem", swallowing_load)
+    status, fields = run_json("plan", PROBLEM)
+    assert status == 130
+    assert fields["status"] == "interrupted"
 
 
 def test_an_error_of_our_own_is_one_line_and_not_a_verdict(run_json, monkeypatch):

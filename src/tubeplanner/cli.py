@@ -120,7 +120,6 @@ def plan(
         result = plan_problem(loaded, options, enter)
         if result.trajectory is not None:
             with _interrupts_held() as held:
-                enter("output files")
                 outputs.write(loaded, result.method, result.trajectory)
             interrupted = bool(held)
     if as_json:
@@ -255,13 +254,20 @@ class _Outputs:
 def _interrupts_held() -> Iterator[list[int]]:
     """Keep Ctrl-C waiting while a certified answer is written; yield a list of what came."""
     held: list[int] = []
-    try:
-        previous = signal.signal(signal.SIGINT, lambda number, _: held.append(number))
-    except ValueError:  # not the main thread: signals do not come here
+    with _handled_interrupts(lambda number, _: held.append(number)):
         yield held
+
+
+@contextmanager
+def _handled_interrupts(handler: Callable[[int, Any], None]) -> Iterator[None]:
+    """Let a handler take Ctrl-C for a while; outside the main thread signals do not come anyway."""
+    try:
+        previous = signal.signal(signal.SIGINT, handler)
+    except ValueError:
+        yield
         return
     try:
-        yield held
+        yield
     finally:
         signal.signal(signal.SIGINT, previous)
 
@@ -287,14 +293,40 @@ def _tolerance(text: str | None) -> Any:
 
 @contextmanager
 def _progress() -> Iterator[Callable[[str], None]]:
-    """Yield a function that shows the current stage on a terminal's standard error."""
-    if not sys.stderr.isatty():
-        yield lambda stage: None
-        return
-    from rich.console import Console
+    """Yield a function that shows the current stage on a terminal's standard error.
 
-    with Console(stderr=True).status("") as status:
-        yield lambda stage: status.update(f"{stage} ...")
+    Entering a stage also raises a Ctrl-C that a library swallowed, as trimesh does when imported.
+    """
+    with _interrupts_remembered() as raise_pending:
+        if not sys.stderr.isatty():
+            yield lambda stage: raise_pending()
+            return
+        from rich.console import Console
+
+        with Console(stderr=True).status("") as status:
+
+            def enter(stage: str) -> None:
+                raise_pending()
+                status.update(f"{stage} ...")
+
+            yield enter
+
+
+@contextmanager
+def _interrupts_remembered() -> Iterator[Callable[[], None]]:
+    """Yield a function that raises KeyboardInterrupt if Ctrl-C was pressed since."""
+    pressed = []
+
+    def interrupt(number: int, _: object) -> None:
+        pressed.append(number)
+        raise KeyboardInterrupt
+
+    def raise_pending() -> None:
+        if pressed:
+            raise KeyboardInterrupt
+
+    with _handled_interrupts(interrupt):
+        yield raise_pending
 
 
 def _print_plan(
