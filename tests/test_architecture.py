@@ -46,6 +46,7 @@ ORDER = (
     "export",
     "output_files",
     "plotting",
+    "interrupts",
     "cli",
 )
 PACKAGE = Path(tubeplanner.__file__).parent

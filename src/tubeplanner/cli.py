@@ -19,6 +19,7 @@ import click
 
 from tubeplanner import __version__
 from tubeplanner.errors import OptionError, TubePlannerError
+from tubeplanner.interrupts import interrupts_held, interrupts_remembered
 
 if TYPE_CHECKING:
     from tubeplanner.certificate import Certificate
@@ -119,7 +120,7 @@ def plan(
         outputs.require_usable(problem, loaded.robot.urdf.path)
         result = plan_problem(loaded, options, enter)
         if result.trajectory is not None:
-            with _interrupts_held() as held:
+            with interrupts_held() as held:
                 outputs.write(loaded, result.method, result.trajectory)
             interrupted = bool(held)
     if as_json:
@@ -250,28 +251,6 @@ class _Outputs:
         write_files(contents)
 
 
-@contextmanager
-def _interrupts_held() -> Iterator[list[int]]:
-    """Keep Ctrl-C waiting while a certified answer is written; yield a list of what came."""
-    held: list[int] = []
-    with _handled_interrupts(lambda number, _: held.append(number)):
-        yield held
-
-
-@contextmanager
-def _handled_interrupts(handler: Callable[[int, Any], None]) -> Iterator[None]:
-    """Let a handler take Ctrl-C for a while; outside the main thread signals do not come anyway."""
-    try:
-        previous = signal.signal(signal.SIGINT, handler)
-    except ValueError:
-        yield
-        return
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, previous)
-
-
 def _load(name: str, enter: Callable[[str], None]) -> "tuple[PlanningProblem, float]":
     begin = time.perf_counter()
     enter("loading robot and collision geometry")
@@ -297,7 +276,7 @@ def _progress() -> Iterator[Callable[[str], None]]:
 
     Entering a stage also raises a Ctrl-C that a library swallowed, as trimesh does when imported.
     """
-    with _interrupts_remembered() as raise_pending:
+    with interrupts_remembered() as raise_pending:
         if not sys.stderr.isatty():
             yield lambda stage: raise_pending()
             return
@@ -310,23 +289,6 @@ def _progress() -> Iterator[Callable[[str], None]]:
                 status.update(f"{stage} ...")
 
             yield enter
-
-
-@contextmanager
-def _interrupts_remembered() -> Iterator[Callable[[], None]]:
-    """Yield a function that raises KeyboardInterrupt if Ctrl-C was pressed since."""
-    pressed = []
-
-    def interrupt(number: int, _: object) -> None:
-        pressed.append(number)
-        raise KeyboardInterrupt
-
-    def raise_pending() -> None:
-        if pressed:
-            raise KeyboardInterrupt
-
-    with _handled_interrupts(interrupt):
-        yield raise_pending
 
 
 def _print_plan(
