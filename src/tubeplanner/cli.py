@@ -90,8 +90,8 @@ def cli() -> None:
 @click.option("--ros", type=_PATH, help="Samples as trajectory_msgs/JointTrajectory, YAML.")
 @click.option("--rate", type=float, default=500.0, show_default=True, help="Samples per second.")
 @click.option("--plot", type=_PATH, help="Figure (PNG).")
-@click.option("--method", default="stop-at-corners", show_default=True, help="How to plan.")
-@click.option("--time-limit", type=float, help="Give up after so many seconds.")
+@click.option("--method", help="branch-and-bound [default] or stop-at-corners.")
+@click.option("--time-limit", type=float, help="End after so many seconds with the best so far.")
 @_AS_JSON
 def plan(
     problem: str,
@@ -100,7 +100,7 @@ def plan(
     ros: Path | None,
     rate: float,
     plot: Path | None,
-    method: str,
+    method: str | None,
     time_limit: float | None,
     as_json: bool,
 ) -> int:
@@ -108,10 +108,10 @@ def plan(
 
     Nothing is written unless the certificate passes.
     """
-    from tubeplanner.planner import PlanOptions
+    from tubeplanner.planner import METHODS, PlanOptions
     from tubeplanner.planner import plan as plan_problem
 
-    options = PlanOptions(method, time_limit)
+    options = PlanOptions(method or METHODS[0], time_limit=time_limit)
     outputs = _Outputs(output, csv, ros, rate, plot)
     outputs.require_usable(problem)
     interrupted = False
@@ -124,7 +124,7 @@ def plan(
                 outputs.write(loaded, result.method, result.trajectory)
             interrupted = bool(held)
     if as_json:
-        stopped_by = "interrupt" if interrupted else None
+        stopped_by = "interrupt" if interrupted else result.stopped_by
         fields = {**result.as_dict(), "loading_time": loading_time, "stopped_by": stopped_by}
         _print_json(fields)
     else:
@@ -251,7 +251,7 @@ class _Outputs:
         write_files(contents)
 
 
-def _load(name: str, enter: Callable[[str], None]) -> "tuple[PlanningProblem, float]":
+def _load(name: str, enter: Callable[[object], None]) -> "tuple[PlanningProblem, float]":
     begin = time.perf_counter()
     enter("loading robot and collision geometry")
     from tubeplanner.problem import load_problem
@@ -271,22 +271,22 @@ def _tolerance(text: str | None) -> Any:
 
 
 @contextmanager
-def _progress() -> Iterator[Callable[[str], None]]:
+def _progress() -> Iterator[Callable[[object], None]]:
     """Yield a function that shows the current stage on a terminal's standard error.
 
     Entering a stage also raises a Ctrl-C that a library swallowed, as trimesh does when imported.
     """
     with interrupts_remembered() as raise_pending:
         if not sys.stderr.isatty():
-            yield lambda stage: raise_pending()
+            yield lambda progress: raise_pending()
             return
         from rich.console import Console
 
         with Console(stderr=True).status("") as status:
 
-            def enter(stage: str) -> None:
+            def enter(progress: object) -> None:
                 raise_pending()
-                status.update(f"{stage} ...")
+                status.update(f"{progress} ...")
 
             yield enter
 
@@ -300,6 +300,8 @@ def _print_plan(
         f"loaded in {loading_time:.2f} s, planned in {result.planning_time:.2f} s "
         f"(certificate {result.certificate_time:.2f} s), method {result.method}"
     )
+    if result.search is not None:
+        print(f"branch and bound: {result.search}")
     if result.certificate is not None:
         _print_certificate(result.certificate)
     print(f"{result.status}: {result.message}")

@@ -1,25 +1,32 @@
 """From a problem to a certified trajectory, or to the reason why there is none."""
 
-import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from tubeplanner.arrays import FloatArray
-from tubeplanner.certificate import Certificate, Tolerance
+from tubeplanner.branch_and_bound import BranchAndBound, SearchStatistics
+from tubeplanner.candidate_waypoints import candidate_waypoints
+from tubeplanner.certificate import Certificate
 from tubeplanner.errors import OptionError, unknown_name
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.problem import PlanningProblem
-from tubeplanner.reference_branch import SpareJoints, reference_branch, spare_joint_rules
+from tubeplanner.progress import PlanningClock, Progress, ProgressCallback, StoppedBy
+from tubeplanner.reference_branch import (
+    ReferenceBranch,
+    SpareJoints,
+    reference_branch,
+    spare_joint_rules,
+)
+from tubeplanner.refusal import refusal, require_free
 from tubeplanner.stop_at_corners import stop_at_corners
 from tubeplanner.trajectory import JointTrajectory
 from tubeplanner.verification import verify
 
-METHODS = ("stop-at-corners",)
+BRANCH_AND_BOUND, STOP_AT_CORNERS = "branch-and-bound", "stop-at-corners"
+METHODS = (BRANCH_AND_BOUND, STOP_AT_CORNERS)
 
-Progress = Callable[[str], None]
+_FEWEST_CANDIDATES, _MOST_CANDIDATES = 2, 1000
 
 
 @dataclass(frozen=True)
@@ -27,16 +34,32 @@ class PlanOptions:
     """How to plan.
 
     Attributes:
-        method: "stop-at-corners": along the reference branch, resting at every reference point.
-        time_limit: Wall time after which planning gives up [s]; None: never.
+        method: "branch-and-bound": the fastest motion through points of the reference path that
+            cuts its corners inside the tube; the next one where it finds nothing faster.
+            "stop-at-corners": along the reference path, resting at every reference point.
+        candidate_points: From how many points on the reference path, start and goal included,
+            branch and bound chooses. More take longer, exponentially in the worst case, and give
+            other motions, not always faster ones.
+        node_budget: After how many nodes branch and bound ends with the best it has; the result
+            says so.
+        time_limit: Wall time after which planning ends with the best it has [s]; None: never.
     """
 
     method: str = METHODS[0]
+    candidate_points: int = 30
+    node_budget: int = 20_000
     time_limit: float | None = None
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:
             raise OptionError(unknown_name("method", self.method, METHODS))
+        if not _FEWEST_CANDIDATES <= self.candidate_points <= _MOST_CANDIDATES:
+            raise OptionError(
+                f"candidate_points is {self.candidate_points}; {_FEWEST_CANDIDATES} to "
+                f"{_MOST_CANDIDATES} are accepted"
+            )
+        if not self.node_budget >= 1:
+            raise OptionError(f"node_budget is {self.node_budget}; it must be >= 1")
         if self.time_limit is not None and not self.time_limit > 0:
             raise OptionError(f"time_limit is {self.time_limit:g} s; it must be > 0")
 
@@ -49,21 +72,25 @@ class PlanResult:
         status: Success means that the certificate passed.
         message: One sentence: the answer, or why there is none.
         place: Where, if there is no answer.
-        method: How it was planned.
+        method: What made the answer: one of `METHODS`.
         trajectory: The answer; None unless successful.
         certificate: Of the answer, or of the best attempt; None if there was none.
         planning_time: Wall time from the loaded problem to the certified result [s].
-        certificate_time: The part of it that the certificate took [s].
+        certificate_time: The part of it that the answer's certificate took [s].
+        search: What branch and bound did; None if it did not run.
+        stopped_by: "time_limit" or "interrupt" if that ended planning early; None otherwise.
     """
 
     status: PlanStatus
     message: str
     place: Place
     method: str
-    trajectory: JointTrajectory | None
-    certificate: Certificate | None
-    planning_time: float
-    certificate_time: float
+    trajectory: JointTrajectory | None = None
+    certificate: Certificate | None = None
+    planning_time: float = 0.0
+    certificate_time: float = 0.0
+    search: SearchStatistics | None = None
+    stopped_by: StoppedBy | None = None
 
     @property
     def succeeded(self) -> bool:
@@ -75,6 +102,11 @@ class PlanResult:
         """Duration of the trajectory [s], None if there is none."""
         return None if self.trajectory is None else self.trajectory.duration
 
+    @property
+    def phase1_duration(self) -> float | None:
+        """Duration of what branch and bound found [s], None if it found nothing faster."""
+        return None if self.search is None else self.search.best_duration
+
     def as_dict(self) -> dict[str, Any]:
         """Return the fields of the command line's JSON, but for loading_time."""
         return {
@@ -82,11 +114,12 @@ class PlanResult:
             "message": self.message,
             "where": self.place.as_dict(),
             "duration": self.duration,
-            "phase1_duration": None,
+            "phase1_duration": self.phase1_duration,
             "planning_time": self.planning_time,
             "certificate_time": self.certificate_time,
-            "stopped_by": None,
+            "stopped_by": self.stopped_by,
             "method": self.method,
+            "search": None if self.search is None else self.search.as_dict(),
             "certificate": None if self.certificate is None else self.certificate.as_dict(),
         }
 
@@ -94,149 +127,140 @@ class PlanResult:
 def plan(
     problem: PlanningProblem,
     options: PlanOptions | None = None,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> PlanResult:
     """Plan a trajectory and certify it.
 
     Args:
         problem: What is asked.
         options: How to plan.
-        progress: Called with the name of each stage as it begins.
+        progress: Called as each stage begins, and many times during the search.
 
     Returns:
         A result whose status is success only if the certificate passed; else its message and
-        place say what stands in the way.
+        place say what stands in the way. Ctrl-C ends the search with the best so far.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C before anything was certified.
     """
     options = options or PlanOptions()
-    clock = _Clock(options.time_limit, progress)
-    failures = {}
+    clock = PlanningClock(options.time_limit, progress)
+    result, branch = _stopping_at_corners(problem, clock)
+    timed_out = result.status is PlanStatus.TIME_LIMIT
+    if options.method == BRANCH_AND_BOUND and branch is not None and not timed_out:
+        result = _improved(problem, branch, result, options, clock)
+    return replace(result, planning_time=clock.elapsed, stopped_by=clock.stopped_by)
+
+
+def _stopping_at_corners(
+    problem: PlanningProblem, clock: PlanningClock
+) -> tuple[PlanResult, ReferenceBranch | None]:
+    """Return the first certified motion that stops at corners, and its branch.
+
+    If there is none, the most natural rule for the spare joints says why, and the first branch
+    there is comes with it.
+    """
+    reasons: dict[SpareJoints, PlanResult] = {}
+    first_branch = None
     for rule in spare_joint_rules(problem):
-        result = _attempt(problem, rule, options, clock)
-        if result.status in (PlanStatus.SUCCESS, *_FINAL):
-            return result
-        failures[rule] = result
-    return replace(failures[SpareJoints.AS_NEEDED], planning_time=clock.elapsed)
+        try:
+            clock.enter("inverse kinematics along the reference path")
+            branch = reference_branch(problem, rule, clock.check)
+            for name, q in (("start", branch.start), ("goal", branch.goal)):
+                require_free(problem, name, q)
+            first_branch = first_branch or branch
+            clock.enter("motion along it, stopping at corners")
+            motion = stop_at_corners(problem, branch, clock.check)
+            clock.enter("certificate")
+            result = _certified(problem, motion, STOP_AT_CORNERS, clock)
+        except Infeasible as reason:
+            result = PlanResult(reason.status, str(reason), reason.place, STOP_AT_CORNERS)
+        if result.succeeded:
+            return result, branch
+        if result.status is PlanStatus.TIME_LIMIT:
+            return result, None
+        reasons[rule] = result
+    return reasons[SpareJoints.AS_NEEDED], first_branch
 
 
-# Reasons that do not depend on where the spare joints are.
-_FINAL = (PlanStatus.TIME_LIMIT,)
-
-
-def _attempt(
-    problem: PlanningProblem, rule: SpareJoints, options: PlanOptions, clock: "_Clock"
+def _improved(
+    problem: PlanningProblem,
+    branch: ReferenceBranch,
+    known: PlanResult,
+    options: PlanOptions,
+    clock: PlanningClock,
 ) -> PlanResult:
+    """Return what branch and bound finds, if it is certified and faster than what is known."""
+    clock.announce(Progress("candidate points on the reference path"))
+    search = BranchAndBound(
+        problem,
+        candidate_waypoints(problem, branch, options.candidate_points),
+        upper_bound=known.duration or np.inf,
+        node_budget=options.node_budget,
+    )
+    _run(search, known, clock)
+    statistics = search.statistics
+    result = known
+    if search.best is not None:
+        clock.announce(Progress("certificate", best_duration=search.best.duration))
+        found = _certified(problem, search.best, BRANCH_AND_BOUND, clock)
+        result = found if found.succeeded or not known.succeeded else known
+    elif clock.stopped_by == "time_limit" and not known.succeeded:
+        message = "the time limit passed before a motion was found"
+        result = PlanResult(PlanStatus.TIME_LIMIT, message, Place(), BRANCH_AND_BOUND)
+    if search.best is None and known.succeeded and clock.stopped_by is None:
+        message = f"{result.message}; branch and bound found nothing faster"
+        result = replace(result, message=message)
+    if statistics.budget_reached:
+        message = f"{result.message}; the search ended at its budget of {options.node_budget} nodes"
+        result = replace(result, message=message)
+    return replace(result, search=statistics)
+
+
+def _run(search: BranchAndBound, known: PlanResult, clock: PlanningClock) -> None:
+    """Search until there is nothing better, or until time, budget or the user's patience end."""
+    # The best motion must still be certified, in about the time that the known one took.
+    reserve = known.certificate_time
     try:
-        return _certified(problem, _trajectory(problem, rule, clock), options, clock)
-    except Infeasible as reason:
-        return PlanResult(
-            reason.status, str(reason), reason.place, options.method, None, None, clock.elapsed, 0.0
-        )
-
-
-class _Clock:
-    """Wall time since planning began; announces stages and ends planning at the time limit."""
-
-    def __init__(self, time_limit: float | None, progress: Progress | None) -> None:
-        self._begin = time.perf_counter()
-        self._limit = np.inf if time_limit is None else time_limit
-        self._progress = progress
-
-    @property
-    def elapsed(self) -> float:
-        return time.perf_counter() - self._begin
-
-    def enter(self, stage: str) -> None:
-        self._stage = stage
-        self.check()
-        if self._progress is not None:
-            self._progress(stage)
-
-    def check(self) -> None:
-        """Raise if the time limit has passed."""
-        if self.elapsed > self._limit:
-            message = f"the time limit of {self._limit:g} s passed before: {self._stage}"
-            raise Infeasible(PlanStatus.TIME_LIMIT, message, Place())
-
-
-def _trajectory(problem: PlanningProblem, rule: SpareJoints, clock: _Clock) -> JointTrajectory:
-    clock.enter("inverse kinematics along the reference path")
-    branch = reference_branch(problem, rule, clock.check)
-    for name, q in (("start", branch.start), ("goal", branch.goal)):
-        _require_free(problem, name, q)
-    clock.enter("motion along it, stopping at corners")
-    return stop_at_corners(problem, branch, clock.check)
-
-
-def _require_free(problem: PlanningProblem, name: str, q: FloatArray) -> None:
-    """Raise if a configuration is itself in collision or too near to an obstacle."""
-    checker = problem.collision
-    rotation, position = problem.robot.body_poses(q[None])
-    for pairs, required in ((checker.obstacle_pairs, problem.clearance), (checker.link_pairs, 0.0)):
-        if len(pairs) == 0:
-            continue
-        distance = checker.distances(rotation[0], position[0], pairs)
-        worst = int(distance.argmin())
-        if distance[worst] < required - Tolerance().absolute:
-            links, obstacle = checker.owners(pairs[worst])
-            where = f"in the {name} configuration"
-            message = _blocked_message(problem, links, obstacle, distance[worst] - required, where)
-            raise Infeasible(
-                PlanStatus.TUBE_BLOCKED, message, Place(links=links, obstacle=obstacle)
-            )
+        while not search.finished:
+            if clock.remaining <= reserve:
+                clock.stopped_by = "time_limit"
+                return
+            search.expand()
+            now = search.statistics
+            best = now.best_duration or known.duration
+            clock.announce(Progress("branch and bound", now.nodes, now.lower_bound, best))
+    except KeyboardInterrupt:
+        if search.best is None and not known.succeeded:
+            raise
+        clock.stopped_by = "interrupt"
 
 
 def _certified(
-    problem: PlanningProblem, trajectory: JointTrajectory, options: PlanOptions, clock: _Clock
+    problem: PlanningProblem, trajectory: JointTrajectory, method: str, clock: PlanningClock
 ) -> PlanResult:
-    clock.enter("certificate")
     begin = clock.elapsed
     certificate = verify(problem, trajectory)
-    status, message, place = _judge(problem, trajectory, certificate)
-    answer = trajectory if status is PlanStatus.SUCCESS else None
-    end = clock.elapsed
-    return PlanResult(status, message, place, options.method, answer, certificate, end, end - begin)
-
-
-def _judge(
-    problem: PlanningProblem, trajectory: JointTrajectory, certificate: Certificate
-) -> tuple[PlanStatus, str, Place]:
-    failures = certificate.failures()
-    if not failures:
-        message = f"certified motion of {trajectory.duration:.4f} s"
-        if problem.goal is None:
-            q = ", ".join(f"{value:.4f}" for value in trajectory.position(trajectory.duration))
-            message += f"; the goal was left open and became [{q}]"
-        return PlanStatus.SUCCESS, message, Place()
-    blocked = [name for name in failures if name in ("obstacles", "self_collision")]
-    if blocked:
-        condition = certificate.conditions[blocked[0]]
-        place, margin = condition.where, condition.margin or 0.0
-        when = f"at t = {place.time or 0.0:.3f} s"
-        message = _blocked_message(problem, place.links or (), place.obstacle, margin, when)
-        return PlanStatus.TUBE_BLOCKED, message, place
-    lines = "; ".join(certificate.describe(name) for name in failures)
-    place = certificate.conditions[failures[0]].where
-    return PlanStatus.CERTIFICATE_FAILED, f"the trajectory fails its certificate: {lines}", place
-
-
-def _blocked_message(
-    problem: PlanningProblem,
-    links: tuple[str, ...],
-    obstacle: str | None,
-    margin: float,
-    when: str,
-) -> str:
-    """Say which links are where, and how deep or how near."""
-    if obstacle is None:
-        return (
-            f"{' and '.join(links)} overlap by {-1000 * margin:.1f} mm {when}; choose another "
-            "configuration, or list the pair in collision.ignore if it may touch"
-        )
-    distance = 1000 * (margin + problem.clearance)
-    near = f"comes within {distance:.1f} mm of"
-    deed = near if distance > 0 else f"reaches {-distance:.1f} mm into"
-    wanted = f" (clearance {1000 * problem.clearance:g} mm)" if problem.clearance else ""
-    return (
-        f"'{links[0]}' {deed} '{obstacle}'{wanted} {when}; move the reference points or choose "
-        "another configuration"
+    certificate_time = clock.elapsed - begin
+    reason = refusal(problem, certificate)
+    if reason is None:
+        status, message, place = PlanStatus.SUCCESS, _success(problem, trajectory), Place()
+    else:
+        status, message, place = reason.status, str(reason), reason.place
+    return PlanResult(
+        status,
+        message,
+        place,
+        method,
+        trajectory if reason is None else None,
+        certificate,
+        certificate_time=certificate_time,
     )
+
+
+def _success(problem: PlanningProblem, trajectory: JointTrajectory) -> str:
+    message = f"certified motion of {trajectory.duration:.4f} s"
+    if problem.goal is None:
+        q = ", ".join(f"{value:.4f}" for value in trajectory.position(trajectory.duration))
+        message += f"; the goal was left open and became [{q}]"
+    return message

@@ -23,33 +23,36 @@ _VALLEY_SHARE = 0.02
 _SAFETY = 1e-8
 
 
-def scaling_factor(robot: RobotModel, samples: TrajectorySamples) -> FloatArray:
-    """Return how many times faster efforts and velocities allow each sample to be run: b(t).
+def scaling_factor(robot: RobotModel, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+    """Return how many times faster the limits allow each sample of a motion to be run: b(t).
 
     Args:
         robot: The arm.
-        samples: N samples of a trajectory.
+        q: Positions, shape (N, n) [rad or m].
+        v: Velocities, shape (N, n).
+        a: Accelerations, shape (N, n).
 
     Returns:
-        Shape (N, n): `min(v_limit / |v|, sqrt((tau_limit - g) / (tau - g)))`, the effort limit
-        taken with the sign of `tau - g`; inf where nothing limits. (Digest of the paper: b_ij.)
-
-    Raises:
-        Infeasible: Status gravity_exceeds_effort: gravity alone needs a motor's whole effort.
+        Shape (N, n): the least of `v_limit / |v|`, `sqrt(a_limit / |a|)` and
+        `sqrt((tau_limit - g) / (tau - g))`, the effort limit taken with the sign of `tau - g`; inf
+        where nothing limits, 0 where gravity alone needs a motor's whole effort. (Suh & Bishop
+        1988, property 2: b_ij; they have no acceleration limits.)
     """
-    velocity = robot.limits.velocity
-    return np.minimum(_ratio(velocity, abs(samples.velocity)), effort_factor(robot, samples))
+    limits = robot.limits
+    velocity = _ratio(limits.velocity, abs(v))
+    acceleration = np.sqrt(_ratio(limits.acceleration, abs(a)))
+    return np.minimum(np.minimum(velocity, acceleration), effort_factor(robot, q, v, a))
 
 
-def effort_factor(robot: RobotModel, samples: TrajectorySamples) -> FloatArray:
+def effort_factor(robot: RobotModel, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
     """Return the part of `scaling_factor` that the efforts give, shape (N, n)."""
     limit = robot.limits.effort
-    gravity = robot.gravity_effort(samples.position)
-    _require_gravity(robot, samples, gravity)
-    tau = robot.inverse_dynamics(samples.position, samples.velocity, samples.acceleration)
+    gravity = robot.gravity_effort(q)
+    tau = robot.inverse_dynamics(q, v, a)
     motion = tau - gravity
     room = np.where(motion >= 0, limit - gravity, limit + gravity)
-    return np.sqrt(_ratio(room, abs(motion)))
+    holds = abs(gravity) < limit
+    return np.sqrt(_ratio(room, abs(motion)), out=np.zeros_like(tau), where=holds)
 
 
 def minimum_duration(robot: RobotModel, trajectory: JointTrajectory) -> float:
@@ -74,7 +77,8 @@ def estimated_duration(robot: RobotModel, trajectory: JointTrajectory) -> float:
     Raises:
         Infeasible: Status gravity_exceeds_effort.
     """
-    effort = float(effort_factor(robot, trajectory.per_piece(_SAMPLES_PER_PIECE // 2)).min())
+    samples = trajectory.per_piece(_SAMPLES_PER_PIECE // 2)
+    effort = float(_held_effort_factor(robot, samples).min())
     return trajectory.duration / min(_polynomial_factor(robot, trajectory, _hull_peaks), effort)
 
 
@@ -120,16 +124,25 @@ def _hull_peaks(coefficients: FloatArray, widths: FloatArray) -> FloatArray:
 def _least_effort_factor(robot: RobotModel, trajectory: JointTrajectory) -> float:
     """Return the smallest effort factor over time, its valleys refined between samples."""
     samples = trajectory.per_piece(_SAMPLES_PER_PIECE)
-    factor = effort_factor(robot, samples).min(axis=1)
+    factor = _held_effort_factor(robot, samples)
     least = float(factor.min())
     if not np.isfinite(least):
         return least
 
     def negative(time: FloatArray) -> FloatArray:
-        return -effort_factor(robot, trajectory.at(time)).min(axis=1)
+        return -_held_effort_factor(robot, trajectory.at(time))
 
     highest, _ = refined_maximum(negative, samples.time, -factor, band=_VALLEY_SHARE * least)
     return -highest
+
+
+def _held_effort_factor(robot: RobotModel, samples: TrajectorySamples) -> FloatArray:
+    """Return the smallest effort factor of each sample, (N,), each of which the motors can hold."""
+    q, v, a = samples.position, samples.velocity, samples.acceleration
+    factor = effort_factor(robot, q, v, a).min(axis=1)
+    if (factor == 0).any():
+        raise _gravity_exceeds_effort(robot, q[int(factor.argmin())])
+    return factor
 
 
 def _ratio(room: FloatArray, use: FloatArray) -> FloatArray:
@@ -138,18 +151,16 @@ def _ratio(room: FloatArray, use: FloatArray) -> FloatArray:
     return np.divide(room, use, out=np.full(use.shape, np.inf), where=(use > 0) & np.isfinite(room))
 
 
-def _require_gravity(robot: RobotModel, samples: TrajectorySamples, gravity: FloatArray) -> None:
-    room = robot.limits.effort - abs(gravity)
-    if (room > 0).all():
-        return
-    sample, joint = np.unravel_index(int(room.argmin()), room.shape)
-    hand = robot.tool_position(samples.position[sample][None])[0]
+def _gravity_exceeds_effort(robot: RobotModel, q: FloatArray) -> Infeasible:
+    gravity, limit = abs(robot.gravity_effort(q[None])[0]), robot.limits.effort
+    joint = int((limit - gravity).argmin())
+    x, y, z = (float(value) for value in robot.tool_position(q[None])[0])
     name = robot.joint_names[joint]
     unit = "N m" if robot.revolute[joint] else "N"
-    raise Infeasible(
+    return Infeasible(
         PlanStatus.GRAVITY_EXCEEDS_EFFORT,
-        f"joint '{name}' needs {abs(gravity[sample, joint]):.2f} {unit} against gravity alone, its "
-        f"effort limit is {robot.limits.effort[joint]:.2f}; lighten the payload, choose another "
-        "configuration or a stronger motor",
-        Place(joint=name, position=(float(hand[0]), float(hand[1]), float(hand[2]))),
+        f"joint '{name}' needs {gravity[joint]:.2f} {unit} against gravity alone, its effort limit "
+        f"is {limit[joint]:.2f}; lighten the payload, choose another configuration or a stronger "
+        "motor",
+        Place(joint=name, position=(x, y, z)),
     )

@@ -1,0 +1,69 @@
+"""Which configurations near the reference path bring links too near to obstacles or each other.
+
+Distances are known at the waypoints; elsewhere, the joints' travel from there bounds them from
+below. Only pairs for which that is not enough are measured.
+"""
+
+import numpy as np
+
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray
+from tubeplanner.closest_approach import closest_approach
+from tubeplanner.problem import PlanningProblem
+from tubeplanner.trajectory import JointTrajectory
+
+_TOLERANCE = 5e-7  # [m]: half of what the certificate allows
+
+
+class LinkClearance:
+    """Links against obstacles and links, around M known configurations.
+
+    Attributes:
+        free_waypoints: Which of the known configurations are free: bool, shape (M,).
+    """
+
+    def __init__(self, problem: PlanningProblem, waypoints: FloatArray) -> None:
+        """Measure all distances at waypoints of shape (M, n)."""
+        self._problem, self._checker = problem, problem.collision
+        checker = problem.collision
+        self._pairs = np.concatenate([checker.obstacle_pairs, checker.link_pairs])
+        self._required = np.repeat(
+            [problem.clearance - _TOLERANCE, -_TOLERANCE],
+            [len(checker.obstacle_pairs), len(checker.link_pairs)],
+        )
+        self._weights = checker.motion_weights(self._pairs)
+        self._waypoints = waypoints
+        poses = zip(*problem.robot.body_poses(waypoints), strict=True)
+        self._distance = np.array(
+            [checker.distances(rotation, position, self._pairs) for rotation, position in poses]
+        )
+        self.free_waypoints = np.all(self._distance >= self._required, axis=1)
+
+    def is_free(self, q: FloatArray, waypoint: IntArray) -> BoolArray:
+        """Return whether configurations are free: bool, shape (N,).
+
+        Args:
+            q: Shape (N, n).
+            waypoint: For each, the index of a waypoint near it, shape (N,).
+        """
+        travel = abs(q - self._waypoints[waypoint])
+        lower = self._distance[waypoint] - travel @ self._weights.T
+        free = np.ones(len(q), dtype=bool)
+        doubtful = np.flatnonzero((lower < self._required).any(axis=1))
+        rotation, position = self._problem.robot.body_poses(q[doubtful])
+        spheres = self._checker.sphere_distances(rotation, position, self._pairs)
+        near = (np.maximum(lower[doubtful], spheres)) < self._required
+        for i, row in enumerate(doubtful):
+            pairs = np.flatnonzero(near[i])
+            distance = self._checker.distances(rotation[i], position[i], self._pairs[pairs])
+            free[row] = (distance >= self._required[pairs]).all()
+        return free
+
+
+def keeps_clear(problem: PlanningProblem, trajectory: JointTrajectory) -> bool:
+    """Return whether links stay clear of obstacles and each other along a motion, for all t."""
+    checker = problem.collision
+    for pairs, required in ((checker.obstacle_pairs, problem.clearance), (checker.link_pairs, 0.0)):
+        nearest = closest_approach(checker, trajectory, pairs, required)
+        if nearest is not None and nearest.lower_bound < required - _TOLERANCE:
+            return False
+    return True
