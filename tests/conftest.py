@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tubeplanner import LimitOverrides, load_problem, load_robot, plan
+from tubeplanner import LimitOverrides, PlanOptions, load_problem, load_robot, plan
 
 
 @pytest.fixture(scope="session")
@@ -29,18 +29,27 @@ def robot(request):
     return request.getfixturevalue(request.param)
 
 
-PROBLEMS = ("two_link/around_a_post", "ur5/over_the_wall", "panda/between_shelves")
+PROBLEMS = (
+    "two_link/around_a_post",
+    "ur5/over_the_wall",
+    "ur10/onto_a_conveyor",
+    "panda/between_shelves",
+    "xarm7/from_crate_to_crate",
+)
 
 
 @pytest.fixture(scope="session")
 def planned():
-    """Return a function from a bundled problem's name to the problem and its plan, made once."""
+    """Return a function from a bundled problem's name to the problem and its plan, made once.
+
+    Unless asked otherwise, the motion stops at corners: quick, and its shape is known.
+    """
     made = {}
 
-    def of(name):
-        if name not in made:
+    def of(name, method="stop-at-corners"):
+        if (name, method) not in made:
             problem = load_problem(f"example:{name}")
-            made[name] = (problem, plan(problem))
-        return made[name]
+            made[name, method] = (problem, plan(problem, PlanOptions(method)))
+        return made[name, method]
 
     return of

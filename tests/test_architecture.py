@@ -24,6 +24,7 @@ ORDER = (
     "mesh_cover",
     "link_geometry",
     "obstacle",
+    "separation",
     "collision",
     "tube",
     "problem_faults",
@@ -77,7 +78,7 @@ PLANNING = {
 # Who may know which library.
 KNOWS = {
     "pinocchio": {"pinocchio_model", "robot"},
-    "fcl": {"collision"},
+    "fcl": {"separation"},
     "yourdfpy": {"link_geometry"},
     "trimesh": {"mesh_cover"},
     "matplotlib": {"plotting"},

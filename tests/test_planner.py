@@ -1,3 +1,5 @@
+import time
+
 import numpy as np
 import pytest
 from ruamel.yaml import YAML
@@ -21,14 +23,31 @@ from tubeplanner import (
 from tubeplanner.problem_format import ObstacleFields, ProblemFields, RobotFields, TubeFields
 from tubeplanner.resources import bundled_problems
 
+STOP = "stop-at-corners"
+
 
 @pytest.mark.parametrize("name", PROBLEMS)
 def test_bundled_problems_are_planned_and_certified(name, planned):
-    problem, result = planned(name)
+    problem, result = planned(name, "branch-and-bound")
     assert result.status is PlanStatus.SUCCESS
     assert result.certificate.passed
     assert verify(problem, result.trajectory).passed
     assert 0 < result.certificate_time < result.planning_time
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_the_result_says_which_method_was_faster(name, planned):
+    _, stopping = planned(name)
+    _, result = planned(name, "branch-and-bound")
+    assert (stopping.method, stopping.search, stopping.phase1_duration) == (STOP, None, None)
+    assert not result.search.budget_reached
+    if result.method == STOP:
+        assert result.duration == stopping.duration
+        assert result.phase1_duration is None
+        assert result.message.endswith("; branch and bound found nothing faster")
+    else:
+        assert result.method == "branch-and-bound"
+        assert result.phase1_duration == result.duration < stopping.duration
 
 
 @pytest.mark.parametrize("name", PROBLEMS)
@@ -64,7 +83,7 @@ def two_link_problem(two_link, obstacles=(), **more):
 
 def test_an_obstacle_in_the_tube_is_named_with_link_place_and_depth(two_link):
     ball = Obstacle.sphere("ball", 0.04, placement_of([0.36, 0.0, 0.05]))  # above link1
-    result = plan(two_link_problem(two_link, [ball]))
+    result = plan(two_link_problem(two_link, [ball]), PlanOptions(STOP))
     assert result.status is PlanStatus.TUBE_BLOCKED
     assert result.trajectory is None
     assert result.place.obstacle == "ball"
@@ -72,6 +91,15 @@ def test_an_obstacle_in_the_tube_is_named_with_link_place_and_depth(two_link):
     assert "'link2' reaches" in result.message
     assert "mm into 'ball' at t = " in result.message
     assert not result.certificate.passed
+
+
+def test_branch_and_bound_may_pass_what_blocks_the_reference_path(two_link):
+    ball = Obstacle.sphere("ball", 0.04, placement_of([0.36, 0.0, 0.05]))
+    result = plan(two_link_problem(two_link, [ball]))
+    assert result.succeeded
+    assert result.method == "branch-and-bound"
+    assert 0 < result.certificate.conditions["obstacles"].margin < 0.01
+    assert result.search.cuts["collision"] > 0
 
 
 def test_a_missed_clearance_is_named(two_link):
@@ -154,16 +182,86 @@ def test_a_time_limit_ends_planning(two_link):
 
 def test_stages_are_announced(two_link):
     stages = []
-    plan(two_link_problem(two_link), progress=stages.append)
-    assert len(stages) == 3
-    assert stages[-1] == "certificate"
+    plan(two_link_problem(two_link), PlanOptions(STOP), stages.append)
+    assert [str(progress) for progress in stages] == [
+        "inverse kinematics along the reference path",
+        "motion along it, stopping at corners",
+        "certificate",
+    ]
+
+
+def test_the_progress_of_the_search_is_told(two_link):
+    told = []
+    result = plan(two_link_problem(two_link), progress=told.append)
+    search = [progress for progress in told if progress.nodes is not None]
+    assert [progress.nodes for progress in search] == sorted(p.nodes for p in search)
+    bounds = [p.lower_bound for p in search if p.lower_bound is not None]
+    assert bounds == sorted(bounds)
+    best = [progress.best_duration for progress in search]
+    assert best == sorted(best, reverse=True)
+    assert best[-1] == result.duration < best[0]
+    assert str(search[3]).startswith(f"branch and bound, {search[3].nodes} nodes, at least 0.")
+
+
+def test_the_time_limit_keeps_the_best_that_is_certified(two_link):
+    """The limit passes during the search, because the callback dawdles."""
+    begin = time.perf_counter()
+
+    def dawdle(progress):
+        if progress.nodes:
+            time.sleep(0.3)
+
+    options = PlanOptions(time_limit=1.0)
+    result = plan(two_link_problem(two_link), options, dawdle)
+    assert result.succeeded
+    assert result.stopped_by == "time_limit"
+    assert time.perf_counter() - begin < 2.0
+
+
+@pytest.mark.parametrize(("after", "method"), [(1, STOP), (100, "branch-and-bound")])
+def test_an_interrupt_keeps_the_best_that_is_certified(after, method):
+    """Ctrl-C before and after the search has an answer of its own."""
+    calls = []
+
+    def interrupt(progress):
+        calls.append(progress)
+        if progress.nodes is not None and sum(c.nodes is not None for c in calls) == after:
+            raise KeyboardInterrupt
+
+    result = plan(load_problem("example:two_link/around_a_post"), progress=interrupt)
+    assert result.succeeded
+    assert result.stopped_by == "interrupt"
+    assert result.certificate.passed
+    assert result.method == method
+
+
+def test_an_interrupt_before_anything_is_certified_is_passed_on(two_link):
+    def interrupt(progress):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        plan(two_link_problem(two_link), progress=interrupt)
+
+
+def test_the_node_budget_is_reported_when_it_binds(two_link):
+    result = plan(two_link_problem(two_link), PlanOptions(node_budget=64))
+    assert result.succeeded
+    assert result.search.budget_reached
+    assert 64 <= result.search.nodes < 100
+    assert result.message.endswith("; the search ended at its budget of 64 nodes")
 
 
 def test_options_are_checked_when_they_are_made():
-    with pytest.raises(OptionError, match="unknown method 'fast'; there is: stop-at-corners"):
+    with pytest.raises(
+        OptionError, match="unknown method 'fast'; there is: branch-and-bound, stop-at-corners"
+    ):
         PlanOptions(method="fast")
     with pytest.raises(OptionError, match="time_limit is -1 s; it must be > 0"):
         PlanOptions(time_limit=-1)
+    with pytest.raises(OptionError, match="candidate_points is 1; 2 to 1000 are accepted"):
+        PlanOptions(candidate_points=1)
+    with pytest.raises(OptionError, match="node_budget is 0; it must be >= 1"):
+        PlanOptions(node_budget=0)
 
 
 def test_limits_scaled_down_slow_the_motion_down(planned, two_link):

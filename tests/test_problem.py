@@ -404,7 +404,7 @@ def test_a_fault_in_a_file_is_reported_with_the_file(cell):
 def test_bundled_problems_load_by_name_and_are_called_so(name):
     problem = load_problem(f"example:{name}")
     assert problem.name == name
-    assert len(problem.collision.shapes) > len(problem.obstacles) > 0
+    assert len(problem.collision.shapes) > len(problem.obstacles)
 
 
 # --- Python ------------------------------------------------------------------------------------

@@ -18,13 +18,13 @@ from typing import Any
 import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
-from tubeplanner.link_clearance import keeps_clear
+from tubeplanner.link_clearance import collision_time
 from tubeplanner.outcome import Infeasible
 from tubeplanner.problem import PlanningProblem
 from tubeplanner.segment_rules import SegmentBatch, SegmentRules
 from tubeplanner.time_scaling import scaled_to_limits
 from tubeplanner.trajectory import JointTrajectory
-from tubeplanner.tube_membership import trajectory_margin
+from tubeplanner.tube_membership import first_departure
 from tubeplanner.waypoint_interpolation import (
     last_two_quartics,
     look_ahead_quartic,
@@ -44,8 +44,9 @@ class SearchStatistics:
         nodes: Nodes expanded.
         children: Continuations built and tested.
         cuts: How many of them each rule cut at samples.
-        motions: Complete motions that were left.
-        refused: How many of those failed the tests between samples, or were no faster.
+        motions: Complete motions that were left, and tested between samples.
+        refused: How many of those failed, or were no faster.
+        forgone: Nodes and motions passed over because they begin like one that failed.
         lower_bound: No motion of this family is faster [s]; None if there is none.
         best_duration: Of the best motion so far [s]; None if there is none.
         budget_reached: Whether the node budget ended the search: there may be better motions.
@@ -56,6 +57,7 @@ class SearchStatistics:
     cuts: dict[str, int]
     motions: int
     refused: int
+    forgone: int
     lower_bound: float | None
     best_duration: float | None
     budget_reached: bool
@@ -68,7 +70,8 @@ class SearchStatistics:
         cuts = ", ".join(f"{rule} {count}" for rule, count in self.cuts.items())
         text = (
             f"{self.nodes} nodes, {self.children} segments tested, cut by rule: {cuts}; "
-            f"{self.motions} motions tried, {self.refused} refused"
+            f"{self.motions} motions tried, {self.refused} refused; {self.forgone} forgone, which "
+            "begin like a refused one"
         )
         if self.budget_reached:
             text += "; the node budget ended it"
@@ -124,7 +127,9 @@ class BranchAndBound:
         self._rules = SegmentRules(problem, waypoints)
         self._upper_bound, self._node_budget = upper_bound, node_budget
         self._open: list[tuple[float, tuple[int, ...], _Node]] = []
-        self._nodes = self._children = self._motions = self._refused = 0
+        # Beginnings of motions that failed between samples: all that begin so fail alike.
+        self._failed: set[tuple[int, ...]] = set()
+        self._nodes = self._children = self._motions = self._refused = self._forgone = 0
         self._begin()
 
     @property
@@ -142,6 +147,7 @@ class BranchAndBound:
             cuts=dict(self._rules.cuts),
             motions=self._motions,
             refused=self._refused,
+            forgone=self._forgone,
             lower_bound=self._open[0][0] if self._has_open_nodes else best,
             best_duration=best,
             budget_reached=self._has_open_nodes and self._nodes >= self._node_budget,
@@ -151,7 +157,9 @@ class BranchAndBound:
         """Expand the most promising nodes."""
         nodes: list[_Node] = []
         while self._has_open_nodes and len(nodes) < _NODES_AT_ONCE:
-            nodes.append(heapq.heappop(self._open)[2])
+            node = heapq.heappop(self._open)[2]
+            if not self._begins_like_a_failed_one(node.waypoints):
+                nodes.append(node)
         self._nodes += len(nodes)
         for batch in (self._last_segments(nodes), self._inner_segments(nodes)):
             self._children += len(batch)
@@ -240,24 +248,34 @@ class BranchAndBound:
 
     def _try_motion(self, waypoints: tuple[int, ...]) -> None:
         """Keep a motion if it is the fastest yet and holds between samples as well."""
+        if self._begins_like_a_failed_one(waypoints):
+            return
         self._motions += 1
         shape = sequential_quartics(
             self._problem.robot.joint_names, self._waypoints[list(waypoints)]
         )
-        motion = self._checked(shape)
-        if motion is None:
-            self._refused += 1
-            return
-        self.best, self.best_waypoints = motion, waypoints
-        self._upper_bound = motion.duration
+        fault = first_departure(self._problem, shape, _TOLERANCE)
+        motion = self._at_limits(shape) if fault is None else None
+        if motion is not None and motion.duration < self._upper_bound:
+            time = collision_time(self._problem, shape)
+            if time is None:
+                self.best, self.best_waypoints = motion, waypoints
+                self._upper_bound = motion.duration
+                return
+            fault = min(int(time), len(waypoints) - 2)
+        self._refused += 1
+        # A segment depends on the waypoints up to the one after its end, the last two on all.
+        if fault is not None and fault + 3 < len(waypoints):
+            self._failed.add(waypoints[: fault + 3])
 
-    def _checked(self, shape: JointTrajectory) -> JointTrajectory | None:
-        """Return a shape run at the limits, or None if it breaks a rule between samples."""
-        if trajectory_margin(self._problem, shape) < -_TOLERANCE:
-            return None
+    def _at_limits(self, shape: JointTrajectory) -> JointTrajectory | None:
+        """Return a shape run as fast as the limits allow; None where gravity is too strong."""
         try:
-            motion = scaled_to_limits(self._problem.robot, shape)
-        except Infeasible:  # gravity
+            return scaled_to_limits(self._problem.robot, shape)
+        except Infeasible:
             return None
-        faster = motion.duration < self._upper_bound
-        return motion if faster and keeps_clear(self._problem, shape) else None
+
+    def _begins_like_a_failed_one(self, waypoints: tuple[int, ...]) -> bool:
+        failed = any(waypoints[:k] in self._failed for k in range(3, len(waypoints) + 1))
+        self._forgone += failed
+        return failed

@@ -1,14 +1,9 @@
-"""Signed distances between links, and between links and obstacles. All of FCL lives here.
-
-FCL's distances can be too long by millimetres; what is returned here is a rigorous lower bound,
-the separation of the two shapes along the direction that FCL finds, and exact nearly always.
-"""
+"""Links against obstacles and against each other: which pairs, and how far apart they are."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-import fcl
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
@@ -17,14 +12,9 @@ from tubeplanner.errors import ProblemError, unknown_name
 from tubeplanner.link_geometry import link_shapes
 from tubeplanner.obstacle import AttachedSolid, Obstacle
 from tubeplanner.robot import RobotModel
+from tubeplanner.separation import PlacedShape, separation
 
 _BASE = 0
-# FCL needs a solid where a shape is a grown point or edge: a core this thin [m].
-_CORE_THICKNESS = 1e-9
-_NO_LENGTH = 1e-12  # [m]
-# A bound this far below FCL's distance [m] is improved, in at most so many steps.
-_LOOSE = 1e-5
-_MOST_IMPROVEMENTS = 40
 # Link pairs that touch in all of so many random configurations are taken to touch always.
 _TOUCH_SAMPLES = 400
 _TOUCH_SEED = 0
@@ -101,7 +91,7 @@ class CollisionChecker:
             for obstacle in obstacles
             for shape in obstacle.shapes
         ]
-        self._objects = [_fcl_object(body_shape.shape) for body_shape in self.shapes]
+        self._placed = [PlacedShape(body_shape.shape) for body_shape in self.shapes]
         self._ignored = {frozenset(pair) for pair in (*ignore, *touching)}
         carried, standing = range(link_count), range(link_count, len(self.shapes))
         self.obstacle_pairs = self._select((i, j) for i in carried for j in standing)
@@ -125,9 +115,59 @@ class CollisionChecker:
         Raises:
             ValueError: A pose is not finite.
         """
+        return self.separations(rotation, position, pairs)[0]
+
+    def separations(
+        self, rotation: FloatArray, position: FloatArray, pairs: IntArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return `distances`, and along which directions the shapes are that far apart.
+
+        Returns:
+            Distances (P,) [m] and unit vectors (P, 3) from the first towards the second shape of
+            each pair, in the frame of the second shape's body.
+        """
         for index in np.unique(pairs):
-            self._objects[index].move(rotation, position, self.shapes[index].body)
-        return np.array([_separation(self._objects[i], self._objects[j]) for i, j in pairs])
+            body = self.shapes[index].body
+            self._placed[index].move(rotation[body], position[body])
+        found = [separation(self._placed[i], self._placed[j]) for i, j in pairs]
+        distance = np.array([distance for distance, _ in found])
+        world = np.array([direction for _, direction in found]).reshape(-1, 3)
+        frames = rotation[[self.shapes[j].body for j in pairs[:, 1]]]
+        return distance, np.einsum("pij,pi->pj", frames, world)
+
+    def separations_along(
+        self,
+        rotation: FloatArray,
+        position: FloatArray,
+        pairs: IntArray,
+        direction: FloatArray,
+    ) -> FloatArray:
+        """Return how far apart pairs are along given directions, each in its own configuration.
+
+        A direction that separates a pair separates it in neighbouring configurations as well,
+        hardly less far: a quick lower bound on the distance.
+
+        Args:
+            rotation: Shape (P, bodies, 3, 3).
+            position: Shape (P, bodies, 3) [m].
+            pairs: Shape (P, 2).
+            direction: Unit vectors as from `separations`, shape (P, 3).
+
+        Returns:
+            Shape (P,) [m].
+        """
+        result = np.empty(len(pairs))
+        order = np.lexsort(pairs.T)
+        groups = np.flatnonzero(np.any(np.diff(pairs[order], axis=0) != 0, axis=1)) + 1
+        for rows in np.split(order, groups) if len(order) else ():
+            first, second = (self.shapes[index] for index in pairs[rows[0]])
+            ahead = np.einsum("pij,pj->pi", rotation[rows, second.body], direction[rows])
+            local = np.einsum("pij,pi->pj", rotation[rows, first.body], ahead)
+            farthest = (local @ first.shape.vertices.T).max(axis=1) + first.shape.radius
+            nearest = (direction[rows] @ second.shape.vertices.T).min(axis=1) - second.shape.radius
+            offset = position[rows, second.body] - position[rows, first.body]
+            result[rows] = nearest - farthest + np.einsum("pi,pi->p", ahead, offset)
+        return result
 
     def sphere_distances(
         self, rotation: FloatArray, position: FloatArray, pairs: IntArray
@@ -214,105 +254,6 @@ class CollisionChecker:
 
     def _owners(self, pair: IntArray) -> frozenset[str]:
         return frozenset(self.shapes[index].owner for index in pair)
-
-
-class _FclObject:
-    """A shape as FCL sees it, and its vertices for the separation along a direction."""
-
-    def __init__(self, geometry: object, core: FloatArray, shape: ConvexShape) -> None:
-        self._object = fcl.CollisionObject(geometry)
-        self._core = core  # pose of the FCL geometry in the body's frame, shape (4, 4)
-        self._vertices = shape.vertices
-        self._center = shape.center
-        self.radius = shape.radius
-
-    def move(self, rotation: FloatArray, position: FloatArray, body: int) -> None:
-        """Place the shape: poses of all bodies, and the body that carries it.
-
-        FCL ends the process on a pose that is not finite.
-        """
-        if not (np.isfinite(rotation[body]).all() and np.isfinite(position[body]).all()):
-            raise ValueError("poses must be finite")
-        self._rotation, self._position = rotation[body], position[body]
-        core_rotation = self._rotation @ self._core[:3, :3]
-        core_position = self._rotation @ self._core[:3, 3] + self._position
-        self._object.setTransform(fcl.Transform(core_rotation, core_position))
-
-    def extremes(self, direction: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the core's vertices farthest back and farthest ahead along a direction, (3,)."""
-        along = self._vertices @ (self._rotation.T @ direction)
-        ends = self._vertices[[along.argmin(), along.argmax()]]
-        back, ahead = ends @ self._rotation.T + self._position
-        return back, ahead
-
-    def gap_to(self, other: "_FclObject") -> tuple[FloatArray, bool]:
-        """Return the vector between FCL's nearest points, and whether the cores overlap."""
-        request = fcl.DistanceRequest(enable_nearest_points=True, enable_signed_distance=True)
-        result = fcl.DistanceResult()
-        distance = fcl.distance(self._object, other._object, request, result)
-        near, far = result.nearest_points
-        for gap in (far - near, other._world_center() - self._world_center(), np.eye(3)[0]):
-            if np.linalg.norm(gap) > _NO_LENGTH:
-                return gap, distance <= 0
-        raise AssertionError("the last candidate has length 1")
-
-    def _world_center(self) -> FloatArray:
-        return self._rotation @ self._center + self._position
-
-
-def _separation(first: _FclObject, second: _FclObject) -> float:
-    """Return a lower bound on the signed distance of two placed shapes [m].
-
-    Any direction gives a bound: how far the second begins beyond the end of the first. FCL's
-    nearest points give the best direction nearly always. Where they do not, it is improved by
-    Gilbert's iteration ("An iterative procedure for computing the minimum of a quadratic form on
-    a convex set", 1966): the shortest vector to the set of differences of both cores' points.
-    """
-    gap, overlap = first.gap_to(second)
-    best = -np.inf
-    for _ in range(_MOST_IMPROVEMENTS):
-        length = float(np.linalg.norm(gap))
-        direction = gap / length
-        back_1, ahead_1 = first.extremes(direction)
-        back_2, ahead_2 = second.extremes(direction)
-        difference = back_2 - ahead_1
-        best = max(best, float(direction @ difference), float(direction @ (back_1 - ahead_2)))
-        if overlap or best > length - _LOOSE:
-            break
-        gap = _nearest_to_origin(gap, difference)
-        if np.linalg.norm(gap) < _LOOSE:
-            break
-    return best - first.radius - second.radius
-
-
-def _nearest_to_origin(start: FloatArray, end: FloatArray) -> FloatArray:
-    """Return the point of a straight line between two points that is nearest to the origin."""
-    along = end - start
-    share = -float(start @ along) / max(float(along @ along), _NO_LENGTH**2)
-    return start + min(max(share, 0.0), 1.0) * along
-
-
-def _fcl_object(shape: ConvexShape) -> _FclObject:
-    core = np.eye(4)
-    if len(shape.vertices) > 2:
-        triangles = shape.faces
-        faces = np.hstack([np.full((len(triangles), 1), 3), triangles]).ravel()
-        return _FclObject(fcl.Convex(shape.vertices, len(triangles), faces), core, shape)
-    core[:3, 3] = shape.center
-    if len(shape.vertices) == 1:
-        return _FclObject(fcl.Sphere(_CORE_THICKNESS), core, shape)
-    edge = shape.vertices[1] - shape.vertices[0]
-    length = float(np.linalg.norm(edge))
-    core[:3, :3] = _frame_along(edge / length)
-    geometry = fcl.Box(_CORE_THICKNESS, _CORE_THICKNESS, length)
-    return _FclObject(geometry, core, shape)
-
-
-def _frame_along(z: FloatArray) -> FloatArray:
-    """Return a rotation whose third column is the unit vector z."""
-    x = np.cross(np.eye(3)[int(np.argmin(abs(z)))], z)
-    x /= np.linalg.norm(x)
-    return np.column_stack([x, np.cross(z, x), z])
 
 
 def _as_pairs(pairs: list[tuple[int, int]]) -> IntArray:

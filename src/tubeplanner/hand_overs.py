@@ -20,15 +20,29 @@ def best_hand_overs(margin: FloatArray) -> IntArray:
         Shape (m-1,), never decreasing: sample s is counted to segment k if it lies between the
         hand-overs k-1 and k, both included, so that a hand-over counts in both its segments.
     """
-    best = [np.minimum.accumulate(margin[:, 0])]
-    for k in range(1, margin.shape[1]):
-        best.append(_best_after_hand_over(best[-1], margin[:, k]))
+    best = best_margins(margin)
     hand_overs: list[int] = []
     last = len(margin) - 1
     for k in range(margin.shape[1] - 1, 0, -1):
-        last = _hand_over_before(best[k - 1], margin[:, k - 1], margin[:, k], last)
+        last = _hand_over_before(best[:, k - 1], margin[:, k - 1], margin[:, k], last)
         hand_overs.insert(0, last)
     return np.array(hand_overs, dtype=np.int64)
+
+
+def best_margins(margin: FloatArray) -> FloatArray:
+    """Return the largest worst margin with which each sample can be in each segment.
+
+    Args:
+        margin: Shape (N, m), as for `best_hand_overs`.
+
+    Returns:
+        Shape (N, m): the worst margin up to a sample, if it is in that segment, the first sample
+        was in the first, and the hand-overs between were the best ones.
+    """
+    best = [np.minimum.accumulate(margin[:, 0])]
+    for k in range(1, margin.shape[1]):
+        best.append(_best_after_hand_over(best[-1], margin[:, k]))
+    return np.column_stack(best)
 
 
 def _best_after_hand_over(before: FloatArray, margin: FloatArray) -> FloatArray:

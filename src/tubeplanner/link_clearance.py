@@ -1,7 +1,8 @@
 """Which configurations near the reference path bring links too near to obstacles or each other.
 
 Distances are known at the waypoints; elsewhere, the joints' travel from there bounds them from
-below. Only pairs for which that is not enough are measured.
+below, and so does the direction that separates a pair there. Only pairs for which neither is enough
+are measured.
 """
 
 import numpy as np
@@ -33,9 +34,11 @@ class LinkClearance:
         self._weights = checker.motion_weights(self._pairs)
         self._waypoints = waypoints
         poses = zip(*problem.robot.body_poses(waypoints), strict=True)
-        self._distance = np.array(
-            [checker.distances(rotation, position, self._pairs) for rotation, position in poses]
-        )
+        found = [
+            checker.separations(rotation, position, self._pairs) for rotation, position in poses
+        ]
+        self._distance = np.array([distance for distance, _ in found])
+        self._direction = np.array([direction for _, direction in found])
         self.free_waypoints = np.all(self._distance >= self._required, axis=1)
 
     def is_free(self, q: FloatArray, waypoint: IntArray) -> BoolArray:
@@ -51,19 +54,28 @@ class LinkClearance:
         doubtful = np.flatnonzero((lower < self._required).any(axis=1))
         rotation, position = self._problem.robot.body_poses(q[doubtful])
         spheres = self._checker.sphere_distances(rotation, position, self._pairs)
-        near = (np.maximum(lower[doubtful], spheres)) < self._required
-        for i, row in enumerate(doubtful):
-            pairs = np.flatnonzero(near[i])
+        row, pair = np.nonzero(np.maximum(lower[doubtful], spheres) < self._required)
+        direction = self._direction[waypoint[doubtful[row]], pair]
+        along = self._checker.separations_along(
+            rotation[row], position[row], self._pairs[pair], direction
+        )
+        undecided = along < self._required[pair]
+        row, pair = row[undecided], pair[undecided]
+        for i in np.unique(row):
+            pairs = pair[row == i]
             distance = self._checker.distances(rotation[i], position[i], self._pairs[pairs])
-            free[row] = (distance >= self._required[pairs]).all()
+            free[doubtful[i]] = (distance >= self._required[pairs]).all()
         return free
 
 
-def keeps_clear(problem: PlanningProblem, trajectory: JointTrajectory) -> bool:
-    """Return whether links stay clear of obstacles and each other along a motion, for all t."""
+def collision_time(problem: PlanningProblem, trajectory: JointTrajectory) -> float | None:
+    """Return when links come too near to an obstacle or each other [s]; None if they never do.
+
+    For all t, by bisection; the time is that of the closest approach.
+    """
     checker = problem.collision
     for pairs, required in ((checker.obstacle_pairs, problem.clearance), (checker.link_pairs, 0.0)):
         nearest = closest_approach(checker, trajectory, pairs, required)
         if nearest is not None and nearest.lower_bound < required - _TOLERANCE:
-            return False
-    return True
+            return nearest.time
+    return None

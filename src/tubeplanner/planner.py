@@ -145,62 +145,74 @@ def plan(
     """
     options = options or PlanOptions()
     clock = PlanningClock(options.time_limit, progress)
-    result, branch = _stopping_at_corners(problem, clock)
-    timed_out = result.status is PlanStatus.TIME_LIMIT
-    if options.method == BRANCH_AND_BOUND and branch is not None and not timed_out:
-        result = _improved(problem, branch, result, options, clock)
+    known = _stopping_at_corners(problem, clock)
+    result = known.result
+    moves = known.branch is not None and known.branch.moving_segments
+    if options.method == BRANCH_AND_BOUND and moves:
+        result = _improved(problem, known.branch, known, options, clock)
     return replace(result, planning_time=clock.elapsed, stopped_by=clock.stopped_by)
 
 
-def _stopping_at_corners(
-    problem: PlanningProblem, clock: PlanningClock
-) -> tuple[PlanResult, ReferenceBranch | None]:
-    """Return the first certified motion that stops at corners, and its branch.
+@dataclass(frozen=True, eq=False)
+class _StopAtCorners:
+    """What stopping at corners gave: its result, certified or not, and what that was made from."""
 
-    If there is none, the most natural rule for the spare joints says why, and the first branch
-    there is comes with it.
+    result: PlanResult
+    branch: ReferenceBranch | None = None
+    motion: JointTrajectory | None = None
+
+
+def _stopping_at_corners(problem: PlanningProblem, clock: PlanningClock) -> _StopAtCorners:
+    """Return the first certified motion that stops at corners.
+
+    If there is none, the most natural rule for the spare joints says why; branch and motion are the
+    first there are.
     """
     reasons: dict[SpareJoints, PlanResult] = {}
-    first_branch = None
+    first_branch = first_motion = None
     for rule in spare_joint_rules(problem):
         try:
             clock.enter("inverse kinematics along the reference path")
             branch = reference_branch(problem, rule, clock.check)
             for name, q in (("start", branch.start), ("goal", branch.goal)):
                 require_free(problem, name, q)
-            first_branch = first_branch or branch
             clock.enter("motion along it, stopping at corners")
+            first_branch = first_branch or branch
             motion = stop_at_corners(problem, branch, clock.check)
+            first_motion = first_motion or motion
             clock.enter("certificate")
             result = _certified(problem, motion, STOP_AT_CORNERS, clock)
         except Infeasible as reason:
             result = PlanResult(reason.status, str(reason), reason.place, STOP_AT_CORNERS)
         if result.succeeded:
-            return result, branch
+            return _StopAtCorners(result, branch, motion)
         if result.status is PlanStatus.TIME_LIMIT:
-            return result, None
+            return _StopAtCorners(result)
         reasons[rule] = result
-    return reasons[SpareJoints.AS_NEEDED], first_branch
+    return _StopAtCorners(reasons[SpareJoints.AS_NEEDED], first_branch, first_motion)
 
 
 def _improved(
     problem: PlanningProblem,
     branch: ReferenceBranch,
-    known: PlanResult,
+    corners: _StopAtCorners,
     options: PlanOptions,
     clock: PlanningClock,
 ) -> PlanResult:
-    """Return what branch and bound finds, if it is certified and faster than what is known."""
+    """Return what branch and bound finds, if it is certified and faster than stopping at corners.
+
+    Even where that one failed its certificate: a search without a bound takes very long.
+    """
     clock.announce(Progress("candidate points on the reference path"))
     search = BranchAndBound(
         problem,
         candidate_waypoints(problem, branch, options.candidate_points),
-        upper_bound=known.duration or np.inf,
+        upper_bound=np.inf if corners.motion is None else corners.motion.duration,
         node_budget=options.node_budget,
     )
+    known = result = corners.result
     _run(search, known, clock)
     statistics = search.statistics
-    result = known
     if search.best is not None:
         clock.announce(Progress("certificate", best_duration=search.best.duration))
         found = _certified(problem, search.best, BRANCH_AND_BOUND, clock)

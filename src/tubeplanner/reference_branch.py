@@ -20,6 +20,7 @@ from tubeplanner.segment_walk import SegmentWalk, as_position, explain_error
 _SEED_TOLERANCE = 1e-6  # [m] between the hand and the reference point of a seed
 # How near the branch must come to a given goal configuration to be on its branch [rad or m].
 _GOAL_TOLERANCE = 1e-6
+_STILL = 1e-9  # [rad or m]: joints that move less stand still
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +38,11 @@ class ReferenceBranch:
     def start(self) -> FloatArray:
         """First configuration, shape (n,)."""
         return self.segments[0][0]
+
+    @property
+    def moving_segments(self) -> list[int]:
+        """Indices of the segments in which the arm moves."""
+        return [k for k, q in enumerate(self.segments) if np.ptp(q, axis=0).max() > _STILL]
 
     @property
     def goal(self) -> FloatArray:

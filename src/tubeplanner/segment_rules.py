@@ -19,12 +19,10 @@ from tubeplanner.time_scaling import scaling_factor
 from tubeplanner.tube_membership import membership_margin, segments_reached
 from tubeplanner.waypoint_interpolation import power_basis
 
-RULES = ("joint_limits", "duration", "tube", "collision")
-
 # Local times of the tests, in stages: the first cuts most.
 _STAGES = (np.array([4, 8]) / 8, np.array([2, 6]) / 8, np.array([1, 3, 5, 7]) / 8)
 _IN_ORDER = np.argsort(np.concatenate(_STAGES))
-_MIDDLE = np.array([0.5])
+_COLLISION_TIMES = np.array([4, 2, 6, 1, 3, 5, 7]) / 8
 _TOLERANCE = 5e-7  # [m or rad]: half of what the certificate allows
 
 
@@ -81,7 +79,7 @@ class SegmentRules:
         self._problem = problem
         self._clearance = LinkClearance(problem, waypoints)
         self._least_times = _least_times(problem, waypoints)
-        self.cuts = dict.fromkeys(RULES, 0)
+        self.cuts = {"joint_limits": 0, "duration": 0, "tube": 0, "collision": 0}
         self.free_waypoints = self._clearance.free_waypoints
 
     def surviving(self, batch: SegmentBatch, upper_bound: float) -> SegmentBatch:
@@ -154,11 +152,13 @@ class SegmentRules:
         return segments_reached(inside, batch.tube_segments, ordered=ordered)
 
     def _free(self, batch: SegmentBatch) -> BoolArray:
-        """Return whether the middles of the new segments are clear of collisions: bool, (C,)."""
-        middle = batch.at(_MIDDLE, 0)[:, 0]
+        """Return whether the new segments are clear of collisions: bool, shape (C,)."""
+        q = batch.at(_COLLISION_TIMES, 0)
         free = np.ones(len(batch), dtype=bool)
-        for segment in range(middle.shape[1]):
-            free &= self._clearance.is_free(middle[:, segment], batch.waypoints[:, segment + 1])
+        for sample, segment in np.ndindex(q.shape[1:3]):
+            rows = np.flatnonzero(free)
+            near = batch.waypoints[rows, segment + 1]
+            free[rows] = self._clearance.is_free(q[rows, sample, segment], near)
         return free
 
 

@@ -18,7 +18,6 @@ from tubeplanner.time_scaling import estimated_duration, scaled_to_limits
 from tubeplanner.trajectory import JointTrajectory, concatenate, from_spline
 
 _DEGREE = 5
-_STILL = 1e-9  # [rad or m]: a segment whose joints move less is left out
 # Configurations nearer to their neighbour than this share of the largest step carry no direction.
 _LEAST_STEP_SHARE = 1e-4
 _REST_POINTS = 3  # equal control points at an end put velocity and acceleration there to zero
@@ -47,7 +46,7 @@ def stop_at_corners(
     Raises:
         Infeasible: Gravity exceeds a motor's effort, or no spline follows the branch in the tube.
     """
-    moving = [k for k, q in enumerate(branch.segments) if np.ptp(q, axis=0).max() > _STILL]
+    moving = branch.moving_segments
     if not moving:
         raise Infeasible(
             PlanStatus.NO_TRAJECTORY, "the start is the goal: there is nothing to move", Place()

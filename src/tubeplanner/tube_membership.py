@@ -4,12 +4,10 @@ Segments are visited in order, and at a hand-over both sides must hold; with `vi
 segment must hold at every instant.
 """
 
-from itertools import pairwise
-
 import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray
-from tubeplanner.hand_overs import best_hand_overs
+from tubeplanner.hand_overs import best_margins
 from tubeplanner.problem import PlanningProblem
 from tubeplanner.trajectory import JointTrajectory
 
@@ -53,24 +51,37 @@ def segments_reached(inside: BoolArray, segments: BoolArray, *, ordered: bool) -
     return segments
 
 
-def trajectory_margin(problem: PlanningProblem, trajectory: JointTrajectory) -> float:
-    """Return the least margin of a whole motion, [m] or [rad].
+def first_departure(
+    problem: PlanningProblem, trajectory: JointTrajectory, tolerance: float
+) -> int | None:
+    """Return the first polynomial piece in which a motion leaves the tube; None if none does.
 
-    At 65 samples per polynomial piece; a valley between samples is estimated by a parabola.
+    Margins are taken at 65 samples per piece; valleys between samples are estimated by parabolas.
+
+    Args:
+        problem: What is asked.
+        trajectory: Of the problem's joints.
+        tolerance: How far below zero margins may lie [m or rad].
     """
-    margin = membership_margin(problem, trajectory.per_piece(_SAMPLES_PER_PIECE).position)
+    q = trajectory.per_piece(_SAMPLES_PER_PIECE).position
+    margin = _with_valleys(membership_margin(problem, q))
     if problem.tube.visit == "any":
-        return _least(margin.max(axis=1))
-    bounds = [0, *best_hand_overs(margin), len(margin) - 1]
-    return min(
-        _least(margin[begin : end + 1, k]) for k, (begin, end) in enumerate(pairwise(bounds))
-    )
+        outside = margin.max(axis=1) < -tolerance
+    else:
+        best = best_margins(margin)
+        outside = best.max(axis=1) < -tolerance
+        outside[-1] |= best[-1, -1] < -tolerance  # not arrived in the last segment
+    if not outside.any():
+        return None
+    return int(outside.argmax()) // _SAMPLES_PER_PIECE
 
 
-def _least(values: FloatArray) -> float:
-    """Return the least value of a smooth function from its samples, shape (N,)."""
-    least = float(values.min())
+def _with_valleys(values: FloatArray) -> FloatArray:
+    """Return samples of smooth functions, (N, m), the lowest lowered to the valley beside them."""
     before, at, after = values[:-2], values[1:-1], values[2:]
-    valley = (at < before) & (at < after)
-    slope, bend = (after - before)[valley] / 2, (before - 2 * at + after)[valley]
-    return min(least, float((at[valley] - slope**2 / (2 * bend)).min(initial=np.inf)))
+    slope, bend = (after - before) / 2, before - 2 * at + after
+    is_valley = (at < before) & (at < after)
+    depth = np.divide(slope**2, 2 * bend, out=np.zeros_like(at), where=is_valley)
+    lowered = values.copy()
+    lowered[1:-1] -= depth
+    return lowered
