@@ -423,3 +423,28 @@ def test_pairs_are_not_lost_where_limits_lie_a_turn_away():
         checker = CollisionChecker(load_robot("example:ur5", "tool0", limits=limits))
         kept.append(len(checker.link_pairs))
     assert kept[0] == kept[1]
+
+
+def test_a_separating_direction_separates_neighbouring_configurations_too(ur5):
+    """Along the direction found at one configuration: exact there, a lower bound elsewhere."""
+    boxes = [
+        Obstacle.box(f"box{i}", [0.2, 0.1, 0.3], placement_of(center))
+        for i, center in enumerate(([0.6, 0.1, 0.3], [-0.4, 0.5, 0.4], [0.1, -0.6, 0.8]))
+    ]
+    checker = CollisionChecker(ur5, boxes)
+    pairs = np.concatenate([checker.obstacle_pairs, checker.link_pairs])
+    rng = np.random.default_rng(3)
+    for _ in range(10):
+        q = rng.uniform(-2, 2, (2, 6))
+        q[1] = q[0] + rng.uniform(-0.05, 0.05, 6)
+        rotation, position = ur5.body_poses(q)
+        there, direction = checker.separations(rotation[0], position[0], pairs)
+        copies = [np.repeat(poses[:, None], len(pairs), axis=1) for poses in (rotation, position)]
+        same, near = (
+            checker.separations_along(copies[0][i], copies[1][i], pairs, direction) for i in (0, 1)
+        )
+        np.testing.assert_allclose(same, there, atol=1e-12)
+        here = checker.distances(rotation[1], position[1], pairs)
+        apart = here > 0
+        assert (near[apart] <= here[apart] + 1e-5).all()
+        assert np.median((here - near)[apart]) < 0.005

@@ -160,6 +160,8 @@ class BranchAndBound:
             node = heapq.heappop(self._open)[2]
             if not self._begins_like_a_failed_one(node.waypoints):
                 nodes.append(node)
+        if not nodes:
+            return
         self._nodes += len(nodes)
         for batch in (self._last_segments(nodes), self._inner_segments(nodes)):
             self._children += len(batch)

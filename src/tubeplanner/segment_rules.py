@@ -22,7 +22,7 @@ from tubeplanner.waypoint_interpolation import power_basis
 # Local times of the tests, in stages: the first cuts most.
 _STAGES = (np.array([4, 8]) / 8, np.array([2, 6]) / 8, np.array([1, 3, 5, 7]) / 8)
 _IN_ORDER = np.argsort(np.concatenate(_STAGES))
-_COLLISION_TIMES = np.array([4, 2, 6, 1, 3, 5, 7]) / 8
+_COLLISION_TIMES = np.arange(1, 8) / 8
 _TOLERANCE = 5e-7  # [m or rad]: half of what the certificate allows
 
 
@@ -154,12 +154,10 @@ class SegmentRules:
     def _free(self, batch: SegmentBatch) -> BoolArray:
         """Return whether the new segments are clear of collisions: bool, shape (C,)."""
         q = batch.at(_COLLISION_TIMES, 0)
-        free = np.ones(len(batch), dtype=bool)
-        for sample, segment in np.ndindex(q.shape[1:3]):
-            rows = np.flatnonzero(free)
-            near = batch.waypoints[rows, segment + 1]
-            free[rows] = self._clearance.is_free(q[rows, sample, segment], near)
-        return free
+        ends = batch.waypoints[:, None, 1 : 1 + q.shape[2]]
+        near = np.broadcast_to(ends, q.shape[:3]).ravel()
+        free = self._clearance.is_free(q.reshape(-1, q.shape[3]), near)
+        return np.all(free.reshape(q.shape[:3]), axis=(1, 2))
 
 
 def _least_times(problem: PlanningProblem, waypoints: FloatArray) -> FloatArray:

@@ -80,7 +80,7 @@ def _with_valleys(values: FloatArray) -> FloatArray:
     """Return samples of smooth functions, (N, m), the lowest lowered to the valley beside them."""
     before, at, after = values[:-2], values[1:-1], values[2:]
     slope, bend = (after - before) / 2, before - 2 * at + after
-    is_valley = (at < before) & (at < after)
+    is_valley = (at <= before) & (at <= after) & (bend > 0)
     depth = np.divide(slope**2, 2 * bend, out=np.zeros_like(at), where=is_valley)
     lowered = values.copy()
     lowered[1:-1] -= depth

@@ -1,0 +1,202 @@
+"""Phase 1 against enumerating every motion, and the rules by which it cuts."""
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from tubeplanner import (
+    LimitOverrides,
+    Obstacle,
+    PlanningProblem,
+    Seed,
+    Tube,
+    load_problem,
+    load_robot,
+    placement_of,
+    verify,
+)
+from tubeplanner.branch_and_bound import BranchAndBound
+from tubeplanner.candidate_waypoints import candidate_waypoints
+from tubeplanner.reference_branch import reference_branch, spare_joint_rules
+from tubeplanner.time_scaling import scaled_to_limits
+from tubeplanner.waypoint_interpolation import sequential_quartics
+
+CORNER = ([0.45, -0.3, 0], [0.45, 0.1, 0], [0.2, 0.1, 0])
+
+
+def waypoints_of(problem, count):
+    branch = reference_branch(problem, spare_joint_rules(problem)[0])
+    return candidate_waypoints(problem, branch, count)
+
+
+def searched(problem, count, **options):
+    search = BranchAndBound(problem, waypoints_of(problem, count), **options)
+    while not search.finished:
+        search.expand()
+    return search
+
+
+def every_motion(problem, waypoints):
+    """Return all 2^(M-2) motions with their waypoints, the fastest first."""
+    inner = range(1, len(waypoints) - 1)
+    subsets = [s for size in range(len(waypoints) - 1) for s in combinations(inner, size)]
+    motions = []
+    for subset in subsets:
+        chosen = (0, *subset, len(waypoints) - 1)
+        shape = sequential_quartics(problem.robot.joint_names, waypoints[list(chosen)])
+        motions.append((scaled_to_limits(problem.robot, shape), chosen))
+    return sorted(motions, key=lambda motion: motion[0].duration)
+
+
+def two_link_problem(two_link, points=CORNER, radius=0.08, **more):
+    tube = Tube(points, radius, joint_signs={"joint2": "-"}, visit=more.pop("visit", "ordered"))
+    return PlanningProblem(two_link, tube, Seed(np.array([0.0, -1.0])), **more)
+
+
+def tight(two_link):
+    return two_link_problem(two_link, radius=0.04)
+
+
+def union(two_link):
+    return two_link_problem(two_link, radius=0.06, visit="any")
+
+
+def past_a_ball(two_link):
+    ball = Obstacle.sphere("ball", 0.03, placement_of([0.5, -0.1, 0]))
+    return two_link_problem(two_link, radius=0.1, obstacles=[ball], clearance=0.001)
+
+
+def limited(_):
+    """Velocity, acceleration and jerk limits, and a tight position limit of the elbow."""
+    limits = LimitOverrides(
+        velocity={"joint1": 3.0, "joint2": 2.5},
+        acceleration={"joint1": 20.0},
+        jerk={"joint2": 400.0},
+        position={"joint2": (-2.45, 0.0)},
+    )
+    robot = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=limits)
+    return two_link_problem(robot)
+
+
+def six_joints(_):
+    wall = load_problem("example:ur5/over_the_wall")
+    tube = Tube(wall.tube.points[:3], 0.15, joint_signs={"elbow_joint": "+"})
+    return PlanningProblem(wall.robot, tube, wall.start, obstacles=wall.obstacles)
+
+
+@pytest.mark.parametrize(
+    ("make", "count"),
+    [
+        (two_link_problem, 3),
+        (two_link_problem, 10),
+        (tight, 10),
+        (union, 10),
+        (past_a_ball, 10),
+        (limited, 10),
+        (six_joints, 9),
+    ],
+)
+def test_it_finds_what_enumerating_every_motion_finds(make, count, two_link):
+    """The judge of the enumeration is the certificate."""
+    problem = make(two_link)
+    motions = every_motion(problem, waypoints_of(problem, count))
+    best, waypoints = next(m for m in motions if verify(problem, m[0]).passed)
+    search = searched(problem, count)
+    assert search.best_waypoints == waypoints
+    assert search.best.duration == best.duration
+    assert search.statistics.lower_bound == best.duration
+    assert search.statistics.nodes <= len(motions)
+
+
+def test_where_no_motion_is_certified_it_finds_none(two_link):
+    problem = two_link_problem(two_link, radius=0.01)
+    motions = every_motion(problem, waypoints_of(problem, 7))
+    assert not any(verify(problem, motion).passed for motion, _ in motions)
+    search = searched(problem, 7)
+    assert search.best is None
+    assert search.best_waypoints == ()
+    assert search.statistics.lower_bound is None
+    assert search.statistics.best_duration is None
+
+
+def test_the_lower_bound_never_exceeds_what_is_found_later(two_link):
+    problem = limited(two_link)
+    search = BranchAndBound(problem, waypoints_of(problem, 20))
+    bounds = []
+    while not search.finished:
+        bounds.append(search.statistics.lower_bound)
+        search.expand()
+    assert bounds == sorted(bounds)
+    assert bounds[-1] <= search.best.duration
+
+
+def test_the_bound_knows_what_velocity_limits_ask_for(two_link):
+    """Where a velocity limit alone decides, fewer nodes are left than without that knowledge."""
+    limits = LimitOverrides(velocity={"joint1": 0.5, "joint2": 0.5})
+    slow = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=limits)
+    problem = two_link_problem(slow, radius=0.1)
+    search = BranchAndBound(problem, waypoints_of(problem, 16))
+    search.expand()
+    way = abs(waypoints_of(problem, 16)[-1] - waypoints_of(problem, 16)[0]).max()
+    assert search.statistics.lower_bound >= way / 0.5
+
+
+def test_only_faster_motions_than_the_bound_given_are_of_interest(two_link):
+    problem = two_link_problem(two_link)
+    free = searched(problem, 16)
+    again = searched(problem, 16, upper_bound=free.best.duration * (1 + 1e-9))
+    assert again.best_waypoints == free.best_waypoints
+    assert searched(problem, 16, upper_bound=free.best.duration).best is None
+
+
+def test_the_same_search_twice_is_the_same_to_the_last_node(two_link):
+    problem = past_a_ball(two_link)
+    first, second = searched(problem, 20), searched(problem, 20)
+    assert first.statistics == second.statistics
+    assert first.best_waypoints == second.best_waypoints
+    np.testing.assert_array_equal(first.best.coefficients, second.best.coefficients)
+
+
+def test_the_budget_ends_it_with_the_best_so_far(two_link):
+    problem = two_link_problem(two_link)
+    whole = searched(problem, 30)
+    early = searched(problem, 30, node_budget=whole.statistics.nodes // 2)
+    assert early.finished
+    assert early.statistics.budget_reached
+    assert not whole.statistics.budget_reached
+    assert early.statistics.lower_bound <= whole.best.duration <= early.best.duration
+    assert "the node budget ended it" in str(early.statistics)
+
+
+def test_every_rule_cuts_and_is_counted(two_link):
+    ball = Obstacle.sphere("ball", 0.03, placement_of([0.5, -0.1, 0]))
+    limits = LimitOverrides(
+        velocity={"joint1": np.inf, "joint2": np.inf}, position={"joint2": (-2.45, 0.0)}
+    )
+    robot = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=limits)
+    search = searched(two_link_problem(robot, obstacles=[ball]), 20)
+    assert search.best is not None
+    cuts = search.statistics.cuts
+    assert set(cuts) == {"joint_limits", "duration", "tube", "collision"}
+    assert min(cuts.values()) > 0
+
+
+def test_a_beginning_that_failed_between_samples_is_not_tried_again(two_link):
+    """A needle so thin that samples miss it."""
+    needle = Obstacle.cylinder("needle", 0.0005, 0.3, placement_of([0.43, 0.05, 0]))
+    problem = two_link_problem(two_link, obstacles=[needle], radius=0.05)
+    search = searched(problem, 14)
+    assert search.statistics.forgone > 0
+    assert search.statistics.refused == search.statistics.motions > 10
+    assert search.best is None
+
+
+@pytest.mark.parametrize("y", [-0.2, -0.1, 0.0, 0.05])
+@pytest.mark.parametrize("x", [0.45, 0.46, 0.47, 0.48])
+def test_what_it_finds_past_a_needle_is_certified(x, y, two_link):
+    """Among them, searches whose last open nodes all begin like one that failed."""
+    needle = Obstacle.cylinder("needle", 0.0005, 0.3, placement_of([x, y, 0]))
+    problem = two_link_problem(two_link, obstacles=[needle], radius=0.05)
+    search = searched(problem, 14)
+    assert search.best is None or verify(problem, search.best).passed

@@ -1,0 +1,63 @@
+import numpy as np
+import pytest
+
+from tubeplanner import JointTrajectory, Obstacle, placement_of
+from tubeplanner.candidate_waypoints import candidate_waypoints
+from tubeplanner.link_clearance import LinkClearance, collision_time
+from tubeplanner.reference_branch import reference_branch, spare_joint_rules
+
+NAMES = ("two_link/around_a_post", "ur5/over_the_wall", "panda/between_shelves")
+
+
+def waypoints_of(problem):
+    branch = reference_branch(problem, spare_joint_rules(problem)[0])
+    return candidate_waypoints(problem, branch, 12)
+
+
+def is_free(problem, q):
+    """Measure every pair of one configuration."""
+    checker = problem.collision
+    rotation, position = (poses[0] for poses in problem.robot.body_poses(q[None]))
+    obstacles = checker.distances(rotation, position, checker.obstacle_pairs)
+    links = checker.distances(rotation, position, checker.link_pairs)
+    return (obstacles >= problem.clearance).all() and (links >= 0).all()
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("spread", [0.02, 0.1, 0.5])
+def test_configurations_are_judged_as_by_measuring_every_pair(name, spread, planned):
+    """Near the waypoints, where bounds decide, and far away, where pairs are measured."""
+    problem, _ = planned(name)
+    waypoints = waypoints_of(problem)
+    rng = np.random.default_rng(7)
+    nearest = rng.integers(len(waypoints), size=60)
+    q = waypoints[nearest] + rng.uniform(-spread, spread, (60, waypoints.shape[1]))
+    free = LinkClearance(problem, waypoints).is_free(q, nearest)
+    expected = np.array([is_free(problem, row) for row in q])
+    np.testing.assert_array_equal(free, expected)
+    if spread == 0.5:
+        assert 0 < expected.sum() < len(expected)
+
+
+def test_waypoints_in_collision_are_known(planned, two_link):
+    problem, _ = planned("two_link/around_a_post")
+    waypoints = waypoints_of(problem)
+    hand = two_link.tool_position(waypoints)
+    ball = Obstacle.sphere("ball", 0.01, placement_of(hand[5]))
+    blocked = type(problem)(two_link, problem.tube, problem.start, obstacles=[ball])
+    free = LinkClearance(blocked, waypoints).free_waypoints
+    assert not free[5]
+    np.testing.assert_array_equal(free, [is_free(blocked, q) for q in waypoints])
+
+
+def test_the_time_of_a_collision_is_told(two_link, planned):
+    """The first joint sweeps a link through a thin post."""
+    problem, _ = planned("two_link/around_a_post")
+    post = Obstacle.cylinder("post", 0.005, 1.0, placement_of([0.5, 0.0, 0.0]))
+    swept = type(problem)(two_link, problem.tube, problem.start, obstacles=[post])
+    line = np.array([[1.0, -0.5], [-0.4, -0.1]])[:, None]
+    through = JointTrajectory(two_link.joint_names, [0.0, 1.0], line)
+    time = collision_time(swept, through)
+    assert is_free(swept, through.position(0.0))
+    assert not is_free(swept, through.position(time))
+    assert collision_time(swept, through.between(0.0, time - 0.1)) is None
