@@ -32,3 +32,12 @@ def test_a_figure_that_cannot_be_written_is_an_error_of_ours(planned, tmp_path):
     problem, result = planned("two_link/around_a_post")
     with pytest.raises(OutputError, match=r"the folder .*nowhere does not exist"):
         plot_trajectory(problem, result.trajectory, tmp_path / "nowhere" / "figure.png")
+
+
+def test_the_distance_is_that_to_the_segment_the_hand_is_in(planned):
+    """Round a corner, the segment left behind may be the nearer one; its radius holds no more."""
+    problem, result = planned("ur5/over_the_wall", "branch-and-bound")
+    use = plot_trajectory(problem, result.trajectory).axes[-1]
+    distance, radius = (line.get_ydata() for line in use.lines)
+    assert (distance <= radius + 1e-3).all()
+    assert sorted(set(radius)) == pytest.approx([30, 80])

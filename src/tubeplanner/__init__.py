@@ -13,6 +13,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from tubeplanner.branch_and_bound import SearchStatistics as SearchStatistics
     from tubeplanner.certificate import Certificate as Certificate
     from tubeplanner.certificate import Condition as Condition
     from tubeplanner.certificate import Tolerance as Tolerance
@@ -39,15 +40,19 @@ if TYPE_CHECKING:
     from tubeplanner.problem import Seed as Seed
     from tubeplanner.problem import load_problem as load_problem
     from tubeplanner.problem import parse_problem as parse_problem
+    from tubeplanner.progress import Progress as Progress
     from tubeplanner.robot import RobotModel as RobotModel
     from tubeplanner.robot import load_robot as load_robot
     from tubeplanner.trajectory import JointTrajectory as JointTrajectory
     from tubeplanner.tube import Tube as Tube
     from tubeplanner.verification import verify as verify
+    from tubeplanner.waypoint_interpolation import quartic_spline as quartic_spline
+    from tubeplanner.waypoint_interpolation import sequential_quartics as sequential_quartics
 
 __version__ = "0.1.0"
 
 _HOMES = {
+    "branch_and_bound": ("SearchStatistics",),
     "certificate": ("Certificate", "Condition", "Tolerance"),
     "errors": (
         "OptionError",
@@ -65,10 +70,12 @@ _HOMES = {
     "pinocchio_model": ("Payload", "ToolOffset"),
     "plotting": ("plot_trajectory",),
     "problem": ("PlanningProblem", "Seed", "load_problem", "parse_problem"),
+    "progress": ("Progress",),
     "robot": ("RobotModel", "load_robot"),
     "trajectory": ("JointTrajectory",),
     "tube": ("Tube",),
     "verification": ("verify",),
+    "waypoint_interpolation": ("quartic_spline", "sequential_quartics"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 

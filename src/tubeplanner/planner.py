@@ -147,8 +147,7 @@ def plan(
     clock = PlanningClock(options.time_limit, progress)
     known = _stopping_at_corners(problem, clock)
     result = known.result
-    moves = known.branch is not None and known.branch.moving_segments
-    if options.method == BRANCH_AND_BOUND and moves:
+    if options.method == BRANCH_AND_BOUND and known.branch and known.branch.moving_segments:
         result = _improved(problem, known.branch, known, options, clock)
     return replace(result, planning_time=clock.elapsed, stopped_by=clock.stopped_by)
 

@@ -14,7 +14,8 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.convex_shape import ConvexShape
 from tubeplanner.output_files import write_files
 from tubeplanner.problem import PlanningProblem
-from tubeplanner.trajectory import JointTrajectory
+from tubeplanner.trajectory import JointTrajectory, TrajectorySamples
+from tubeplanner.tube_membership import current_segments
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -62,7 +63,7 @@ def plot_trajectory(
     _draw_hand(hand_axes, problem, hand)
     low, high = _draw_arm(hand_axes, problem, samples.position[[0, -1]])
     _frame(hand_axes, problem, low, high)
-    _draw_tube_use(use_axes, problem, samples.time, hand)
+    _draw_tube_use(use_axes, problem, samples, hand)
     if path is not None:
         write_files({Path(path): figure_png(figure)})
     return figure
@@ -211,15 +212,14 @@ def _capsule_surface(
 
 
 def _draw_tube_use(
-    axis: "Axes", problem: PlanningProblem, time: FloatArray, hand: FloatArray
+    axis: "Axes", problem: PlanningProblem, samples: TrajectorySamples, hand: FloatArray
 ) -> None:
-    """Draw the distance to the reference path, and the radius of the segment it is measured in."""
-    tube = problem.tube
-    distance = tube.distance(hand)
-    nearest = distance.argmin(axis=1)
-    rows = np.arange(len(hand))
-    axis.plot(time, 1000 * distance[rows, nearest], color="#D55E00", label="hand")
-    axis.plot(time, 1000 * tube.effective_radius[nearest], label="radius", **_LIMIT)
+    """Draw the distance to the segment that the hand is in, and that segment's radius."""
+    tube, time = problem.tube, samples.time
+    segment = current_segments(problem, samples.position)
+    distance = tube.distance(hand)[np.arange(len(hand)), segment]
+    axis.plot(time, 1000 * distance, color="#D55E00", label="hand")
+    axis.plot(time, 1000 * tube.effective_radius[segment], label="radius", **_LIMIT)
     axis.set_xlim(0.0, time[-1])
     axis.set_ylim(0.0, 1100 * tube.effective_radius.max())
     axis.set_xlabel("time [s]")

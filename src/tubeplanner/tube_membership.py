@@ -6,8 +6,8 @@ segment must hold at every instant.
 
 import numpy as np
 
-from tubeplanner.arrays import BoolArray, FloatArray
-from tubeplanner.hand_overs import best_margins
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray
+from tubeplanner.hand_overs import best_hand_overs, best_margins
 from tubeplanner.problem import PlanningProblem
 from tubeplanner.trajectory import JointTrajectory
 
@@ -24,6 +24,17 @@ def membership_margin(problem: PlanningProblem, q: FloatArray) -> FloatArray:
     hand = problem.tube.margin(problem.robot.tool_position(q))
     room = np.minimum(q[:, None] - problem.joint_lower, problem.joint_upper - q[:, None])
     return np.minimum(hand, room.min(axis=2))
+
+
+def current_segments(problem: PlanningProblem, q: FloatArray) -> IntArray:
+    """Return the segment that each of N configurations of a motion, in order, is counted to: (N,).
+
+    Hand-overs are where they leave the largest margin.
+    """
+    margin = membership_margin(problem, q)
+    if problem.tube.visit == "any":
+        return margin.argmax(axis=1)
+    return np.searchsorted(best_hand_overs(margin), np.arange(len(q)), side="left")
 
 
 def segments_reached(inside: BoolArray, segments: BoolArray, *, ordered: bool) -> BoolArray:
