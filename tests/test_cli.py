@@ -215,6 +215,18 @@ def test_an_interrupt_that_a_library_swallows_still_counts(run_json, monkeypatch
     assert fields["status"] == "interrupted"
 
 
+def test_what_an_interrupt_breaks_in_a_library_is_no_error(run_json, monkeypatch):
+    def breaking_load(name):
+        with contextlib.suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        raise TypeError("a half imported library")
+
+    monkeypatch.setattr("tubeplanner.problem.load_problem", breaking_load)
+    status, fields = run_json("plan", PROBLEM)
+    assert status == 130
+    assert fields["status"] == "interrupted"
+
+
 def test_an_error_of_our_own_is_one_line_and_not_a_verdict(run_json, monkeypatch):
     def broken(*_):
         raise ZeroDivisionError("oops")

@@ -8,7 +8,11 @@ from typing import Any
 
 @contextmanager
 def interrupts_remembered() -> Iterator[Callable[[], None]]:
-    """Yield a function that raises KeyboardInterrupt if Ctrl-C was pressed since."""
+    """Yield a function that raises KeyboardInterrupt if Ctrl-C was pressed since.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C was pressed; also instead of an exception that followed it.
+    """
     pressed: list[int] = []
 
     def interrupt(number: int, _: object) -> None:
@@ -20,7 +24,12 @@ def interrupts_remembered() -> Iterator[Callable[[], None]]:
             raise KeyboardInterrupt
 
     with _handled_interrupts(interrupt):
-        yield raise_pending
+        try:
+            yield raise_pending
+        except Exception:
+            # What becomes of a library that was interrupted while it was imported is no error.
+            raise_pending()
+            raise
 
 
 @contextmanager
