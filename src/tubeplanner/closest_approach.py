@@ -2,14 +2,15 @@
 
 On a time interval the distance of a pair cannot fall below its value at the middle by more than
 the joints' travel allows. Intervals that could still hold the minimum are halved until none is
-left. The joints' travel is bounded by Bernstein coefficients.
+left. The joints' travel is bounded by Bernstein coefficients. A direction that separates a pair
+does so in the neighbourhood too, so that most intervals need no exact distance.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.bernstein import bernstein_coefficients
 from tubeplanner.collision import CollisionChecker
 from tubeplanner.trajectory import JointTrajectory
@@ -67,13 +68,7 @@ def closest_approach(
     if len(pairs) == 0:
         return None
     search = _Search(checker, trajectory, pairs, required)
-    count = len(trajectory.widths)
-    search.halve_until_settled(
-        np.repeat(np.arange(count), len(pairs)),
-        np.zeros(count * len(pairs)),
-        np.repeat(trajectory.widths, len(pairs)),
-        np.tile(np.arange(len(pairs)), count),
-    )
+    search.halve_until_settled()
     first, second = (int(index) for index in pairs[search.pair])
     return ClosestApproach(
         min(search.lower_bound, search.distance),
@@ -84,8 +79,32 @@ def closest_approach(
     )
 
 
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Pairs on intervals that are still in question, all halved equally often.
+
+    Attributes:
+        node: Which interval, as piece * 2^level + number within the piece, shape (R,).
+        pair: Which pair, shape (R,).
+        direction: Along which the pair was last found apart, shape (R, 3).
+        level: How often the pieces have been halved.
+    """
+
+    node: IntArray
+    pair: IntArray
+    direction: FloatArray
+    level: int
+
+    def halves(self, split: BoolArray) -> "_Rows":
+        """Return both halves of some rows."""
+        node = np.repeat(2 * self.node[split], 2)
+        node[1::2] += 1
+        direction = np.repeat(self.direction[split], 2, axis=0)
+        return _Rows(node, np.repeat(self.pair[split], 2), direction, self.level + 1)
+
+
 class _Search:
-    """Rows of (polynomial piece, local start, width, pair) still in question, and the best yet."""
+    """The intervals still in question, and the least distance yet."""
 
     def __init__(
         self,
@@ -101,84 +120,82 @@ class _Search:
         self.lower_bound = np.inf
         self.intervals = 0
 
-    def halve_until_settled(
-        self, piece: IntArray, start: FloatArray, width: FloatArray, pair: IntArray
-    ) -> None:
-        """Look at all rows, halve those that may hold the minimum, and so on."""
-        most = max(_MOST_INTERVALS, _MOST_ROUNDS * len(piece))
-        while len(piece):
-            lower = self._lower_bounds(piece, start, width, pair)
+    def halve_until_settled(self) -> None:
+        """Look at every pair on every piece, halve what may hold the minimum, and so on."""
+        rows = self._beginning()
+        most = max(_MOST_INTERVALS, _MOST_ROUNDS * len(rows.node))
+        while len(rows.node):
+            self.intervals += len(rows.node)
+            lower = self._lower_bounds(rows)
+            width = self._trajectory.widths[rows.node >> rows.level] / 2**rows.level
             undecided = lower < self._settled_above()
             final = undecided & ((width < _SHORTEST_INTERVAL) | (self.intervals > most))
-            self._settle(lower[~undecided | final])
-            split = undecided & ~final
-            piece, pair = np.repeat(piece[split], 2), np.repeat(pair[split], 2)
-            width = np.repeat(width[split] / 2, 2)
-            start = np.repeat(start[split], 2)
-            start[1::2] += width[1::2]
+            settled = lower[~undecided | final]
+            self.lower_bound = min(self.lower_bound, float(settled.min(initial=np.inf)))
+            rows = rows.halves(undecided & ~final)
 
-    def _settle(self, lower: FloatArray) -> None:
-        self.lower_bound = min(self.lower_bound, float(lower.min(initial=np.inf)))
+    def _beginning(self) -> _Rows:
+        """Return all pairs on all pieces, with the directions that separate them at the start."""
+        rotation, position = self._checker.robot.body_poses(self._trajectory.position(np.zeros(1)))
+        distance, direction = self._checker.separations(rotation[0], position[0], self._pairs)
+        count, pieces = len(self._pairs), len(self._trajectory.widths)
+        pair = np.tile(np.arange(count), pieces)
+        self._remember(distance, np.zeros(count), np.arange(count))
+        return _Rows(np.repeat(np.arange(pieces), count), pair, direction[pair], 0)
 
     def _settled_above(self) -> float:
         """Return the lower bound above which an interval cannot change the answer [m]."""
-        if np.isinf(self.distance):
-            return np.inf
         gap = abs(self.distance - self._required)
         return self.distance - max(_RESOLUTION, _RELATIVE_RESOLUTION * gap)
 
-    def _lower_bounds(
-        self, piece: IntArray, start: FloatArray, width: FloatArray, pair: IntArray
-    ) -> FloatArray:
-        """Return lower bounds of the rows' distances on their intervals [m], shape (rows,)."""
-        interval, row_of = _distinct(piece, start)
-        middle, travel = self._middle_and_travel(piece[interval], start[interval], width[interval])
+    def _lower_bounds(self, rows: _Rows) -> FloatArray:
+        """Return lower bounds of the rows' distances on their intervals [m], shape (R,).
+
+        From bounding spheres; where these do not settle it, along the known directions; where
+        neither does, exactly, and the directions are brought up to date.
+        """
+        nodes, interval = np.unique(rows.node, return_inverse=True)
+        middle, travel, time = self._middles(nodes, rows.level)
         rotation, position = self._checker.robot.body_poses(middle)
-        motion = np.einsum("rn,rn->r", self._weights[pair], travel[row_of])
+        motion = np.einsum("rn,rn->r", self._weights[rows.pair], travel[interval])
         spheres = self._checker.sphere_distances(rotation, position, self._pairs)
-        lower = spheres[row_of, pair] - motion
-        time = self._trajectory.breakpoints[piece] + start + width / 2
-        order = np.argsort(lower, kind="stable")
+        lower = spheres[interval, rows.pair] - motion
+        near = np.flatnonzero(lower < self._settled_above())
+        along = self._checker.separations_along(
+            rotation[interval[near]],
+            position[interval[near]],
+            self._pairs[rows.pair[near]],
+            rows.direction[near],
+        )
+        lower[near] = np.maximum(lower[near], along - motion[near])
+        order = near[np.argsort(lower[near], kind="stable")]
         for first in range(0, len(order), _BATCH):
             batch = order[first : first + _BATCH]
             batch = batch[lower[batch] < self._settled_above()]
             if len(batch) == 0:
                 break
-            exact = self._exact(rotation, position, row_of[batch], pair[batch])
-            self._remember(exact, time[batch], pair[batch])
-            lower[batch] = np.maximum(lower[batch], exact - motion[batch])
-        self.intervals += len(piece)
+            distance = np.empty(len(batch))
+            for i in np.unique(interval[batch]):
+                here = np.flatnonzero(interval[batch] == i)
+                distance[here], rows.direction[batch[here]] = self._checker.separations(
+                    rotation[i], position[i], self._pairs[rows.pair[batch[here]]]
+                )
+            self._remember(distance, time[interval[batch]], rows.pair[batch])
+            lower[batch] = np.maximum(lower[batch], distance - motion[batch])
         return lower
 
-    def _middle_and_travel(
-        self, piece: IntArray, start: FloatArray, width: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return mid-interval configurations and the farthest joints get from them, (I, n)."""
-        coefficients = self._trajectory.coefficients[:, piece]
-        hull = bernstein_coefficients(coefficients, start, width)
-        middle = self._trajectory.position(self._trajectory.breakpoints[piece] + start + width / 2)
-        return middle, abs(hull - middle).max(axis=0)
-
-    def _exact(
-        self, rotation: FloatArray, position: FloatArray, interval: IntArray, pair: IntArray
-    ) -> FloatArray:
-        distance = np.empty(len(pair))
-        for i in np.unique(interval):
-            rows = np.flatnonzero(interval == i)
-            distance[rows] = self._checker.distances(
-                rotation[i], position[i], self._pairs[pair[rows]]
-            )
-        return distance
+    def _middles(self, node: IntArray, level: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return mid-interval configurations, the farthest joints get from them, and times."""
+        piece = node >> level
+        width = self._trajectory.widths[piece] / 2**level
+        start = (node - (piece << level)) * width
+        hull = bernstein_coefficients(self._trajectory.coefficients[:, piece], start, width)
+        time = self._trajectory.breakpoints[piece] + start + width / 2
+        middle = self._trajectory.position(time)
+        return middle, abs(hull - middle).max(axis=0), time
 
     def _remember(self, distance: FloatArray, time: FloatArray, pair: IntArray) -> None:
         least = int(distance.argmin())
         if distance[least] < self.distance:
             self.distance = float(distance[least])
             self.time, self.pair = float(time[least]), int(pair[least])
-
-
-def _distinct(piece: IntArray, start: FloatArray) -> tuple[IntArray, IntArray]:
-    """Return one row per distinct interval, and which of them each row has."""
-    keys = np.column_stack([piece, start])
-    _, rows, row_of = np.unique(keys, axis=0, return_index=True, return_inverse=True)
-    return rows, row_of.ravel()

@@ -6,13 +6,14 @@ joints are not wrapped.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 
-from tubeplanner.arrays import FloatArray, read_only
+from tubeplanner.arrays import FloatArray, IntArray, read_only
 from tubeplanner.errors import RobotError
 from tubeplanner.joint_limits import JointLimits, LimitOverrides, resolve_limits
 from tubeplanner.pinocchio_model import Payload, ToolOffset, build_model, planning_group
@@ -73,6 +74,21 @@ def load_robot(
     return RobotModel(
         description, model, group, tool_frame, tool_offset or ToolOffset(), joint_limits, folders
     )
+
+
+@dataclass(frozen=True)
+class BodyInertia:
+    """Mass properties of a body, as far as norms need them.
+
+    Attributes:
+        mass: [kg].
+        com_distance: Distance of the centre of mass from the body's origin [m].
+        moment: Largest principal moment about the centre of mass [kg m^2].
+    """
+
+    mass: float
+    com_distance: float
+    moment: float
 
 
 class RobotModel:
@@ -247,6 +263,39 @@ class RobotModel:
                 lever[body, group_index] = reach
                 reach += float(np.linalg.norm(self._model.jointPlacements[joint].translation))
         return read_only(lever)
+
+    @cached_property
+    def body_parents(self) -> IntArray:
+        """The body that carries each body, shape (bodies,); the base carries itself."""
+        return np.array([self._model.parents[body] for body in range(self.body_count)])
+
+    @cached_property
+    def body_joints(self) -> IntArray:
+        """The joint that moves each body, as group index, shape (bodies,); -1 for the base."""
+        return np.concatenate([[-1], self._to_model])
+
+    @cached_property
+    def body_offsets(self) -> FloatArray:
+        """Distance of each body's origin from that of its parent, joints at zero: (bodies,) [m]."""
+        placements = [self._model.jointPlacements[body] for body in range(self.body_count)]
+        return read_only([np.linalg.norm(placement.translation) for placement in placements])
+
+    @cached_property
+    def inertias(self) -> tuple[BodyInertia, ...]:
+        """Mass properties of all bodies, the base's left at zero."""
+        found = [BodyInertia(0.0, 0.0, 0.0)]
+        for body in range(1, self.body_count):
+            inertia = self._model.inertias[body]
+            moment = float(np.linalg.eigvalsh(inertia.inertia).max())
+            found.append(
+                BodyInertia(float(inertia.mass), float(np.linalg.norm(inertia.lever)), moment)
+            )
+        return tuple(found)
+
+    @cached_property
+    def tool_reach(self) -> float:
+        """Distance of the tool centre point from the origin of the body that carries it [m]."""
+        return float(np.linalg.norm(self._model.frames[self._tool_id].placement.translation))
 
     @property
     def _travel(self) -> FloatArray:

@@ -4,28 +4,27 @@ It uses robot, tube, collision geometry and the trajectory's polynomials, and no
 that made the trajectory.
 """
 
-from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.bernstein import maxima
 from tubeplanner.certificate import FOR_ALL_TIMES, RELATIVE, Certificate, Condition, Tolerance
 from tubeplanner.closest_approach import closest_approach
-from tubeplanner.hand_overs import best_hand_overs
+from tubeplanner.enclosure import Enclosure, enclosed_efforts, enclosed_hand
 from tubeplanner.outcome import Place
-from tubeplanner.peaks import refined_maximum
 from tubeplanner.problem import PlanningProblem, Seed
-from tubeplanner.trajectory import JointTrajectory, TrajectorySamples
+from tubeplanner.trajectory import JointTrajectory
+from tubeplanner.tube_visits import Visit, least_margin, tube_visits
 
-_LEAST_SAMPLES = 2000
-_LEAST_SAMPLES_PER_PIECE = 20
-_PEAK_BAND = 0.02  # peaks this near the highest sample are refined: share of effort, of radius
-_HAND_OVER_TOLERANCE = 1e-10  # [s]
 _STILL_SHARE = 1e-6  # a joint slower than this share of the fastest counts as standing still
+# How closely efforts [share of their limits] and hand [m] are enclosed: what is left of the
+# certificate's tolerance is for those who plan.
+_EFFORT_ENCLOSURE = 1e-7
+_HAND_ENCLOSURE = 1e-7
+# Bounds farther apart than this, absolute [m] and as a share of the margin, are left undecided.
+_UNDECIDED_LENGTH, _UNDECIDED_SHARE = 1e-6, 0.05
 
 
 def verify(
@@ -64,17 +63,6 @@ def verify(
     return Certificate(conditions, tolerance)
 
 
-@dataclass(frozen=True, eq=False)
-class _Visit:
-    """One tube segment's share of the trajectory: its samples, times and tube margins."""
-
-    segment: int
-    begin: float
-    end: float
-    time: FloatArray
-    margin: FloatArray
-
-
 class _Judge:
     """Computes each condition of one trajectory."""
 
@@ -105,25 +93,34 @@ class _Judge:
         return Condition(1 - peak, RELATIVE, Place(time=time, joint=joint), FOR_ALL_TIMES)
 
     def effort(self) -> Condition:
-        """Effort limits, at samples."""
+        """Effort limits, by polynomials that enclose the efforts."""
         limit = self._robot.limits.effort
-        if not np.isfinite(limit).any():
+        bounded = np.flatnonzero(np.isfinite(limit))
+        if len(bounded) == 0:
             return Condition(None, RELATIVE, Place(), "no joint has this limit")
-        peak, time = refined_maximum(
-            lambda t: self._effort_share(self._trajectory.at(t)).max(axis=1),
-            self._samples.time,
-            self._effort_share(self._samples).max(axis=1),
-            band=_PEAK_BAND,
-        )
-        joint = int(self._effort_share(self._trajectory.at(np.array([time])))[0].argmax())
-        place = Place(time=time, joint=self._robot.joint_names[joint])
-        return Condition(1 - peak, RELATIVE, place, self._coverage)
+        efforts = enclosed_efforts(self._robot, self._trajectory, _EFFORT_ENCLOSURE * limit)
+        used = efforts.coefficients[:, :, bounded] / limit[bounded]
+        both = np.concatenate([used, -used], axis=2)
+        error = efforts.error[:, bounded].max(axis=0) / limit[bounded]
+        extrema = maxima(both, np.ones_like(efforts.width))
+        peaks = extrema.value + np.tile(error, 2)
+        worst = int(peaks.argmax())
+        interval = extrema.piece[worst]
+        time = efforts.start[interval] + extrema.local_time[worst] * efforts.width[interval]
+        joint = self._robot.joint_names[bounded[worst % len(bounded)]]
+        coverage = FOR_ALL_TIMES
+        if error[worst % len(bounded)] > _EFFORT_ENCLOSURE:
+            coverage = _undecided(1 - float(extrema.value[worst]), RELATIVE)
+        place = Place(time=float(time), joint=joint)
+        return Condition(1 - float(peaks[worst]), RELATIVE, place, coverage)
 
     def tube(self) -> Condition:
-        """The hand in the tube, segment by segment or in their union, at samples."""
-        peaks = [(*self._farthest(visit), visit.segment) for visit in self._visits]
-        outside, time, segment = max(peaks, key=lambda peak: peak[0])
-        return Condition(-outside, "m", Place(time=time, segment=segment), self._coverage)
+        """The hand in the tube, segment by segment or in their union."""
+        least = least_margin(self._tube, self._hand, self._visits)
+        place = Place(time=least.time, segment=least.segment)
+        return Condition(
+            least.lower_bound, "m", place, _bracketed(least.lower_bound, least.attained, "m")
+        )
 
     def joint_signs(self) -> Condition:
         """Joint ranges of the segments, exactly between the hand-overs."""
@@ -138,8 +135,7 @@ class _Judge:
         if not found:
             return Condition(None, "rad", Place(), "no segment has joint signs")
         margin, place = min(found, key=lambda item: item[0])
-        coverage = FOR_ALL_TIMES if self._tube.visit == "ordered" else self._coverage
-        return Condition(margin, self._unit_at(place), place, coverage)
+        return Condition(margin, self._unit_at(place), place, FOR_ALL_TIMES)
 
     def endpoint(self, index: int) -> Condition:
         """Start (0) or goal (-1): the given configuration, or else the reference point."""
@@ -219,102 +215,18 @@ class _Judge:
             return Condition(None, "m", Place(), not_asked)
         links, obstacle = checker.owners(nearest.pair)
         place = Place(time=nearest.time, links=links, obstacle=obstacle)
-        return Condition(nearest.lower_bound - required, "m", place, FOR_ALL_TIMES)
+        margin, attained = nearest.lower_bound - required, nearest.distance - required
+        return Condition(margin, "m", place, _bracketed(margin, attained, "m"))
 
     @cached_property
-    def _samples(self) -> TrajectorySamples:
-        pieces = len(self._trajectory.widths)
-        count = max(_LEAST_SAMPLES_PER_PIECE, -(-_LEAST_SAMPLES // pieces))
-        return self._trajectory.per_piece(count)
-
-    @property
-    def _coverage(self) -> str:
-        count = len(self._samples.time)
-        spacing = np.diff(self._samples.time).max()
-        return f"at {count} samples, at most {1000 * spacing:.3g} ms apart, peaks refined"
-
-    def _effort_share(self, samples: TrajectorySamples) -> FloatArray:
-        """Return the share of each motor's effort that samples use, shape (N, n)."""
-        tau = self._robot.inverse_dynamics(samples.position, samples.velocity, samples.acceleration)
-        return abs(tau) / self._robot.limits.effort
-
-    def _farthest(self, visit: _Visit) -> tuple[float, float]:
-        """Return how far outside its capsule a visit gets [m] and when; negative inside."""
-        capsule = slice(visit.segment, visit.segment + 1)
-
-        def outside(time: FloatArray) -> FloatArray:
-            hand = self._robot.tool_position(self._trajectory.position(time))
-            return -self._tube.margin(hand, capsule)[:, 0]
-
-        band = _PEAK_BAND * float(self._tube.effective_radius[visit.segment])
-        return refined_maximum(outside, visit.time, -visit.margin, band=band)
+    def _hand(self) -> Enclosure:
+        """The hand's path."""
+        return enclosed_hand(self._robot, self._trajectory, _HAND_ENCLOSURE)
 
     @cached_property
-    def _visits(self) -> list[_Visit]:
-        """The trajectory's share of each segment it visits."""
-        margin = self._tube.margin(self._robot.tool_position(self._samples.position))
-        fit = np.minimum(margin, self._sign_margin(self._samples.position))
-        if self._tube.visit == "any":
-            return self._visits_in_any_order(margin, fit)
-        indices = best_hand_overs(fit)
-        times = [self._refined_hand_over(k, int(index)) for k, index in enumerate(indices)]
-        bounds = np.concatenate([[0.0], np.maximum.accumulate([0.0, *times])[1:]])
-        bounds = np.append(bounds, self._trajectory.duration)
-        return [
-            self._visit(k, begin, end, margin[:, k])
-            for k, (begin, end) in enumerate(pairwise(bounds))
-        ]
-
-    def _visit(self, segment: int, begin: float, end: float, margin: FloatArray) -> _Visit:
-        """Return a segment's share between two times, its ends included."""
-        time = self._samples.time
-        inside = (begin <= time) & (time <= end)
-        ends = np.array([begin, end])
-        hand = self._robot.tool_position(self._trajectory.position(ends))
-        at_ends = self._tube.margin(hand, slice(segment, segment + 1))[:, 0]
-        return _Visit(
-            segment,
-            begin,
-            end,
-            np.concatenate([[begin], time[inside], [end]]),
-            np.concatenate([at_ends[:1], margin[inside], at_ends[1:]]),
-        )
-
-    def _visits_in_any_order(self, margin: FloatArray, fit: FloatArray) -> list[_Visit]:
-        """Return a visit per run of samples that fit the same segment best."""
-        best = fit.argmax(axis=1)
-        time = self._samples.time
-        edges = np.flatnonzero(np.diff(best)) + 1
-        runs = np.split(np.arange(len(best)), edges)
-        return [
-            _Visit(
-                int(best[run[0]]), time[run[0]], time[run[-1]], time[run], margin[run, best[run[0]]]
-            )
-            for run in runs
-        ]
-
-    def _refined_hand_over(self, k: int, index: int) -> float:
-        """Return the hand-over from segment k to k+1, refined between the samples around it."""
-        time = self._samples.time
-        low, high = time[max(index - 1, 0)], time[min(index + 1, len(time) - 1)]
-
-        def lost(t: float) -> float:
-            q = self._trajectory.position(np.array([t]))
-            both = slice(k, k + 2)
-            margin = self._tube.margin(self._robot.tool_position(q), both)
-            return -float(min(margin.min(), self._sign_margin(q)[0, both].min()))
-
-        if high <= low:
-            return float(time[index])
-        options = {"xatol": _HAND_OVER_TOLERANCE}
-        result = minimize_scalar(lost, bounds=(low, high), method="bounded", options=options)
-        return float(result.x if result.fun < lost(float(time[index])) else time[index])
-
-    def _sign_margin(self, q: FloatArray) -> FloatArray:
-        """Return how well configurations (N, n) keep each segment's joint ranges, (N, m)."""
-        lower, upper = self._tube.ranges_of(self._robot.joint_names)
-        room = np.minimum(q[:, None] - lower, upper - q[:, None])
-        return room.min(axis=2)
+    def _visits(self) -> list[Visit]:
+        """The trajectory's share of each segment that it visits."""
+        return tube_visits(self._problem, self._trajectory, self._hand)
 
     def _range_margin(
         self, trajectory: JointTrajectory, lower: FloatArray, upper: FloatArray
@@ -358,3 +270,13 @@ def _highest(coefficients: FloatArray, trajectory: JointTrajectory) -> tuple[flo
     column = int(extrema.value.argmax())
     start = trajectory.breakpoints[extrema.piece[column]]
     return float(extrema.value[column]), float(start + extrema.local_time[column]), column
+
+
+def _bracketed(lower: float, attained: float, unit: str) -> str:
+    """Say that a margin is known for all t, unless its bounds are far apart."""
+    allowed = max(_UNDECIDED_LENGTH, _UNDECIDED_SHARE * abs(attained))
+    return FOR_ALL_TIMES if lower >= attained - allowed else _undecided(attained, unit)
+
+
+def _undecided(attained: float, unit: str) -> str:
+    return f"for all t, undecided: the margin found is {attained:.3g} {unit}"
