@@ -1,0 +1,101 @@
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from tubeplanner import JointTrajectory, PlanningProblem, Seed, Tube
+from tubeplanner.enclosure import enclosed_hand
+from tubeplanner.tube_visits import Visit, least_margin, tube_visits
+
+SEED = Seed(np.array([0.0, -1.0]))
+POINTS = [[0.45, -0.3, 0], [0.45, 0.1, 0], [0.2, 0.1, 0]]
+
+
+def wavy(two_link, seed=0, pieces=5):
+    """Return cubics that wander about, continuous in position only."""
+    rng = np.random.default_rng(seed)
+    knots = np.array([0.0, -1.0]) + np.cumsum(rng.uniform(-0.2, 0.25, (pieces + 1, 2)), axis=0)
+    bend = rng.uniform(-2, 2, (pieces, 2))
+    width = 0.1
+    slope = np.diff(knots, axis=0) / width - bend * width
+    coefficients = np.stack([bend, slope, knots[:-1]])
+    return JointTrajectory(two_link.joint_names, width * np.arange(pieces + 1), coefficients)
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("radius", [0.02, 0.1, 0.5])
+def test_the_least_margin_is_bracketed(two_link, seed, radius):
+    motion = wavy(two_link, seed)
+    tube = Tube(POINTS, radius)
+    hand = enclosed_hand(two_link, motion, 1e-7)
+    visits = [Visit(0, 0.0, 0.23), Visit(1, 0.23, motion.duration)]
+    least = least_margin(tube, hand, visits)
+    t = np.linspace(0, motion.duration, 40_001)
+    margin = tube.margin(two_link.tool_position(motion.position(t)))
+    true = min(margin[t <= 0.23, 0].min(), margin[t >= 0.23, 1].min())
+    assert least.lower_bound <= true + 1e-9
+    assert least.attained >= true - 1e-6
+    assert least.attained - least.lower_bound <= max(5e-7, 0.02 * abs(least.attained) + 2e-7)
+    here = tube.margin(two_link.tool_position(motion.position(np.array([least.time]))))
+    assert here[0, least.segment] == pytest.approx(least.attained, abs=2e-7)
+
+
+def test_touching_the_wall_is_decided_with_few_intervals(two_link):
+    """Contact without crossing it: bounds of first order would need a thousand times as many."""
+    motion = wavy(two_link, 1)
+    hand = enclosed_hand(two_link, motion, 1e-7)
+    visit = [Visit(0, 0.0, motion.duration)]
+    wide = least_margin(Tube(POINTS, 1.0), hand, visit)
+    touching = least_margin(Tube(POINTS, 1.0 - wide.attained), hand, visit)
+    for _ in range(3):  # the wide tube resolves its margin to two per cent only
+        touching = least_margin(Tube(POINTS, 1.0 - wide.attained - touching.attained), hand, visit)
+    assert -1e-6 < touching.lower_bound <= touching.attained < 1e-6
+    assert touching.intervals < 1000
+
+
+def test_visits_cover_the_motion_in_order_and_hand_over_inside_both(planned):
+    problem, result = planned("two_link/around_a_post", "branch-and-bound")
+    hand = enclosed_hand(problem.robot, result.trajectory, 1e-7)
+    visits = tube_visits(problem, result.trajectory, hand)
+    assert [visit.segment for visit in visits] == [0, 1, 2]
+    assert visits[0].begin == 0
+    assert visits[-1].end == result.duration
+    for before, after in pairwise(visits):
+        assert before.end == after.begin
+        point = problem.robot.tool_position(result.trajectory.position(np.array([before.end])))
+        assert problem.tube.margin(point)[0, [before.segment, after.segment]].min() > 0
+
+
+def there_and_back(two_link):
+    """Return a motion along the first leg of a corner and back again."""
+    q = [np.array([0.0, -1.0])]
+    from tubeplanner.inverse_kinematics import solve_position
+
+    free = np.full(2, np.inf)
+    for y in np.linspace(-0.3, 0.25, 12):
+        q.append(solve_position(two_link, np.array([0.45, y, 0]), q[-1], -free, free).q)
+    path = np.array(q[1:] + q[-2:0:-1])
+    coefficients = np.stack([np.diff(path, axis=0) / 0.1, path[:-1]])
+    times = 0.1 * np.arange(len(path))
+    return JointTrajectory(two_link.joint_names, times, coefficients)
+
+
+def test_a_union_is_visited_as_often_as_needed(two_link):
+    points = [[0.45, -0.3, 0], [0.45, 0.0, 0], [0.45, 0.3, 0]]
+    problem = PlanningProblem(two_link, Tube(points, 0.03, visit="any"), SEED)
+    motion = there_and_back(two_link)
+    hand = enclosed_hand(two_link, motion, 1e-7)
+    visits = tube_visits(problem, motion, hand)
+    assert [visit.segment for visit in visits] == [0, 1, 0]
+    assert least_margin(problem.tube, hand, visits).lower_bound > 0.02
+
+
+def test_hand_overs_that_share_an_instant_stay_in_order(two_link):
+    """Three segments through one point: the tube doubles back on itself."""
+    points = [[0.45, -0.3, 0], [0.45, 0.0, 0], [0.45, -0.01, 0], [0.45, 0.25, 0]]
+    problem = PlanningProblem(two_link, Tube(points, 0.03), SEED)
+    motion = there_and_back(two_link).between(0.0, 1.1)
+    visits = tube_visits(problem, motion, enclosed_hand(two_link, motion, 1e-7))
+    times = [visits[0].begin, *(visit.end for visit in visits)]
+    assert times == sorted(times)
+    assert [visit.segment for visit in visits] == [0, 1, 2]
