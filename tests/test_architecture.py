@@ -55,9 +55,13 @@ ORDER = (
     "verification",
     "refusal",
     "planner",
+    "trajectory_file",
+    "fingerprint",
+    "file_notes",
     "export",
     "output_files",
     "plotting",
+    "report",
     "interrupts",
     "cli",
 )
@@ -86,7 +90,8 @@ KNOWS = {
     "trimesh": {"mesh_cover"},
     "matplotlib": {"plotting"},
     "click": {"cli"},
-    "rich": {"cli"},
+    "rich": {"report", "cli"},
+    "yaml": {"trajectory_file"},
     "pydantic": {"problem_faults", "problem_format"},
 }
 

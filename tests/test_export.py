@@ -81,7 +81,7 @@ GOOD = {
     [
         ("{", "is no JSON"),
         ("[" * 100_000, "is no JSON"),
-        ("time,a.position\n0,1\n", "only tubeplanner's own JSON is read"),
+        ("time,a.position\n0,1\n", ".csv and .yaml are read as CSV and ROS"),
         ("[]", "is no trajectory file"),
         ('{"format": "other"}', "format must be tubeplanner/trajectory"),
     ],

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from tubeplanner.errors import RobotError as RobotError
     from tubeplanner.errors import TrajectoryError as TrajectoryError
     from tubeplanner.errors import TubePlannerError as TubePlannerError
-    from tubeplanner.export import read_trajectory as read_trajectory
     from tubeplanner.joint_limits import LimitOverrides as LimitOverrides
     from tubeplanner.obstacle import AttachedSolid as AttachedSolid
     from tubeplanner.obstacle import Obstacle as Obstacle
@@ -44,6 +43,7 @@ if TYPE_CHECKING:
     from tubeplanner.robot import RobotModel as RobotModel
     from tubeplanner.robot import load_robot as load_robot
     from tubeplanner.trajectory import JointTrajectory as JointTrajectory
+    from tubeplanner.trajectory_file import read_trajectory as read_trajectory
     from tubeplanner.tube import Tube as Tube
     from tubeplanner.verification import verify as verify
     from tubeplanner.waypoint_interpolation import quartic_spline as quartic_spline
@@ -62,7 +62,6 @@ _HOMES = {
         "TrajectoryError",
         "TubePlannerError",
     ),
-    "export": ("read_trajectory",),
     "joint_limits": ("LimitOverrides",),
     "obstacle": ("AttachedSolid", "Obstacle", "placement_of"),
     "outcome": ("Place", "PlanStatus"),
@@ -73,6 +72,7 @@ _HOMES = {
     "progress": ("Progress",),
     "robot": ("RobotModel", "load_robot"),
     "trajectory": ("JointTrajectory",),
+    "trajectory_file": ("read_trajectory",),
     "tube": ("Tube",),
     "verification": ("verify",),
     "waypoint_interpolation": ("quartic_spline", "sequential_quartics"),

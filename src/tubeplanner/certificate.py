@@ -50,6 +50,10 @@ class Tolerance:
         return self.relative if unit == RELATIVE else self.absolute
 
 
+# For trajectories made elsewhere: rounded numbers, samples.
+FOREIGN_TOLERANCE = Tolerance(1e-4, 1e-3)
+
+
 @dataclass(frozen=True)
 class Condition:
     """One condition of a certificate.

@@ -22,8 +22,7 @@ from tubeplanner.errors import OptionError, TubePlannerError
 from tubeplanner.interrupts import interrupts_held, interrupts_remembered
 
 if TYPE_CHECKING:
-    from tubeplanner.certificate import Certificate
-    from tubeplanner.planner import PlanResult
+    from tubeplanner.certificate import Tolerance
     from tubeplanner.problem import PlanningProblem
     from tubeplanner.trajectory import JointTrajectory
 
@@ -128,46 +127,58 @@ def plan(
         fields = {**result.as_dict(), "loading_time": loading_time, "stopped_by": stopped_by}
         _print_json(fields)
     else:
-        _print_plan(loaded, result, loading_time, outputs)
+        from tubeplanner.report import plan_text
+
+        print(plan_text(loaded, result, loading_time))
+        if result.succeeded:
+            print(*(f"{kind}: {path}" for kind, path in outputs.paths()), sep="\n")
     return SUCCESS if result.succeeded else INFEASIBLE
 
 
 @cli.command()
 @click.argument("problem")
 @click.argument("trajectory", type=_PATH)
-@click.option("--tolerance", help="ABS[,REL]: how far below zero margins may lie [1e-6,1e-6].")
+@click.option("--tolerance", help="ABS[,REL]: how far below zero margins may lie.")
 @_AS_JSON
 def check(problem: str, trajectory: Path, tolerance: str | None, as_json: bool) -> int:
     """Judge the TRAJECTORY file against PROBLEM."""
-    from tubeplanner.export import read_trajectory
+    from tubeplanner.certificate import FOREIGN_TOLERANCE, Tolerance
+    from tubeplanner.file_notes import notes_on_file
+    from tubeplanner.trajectory_file import read_trajectory_file
     from tubeplanner.verification import verify
 
-    limits = _tolerance(tolerance)
-    read = read_trajectory(trajectory)
+    asked = _tolerance(tolerance)
+    read = read_trajectory_file(trajectory)
+    limits = asked or (Tolerance() if read.interpolation is None else FOREIGN_TOLERANCE)
     with _progress() as enter:
         loaded, loading_time = _load(problem, enter)
         enter("certificate")
         begin = time.perf_counter()
-        certificate = verify(loaded, read, limits)
+        certificate = verify(loaded, read.trajectory, limits)
         certificate_time = time.perf_counter() - begin
     failures = certificate.failures()
     reasons = "; ".join(certificate.describe(name) for name in failures)
     message = f"fails: {reasons}" if failures else "passes every condition"
+    notes = notes_on_file(loaded, read, failed=bool(failures))
     if as_json:
         status = "certificate_failed" if failures else "success"
         where = certificate.conditions[failures[0]].where.as_dict() if failures else _nowhere()
         _print_json(
             {
                 **_report(status, f"the trajectory {message}", where),
-                "duration": read.duration,
+                "duration": read.trajectory.duration,
                 "certificate_time": certificate_time,
                 "loading_time": loading_time,
+                "notes": notes,
                 "certificate": certificate.as_dict(),
             }
         )
     else:
-        _print_certificate(certificate)
-        print(f"{trajectory} ({read.duration:.4f} s) {message}.")
+        from tubeplanner.report import certificate_text
+
+        print(certificate_text(certificate))
+        print(*(f"note: {note}" for note in notes), sep="\n", end="\n" if notes else "")
+        print(f"{trajectory} ({read.trajectory.duration:.4f} s) {message}.")
     return INFEASIBLE if failures else SUCCESS
 
 
@@ -234,11 +245,18 @@ class _Outputs:
     def write(self, problem: "PlanningProblem", method: str, trajectory: "JointTrajectory") -> None:
         """Write all files, or none of them."""
         from tubeplanner.export import trajectory_csv, trajectory_json, trajectory_ros
+        from tubeplanner.fingerprint import problem_hash, robot_hash
         from tubeplanner.output_files import write_files
 
         contents: dict[Path, bytes] = {}
         if self.trajectory:
-            more = {"method": method, "tubeplanner_version": __version__}
+            more = {
+                "method": method,
+                "tubeplanner_version": __version__,
+                "problem": problem.name,
+                "problem_hash": problem_hash(problem),
+                "robot_hash": robot_hash(problem.robot),
+            }
             contents[self.trajectory] = trajectory_json(trajectory, **more).encode()
         if self.csv:
             contents[self.csv] = trajectory_csv(problem.robot, trajectory, self.rate).encode()
@@ -259,11 +277,11 @@ def _load(name: str, enter: Callable[[object], None]) -> "tuple[PlanningProblem,
     return load_problem(name), time.perf_counter() - begin
 
 
-def _tolerance(text: str | None) -> Any:
+def _tolerance(text: str | None) -> "Tolerance | None":
     from tubeplanner.certificate import Tolerance
 
     if text is None:
-        return Tolerance()
+        return None
     try:
         return Tolerance(*(float(word) for word in text.split(",")))
     except (TypeError, ValueError):
@@ -289,56 +307,6 @@ def _progress() -> Iterator[Callable[[object], None]]:
                 status.update(f"{progress} ...")
 
             yield enter
-
-
-def _print_plan(
-    problem: "PlanningProblem", result: "PlanResult", loading_time: float, outputs: _Outputs
-) -> None:
-    robot = problem.robot
-    print(f"{problem.name}: {robot.name}, {robot.joint_count} joints to {robot.tool_frame}")
-    print(
-        f"loaded in {loading_time:.2f} s, planned in {result.planning_time:.2f} s "
-        f"(certificate {result.certificate_time:.2f} s), method {result.method}"
-    )
-    if result.search is not None:
-        print(f"branch and bound: {result.search}")
-    if result.certificate is not None:
-        _print_certificate(result.certificate)
-    print(f"{result.status}: {result.message}")
-    place = str(result.place)
-    if place:
-        print(f"where: {place}")
-    if problem.obstacles and not problem.collision.has_link_geometry:
-        print(
-            "note: the robot has no collision geometry; the obstacles were NOT checked against it"
-        )
-    if result.succeeded:
-        for kind, path in outputs.paths():
-            print(f"{kind}: {path}")
-
-
-def _print_certificate(certificate: "Certificate") -> None:
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.table import Table
-
-    from tubeplanner.certificate import RELATIVE
-
-    table = Table(title="Certificate", title_justify="left")
-    for heading in ("condition", "margin", "holds", "where", "coverage"):
-        table.add_column(heading, justify="right" if heading == "margin" else "left")
-    for name, condition in certificate.conditions.items():
-        if condition.margin is None:
-            table.add_row(name, "", "not asked", "", condition.coverage)
-            continue
-        # Rounding errors of the machine are shown as what they are: nothing.
-        shown = 0.0 if abs(condition.margin) < 1e-10 else condition.margin
-        percent = condition.unit == RELATIVE
-        margin = f"{100 * shown:.3g} %" if percent else f"{shown:.3g} {condition.unit}"
-        verdict = "yes" if condition.holds(certificate.tolerance) else "NO"
-        place = escape(str(condition.where))
-        table.add_row(name, margin, verdict, place, condition.coverage)
-    Console(width=None if sys.stdout.isatty() else 160).print(table)
 
 
 def _fail(status: str, message: str, as_json: bool, code: int) -> int:

@@ -1,19 +1,13 @@
-"""Trajectories as text: our JSON, CSV, ROS; and our JSON read back."""
+"""Trajectories as text: our JSON, CSV, ROS."""
 
 import json
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from tubeplanner.arrays import FloatArray
-from tubeplanner.errors import TrajectoryError
 from tubeplanner.robot import RobotModel
 from tubeplanner.trajectory import JointTrajectory
-
-TRAJECTORY_FORMAT = "tubeplanner/trajectory"
-TRAJECTORY_VERSION = 1
-_DURATION_TOLERANCE = 1e-9  # [s]
+from tubeplanner.trajectory_file import TRAJECTORY_FORMAT, TRAJECTORY_VERSION
 
 
 def trajectory_json(trajectory: JointTrajectory, **more: Any) -> str:
@@ -33,65 +27,6 @@ def trajectory_json(trajectory: JointTrajectory, **more: Any) -> str:
         **more,
     }
     return json.dumps(fields, allow_nan=False) + "\n"
-
-
-def read_trajectory(path: Path) -> JointTrajectory:
-    """Read a trajectory file.
-
-    Raises:
-        TrajectoryError: It cannot be read, is no trajectory file, or contradicts itself.
-    """
-    fields = _read_fields(path)
-    try:
-        trajectory = JointTrajectory(
-            _names(fields), _numbers(fields, "breakpoints"), _numbers(fields, "coefficients")
-        )
-        duration = float(_numbers(fields, "duration").item()) if "duration" in fields else None
-    except TrajectoryError as error:
-        raise TrajectoryError(f"{path}: {error}") from error
-    except ValueError:
-        raise TrajectoryError(f"{path}: duration must be one number") from None
-    if duration is not None and not abs(duration - trajectory.duration) <= _DURATION_TOLERANCE:
-        raise TrajectoryError(
-            f"{path}: duration {duration} s contradicts the last breakpoint, "
-            f"{trajectory.duration} s"
-        )
-    return trajectory
-
-
-def _read_fields(path: Path) -> dict[str, Any]:
-    try:
-        fields = json.loads(path.read_text(encoding="utf-8-sig"))
-    except OSError as error:
-        raise TrajectoryError(f"trajectory file {path} cannot be read: {error.strerror}") from error
-    except (ValueError, RecursionError) as error:
-        raise TrajectoryError(
-            f"trajectory file {path} is no JSON ({error}); only tubeplanner's own JSON is read"
-        ) from error
-    if not isinstance(fields, dict) or fields.get("format") != TRAJECTORY_FORMAT:
-        raise TrajectoryError(f"{path} is no trajectory file: format must be {TRAJECTORY_FORMAT}")
-    version = fields.get("version")
-    if version != TRAJECTORY_VERSION or isinstance(version, bool):
-        raise TrajectoryError(f"{path}: version is {version!r}; {TRAJECTORY_VERSION} can be read")
-    return fields
-
-
-def _names(fields: dict[str, Any]) -> list[str]:
-    names = fields.get("joint_names")
-    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-        raise TrajectoryError(f"joint_names is {names!r:.60}; it must be a list of names")
-    return names
-
-
-def _numbers(fields: dict[str, Any], key: str) -> FloatArray:
-    """Return a field as an array of numbers; texts, truth values and gaps are no numbers."""
-    try:
-        array = np.array(fields.get(key))
-    except ValueError:
-        raise TrajectoryError(f"{key} has rows of different lengths") from None
-    if array.dtype.kind not in "iuf" or array.size == 0:
-        raise TrajectoryError(f"{key} is {fields.get(key)!r:.60}; it must be numbers")
-    return array.astype(np.float64)
 
 
 def trajectory_csv(robot: RobotModel, trajectory: JointTrajectory, rate: float) -> str:

@@ -1,0 +1,67 @@
+"""Plans and certificates as text for a terminal."""
+
+import sys
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from tubeplanner.certificate import RELATIVE, Certificate
+from tubeplanner.planner import PlanResult
+from tubeplanner.problem import PlanningProblem
+
+_WIDTH_OF_A_FILE = 160  # [characters]
+# Rounding errors of the machine are shown as what they are: nothing.
+_NOTHING = 1e-10
+
+
+def plan_text(problem: PlanningProblem, result: PlanResult, loading_time: float) -> str:
+    """Return what came of planning, in lines.
+
+    Args:
+        problem: What was asked.
+        result: What came of it.
+        loading_time: [s].
+    """
+    robot = problem.robot
+    lines = [
+        f"{problem.name}: {robot.name}, {robot.joint_count} joints to {robot.tool_frame}",
+        f"loaded in {loading_time:.2f} s, planned in {result.planning_time:.2f} s "
+        f"(certificate {result.certificate_time:.2f} s), method {result.method}",
+    ]
+    if result.search is not None:
+        lines.append(f"branch and bound: {result.search}")
+    if result.certificate is not None:
+        lines.append(certificate_text(result.certificate))
+    lines.append(f"{result.status}: {result.message}")
+    place = str(result.place)
+    if place:
+        lines.append(f"where: {place}")
+    if result.stopped_by is not None:
+        lines.append(f"stopped by {result.stopped_by.replace('_', ' ')}: there may be better")
+    if problem.obstacles and not problem.collision.has_link_geometry:
+        lines.append(
+            "note: the robot has no collision geometry; the obstacles were NOT checked against it"
+        )
+    return "\n".join(lines)
+
+
+def certificate_text(certificate: Certificate) -> str:
+    """Return a certificate as a table, as wide as the terminal."""
+    table = Table(title="Certificate", title_justify="left")
+    for heading in ("condition", "margin", "holds", "where", "coverage"):
+        table.add_column(heading, justify="right" if heading == "margin" else "left")
+    for name, condition in certificate.conditions.items():
+        if condition.margin is None:
+            table.add_row(name, "", "not asked", "", condition.coverage)
+            continue
+        shown = 0.0 if abs(condition.margin) < _NOTHING else condition.margin
+        percent = condition.unit == RELATIVE
+        margin = f"{100 * shown:.3g} %" if percent else f"{shown:.3g} {condition.unit}"
+        verdict = "yes" if condition.holds(certificate.tolerance) else "NO"
+        place = escape(str(condition.where))
+        table.add_row(name, margin, verdict, place, condition.coverage)
+    console = Console(width=None if sys.stdout.isatty() else _WIDTH_OF_A_FILE)
+    with console.capture() as capture:
+        console.print(table)
+    return capture.get().rstrip("\n")
