@@ -156,7 +156,7 @@ class _Judge:
         for order in (1, 2):
             values = self._piece_ends(order)
             ends = np.array([values[0, 0], values[1, -1]])
-            share = abs(ends) / self._largest(order)
+            share = abs(ends) / self._largest[order]
             if share.max() > worst:
                 end, joint = np.unravel_index(int(share.argmax()), share.shape)
                 time = float(self._trajectory.breakpoints[-end])
@@ -176,7 +176,7 @@ class _Judge:
             if jumps.size == 0:
                 continue
             if order > 0:
-                jumps = jumps / self._largest(order)
+                jumps = jumps / self._largest[order]
             at, joint = np.unravel_index(int(jumps.argmax()), jumps.shape)
             time = float(self._trajectory.breakpoints[at + 1])
             place = Place(time=time, joint=self._robot.joint_names[joint])
@@ -251,17 +251,21 @@ class _Judge:
         widths = self._trajectory.widths[None, :] ** powers[:, None]
         return np.array([coefficients[-1], np.einsum("kpn,kp->pn", coefficients, widths)])
 
-    def _largest(self, order: int) -> FloatArray:
-        """Return the largest magnitude of a derivative per joint, shape (n,).
+    @cached_property
+    def _largest(self) -> list[FloatArray]:
+        """The largest magnitudes of position, velocity and acceleration per joint, each (n,).
 
         A joint that all but stands still is measured by the others: its own rounding errors are
         no motion that could jump.
         """
-        coefficients = self._trajectory.derivative_coefficients(order)
-        both = np.concatenate([coefficients, -coefficients], axis=2)
-        largest = maxima(both, self._trajectory.widths).value.reshape(2, -1).max(axis=0)
-        overall = float(largest.max())
-        return np.maximum(largest, _STILL_SHARE * overall if overall > 0 else 1.0)
+        found = []
+        for order in range(3):
+            coefficients = self._trajectory.derivative_coefficients(order)
+            both = np.concatenate([coefficients, -coefficients], axis=2)
+            largest = maxima(both, self._trajectory.widths).value.reshape(2, -1).max(axis=0)
+            overall = float(largest.max())
+            found.append(np.maximum(largest, _STILL_SHARE * overall if overall > 0 else 1.0))
+        return found
 
 
 def _highest(coefficients: FloatArray, trajectory: JointTrajectory) -> tuple[float, float, int]:
