@@ -189,3 +189,18 @@ def test_the_bound_is_near_for_a_joint_that_speeds_up(tmp_path, kind, inertia):
     else:
         assert (bound[:2] >= exact).all()
         assert (bound[:2] < 2.5 * exact).all()
+
+
+def test_few_intervals_are_enough(planned):
+    problem, result = planned("ur5/over_the_wall", "branch-and-bound")
+    robot, motion = problem.robot, result.trajectory
+    assert len(enclosed_hand(robot, motion, 1e-7).width) < 40
+    assert len(enclosed_efforts(robot, motion, 1e-7 * robot.limits.effort).width) < 80
+    assert len(enclosed_hand(robot, motion, 1e-3).width) < 12
+
+
+def test_halving_ends_after_so_many_intervals(two_link, monkeypatch):
+    monkeypatch.setattr("tubeplanner.enclosure._MOST_INTERVALS", 40)
+    enclosure = enclosed_hand(two_link, random_motion(two_link, 0), 1e-25)
+    assert 20 <= len(enclosure.width) < 80
+    assert enclosure.error.max() > 1e-25

@@ -5,6 +5,7 @@ import pytest
 
 from tubeplanner import JointTrajectory, PlanningProblem, Seed, Tube
 from tubeplanner.enclosure import enclosed_hand
+from tubeplanner.hand_overs import best_hand_overs
 from tubeplanner.tube_visits import Visit, least_margin, tube_visits
 
 SEED = Seed(np.array([0.0, -1.0]))
@@ -99,3 +100,57 @@ def test_hand_overs_that_share_an_instant_stay_in_order(two_link):
     times = [visits[0].begin, *(visit.end for visit in visits)]
     assert times == sorted(times)
     assert [visit.segment for visit in visits] == [0, 1, 2]
+
+
+def test_a_wide_margin_is_settled_at_once(two_link):
+    """Two per cent of half a metre need no halving to a fraction of a micrometre."""
+    motion = wavy(two_link, 2)
+    hand = enclosed_hand(two_link, motion, 1e-7)
+    least = least_margin(Tube(POINTS, 2.0), hand, [Visit(0, 0.0, motion.duration)])
+    assert least.attained > 1.0
+    assert least.intervals < 2 * len(hand.width)
+
+
+def test_halving_ends_after_so_many_rows(planned, monkeypatch):
+    """The bounds then count as they stand."""
+    problem, result = planned("two_link/paper_1_30mm", "branch-and-bound")
+    hand = enclosed_hand(problem.robot, result.trajectory, 1e-7)
+    visit = [Visit(0, 0.0, result.duration)]
+    wide = least_margin(problem.tube, hand, visit)
+    touching = Tube(problem.tube.points, 0.03 - wide.attained)
+    whole = least_margin(touching, hand, visit)
+    monkeypatch.setattr("tubeplanner.tube_visits._MOST_ROWS", len(hand.width))
+    least = least_margin(touching, hand, visit)
+    assert least.intervals == len(hand.width) < whole.intervals
+    assert least.lower_bound < least.attained - 1e-6
+
+
+def test_hand_overs_are_refined_between_samples(planned):
+    """At the corner, a radius that leaves 10 um at the best instant, and less at all others."""
+    problem, result = planned("two_link/around_a_post", "branch-and-bound")
+    hand = enclosed_hand(problem.robot, result.trajectory, 1e-7)
+    visits = tube_visits(problem, result.trajectory, hand)
+    least = least_margin(problem.tube, hand, visits)
+    at_hand_over = min(abs(least.time - visit.end) for visit in visits[:-1])
+    assert at_hand_over < 1e-6
+    radius = problem.tube.radius - least.attained + 1e-5
+    tight = Tube(problem.tube.points, radius, joint_signs=problem.tube.joint_ranges)
+    narrow = PlanningProblem(problem.robot, tight, problem.start)
+    visits = tube_visits(narrow, result.trajectory, hand)
+    again = least_margin(tight, hand, visits)
+    assert 5e-6 < again.lower_bound <= again.attained < 1.5e-5
+
+
+def test_hand_overs_are_looked_for_at_two_thousand_samples(planned, monkeypatch):
+    problem, result = planned("two_link/around_a_post", "branch-and-bound")
+    seen = []
+
+    def counting(margin):
+        seen.append(margin.shape)
+        return best_hand_overs(margin)
+
+    monkeypatch.setattr("tubeplanner.tube_visits.best_hand_overs", counting)
+    tube_visits(problem, result.trajectory, enclosed_hand(problem.robot, result.trajectory, 1e-7))
+    (shape,) = seen
+    assert shape[0] >= 2000
+    assert shape[1] == 3

@@ -312,3 +312,50 @@ def test_an_obstacle_is_found_whatever_its_shape(two_link):
 def test_a_tolerance_must_be_small_and_not_negative(absolute, relative):
     with pytest.raises(Exception, match=r"tolerance: .* not in \[0, 1\)"):
         Tolerance(absolute, relative)
+
+
+def test_two_parts_in_a_thousand_of_effort_are_found_with_joint_and_time(planned):
+    """A motor that is weaker by 0.2 %, under a motion that uses all of it."""
+    problem, result = planned("two_link/around_a_post", "branch-and-bound")
+    tau = effort_shares(problem.robot, result.trajectory)
+    joint = problem.robot.joint_names[int(tau.max(axis=0).argmax())]
+    weak = LimitOverrides(
+        velocity=unlimited().velocity,
+        effort={joint: 0.998 * problem.robot.limits.effort[int(tau.max(axis=0).argmax())]},
+    )
+    robot = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=weak)
+    certificate = verify(changed(problem, robot=robot), result.trajectory)
+    assert certificate.failures() == ["effort"]
+    condition = certificate.conditions["effort"]
+    assert condition.margin == pytest.approx(1 - 1 / 0.998, abs=1e-6)
+    assert condition.where.joint == joint
+    t = np.linspace(0, result.duration, len(tau))
+    assert condition.where.time == pytest.approx(t[tau.max(axis=1).argmax()], abs=1e-3)
+
+
+def effort_shares(robot, trajectory, count=20_001):
+    s = trajectory.at(np.linspace(0, trajectory.duration, count))
+    return abs(robot.inverse_dynamics(s.position, s.velocity, s.acceleration)) / robot.limits.effort
+
+
+def test_two_joints_in_each_others_place_are_found_at_the_start(planned):
+    problem, result = planned(UR5)
+    names = list(problem.robot.joint_names)
+    names[0], names[1] = names[1], names[0]
+    t = result.trajectory
+    certificate = verify(problem, JointTrajectory(names, t.breakpoints, t.coefficients))
+    assert "start" in certificate.failures()
+    assert certificate.conditions["start"].where.joint in names[:2]
+    assert certificate.conditions["start"].where.time == 0.0
+
+
+def test_what_is_undecided_says_so_and_fails(two_link):
+    """A million radians in a microsecond: no bound on it is worth anything."""
+    wild = JointTrajectory(two_link.joint_names, [0, 1e-6], [[[1e11, 1e11]], [[0.0, -1.0]]])
+    tube = Tube([[0.3, -0.3, 0], [0.3, 0.3, 0]], 5.0)
+    problem = PlanningProblem(two_link, tube, wild.position(0.0))
+    certificate = verify(problem, wild)
+    for name in ("effort", "tube"):
+        condition = certificate.conditions[name]
+        assert name in certificate.failures()
+        assert condition.coverage.startswith("for all t, undecided: the margin found is ")
