@@ -21,7 +21,7 @@ from tubeplanner.tube_visits import Visit, least_margin, tube_visits
 _STILL_SHARE = 1e-6  # a joint slower than this share of the fastest counts as standing still
 # How closely efforts [share of their limits] and hand [m] are enclosed: what is left of the
 # certificate's tolerance is for those who plan.
-_EFFORT_ENCLOSURE = 1e-7
+_EFFORT_ENCLOSURE = 1e-8
 _HAND_ENCLOSURE = 1e-7
 # Bounds farther apart than this, absolute [m] and as a share of the margin, are left undecided.
 _UNDECIDED_LENGTH, _UNDECIDED_SHARE = 1e-6, 0.05
