@@ -154,3 +154,16 @@ def test_hand_overs_are_looked_for_at_two_thousand_samples(planned, monkeypatch)
     (shape,) = seen
     assert shape[0] >= 2000
     assert shape[1] == 3
+
+
+@pytest.mark.parametrize("visit", ["ordered", "any"])
+def test_the_hand_over_is_when_the_joint_ranges_meet(two_link, visit):
+    """The elbow must be below -1 rad in one segment and above it in the other."""
+    points = [[0.45, -0.3, 0], [0.45, 0.0, 0], [0.45, 0.3, 0]]
+    signs = [{"joint2": [-3.0, -1.0]}, {"joint2": [-1.0, 0.0]}]
+    tube = Tube(points, 1.0, joint_signs=signs, visit=visit)
+    problem = PlanningProblem(two_link, tube, np.array([0.3, -1.5]))
+    motion = JointTrajectory(two_link.joint_names, [0, 1.0], [[[0.1, 0.7]], [[0.3, -1.5]]])
+    visits = tube_visits(problem, motion, enclosed_hand(two_link, motion, 1e-7))
+    assert [visit.segment for visit in visits] == [0, 1]
+    assert visits[0].end == pytest.approx(0.5 / 0.7, abs=2e-8)

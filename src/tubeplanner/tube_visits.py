@@ -174,7 +174,7 @@ class _Fit:
         def lost(t: float) -> float:
             return -float(self.at(np.array([t]))[0, list(pair)].min())
 
-        candidates = [low, high, (low + high) / 2]
+        candidates = [low, high]
         if high > low:
             options = {"xatol": _HAND_OVER_TOLERANCE}
             found = minimize_scalar(lost, bounds=(low, high), method="bounded", options=options)
