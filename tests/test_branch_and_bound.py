@@ -200,3 +200,54 @@ def test_what_it_finds_past_a_needle_is_certified(x, y, two_link):
     problem = two_link_problem(two_link, obstacles=[needle], radius=0.05)
     search = searched(problem, 14)
     assert search.best is None or verify(problem, search.best).passed
+
+
+def sign_change(two_link):
+    """The shoulder is positive in the first segment and negative in the second."""
+    q = np.array([[0.5, -1.0], [0.0, -1.2], [-0.5, -1.0]])
+    signs = [{"joint1": "+", "joint2": "-"}, {"joint1": "-", "joint2": "-"}]
+    tube = Tube(two_link.tool_position(q), 0.05, joint_signs=signs)
+    return PlanningProblem(two_link, tube, q[0])
+
+
+def gap(two_link):
+    """Two parallel legs, their capsules 2 mm apart but at the end: a union with a gap."""
+    radius, x, width = 0.04, 0.25, 0.002
+    far = x + 2 * radius + width
+    points = [[x, -0.15, 0], [x, 0.15, 0], [far, 0.15, 0], [far, -0.15, 0]]
+    tube = Tube(points, radius, joint_signs={"joint2": "-"}, visit="any")
+    return PlanningProblem(two_link, tube, Seed(np.array([0.0, -1.5])))
+
+
+@pytest.mark.parametrize(("make", "count"), [(sign_change, 9), (gap, 8)])
+def test_hand_overs_and_gaps_between_samples_are_judged_exactly(make, count, two_link):
+    problem = make(two_link)
+    motions = every_motion(problem, waypoints_of(problem, count))
+    best = next((m for m in motions if verify(problem, m[0]).passed), None)
+    search = searched(problem, count)
+    assert search.best_waypoints == (() if best is None else best[1])
+    assert search.best is None or search.certificate.passed
+
+
+def test_a_tube_cut_into_many_segments_gives_the_same_motion(two_link):
+    start, goal = np.array([0.3, -0.5, 0]), np.array([0.3, 0.5, 0])
+    found = []
+    for pieces in (1, 40, 80):
+        points = [start + (goal - start) * i / pieces for i in range(pieces + 1)]
+        tube = Tube(points, 0.01, joint_signs={"joint2": "-"})
+        found.append(PlanningProblem(two_link, tube, Seed(np.array([0.0, -1.0]))))
+    whole, *cut = [searched(problem, 20) for problem in found]
+    for search in cut:
+        assert search.best.duration == pytest.approx(whole.best.duration, rel=1e-6)
+
+
+def test_a_start_a_hair_outside_its_sign_is_planned_from(two_link):
+    """The input is accepted to 1e-6."""
+    q = np.array([-0.5, 8e-7])
+    hand = two_link.tool_position(np.array([q, [0.3, -0.4]]))
+    tube = Tube(hand, 0.3, joint_signs={"joint2": "-"})
+    exact = PlanningProblem(two_link, tube, np.array([-0.5, 0.0]))
+    above = PlanningProblem(two_link, tube, q)
+    assert searched(above, 12).best.duration == pytest.approx(
+        searched(exact, 12).best.duration, rel=1e-3
+    )

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from tubeplanner import JointTrajectory, Obstacle, placement_of
+from tubeplanner import Obstacle, placement_of
 from tubeplanner.candidate_waypoints import candidate_waypoints
-from tubeplanner.link_clearance import LinkClearance, collision_time
+from tubeplanner.link_clearance import LinkClearance
 from tubeplanner.reference_branch import reference_branch, spare_joint_rules
 
 NAMES = ("two_link/around_a_post", "ur5/over_the_wall", "panda/between_shelves")
@@ -48,16 +48,3 @@ def test_waypoints_in_collision_are_known(planned, two_link):
     free = LinkClearance(blocked, waypoints).free_waypoints
     assert not free[5]
     np.testing.assert_array_equal(free, [is_free(blocked, q) for q in waypoints])
-
-
-def test_the_time_of_a_collision_is_told(two_link, planned):
-    """The first joint sweeps a link through a thin post."""
-    problem, _ = planned("two_link/around_a_post")
-    post = Obstacle.cylinder("post", 0.005, 1.0, placement_of([0.5, 0.0, 0.0]))
-    swept = type(problem)(two_link, problem.tube, problem.start, obstacles=[post])
-    line = np.array([[1.0, -0.5], [-0.4, -0.1]])[:, None]
-    through = JointTrajectory(two_link.joint_names, [0.0, 1.0], line)
-    time = collision_time(swept, through)
-    assert is_free(swept, through.position(0.0))
-    assert not is_free(swept, through.position(time))
-    assert collision_time(swept, through.between(0.0, time - 0.1)) is None

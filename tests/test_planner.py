@@ -275,3 +275,41 @@ def test_limits_scaled_down_slow_the_motion_down(planned, two_link):
     weak = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=half)
     strong, slow = plan(two_link_problem(two_link)), plan(two_link_problem(weak))
     assert slow.duration / strong.duration == pytest.approx(np.sqrt(2), rel=1e-6)
+
+
+@pytest.mark.parametrize("given_goal", [True, False])
+def test_a_closed_loop_is_planned(two_link, given_goal):
+    """Out and back: standing still would keep to both capsules."""
+    q = np.array([-0.3, -1.0])
+    hand = two_link.tool_position(q[None])[0]
+    points = [hand, hand + np.array([-0.1, 0.2, 0]), hand]
+    tube = Tube(points, 0.02, joint_signs={"joint2": "-"})
+    result = plan(PlanningProblem(two_link, tube, q, q if given_goal else None))
+    assert result.succeeded
+    far = np.linalg.norm(points[1] - hand)
+    path = two_link.tool_position(result.trajectory.per_piece(50).position)
+    nearest = np.linalg.norm(path - points[1], axis=1).min()
+    assert ("; it passes reference point 1 at" in result.message) == (nearest > 0.06)
+    assert nearest <= far
+
+
+@pytest.mark.parametrize("stage", ["candidate points on the reference path", "branch and bound"])
+def test_an_interrupt_at_any_later_stage_keeps_what_is_certified(two_link, stage):
+    def interrupt(progress):
+        if progress.stage == stage:
+            raise KeyboardInterrupt
+
+    result = plan(two_link_problem(two_link), progress=interrupt)
+    assert result.succeeded
+    assert result.stopped_by == "interrupt"
+
+
+def test_the_time_limit_holds_while_the_search_is_prepared():
+    problem = load_problem("example:xarm7/from_crate_to_crate")
+    begin = time.perf_counter()
+    result = plan(problem, PlanOptions(candidate_points=1000, time_limit=1.0))
+    assert time.perf_counter() - begin < 2.0
+    assert result.succeeded
+    assert result.method == STOP
+    assert result.stopped_by == "time_limit"
+    assert result.search is None

@@ -116,3 +116,12 @@ def test_inconsistent_polynomials_are_refused(breakpoints, coefficients, message
 def test_arrays_handed_out_cannot_be_written():
     with pytest.raises(ValueError, match="read-only"):
         random_trajectory().coefficients[0, 0, 0] = 1.0
+
+
+def test_a_part_that_ends_on_a_breakpoint_is_not_cut_there_again():
+    """3.07 - 0.74 + 0.74 is above 3.07 by a rounding error."""
+    line = JointTrajectory(("a",), [0, 3.07, 10.0], np.array([[[1.0], [1.0]], [[0.0], [3.07]]]))
+    part = line.between(0.74, 3.07)
+    assert part.duration == pytest.approx(2.33)
+    assert len(part.widths) == 1
+    assert part.position(part.duration)[0] == pytest.approx(3.07)

@@ -2,7 +2,13 @@ import numpy as np
 import pytest
 
 from tubeplanner import JointTrajectory, PlanningProblem, Seed, Tube
-from tubeplanner.tube_membership import first_departure, membership_margin, segments_reached
+from tubeplanner.inverse_kinematics import solve_position
+from tubeplanner.tube_membership import (
+    first_departure,
+    membership_margin,
+    passable_segments,
+    segments_reached,
+)
 
 SEED = Seed(np.array([0.0, -1.0]))
 
@@ -39,27 +45,47 @@ INSIDE = {
 }
 
 
+def last_reached(inside, begin, passable=None, *, ordered=True):
+    inside = np.array(inside, dtype=bool)
+    passable = np.zeros(inside.shape[2], dtype=bool) if passable is None else passable
+    return segments_reached(inside, begin, passable, ordered=ordered)[:, -1]
+
+
 @pytest.mark.parametrize(("inside", "expected"), INSIDE.values(), ids=INSIDE)
 def test_segments_are_reached_in_order(inside, expected):
     begin = np.array([[True, False]])
-    reached = segments_reached(np.array([inside], dtype=bool), begin, ordered=True)
-    np.testing.assert_array_equal(reached, [expected])
+    assert last_reached([inside], begin).tolist() == [expected]
 
 
 def test_no_segment_is_skipped_unless_the_sample_is_in_it():
     begin = np.array([[True, False, False]])
     jump = np.array([[[1, 0, 0], [0, 0, 1]]], dtype=bool)
     short = np.array([[[1, 0, 0], [0, 1, 1]]], dtype=bool)
-    assert not segments_reached(jump, begin, ordered=True).any()
-    assert segments_reached(short, begin, ordered=True)[0, 2]
+    assert not last_reached(jump, begin).any()
+    assert last_reached(short, begin)[0, 2]
+
+
+def test_a_passable_segment_may_be_passed_between_samples():
+    begin = np.array([[True, False, False, False]])
+    jump = np.array([[[1, 0, 0, 0], [0, 0, 0, 1]]], dtype=bool)
+    for passable, expected in ([0, 1, 1, 0], True), ([0, 1, 0, 0], False), ([0, 0, 1, 0], False):
+        reached = last_reached(jump, begin, np.array(passable, dtype=bool))
+        assert reached[0, 3] == expected
+
+
+def test_short_segments_are_passable():
+    points = np.array([[0, 0, 0], [0.5, 0, 0], [0.5, 0.01, 0], [0, 0.01, 0], [0, 0.4, 0]])
+    assert passable_segments(Tube(points, 0.02)).tolist() == [False, True, False, False]
+    many = np.column_stack([np.linspace(0, 1, 81), np.zeros(81), np.zeros(81)])
+    assert passable_segments(Tube(many, 0.001)).all()
 
 
 def test_in_a_union_any_segment_may_follow_any_other():
     begin = np.ones((1, 2), dtype=bool)
     back = np.array([[[1, 0], [0, 1], [1, 0]]], dtype=bool)
     out = np.array([[[1, 0], [0, 0], [1, 0]]], dtype=bool)
-    np.testing.assert_array_equal(segments_reached(back, begin, ordered=False), [[True, False]])
-    assert not segments_reached(out, begin, ordered=False).any()
+    assert last_reached(back, begin, ordered=False).tolist() == [[True, False]]
+    assert not last_reached(out, begin, ordered=False).any()
 
 
 def lines(two_link, q):
@@ -98,10 +124,11 @@ def test_a_departure_between_samples_is_seen(two_link):
 
 
 def test_a_union_may_be_visited_backwards(two_link):
-    problem = corner(two_link, visit="any")
-    forwards = [[0.9, -1.5], [1.15, -1.75]]
-    ordered = corner(two_link)
-    margin = membership_margin(problem, np.array(forwards))
-    back = lines(two_link, [*forwards, forwards[0]])
-    assert (first_departure(problem, back, 1e-6) is None) == bool(margin.max(axis=1).min() > 0)
-    assert first_departure(ordered, back, 1e-6) is not None
+    free = np.full(2, np.inf)
+    q = [np.array([0.0, -1.0])]
+    for y in (-0.25, -0.2, -0.15):
+        target = np.array([0.4, y, 0])
+        q.append(solve_position(two_link, target, q[-1], -free, free).q)
+    back = lines(two_link, [*q[1:], *q[-2:0:-1]])
+    assert first_departure(corner(two_link, visit="any"), back, 1e-6) is None
+    assert first_departure(corner(two_link), back, 1e-6) == 3  # it never arrives

@@ -6,11 +6,12 @@ the beginning of such a motion; a child has one waypoint more, and so one segmen
 with the lowest bounds on their duration are expanded first, children that break a rule are cut
 (Suh & Bishop 1988, phase 1).
 
-Rules are tested at samples and can be too lenient; complete motions are tested between samples as
-well, and their duration is exact. The certificate has the last word.
+Rules are tested at samples and can be too lenient. A complete motion counts only with its exact
+duration and its certificate.
 """
 
 import heapq
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -18,22 +19,24 @@ from typing import Any
 import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
-from tubeplanner.link_clearance import collision_time
+from tubeplanner.certificate import Certificate
 from tubeplanner.outcome import Infeasible
 from tubeplanner.problem import PlanningProblem
 from tubeplanner.segment_rules import SegmentBatch, SegmentRules
 from tubeplanner.time_scaling import scaled_to_limits
 from tubeplanner.trajectory import JointTrajectory
 from tubeplanner.tube_membership import first_departure
+from tubeplanner.verification import verify
 from tubeplanner.waypoint_interpolation import (
     last_two_quartics,
     look_ahead_quartic,
     sequential_quartics,
 )
 
-_NODES_AT_ONCE = 32
+# So many nodes are expanded at a time, or as many as have so many children.
+_NODES_AT_ONCE, _CHILDREN_AT_ONCE = 32, 1024
 _END = np.array([1.0])
-_TOLERANCE = 5e-7  # [m or rad]: half of what the certificate allows
+_TOLERANCE = 1e-6  # [m or rad]: what the certificate allows
 
 
 @dataclass(frozen=True)
@@ -44,10 +47,11 @@ class SearchStatistics:
         nodes: Nodes expanded.
         children: Continuations built and tested.
         cuts: How many of them each rule cut at samples.
-        motions: Complete motions that were left, and tested between samples.
-        refused: How many of those failed, or were no faster.
+        motions: Complete motions that were left, and judged.
+        refused: How many of those were no faster than the best, or failed their certificate.
         forgone: Nodes and motions passed over because they begin like one that failed.
-        lower_bound: No motion of this family is faster [s]; None if there is none.
+        lower_bound: No certified motion of this family is faster [s]; None if none is faster than
+            what was known before the search.
         best_duration: Of the best motion so far [s]; None if there is none.
         budget_reached: Whether the node budget ended the search: there may be better motions.
     """
@@ -101,7 +105,9 @@ class BranchAndBound:
     """A search that may be stopped at any time.
 
     Attributes:
-        best: The fastest motion found, run at the limits; None until there is one.
+        best: The fastest certified motion found, run at the limits; None until there is one.
+        certificate: The certificate of that motion.
+        certificate_time: How long that took [s].
         best_waypoints: Indices of its waypoints.
     """
 
@@ -111,7 +117,8 @@ class BranchAndBound:
         waypoints: FloatArray,
         *,
         upper_bound: float = np.inf,
-        node_budget: int = 20_000,
+        node_budget: int = 10_000,
+        checkpoint: Callable[[], None] = lambda: None,
     ) -> None:
         """Prepare a search.
 
@@ -120,11 +127,14 @@ class BranchAndBound:
             waypoints: The M >= 2 candidates, shape (M, n); the first and the last are always used.
             upper_bound: Only motions faster than this are of interest [s].
             node_budget: The search ends after about so many nodes.
+            checkpoint: Called while the search is prepared; it may raise to end that.
         """
         self.best: JointTrajectory | None = None
+        self.certificate: Certificate | None = None
+        self.certificate_time = 0.0
         self.best_waypoints: tuple[int, ...] = ()
         self._problem, self._waypoints = problem, waypoints
-        self._rules = SegmentRules(problem, waypoints)
+        self._rules = SegmentRules(problem, waypoints, checkpoint)
         self._upper_bound, self._node_budget = upper_bound, node_budget
         self._open: list[tuple[float, tuple[int, ...], _Node]] = []
         # Beginnings of motions that failed between samples: all that begin so fail alike.
@@ -156,10 +166,12 @@ class BranchAndBound:
     def expand(self) -> None:
         """Expand the most promising nodes."""
         nodes: list[_Node] = []
-        while self._has_open_nodes and len(nodes) < _NODES_AT_ONCE:
+        children = 0
+        while self._has_open_nodes and len(nodes) < _NODES_AT_ONCE and children < _CHILDREN_AT_ONCE:
             node = heapq.heappop(self._open)[2]
             if not self._begins_like_a_failed_one(node.waypoints):
                 nodes.append(node)
+                children += len(self._waypoints) - 1 - node.waypoints[-1]
         if not nodes:
             return
         self._nodes += len(nodes)
@@ -249,26 +261,49 @@ class BranchAndBound:
                 self._try_motion((*nodes[batch.parent[i]].waypoints, goal))
 
     def _try_motion(self, waypoints: tuple[int, ...]) -> None:
-        """Keep a motion if it is the fastest yet and holds between samples as well."""
-        if self._begins_like_a_failed_one(waypoints):
+        """Keep a motion if it is the fastest yet and certified."""
+        chosen = self._waypoints[list(waypoints)]
+        stands_still = np.ptp(chosen, axis=0).max() == 0
+        if stands_still or self._begins_like_a_failed_one(waypoints):
             return
         self._motions += 1
-        shape = sequential_quartics(
-            self._problem.robot.joint_names, self._waypoints[list(waypoints)]
-        )
+        shape = sequential_quartics(self._problem.robot.joint_names, chosen)
+        motion = self._at_limits(shape)
+        if motion is None or motion.duration >= self._upper_bound:
+            self._refused += 1
+            return
         fault = first_departure(self._problem, shape, _TOLERANCE)
-        motion = self._at_limits(shape) if fault is None else None
-        if motion is not None and motion.duration < self._upper_bound:
-            time = collision_time(self._problem, shape)
-            if time is None:
-                self.best, self.best_waypoints = motion, waypoints
+        if fault is None:
+            begin = time.perf_counter()
+            certificate = verify(self._problem, motion)
+            if certificate.passed:
+                self.certificate_time = time.perf_counter() - begin
+                self.best, self.certificate, self.best_waypoints = motion, certificate, waypoints
                 self._upper_bound = motion.duration
                 return
-            fault = min(int(time), len(waypoints) - 2)
+            fault = self._faulty_segment(certificate, motion)
         self._refused += 1
         # A segment depends on the waypoints up to the one after its end, the last two on all.
         if fault is not None and fault + 3 < len(waypoints):
             self._failed.add(waypoints[: fault + 3])
+
+    def _faulty_segment(self, certificate: Certificate, motion: JointTrajectory) -> int | None:
+        """Return a segment that no other continuation can mend, if the certificate names one.
+
+        Another continuation may choose other hand-overs, but not other links or another union.
+        """
+        telling = ["obstacles", "self_collision"]
+        if self._problem.tube.visit == "any":
+            telling.append("tube")
+        times = [
+            certificate.conditions[name].where.time
+            for name in certificate.failures()
+            if name in telling
+        ]
+        found = [float(time) for time in times if time is not None]
+        if not found:
+            return None
+        return int(np.searchsorted(motion.breakpoints[1:-1], min(found), side="right"))
 
     def _at_limits(self, shape: JointTrajectory) -> JointTrajectory | None:
         """Return a shape run as fast as the limits allow; None where gravity is too strong."""

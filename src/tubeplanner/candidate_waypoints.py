@@ -1,8 +1,10 @@
 """The configurations that phase 1 may pass: equally spaced along the reference path."""
 
+from collections.abc import Callable
+
 import numpy as np
 
-from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.arrays import FloatArray
 from tubeplanner.inverse_kinematics import solve_position
 from tubeplanner.problem import PlanningProblem
 from tubeplanner.reference_branch import ReferenceBranch
@@ -13,7 +15,10 @@ _FARTHEST_FROM_BRANCH = 0.1
 
 
 def candidate_waypoints(
-    problem: PlanningProblem, branch: ReferenceBranch, count: int
+    problem: PlanningProblem,
+    branch: ReferenceBranch,
+    count: int,
+    checkpoint: Callable[[], None] = lambda: None,
 ) -> FloatArray:
     """Return M configurations whose hands are equally spaced along the branch.
 
@@ -21,6 +26,7 @@ def candidate_waypoints(
         problem: What is asked.
         branch: The arm along the reference path.
         count: M >= 2.
+        checkpoint: Called before each; it may raise to end the work.
 
     Returns:
         Shape (M, n) [rad or m]; the first is the start, the last the goal. Where the hand stands
@@ -39,7 +45,11 @@ def candidate_waypoints(
     share = ((wanted - way[before]) / (way[before + 1] - way[before]))[:, None]
     targets = (1 - share) * hand[before] + share * hand[before + 1]
     near = (1 - share) * q[before] + share * q[before + 1]
-    return np.vstack([branch.start, _solved(problem, targets, near, segment[before]), branch.goal])
+    inner = near.copy()
+    for i, k in enumerate(segment[before]):
+        checkpoint()
+        inner[i] = _solved(problem, targets[i], near[i], int(k))
+    return np.vstack([branch.start, inner, branch.goal])
 
 
 def _travelled(points: FloatArray) -> FloatArray:
@@ -49,13 +59,9 @@ def _travelled(points: FloatArray) -> FloatArray:
 
 
 def _solved(
-    problem: PlanningProblem, targets: FloatArray, near: FloatArray, segment: IntArray
+    problem: PlanningProblem, target: FloatArray, near: FloatArray, segment: int
 ) -> FloatArray:
-    """Return configurations that have the hand at targets (P, 3), close to others, (P, n)."""
-    solved = near.copy()
-    for i, k in enumerate(segment):
-        lower, upper = problem.joint_lower[k], problem.joint_upper[k]
-        solution = solve_position(problem.robot, targets[i], near[i], lower, upper)
-        if abs(solution.q - near[i]).max() <= _FARTHEST_FROM_BRANCH:
-            solved[i] = solution.q
-    return solved
+    """Return a configuration (n,) that has the hand at a target (3,), close to another."""
+    lower, upper = problem.joint_lower[segment], problem.joint_upper[segment]
+    solution = solve_position(problem.robot, target, near, lower, upper)
+    return solution.q if abs(solution.q - near).max() <= _FARTHEST_FROM_BRANCH else near

@@ -20,7 +20,7 @@ def best_hand_overs(margin: FloatArray) -> IntArray:
         Shape (m-1,), never decreasing: sample s is counted to segment k if it lies between the
         hand-overs k-1 and k, both included, so that a hand-over counts in both its segments.
     """
-    best = best_margins(margin)
+    best = _best_margins(margin)
     hand_overs: list[int] = []
     last = len(margin) - 1
     for k in range(margin.shape[1] - 1, 0, -1):
@@ -29,16 +29,8 @@ def best_hand_overs(margin: FloatArray) -> IntArray:
     return np.array(hand_overs, dtype=np.int64)
 
 
-def best_margins(margin: FloatArray) -> FloatArray:
-    """Return the largest worst margin with which each sample can be in each segment.
-
-    Args:
-        margin: Shape (N, m), as for `best_hand_overs`.
-
-    Returns:
-        Shape (N, m): the worst margin up to a sample, if it is in that segment, the first sample
-        was in the first, and the hand-overs between were the best ones.
-    """
+def _best_margins(margin: FloatArray) -> FloatArray:
+    """Return the largest worst margin with which each sample can be in each segment, (N, m)."""
     best = [np.minimum.accumulate(margin[:, 0])]
     for k in range(1, margin.shape[1]):
         best.append(_best_after_hand_over(best[-1], margin[:, k]))

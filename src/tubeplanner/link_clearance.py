@@ -5,14 +5,14 @@ below, and so does the direction that separates a pair there. Only pairs for whi
 are measured.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
-from tubeplanner.closest_approach import closest_approach
 from tubeplanner.problem import PlanningProblem
-from tubeplanner.trajectory import JointTrajectory
 
-_TOLERANCE = 5e-7  # [m]: half of what the certificate allows
+_TOLERANCE = 1e-6  # [m]: what the certificate allows
 
 
 class LinkClearance:
@@ -22,8 +22,13 @@ class LinkClearance:
         free_waypoints: Which of the known configurations are free: bool, shape (M,).
     """
 
-    def __init__(self, problem: PlanningProblem, waypoints: FloatArray) -> None:
-        """Measure all distances at waypoints of shape (M, n)."""
+    def __init__(
+        self,
+        problem: PlanningProblem,
+        waypoints: FloatArray,
+        checkpoint: Callable[[], None] = lambda: None,
+    ) -> None:
+        """Measure all distances at waypoints (M, n); the checkpoint may raise to end that."""
         self._problem, self._checker = problem, problem.collision
         checker = problem.collision
         self._pairs = np.concatenate([checker.obstacle_pairs, checker.link_pairs])
@@ -33,10 +38,10 @@ class LinkClearance:
         )
         self._weights = checker.motion_weights(self._pairs)
         self._waypoints = waypoints
-        poses = zip(*problem.robot.body_poses(waypoints), strict=True)
-        found = [
-            checker.separations(rotation, position, self._pairs) for rotation, position in poses
-        ]
+        found = []
+        for rotation, position in zip(*problem.robot.body_poses(waypoints), strict=True):
+            checkpoint()
+            found.append(checker.separations(rotation, position, self._pairs))
         self._distance = np.array([distance for distance, _ in found])
         self._direction = np.array([direction for _, direction in found])
         self.free_waypoints = np.all(self._distance >= self._required, axis=1)
@@ -66,16 +71,3 @@ class LinkClearance:
             distance = self._checker.distances(rotation[i], position[i], self._pairs[pairs])
             free[doubtful[i]] = (distance >= self._required[pairs]).all()
         return free
-
-
-def collision_time(problem: PlanningProblem, trajectory: JointTrajectory) -> float | None:
-    """Return when links come too near to an obstacle or each other [s]; None if they never do.
-
-    For all t, by bisection; the time is that of the closest approach.
-    """
-    checker = problem.collision
-    for pairs, required in ((checker.obstacle_pairs, problem.clearance), (checker.link_pairs, 0.0)):
-        nearest = closest_approach(checker, trajectory, pairs, required)
-        if nearest is not None and nearest.lower_bound < required - _TOLERANCE:
-            return nearest.time
-    return None

@@ -27,6 +27,9 @@ BRANCH_AND_BOUND, STOP_AT_CORNERS = "branch-and-bound", "stop-at-corners"
 METHODS = (BRANCH_AND_BOUND, STOP_AT_CORNERS)
 
 _FEWEST_CANDIDATES, _MOST_CANDIDATES = 2, 1000
+# A reference point that the hand passes farther away than this is pointed out.
+_FAR_IN_RADII = 3.0
+_LOOKS_PER_PIECE = 20
 
 
 @dataclass(frozen=True)
@@ -47,7 +50,7 @@ class PlanOptions:
 
     method: str = METHODS[0]
     candidate_points: int = 30
-    node_budget: int = 20_000
+    node_budget: int = 10_000
     time_limit: float | None = None
 
     def __post_init__(self) -> None:
@@ -198,53 +201,73 @@ def _improved(
     options: PlanOptions,
     clock: PlanningClock,
 ) -> PlanResult:
-    """Return what branch and bound finds, if it is certified and faster than stopping at corners.
+    """Return what branch and bound finds, if it is faster than stopping at corners.
 
     Even where that one failed its certificate: a search without a bound takes very long.
     """
-    clock.announce(Progress("candidate points on the reference path"))
-    search = BranchAndBound(
-        problem,
-        candidate_waypoints(problem, branch, options.candidate_points),
-        upper_bound=np.inf if corners.motion is None else corners.motion.duration,
-        node_budget=options.node_budget,
-    )
-    known = result = corners.result
-    _run(search, known, clock)
-    statistics = search.statistics
-    if search.best is not None:
-        clock.announce(Progress("certificate", best_duration=search.best.duration))
-        found = _certified(problem, search.best, BRANCH_AND_BOUND, clock)
-        result = found if found.succeeded or not known.succeeded else known
-    elif clock.stopped_by == "time_limit" and not known.succeeded:
-        message = "the time limit passed before a motion was found"
-        result = PlanResult(PlanStatus.TIME_LIMIT, message, Place(), BRANCH_AND_BOUND)
-    if search.best is None and known.succeeded and clock.stopped_by is None:
-        message = f"{result.message}; branch and bound found nothing faster"
-        result = replace(result, message=message)
-    if statistics.budget_reached:
-        message = f"{result.message}; the search ended at its budget of {options.node_budget} nodes"
-        result = replace(result, message=message)
-    return replace(result, search=statistics)
+    known, search = corners.result, None
+    try:
+        clock.enter("candidate points on the reference path")
+        search = BranchAndBound(
+            problem,
+            candidate_waypoints(problem, branch, options.candidate_points, clock.check),
+            upper_bound=np.inf if corners.motion is None else corners.motion.duration,
+            node_budget=options.node_budget,
+            checkpoint=clock.check,
+        )
+        _run(search, known, clock)
+    except KeyboardInterrupt:
+        if not known.succeeded and (search is None or search.best is None):
+            raise
+        clock.stopped_by = "interrupt"
+    except Infeasible:  # the time limit, before the search began
+        clock.stopped_by = "time_limit"
+    return _better(problem, known, search, options, clock)
 
 
 def _run(search: BranchAndBound, known: PlanResult, clock: PlanningClock) -> None:
-    """Search until there is nothing better, or until time, budget or the user's patience end."""
-    # The best motion must still be certified, in about the time that the known one took.
-    reserve = known.certificate_time
-    try:
-        while not search.finished:
-            if clock.remaining <= reserve:
-                clock.stopped_by = "time_limit"
-                return
-            search.expand()
-            now = search.statistics
-            best = now.best_duration or known.duration
-            clock.announce(Progress("branch and bound", now.nodes, now.lower_bound, best))
-    except KeyboardInterrupt:
-        if search.best is None and not known.succeeded:
-            raise
-        clock.stopped_by = "interrupt"
+    """Search until there is nothing better, or until time or budget end."""
+    while not search.finished:
+        if clock.remaining <= 0:
+            clock.stopped_by = "time_limit"
+            return
+        search.expand()
+        now = search.statistics
+        best = now.best_duration or known.duration
+        clock.announce(Progress("branch and bound", now.nodes, now.lower_bound, best))
+
+
+def _better(
+    problem: PlanningProblem,
+    known: PlanResult,
+    search: BranchAndBound | None,
+    options: PlanOptions,
+    clock: PlanningClock,
+) -> PlanResult:
+    """Return the search's answer, or else what was known before, and say what is to be said."""
+    result = known
+    if search is not None and search.best is not None:
+        result = PlanResult(
+            PlanStatus.SUCCESS,
+            _success(problem, search.best),
+            Place(),
+            BRANCH_AND_BOUND,
+            search.best,
+            search.certificate,
+            certificate_time=search.certificate_time,
+        )
+    elif clock.stopped_by == "time_limit" and not known.succeeded:
+        message = "the time limit passed before a motion was found"
+        result = PlanResult(PlanStatus.TIME_LIMIT, message, Place(), BRANCH_AND_BOUND)
+    elif clock.stopped_by is None and known.succeeded:
+        message = f"{result.message}; branch and bound found nothing faster"
+        result = replace(result, message=message)
+    if search is None:
+        return result
+    if search.statistics.budget_reached:
+        message = f"{result.message}; the search ended at its budget of {options.node_budget} nodes"
+        result = replace(result, message=message)
+    return replace(result, search=search.statistics)
 
 
 def _certified(
@@ -274,4 +297,12 @@ def _success(problem: PlanningProblem, trajectory: JointTrajectory) -> str:
     if problem.goal is None:
         q = ", ".join(f"{value:.4f}" for value in trajectory.position(trajectory.duration))
         message += f"; the goal was left open and became [{q}]"
+    hand = problem.robot.tool_position(trajectory.per_piece(_LOOKS_PER_PIECE).position)
+    distance = np.linalg.norm(hand[:, None] - problem.tube.points, axis=2).min(axis=0)
+    reach = _FAR_IN_RADII * problem.tube.radius.max()
+    for point in np.flatnonzero(distance > reach):
+        message += (
+            f"; it passes reference point {point} at {distance[point]:.3g} m: the capsules beside "
+            "that point overlap elsewhere"
+        )
     return message

@@ -8,6 +8,7 @@
 Segments are tested at a few samples, which can only be too lenient.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -16,14 +17,14 @@ from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.link_clearance import LinkClearance
 from tubeplanner.problem import PlanningProblem
 from tubeplanner.time_scaling import scaling_factor
-from tubeplanner.tube_membership import membership_margin, segments_reached
+from tubeplanner.tube_membership import membership_margin, passable_segments, segments_reached
 from tubeplanner.waypoint_interpolation import power_basis
 
 # Local times of the tests, in stages: the first cuts most.
 _STAGES = (np.array([4, 8]) / 8, np.array([2, 6]) / 8, np.array([1, 3, 5, 7]) / 8)
 _IN_ORDER = np.argsort(np.concatenate(_STAGES))
 _COLLISION_TIMES = np.arange(1, 8) / 8
-_TOLERANCE = 5e-7  # [m or rad]: half of what the certificate allows
+_TOLERANCE = 1e-6  # [m or rad]: what input and certificate allow
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,11 +75,17 @@ class SegmentRules:
         free_waypoints: Which waypoints are clear of collisions: bool, shape (M,).
     """
 
-    def __init__(self, problem: PlanningProblem, waypoints: FloatArray) -> None:
-        """Prepare the tests for waypoints of shape (M, n)."""
+    def __init__(
+        self,
+        problem: PlanningProblem,
+        waypoints: FloatArray,
+        checkpoint: Callable[[], None] = lambda: None,
+    ) -> None:
+        """Prepare the tests for waypoints of shape (M, n); the checkpoint may raise to end that."""
         self._problem = problem
-        self._clearance = LinkClearance(problem, waypoints)
+        self._clearance = LinkClearance(problem, waypoints, checkpoint)
         self._least_times = _least_times(problem, waypoints)
+        self._passable = passable_segments(problem.tube)
         self.cuts = {"joint_limits": 0, "duration": 0, "tube": 0, "collision": 0}
         self.free_waypoints = self._clearance.free_waypoints
 
@@ -149,7 +156,8 @@ class SegmentRules:
         samples = inside.shape[1] * inside.shape[2]
         inside = inside.reshape(len(batch), samples, inside.shape[-1])
         ordered = self._problem.tube.visit == "ordered"
-        return segments_reached(inside, batch.tube_segments, ordered=ordered)
+        reached = segments_reached(inside, batch.tube_segments, self._passable, ordered=ordered)
+        return reached[:, -1]
 
     def _free(self, batch: SegmentBatch) -> BoolArray:
         """Return whether the new segments are clear of collisions: bool, shape (C,)."""

@@ -152,12 +152,15 @@ class JointTrajectory:
         """
         width = max(end - begin, 1e-9)
         begin = min(begin, self.duration - width)
-        inner = self.breakpoints[(self.breakpoints > begin) & (self.breakpoints < begin + width)]
-        starts = np.concatenate([[begin], inner])
+        # Chosen after the subtraction: rounding must not make a breakpoint meet the end.
+        local = self.breakpoints - begin
+        inner = (local > 0) & (local < width)
+        starts = np.concatenate([[begin], self.breakpoints[inner]])
         position = PPoly(self.coefficients, self.breakpoints)
         powers = np.arange(len(self.coefficients) - 1, -1, -1)
         rows = [position.derivative(power)(starts) / factorial(power) for power in powers]
-        return JointTrajectory(self.joint_names, np.append(starts, begin + width) - begin, rows)
+        breakpoints = np.concatenate([[0.0], local[inner], [width]])
+        return JointTrajectory(self.joint_names, breakpoints, rows)
 
     def reordered(self, joint_names: Sequence[str]) -> "JointTrajectory":
         """Return the trajectory with its joints in another order.

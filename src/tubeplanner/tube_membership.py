@@ -7,11 +7,13 @@ segment must hold at every instant.
 import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
-from tubeplanner.hand_overs import best_hand_overs, best_margins
+from tubeplanner.hand_overs import best_hand_overs
 from tubeplanner.problem import PlanningProblem
 from tubeplanner.trajectory import JointTrajectory
+from tubeplanner.tube import Tube
 
 _SAMPLES_PER_PIECE = 65
+_LARGEST_STEP = 0.25  # of the reference path, from one sample to the next
 
 
 def membership_margin(problem: PlanningProblem, q: FloatArray) -> FloatArray:
@@ -37,29 +39,52 @@ def current_segments(problem: PlanningProblem, q: FloatArray) -> IntArray:
     return np.searchsorted(best_hand_overs(margin), np.arange(len(q)), side="left")
 
 
-def segments_reached(inside: BoolArray, segments: BoolArray, *, ordered: bool) -> BoolArray:
-    """Return the segments in which S samples may end.
+def passable_segments(tube: Tube) -> BoolArray:
+    """Return which segments a hand may pass whole between two samples: bool, shape (m,).
+
+    Between the hand-overs at its ends it travels at least the segment's length less twice the
+    radius; samples are far less than a quarter of the reference path apart.
+    """
+    length = np.linalg.norm(np.diff(tube.points, axis=0), axis=1)
+    return length <= 2 * tube.effective_radius + _LARGEST_STEP * length.sum()
+
+
+def segments_reached(
+    inside: BoolArray, segments: BoolArray, passable: BoolArray, *, ordered: bool
+) -> BoolArray:
+    """Return the segments in which a motion may be at each of S samples.
 
     Samples see no hand-over that happens between them, so that one is taken to be possible
-    wherever the neighbouring samples lie in neighbouring segments.
+    wherever neighbouring samples lie in neighbouring segments, or have passable ones between them.
 
     Args:
         inside: Whether each sample of N motions is inside each segment: bool, shape (N, S, m).
         segments: In which segments each motion may begin: bool, shape (N, m).
+        passable: Which segments may be passed between two samples: bool, shape (m,).
         ordered: Whether segments are visited in order.
 
     Returns:
-        Bool, shape (N, m); all False where some sample is in no segment that can be reached.
+        Bool, shape (N, S, m); all False from the first sample on that is in no segment that can be
+        reached.
     """
+    reached = inside.copy()
     if not ordered:
-        somewhere: BoolArray = np.all(np.any(inside, axis=2), axis=1)
-        return inside[:, -1] & somewhere[:, None]
-    for now in inside.transpose(1, 0, 2):
-        following = segments & now
-        for k in range(1, now.shape[1]):
-            following[:, k] |= now[:, k] & (segments[:, k - 1] | following[:, k - 1])
-        segments = following
-    return segments
+        reached &= np.logical_and.accumulate(np.any(inside, axis=2), axis=1)[:, :, None]
+        return reached
+    for s in range(inside.shape[1]):
+        reached[:, s] = _following(segments, inside[:, s], passable)
+        segments = reached[:, s]
+    return reached
+
+
+def _following(segments: BoolArray, now: BoolArray, passable: BoolArray) -> BoolArray:
+    """Return the segments (N, m) that may follow some, of those the next sample is in."""
+    following = segments & now
+    before = segments[:, 0]  # that may have been reached before the next sample
+    for k in range(1, now.shape[1]):
+        following[:, k] |= now[:, k] & (before | following[:, k - 1])
+        before = segments[:, k] | (before & passable[k])
+    return following
 
 
 def first_departure(
@@ -68,6 +93,7 @@ def first_departure(
     """Return the first polynomial piece in which a motion leaves the tube; None if none does.
 
     Margins are taken at 65 samples per piece; valleys between samples are estimated by parabolas.
+    What happens at hand-overs between samples is not seen: too lenient, never too strict.
 
     Args:
         problem: What is asked.
@@ -75,13 +101,12 @@ def first_departure(
         tolerance: How far below zero margins may lie [m or rad].
     """
     q = trajectory.per_piece(_SAMPLES_PER_PIECE).position
-    margin = _with_valleys(membership_margin(problem, q))
-    if problem.tube.visit == "any":
-        outside = margin.max(axis=1) < -tolerance
-    else:
-        best = best_margins(margin)
-        outside = best.max(axis=1) < -tolerance
-        outside[-1] |= best[-1, -1] < -tolerance  # not arrived in the last segment
+    inside = (_with_valleys(membership_margin(problem, q)) >= -tolerance)[None]
+    ordered = problem.tube.visit == "ordered"
+    begin = np.arange(inside.shape[2])[None] == 0 if ordered else np.ones_like(inside[:, 0])
+    reached = segments_reached(inside, begin, passable_segments(problem.tube), ordered=ordered)[0]
+    outside = ~reached.any(axis=1)
+    outside[-1] |= ordered and not reached[-1, -1]  # not arrived in the last segment
     if not outside.any():
         return None
     return int(outside.argmax()) // _SAMPLES_PER_PIECE
