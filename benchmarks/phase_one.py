@@ -34,7 +34,7 @@ ARMS = (
 # Functions that share out the planning time; none calls another.
 SHARES = {
     "branch, stop at corners, its certificate": "_stopping_at_corners",
-    "rule duration": "_factor",
+    "rule duration": "_effort_factor",
     "rule tube": "_inside",
     "rule collision": "_free",
     "tests between samples": "_try_motion",

@@ -12,11 +12,14 @@ import numpy as np
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.problem import PlanningProblem
 
+_FARTHEST = 0.3  # [m]: pairs that are never nearer at a waypoint are left out
 _TOLERANCE = 1e-6  # [m]: what the certificate allows
 
 
 class LinkClearance:
     """Links against obstacles and links, around M known configurations.
+
+    Pairs that stay far apart at all of them are taken to stay apart.
 
     Attributes:
         free_waypoints: Which of the known configurations are free: bool, shape (M,).
@@ -36,15 +39,18 @@ class LinkClearance:
             [problem.clearance - _TOLERANCE, -_TOLERANCE],
             [len(checker.obstacle_pairs), len(checker.link_pairs)],
         )
-        self._weights = checker.motion_weights(self._pairs)
         self._waypoints = waypoints
         found = []
         for rotation, position in zip(*problem.robot.body_poses(waypoints), strict=True):
             checkpoint()
             found.append(checker.separations(rotation, position, self._pairs))
-        self._distance = np.array([distance for distance, _ in found])
-        self._direction = np.array([direction for _, direction in found])
-        self.free_waypoints = np.all(self._distance >= self._required, axis=1)
+        distance = np.array([distance for distance, _ in found])
+        direction = np.array([direction for _, direction in found])
+        self.free_waypoints = np.all(distance >= self._required, axis=1)
+        near = distance.min(axis=0, initial=np.inf) < _FARTHEST
+        self._pairs, self._required = self._pairs[near], self._required[near]
+        self._weights = checker.motion_weights(self._pairs)
+        self._distance, self._direction = distance[:, near], direction[:, near]
 
     def is_free(self, q: FloatArray, waypoint: IntArray) -> BoolArray:
         """Return whether configurations are free: bool, shape (N,).

@@ -16,13 +16,15 @@ import numpy as np
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.link_clearance import LinkClearance
 from tubeplanner.problem import PlanningProblem
-from tubeplanner.time_scaling import scaling_factor
+from tubeplanner.time_scaling import effort_factor
 from tubeplanner.tube_membership import membership_margin, passable_segments, segments_reached
 from tubeplanner.waypoint_interpolation import power_basis
 
 # Local times of the tests, in stages: the first cuts most.
 _STAGES = (np.array([4, 8]) / 8, np.array([2, 6]) / 8, np.array([1, 3, 5, 7]) / 8)
 _IN_ORDER = np.argsort(np.concatenate(_STAGES))
+# Polynomials are cheap to look at: finely enough to miss their peaks by 0.1 %.
+_RATE_TIMES = np.linspace(0, 1, 33)
 _COLLISION_TIMES = np.arange(1, 8) / 8
 _TOLERANCE = 1e-6  # [m or rad]: what input and certificate allow
 
@@ -97,9 +99,13 @@ class SegmentRules:
             upper_bound: Only motions faster than this are of interest [s].
         """
         batch = self._cut("collision", batch, self.free_waypoints[batch.waypoints[:, 2]])
+        batch = replace(batch, factor=np.minimum(batch.factor, self._rate_factor(batch)))
+        batch = self._cut("duration", batch, self.lower_bound(batch) < upper_bound)
         for times in _STAGES:
             batch = self._cut("joint_limits", batch, self._within_limits(batch, times))
-            batch = replace(batch, factor=np.minimum(batch.factor, self._factor(batch, times)))
+            batch = replace(
+                batch, factor=np.minimum(batch.factor, self._effort_factor(batch, times))
+            )
             batch = self._cut("duration", batch, self.lower_bound(batch) < upper_bound)
             inside = np.concatenate([batch.inside, self._inside(batch, times)], axis=1)
             batch = replace(batch, inside=inside)
@@ -137,12 +143,23 @@ class SegmentRules:
         outside = np.maximum(limits.lower_position - q, q - limits.upper_position)
         return np.all(outside <= _TOLERANCE, axis=(1, 2, 3))
 
-    def _factor(self, batch: SegmentBatch, times: FloatArray) -> FloatArray:
-        """Return how much faster the limits let the samples be run, shape (C,)."""
+    def _rate_factor(self, batch: SegmentBatch) -> FloatArray:
+        """Return how much faster velocity, acceleration and jerk limits let it be run, (C,)."""
+        limits = self._problem.robot.limits
+        factor = np.full(len(batch), np.inf)
+        for order, limit in ((1, limits.velocity), (2, limits.acceleration), (3, limits.jerk)):
+            if np.isfinite(limit).any():
+                used = (abs(batch.at(_RATE_TIMES, order)) / limit).max(axis=(1, 2, 3))
+                with np.errstate(divide="ignore"):
+                    factor = np.minimum(factor, (1 / used) ** (1 / order))
+        return factor
+
+    def _effort_factor(self, batch: SegmentBatch, times: FloatArray) -> FloatArray:
+        """Return how much faster the motors let the samples be run, shape (C,)."""
         robot = self._problem.robot
         states = [batch.at(times, order) for order in range(3)]
         flat = (state.reshape(-1, robot.joint_count) for state in states)
-        return scaling_factor(robot, *flat).reshape(states[0].shape).min(axis=(1, 2, 3))
+        return effort_factor(robot, *flat).reshape(states[0].shape).min(axis=(1, 2, 3))
 
     def _inside(self, batch: SegmentBatch, times: FloatArray) -> BoolArray:
         """Return in which tube segments the samples are: bool, shape (C, S, L, m)."""
