@@ -359,3 +359,108 @@ def test_what_is_undecided_says_so_and_fails(two_link):
         condition = certificate.conditions[name]
         assert name in certificate.failures()
         assert condition.coverage.startswith("for all t, undecided: the margin found is ")
+
+
+NAMES = ("two_link/around_a_post", "ur5/over_the_wall", "ur10/onto_a_conveyor")
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("method", ["stop-at-corners", "branch-and-bound"])
+def test_everything_is_decided_for_all_t(name, method, planned):
+    problem, result = planned(name, method)
+    for condition in verify(problem, result.trajectory).conditions.values():
+        if condition.margin is not None and condition.coverage != "hand at the reference point":
+            assert condition.coverage == "for all t"
+
+
+def test_position_and_signs_say_where_they_are_nearest_to_their_ends(planned):
+    problem, result = planned("two_link/around_a_post", "branch-and-bound")
+    t = np.linspace(0, result.duration, 40_001)
+    q = result.trajectory.position(t)
+    certificate = verify(problem, result.trajectory)
+    limits = problem.robot.limits
+    room = np.minimum(q - limits.lower_position, limits.upper_position - q)
+    sample, joint = np.unravel_index(room.argmin(), room.shape)
+    position = certificate.conditions["position"]
+    assert position.margin == pytest.approx(room.min(), abs=1e-6)
+    assert position.where.joint == problem.robot.joint_names[joint]
+    assert position.where.time == pytest.approx(t[sample], abs=1e-3)
+    signs = certificate.conditions["joint_signs"]
+    assert signs.margin == pytest.approx((-q[:, 1]).min(), abs=1e-6)
+    assert signs.where.time == pytest.approx(t[q[:, 1].argmax()], abs=1e-3)
+    assert signs.where.joint == "joint2"
+
+
+@pytest.mark.parametrize("joint", [0, 2, 5])
+def test_the_joint_that_is_farthest_from_the_start_is_named(joint, planned):
+    problem, result = planned(UR5)
+    other = np.array(problem.start)
+    other += 1e-4
+    other[joint] -= 5e-3
+    condition = verify(changed(problem, start=other), result.trajectory).conditions["start"]
+    assert condition.margin == pytest.approx(-4.9e-3, abs=1e-9)
+    assert condition.where.joint == problem.robot.joint_names[joint]
+
+
+@pytest.mark.parametrize("at_end", [False, True])
+@pytest.mark.parametrize("order", [1, 2])
+def test_motion_at_an_end_is_measured_by_the_largest(order, at_end, planned):
+    """A slope or a bend of one joint at the start or the end, as a share of its largest."""
+    problem, result = planned("two_link/around_a_post", "branch-and-bound")
+    trajectory, joint = result.trajectory, 1
+    coefficients = trajectory.coefficients.copy()
+    piece = -1 if at_end else 0
+    coefficients[-1 - order, piece, joint] += 0.3
+    moving = JointTrajectory(trajectory.joint_names, trajectory.breakpoints, coefficients)
+    rate = moving.velocity if order == 1 else moving.acceleration
+    dense = moving.per_piece(2000)
+    largest = abs((dense.velocity, dense.acceleration)[order - 1][:, joint]).max()
+    time = moving.duration if at_end else 0.0
+    condition = verify(problem, moving).conditions["rest"]
+    shares = [
+        abs(f(time)[joint]) / abs(values[:, joint]).max()
+        for f, values in (
+            (moving.velocity, dense.velocity),
+            (moving.acceleration, dense.acceleration),
+        )
+    ]
+    assert abs(rate(time)[joint]) / largest in shares
+    assert condition.margin == pytest.approx(-max(shares), rel=1e-3)
+    assert condition.where.time == time
+    assert condition.where.joint == "joint2"
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_a_jump_is_measured_by_the_largest(order, planned):
+    problem, result = planned("two_link/around_a_post", "branch-and-bound")
+    trajectory, joint, piece = result.trajectory, 1, 3
+    coefficients = trajectory.coefficients.copy()
+    coefficients[-1 - order, piece, joint] += 0.5
+    jumping = JointTrajectory(trajectory.joint_names, trajectory.breakpoints, coefficients)
+    dense = jumping.per_piece(2000)
+    values = (dense.position, dense.velocity, dense.acceleration)
+    ends = [value.reshape(-1, 2000, 2)[:, [0, -1]] for value in values]
+    jumps = [abs(end[1:, 0] - end[:-1, 1]) for end in ends]
+    shares = [jump / abs(v).max(axis=0) for jump, v in zip(jumps, values, strict=True)]
+    worst = max(float(shares[1].max()), float(shares[2].max()))
+    condition = verify(problem, jumping, Tolerance(0.5, 0.0)).conditions["continuity"]
+    assert condition.margin == pytest.approx(-worst, rel=1e-3)
+
+
+def test_the_error_of_an_enclosure_is_taken_off_the_margin(planned, monkeypatch):
+    """Polynomials that miss a hundredth: the margin is then a hundredth on the safe side."""
+    problem, result = planned("two_link/around_a_post", "branch-and-bound")
+    exact = verify(problem, result.trajectory).conditions["effort"].margin
+    monkeypatch.setattr("tubeplanner.verification._EFFORT_ENCLOSURE", 1e-2)
+    rough = verify(problem, result.trajectory).conditions["effort"].margin
+    assert exact - 2e-2 < rough < exact - 1e-6
+
+
+def test_an_undecided_effort_tells_what_was_found(planned, monkeypatch):
+    problem, result = planned("two_link/around_a_post", "branch-and-bound")
+    monkeypatch.setattr("tubeplanner.enclosure._MOST_INTERVALS", 1)
+    condition = verify(problem, result.trajectory).conditions["effort"]
+    found = float(condition.coverage.removeprefix("for all t, undecided: the margin found is ")
+                  .removesuffix(" relative"))  # fmt: skip
+    assert found == pytest.approx(0.0, abs=0.1)
+    assert condition.margin < found
