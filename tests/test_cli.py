@@ -90,6 +90,9 @@ def test_json_is_one_object_with_every_field(run_json):
     assert status == 0
     assert set(fields) >= FIELDS
     assert fields["status"] == "success"
+    assert fields["phase1_duration"] is None
+    assert fields["search"] is None
+    _, fields = run_json("plan", PROBLEM, "--method", "branch-and-bound")
     assert fields["phase1_duration"] == fields["duration"]
     assert fields["search"]["nodes"] > 0
     assert set(fields["where"]) == set(Place().as_dict())

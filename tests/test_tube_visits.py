@@ -6,6 +6,7 @@ import pytest
 from tubeplanner import JointTrajectory, PlanningProblem, Seed, Tube
 from tubeplanner.enclosure import enclosed_hand
 from tubeplanner.hand_overs import best_hand_overs
+from tubeplanner.trajectory import concatenate
 from tubeplanner.tube_visits import Visit, least_margin, tube_visits
 
 SEED = Seed(np.array([0.0, -1.0]))
@@ -167,3 +168,16 @@ def test_the_hand_over_is_when_the_joint_ranges_meet(two_link, visit):
     visits = tube_visits(problem, motion, enclosed_hand(two_link, motion, 1e-7))
     assert [visit.segment for visit in visits] == [0, 1]
     assert visits[0].end == pytest.approx(0.5 / 0.7, abs=2e-8)
+
+
+@pytest.mark.parametrize("shift", [-1e-4, 0.0, 1e-4])
+def test_a_breakpoint_beside_the_hand_over_does_not_hide_it(planned, shift):
+    problem, result = planned("two_link/around_a_post", "branch-and-bound")
+    motion = result.trajectory
+    hand = enclosed_hand(problem.robot, motion, 1e-7)
+    expected = tube_visits(problem, motion, hand)
+    when = expected[0].end + shift
+    cut = concatenate([motion.between(0.0, when), motion.between(when, motion.duration)])
+    visits = tube_visits(problem, cut, enclosed_hand(problem.robot, cut, 1e-7))
+    for before, after in zip(expected, visits, strict=True):
+        assert after.end == pytest.approx(before.end, abs=1e-7)

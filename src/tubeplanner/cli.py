@@ -89,7 +89,8 @@ def cli() -> None:
 @click.option("--ros", type=_PATH, help="Samples as trajectory_msgs/JointTrajectory, YAML.")
 @click.option("--rate", type=float, default=500.0, show_default=True, help="Samples per second.")
 @click.option("--plot", type=_PATH, help="Figure (PNG).")
-@click.option("--method", help="branch-and-bound [default] or stop-at-corners.")
+@click.option("--method", help="refinement [default], branch-and-bound or stop-at-corners.")
+@click.option("--quality", default="balanced", show_default=True, help="fast, balanced or best.")
 @click.option("--time-limit", type=float, help="End after so many seconds with the best so far.")
 @_AS_JSON
 def plan(
@@ -100,6 +101,7 @@ def plan(
     rate: float,
     plot: Path | None,
     method: str | None,
+    quality: str,
     time_limit: float | None,
     as_json: bool,
 ) -> int:
@@ -110,7 +112,7 @@ def plan(
     from tubeplanner.planner import METHODS, PlanOptions
     from tubeplanner.planner import plan as plan_problem
 
-    options = PlanOptions(method or METHODS[0], time_limit=time_limit)
+    options = PlanOptions(method or METHODS[0], quality, time_limit=time_limit)
     outputs = _Outputs(output, csv, ros, rate, plot)
     outputs.require_usable(problem)
     interrupted = False

@@ -18,13 +18,25 @@ from tubeplanner.reference_branch import (
     reference_branch,
     spare_joint_rules,
 )
+from tubeplanner.refinement import refine
 from tubeplanner.refusal import refusal, require_free
 from tubeplanner.stop_at_corners import stop_at_corners
+from tubeplanner.time_scaling import scaled_to_limits
 from tubeplanner.trajectory import JointTrajectory
 from tubeplanner.verification import verify
 
-BRANCH_AND_BOUND, STOP_AT_CORNERS = "branch-and-bound", "stop-at-corners"
-METHODS = (BRANCH_AND_BOUND, STOP_AT_CORNERS)
+REFINEMENT, BRANCH_AND_BOUND = "refinement", "branch-and-bound"
+STOP_AT_CORNERS = "stop-at-corners"
+METHODS = (REFINEMENT, BRANCH_AND_BOUND, STOP_AT_CORNERS)
+# Knot intervals from coarse to fine, for every start.
+QUALITIES = {
+    "fast": ((8, 24),),
+    "balanced": ((8, 24, 64),),
+    "best": ((8, 24, 96), (16, 32, 96)),
+}
+
+# Where links would meet something, the tube is narrowed to these shares of its radii.
+_TUBE_SHARES = (1.0, 0.5, 0.25)
 
 _FEWEST_CANDIDATES, _MOST_CANDIDATES = 2, 1000
 # A reference point that the hand passes farther away than this is pointed out.
@@ -37,9 +49,12 @@ class PlanOptions:
     """How to plan.
 
     Attributes:
-        method: "branch-and-bound": the fastest motion through points of the reference path that
-            cuts its corners inside the tube; the next one where it finds nothing faster.
+        method: "refinement": path and speed optimised together; the next one where that is not
+            certified. "branch-and-bound": the fastest motion through points of the reference path
+            that cuts its corners inside the tube; the next one where it finds nothing faster.
             "stop-at-corners": along the reference path, resting at every reference point.
+        quality: Of refinement. "fast": few knots, about half the time. "balanced". "best": many
+            knots from two starts, about four times the time.
         candidate_points: From how many points on the reference path, start and goal included,
             branch and bound chooses. More take longer, exponentially in the worst case, and give
             other motions, not always faster ones.
@@ -49,6 +64,7 @@ class PlanOptions:
     """
 
     method: str = METHODS[0]
+    quality: str = "balanced"
     candidate_points: int = 30
     node_budget: int = 10_000
     time_limit: float | None = None
@@ -56,6 +72,8 @@ class PlanOptions:
     def __post_init__(self) -> None:
         if self.method not in METHODS:
             raise OptionError(unknown_name("method", self.method, METHODS))
+        if self.quality not in QUALITIES:
+            raise OptionError(unknown_name("quality", self.quality, QUALITIES))
         if not _FEWEST_CANDIDATES <= self.candidate_points <= _MOST_CANDIDATES:
             raise OptionError(
                 f"candidate_points is {self.candidate_points}; {_FEWEST_CANDIDATES} to "
@@ -150,8 +168,12 @@ def plan(
     clock = PlanningClock(options.time_limit, progress)
     known = _stopping_at_corners(problem, clock)
     result = known.result
-    if options.method == BRANCH_AND_BOUND and known.branch and known.branch.moving_segments:
-        result = _improved(problem, known.branch, known, options, clock)
+    if known.branch and known.branch.moving_segments and options.method != STOP_AT_CORNERS:
+        ordered = problem.tube.visit == "ordered"
+        if options.method == REFINEMENT and ordered:
+            result = _refined(problem, known.branch, result, options, clock)
+        if result.method != REFINEMENT and clock.stopped_by is None:
+            result = _improved(problem, known.branch, known, options, clock)
     return replace(result, planning_time=clock.elapsed, stopped_by=clock.stopped_by)
 
 
@@ -192,6 +214,58 @@ def _stopping_at_corners(problem: PlanningProblem, clock: PlanningClock) -> _Sto
             return _StopAtCorners(result)
         reasons[rule] = result
     return _StopAtCorners(reasons[SpareJoints.AS_NEEDED], first_branch, first_motion)
+
+
+def _refined(
+    problem: PlanningProblem,
+    branch: ReferenceBranch,
+    known: PlanResult,
+    options: PlanOptions,
+    clock: PlanningClock,
+) -> PlanResult:
+    """Return the fastest certified motion that refinement finds, or else what is known."""
+    best = known
+    try:
+        for intervals in QUALITIES[options.quality]:
+            for share in _TUBE_SHARES:
+                found = _refined_once(problem, branch, intervals, share, clock)
+                if found.succeeded:
+                    best = _faster(best, found)
+                    break
+    except KeyboardInterrupt:
+        if not best.succeeded:
+            raise
+        clock.stopped_by = "interrupt"
+    except Infeasible as reason:
+        if reason.status is PlanStatus.TIME_LIMIT:
+            clock.stopped_by = "time_limit"
+    return best
+
+
+def _refined_once(
+    problem: PlanningProblem,
+    branch: ReferenceBranch,
+    intervals: tuple[int, ...],
+    share: float,
+    clock: PlanningClock,
+) -> PlanResult:
+    stage = f"refinement with {intervals[-1]} knots"
+    clock.enter(stage)
+
+    def checkpoint(duration: float) -> None:
+        clock.announce(Progress(stage, best_duration=duration))
+        clock.check()
+
+    shape = refine(problem, branch, intervals, tube_share=share, checkpoint=checkpoint)
+    motion = scaled_to_limits(problem.robot, shape)
+    return _certified(problem, motion, REFINEMENT, clock)
+
+
+def _faster(known: PlanResult, found: PlanResult) -> PlanResult:
+    """Return the faster of two results, the second of which is certified."""
+    if known.duration is None or found.duration is None:
+        return found
+    return found if found.duration < known.duration else known
 
 
 def _improved(

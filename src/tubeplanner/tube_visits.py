@@ -72,13 +72,16 @@ def tube_visits(
     values = fit.at(time)
     if problem.tube.visit == "ordered":
         samples = best_hand_overs(values)
-        around = [(max(i - 1, 0), min(i + 1, len(time) - 1)) for i in samples.tolist()]
+        # The nearest other times: at a breakpoint two samples share one.
+        before = np.searchsorted(time, time[samples], "left") - 1
+        after = np.searchsorted(time, time[samples], "right")
+        around = list(zip(np.maximum(before, 0), np.minimum(after, len(time) - 1), strict=True))
         segments = np.arange(problem.tube.segment_count)
     else:
         best = values.argmax(axis=1)
-        before = np.flatnonzero(np.diff(best))
-        around = [(i, i + 1) for i in before.tolist()]
-        segments = best[np.append(before, len(best) - 1)]
+        changes = np.flatnonzero(np.diff(best))
+        around = [(i, i + 1) for i in changes]
+        segments = best[np.append(changes, len(best) - 1)]
     times = [
         fit.best_time(pair, time[low], time[high])
         for pair, (low, high) in zip(pairwise(segments.tolist()), around, strict=True)

@@ -1,0 +1,129 @@
+"""The linear program of one step: solved by PIQP, an interior-point method for sparse problems."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import piqp
+from scipy import sparse
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.constraints import Rows
+from tubeplanner.phase_spline import REST_POINTS
+
+_TOLERANCE = 1e-4
+_ELASTIC_BOUND = 10.0
+# Tried in turn: the first is the fastest for control points in the order of time.
+_SOLVERS = (
+    piqp.KKTSolver.sparse_multistage,
+    piqp.KKTSolver.sparse_ldlt,
+    piqp.KKTSolver.sparse_ldlt_cond,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Bounds:
+    """Where the step must stay.
+
+    Attributes:
+        lower: Of control points (free, n), shape (free, n).
+        upper: Likewise.
+        gate: Largest steps of the gates, shape (gates,).
+        duration: Smallest and largest eta.
+    """
+
+    lower: FloatArray
+    upper: FloatArray
+    gate: FloatArray
+    duration: tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """What a linear program gives.
+
+    Attributes:
+        control: Shape (free, n).
+        gate: Shape (gates,).
+        duration: eta.
+        elastic: By how much elastic rows are broken at most.
+        multipliers: Of the rows, shape (R,).
+    """
+
+    control: FloatArray
+    gate: FloatArray
+    duration: float
+    elastic: float
+    multipliers: FloatArray
+
+
+def solve_step(
+    rows: Rows,
+    is_elastic: FloatArray,
+    bounds: Bounds,
+    hessian: sparse.spmatrix,
+    gradient: FloatArray,
+    penalty: float,
+) -> Step | None:
+    """Minimise eta + penalty * elastic + gradient . dC + dC . hessian . dC / 2 under the rows.
+
+    Args:
+        rows: The conditions.
+        is_elastic: 1 for rows that may be broken for a price, else 0, shape (R,).
+        bounds: Where the step must stay; control points held at rest at both ends do not move.
+        hessian: Over the free control points, shape (free n, free n).
+        gradient: Shape (free n,).
+        penalty: Price of the elastic variable.
+
+    Returns:
+        The step, or None if no solver finds one.
+    """
+    free, n = bounds.lower.shape
+    gates = len(bounds.gate)
+    matrix = _matrix(rows, is_elastic, free, n)
+    size = free * n + gates + 2
+    quadratic = sparse.block_diag([hessian, sparse.identity(gates + 2) * 1e-9], format="csc")
+    linear = np.concatenate([gradient, np.zeros(gates), [1.0, penalty]])
+    lower = np.concatenate([bounds.lower.ravel(), -bounds.gate, [bounds.duration[0], 0.0]])
+    upper = np.concatenate(
+        [bounds.upper.ravel(), bounds.gate, [bounds.duration[1], _ELASTIC_BOUND]]
+    )
+    no_lower = np.full(len(rows), -np.inf)
+    for kind in _SOLVERS:
+        solver = piqp.SparseSolver()
+        settings = solver.settings
+        settings.kkt_solver = kind
+        settings.eps_abs = settings.eps_rel = _TOLERANCE
+        settings.eps_duality_gap_abs = settings.eps_duality_gap_rel = _TOLERANCE
+        solver.setup(quadratic, linear, None, None, matrix, no_lower, rows.room, lower, upper)
+        status = solver.solve()
+        x = np.array(solver.result.x)
+        sound = np.isfinite(x).all() and len(x) == size
+        if status == piqp.PIQP_SOLVED and sound:
+            x = np.clip(x, lower, upper)
+            return Step(
+                x[: free * n].reshape(free, n),
+                x[free * n : free * n + gates],
+                float(x[-2]),
+                float(x[-1]),
+                np.array(solver.result.z_u),
+            )
+    return None
+
+
+def _matrix(rows: Rows, is_elastic: FloatArray, free: int, n: int) -> sparse.csc_matrix:
+    """Return the rows as a sparse matrix over free control points, gates, eta, elastic."""
+    count, weights = len(rows), rows.control.shape[1]
+    gates = rows.gate.shape[1]
+    point = rows.first[:, None] + np.arange(weights) - REST_POINTS
+    inside = (point >= 0) & (point < free)
+    columns = (point[:, :, None] * n + np.arange(n)).reshape(count, -1)
+    values = rows.control * inside[:, :, None]
+    extra = free * n + np.arange(gates + 2)
+    columns = np.hstack([columns, np.tile(extra, (count, 1))])
+    data = np.hstack(
+        [values.reshape(count, -1), rows.gate, rows.duration[:, None], -is_elastic[:, None]]
+    )
+    keep = data != 0
+    indptr = np.concatenate([[0], np.cumsum(keep.sum(axis=1))])
+    shape = (count, free * n + gates + 2)
+    return sparse.csr_matrix((data[keep], columns[keep], indptr), shape=shape).tocsc()

@@ -1,0 +1,149 @@
+"""Cubic B-splines of joint positions over phases, one per tube segment, whose ends may move.
+
+Time x runs from 0 to 1. Phase k lies between the gates k and k+1; its knots sit at fixed shares of
+it, and so do samples: when a gate moves, both move along. Joints are C2 everywhere. The first three
+control points are the start and the last three the goal, so that velocity and acceleration vanish
+exactly at both ends.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray
+
+DEGREE = 3
+REST_POINTS = 3  # equal control points at an end put velocity and acceleration there to zero
+_GATE_STEP = 1e-7
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """N places on a spline that keep their share of their phase.
+
+    Attributes:
+        phase: Shape (N,).
+        share: From 0 to 1 within the phase, shape (N,).
+        interval: Index of the knot interval over all phases, shape (N,).
+    """
+
+    phase: IntArray
+    share: FloatArray
+    interval: IntArray
+
+    def and_also(self, other: "Samples") -> "Samples":
+        """Return these samples and others."""
+        return Samples(
+            np.concatenate([self.phase, other.phase]),
+            np.concatenate([self.share, other.share]),
+            np.concatenate([self.interval, other.interval]),
+        )
+
+    def where(self, keep: IntArray) -> "Samples":
+        """Return some of the samples."""
+        return Samples(self.phase[keep], self.share[keep], self.interval[keep])
+
+
+@dataclass(frozen=True, eq=False)
+class Basis:
+    """What N samples take of the control points.
+
+    Attributes:
+        first: The first of the four control points that count, shape (N,).
+        values: Shape (orders, N, 4): weights for position and its derivatives by x.
+        by_gate: Derivatives of `values` by the inner gates, shape (gates, orders, N, 4).
+    """
+
+    first: IntArray
+    values: FloatArray
+    by_gate: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class PhaseSpline:
+    """The shape of a spline: where its knots are.
+
+    Attributes:
+        shares: Per phase, the knots' shares of it, from 0 to 1, both included.
+    """
+
+    shares: tuple[FloatArray, ...]
+
+    @property
+    def interval_count(self) -> int:
+        """Number of knot intervals of all phases."""
+        return sum(len(share) - 1 for share in self.shares)
+
+    @property
+    def control_point_count(self) -> int:
+        """Number K of control points."""
+        return self.interval_count + DEGREE
+
+    def breakpoints(self, gates: FloatArray) -> FloatArray:
+        """Return all knots, without repeating those at the ends, for gates (m+1,)."""
+        parts = [
+            gates[k] + (gates[k + 1] - gates[k]) * share[:-1] for k, share in enumerate(self.shares)
+        ]
+        return np.append(np.concatenate(parts), gates[-1])
+
+    def knots(self, gates: FloatArray) -> FloatArray:
+        """Return the clamped knot vector for gates (m+1,)."""
+        inner = self.breakpoints(gates)
+        return np.concatenate([np.full(DEGREE, inner[0]), inner, np.full(DEGREE, inner[-1])])
+
+    def samples(self, local: FloatArray) -> Samples:
+        """Return samples at local places (L,) from 0 to 1 in every knot interval."""
+        phase, share, interval, count = [], [], [], 0
+        for k, shares in enumerate(self.shares):
+            width = np.diff(shares)
+            share.append((shares[:-1, None] + width[:, None] * local).ravel())
+            phase.append(np.full(len(width) * len(local), k))
+            interval.append(np.repeat(count + np.arange(len(width)), len(local)))
+            count += len(width)
+        return Samples(np.concatenate(phase), np.concatenate(share), np.concatenate(interval))
+
+    def basis(self, samples: Samples, gates: FloatArray, *, with_gates: bool = True) -> Basis:
+        """Return what samples take of the control points, and how that changes with the gates."""
+        values = self._values(samples, gates)
+        inner = range(1, len(gates) - 1) if with_gates else ()
+        by_gate = np.zeros((len(inner), *values.shape))
+        for column, gate in enumerate(inner):
+            moved = gates.copy()
+            moved[gate] += _GATE_STEP
+            by_gate[column] = (self._values(samples, moved) - values) / _GATE_STEP
+        return Basis(samples.interval, values, by_gate)
+
+    def _values(self, samples: Samples, gates: FloatArray) -> FloatArray:
+        x = gates[samples.phase] + np.diff(gates)[samples.phase] * samples.share
+        return _basis_functions(self.knots(gates), samples.interval + DEGREE, x)
+
+
+def _basis_functions(knots: FloatArray, span: IntArray, x: FloatArray) -> FloatArray:
+    """Return the four basis functions that count at each x and their derivatives, (4, N, 4).
+
+    Args:
+        knots: Clamped knot vector.
+        span: For each x, the knot interval that counts, shape (N,).
+        x: Shape (N,).
+
+    By the recursions of Cox and de Boor (Piegl & Tiller, "The NURBS Book", 1997, equations 2.5 and
+    2.9): the order-th derivative at one degree comes from the order before at the degree below.
+    """
+    known = [np.ones((1, len(x), 1))]
+    for degree in range(1, DEGREE + 1):
+        below = known[-1]
+        offsets = np.arange(degree + 2) - degree
+        t = knots[span[:, None] + offsets]  # t[:, r] begins function r of this degree
+        t_end = knots[span[:, None] + offsets + degree]
+        with np.errstate(divide="ignore"):
+            inverse = np.where(t_end > t, 1 / (t_end - t), 0.0)
+        new = np.zeros((degree + 1, len(x), degree + 1))
+        padded = np.zeros((len(below), len(x), degree + 2))
+        padded[:, :, 1:-1] = below * inverse[:, 1:-1]
+        left, right = padded[:, :, :-1], padded[:, :, 1:]
+        rising = x[:, None] - t[:, :-1]
+        falling = knots[span[:, None] + offsets[1:] + degree] - x[:, None]
+        new[0] = rising * left[0] + falling * right[0]
+        new[1:] = degree * (left - right)
+        known.append(new)
+    return known[-1]

@@ -1,0 +1,120 @@
+"""Where refinement starts: a spline along the reference branch, and one knot grid from another."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import BSpline
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.phase_spline import DEGREE, REST_POINTS, PhaseSpline
+from tubeplanner.problem import PlanningProblem
+from tubeplanner.reference_branch import ReferenceBranch
+
+_FEWEST_INTERVALS = 3  # of a phase, if there are several
+_FIT_POINTS_PER_INTERVAL = 5
+# Control points that the fit leaves open are drawn to the joint line by this much.
+_DRAW = 1e-4
+# Where the hand hardly moves, joints do: this many metres of way per radian.
+_WAY_OF_A_RADIAN = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class PhasedMotion:
+    """A spline over phases with its control points; how fast it runs is left open.
+
+    Attributes:
+        shape: Where the knots are.
+        gates: Ends of the phases in time x, from 0 to 1, shape (m+1,).
+        control_points: Shape (K, n).
+    """
+
+    shape: PhaseSpline
+    gates: FloatArray
+    control_points: FloatArray
+
+    def spline(self) -> BSpline:
+        """Return the spline over time x."""
+        return BSpline(self.shape.knots(self.gates), self.control_points, DEGREE)
+
+
+def starting_spline(
+    problem: PlanningProblem, branch: ReferenceBranch, intervals: int
+) -> PhasedMotion:
+    """Return a spline that follows the branch with minimum jerk from end to end, past the corners.
+
+    Args:
+        problem: What is asked.
+        branch: The arm along the reference path.
+        intervals: About how many knot intervals it has.
+    """
+    q = np.concatenate(branch.segments)
+    hand = problem.robot.tool_position(q)
+    steps = np.linalg.norm(np.diff(hand, axis=0), axis=1)
+    steps += _WAY_OF_A_RADIAN * np.linalg.norm(np.diff(q, axis=0), axis=1)
+    way = np.concatenate([[0.0], np.cumsum(steps)]) / steps.sum()
+    corners = way[np.cumsum([len(segment) for segment in branch.segments]) - 1]
+    x = np.linspace(0, 1, 2001)
+    covered = x**3 * (10 - 15 * x + 6 * x**2)
+    gates = np.concatenate([[0.0], np.interp(corners[:-1], covered, x), [1.0]])
+    shape = knot_grid(gates, intervals)
+    apart = np.concatenate([[True], np.diff(way) > 0])
+    times = _fit_times(shape, gates)
+    wanted = np.interp(times, x, covered)
+    path = np.array([np.interp(wanted, way[apart], column[apart]) for column in q.T]).T
+    return _fitted(shape, gates, times, path, branch.start, branch.goal)
+
+
+def refitted(motion: PhasedMotion, intervals: int) -> PhasedMotion:
+    """Return the same motion on another knot grid, its gates where they are."""
+    shape = knot_grid(motion.gates, intervals)
+    times = _fit_times(shape, motion.gates)
+    ends = motion.control_points[[0, -1]]
+    return _fitted(shape, motion.gates, times, motion.spline()(times), *ends)
+
+
+def knot_grid(gates: FloatArray, intervals: int) -> PhaseSpline:
+    """Return knots clustered at both ends of the motion, as Chebyshev points are.
+
+    There a motion at rest begins to move, and its acceleration needs the finest steps.
+    """
+    angle = np.arccos(1 - 2 * gates)
+    shares = []
+    for k in range(len(gates) - 1):
+        fewest = _FEWEST_INTERVALS if len(gates) > 2 else 1
+        count = max(fewest, round(intervals * (angle[k + 1] - angle[k]) / np.pi))
+        x = (1 - np.cos(np.linspace(angle[k], angle[k + 1], count + 1))) / 2
+        share = (x - gates[k]) / (gates[k + 1] - gates[k])
+        share[0], share[-1] = 0.0, 1.0
+        shares.append(share)
+    return PhaseSpline(tuple(shares))
+
+
+def _fit_times(shape: PhaseSpline, gates: FloatArray) -> FloatArray:
+    """Return times inside every knot interval."""
+    breakpoints = shape.breakpoints(gates)
+    local = (np.arange(_FIT_POINTS_PER_INTERVAL) + 0.5) / _FIT_POINTS_PER_INTERVAL
+    times: FloatArray = breakpoints[:-1, None] + np.diff(breakpoints)[:, None] * local
+    return times.ravel()
+
+
+def _fitted(
+    shape: PhaseSpline,
+    gates: FloatArray,
+    times: FloatArray,
+    path: FloatArray,
+    start: FloatArray,
+    goal: FloatArray,
+) -> PhasedMotion:
+    """Return the least-squares spline through configurations (N, n), at rest at its ends."""
+    count = shape.control_point_count
+    design = BSpline.design_matrix(times, shape.knots(gates), DEGREE).toarray()
+    inner = slice(REST_POINTS, count - REST_POINTS)
+    line = start + np.linspace(0, 1, count)[:, None] * (goal - start)
+    points = line.copy()
+    points[:REST_POINTS], points[-REST_POINTS:] = start, goal
+    fixed = points.copy()
+    fixed[inner] = 0.0
+    matrix = np.vstack([design[:, inner], _DRAW * np.eye(count - 2 * REST_POINTS)])
+    wanted = np.vstack([path - design @ fixed, _DRAW * line[inner]])
+    points[inner] = np.linalg.lstsq(matrix, wanted, rcond=None)[0]
+    return PhasedMotion(shape, gates, points)

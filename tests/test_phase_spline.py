@@ -1,0 +1,76 @@
+import numpy as np
+import pytest
+from scipy.interpolate import BSpline
+
+from tubeplanner.phase_spline import DEGREE, PhaseSpline
+from tubeplanner.spline_start import PhasedMotion, knot_grid, refitted
+
+GATES = np.array([0.0, 0.3, 0.55, 1.0])
+SHAPE = PhaseSpline(
+    (np.array([0, 0.3, 0.5, 1.0]), np.array([0, 0.2, 1.0]), np.array([0, 0.5, 0.8, 1.0]))
+)
+
+
+def control_points(seed=0, joints=2):
+    points = np.random.default_rng(seed).normal(size=(SHAPE.control_point_count, joints))
+    points[:3], points[-3:] = points[0], points[-1]
+    return points
+
+
+def test_the_basis_is_that_of_scipys_spline():
+    samples = SHAPE.samples(np.array([0.1, 0.45, 0.9]))
+    basis = SHAPE.basis(samples, GATES)
+    points = control_points()
+    spline = BSpline(SHAPE.knots(GATES), points, DEGREE)
+    x = GATES[samples.phase] + np.diff(GATES)[samples.phase] * samples.share
+    taken = points[basis.first[:, None] + np.arange(4)]
+    for order in range(4):
+        value = np.einsum("nr,nrj->nj", basis.values[order], taken)
+        np.testing.assert_allclose(value, spline(x, order), rtol=1e-9, atol=1e-9)
+
+
+def test_samples_at_a_gate_belong_to_the_phases_on_both_sides():
+    samples = SHAPE.samples(np.array([0.0, 1.0]))
+    at_gate = [
+        (int(phase), float(share))
+        for phase, share in zip(samples.phase, samples.share, strict=True)
+        if share in (0.0, 1.0)
+    ]
+    assert at_gate == [(0, 0.0), (0, 1.0), (1, 0.0), (1, 1.0), (2, 0.0), (2, 1.0)]
+
+
+def test_it_rests_at_both_ends():
+    spline = BSpline(SHAPE.knots(GATES), control_points(), DEGREE)
+    for order in (1, 2):
+        np.testing.assert_allclose(spline(np.array([0.0, 1.0]), order), 0, atol=1e-11)
+
+
+def test_gates_move_knots_and_samples_with_them():
+    samples = SHAPE.samples(np.array([0.5]))
+    basis = SHAPE.basis(samples, GATES)
+    step = 1e-4
+    for column, gate in enumerate((1, 2)):
+        sides = []
+        for sign in (1, -1):
+            moved = GATES.copy()
+            moved[gate] += sign * step
+            sides.append(SHAPE.basis(samples, moved, with_gates=False).values)
+        expected = (sides[0] - sides[1]) / (2 * step)
+        scale = abs(expected).max(axis=(1, 2), keepdims=True)
+        np.testing.assert_allclose(basis.by_gate[column] / scale, expected / scale, atol=1e-4)
+
+
+@pytest.mark.parametrize("intervals", [8, 24, 64])
+def test_knots_cluster_at_the_ends_and_have_about_the_number_asked_for(intervals):
+    shape = knot_grid(GATES, intervals)
+    assert abs(shape.interval_count - intervals) <= 2
+    width = np.diff(shape.breakpoints(GATES))
+    assert width[0] < 0.5 * width[len(width) // 2] > width[-1]
+
+
+def test_a_finer_grid_holds_the_same_motion():
+    motion = PhasedMotion(SHAPE, GATES, control_points())
+    finer = refitted(motion, 200)
+    x = np.linspace(0, 1, 500)
+    np.testing.assert_allclose(finer.spline()(x), motion.spline()(x), atol=2e-3)
+    np.testing.assert_array_equal(finer.control_points[[0, -1]], motion.control_points[[0, -1]])
