@@ -464,3 +464,32 @@ def test_an_undecided_effort_tells_what_was_found(planned, monkeypatch):
                   .removesuffix(" relative"))  # fmt: skip
     assert found == pytest.approx(0.0, abs=0.1)
     assert condition.margin < found
+
+
+def test_the_time_of_a_sign_counts_from_the_beginning(planned):
+    """The tightest range is that of the last segment, which is visited late."""
+    problem, result = planned("two_link/around_a_post", "branch-and-bound")
+    t = np.linspace(0, result.duration, 40_001)
+    elbow = result.trajectory.position(t)[:, 1]
+    late = t > 0.8 * result.duration
+    highest = elbow[late].max()
+    signs = [{"joint2": "-"}, {"joint2": "-"}, {"joint2": [-3.0, float(highest) + 1e-4]}]
+    tube = Tube(problem.tube.points, problem.tube.radius, joint_signs=signs)
+    condition = verify(changed(problem, tube=tube), result.trajectory).conditions["joint_signs"]
+    assert condition.margin <= 1e-4 + 1e-9
+    assert condition.where.segment == 2
+    near = np.flatnonzero(abs(t - condition.where.time) < 1e-4)
+    assert elbow[near].max() == pytest.approx(highest + 1e-4 - condition.margin, abs=1e-6)
+
+
+@pytest.mark.parametrize("slower", [1.0, 50.0])
+def test_a_jump_counts_the_same_however_slow_the_motion(slower, planned):
+    problem, result = planned("two_link/around_a_post", "branch-and-bound")
+    trajectory = result.trajectory
+    coefficients = trajectory.coefficients.copy()
+    coefficients[-2, 3, 1] += 0.5
+    jumping = JointTrajectory(trajectory.joint_names, trajectory.breakpoints, coefficients)
+    tolerance = Tolerance(0.9, 0.0)
+    fast = verify(problem, jumping, tolerance).conditions["continuity"]
+    slow = verify(problem, jumping.scaled(slower), tolerance).conditions["continuity"]
+    assert slow.margin == pytest.approx(fast.margin, rel=1e-9)

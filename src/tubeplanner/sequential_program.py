@@ -135,7 +135,7 @@ class SequentialProgram:
             if ratio > 0.02:
                 current = trial
                 small_gains = small_gains + 1 if gain < least_gain else 0
-                self._checkpoint(current.duration)
+            self._checkpoint(current.duration)
             trust = _next_trust(trust, ratio, size)
             if predicted < _LEAST_GAIN or small_gains == 2 or trust < _LEAST_TRUST:
                 break

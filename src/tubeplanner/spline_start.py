@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import BSpline
+from scipy.linalg import solve
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.phase_spline import DEGREE, REST_POINTS, PhaseSpline
@@ -12,8 +13,8 @@ from tubeplanner.reference_branch import ReferenceBranch
 
 _FEWEST_INTERVALS = 3  # of a phase, if there are several
 _FIT_POINTS_PER_INTERVAL = 5
-# Control points that the fit leaves open are drawn to the joint line by this much.
-_DRAW = 1e-4
+# Control points that the fit leaves open are drawn to the joint line by this weight.
+_DRAW = 1e-8
 # Where the hand hardly moves, joints do: this many metres of way per radian.
 _WAY_OF_A_RADIAN = 0.05
 
@@ -114,7 +115,9 @@ def _fitted(
     points[:REST_POINTS], points[-REST_POINTS:] = start, goal
     fixed = points.copy()
     fixed[inner] = 0.0
-    matrix = np.vstack([design[:, inner], _DRAW * np.eye(count - 2 * REST_POINTS)])
-    wanted = np.vstack([path - design @ fixed, _DRAW * line[inner]])
-    points[inner] = np.linalg.lstsq(matrix, wanted, rcond=None)[0]
+    # Normal equations: well conditioned, and small enough to need no threads.
+    matrix = design[:, inner].T @ design[:, inner]
+    matrix += _DRAW * np.eye(count - 2 * REST_POINTS)
+    wanted = design[:, inner].T @ (path - design @ fixed) + _DRAW * line[inner]
+    points[inner] = solve(matrix, wanted, assume_a="pos")
     return PhasedMotion(shape, gates, points)
