@@ -102,6 +102,12 @@ class PhaseSpline:
             count += len(width)
         return Samples(np.concatenate(phase), np.concatenate(share), np.concatenate(interval))
 
+    def phase_ends(self) -> Samples:
+        """Return a sample at the end of every phase."""
+        count = len(self.shares)
+        last = np.cumsum([len(share) - 1 for share in self.shares]) - 1
+        return Samples(np.arange(count), np.ones(count), last)
+
     def basis(self, samples: Samples, gates: FloatArray, *, with_gates: bool = True) -> Basis:
         """Return what samples take of the control points, and how that changes with the gates."""
         values = self._values(samples, gates)

@@ -32,7 +32,7 @@ METHODS = (REFINEMENT, BRANCH_AND_BOUND, STOP_AT_CORNERS)
 QUALITIES = {
     "fast": ((8, 24),),
     "balanced": ((8, 24, 64),),
-    "best": ((8, 24, 96), (16, 32, 96)),
+    "best": ((8, 24, 64), (8, 24, 96), (16, 32, 96)),
 }
 
 # Where links would meet something, the tube is narrowed to these shares of its radii.
@@ -54,7 +54,7 @@ class PlanOptions:
             that cuts its corners inside the tube; the next one where it finds nothing faster.
             "stop-at-corners": along the reference path, resting at every reference point.
         quality: Of refinement. "fast": few knots, about half the time. "balanced". "best": many
-            knots from two starts, about four times the time.
+            knots and two starts beside the balanced ones, about four times the time.
         candidate_points: From how many points on the reference path, start and goal included,
             branch and bound chooses. More take longer, exponentially in the worst case, and give
             other motions, not always faster ones.

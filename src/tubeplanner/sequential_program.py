@@ -27,7 +27,7 @@ from tubeplanner.spline_start import PhasedMotion
 
 # Samples per knot interval; more are added where it turns out to be needed.
 _LIMIT_SAMPLES = np.array([0.0, 0.5])
-_TUBE_SAMPLES = np.array([0.0, 1 / 3, 2 / 3, 1.0])
+_TUBE_SAMPLES = np.array([0.0, 1 / 3, 2 / 3])
 _DENSE_SAMPLES = np.linspace(0, 1, 21)
 # Steps aim this far inside the tube, a share of its radius; the merit lets go of most of it.
 INNER_MARGIN = 0.005
@@ -90,10 +90,10 @@ class SequentialProgram:
         """
         self.margin = 1 - (1 - INNER_MARGIN) * tube_share
         self._problem, self._shape, self._checkpoint = problem, motion.shape, checkpoint
-        last = self._shape.interval_count - 1
-        end = Samples(np.array([len(self._shape.shares) - 1]), np.array([1.0]), np.array([last]))
-        self._limit_samples = self._shape.samples(_LIMIT_SAMPLES).and_also(end)
-        self._tube_samples = self._shape.samples(_TUBE_SAMPLES)
+        # A gate has a sample on either side, so that the hand is in both capsules there.
+        ends = self._shape.phase_ends()
+        self._limit_samples = self._shape.samples(_LIMIT_SAMPLES).and_also(ends)
+        self._tube_samples = self._shape.samples(_TUBE_SAMPLES).and_also(ends)
         self._dense_samples = self._shape.samples(_DENSE_SAMPLES)
         self._lower, self._upper = self._control_bounds()
         self._free = slice(REST_POINTS, self._shape.control_point_count - REST_POINTS)
