@@ -58,3 +58,41 @@ def test_a_thin_plate_passed_in_a_moment_is_seen(two_link):
 def test_without_pairs_there_is_no_closest_approach(two_link):
     checker = CollisionChecker(two_link)
     assert closest_approach(checker, random_motion(two_link, 0), checker.obstacle_pairs, 0) is None
+
+
+def crossing(two_link, gap):
+    """Return a checker and a motion in which the hand's link passes a ball at a distance."""
+    ball = Obstacle.sphere("ball", 0.05, placement_of([0.75 + gap, 0, 0]))
+    motion = JointTrajectory(two_link.joint_names, [0, 1.0], [[[1.0, 0]], [[-0.5, 0.0]]])
+    return CollisionChecker(two_link, [ball], self_collision=False), motion
+
+
+def test_a_wide_gap_is_settled_with_few_intervals(two_link):
+    """Two per cent of it are enough; near the required distance, it is resolved to less."""
+    checker, motion = crossing(two_link, 0.3)
+    wide = closest_approach(checker, motion, checker.obstacle_pairs, 0.0)
+    near = closest_approach(checker, motion, checker.obstacle_pairs, wide.distance)
+    assert near.intervals > 2 * wide.intervals
+    assert near.distance - near.lower_bound <= 1e-6
+    assert wide.distance - wide.lower_bound <= 0.021 * wide.distance
+    assert wide.distance - wide.lower_bound > 1e-4
+
+
+def test_halving_ends_when_there_are_too_many_intervals(two_link, monkeypatch):
+    """The bounds then count as they stand."""
+    checker, motion = crossing(two_link, 0.1)
+    whole = closest_approach(checker, motion, checker.obstacle_pairs, 0.0)
+    monkeypatch.setattr("tubeplanner.closest_approach._MOST_INTERVALS", 1)
+    monkeypatch.setattr("tubeplanner.closest_approach._MOST_ROUNDS", 1)
+    early = closest_approach(checker, motion, checker.obstacle_pairs, 0.0)
+    assert early.intervals < whole.intervals
+    assert early.lower_bound < whole.lower_bound
+
+
+def test_halving_ends_at_the_shortest_interval(two_link, monkeypatch):
+    checker, motion = crossing(two_link, 0.1)
+    whole = closest_approach(checker, motion, checker.obstacle_pairs, 0.0)
+    monkeypatch.setattr("tubeplanner.closest_approach._SHORTEST_INTERVAL", 0.2)
+    early = closest_approach(checker, motion, checker.obstacle_pairs, 0.0)
+    assert early.intervals < whole.intervals
+    assert early.lower_bound < whole.lower_bound
