@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tubeplanner import JointTrajectory, Tube
+from tubeplanner import JointTrajectory
 
 STEP = 1e-6
 
@@ -53,13 +53,6 @@ def turn_by_joints(robot):
     return lambda x: robot.tool_pose(x)[0].transpose(0, 2, 1), q, turned.transpose(0, 1, 3, 2)
 
 
-def distance_by_point(robot):
-    rng = np.random.default_rng(5)
-    tube = Tube(rng.normal(size=(4, 3)), 0.1)
-    points = rng.normal(size=(30, 3))
-    return tube.distance, points, tube.distance_gradient(points)
-
-
 def trajectory_by_time(order):
     def case(robot):
         rng = np.random.default_rng(6)
@@ -79,7 +72,6 @@ TABLE = {
     "effort by position": (effort_by(0), 1e-6),
     "effort by velocity": (effort_by(1), 1e-6),
     "effort by acceleration": (effort_by(2), 1e-6),
-    "tube distance by point": (distance_by_point, 1e-8),
     "trajectory velocity": (trajectory_by_time(0), 1e-7),
     "trajectory acceleration": (trajectory_by_time(1), 1e-7),
 }

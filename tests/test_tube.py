@@ -57,13 +57,6 @@ def test_part_of_the_segments_can_be_asked_for():
     np.testing.assert_array_equal(tube.margin(p, part), tube.margin(p)[:, part])
 
 
-def test_the_gradient_points_away_from_the_segment_and_is_zero_on_it():
-    tube = Tube(LINE, 0.1)
-    p = np.array([[0.5, 2, 0], [4, 0, 0], [0.5, 0, 0], [0, 0, 0]], dtype=float)
-    expected = [[[0, 1, 0]], [[1, 0, 0]], [[0, 0, 0]], [[0, 0, 0]]]
-    np.testing.assert_allclose(tube.distance_gradient(p), expected, atol=1e-15)
-
-
 def test_one_radius_serves_all_segments():
     np.testing.assert_array_equal(Tube(POINTS, 0.2).radius, [0.2, 0.2, 0.2])
     np.testing.assert_array_equal(Tube(POINTS, [0.1, 0.2, 0.3]).radius, [0.1, 0.2, 0.3])

@@ -14,6 +14,7 @@ from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.phase_spline import Basis
 from tubeplanner.problem import PlanningProblem
 from tubeplanner.robot import RobotModel
+from tubeplanner.time_scaling import scaling_factor
 
 # Planes about a capsule's axis, on both sides of the outward direction [rad].
 _FAN = np.radians([0.0, 15.0, -15.0, 45.0, -45.0, 90.0, -90.0, 180.0])
@@ -97,21 +98,11 @@ def least_squared_durations(robot: RobotModel, motion: SampledMotion) -> FloatAr
 
     inf where gravity alone needs a motor's whole effort. (Suh & Bishop 1988, property 2.)
     """
-    limits = robot.limits
-    q, v, a, j = motion.by_x
-    gravity = robot.gravity_effort(q)
-    inertial = robot.inverse_dynamics(q, v, a) - gravity
-    room = np.where(inertial >= 0, limits.effort - gravity, limits.effort + gravity)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        effort = np.where(room > 0, abs(inertial) / room, np.inf)
-    effort = np.where(np.isinf(limits.effort), 0.0, effort)
-    parts = [
-        effort,
-        (v / limits.velocity) ** 2,
-        abs(a) / limits.acceleration,
-        np.cbrt(j / limits.jerk) ** 2,
-    ]
-    return np.max(parts, axis=(0, 2))
+    q, v, a, jerk = motion.by_x
+    factor = scaling_factor(robot, q, v, a).min(axis=1)
+    by_jerk = np.cbrt(abs(jerk) / robot.limits.jerk).max(axis=1)
+    with np.errstate(divide="ignore"):
+        return np.maximum(1 / factor, by_jerk) ** 2
 
 
 def limit_rows(robot: RobotModel, motion: SampledMotion) -> Rows:

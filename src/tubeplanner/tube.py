@@ -103,15 +103,6 @@ class Tube:
         """Return distances of points (N, 3) to some segments (of m, all), shape (N, m) [m]."""
         return np.linalg.norm(p[:, None] - self.nearest(p, segments), axis=2)
 
-    def distance_gradient(self, p: FloatArray) -> FloatArray:
-        """Return the gradient of `distance` with respect to the points, shape (N, m, 3).
-
-        It is the unit vector away from the segment, zero on the segment.
-        """
-        away = p[:, None] - self.nearest(p)
-        length = np.linalg.norm(away, axis=2, keepdims=True)
-        return np.divide(away, length, out=np.zeros_like(away), where=length > 0)
-
     def margin(self, p: FloatArray, segments: slice = _ALL) -> FloatArray:
         """Return how far inside some capsules (of m, all) points (N, 3) lie, shape (N, m) [m]."""
         return self.effective_radius[segments] - self.distance(p, segments)
