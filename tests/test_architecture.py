@@ -59,6 +59,7 @@ ORDER = (
     "spline_start",
     "sequential_program",
     "refinement",
+    "sensitivities",
     "refusal",
     "planner",
     "trajectory_file",
@@ -91,6 +92,7 @@ PLANNING = {
     "spline_start",
     "sequential_program",
     "refinement",
+    "sensitivities",
     "refusal",
     "planner",
 }

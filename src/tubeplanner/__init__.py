@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from tubeplanner.progress import Progress as Progress
     from tubeplanner.robot import RobotModel as RobotModel
     from tubeplanner.robot import load_robot as load_robot
+    from tubeplanner.sensitivities import Sensitivity as Sensitivity
     from tubeplanner.trajectory import JointTrajectory as JointTrajectory
     from tubeplanner.trajectory_file import read_trajectory as read_trajectory
     from tubeplanner.tube import Tube as Tube
@@ -71,6 +72,7 @@ _HOMES = {
     "problem": ("PlanningProblem", "Seed", "load_problem", "parse_problem"),
     "progress": ("Progress",),
     "robot": ("RobotModel", "load_robot"),
+    "sensitivities": ("Sensitivity",),
     "trajectory": ("JointTrajectory",),
     "trajectory_file": ("read_trajectory",),
     "tube": ("Tube",),

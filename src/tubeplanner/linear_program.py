@@ -10,7 +10,6 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.constraints import Rows
 from tubeplanner.phase_spline import REST_POINTS
 
-_TOLERANCE = 1e-4
 _ELASTIC_BOUND = 10.0
 # Tried in turn: the first is the fastest for control points in the order of time.
 _SOLVERS = (
@@ -63,6 +62,7 @@ def solve_step(
     hessian: sparse.spmatrix,
     gradient: FloatArray,
     penalty: float,
+    tolerance: float = 1e-4,
 ) -> Step | None:
     """Minimise eta + penalty * elastic + gradient . dC + dC . hessian . dC / 2 under the rows.
 
@@ -73,6 +73,7 @@ def solve_step(
         hessian: Over the free control points, shape (free n, free n).
         gradient: Shape (free n,).
         penalty: Price of the elastic variable.
+        tolerance: Of the solution, absolute and relative.
 
     Returns:
         The step, or None if no solver finds one.
@@ -92,8 +93,8 @@ def solve_step(
         solver = piqp.SparseSolver()
         settings = solver.settings
         settings.kkt_solver = kind
-        settings.eps_abs = settings.eps_rel = _TOLERANCE
-        settings.eps_duality_gap_abs = settings.eps_duality_gap_rel = _TOLERANCE
+        settings.eps_abs = settings.eps_rel = tolerance
+        settings.eps_duality_gap_abs = settings.eps_duality_gap_rel = tolerance
         solver.setup(quadratic, linear, None, None, matrix, no_lower, rows.room, lower, upper)
         status = solver.solve()
         x = np.array(solver.result.x)

@@ -1,6 +1,8 @@
 """From a problem to a certified trajectory, or to the reason why there is none."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -20,6 +22,7 @@ from tubeplanner.reference_branch import (
 )
 from tubeplanner.refinement import refine
 from tubeplanner.refusal import refusal, require_free
+from tubeplanner.sensitivities import Sensitivity, price_list
 from tubeplanner.stop_at_corners import stop_at_corners
 from tubeplanner.time_scaling import scaled_to_limits
 from tubeplanner.trajectory import JointTrajectory
@@ -100,6 +103,8 @@ class PlanResult:
         certificate_time: The part of it that the answer's certificate took [s].
         search: What branch and bound did; None if it did not run.
         stopped_by: "time_limit" or "interrupt" if that ended planning early; None otherwise.
+        sensitivities: What every limit costs, the dearest first; computed when first asked for.
+            Empty unless the answer is refinement's.
     """
 
     status: PlanStatus
@@ -112,6 +117,12 @@ class PlanResult:
     certificate_time: float = 0.0
     search: SearchStatistics | None = None
     stopped_by: StoppedBy | None = None
+    _prices: Callable[[], tuple[Sensitivity, ...]] = tuple
+
+    @cached_property
+    def sensitivities(self) -> tuple[Sensitivity, ...]:
+        """What every limit costs, the dearest first."""
+        return self._prices()
 
     @property
     def succeeded(self) -> bool:
@@ -140,6 +151,7 @@ class PlanResult:
             "certificate_time": self.certificate_time,
             "stopped_by": self.stopped_by,
             "method": self.method,
+            "sensitivities": [asdict(price) for price in self.sensitivities],
             "search": None if self.search is None else self.search.as_dict(),
             "certificate": None if self.certificate is None else self.certificate.as_dict(),
         }
@@ -256,9 +268,10 @@ def _refined_once(
         clock.announce(Progress(stage, best_duration=duration))
         clock.check()
 
-    shape = refine(problem, branch, intervals, tube_share=share, checkpoint=checkpoint)
-    motion = scaled_to_limits(problem.robot, shape)
-    return _certified(problem, motion, REFINEMENT, clock)
+    found = refine(problem, branch, intervals, tube_share=share, checkpoint=checkpoint)
+    motion = scaled_to_limits(problem.robot, found.trajectory)
+    result = _certified(problem, motion, REFINEMENT, clock)
+    return replace(result, _prices=lambda: price_list(problem, found, motion.duration))
 
 
 def _faster(known: PlanResult, found: PlanResult) -> PlanResult:

@@ -7,6 +7,7 @@ limits or tube are broken between them.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,10 +20,31 @@ from tubeplanner.trajectory import JointTrajectory, from_spline
 
 _FIRST_TRUST, _LATER_TRUST, _LAST_TRUST = 0.2, 0.1, 0.02  # [rad or m]
 _COARSE_GAIN, _FINE_GAIN, _LAST_GAIN = 1e-2, 5e-4, 1e-4
+_POLISH_TRUST, _POLISH_GAIN, _POLISH_STEPS = 0.01, 1e-7, 20
 _MOST_STEPS, _STEPS_PER_ROUND, _MOST_ROUNDS = 60, 3, 8
 # The exchange of samples ends when this is all that lies between them, a share of T^2.
 _BETWEEN_SAMPLES = 0.003
 _USABLE_MARGIN = 0.8 * INNER_MARGIN
+
+
+@dataclass(frozen=True, eq=False)
+class RefinedMotion:
+    """What refinement found.
+
+    Attributes:
+        trajectory: The motion; its duration is one second, scaling it to the limits is left.
+    """
+
+    trajectory: JointTrajectory
+    _program: SequentialProgram
+    _found: Iterate
+
+    def elasticities(self) -> dict[tuple[str, int], float]:
+        """Return d ln T / d ln p for every limit p, as `SequentialProgram.elasticities`."""
+        polished = self._program.improved(
+            self._program.iterate(self._found.motion), _POLISH_TRUST, _POLISH_GAIN, _POLISH_STEPS
+        )
+        return self._program.elasticities(polished)
 
 
 def refine(
@@ -32,8 +54,8 @@ def refine(
     *,
     tube_share: float = 1.0,
     checkpoint: Callable[[float], None] = lambda duration: None,
-) -> JointTrajectory:
-    """Return the shortest motion that is found near a branch; scaling it to the limits is left.
+) -> RefinedMotion:
+    """Return the shortest motion that is found near a branch.
 
     Args:
         problem: What is asked; segments are visited in order.
@@ -54,8 +76,8 @@ def refine(
     program = SequentialProgram(problem, motion, tube_share, checkpoint)
     found = program.improved(_finite(program.iterate(motion)), trust, _FINE_GAIN, _MOST_STEPS)
     best = _with_exchange(program, found)
-    spline = best.motion.spline()
-    return from_spline(problem.robot.joint_names, spline)
+    trajectory = from_spline(problem.robot.joint_names, best.motion.spline())
+    return RefinedMotion(trajectory, program.without_checkpoint(), best)
 
 
 def _with_exchange(program: SequentialProgram, found: Iterate) -> Iterate:

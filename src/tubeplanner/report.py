@@ -13,6 +13,7 @@ from tubeplanner.problem import PlanningProblem
 _WIDTH_OF_A_FILE = 160  # [characters]
 # Rounding errors of the machine are shown as what they are: nothing.
 _NOTHING = 1e-10
+_PRICES = 3
 
 
 def plan_text(problem: PlanningProblem, result: PlanResult, loading_time: float) -> str:
@@ -34,6 +35,9 @@ def plan_text(problem: PlanningProblem, result: PlanResult, loading_time: float)
     if result.certificate is not None:
         lines.append(certificate_text(result.certificate))
     lines.append(f"{result.status}: {result.message}")
+    dearest = [str(price) for price in result.sensitivities[:_PRICES] if price.saved > 0]
+    if dearest:
+        lines.append(f"10 % more would save: {'; '.join(dearest)}")
     place = str(result.place)
     if place:
         lines.append(f"where: {place}")

@@ -5,6 +5,7 @@ exact by time scaling, so that each iterate keeps all limits at its samples; the
 """
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,6 +44,8 @@ _LEAST_TRUST, _LARGEST_TRUST = 1e-4, 1.0
 _LEAST_GAIN = 1e-5
 _LARGEST_PRICE = 1e4
 _DURATION_STEP = (-0.5, 1.0)
+# For the multipliers: a small trust region, hardly any quadratic part, an exact solution.
+_PRICE_TRUST, _PRICE_SMOOTHING, _PRICE_TOLERANCE = 0.02, 1e-3, 1e-8
 _HIGHER = 1.001  # peaks of the squared duration between samples that count
 
 
@@ -100,6 +103,12 @@ class SequentialProgram:
         self._curvature = self._smoothing()
         self._price = 1.0
 
+    def without_checkpoint(self) -> "SequentialProgram":
+        """Return the program for use after planning: nothing is told or ends it any more."""
+        later = copy(self)
+        later._checkpoint = lambda duration: None
+        return later
+
     def iterate(self, motion: PhasedMotion) -> Iterate:
         """Return a motion with its cost, its control points moved into the joints' bounds."""
         points = motion.control_points.copy()
@@ -151,6 +160,47 @@ class SequentialProgram:
         worst = Iterate(current.motion, float(limits.max()), max(float(excess.max()), 0.0))
         return worst, bool(len(higher) or len(outside))
 
+    def elasticities(self, current: Iterate) -> dict[tuple[str, int], float]:
+        """Return d ln T / d ln p of a motion that is as short as it can be made, for every limit p.
+
+        From the multipliers of its linear program: half of what a limit's rows cost, as their
+        objective is the relative change of T^2.
+
+        Returns:
+            By ("effort", joint), likewise for velocity, acceleration and jerk, and by
+            ("radius", segment). None of them is positive.
+        """
+        hard, elastic = self._all_rows(current)
+        rows = stacked([hard, elastic])
+        is_elastic = np.repeat([0.0, 1.0], [len(hard), len(elastic)])
+        near = np.flatnonzero(rows.room < _NEAR)
+        hessian, gradient = self._quadratic(current)
+        step = solve_step(
+            rows.where(near),
+            is_elastic[near],
+            self._bounds(current, _PRICE_TRUST),
+            hessian * _PRICE_SMOOTHING,
+            gradient * _PRICE_SMOOTHING,
+            _LARGEST_PRICE,
+            _PRICE_TOLERANCE,
+        )
+        if step is None:
+            return {}
+        cost = np.zeros(len(rows))
+        cost[near] = np.maximum(step.multipliers, 0.0) / 2
+        limits = self._problem.robot.limits
+        found, first = {}, 0
+        for kind in ("effort", "velocity", "acceleration", "jerk"):
+            for joint in np.flatnonzero(np.isfinite(getattr(limits, kind))):
+                last = first + 2 * len(self._limit_samples.phase)  # both directions
+                found[kind, int(joint)] = -float(cost[first:last].sum())
+                first = last
+        by_plane = cost[first:].reshape(-1, len(self._tube_samples.phase)).sum(axis=0)
+        for segment in range(len(self._shape.shares)):
+            share = by_plane[self._tube_samples.phase == segment].sum()
+            found["radius", segment] = -float(share) * (1 - self.margin)
+        return found
+
     def _costs(
         self, motion: PhasedMotion, limit_samples: Samples, tube_samples: Samples
     ) -> tuple[FloatArray, FloatArray]:
@@ -184,21 +234,9 @@ class SequentialProgram:
 
     def _step(self, current: Iterate, trust: float) -> Step | None:
         """Return the step of one linear program, its rows added as they are broken."""
-        motion = current.motion
-        width = np.diff(motion.gates)
-        gate_trust = np.minimum(0.5 * trust, 0.3 * np.minimum(width[:-1], width[1:]))
-        rows, is_elastic = self._rows(current, trust, float(gate_trust.max(initial=0.0)))
-        points = motion.control_points[self._free]
-        bounds = Bounds(
-            np.clip(self._lower[self._free] - points, -trust, 0.0),
-            np.clip(self._upper[self._free] - points, 0.0, trust),
-            gate_trust,
-            _DURATION_STEP,
-        )
-        free, joints = points.shape
-        inner = self._curvature[self._free][:, self._free] + sparse.identity(free) * _PROXIMITY
-        hessian = sparse.kron(inner, sparse.identity(joints)).tocsc()
-        gradient = (self._curvature[self._free] @ motion.control_points).ravel()
+        bounds = self._bounds(current, trust)
+        rows, is_elastic = self._rows(current, trust, float(bounds.gate.max(initial=0.0)))
+        hessian, gradient = self._quadratic(current)
         active = (rows.room < _NEAR) | (rows.room < _NEAR_SHARE * rows.reach(trust, trust))
         step = None
         for _ in range(_MOST_LAZY_ROUNDS):
@@ -214,19 +252,43 @@ class SequentialProgram:
             active |= broken
         return step
 
+    def _bounds(self, current: Iterate, trust: float) -> Bounds:
+        """Return where a step must stay."""
+        width = np.diff(current.motion.gates)
+        points = current.motion.control_points[self._free]
+        return Bounds(
+            np.clip(self._lower[self._free] - points, -trust, 0.0),
+            np.clip(self._upper[self._free] - points, 0.0, trust),
+            np.minimum(0.5 * trust, 0.3 * np.minimum(width[:-1], width[1:])),
+            _DURATION_STEP,
+        )
+
+    def _quadratic(self, current: Iterate) -> tuple[sparse.csc_matrix, FloatArray]:
+        """Return the quadratic part of a step's cost: matrix and gradient."""
+        points = current.motion.control_points
+        free, joints = points[self._free].shape
+        inner = self._curvature[self._free][:, self._free] + sparse.identity(free) * _PROXIMITY
+        gradient: FloatArray = (self._curvature[self._free] @ points).ravel()
+        return sparse.kron(inner, sparse.identity(joints)).tocsc(), gradient
+
     def _rows(self, current: Iterate, trust: float, gate_trust: float) -> tuple[Rows, FloatArray]:
         """Return the rows that can matter within the trust region, and which are elastic."""
+        hard, elastic = self._all_rows(current)
+        hard = hard.where(hard.room < np.maximum(0.3, hard.reach(trust, gate_trust)))
+        elastic = elastic.where(elastic.room < elastic.reach(trust, gate_trust))
+        is_elastic = np.repeat([0.0, 1.0], [len(hard), len(elastic)])
+        return stacked([hard, elastic]), is_elastic
+
+    def _all_rows(self, current: Iterate) -> tuple[Rows, Rows]:
+        """Return the rows of the limits, and those of the tube."""
         gates, points = current.motion.gates, current.motion.control_points
         limits, tube = (
             sampled_motion(self._shape.basis(samples, gates), points, current.duration)
             for samples in (self._limit_samples, self._tube_samples)
         )
-        hard = limit_rows(self._problem.robot, limits)
-        hard = hard.where(hard.room < np.maximum(0.3, hard.reach(trust, gate_trust)))
-        elastic = tube_rows(self._problem, tube, self._tube_samples.phase, self.margin)
-        elastic = elastic.where(elastic.room < elastic.reach(trust, gate_trust))
-        is_elastic = np.repeat([0.0, 1.0], [len(hard), len(elastic)])
-        return stacked([hard, elastic]), is_elastic
+        return limit_rows(self._problem.robot, limits), tube_rows(
+            self._problem, tube, self._tube_samples.phase, self.margin
+        )
 
     def _broken(self, rows: Rows, is_elastic: FloatArray, step: Step) -> BoolArray:
         """Return which rows a step breaks."""

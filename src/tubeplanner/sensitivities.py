@@ -1,0 +1,51 @@
+"""What each tolerance and each motor costs: the price list of a refined motion."""
+
+from dataclasses import dataclass
+
+from tubeplanner.problem import PlanningProblem
+from tubeplanner.refinement import RefinedMotion
+
+_RISE = 0.1  # what a limit is raised by, to say what that would save
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """What one limit costs, start and goal and all other limits being as they are.
+
+    Attributes:
+        limit: "effort" (both directions together), "velocity", "acceleration", "jerk" or "radius".
+        joint: Whose limit; None for a radius.
+        segment: Which segment's radius; None for a joint.
+        elasticity: d ln T / d ln limit, at most 0: the share by which the duration falls, per share
+            by which the limit rises.
+        saved: What 10 % more would save [s], to first order.
+    """
+
+    limit: str
+    joint: str | None
+    segment: int | None
+    elasticity: float
+    saved: float
+
+    def __str__(self) -> str:
+        place = f"segment {self.segment}" if self.joint is None else self.joint
+        return f"{self.limit} of {place}: {1000 * self.saved:.2g} ms"
+
+
+def price_list(
+    problem: PlanningProblem, motion: RefinedMotion, duration: float
+) -> tuple[Sensitivity, ...]:
+    """Return what every limit costs, the dearest first.
+
+    Args:
+        problem: What was asked.
+        motion: What refinement found.
+        duration: Of the answer [s].
+    """
+    found = []
+    for (limit, index), elasticity in motion.elasticities().items():
+        joint = None if limit == "radius" else problem.robot.joint_names[index]
+        segment = index if limit == "radius" else None
+        saved = -elasticity * _RISE * duration
+        found.append(Sensitivity(limit, joint, segment, elasticity, saved))
+    return tuple(sorted(found, key=lambda price: -price.saved))

@@ -1,0 +1,96 @@
+"""The price list against planning again, and against what it must add up to."""
+
+import numpy as np
+import pytest
+
+from tubeplanner import (
+    LimitOverrides,
+    PlanningProblem,
+    PlanOptions,
+    Seed,
+    Tube,
+    load_problem,
+    load_robot,
+    plan,
+)
+from tubeplanner.reference_branch import reference_branch, spare_joint_rules
+from tubeplanner.refinement import refine
+from tubeplanner.sequential_program import SequentialProgram
+
+EVERY = {"joint1": np.inf, "joint2": np.inf}
+
+
+def arm(**limits):
+    limits = {"velocity": EVERY, **limits}
+    overrides = LimitOverrides(**limits)
+    return load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=overrides)
+
+
+def problem_with(robot=None, radius=(0.05, 0.05)):
+    points = [[0.45, -0.3, 0], [0.45, 0.1, 0], [0.2, 0.3, 0]]
+    tube = Tube(points, np.array(radius), joint_signs={"joint2": "-"})
+    return PlanningProblem(robot or arm(), tube, Seed(np.array([0.0, -1.0])))
+
+
+@pytest.mark.parametrize(
+    "limits",
+    [
+        {},
+        {"velocity": {"joint1": 3.0, "joint2": 2.5}},
+        {"acceleration": {"joint1": 15.0, "joint2": 30.0}},
+        {"jerk": {"joint1": 400.0, "joint2": 600.0}},
+    ],
+    ids=["effort", "velocity", "acceleration", "jerk"],
+)
+def test_without_gravity_all_limits_together_have_a_known_price(limits):
+    """Twice the efforts and accelerations, four times the speed... T falls in proportion."""
+    prices = plan(problem_with(arm(**limits))).sensitivities
+    order = {"effort": 2, "acceleration": 2, "velocity": 1, "jerk": 3, "radius": 0}
+    total = sum(order[price.limit] * price.elasticity for price in prices)
+    assert total == pytest.approx(-1.0, abs=1e-4)
+    assert all(price.elasticity <= 0 for price in prices)
+    assert [price.saved for price in prices] == sorted((p.saved for p in prices), reverse=True)
+
+
+def polished(problem, motion):
+    """Plan again from a motion near by, on the same knots, to a tight tolerance."""
+    program = SequentialProgram(problem, motion, 1.0, lambda duration: None)
+    return program.improved(program.iterate(motion), 0.01, 1e-8, 60).duration
+
+
+def test_prices_are_what_planning_again_finds():
+    problem = problem_with()
+    branch = reference_branch(problem, spare_joint_rules(problem)[0])
+    refined = refine(problem, branch, (8, 24, 64))
+    motion = refined._found.motion
+    duration = polished(problem, motion)
+    prices = refined.elasticities()
+    step = 0.02
+    limits = problem.robot.limits.effort
+    for (limit, index), elasticity in prices.items():
+        found = []
+        for factor in (1 + step, 1 - step):
+            if limit == "radius":
+                radius = np.array([0.05, 0.05])
+                radius[index] *= factor
+                changed = problem_with(radius=radius)
+            else:
+                name = problem.robot.joint_names[index]
+                changed = problem_with(arm(effort={name: factor * limits[index]}))
+            found.append(polished(changed, motion))
+        change = (found[1] - found[0]) / (2 * step)
+        assert -elasticity * duration == pytest.approx(change, rel=0.1, abs=1e-3), (limit, index)
+
+
+def test_only_refinement_has_a_price_list():
+    problem = load_problem("example:two_link/paper_1_30mm")
+    assert plan(problem, PlanOptions("stop-at-corners")).sensitivities == ()
+    result = plan(problem)
+    assert {price.limit for price in result.sensitivities} == {"effort", "radius"}
+    dearest = result.sensitivities[0]
+    assert dearest.joint in ("joint1", "joint2")
+    assert dearest.segment is None
+    assert dearest.saved == pytest.approx(-0.1 * dearest.elasticity * result.duration)
+    assert str(dearest) == f"effort of {dearest.joint}: {1000 * dearest.saved:.2g} ms"
+    radius = next(price for price in result.sensitivities if price.limit == "radius")
+    assert (radius.joint, radius.segment) == (None, 0)
