@@ -15,6 +15,8 @@ import numpy as np
 
 from tubeplanner import PlanningProblem, PlanOptions, PlanResult, load_problem, plan
 
+METHOD = "branch-and-bound"
+PHASE_ONE = PlanOptions(METHOD)
 RADII = (10, 30, 50)  # [mm]
 # Suh & Bishop 1988, Table II: duration after phase 1 [s] at these radii, by example.
 PRINTED = {
@@ -50,7 +52,7 @@ def certified(result: PlanResult) -> str:
     """Say whether the answer is certified, and by which method it was found."""
     if not result.succeeded:
         return f"NO ({result.status})"
-    return "yes" if result.method == "branch-and-bound" else f"yes ({result.method})"
+    return "yes" if result.method == METHOD else f"yes ({result.method})"
 
 
 def table_two() -> None:
@@ -60,7 +62,7 @@ def table_two() -> None:
     differences, times, nodes = [], [], []
     for example, row in PRINTED.items():
         for radius, printed in zip(RADII, row, strict=True):
-            result = plan(load_problem(paper_example(example, radius)))
+            result = plan(load_problem(paper_example(example, radius)), PHASE_ONE)
             difference = result.duration / printed - 1
             differences.append(abs(difference))
             times.append(result.planning_time)
@@ -83,7 +85,7 @@ def arms() -> None:
     for name in ARMS:
         problem = load_problem(f"example:{name}")
         stopping = plan(problem, PlanOptions("stop-at-corners"))
-        result = plan(problem)
+        result = plan(problem, PHASE_ONE)
         found = "-" if result.phase1_duration is None else f"{result.phase1_duration:.4f}"
         cuts = ", ".join(f"{rule} {count}" for rule, count in result.search.cuts.items())
         print(
@@ -102,7 +104,9 @@ def candidates(counts: list[int]) -> None:
     names = [paper_example(example, 10) for example in PRINTED]
     for name in [*names, paper_example(5, 30), *(f"example:{arm}" for arm in ARMS)]:
         problem = load_problem(name)
-        cells = [_cell(plan(problem, PlanOptions(candidate_points=count))) for count in counts]
+        cells = [
+            _cell(plan(problem, PlanOptions(METHOD, candidate_points=count))) for count in counts
+        ]
         print(f"| {name.removeprefix('example:')} | {' | '.join(cells)} |", flush=True)
     print("\n`-`: nothing faster than stopping at corners; `*`: the node budget was reached.\n")
 
@@ -128,7 +132,7 @@ def where_the_time_goes() -> None:
 def _shares(problem: PlanningProblem) -> list[float]:
     profile = cProfile.Profile()
     profile.enable()
-    plan(problem)
+    plan(problem, PHASE_ONE)
     profile.disable()
     statistics = pstats.Stats(profile)
     seconds = {name: times[3] for (_, _, name), times in statistics.stats.items()}
