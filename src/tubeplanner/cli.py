@@ -123,6 +123,7 @@ def plan(
         if result.trajectory is not None:
             with interrupts_held() as held:
                 outputs.write(loaded, result.method, result.trajectory)
+                _ = result.sensitivities  # before Ctrl-C could make a success look interrupted
             interrupted = bool(held)
     if as_json:
         stopped_by = "interrupt" if interrupted else result.stopped_by
@@ -132,8 +133,8 @@ def plan(
         from tubeplanner.report import plan_text
 
         print(plan_text(loaded, result, loading_time))
-        if result.succeeded:
-            print(*(f"{kind}: {path}" for kind, path in outputs.paths()), sep="\n")
+        for kind, path in outputs.paths() if result.succeeded else ():
+            print(f"{kind}: {path}")
     return SUCCESS if result.succeeded else INFEASIBLE
 
 

@@ -117,12 +117,17 @@ def _matrix(rows: Rows, is_elastic: FloatArray, free: int, n: int) -> sparse.csc
     gates = rows.gate.shape[1]
     point = rows.first[:, None] + np.arange(weights) - REST_POINTS
     inside = (point >= 0) & (point < free)
-    columns = (point[:, :, None] * n + np.arange(n)).reshape(count, -1)
+    columns = (point[:, :, None] * n + np.arange(n)).reshape(count, weights * n)
     values = rows.control * inside[:, :, None]
     extra = free * n + np.arange(gates + 2)
     columns = np.hstack([columns, np.tile(extra, (count, 1))])
     data = np.hstack(
-        [values.reshape(count, -1), rows.gate, rows.duration[:, None], -is_elastic[:, None]]
+        [
+            values.reshape(count, weights * n),
+            rows.gate,
+            rows.duration[:, None],
+            -is_elastic[:, None],
+        ]
     )
     keep = data != 0
     indptr = np.concatenate([[0], np.cumsum(keep.sum(axis=1))])

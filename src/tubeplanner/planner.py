@@ -237,20 +237,22 @@ def _refined(
 ) -> PlanResult:
     """Return the fastest certified motion that refinement finds, or else what is known."""
     best = known
-    try:
-        for intervals in QUALITIES[options.quality]:
+    for intervals in QUALITIES[options.quality]:
+        try:
             for share in _TUBE_SHARES:
                 found = _refined_once(problem, branch, intervals, share, clock)
                 if found.succeeded:
                     best = _faster(best, found)
                     break
-    except KeyboardInterrupt:
-        if not best.succeeded:
-            raise
-        clock.stopped_by = "interrupt"
-    except Infeasible as reason:
-        if reason.status is PlanStatus.TIME_LIMIT:
-            clock.stopped_by = "time_limit"
+        except KeyboardInterrupt:
+            if not best.succeeded:
+                raise
+            clock.stopped_by = "interrupt"
+            break
+        except Infeasible as reason:  # the time limit, or nothing from this start
+            if reason.status is PlanStatus.TIME_LIMIT:
+                clock.stopped_by = "time_limit"
+                break
     return best
 
 

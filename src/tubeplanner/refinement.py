@@ -69,10 +69,10 @@ def refine(
     """
     motion = starting_spline(problem, branch, intervals[0])
     trust = _FIRST_TRUST
-    for count in intervals[:-1]:
+    for finer in intervals[1:]:
         program = SequentialProgram(problem, motion, tube_share, checkpoint)
         found = program.improved(_finite(program.iterate(motion)), trust, _COARSE_GAIN, _MOST_STEPS)
-        motion, trust = refitted(found.motion, intervals[intervals.index(count) + 1]), _LATER_TRUST
+        motion, trust = refitted(found.motion, finer), _LATER_TRUST
     program = SequentialProgram(problem, motion, tube_share, checkpoint)
     found = program.improved(_finite(program.iterate(motion)), trust, _FINE_GAIN, _MOST_STEPS)
     best = _with_exchange(program, found)
