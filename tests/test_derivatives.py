@@ -53,6 +53,21 @@ def turn_by_joints(robot):
     return lambda x: robot.tool_pose(x)[0].transpose(0, 2, 1), q, turned.transpose(0, 1, 3, 2)
 
 
+def points_by_joints(robot):
+    """A point fixed to every body in turn."""
+    q, _, _ = random_motion(robot)
+    local = np.random.default_rng(7).normal(size=(len(q), 3))
+    body = np.arange(len(q)) % robot.body_count
+
+    def points(x):
+        rotation, position = robot.body_poses(x)
+        rows = np.arange(len(x))
+        turned = np.einsum("nab,nb->na", rotation[rows, body], local)
+        return position[rows, body] + turned
+
+    return points, q, robot.point_jacobian(*robot.body_poses(q), body, points(q))
+
+
 def trajectory_by_time(order):
     def case(robot):
         rng = np.random.default_rng(6)
@@ -69,6 +84,7 @@ def trajectory_by_time(order):
 TABLE = {
     "hand position by joints": (hand_by_joints, 1e-8),
     "hand rotation by joints": (turn_by_joints, 1e-8),
+    "points of bodies by joints": (points_by_joints, 1e-8),
     "effort by position": (effort_by(0), 1e-6),
     "effort by velocity": (effort_by(1), 1e-6),
     "effort by acceleration": (effort_by(2), 1e-6),

@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from tubeplanner.phase_spline import DEGREE, PhaseSpline
-from tubeplanner.spline_start import PhasedMotion, knot_grid, refitted
+from tubeplanner.phase_spline import DEGREE, PhasedMotion, PhaseSpline
+from tubeplanner.sampled_motion import sampled
+from tubeplanner.spline_start import knot_grid, refitted
 
 GATES = np.array([0.0, 0.3, 0.55, 1.0])
 SHAPE = PhaseSpline(
@@ -19,14 +20,24 @@ def control_points(seed=0, joints=2):
 
 def test_the_basis_is_that_of_scipys_spline():
     samples = SHAPE.samples(np.array([0.1, 0.45, 0.9]))
-    basis = SHAPE.basis(samples, GATES)
     points = control_points()
+    motion = sampled(PhasedMotion(SHAPE, GATES, points), samples)
     spline = BSpline(SHAPE.knots(GATES), points, DEGREE)
     x = GATES[samples.phase] + np.diff(GATES)[samples.phase] * samples.share
-    taken = points[basis.first[:, None] + np.arange(4)]
+    np.testing.assert_allclose(samples.times(GATES), x)
     for order in range(4):
-        value = np.einsum("nr,nrj->nj", basis.values[order], taken)
-        np.testing.assert_allclose(value, spline(x, order), rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(motion.by_x[order], spline(x, order), rtol=1e-9, atol=1e-9)
+
+
+def test_samples_are_found_by_their_times():
+    samples = SHAPE.samples(np.array([0.1, 0.45, 0.9]))
+    found = SHAPE.samples_at(GATES, samples.times(GATES))
+    np.testing.assert_array_equal(found.phase, samples.phase)
+    np.testing.assert_array_equal(found.interval, samples.interval)
+    np.testing.assert_allclose(found.share, samples.share, atol=1e-12)
+    ends = SHAPE.samples_at(GATES, np.array([0.0, 1.0]))
+    assert ends.interval.tolist() == [0, SHAPE.interval_count - 1]
+    assert ends.phase.tolist() == [0, 2]
 
 
 def test_samples_at_a_gate_belong_to_the_phases_on_both_sides():
@@ -47,17 +58,17 @@ def test_it_rests_at_both_ends():
 
 def test_gates_move_knots_and_samples_with_them():
     samples = SHAPE.samples(np.array([0.5]))
-    basis = SHAPE.basis(samples, GATES)
+    by_gate = SHAPE.basis_by_gate(samples, GATES)
     step = 1e-4
     for column, gate in enumerate((1, 2)):
         sides = []
         for sign in (1, -1):
             moved = GATES.copy()
             moved[gate] += sign * step
-            sides.append(SHAPE.basis(samples, moved, with_gates=False).values)
+            sides.append(SHAPE.basis(samples, moved))
         expected = (sides[0] - sides[1]) / (2 * step)
         scale = abs(expected).max(axis=(1, 2), keepdims=True)
-        np.testing.assert_allclose(basis.by_gate[column] / scale, expected / scale, atol=1e-4)
+        np.testing.assert_allclose(by_gate[column] / scale, expected / scale, atol=1e-4)
 
 
 @pytest.mark.parametrize("intervals", [8, 24, 64])

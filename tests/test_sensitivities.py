@@ -14,8 +14,9 @@ from tubeplanner import (
     plan,
 )
 from tubeplanner.reference_branch import reference_branch, spare_joint_rules
-from tubeplanner.refinement import refine
+from tubeplanner.refinement import Refinement
 from tubeplanner.sequential_program import SequentialProgram
+from tubeplanner.spline_start import starting_spline
 
 EVERY = {"joint1": np.inf, "joint2": np.inf}
 
@@ -54,15 +55,16 @@ def test_without_gravity_all_limits_together_have_a_known_price(limits):
 
 def polished(problem, motion):
     """Plan again from a motion near by, on the same knots, to a tight tolerance."""
-    program = SequentialProgram(problem, motion, 1.0, lambda duration: None)
+    program = SequentialProgram(problem, motion.shape, lambda iterate: None)
     return program.improved(program.iterate(motion), 0.01, 1e-8, 60).duration
 
 
 def test_prices_are_what_planning_again_finds():
     problem = problem_with()
     branch = reference_branch(problem, spare_joint_rules(problem)[0])
-    refined = refine(problem, branch, (8, 24, 64))
-    motion = refined._found.motion
+    refined = Refinement(problem, starting_spline(problem, branch, 8), (24, 64))
+    refined.run()
+    motion = refined._best.motion
     duration = polished(problem, motion)
     prices = refined.elasticities()
     step = 0.02

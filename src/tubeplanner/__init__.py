@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from tubeplanner.outcome import PlanStatus as PlanStatus
     from tubeplanner.pinocchio_model import Payload as Payload
     from tubeplanner.pinocchio_model import ToolOffset as ToolOffset
-    from tubeplanner.planner import PlanOptions as PlanOptions
-    from tubeplanner.planner import PlanResult as PlanResult
+    from tubeplanner.plan_options import PlanOptions as PlanOptions
+    from tubeplanner.plan_result import PlanResult as PlanResult
     from tubeplanner.planner import plan as plan
     from tubeplanner.plotting import plot_trajectory as plot_trajectory
     from tubeplanner.problem import PlanningProblem as PlanningProblem
@@ -66,7 +66,9 @@ _HOMES = {
     "joint_limits": ("LimitOverrides",),
     "obstacle": ("AttachedSolid", "Obstacle", "placement_of"),
     "outcome": ("Place", "PlanStatus"),
-    "planner": ("PlanOptions", "PlanResult", "plan"),
+    "plan_options": ("PlanOptions",),
+    "plan_result": ("PlanResult",),
+    "planner": ("plan",),
     "pinocchio_model": ("Payload", "ToolOffset"),
     "plotting": ("plot_trajectory",),
     "problem": ("PlanningProblem", "Seed", "load_problem", "parse_problem"),

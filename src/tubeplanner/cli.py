@@ -109,7 +109,7 @@ def plan(
 
     Nothing is written unless the certificate passes.
     """
-    from tubeplanner.planner import METHODS, PlanOptions
+    from tubeplanner.plan_options import METHODS, PlanOptions
     from tubeplanner.planner import plan as plan_problem
 
     options = PlanOptions(method or METHODS[0], quality, time_limit=time_limit)

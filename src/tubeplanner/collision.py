@@ -12,7 +12,7 @@ from tubeplanner.errors import ProblemError, unknown_name
 from tubeplanner.link_geometry import link_shapes
 from tubeplanner.obstacle import AttachedSolid, Obstacle
 from tubeplanner.robot import RobotModel
-from tubeplanner.separation import PlacedShape, separation
+from tubeplanner.separation import PlacedShape, Separation, separation
 
 _BASE = 0
 # Link pairs that touch in all of so many random configurations are taken to touch always.
@@ -33,6 +33,23 @@ class BodyShape:
     owner: str
     body: int
     shape: ConvexShape
+
+
+@dataclass(frozen=True, eq=False)
+class ClosestPoints:
+    """Where P pairs of shapes are closest.
+
+    Attributes:
+        distance: Lower bounds on the signed distances, exact nearly always, shape (P,) [m].
+        direction: Unit vectors from the first towards the second shape, base frame, shape (P, 3).
+        first: Points of the first shapes (of the cores, if these are rounded), shape (P, 3) [m].
+        second: Likewise, of the second shapes.
+    """
+
+    distance: FloatArray
+    direction: FloatArray
+    first: FloatArray
+    second: FloatArray
 
 
 class CollisionChecker:
@@ -126,14 +143,30 @@ class CollisionChecker:
             Distances (P,) [m] and unit vectors (P, 3) from the first towards the second shape of
             each pair, in the frame of the second shape's body.
         """
-        for index in np.unique(pairs):
-            body = self.shapes[index].body
-            self._placed[index].move(rotation[body], position[body])
-        found = [separation(self._placed[i], self._placed[j]) for i, j in pairs]
-        distance = np.array([distance for distance, _ in found])
-        world = np.array([direction for _, direction in found]).reshape(-1, 3)
+        found = self._measured(rotation, position, pairs)
+        distance = np.array([each.distance for each in found])
+        world = np.array([each.direction for each in found]).reshape(-1, 3)
         frames = rotation[[self.shapes[j].body for j in pairs[:, 1]]]
         return distance, np.einsum("pij,pi->pj", frames, world)
+
+    def closest_points(
+        self, rotation: FloatArray, position: FloatArray, pairs: IntArray
+    ) -> ClosestPoints:
+        """Return where pairs are closest, each in its own configuration.
+
+        Args:
+            rotation: Shape (P, bodies, 3, 3).
+            position: Shape (P, bodies, 3) [m].
+            pairs: Shape (P, 2).
+        """
+        found = [
+            self._measured(turned, placed, pair[None])[0]
+            for turned, placed, pair in zip(rotation, position, pairs, strict=True)
+        ]
+        vectors = (
+            np.array([each[column] for each in found]).reshape(-1, 3) for column in range(1, 4)
+        )
+        return ClosestPoints(np.array([each.distance for each in found]), *vectors)
 
     def separations_along(
         self,
@@ -209,6 +242,14 @@ class CollisionChecker:
         links = tuple(name for name in names if name not in self._obstacle_names)
         obstacles = [name for name in names if name in self._obstacle_names]
         return links, obstacles[0] if obstacles else None
+
+    def _measured(
+        self, rotation: FloatArray, position: FloatArray, pairs: IntArray
+    ) -> list[Separation]:
+        for index in set(pairs.flat):
+            body = self.shapes[index].body
+            self._placed[index].move(rotation[body], position[body])
+        return [separation(self._placed[i], self._placed[j]) for i, j in pairs]
 
     @cached_property
     def _spheres(self) -> tuple[IntArray, FloatArray, FloatArray]:

@@ -7,7 +7,7 @@ import piqp
 from scipy import sparse
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.constraints import Rows
+from tubeplanner.linear_rows import Rows
 from tubeplanner.phase_spline import REST_POINTS
 
 _ELASTIC_BOUND = 10.0
@@ -55,60 +55,95 @@ class Step:
     multipliers: FloatArray
 
 
-def solve_step(
-    rows: Rows,
-    is_elastic: FloatArray,
-    bounds: Bounds,
-    hessian: sparse.spmatrix,
-    gradient: FloatArray,
-    penalty: float,
-    tolerance: float = 1e-4,
-) -> Step | None:
-    """Minimise eta + penalty * elastic + gradient . dC + dC . hessian . dC / 2 under the rows.
+class StepProgram:
+    """A linear program with a little curvature, and its solver.
 
-    Args:
-        rows: The conditions.
-        is_elastic: 1 for rows that may be broken for a price, else 0, shape (R,).
-        bounds: Where the step must stay; control points held at rest at both ends do not move.
-        hessian: Over the free control points, shape (free n, free n).
-        gradient: Shape (free n,).
-        penalty: Price of the elastic variable.
-        tolerance: Of the solution, absolute and relative.
-
-    Returns:
-        The step, or None if no solver finds one.
+    It minimises eta + penalty * elastic + gradient . dC + dC . hessian . dC / 2 under the rows.
     """
-    free, n = bounds.lower.shape
-    gates = len(bounds.gate)
-    matrix = _matrix(rows, is_elastic, free, n)
-    size = free * n + gates + 2
-    quadratic = sparse.block_diag([hessian, sparse.identity(gates + 2) * 1e-9], format="csc")
-    linear = np.concatenate([gradient, np.zeros(gates), [1.0, penalty]])
-    lower = np.concatenate([bounds.lower.ravel(), -bounds.gate, [bounds.duration[0], 0.0]])
-    upper = np.concatenate(
-        [bounds.upper.ravel(), bounds.gate, [bounds.duration[1], _ELASTIC_BOUND]]
-    )
-    no_lower = np.full(len(rows), -np.inf)
-    for kind in _SOLVERS:
-        solver = piqp.SparseSolver()
-        settings = solver.settings
-        settings.kkt_solver = kind
-        settings.eps_abs = settings.eps_rel = tolerance
-        settings.eps_duality_gap_abs = settings.eps_duality_gap_rel = tolerance
-        solver.setup(quadratic, linear, None, None, matrix, no_lower, rows.room, lower, upper)
+
+    def __init__(
+        self,
+        rows: Rows,
+        is_elastic: FloatArray,
+        bounds: Bounds,
+        hessian: sparse.spmatrix,
+        gradient: FloatArray,
+        penalty: float,
+        tolerance: float = 1e-4,
+    ) -> None:
+        """Set it up.
+
+        Args:
+            rows: The conditions.
+            is_elastic: 1 for rows that may be broken for a price, else 0, shape (R,).
+            bounds: Where the step must stay; control points held at rest at both ends do not move.
+            hessian: Over the free control points, shape (free n, free n).
+            gradient: Shape (free n,).
+            penalty: Price of the elastic variable.
+            tolerance: Of the solution, absolute and relative.
+        """
+        self._free = bounds.lower.shape
+        gates = len(bounds.gate)
+        self._matrix = _matrix(rows, is_elastic, *self._free)
+        self._quadratic = sparse.block_diag(
+            [hessian, sparse.identity(gates + 2) * 1e-9], format="csc"
+        )
+        self._linear = np.concatenate([gradient, np.zeros(gates), [1.0, penalty]])
+        self._lower = np.concatenate(
+            [bounds.lower.ravel(), -bounds.gate, [bounds.duration[0], 0.0]]
+        )
+        self._upper = np.concatenate(
+            [bounds.upper.ravel(), bounds.gate, [bounds.duration[1], _ELASTIC_BOUND]]
+        )
+        self._room, self._tolerance = rows.room, tolerance
+        self._solver: piqp.SparseSolver | None = None
+
+    def solve(self) -> Step | None:
+        """Return the step, or None if no solver finds one."""
+        for kind in _SOLVERS:
+            solver = piqp.SparseSolver()
+            settings = solver.settings
+            settings.kkt_solver = kind
+            settings.eps_abs = settings.eps_rel = self._tolerance
+            settings.eps_duality_gap_abs = settings.eps_duality_gap_rel = self._tolerance
+            solver.setup(
+                self._quadratic,
+                self._linear,
+                None,
+                None,
+                self._matrix,
+                np.full(len(self._room), -np.inf),
+                self._room,
+                self._lower,
+                self._upper,
+            )
+            step = self._solution(solver)
+            if step is not None:
+                self._solver = solver
+                return step
+        return None
+
+    def solve_again(self, room: FloatArray) -> Step | None:
+        """Return the step with other room for the rows, once there was a solution."""
+        if self._solver is None:
+            return None
+        self._solver.update(h_u=room)
+        return self._solution(self._solver)
+
+    def _solution(self, solver: piqp.SparseSolver) -> Step | None:
         status = solver.solve()
         x = np.array(solver.result.x)
-        sound = np.isfinite(x).all() and len(x) == size
-        if status == piqp.PIQP_SOLVED and sound:
-            x = np.clip(x, lower, upper)
-            return Step(
-                x[: free * n].reshape(free, n),
-                x[free * n : free * n + gates],
-                float(x[-2]),
-                float(x[-1]),
-                np.array(solver.result.z_u),
-            )
-    return None
+        if status != piqp.PIQP_SOLVED or len(x) != len(self._lower) or not np.isfinite(x).all():
+            return None
+        x = np.clip(x, self._lower, self._upper)
+        free, n = self._free
+        return Step(
+            x[: free * n].reshape(free, n),
+            x[free * n : -2],
+            float(x[-2]),
+            float(x[-1]),
+            np.array(solver.result.z_u),
+        )
 
 
 def _matrix(rows: Rows, is_elastic: FloatArray, free: int, n: int) -> sparse.csc_matrix:

@@ -9,6 +9,7 @@ exactly at both ends.
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import BSpline
 
 from tubeplanner.arrays import FloatArray, IntArray
 
@@ -43,20 +44,10 @@ class Samples:
         """Return some of the samples."""
         return Samples(self.phase[keep], self.share[keep], self.interval[keep])
 
-
-@dataclass(frozen=True, eq=False)
-class Basis:
-    """What N samples take of the control points.
-
-    Attributes:
-        first: The first of the four control points that count, shape (N,).
-        values: Shape (orders, N, 4): weights for position and its derivatives by x.
-        by_gate: Derivatives of `values` by the inner gates, shape (gates, orders, N, 4).
-    """
-
-    first: IntArray
-    values: FloatArray
-    by_gate: FloatArray
+    def times(self, gates: FloatArray) -> FloatArray:
+        """Return their times x for gates (m+1,), shape (N,)."""
+        times: FloatArray = gates[self.phase] + np.diff(gates)[self.phase] * self.share
+        return times
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,26 +93,57 @@ class PhaseSpline:
             count += len(width)
         return Samples(np.concatenate(phase), np.concatenate(share), np.concatenate(interval))
 
+    def samples_at(self, gates: FloatArray, x: FloatArray) -> Samples:
+        """Return samples at times x from 0 to 1, shape (N,)."""
+        last = self.interval_count - 1
+        interval = np.searchsorted(self.breakpoints(gates), x, side="right") - 1
+        phase = np.clip(np.searchsorted(gates, x, side="right") - 1, 0, len(gates) - 2)
+        share = (x - gates[phase]) / np.diff(gates)[phase]
+        return Samples(phase, np.clip(share, 0.0, 1.0), np.clip(interval, 0, last))
+
     def phase_ends(self) -> Samples:
         """Return a sample at the end of every phase."""
         count = len(self.shares)
         last = np.cumsum([len(share) - 1 for share in self.shares]) - 1
         return Samples(np.arange(count), np.ones(count), last)
 
-    def basis(self, samples: Samples, gates: FloatArray, *, with_gates: bool = True) -> Basis:
-        """Return what samples take of the control points, and how that changes with the gates."""
-        values = self._values(samples, gates)
-        inner = range(1, len(gates) - 1) if with_gates else ()
-        by_gate = np.zeros((len(inner), *values.shape))
+    def basis(self, samples: Samples, gates: FloatArray) -> FloatArray:
+        """Return the weights of four control points for position and derivatives by x, (4, N, 4).
+
+        The first control point that counts is the one with the number of the sample's interval.
+        """
+        x = samples.times(gates)
+        return _basis_functions(self.knots(gates), samples.interval + DEGREE, x)
+
+    def basis_by_gate(self, samples: Samples, gates: FloatArray) -> FloatArray:
+        """Return the derivatives of `basis` by the inner gates, shape (gates, 4, N, 4)."""
+        inner = range(1, len(gates) - 1)
+        here = self.basis(samples, gates) if inner else np.zeros((4, len(samples.phase), 4))
+        found = np.zeros((len(inner), *here.shape))
         for column, gate in enumerate(inner):
             moved = gates.copy()
             moved[gate] += _GATE_STEP
-            by_gate[column] = (self._values(samples, moved) - values) / _GATE_STEP
-        return Basis(samples.interval, values, by_gate)
+            found[column] = (self.basis(samples, moved) - here) / _GATE_STEP
+        return found
 
-    def _values(self, samples: Samples, gates: FloatArray) -> FloatArray:
-        x = gates[samples.phase] + np.diff(gates)[samples.phase] * samples.share
-        return _basis_functions(self.knots(gates), samples.interval + DEGREE, x)
+
+@dataclass(frozen=True, eq=False)
+class PhasedMotion:
+    """A spline over phases with its control points; how fast it runs is left open.
+
+    Attributes:
+        shape: Where the knots are.
+        gates: Ends of the phases in time x, from 0 to 1, shape (m+1,).
+        control_points: Shape (K, n).
+    """
+
+    shape: PhaseSpline
+    gates: FloatArray
+    control_points: FloatArray
+
+    def spline(self) -> BSpline:
+        """Return the spline over time x."""
+        return BSpline(self.shape.knots(self.gates), self.control_points, DEGREE)
 
 
 def _basis_functions(knots: FloatArray, span: IntArray, x: FloatArray) -> FloatArray:

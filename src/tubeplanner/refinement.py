@@ -2,108 +2,153 @@
 
 The paper's phase 2 moves its knots along discretised gradients and doubles them (Suh & Bishop
 1988). Here, a spline over phases, one per tube segment, is shortened by sequential linear programs:
-first on few knots, then on three times as many, and so on. On the finest, samples are added where
-limits or tube are broken between them.
+first on few knots, then on three times as many, and so on. Links are watched where they come close.
+On the finest knots, samples are added where anything is broken between them.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
+from tubeplanner.certificate import Certificate
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.phase_spline import PhasedMotion
 from tubeplanner.problem import PlanningProblem
-from tubeplanner.reference_branch import ReferenceBranch
-from tubeplanner.sequential_program import INNER_MARGIN, Iterate, SequentialProgram
-from tubeplanner.spline_start import refitted, starting_spline
+from tubeplanner.sequential_program import MERIT_TOLERANCE, Iterate, SequentialProgram
+from tubeplanner.spline_start import refitted
 from tubeplanner.trajectory import JointTrajectory, from_spline
 
 _FIRST_TRUST, _LATER_TRUST, _LAST_TRUST = 0.2, 0.1, 0.02  # [rad or m]
+_LEAST_LAST_TRUST = 0.002
 _COARSE_GAIN, _FINE_GAIN, _LAST_GAIN = 1e-2, 5e-4, 1e-4
 _POLISH_TRUST, _POLISH_GAIN, _POLISH_STEPS = 0.01, 1e-7, 20
 _MOST_STEPS, _STEPS_PER_ROUND, _MOST_ROUNDS = 60, 3, 8
+# On coarse knots, links that came close on the way are given this much.
+_MOST_COARSE_ROUNDS, _STEPS_PER_COARSE_ROUND = 6, 10
 # The exchange of samples ends when this is all that lies between them, a share of T^2.
 _BETWEEN_SAMPLES = 0.003
-_USABLE_MARGIN = 0.8 * INNER_MARGIN
 
 
-@dataclass(frozen=True, eq=False)
-class RefinedMotion:
-    """What refinement found.
+class Refinement:
+    """Refinement of one motion, and the best that it has found so far."""
 
-    Attributes:
-        trajectory: The motion; its duration is one second, scaling it to the limits is left.
-    """
+    def __init__(
+        self,
+        problem: PlanningProblem,
+        start: PhasedMotion,
+        finer: tuple[int, ...],
+        checkpoint: Callable[[float], None] = lambda duration: None,
+    ) -> None:
+        """Prepare it.
 
-    trajectory: JointTrajectory
-    _program: SequentialProgram
-    _found: Iterate
+        Args:
+            problem: What is asked; segments are visited in order.
+            start: Where to start; its phases are the tube's segments.
+            finer: Numbers of knot intervals after those of the start, from coarse to fine.
+            checkpoint: Called with the duration [s] after every step; it may raise to end the work.
+        """
+        self._problem, self._start, self._finer = problem, start, finer
+        self._told = checkpoint
+        self._program = SequentialProgram(problem, start.shape, self._checkpoint)
+        self._best: Iterate | None = None
+
+    @property
+    def has_motion(self) -> bool:
+        """Whether there is a motion yet."""
+        return self._best is not None
+
+    @property
+    def trajectory(self) -> JointTrajectory:
+        """The best so far, or else the one nearest to what is allowed; it takes one second."""
+        if self._best is None:
+            raise RuntimeError("refinement has not run")
+        return from_spline(self._problem.robot.joint_names, self._best.motion.spline())
+
+    def run(self) -> bool:
+        """Refine to the finest knots; return True.
+
+        Raises:
+            Infeasible: Status no_trajectory: there was nothing to start from.
+        """
+        motion, trust = self._start, _FIRST_TRUST
+        self._program.conditions.look_for_links(motion)
+        for finer in self._finer:
+            coarse = self._on_coarse_knots(motion, trust).motion
+            motion, trust = refitted(coarse, finer), _LATER_TRUST
+            links = self._program.conditions.links_on(coarse, motion)
+            self._program = SequentialProgram(self._problem, motion.shape, self._checkpoint, links)
+        found = self._program.improved(self._begun(motion), trust, _FINE_GAIN, _MOST_STEPS)
+        self._exchange(found)
+        return True
+
+    def answer(self, certificate: Certificate, duration: float) -> bool:
+        """Go on with samples where a certificate objects; return whether there was anything to do.
+
+        Args:
+            certificate: Of the best motion, scaled to the limits.
+            duration: Of that motion [s].
+        """
+        places = [certificate.conditions[name].where for name in certificate.failures()]
+        times = [place.time for place in places if place.time is not None]
+        if self._best is None or not times:
+            return False
+        motion = self._best.motion
+        for time in times:
+            self._program.conditions.add_samples(motion, time / duration)
+        again = self._program.iterate(motion)
+        self._exchange(self._program.improved(again, _LAST_TRUST, _LAST_GAIN, _MOST_STEPS))
+        return True
 
     def elasticities(self) -> dict[tuple[str, int], float]:
         """Return d ln T / d ln p for every limit p, as `SequentialProgram.elasticities`."""
-        polished = self._program.improved(
-            self._program.iterate(self._found.motion), _POLISH_TRUST, _POLISH_GAIN, _POLISH_STEPS
-        )
-        return self._program.elasticities(polished)
+        if self._best is None:
+            return {}
+        program = self._program.without_checkpoint()
+        begin = program.iterate(self._best.motion)
+        polished = program.improved(begin, _POLISH_TRUST, _POLISH_GAIN, _POLISH_STEPS)
+        return program.elasticities(polished)
 
+    def _on_coarse_knots(self, motion: PhasedMotion, trust: float) -> Iterate:
+        """Return a motion that is about the shortest, links not yet clear between samples."""
+        found = self._program.improved(self._begun(motion), trust, _COARSE_GAIN, _MOST_STEPS)
+        for _ in range(_MOST_COARSE_ROUNDS):
+            if not self._program.conditions.look_for_links(found.motion):
+                break
+            again = self._program.iterate(found.motion)
+            found = self._program.improved(
+                again, _LATER_TRUST, _COARSE_GAIN, _STEPS_PER_COARSE_ROUND
+            )
+        return found
 
-def refine(
-    problem: PlanningProblem,
-    branch: ReferenceBranch,
-    intervals: tuple[int, ...],
-    *,
-    tube_share: float = 1.0,
-    checkpoint: Callable[[float], None] = lambda duration: None,
-) -> RefinedMotion:
-    """Return the shortest motion that is found near a branch.
+    def _begun(self, motion: PhasedMotion) -> Iterate:
+        """Return a motion on the program's knots.
 
-    Args:
-        problem: What is asked; segments are visited in order.
-        branch: The arm along the reference path.
-        intervals: Numbers of knot intervals, from coarse to fine.
-        tube_share: Which share of the radii may be used.
-        checkpoint: Called with the duration [s] after every step; it may raise to end the work.
+        Raises:
+            Infeasible: The motors cannot hold it: there is nothing to start from.
+        """
+        iterate = self._program.iterate(motion)
+        if not np.isfinite(iterate.squared_duration):
+            message = "refinement has no motion to start from"
+            raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Place())
+        return iterate
 
-    Raises:
-        Infeasible: Status no_trajectory: no motion inside the tube was found.
-    """
-    motion = starting_spline(problem, branch, intervals[0])
-    trust = _FIRST_TRUST
-    for finer in intervals[1:]:
-        program = SequentialProgram(problem, motion, tube_share, checkpoint)
-        found = program.improved(_finite(program.iterate(motion)), trust, _COARSE_GAIN, _MOST_STEPS)
-        motion, trust = refitted(found.motion, finer), _LATER_TRUST
-    program = SequentialProgram(problem, motion, tube_share, checkpoint)
-    found = program.improved(_finite(program.iterate(motion)), trust, _FINE_GAIN, _MOST_STEPS)
-    best = _with_exchange(program, found)
-    trajectory = from_spline(problem.robot.joint_names, best.motion.spline())
-    return RefinedMotion(trajectory, program.without_checkpoint(), best)
+    def _exchange(self, found: Iterate) -> None:
+        """Keep the best motion between samples too, adding samples where they are missing."""
+        best = None
+        for _ in range(_MOST_ROUNDS):
+            dense, has_more = self._program.conditions.look_between_samples(found)
+            inside = dense.excess <= MERIT_TOLERANCE
+            if inside and (best is None or dense.squared_duration < best.squared_duration):
+                best = dense
+            near = dense.squared_duration < (1 + _BETWEEN_SAMPLES) * found.squared_duration
+            if inside and (near or not has_more):
+                break
+            again = self._program.iterate(found.motion)
+            trust = min(max(2 * self._program.trust, _LEAST_LAST_TRUST), _LAST_TRUST)
+            found = self._program.improved(again, trust, _LAST_GAIN, _STEPS_PER_ROUND)
+        self._best = best or found
 
-
-def _with_exchange(program: SequentialProgram, found: Iterate) -> Iterate:
-    """Return the best motion between samples too, adding samples where they are missing."""
-    best = None
-    for _ in range(_MOST_ROUNDS):
-        dense, has_more = program.densely(found)
-        inside = dense.excess <= _USABLE_MARGIN
-        if inside and (best is None or dense.squared_duration < best.squared_duration):
-            best = dense
-        near = dense.squared_duration < (1 + _BETWEEN_SAMPLES) * found.squared_duration
-        if not has_more or (inside and near):
-            break
-        again = program.iterate(found.motion)
-        found = program.improved(again, _LAST_TRUST, _LAST_GAIN, _STEPS_PER_ROUND)
-    if best is None:
-        raise Infeasible(
-            PlanStatus.NO_TRAJECTORY, "refinement found no motion inside the tube", Place()
-        )
-    return best
-
-
-def _finite(iterate: Iterate) -> Iterate:
-    """Return an iterate that the motors can hold; else there is nothing to start from."""
-    if not np.isfinite(iterate.squared_duration):
-        raise Infeasible(
-            PlanStatus.NO_TRAJECTORY, "refinement has no motion to start from", Place()
-        )
-    return iterate
+    def _checkpoint(self, iterate: Iterate) -> None:
+        if iterate.excess <= MERIT_TOLERANCE:
+            self._best = iterate
+        self._told(iterate.duration)

@@ -7,7 +7,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from tubeplanner.certificate import RELATIVE, Certificate
-from tubeplanner.planner import PlanResult
+from tubeplanner.plan_result import PlanResult
 from tubeplanner.problem import PlanningProblem
 
 _WIDTH_OF_A_FILE = 160  # [characters]

@@ -191,6 +191,27 @@ class RobotModel:
                 rotation[i, j], position[i, j] = placement.rotation, placement.translation
         return rotation, position
 
+    def point_jacobian(
+        self, rotation: FloatArray, position: FloatArray, body: IntArray, point: FloatArray
+    ) -> FloatArray:
+        """Return how points that move with bodies move with the joints.
+
+        Args:
+            rotation: From `body_poses`, shape (N, bodies, 3, 3).
+            position: Likewise, shape (N, bodies, 3) [m].
+            body: Which body carries each point, shape (N,).
+            point: In the base frame, shape (N, 3) [m].
+
+        Returns:
+            Shape (N, 3, n) [m/rad or 1]. (Siciliano et al., "Robotics", 2009, equation 3.30.)
+        """
+        carrier = self._to_group + 1  # the body that each joint moves
+        axis = np.einsum("njab,jb->nja", rotation[:, carrier], self._joint_axes)
+        turned = np.cross(axis, point[:, None] - position[:, carrier])
+        columns = np.where(self.revolute[:, None], turned, axis)
+        moved: FloatArray = columns * self.joint_moves_body[body][:, :, None]
+        return moved.transpose(0, 2, 1)
+
     def inverse_dynamics(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         """Return the joint efforts [N m or N] that a motion needs (recursive Newton-Euler).
 
@@ -296,6 +317,14 @@ class RobotModel:
     def tool_reach(self) -> float:
         """Distance of the tool centre point from the origin of the body that carries it [m]."""
         return float(np.linalg.norm(self._model.frames[self._tool_id].placement.translation))
+
+    @cached_property
+    def _joint_axes(self) -> FloatArray:
+        """Axes of the joints in the frames of the bodies they move, shape (n, 3)."""
+        data = self._model.createData()
+        pin.forwardKinematics(self._model, data, pin.neutral(self._model))
+        subspaces = [data.joints[int(j) + 1].S.ravel() for j in self._to_group]
+        return np.array([s[3:] if s[3:].any() else s[:3] for s in subspaces])
 
     @property
     def _travel(self) -> FloatArray:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from tubeplanner.problem import PlanningProblem
-from tubeplanner.refinement import RefinedMotion
+from tubeplanner.refinement import Refinement
 
 _RISE = 0.1  # what a limit is raised by, to say what that would save
 
@@ -33,7 +33,7 @@ class Sensitivity:
 
 
 def price_list(
-    problem: PlanningProblem, motion: RefinedMotion, duration: float
+    problem: PlanningProblem, motion: Refinement, duration: float
 ) -> tuple[Sensitivity, ...]:
     """Return what every limit costs, the dearest first.
 

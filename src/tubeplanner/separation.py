@@ -4,6 +4,9 @@ FCL's distances can be too long by millimetres; what is returned here is a rigor
 the separation of the two shapes along the direction that FCL finds, and exact nearly always.
 """
 
+import math
+from typing import NamedTuple
+
 import fcl
 import numpy as np
 
@@ -54,50 +57,75 @@ class PlacedShape:
         back, ahead = ends @ self._rotation.T + self._position
         return back, ahead
 
-    def gap_to(self, other: "PlacedShape") -> tuple[FloatArray, bool]:
-        """Return the vector between FCL's nearest points, and whether the cores overlap."""
+    def nearest_points(self, other: "PlacedShape") -> tuple[FloatArray, FloatArray, bool]:
+        """Return FCL's nearest points of both cores, (3,), and whether the cores overlap."""
         result = fcl.DistanceResult()
         distance = fcl.distance(self._object, other._object, _REQUEST, result)
         near, far = result.nearest_points
-        for gap in (far - near, other._world_center() - self._world_center(), np.eye(3)[0]):
-            if np.linalg.norm(gap) > _NO_LENGTH:
-                return gap, distance <= 0
-        raise AssertionError("the last candidate has length 1")
+        return near, far, distance <= 0
+
+    def center_to(self, other: "PlacedShape") -> FloatArray:
+        """Return the vector from the middle of this shape to that of another, (3,)."""
+        return other._world_center() - self._world_center()
 
     def _world_center(self) -> FloatArray:
         return self._rotation @ self._center + self._position
 
 
-def separation(first: PlacedShape, second: PlacedShape) -> tuple[float, FloatArray]:
-    """Return a lower bound on the signed distance of two shapes [m], and its direction (3,).
+class Separation(NamedTuple):
+    """How far two shapes are apart.
 
-    The direction is a unit vector from the first towards the second, in the base frame. Any
-    direction gives a bound: how far the second begins beyond the end of the first. FCL's
+    Attributes:
+        distance: Lower bound on the signed distance [m].
+        direction: Unit vector from the first towards the second, base frame, shape (3,).
+        first: FCL's nearest point of the first shape's core, base frame, shape (3,) [m].
+        second: Likewise, of the second shape's core.
+    """
+
+    distance: float
+    direction: FloatArray
+    first: FloatArray
+    second: FloatArray
+
+
+def separation(first: PlacedShape, second: PlacedShape) -> Separation:
+    """Return how far two shapes are apart.
+
+    Any direction gives a bound: how far the second begins beyond the end of the first. FCL's
     nearest points give the best direction nearly always. Where they do not, it is improved by
     Gilbert's iteration ("An iterative procedure for computing the minimum of a quadratic form on
     a convex set", 1966): the shortest vector to the set of differences of both cores' points.
     """
-    gap, overlap = first.gap_to(second)
+    near, far, overlap = first.nearest_points(second)
+    gap = far - near
+    length = _length(gap)
+    if length <= _NO_LENGTH:
+        gap = first.center_to(second)
+        length = _length(gap)
+    if length <= _NO_LENGTH:
+        gap, length = np.eye(3)[0], 1.0
     best, along = -np.inf, gap
     for _ in range(_MOST_IMPROVEMENTS):
-        length = float(np.linalg.norm(gap))
         direction = gap / length
         back_1, ahead_1 = first.extremes(direction)
         back_2, ahead_2 = second.extremes(direction)
         difference = back_2 - ahead_1
-        opposite = back_1 - ahead_2
-        for bound, towards in (
-            (float(direction @ difference), direction),
-            (float(direction @ opposite), -direction),
-        ):
-            if bound > best:
-                best, along = bound, towards
+        ahead, behind = float(direction @ difference), float(direction @ (ahead_2 - back_1))
+        if ahead > best:
+            best, along = ahead, direction
+        if -behind > best:
+            best, along = -behind, -direction
         if overlap or best > length - _LOOSE:
             break
         gap = _nearest_to_origin(gap, difference)
-        if np.linalg.norm(gap) < _LOOSE:
+        length = _length(gap)
+        if length < _LOOSE:
             break
-    return best - first.radius - second.radius, along
+    return Separation(best - first.radius - second.radius, along, near, far)
+
+
+def _length(vector: FloatArray) -> float:
+    return math.sqrt(vector @ vector)
 
 
 def _nearest_to_origin(start: FloatArray, end: FloatArray) -> FloatArray:

@@ -1,13 +1,11 @@
 """Where refinement starts: a spline along the reference branch, and one knot grid from another."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.interpolate import BSpline
 from scipy.linalg import solve
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.phase_spline import DEGREE, REST_POINTS, PhaseSpline
+from tubeplanner.phase_spline import DEGREE, REST_POINTS, PhasedMotion, PhaseSpline
 from tubeplanner.problem import PlanningProblem
 from tubeplanner.reference_branch import ReferenceBranch
 
@@ -17,25 +15,6 @@ _FIT_POINTS_PER_INTERVAL = 5
 _DRAW = 1e-8
 # Where the hand hardly moves, joints do: this many metres of way per radian.
 _WAY_OF_A_RADIAN = 0.05
-
-
-@dataclass(frozen=True, eq=False)
-class PhasedMotion:
-    """A spline over phases with its control points; how fast it runs is left open.
-
-    Attributes:
-        shape: Where the knots are.
-        gates: Ends of the phases in time x, from 0 to 1, shape (m+1,).
-        control_points: Shape (K, n).
-    """
-
-    shape: PhaseSpline
-    gates: FloatArray
-    control_points: FloatArray
-
-    def spline(self) -> BSpline:
-        """Return the spline over time x."""
-        return BSpline(self.shape.knots(self.gates), self.control_points, DEGREE)
 
 
 def starting_spline(

@@ -1,0 +1,594 @@
+"""The minimum-time problem through a tube as one nonlinear program, for `direct_transcription.py`.
+
+Unknown are position, velocity and acceleration at the nodes, the durations of the phases, and for
+every tube sample a place on the capsule's axis. Jerk is constant in every interval. Constraints are
+the same small function again and again, applied to other unknowns: its exact derivatives are
+generated once, and put together to sparse matrices.
+"""
+
+from dataclasses import dataclass
+from functools import cache
+
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+from scipy import sparse
+
+from tubeplanner import JointTrajectory, PlanningProblem, RobotModel
+
+AGREEMENT = 1e-9  # between the symbolic arm and RobotModel, relative to the largest value
+RANGE_SAMPLES = (0.25, 0.5, 0.75)  # at the nodes, ranges are bounds on unknowns
+MOTOR_SAMPLES = (0.0, 0.5)
+TUBE_SAMPLES = (0.0, 0.25, 0.5, 0.75)
+TUBE_MARGIN = 1e-5  # [m]: kept free, so that what lies between samples stays inside too
+LEAST_PHASE = 1e-3  # [s]
+LOOKS = 41  # per interval, for what is broken between samples
+BROKEN = 1e-4  # share of a velocity or effort limit
+
+
+class SymbolicArm:
+    """Hand position and recursive Newton-Euler dynamics of an arm as CasADi expressions."""
+
+    def __init__(self, robot: RobotModel) -> None:
+        """Read the arm's geometry and masses, and compare both with the arm itself."""
+        # Public properties hold norms of them only; what is read here is checked below.
+        self._robot, self._model = robot, robot._model
+        self._axes = _joint_axes(self._model)
+        self._require_agreement()
+
+    def tool_position(self, q: ca.SX) -> ca.SX:
+        """Return the tool centre point (3,) [m]."""
+        rotations, offsets = self._joint_poses(q)
+        rotation, position = {0: ca.SX.eye(3)}, {0: ca.SX.zeros(3)}
+        for body in range(1, self._model.njoints):
+            parent = self._model.parents[body]
+            position[body] = position[parent] + rotation[parent] @ offsets[body]
+            rotation[body] = rotation[parent] @ rotations[body]
+        frame = self._model.frames[self._robot._tool_id]
+        body = frame.parentJoint
+        return position[body] + rotation[body] @ _clean(frame.placement.translation)
+
+    def inverse_dynamics(self, q: ca.SX, v: ca.SX, a: ca.SX) -> ca.SX:
+        """Return the joint efforts (n,) [N m or N]."""
+        rotations, offsets = self._joint_poses(q)
+        forces, moments = self._body_wrenches(rotations, offsets, v, a)
+        efforts = ca.SX.zeros(self._robot.joint_count)
+        for body in range(self._model.njoints - 1, 0, -1):
+            joint, parent = self._robot.body_joints[body], self._model.parents[body]
+            turns = self._robot.revolute[joint]
+            efforts[joint] = ca.dot(self._axes[body], moments[body] if turns else forces[body])
+            if parent > 0:
+                force, moment = rotations[body] @ forces[body], rotations[body] @ moments[body]
+                forces[parent] += force
+                moments[parent] += moment + ca.cross(offsets[body], force)
+        return efforts
+
+    def _joint_poses(self, q: ca.SX) -> tuple[dict[int, ca.SX], dict[int, ca.SX]]:
+        """Return rotation and origin of every body in its parent's frame."""
+        rotations, offsets = {}, {}
+        for body in range(1, self._model.njoints):
+            placement, axis = self._model.jointPlacements[body], self._axes[body]
+            joint = self._robot.body_joints[body]
+            base, offset = _clean(placement.rotation), _clean(placement.translation)
+            if self._robot.revolute[joint]:
+                cross = ca.skew(axis)
+                turn = ca.sin(q[joint]) * cross + (1 - ca.cos(q[joint])) * (cross @ cross)
+                rotations[body], offsets[body] = base @ (ca.SX.eye(3) + turn), ca.SX(offset)
+            else:
+                rotations[body], offsets[body] = ca.SX(base), offset + base @ axis * q[joint]
+        return rotations, offsets
+
+    def _body_wrenches(
+        self, rotations: dict[int, ca.SX], offsets: dict[int, ca.SX], v: ca.SX, a: ca.SX
+    ) -> tuple[dict[int, ca.SX], dict[int, ca.SX]]:
+        """Return the force on every body and its moment about the body's origin."""
+        spin, turning = {0: ca.SX.zeros(3)}, {0: ca.SX.zeros(3)}
+        acceleration = {0: ca.SX(-self._robot.gravity)}
+        forces, moments = {}, {}
+        for body in range(1, self._model.njoints):
+            parent, joint = self._model.parents[body], self._robot.body_joints[body]
+            back, axis, offset = rotations[body].T, self._axes[body], offsets[body]
+            carried = back @ spin[parent]
+            pulled = ca.cross(spin[parent], ca.cross(spin[parent], offset))
+            pulled += acceleration[parent] + ca.cross(turning[parent], offset)
+            spin[body], turning[body], acceleration[body] = (
+                carried,
+                back @ turning[parent],
+                back @ pulled,
+            )
+            relative = ca.cross(carried, axis * v[joint])
+            if self._robot.revolute[joint]:
+                spin[body] += axis * v[joint]
+                turning[body] += axis * a[joint] + relative
+            else:
+                acceleration[body] += axis * a[joint] + 2 * relative
+            inertia = self._model.inertias[body]
+            com, moment = _clean(inertia.lever), _clean(inertia.inertia)
+            forces[body] = inertia.mass * (
+                acceleration[body]
+                + ca.cross(turning[body], com)
+                + ca.cross(spin[body], ca.cross(spin[body], com))
+            )
+            moments[body] = moment @ turning[body] + ca.cross(spin[body], moment @ spin[body])
+            moments[body] += ca.cross(com, forces[body])
+        return forces, moments
+
+    def _require_agreement(self) -> None:
+        rng, count = np.random.default_rng(0), self._robot.joint_count
+        states = rng.uniform(-2, 2, (3, 20, count))
+        q, v, a = (ca.SX.sym(name, count) for name in "qva")
+        own = ca.Function("own", [q, v, a], [self.inverse_dynamics(q, v, a), self.tool_position(q)])
+        efforts, hands = (np.array(rows).T for rows in own.map(20)(*(s.T for s in states)))
+        for found, wanted in (
+            (efforts, self._robot.inverse_dynamics(*states)),
+            (hands, self._robot.tool_position(states[0])),
+        ):
+            assert abs(found - wanted).max() <= AGREEMENT * max(1.0, abs(wanted).max())
+
+
+def _joint_axes(model: pin.Model) -> dict[int, np.ndarray]:
+    """Return every joint's axis in the frame of the body that it moves."""
+    data = model.createData()
+    pin.computeJointJacobians(model, data, np.zeros(model.nq))
+    axes = {}
+    for body in range(1, model.njoints):
+        column = pin.getJointJacobian(model, data, body, pin.LOCAL)[:, model.idx_vs[body]]
+        axes[body] = _clean(column[:3] + column[3:])  # one of the halves is zero
+    return axes
+
+
+def _clean(values: np.ndarray) -> np.ndarray:
+    """Return values without the rounding that would keep expressions from becoming simpler."""
+    return np.where(abs(values) < 1e-14, 0.0, values)
+
+
+@dataclass(frozen=True, eq=False)
+class Rule:
+    """A small constraint function with its derivatives, of unknowns z and given numbers p.
+
+    Attributes:
+        value: (z, p) to c.
+        jacobian: (z, p) to the nonzeros of dc/dz.
+        hessian: (z, p, multipliers) to the nonzeros of the second derivatives by z.
+        jacobian_places: Rows and columns of those nonzeros.
+        hessian_places: Rows and columns of those nonzeros.
+    """
+
+    value: ca.Function
+    jacobian: ca.Function
+    hessian: ca.Function
+    jacobian_places: tuple[np.ndarray, np.ndarray]
+    hessian_places: tuple[np.ndarray, np.ndarray]
+
+
+def _rule(z: ca.SX, p: ca.SX, c: ca.SX) -> Rule:
+    multipliers = ca.SX.sym("multipliers", c.numel())
+    jacobian = ca.jacobian(c, z)
+    hessian = ca.hessian(ca.dot(multipliers, c), z)[0]
+    return Rule(
+        ca.Function("value", [z, p], [ca.densify(c)]),
+        ca.Function("jacobian", [z, p], [ca.vertcat(*jacobian.nonzeros())]),
+        ca.Function("hessian", [z, p, multipliers], [ca.vertcat(ca.SX(0), *hessian.nonzeros())]),
+        tuple(np.array(places, dtype=int) for places in jacobian.sparsity().get_triplet()),
+        tuple(np.array(places, dtype=int) for places in hessian.sparsity().get_triplet()),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class ArmRules:
+    """All rules of one arm; z is q, v, a, the next a and the phase's duration T unless said.
+
+    Time is counted in a unit of about the motion's duration: all unknowns are near 1 then.
+    """
+
+    gap: Rule  # p: width; z has all of the next node
+    ranges: Rule  # p: width, place
+    motors: Rule  # p: width, place, time unit [s]
+    jerk: Rule  # p: width
+    tube: Rule  # p: width, place, A, B - A, radius; z has the share of the axis too
+
+
+@cache
+def arm_rules(robot: RobotModel) -> ArmRules:
+    """Return the rules of an arm: efforts as shares of their limits, tube as distance^2 / radius.
+
+    Squared distances alone, or as shares of squared radii, have slopes far from 1 beside a thin
+    axis; the solver fails with them.
+    """
+    arm, n = SymbolicArm(robot), robot.joint_count
+    q, v, a, next_q, next_v, next_a = (ca.SX.sym(name, n) for name in "qvaQVA")
+    total, width, place = (ca.SX.sym(name) for name in ("T", "width", "place"))
+    z, h, t = ca.vertcat(q, v, a, next_a, total), width * total, place * width * total
+    a_t = a + place * (next_a - a)
+    v_t = v + t * (a + place * (next_a - a) / 2)
+    q_t = q + t * v + t * t * (a / 2 + place * (next_a - a) / 6)
+    gap = ca.vertcat(
+        q + h * v + h * h * (2 * a + next_a) / 6 - next_q, v + h * (a + next_a) / 2 - next_v
+    )
+    bounded = np.flatnonzero(np.isfinite(robot.limits.effort)).tolist()
+    unit = ca.SX.sym("unit")
+    efforts = arm.inverse_dynamics(q_t, v_t / unit, a_t / unit**2)
+    motors = ca.vertcat(*(efforts[j] / robot.limits.effort[j] for j in bounded))
+    begin, along = ca.SX.sym("begin", 3), ca.SX.sym("along", 3)
+    radius, axis_share = ca.SX.sym("radius"), ca.SX.sym("axis_share")
+    off = arm.tool_position(q_t) - begin - axis_share * along
+    sample = ca.vertcat(width, place)
+    return ArmRules(
+        _rule(ca.vertcat(q, v, a, next_q, next_v, next_a, total), width, gap),
+        _rule(z, sample, ca.vertcat(q_t, v_t)),
+        _rule(z, ca.vertcat(sample, unit), motors),
+        _rule(z, width, (next_a - a) / h),
+        _rule(
+            ca.vertcat(z, axis_share),
+            ca.vertcat(sample, begin, along, radius),
+            ca.dot(off, off) / radius,
+        ),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Intervals of phases, K in all.
+
+    Attributes:
+        phase: Of every interval, shape (K,).
+        width: As a share of the phase, shape (K,).
+    """
+
+    phase: np.ndarray
+    width: np.ndarray
+
+    def times(self, durations: np.ndarray) -> np.ndarray:
+        """Return the nodes' times (K+1,) [s] for durations of the phases (m,) [s]."""
+        return np.concatenate([[0.0], np.cumsum(self.width * durations[self.phase])])
+
+    @property
+    def last_of_phase(self) -> np.ndarray:
+        """Whether an interval ends a phase, shape (K,)."""
+        return np.diff(self.phase, append=self.phase[-1] + 1) > 0
+
+
+def phase_grid(gates: np.ndarray, intervals: int, *, clustered: bool) -> Grid:
+    """Return about so many intervals for phases between gates (m+1,) from 0 to 1.
+
+    Args:
+        gates: Ends of the phases.
+        intervals: Of all phases.
+        clustered: Denser at both ends of the motion, as Chebyshev points are; else uniform.
+    """
+    place = np.arccos(np.clip(1 - 2 * gates, -1, 1)) / np.pi if clustered else gates
+    phase, width = [], []
+    for k in range(len(gates) - 1):
+        count = max(3, round(intervals * (place[k + 1] - place[k])))
+        nodes = np.linspace(place[k], place[k + 1], count + 1)
+        if clustered:
+            nodes = (1 - np.cos(np.pi * nodes)) / 2
+        phase.append(np.full(count, k))
+        width.append(np.diff(nodes) / (nodes[-1] - nodes[0]))
+    return Grid(np.concatenate(phase), np.concatenate(width))
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Where conditions are imposed, each by interval (N,) and place in it (N,) from 0 to 1."""
+
+    ranges: tuple[np.ndarray, np.ndarray]
+    motors: tuple[np.ndarray, np.ndarray]
+    tube: tuple[np.ndarray, np.ndarray]
+
+    def and_also(self, other: "Samples") -> "Samples":
+        """Return these samples and others."""
+        pairs = ((getattr(self, name), getattr(other, name)) for name in vars(self))
+        return Samples(
+            *(tuple(np.concatenate(both) for both in zip(*pair, strict=True)) for pair in pairs)
+        )
+
+    @property
+    def count(self) -> int:
+        """Number of samples."""
+        return sum(len(interval) for interval, _ in vars(self).values())
+
+
+def regular_samples(grid: Grid) -> Samples:
+    """Return the same samples for every interval; motion and phases have their ends too."""
+    count, last = len(grid.phase), np.flatnonzero(grid.last_of_phase)
+    parts = (
+        (RANGE_SAMPLES, np.zeros(0, dtype=int)),
+        (MOTOR_SAMPLES, last[-1:]),
+        (TUBE_SAMPLES, last),
+    )
+    return Samples(
+        *(
+            (
+                np.append(np.repeat(np.arange(count), len(places)), ends),
+                np.append(np.tile(places, count), np.ones(len(ends))),
+            )
+            for places, ends in parts
+        )
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class PhasedTrajectory:
+    """A motion with the times at which phases end.
+
+    Attributes:
+        trajectory: The motion.
+        gates: Shape (m+1,) [s], from 0 to the duration.
+    """
+
+    trajectory: JointTrajectory
+    gates: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """What the solver made of a start.
+
+    Attributes:
+        motion: Its motion.
+        converged: Whether it says that this is a local optimum.
+        iterations: How many it took.
+    """
+
+    motion: PhasedTrajectory
+    converged: bool
+    iterations: int
+
+
+@dataclass(frozen=True, eq=False)
+class _Block:
+    """A rule applied B times: unknowns (z, B), numbers (p, B), bounds (c, B)."""
+
+    rule: Rule
+    unknowns: np.ndarray
+    numbers: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+
+
+class Transcription:
+    """The program of one problem on one grid.
+
+    The hand of phase k stays in capsule k, at the phase's ends in those of both its neighbours.
+    """
+
+    def __init__(
+        self,
+        problem: PlanningProblem,
+        ends: np.ndarray,
+        grid: Grid,
+        unit: float,
+        samples: Samples,
+    ) -> None:
+        """Set the program up.
+
+        Args:
+            problem: What is asked; obstacles are ignored.
+            ends: First and last configuration, shape (2, n).
+            grid: The intervals.
+            unit: Of time, about the motion's duration [s].
+            samples: Where conditions are imposed.
+        """
+        self._problem, self._ends, self._grid, self._unit = problem, ends, grid, unit
+        self._n, self._count = problem.robot.joint_count, len(grid.phase)
+        self._phases = problem.tube.segment_count
+        self._samples, self._tube_at = samples, samples.tube
+        self._nodes = np.arange((self._count + 1) * 3 * self._n).reshape(-1, 3 * self._n)
+        self._durations = self._nodes.size + np.arange(self._phases)
+        self._axis_shares = self._nodes.size + self._phases + np.arange(len(self._tube_at[0]))
+        self._size = self._nodes.size + self._phases + len(self._axis_shares)
+        self._blocks = self._all_blocks()
+
+    def solved(self, start: PhasedTrajectory, seconds: float, options: dict) -> Solution:
+        """Return what the solver finds from a start within some seconds of wall time."""
+        unknown, functions = self._functions()
+        settings = {"max_wall_time": max(seconds, 1.0), **options}
+        solver = ca.nlpsol(
+            "solver",
+            "ipopt",
+            {"x": unknown, "f": ca.sum1(unknown[self._durations.tolist()]), "g": functions["g"]},
+            {
+                "jac_g": functions["jac_g"],
+                "hess_lag": functions["hess_lag"],
+                "print_time": False,
+                "error_on_fail": False,
+                **{f"ipopt.{name}": value for name, value in settings.items()},
+            },
+        )
+        lower, upper = self._bounds()
+        found = solver(
+            x0=np.clip(self._guess(start), lower, upper),
+            lbx=lower,
+            ubx=upper,
+            lbg=np.concatenate([block.lower.ravel(order="F") for block in self._blocks]),
+            ubg=np.concatenate([block.upper.ravel(order="F") for block in self._blocks]),
+        )
+        stats = solver.stats()
+        motion = self._motion(np.array(found["x"]).ravel())
+        return Solution(motion, bool(stats["success"]), int(stats["iter_count"]))
+
+    def broken_between_samples(self, motion: PhasedTrajectory) -> Samples:
+        """Return the worst place of every interval in which a condition is broken."""
+        trajectory, robot = motion.trajectory, self._problem.robot
+        states = trajectory.per_piece(LOOKS)
+        q, v, a = states.position, states.velocity, states.acceleration
+        phase = np.repeat(self._grid.phase, LOOKS)
+        lower, upper = self._problem.joint_lower[phase], self._problem.joint_upper[phase]
+        ranges = np.hstack([lower - q, q - upper, abs(v) / robot.limits.velocity - 1])
+        effort = abs(robot.inverse_dynamics(q, v, a)) / robot.limits.effort - 1
+        margin = self._problem.tube.margin(robot.tool_position(q))
+        outside = -margin[np.arange(len(phase)), phase]
+        return Samples(
+            self._worst(ranges.max(axis=1), BROKEN),
+            self._worst(effort.max(axis=1), BROKEN),
+            self._worst(outside, 0.0),
+        )
+
+    def _worst(self, excess: np.ndarray, allowed: float) -> tuple[np.ndarray, np.ndarray]:
+        by_interval = excess.reshape(self._count, LOOKS)
+        chosen = np.flatnonzero(by_interval.max(axis=1) > allowed)
+        return chosen, by_interval[chosen].argmax(axis=1) / (LOOKS - 1)
+
+    def _all_blocks(self) -> list[_Block]:
+        robot, rules, n = self._problem.robot, arm_rules(self._problem.robot), self._n
+        limits, intervals = robot.limits, np.arange(self._count)
+        width = self._grid.width[None]
+        gap = np.vstack([self._nodes[:-1].T, self._nodes[1:].T, self._phase_durations(intervals)])
+        blocks = [_block(rules.gap, gap, width, 0.0, 0.0)]
+        if np.isfinite(limits.effort).any():
+            blocks.append(self._motor_block(rules.motors))
+        lower, upper = self._problem.joint_lower, self._problem.joint_upper
+        velocity = np.broadcast_to(limits.velocity * self._unit, lower.shape)
+        low, high = np.hstack([lower, -velocity]), np.hstack([upper, velocity])
+        interval, place = self._samples.ranges
+        unknowns, phase = self._sample_unknowns(interval), self._grid.phase[interval]
+        numbers = np.vstack([self._grid.width[interval], place])
+        blocks.append(_block(rules.ranges, unknowns, numbers, low[phase].T, high[phase].T))
+        if np.isfinite(limits.jerk).any():
+            unknowns = self._sample_unknowns(intervals)
+            jerk = limits.jerk[:, None] * self._unit**3
+            blocks.append(_block(rules.jerk, unknowns, width, -jerk, jerk))
+        return [*blocks, self._tube_block(rules.tube, n)]
+
+    def _tube_block(self, rule: Rule, n: int) -> _Block:
+        interval, place = self._tube_at
+        tube, phase = self._problem.tube, self._grid.phase[interval]
+        numbers = np.vstack(
+            [
+                self._grid.width[interval],
+                place,
+                tube.points[phase].T,
+                np.diff(tube.points, axis=0)[phase].T,
+                tube.effective_radius[phase] - TUBE_MARGIN,
+            ]
+        )
+        unknowns = np.vstack([self._sample_unknowns(interval), self._axis_shares])
+        return _block(rule, unknowns, numbers, -np.inf, numbers[-1:])
+
+    def _motor_block(self, rule: Rule) -> _Block:
+        interval, place = self._samples.motors
+        numbers = [self._grid.width[interval], place, np.full(len(place), self._unit)]
+        return _block(rule, self._sample_unknowns(interval), np.vstack(numbers), -1.0, 1.0)
+
+    def _sample_unknowns(self, interval: np.ndarray) -> np.ndarray:
+        following = self._nodes[interval + 1, 2 * self._n :]
+        durations = self._phase_durations(interval)
+        return np.vstack([self._nodes[interval].T, following.T, durations])
+
+    def _phase_durations(self, interval: np.ndarray) -> np.ndarray:
+        return self._durations[self._grid.phase[interval]][None]
+
+    def _bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return bounds on the unknowns; a node between phases keeps to both."""
+        limits, phase = self._problem.robot.limits, self._grid.phase
+        before, after = np.append(phase[0], phase), np.append(phase, phase[-1])
+        lower, upper = self._problem.joint_lower, self._problem.joint_upper
+        rates = np.concatenate([limits.velocity * self._unit, limits.acceleration * self._unit**2])
+        rates = np.broadcast_to(rates, (self._count + 1, 2 * self._n))
+        low = np.hstack([np.maximum(lower[before], lower[after]), -rates])
+        high = np.hstack([np.minimum(upper[before], upper[after]), rates])
+        for node, q in zip((0, -1), self._ends, strict=True):
+            low[node] = high[node] = np.concatenate([q, np.zeros(2 * self._n)])
+        free = np.zeros(self._phases), np.full(self._phases, np.inf)
+        shares = len(self._axis_shares)
+        return (
+            np.concatenate([low.ravel(), free[0] + LEAST_PHASE / self._unit, np.zeros(shares)]),
+            np.concatenate([high.ravel(), free[1], np.ones(shares)]),
+        )
+
+    def _guess(self, start: PhasedTrajectory) -> np.ndarray:
+        durations = np.maximum(np.diff(start.gates), LEAST_PHASE)
+        samples = start.trajectory.at(self._grid.times(durations))
+        rates = [samples.velocity * self._unit, samples.acceleration * self._unit**2]
+        nodes = np.hstack([samples.position, *rates])
+        interval, place = self._tube_at
+        times = self._grid.times(durations)
+        hand = self._problem.robot.tool_position(
+            start.trajectory.position(times[interval] + place * np.diff(times)[interval])
+        )
+        phase, tube = self._grid.phase[interval], self._problem.tube
+        nearest = tube.nearest(hand)[np.arange(len(phase)), phase] - tube.points[phase]
+        along = np.diff(tube.points, axis=0)[phase]
+        share = np.sum(nearest * along, axis=1) / np.sum(along**2, axis=1)
+        return np.concatenate([nodes.ravel(), durations / self._unit, share])
+
+    def _motion(self, unknown: np.ndarray) -> PhasedTrajectory:
+        q, v, a = np.split(unknown[: self._nodes.size].reshape(self._count + 1, -1), 3, axis=1)
+        durations = unknown[self._durations] * self._unit
+        v, a = v / self._unit, a / self._unit**2
+        times = self._grid.times(durations)
+        rows = [np.diff(a, axis=0) / (6 * np.diff(times)[:, None]), a[:-1] / 2, v[:-1], q[:-1]]
+        trajectory = JointTrajectory(self._problem.robot.joint_names, times, rows)
+        return PhasedTrajectory(trajectory, np.concatenate([[0.0], np.cumsum(durations)]))
+
+    def _functions(self) -> tuple[ca.MX, dict[str, object]]:
+        """Return the unknowns and the functions that the solver needs."""
+        x, p = ca.MX.sym("x", self._size), ca.MX.sym("p", 0)
+        rows = np.cumsum([0, *(block.lower.size for block in self._blocks)])
+        objective_multiplier, multipliers = ca.MX.sym("f"), ca.MX.sym("g", int(rows[-1]))
+        values, slopes, curvatures = [], [], []
+        for block, begin, end in zip(self._blocks, rows[:-1], rows[1:], strict=True):
+            times = block.unknowns.shape[1]
+            z = ca.reshape(x[block.unknowns.ravel(order="F").tolist()], block.unknowns.shape)
+            weights = ca.reshape(multipliers[int(begin) : int(end)], block.lower.shape)
+            values.append(ca.vec(block.rule.value.map(times)(z, block.numbers)))
+            slopes.append(ca.vec(block.rule.jacobian.map(times)(z, block.numbers)))
+            curvatures.append(ca.vec(block.rule.hessian.map(times)(z, block.numbers, weights)))
+        g = ca.vertcat(*values)
+        jacobian = _assembled(
+            ca.vertcat(*slopes), self._jacobian_triplets(rows), (int(rows[-1]), self._size)
+        )
+        hessian = _assembled(
+            ca.vertcat(*curvatures), self._hessian_triplets(), (self._size, self._size)
+        )
+        return x, {
+            "g": g,
+            "jac_g": ca.Function("nlp_jac_g", [x, p], [g, jacobian]),
+            "hess_lag": ca.Function(
+                "nlp_hess_l", [x, p, objective_multiplier, multipliers], [hessian]
+            ),
+        }
+
+    def _jacobian_triplets(self, first_rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        rows, columns = [], []
+        for block, begin in zip(self._blocks, first_rows[:-1], strict=True):
+            row, column = block.rule.jacobian_places
+            first = begin + np.arange(block.lower.shape[1]) * block.lower.shape[0]
+            rows.append((first[:, None] + row).ravel())
+            columns.append(block.unknowns[column].T.ravel())
+        return np.concatenate(rows), np.concatenate(columns)
+
+    def _hessian_triplets(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return places of all second derivatives, -1 for the zero that every rule begins with."""
+        rows, columns = [], []
+        for block in self._blocks:
+            none = np.full((block.unknowns.shape[1], 1), -1)
+            row, column = block.rule.hessian_places
+            rows.append(np.hstack([none, block.unknowns[row].T]).ravel())
+            columns.append(np.hstack([none, block.unknowns[column].T]).ravel())
+        row, column = np.concatenate(rows), np.concatenate(columns)
+        below = row > column  # only the upper triangle is asked for
+        return np.where(below, -1, row), np.where(below, -1, column)
+
+
+def _block(
+    rule: Rule, unknowns: np.ndarray, numbers: np.ndarray, lower: object, upper: object
+) -> _Block:
+    shape = (rule.value.size1_out(0), unknowns.shape[1])
+    bounds = (np.array(np.broadcast_to(bound, shape), dtype=float) for bound in (lower, upper))
+    return _Block(rule, unknowns, numbers, *bounds)
+
+
+def _assembled(
+    values: ca.MX, triplets: tuple[np.ndarray, np.ndarray], shape: tuple[int, int]
+) -> ca.MX:
+    """Return a sparse matrix of values at triplets; those at the same place are added."""
+    rows, columns = triplets
+    used = np.flatnonzero(rows >= 0)
+    keys, target = np.unique(columns[used] * shape[0] + rows[used], return_inverse=True)
+    pattern = ca.Sparsity.triplet(*shape, (keys % shape[0]).tolist(), (keys // shape[0]).tolist())
+    adding = sparse.csc_matrix(
+        (np.ones(len(used)), (target, used)), shape=(len(keys), values.shape[0])
+    )
+    return ca.MX(pattern, ca.DM(adding) @ values)

@@ -1,0 +1,133 @@
+"""Linear conditions on a step of the optimiser, each divided by its own limit.
+
+What may change are the control points C of a motion, its inner gates g, and its squared duration
+y = T^2, by the relative step eta = dy / y. A row says: control . dC + gate . dg + duration eta <=
+room.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray
+
+# Rows with less room than this are kept, however short the step.
+_CLOSE = 0.3
+NO_LIMIT = -1
+
+
+@dataclass(frozen=True)
+class StepSize:
+    """How far a step may go: control points [rad or m] and gates."""
+
+    control: float
+    gate: float
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """R linear conditions.
+
+    Attributes:
+        first: The first of the four control points that count, shape (R,).
+        control: Shape (R, 4, n).
+        gate: Shape (R, gates).
+        duration: Shape (R,).
+        room: Shape (R,).
+        limit: Number of the limit that the row stands for; -1 for none, shape (R,).
+        index: Number of the row among all that its conditions have, shape (R,).
+    """
+
+    first: IntArray
+    control: FloatArray
+    gate: FloatArray
+    duration: FloatArray
+    room: FloatArray
+    limit: IntArray
+    index: IntArray
+
+    def __len__(self) -> int:
+        return len(self.room)
+
+    def where(self, keep: BoolArray | IntArray) -> "Rows":
+        """Return some of the rows."""
+        return Rows(*(getattr(self, name)[keep] for name in self.__dataclass_fields__))
+
+    def numbered_from(self, first: int) -> "Rows":
+        """Return the rows with other numbers, the first of which is given."""
+        return replace(self, index=first + self.index)
+
+    def reach(self, size: StepSize) -> FloatArray:
+        """Return how far a step can move each row, shape (R,)."""
+        return _reach(self.control, self.gate, size)
+
+
+def stacked(parts: list[Rows]) -> Rows:
+    """Return several sets of rows as one."""
+    names = Rows.__dataclass_fields__
+    return Rows(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+
+
+def two_sided_rows(
+    first: IntArray,
+    change: tuple[FloatArray, FloatArray],
+    used: FloatArray,
+    duration: tuple[FloatArray, float],
+    limit: IntArray,
+    size: StepSize | None,
+) -> Rows:
+    """Return the rows of I quantities at N samples that must stay within -1 and 1.
+
+    They are numbered by side, sample and quantity, as in `two_sided_room`.
+
+    Args:
+        first: The first control point that counts at each sample, shape (N,).
+        change: The quantities' derivatives by control points, (N, I, 4, n), and gates, (N, I, G).
+        used: The quantities, shape (N, I).
+        duration: What eta adds: as much with the sign of the side, (N, I), and less on both.
+        limit: Number of each quantity's limit, shape (I,).
+        size: Rows that no step of this size can break are left out; None: none.
+    """
+    control, gate = change
+    with_side, on_both = duration
+    reach = np.full(used.shape, np.inf)
+    if size is not None:
+        reach = np.maximum(_CLOSE, _reach(control, gate, size))
+    parts = []
+    for side, sign in enumerate((1.0, -1.0)):
+        room = 1 - sign * used
+        sample, quantity = np.nonzero(room < reach)
+        at = (sample, quantity)
+        parts.append(
+            Rows(
+                first[sample],
+                sign * control[at],
+                sign * gate[at],
+                sign * with_side[at] - on_both,
+                room[at],
+                limit[quantity],
+                side * used.size + sample * used.shape[1] + quantity,
+            )
+        )
+    return stacked(parts)
+
+
+def two_sided_room(
+    used: FloatArray, duration: tuple[FloatArray, float], squared_duration: float
+) -> FloatArray:
+    """Return the room of quantities (N, I) at another motion, by side, sample and quantity.
+
+    Args:
+        used: The quantities as they would be in the old duration, shape (N, I).
+        duration: As in `two_sided_rows`: the parts that change with y, and half the power of y.
+        squared_duration: The new y, as a multiple of the old one.
+    """
+    with_side, power = duration
+    scale = squared_duration**power
+    resting = with_side * (scale - 1)
+    return np.concatenate([(scale - sign * (used + resting)).ravel() for sign in (1.0, -1.0)])
+
+
+def _reach(control: FloatArray, gate: FloatArray, size: StepSize) -> FloatArray:
+    reach: FloatArray = size.control * abs(control).sum(axis=(-2, -1))
+    return reach + size.gate * abs(gate).sum(axis=-1)

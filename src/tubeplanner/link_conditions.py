@@ -1,0 +1,197 @@
+"""Links clear of obstacles and of each other, at the samples of a motion where they come close."""
+
+from copy import copy
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.collision import ClosestPoints
+from tubeplanner.linear_rows import NO_LIMIT, Rows, StepSize
+from tubeplanner.phase_spline import PhasedMotion, Samples
+from tubeplanner.problem import PlanningProblem
+from tubeplanner.sampled_motion import SampledMotion, sampled
+
+# What a row calls one [m]: as a radius does for the tube.
+_UNIT = 0.05
+# Steps aim at this much more than what is required, unless start or goal have less [m].
+_INNER_MARGIN = 0.00025
+# Pairs that come closer than this beyond what is required are watched [m].
+_WATCHED = 0.01
+_PER_INTERVAL = 4  # samples looked at
+# Every so manieth of them is looked at first; the others know what separates a pair near by.
+_STRIDES = (64, 16, 4, 1)
+# Samples of a pair that are this near to each other, a share of their spacing, are one.
+_SAME_SHARE = 0.3
+
+
+class LinkConditions:
+    """The pairs of shapes that must stay apart, and where along the motion they are watched."""
+
+    def __init__(self, problem: PlanningProblem) -> None:
+        checker = problem.collision
+        self._problem, self._checker = problem, checker
+        self._pairs = np.concatenate([checker.obstacle_pairs, checker.link_pairs])
+        self._required = np.repeat(
+            [problem.clearance, 0.0], [len(checker.obstacle_pairs), len(checker.link_pairs)]
+        )
+        self._samples = Samples(np.zeros(0, int), np.zeros(0), np.zeros(0, int))
+        self._pair = np.zeros(0, dtype=np.int64)
+        self._aim = np.full(len(self._pairs), np.nan)
+
+    def at(self, motion: PhasedMotion) -> "EvaluatedLinks":
+        """Return the pairs that are watched, at a motion."""
+        at = sampled(motion, self._samples)
+        rotation, position = self._problem.robot.body_poses(at.position)
+        pairs = self._pairs[self._pair]
+        closest = self._checker.closest_points(rotation, position, pairs)
+        aim = self._aim[self._pair]
+        return EvaluatedLinks(self._problem, at, pairs, aim, rotation, position, closest)
+
+    def on_other_knots(self, motion: PhasedMotion, other: PhasedMotion) -> "LinkConditions":
+        """Return the same for a motion on other knots, watched where they were."""
+        moved = copy(self)
+        times = self._samples.times(motion.gates)
+        moved._samples = other.shape.samples_at(other.gates, times)
+        return moved
+
+    def look(self, motion: PhasedMotion) -> bool:
+        """Watch pairs where they come closest; return whether one is too close and was not seen."""
+        if len(self._pairs) == 0:
+            return False
+        samples = motion.shape.samples(np.arange(_PER_INTERVAL) / _PER_INTERVAL)
+        distance = self._distances(sampled(motion, samples).position)
+        room = distance - self._required
+        before = np.vstack([np.full((1, len(self._pairs)), np.inf), room[:-1]])
+        after = np.vstack([room[1:], np.full((1, len(self._pairs)), np.inf)])
+        lowest = (room < _WATCHED) & (room <= before) & (room < after)
+        sample, pair = np.nonzero(lowest)
+        return self._watch(motion, samples.where(sample), pair, room[sample, pair])
+
+    def look_at(self, motion: PhasedMotion, samples: Samples) -> None:
+        """Watch the pairs that come close at samples."""
+        distance = self._distances(sampled(motion, samples).position)
+        sample, pair = np.nonzero(distance - self._required < _WATCHED)
+        self._watch(motion, samples.where(sample), pair, np.zeros(len(pair)))
+
+    def _watch(
+        self, motion: PhasedMotion, samples: Samples, pair: IntArray, room: FloatArray
+    ) -> bool:
+        gates = motion.gates
+        known, new = self._samples.times(gates), samples.times(gates)
+        spacing = np.diff(motion.shape.breakpoints(gates))[samples.interval] / _PER_INTERVAL
+        same = (pair[:, None] == self._pair) & (
+            abs(new[:, None] - known) < _SAME_SHARE * spacing[:, None]
+        )
+        fresh = np.flatnonzero(~same.any(axis=1))
+        self._set_aims(motion, np.unique(pair[fresh]))
+        self._samples = self._samples.and_also(samples.where(fresh))
+        self._pair = np.concatenate([self._pair, pair[fresh]])
+        too_close = room[fresh] < self._aim[pair[fresh]] - self._required[pair[fresh]]
+        return bool(too_close.any())
+
+    def _set_aims(self, motion: PhasedMotion, pairs: IntArray) -> None:
+        """Set what is aimed at: a little more than is required, where start and goal have it."""
+        pairs = pairs[np.isnan(self._aim[pairs])]
+        ends = motion.control_points[[0, -1]]
+        rotation, position = self._problem.robot.body_poses(ends)
+        found = [
+            self._checker.distances(*pose, self._pairs[pairs])
+            for pose in zip(rotation, position, strict=True)
+        ]
+        required = self._required[pairs]
+        there = np.min(found, axis=0) - 1e-6
+        self._aim[pairs] = np.clip(there, required, required + _INNER_MARGIN)
+
+    def _distances(self, q: FloatArray) -> FloatArray:
+        """Return distances of all pairs at configurations along a motion, shape (N, P).
+
+        Those beyond what is watched are lower bounds: from spheres, or along the direction that
+        separates the pair at a configuration near by.
+        """
+        robot, checker = self._problem.robot, self._checker
+        rotation, position = robot.body_poses(q)
+        distance = checker.sphere_distances(rotation, position, self._pairs)
+        near = distance - self._required < _WATCHED
+        direction = np.zeros((*distance.shape, 3))
+        known = np.zeros(distance.shape, dtype=bool)
+        before = len(q)
+        for stride in _STRIDES:
+            samples = np.arange(0, len(q), stride)
+            samples = samples[(samples % before != 0) | (before == len(q))]
+            row, pair = np.nonzero(near[samples])
+            row = samples[row]
+            last = row - row % before
+            along = np.full(len(row), -np.inf)
+            told = known[last, pair]
+            direction[row, pair] = direction[last, pair]
+            known[row, pair] = True
+            along[told] = checker.separations_along(
+                rotation[row[told]],
+                position[row[told]],
+                self._pairs[pair[told]],
+                direction[row[told], pair[told]],
+            )
+            distance[row, pair] = np.maximum(distance[row, pair], along)
+            close = distance[row, pair] - self._required[pair] < _WATCHED
+            for i in np.unique(row[close]):
+                pairs = pair[close & (row == i)]
+                distance[i, pairs], direction[i, pairs] = checker.separations(
+                    rotation[i], position[i], self._pairs[pairs]
+                )
+            before = stride
+        return distance
+
+
+@dataclass(frozen=True, eq=False)
+class EvaluatedLinks:
+    """Watched pairs of a motion, E of them, each at its own instant.
+
+    Attributes:
+        problem: What is asked.
+        at: The motion at those instants.
+        pairs: Indices of the shapes, shape (E, 2).
+        aim: Distances aimed at, shape (E,) [m].
+        rotation: Of all bodies, shape (E, bodies, 3, 3).
+        position: Likewise, shape (E, bodies, 3) [m].
+        closest: Where the pairs are closest.
+    """
+
+    problem: PlanningProblem
+    at: SampledMotion
+    pairs: IntArray
+    aim: FloatArray
+    rotation: FloatArray
+    position: FloatArray
+    closest: ClosestPoints
+
+    @cached_property
+    def excess(self) -> FloatArray:
+        """By how much pairs are closer than is aimed at, in units of 5 cm, shape (E,)."""
+        return (self.aim - self.closest.distance) / _UNIT
+
+    def rows(self, size: StepSize | None) -> Rows:
+        """Return rows that keep the pairs apart.
+
+        Args:
+            size: Of the step; rows that it cannot break are left out. None: all rows.
+        """
+        robot, shapes = self.problem.robot, self.problem.collision.shapes
+        apart = np.zeros((len(self.pairs), robot.joint_count))
+        for sign, column, point in ((-1, 0, self.closest.first), (1, 1, self.closest.second)):
+            body = np.array([shapes[i].body for i in self.pairs[:, column]], dtype=np.int64)
+            moved = robot.point_jacobian(self.rotation, self.position, body, point)
+            apart += sign * np.einsum("ei,eij->ej", self.closest.direction, moved)
+        control, gate = self.at.chained(-apart[None, :, None] / _UNIT)
+        count = len(self.pairs)
+        rows = Rows(
+            self.at.first,
+            control[:, 0],
+            gate[:, 0],
+            np.zeros(count),
+            -self.excess,
+            np.full(count, NO_LIMIT),
+            np.arange(count),
+        )
+        return rows if size is None else rows.where(rows.room < rows.reach(size))

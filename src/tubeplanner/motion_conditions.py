@@ -1,0 +1,147 @@
+"""All conditions of a motion at samples, which are added as they turn out to be needed."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tubeplanner.arrays import BoolArray, FloatArray
+from tubeplanner.limit_conditions import EvaluatedLimits, LimitConditions
+from tubeplanner.linear_rows import Rows, StepSize, stacked
+from tubeplanner.link_conditions import EvaluatedLinks, LinkConditions
+from tubeplanner.phase_spline import PhasedMotion, PhaseSpline, Samples
+from tubeplanner.problem import PlanningProblem
+from tubeplanner.tube_conditions import EvaluatedTube, evaluated_tube
+
+# Samples per knot interval.
+_LIMIT_SAMPLES = np.array([0.0, 0.5])
+_TUBE_SAMPLES = np.array([0.0, 1 / 3, 2 / 3])
+_DENSE_SAMPLES = np.linspace(0, 1, 21)
+# Steps aim this far inside the tube, a share of its radius.
+INNER_MARGIN = 0.005
+_HIGHER = 1.001  # peaks of the squared duration between samples that count
+
+
+@dataclass(frozen=True, eq=False)
+class Iterate:
+    """A motion and what it costs.
+
+    Attributes:
+        motion: Control points and gates.
+        squared_duration: The least T^2 that the limits allow at the samples [s^2].
+        excess: How far hand or links are beyond what is allowed to them, >= 0: of the hand in
+            radii beyond the narrowed tube, of links in units of 5 cm.
+        limits: What it was found from.
+        tube: Likewise.
+        links: Likewise.
+    """
+
+    motion: PhasedMotion
+    squared_duration: float
+    excess: float
+    limits: EvaluatedLimits
+    tube: EvaluatedTube
+    links: EvaluatedLinks
+
+    @property
+    def duration(self) -> float:
+        """T [s]."""
+        return float(np.sqrt(self.squared_duration))
+
+
+class MotionConditions:
+    """What motions on one knot grid must keep."""
+
+    def __init__(self, problem: PlanningProblem, shape: PhaseSpline, links: LinkConditions) -> None:
+        """Take the usual samples, and links that may be watched already."""
+        self._problem, self._shape, self._links = problem, shape, links
+        self._limits = LimitConditions(problem.robot)
+        # A gate has a sample on either side, so that the hand is in both capsules there.
+        ends = shape.phase_ends()
+        self._limit_samples = shape.samples(_LIMIT_SAMPLES).and_also(ends)
+        self._tube_samples = shape.samples(_TUBE_SAMPLES).and_also(ends)
+        self._dense_samples = shape.samples(_DENSE_SAMPLES)
+
+    def links_on(self, motion: PhasedMotion, other: PhasedMotion) -> LinkConditions:
+        """Return what is watched of a motion's links, for the same motion on other knots."""
+        return self._links.on_other_knots(motion, other)
+
+    @property
+    def names(self) -> list[tuple[str, int]]:
+        """Kind of every limit, and its joint or segment, in the order of their numbers."""
+        segments = range(len(self._shape.shares))
+        return [*self._limits.names, *(("radius", segment) for segment in segments)]
+
+    def at(self, motion: PhasedMotion) -> Iterate:
+        """Return a motion with what it costs at the samples."""
+        return self._at(motion, self._limit_samples, self._tube_samples)
+
+    def rows(self, current: Iterate, size: StepSize | None) -> tuple[Rows, FloatArray]:
+        """Return all rows at a motion, and 1 for those that may be broken for a price.
+
+        Args:
+            current: The motion.
+            size: Of the step; rows that it cannot break are left out. None: all rows.
+        """
+        hard = current.limits.rows(current.duration, size)
+        tube, links = current.tube.rows(size), current.links.rows(size)
+        first = self._row_counts(current)
+        rows = stacked([hard, tube.numbered_from(first[0]), links.numbered_from(first[1])])
+        return rows, np.repeat([0.0, 1.0], [len(hard), len(tube) + len(links)])
+
+    def room(self, current: Iterate, trial: Iterate, squared_duration: float) -> FloatArray:
+        """Return the room that a trial has, by the numbers of the rows at a motion.
+
+        Args:
+            current: The motion whose rows are meant.
+            trial: Where they are looked at.
+            squared_duration: The trial's, as a multiple of the motion's.
+        """
+        return np.concatenate(
+            [
+                trial.limits.room(current.duration, squared_duration),
+                current.tube.room(trial.tube),
+                -trial.links.excess,
+            ]
+        )
+
+    def look_for_links(self, motion: PhasedMotion) -> bool:
+        """Watch links where they come close; return whether some are too close and were not."""
+        return self._links.look(motion)
+
+    def look_between_samples(self, current: Iterate) -> tuple[Iterate, bool]:
+        """Return a motion's cost between samples too, and whether samples had to be added."""
+        new_links = self.look_for_links(current.motion)
+        worst = self._at(current.motion, self._dense_samples, self._dense_samples)
+        limits, tube = worst.limits.squared_durations, worst.tube.excess
+        higher = np.flatnonzero(_peaks(limits) & (limits > _HIGHER * current.squared_duration))
+        outside = np.flatnonzero(_peaks(tube) & (tube > 0.0))
+        self._limit_samples = self._limit_samples.and_also(self._dense_samples.where(higher))
+        self._tube_samples = self._tube_samples.and_also(self._dense_samples.where(outside))
+        return worst, bool(len(higher) or len(outside) or new_links)
+
+    def add_samples(self, motion: PhasedMotion, x: float) -> None:
+        """Add samples of everything at an instant, from 0 to 1."""
+        samples = self._shape.samples_at(motion.gates, np.array([x]))
+        self._limit_samples = self._limit_samples.and_also(samples)
+        self._tube_samples = self._tube_samples.and_also(samples)
+        self._links.look_at(motion, samples)
+
+    def _row_counts(self, current: Iterate) -> tuple[int, int]:
+        """Return how many rows the limits have, and limits and tube together."""
+        limits = 2 * len(self._limits.names) * len(current.limits.at.position)
+        return limits, limits + current.tube.row_count
+
+    def _at(self, motion: PhasedMotion, limit_samples: Samples, tube_samples: Samples) -> Iterate:
+        limits = self._limits.at(motion, limit_samples)
+        first_radius = len(self._limits.names)
+        tube = evaluated_tube(self._problem, motion, tube_samples, INNER_MARGIN, first_radius)
+        links = self._links.at(motion)
+        excess = max(float(tube.excess.max()), float(links.excess.max(initial=0.0)), 0.0)
+        return Iterate(motion, float(limits.squared_durations.max()), excess, limits, tube, links)
+
+
+def _peaks(values: FloatArray) -> BoolArray:
+    """Return which samples are no lower than their neighbours, the later of two equal ones."""
+    padded = np.concatenate([[-np.inf], values, [-np.inf]])
+    is_peak: BoolArray = (values >= padded[:-2]) & (values > padded[2:])
+    return is_peak

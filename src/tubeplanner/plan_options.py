@@ -1,0 +1,58 @@
+"""How to plan: method, quality and budgets."""
+
+from dataclasses import dataclass
+
+from tubeplanner.errors import OptionError, unknown_name
+
+REFINEMENT, BRANCH_AND_BOUND = "refinement", "branch-and-bound"
+STOP_AT_CORNERS = "stop-at-corners"
+METHODS = (REFINEMENT, BRANCH_AND_BOUND, STOP_AT_CORNERS)
+# Knot intervals from coarse to fine, for every start.
+QUALITIES = {
+    "fast": ((8, 24),),
+    "balanced": ((8, 24, 64),),
+    "best": ((8, 24, 64), (8, 24, 96), (16, 32, 96)),
+}
+
+_FEWEST_CANDIDATES, _MOST_CANDIDATES = 2, 1000
+
+
+@dataclass(frozen=True)
+class PlanOptions:
+    """How to plan.
+
+    Attributes:
+        method: "refinement": path and speed optimised together; the next one where that is not
+            certified. "branch-and-bound": the fastest motion through points of the reference path
+            that cuts its corners inside the tube; the next one where it finds nothing faster.
+            "stop-at-corners": along the reference path, resting at every reference point.
+        quality: Of refinement. "fast": few knots, about half the time. "balanced". "best": many
+            knots and two starts beside the balanced ones, about four times the time.
+        candidate_points: From how many points on the reference path, start and goal included,
+            branch and bound chooses. More take longer, exponentially in the worst case, and give
+            other motions, not always faster ones.
+        node_budget: After how many nodes branch and bound ends with the best it has; the result
+            says so.
+        time_limit: Wall time after which planning ends with the best it has [s]; None: never.
+    """
+
+    method: str = METHODS[0]
+    quality: str = "balanced"
+    candidate_points: int = 30
+    node_budget: int = 10_000
+    time_limit: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.method not in METHODS:
+            raise OptionError(unknown_name("method", self.method, METHODS))
+        if self.quality not in QUALITIES:
+            raise OptionError(unknown_name("quality", self.quality, QUALITIES))
+        if not _FEWEST_CANDIDATES <= self.candidate_points <= _MOST_CANDIDATES:
+            raise OptionError(
+                f"candidate_points is {self.candidate_points}; {_FEWEST_CANDIDATES} to "
+                f"{_MOST_CANDIDATES} are accepted"
+            )
+        if not self.node_budget >= 1:
+            raise OptionError(f"node_budget is {self.node_budget}; it must be >= 1")
+        if self.time_limit is not None and not self.time_limit > 0:
+            raise OptionError(f"time_limit is {self.time_limit:g} s; it must be > 0")

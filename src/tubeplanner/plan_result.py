@@ -1,0 +1,131 @@
+"""What came of planning: a certified trajectory, or the reason why there is none."""
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from tubeplanner.branch_and_bound import SearchStatistics
+from tubeplanner.certificate import Certificate
+from tubeplanner.outcome import Place, PlanStatus
+from tubeplanner.problem import PlanningProblem
+from tubeplanner.progress import PlanningClock, StoppedBy
+from tubeplanner.refusal import refusal
+from tubeplanner.sensitivities import Sensitivity
+from tubeplanner.trajectory import JointTrajectory
+from tubeplanner.verification import verify
+
+# A reference point that the hand passes farther away than this is pointed out.
+_FAR_IN_RADII = 3.0
+_LOOKS_PER_PIECE = 20
+
+
+@dataclass(frozen=True, eq=False)
+class PlanResult:
+    """What came of planning.
+
+    Attributes:
+        status: Success means that the certificate passed.
+        message: One sentence: the answer, or why there is none.
+        place: Where, if there is no answer.
+        method: What made the answer: one of `METHODS`.
+        trajectory: The answer; None unless successful.
+        certificate: Of the answer, or of the best attempt; None if there was none.
+        planning_time: Wall time from the loaded problem to the certified result [s].
+        certificate_time: The part of it that the answer's certificate took [s].
+        search: What branch and bound did; None if it did not run.
+        stopped_by: "time_limit" or "interrupt" if that ended planning early; None otherwise.
+        sensitivities: What every limit costs, the dearest first; computed when first asked for.
+            Empty unless the answer is refinement's.
+    """
+
+    status: PlanStatus
+    message: str
+    place: Place
+    method: str
+    trajectory: JointTrajectory | None = None
+    certificate: Certificate | None = None
+    planning_time: float = 0.0
+    certificate_time: float = 0.0
+    search: SearchStatistics | None = None
+    stopped_by: StoppedBy | None = None
+    _prices: Callable[[], tuple[Sensitivity, ...]] = tuple
+
+    @cached_property
+    def sensitivities(self) -> tuple[Sensitivity, ...]:
+        """What every limit costs, the dearest first."""
+        return self._prices()
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether there is a certified trajectory."""
+        return self.status is PlanStatus.SUCCESS
+
+    @property
+    def duration(self) -> float | None:
+        """Duration of the trajectory [s], None if there is none."""
+        return None if self.trajectory is None else self.trajectory.duration
+
+    @property
+    def phase1_duration(self) -> float | None:
+        """Duration of what branch and bound found [s], None if it found nothing faster."""
+        return None if self.search is None else self.search.best_duration
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the fields of the command line's JSON, but for loading_time."""
+        return {
+            "status": str(self.status),
+            "message": self.message,
+            "where": self.place.as_dict(),
+            "duration": self.duration,
+            "phase1_duration": self.phase1_duration,
+            "planning_time": self.planning_time,
+            "certificate_time": self.certificate_time,
+            "stopped_by": self.stopped_by,
+            "method": self.method,
+            "sensitivities": [asdict(price) for price in self.sensitivities],
+            "search": None if self.search is None else self.search.as_dict(),
+            "certificate": None if self.certificate is None else self.certificate.as_dict(),
+        }
+
+
+def certified_result(
+    problem: PlanningProblem, trajectory: JointTrajectory, method: str, clock: PlanningClock
+) -> PlanResult:
+    """Return the result of a method that made a trajectory: success if its certificate passes."""
+    begin = clock.elapsed
+    certificate = verify(problem, trajectory)
+    certificate_time = clock.elapsed - begin
+    reason = refusal(problem, certificate)
+    if reason is None:
+        status, message, place = PlanStatus.SUCCESS, success_message(problem, trajectory), Place()
+    else:
+        status, message, place = reason.status, str(reason), reason.place
+    return PlanResult(
+        status,
+        message,
+        place,
+        method,
+        trajectory if reason is None else None,
+        certificate,
+        certificate_time=certificate_time,
+    )
+
+
+def success_message(problem: PlanningProblem, trajectory: JointTrajectory) -> str:
+    """Return what is to be said about a certified motion."""
+    message = f"certified motion of {trajectory.duration:.4f} s"
+    if problem.goal is None:
+        q = ", ".join(f"{value:.4f}" for value in trajectory.position(trajectory.duration))
+        message += f"; the goal was left open and became [{q}]"
+    hand = problem.robot.tool_position(trajectory.per_piece(_LOOKS_PER_PIECE).position)
+    distance = np.linalg.norm(hand[:, None] - problem.tube.points, axis=2).min(axis=0)
+    reach = _FAR_IN_RADII * problem.tube.radius.max()
+    for point in np.flatnonzero(distance > reach):
+        message += (
+            f"; it passes reference point {point} at {distance[point]:.3g} m: the capsules beside "
+            "that point overlap elsewhere"
+        )
+    return message

@@ -1,0 +1,131 @@
+"""Planning by refinement: the second phase of the paper, from the reference branch."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+
+from tubeplanner.known_branches import KnownBranches
+from tubeplanner.outcome import Infeasible, PlanStatus
+from tubeplanner.phase_spline import PhasedMotion
+from tubeplanner.plan_options import QUALITIES, REFINEMENT, PlanOptions
+from tubeplanner.plan_result import PlanResult, certified_result
+from tubeplanner.problem import PlanningProblem
+from tubeplanner.progress import PlanningClock, Progress
+from tubeplanner.reference_branch import ReferenceBranch, spare_joint_rules
+from tubeplanner.refinement import Refinement
+from tubeplanner.sensitivities import price_list
+from tubeplanner.spline_start import starting_spline
+from tubeplanner.time_scaling import scaled_to_limits
+
+# How often a certificate's objections are handed back to refinement.
+_MOST_OBJECTIONS = 5
+
+
+def refined_plan(
+    problem: PlanningProblem, branches: KnownBranches, options: PlanOptions, clock: PlanningClock
+) -> PlanResult | None:
+    """Return the fastest certified motion that refinement finds, or why its first one is refused.
+
+    Rules for the spare joints are tried until one leads to a certified motion.
+
+    Returns:
+        None if there was nothing to start from.
+
+    Raises:
+        KeyboardInterrupt: Before anything was certified.
+    """
+    refused = None
+    for rule in spare_joint_rules(problem):
+        try:
+            branch = branches.along(rule)
+        except Infeasible:
+            continue
+        if not branch.moving_segments:
+            return None
+        result = _from_branch(problem, branch, options, clock)
+        if result is not None and result.succeeded:
+            return result
+        refused = refused or result
+        if clock.stopped_by is not None:
+            break
+    return refused
+
+
+def _from_branch(
+    problem: PlanningProblem, branch: ReferenceBranch, options: PlanOptions, clock: PlanningClock
+) -> PlanResult | None:
+    """Return the best result of all starts that belong to the quality."""
+    best = None
+    for first, *finer in QUALITIES[options.quality]:
+        try:
+            found = _from_start(
+                problem, starting_spline(problem, branch, first), tuple(finer), clock
+            )
+        except KeyboardInterrupt:
+            if best is None or not best.succeeded:
+                raise
+            clock.stopped_by = "interrupt"
+            break
+        except Infeasible as reason:  # nothing from this start, or the time limit
+            found = None
+            if reason.status is PlanStatus.TIME_LIMIT:
+                clock.stopped_by = "time_limit"
+        if found is not None:
+            best = found if best is None else _better(best, found)
+        if clock.stopped_by is not None:
+            break
+    return best
+
+
+def _from_start(
+    problem: PlanningProblem, start: PhasedMotion, finer: tuple[int, ...], clock: PlanningClock
+) -> PlanResult:
+    """Return what refinement makes of one start, the certificate's objections handed back to it.
+
+    Ctrl-C and the time limit leave the best so far to be certified.
+
+    Raises:
+        Infeasible: Nothing to start from, or the time limit before there was anything.
+        KeyboardInterrupt: Before there was anything.
+    """
+    stage = f"refinement with {(start.shape.interval_count, *finer)[-1]} knots"
+    clock.enter(stage)
+
+    def checkpoint(duration: float) -> None:
+        clock.announce(Progress(stage, best_duration=duration))
+        clock.check()
+
+    refinement = Refinement(problem, start, finer, checkpoint)
+    work: Callable[[], bool] = refinement.run
+    for _ in range(_MOST_OBJECTIONS):
+        if not _done(work, refinement, clock):
+            break
+        motion = scaled_to_limits(problem.robot, refinement.trajectory)
+        result = certified_result(problem, motion, REFINEMENT, clock)
+        if result.succeeded or result.certificate is None or clock.stopped_by is not None:
+            break
+        work = partial(refinement.answer, result.certificate, motion.duration)
+    prices = partial(price_list, problem, refinement, motion.duration)
+    return replace(result, _prices=prices)
+
+
+def _done(work: Callable[[], bool], refinement: Refinement, clock: PlanningClock) -> bool:
+    """Do a part of refinement, whole or until Ctrl-C or the time limit; return what it returns."""
+    try:
+        return work()
+    except KeyboardInterrupt:
+        if not refinement.has_motion:
+            raise
+        clock.stopped_by = "interrupt"
+    except Infeasible as reason:
+        if reason.status is not PlanStatus.TIME_LIMIT or not refinement.has_motion:
+            raise
+        clock.stopped_by = "time_limit"
+    return True
+
+
+def _better(known: PlanResult, found: PlanResult) -> PlanResult:
+    """Return the faster of two results that are certified, or the one that is."""
+    if known.duration is None:
+        return found
+    return found if found.duration is not None and found.duration < known.duration else known

@@ -1,0 +1,81 @@
+"""A motion at samples, and how it changes with its control points and gates."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.phase_spline import PhasedMotion, Samples
+
+
+@dataclass(frozen=True, eq=False)
+class SampledMotion:
+    """A spline over phases at N samples.
+
+    Attributes:
+        motion: The spline.
+        samples: Where it is looked at.
+        basis: Weights of the four control points that count, shape (4, N, 4).
+        by_x: Position and three derivatives by x, shape (4, N, n).
+    """
+
+    motion: PhasedMotion
+    samples: Samples
+    basis: FloatArray
+    by_x: FloatArray
+
+    @property
+    def position(self) -> FloatArray:
+        """Shape (N, n)."""
+        return self.by_x[0]
+
+    @property
+    def first(self) -> IntArray:
+        """The first of the four control points that count, shape (N,)."""
+        return self.samples.interval
+
+    def rate(self, order: int, duration: float) -> FloatArray:
+        """Return velocity (1), acceleration (2) or jerk (3) of a run in so many seconds, (N, n)."""
+        rate: FloatArray = self.by_x[order] / duration**order
+        return rate
+
+    @cached_property
+    def by_gate(self) -> FloatArray:
+        """Derivatives of `by_x` by the inner gates, shape (gates, 4, N, n)."""
+        motion = self.motion
+        basis = motion.shape.basis_by_gate(self.samples, motion.gates)
+        return np.matmul(basis[:, :, :, None], self._taken)[:, :, :, 0]
+
+    def chained(self, by_state: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return how I quantities of each sample change with control points and gates.
+
+        Args:
+            by_state: Their derivatives by position, and by its first derivatives by x, as many as
+                are given: shape (orders, N, I, n).
+
+        Returns:
+            By the four control points that count, (N, I, 4, n), and by the inner gates,
+            (N, I, gates).
+        """
+        orders = len(by_state)
+        control = np.einsum("onr,onij->nirj", self.basis[:orders], by_state)
+        gate = np.einsum("gonj,onij->nig", self.by_gate[:, :orders], by_state)
+        return control, gate
+
+    @cached_property
+    def _taken(self) -> FloatArray:
+        return _taken(self.motion, self.samples)
+
+
+def sampled(motion: PhasedMotion, samples: Samples) -> SampledMotion:
+    """Return a motion at samples."""
+    basis = motion.shape.basis(samples, motion.gates)
+    by_x = np.matmul(basis[:, :, None], _taken(motion, samples))[:, :, 0]
+    return SampledMotion(motion, samples, basis, by_x)
+
+
+def _taken(motion: PhasedMotion, samples: Samples) -> FloatArray:
+    """Return the control points that count at each sample, shape (N, 4, n)."""
+    taken: FloatArray = motion.control_points[samples.interval[:, None] + np.arange(4)]
+    return taken

@@ -1,0 +1,173 @@
+"""Conditions of the optimisation: against what they stand for and against finite differences."""
+
+import numpy as np
+import pytest
+
+from tubeplanner import LimitOverrides, Obstacle, PlanningProblem, Tube, load_robot, placement_of
+from tubeplanner.limit_conditions import LimitConditions
+from tubeplanner.linear_rows import StepSize
+from tubeplanner.link_conditions import LinkConditions
+from tubeplanner.phase_spline import PhasedMotion
+from tubeplanner.spline_start import knot_grid
+from tubeplanner.tube_conditions import evaluated_tube
+
+GATES = np.array([0.0, 0.4, 1.0])
+STEP = 1e-6
+
+
+def limited(robot_name):
+    """Return an arm with every kind of limit."""
+    tool = {"two_link": "hand", "ur5": "tool0", "panda": "panda_hand_tcp"}[robot_name]
+    plain = load_robot(f"example:{robot_name}", tool)
+    names = plain.joint_names
+    return load_robot(
+        f"example:{robot_name}",
+        tool,
+        gravity=(0, 0, -9.81) if robot_name != "two_link" else (0, 0, 0),
+        limits=LimitOverrides(
+            acceleration=dict.fromkeys(names, 15.0), jerk=dict.fromkeys(names[:1], 400.0)
+        ),
+    )
+
+
+@pytest.fixture(scope="module", params=["two_link", "ur5", "panda"])
+def case(request):
+    robot = limited(request.param)
+    shape = knot_grid(GATES, 10)
+    rng = np.random.default_rng(1)
+    start = np.array([0.1, -0.3, 0.2, -2.0, 0.1, 2.0, 0.5])[: robot.joint_count]
+    points = start + np.cumsum(
+        rng.uniform(-0.1, 0.15, (shape.control_point_count, robot.joint_count)), axis=0
+    )
+    points[:3], points[-3:] = points[0], points[-1]
+    hand = robot.tool_position(points[[0, 6, -1]])
+    middle = robot.tool_position(points[[5]])[0] + np.array([0.0, 0.0, 0.06])
+    ball = Obstacle.sphere("ball", 0.05, placement_of(middle))
+    tube = Tube(hand, [0.1, 0.2])
+    problem = PlanningProblem(robot, tube, points[0], obstacles=[ball], clearance=0.01)
+    return problem, PhasedMotion(shape, GATES, points), shape.samples(np.array([0.2, 0.7]))
+
+
+class Kinds:
+    """The rows of one kind of condition at a motion, and their room at another."""
+
+    def __init__(self, kind, case):
+        self.kind, (self.problem, motion, self.samples) = kind, case
+        self.links = LinkConditions(self.problem)
+        self.links.look_at(motion, motion.shape.samples_at(GATES, np.linspace(0.2, 0.8, 9)))
+
+    def at(self, motion):
+        if self.kind == "limits":
+            return LimitConditions(self.problem.robot).at(motion, self.samples)
+        if self.kind == "tube":
+            return evaluated_tube(self.problem, motion, self.samples, 0.005, 0)
+        return self.links.at(motion)
+
+    def rows(self, motion, duration, size=None):
+        here = self.at(motion)
+        return here.rows(duration, size) if self.kind == "limits" else here.rows(size)
+
+    def room(self, motion, other, duration, eta):
+        """Return the room of the rows at a motion, elsewhere."""
+        if self.kind == "limits":
+            return self.at(other).room(duration, 1 + eta)
+        if self.kind == "tube":
+            return self.at(motion).room(self.at(other))
+        return -self.at(other).excess
+
+
+@pytest.mark.parametrize("kind", ["limits", "tube", "links"])
+def test_rows_have_the_derivatives_of_their_room(case, kind):
+    """By control points, gates and the duration together, along a random direction."""
+    kinds, motion, duration = Kinds(kind, case), case[1], 0.8
+    rows = kinds.rows(motion, duration)
+    assert len(rows) > 0
+    rng = np.random.default_rng(5)
+    change = rng.normal(size=motion.control_points.shape)
+    change[:3] = change[-3:] = 0.0
+    gate, eta = rng.normal(size=1), 0.7
+    taken = change[rows.first[:, None] + np.arange(4)]
+    expected = np.einsum("rkj,rkj->r", rows.control, taken) + rows.gate @ gate + rows.duration * eta
+    sides = []
+    for sign in (STEP, -STEP):
+        gates = GATES + sign * np.array([0, gate[0], 0])
+        moved = PhasedMotion(motion.shape, gates, motion.control_points + sign * change)
+        sides.append(kinds.room(motion, moved, duration, sign * eta)[rows.index])
+    numeric = -(sides[0] - sides[1]) / (2 * STEP)
+    scale = abs(expected).max()
+    np.testing.assert_allclose(numeric / scale, expected / scale, atol=3e-4)
+
+
+@pytest.mark.parametrize("kind", ["limits", "tube", "links"])
+def test_their_room_at_the_motion_itself_is_theirs(case, kind):
+    kinds, motion = Kinds(kind, case), case[1]
+    rows = kinds.rows(motion, 0.8)
+    there = kinds.room(motion, motion, 0.8, 0.0)
+    np.testing.assert_allclose(there[rows.index], rows.room, atol=1e-12)
+    assert sorted(rows.index.tolist()) == list(range(len(there)))
+
+
+@pytest.mark.parametrize("kind", ["limits", "tube", "links"])
+def test_rows_left_out_cannot_be_broken_by_the_step(case, kind):
+    kinds, motion = Kinds(kind, case), case[1]
+    size = StepSize(0.01, 0.005)
+    every, some = kinds.rows(motion, 0.8), kinds.rows(motion, 0.8, size)
+    left_out = ~np.isin(every.index, some.index)
+    assert (every.room[left_out] >= every.reach(size)[left_out]).all()
+    np.testing.assert_array_equal(every.where(~left_out).room, some.room)
+
+
+def test_rows_know_what_the_duration_gives(case):
+    """At the duration that the limits allow, the tightest row has no room; beyond it, some."""
+    problem, motion, samples = case
+    limits = LimitConditions(problem.robot).at(motion, samples)
+    y = float(limits.squared_durations.max())
+    rows = limits.rows(np.sqrt(y), None)
+    assert rows.room.min() == pytest.approx(0.0, abs=1e-9)
+    eta = 1e-5
+    later = limits.rows(np.sqrt(y * (1 + eta)), None)
+    tight = int(rows.room.argmin())
+    gained = (later.room[tight] - rows.room[tight]) / eta
+    assert -rows.duration[tight] == pytest.approx(gained, rel=1e-3)
+
+
+def test_the_least_duration_is_that_of_every_limit(case):
+    """Run in it, some limit is just met, and none is broken."""
+    problem, motion, samples = case
+    robot, limits = problem.robot, problem.robot.limits
+    evaluated = LimitConditions(robot).at(motion, samples)
+    for i, y in enumerate(evaluated.squared_durations):
+        rates = [evaluated.at.rate(order, float(np.sqrt(y)))[i : i + 1] for order in (1, 2, 3)]
+        q, (v, a, j) = evaluated.at.position[i : i + 1], rates
+        used = [
+            abs(robot.inverse_dynamics(q, v, a)) / limits.effort,
+            abs(v) / limits.velocity,
+            abs(a) / limits.acceleration,
+            abs(j) / limits.jerk,
+        ]
+        assert np.max(used) == pytest.approx(1.0, abs=1e-9)
+
+
+def test_every_limit_has_a_name_and_rows(case):
+    problem, motion, samples = case
+    conditions = LimitConditions(problem.robot)
+    rows = conditions.at(motion, samples).rows(0.8, None)
+    assert np.unique(rows.limit).tolist() == list(range(len(conditions.names)))
+    n = problem.robot.joint_count
+    assert conditions.names[:n] == [("effort", j) for j in range(n)]
+    assert ("jerk", 0) in conditions.names
+    assert ("jerk", 1) not in conditions.names
+
+
+def test_planes_hold_the_capsule_and_touch_it(case):
+    """A hand behind every plane is inside; the outward plane's room is the distance to the wall."""
+    problem, motion, samples = case
+    tube = evaluated_tube(problem, motion, samples, 0.005)
+    by_plane = -tube.rows(None).room.reshape(len(tube.excess), -1)
+    np.testing.assert_allclose(by_plane[:, 0], tube.excess, atol=1e-9)
+    assert (by_plane <= tube.excess[:, None] + 1e-9).all()
+    hand = problem.robot.tool_position(tube.at.position)
+    margin = problem.tube.margin(hand, slice(0, 2))
+    radius = problem.tube.effective_radius[samples.phase]
+    own = margin[np.arange(len(hand)), samples.phase]
+    np.testing.assert_allclose(tube.excess - 0.005, -own / radius, atol=1e-9)
