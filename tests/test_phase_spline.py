@@ -4,7 +4,7 @@ from scipy.interpolate import BSpline
 
 from tubeplanner.phase_spline import DEGREE, PhasedMotion, PhaseSpline
 from tubeplanner.sampled_motion import sampled
-from tubeplanner.spline_start import knot_grid, refitted
+from tubeplanner.spline_start import knot_grid, subdivided
 
 GATES = np.array([0.0, 0.3, 0.55, 1.0])
 SHAPE = PhaseSpline(
@@ -79,9 +79,17 @@ def test_knots_cluster_at_the_ends_and_have_about_the_number_asked_for(intervals
     assert width[0] < 0.5 * width[len(width) // 2] > width[-1]
 
 
-def test_a_finer_grid_holds_the_same_motion():
-    motion = PhasedMotion(SHAPE, GATES, control_points())
-    finer = refitted(motion, 200)
+@pytest.mark.parametrize("parts", [2, 3, 4])
+def test_divided_knots_hold_the_same_motion(parts):
+    shape = knot_grid(GATES, 12)
+    points = np.random.default_rng(0).normal(size=(shape.control_point_count, 2))
+    points[:3], points[-3:] = points[0], points[-1]
+    motion = PhasedMotion(shape, GATES, points)
+    finer = subdivided(motion, parts)
+    assert finer.shape.interval_count == parts * shape.interval_count
+    old, new = shape.breakpoints(GATES), finer.shape.breakpoints(GATES)
+    np.testing.assert_allclose(new[::parts], old, atol=1e-15)
+    assert (np.diff(new) > 0).all()
     x = np.linspace(0, 1, 500)
-    np.testing.assert_allclose(finer.spline()(x), motion.spline()(x), atol=2e-3)
+    np.testing.assert_allclose(finer.spline()(x), motion.spline()(x), atol=1e-6)
     np.testing.assert_array_equal(finer.control_points[[0, -1]], motion.control_points[[0, -1]])

@@ -350,7 +350,7 @@ def test_refinement_is_far_faster(name, planned):
 def test_the_duration_falls_while_refining(two_link):
     told = []
     result = plan(two_link_problem(two_link), progress=told.append)
-    stages = [p for p in told if p.stage == "refinement with 64 knots"]
+    stages = [p for p in told if p.stage == "refinement to 72 knots"]
     durations = [p.best_duration for p in stages if p.best_duration is not None]
     assert durations[0] > 1.1 * durations[-1]
     assert durations[-1] == pytest.approx(result.duration, rel=0.01)

@@ -62,7 +62,7 @@ def polished(problem, motion):
 def test_prices_are_what_planning_again_finds():
     problem = problem_with()
     branch = reference_branch(problem, spare_joint_rules(problem)[0])
-    refined = Refinement(problem, starting_spline(problem, branch, 8), (24, 64))
+    refined = Refinement(problem, starting_spline(problem, branch, 8), (3, 3))
     refined.run()
     motion = refined._best.motion
     duration = polished(problem, motion)

@@ -15,7 +15,8 @@ from tubeplanner.robot import RobotModel
 
 _DAMPING = 1e-10  # added to half the squared error [m^2]
 _POSITION_TOLERANCE = 1e-10  # [m]
-_POSTURE_TOLERANCE = 1e-8  # [rad or m]
+# The last step [rad or m]: what it leaves is of its square.
+_POSTURE_TOLERANCE = 1e-6
 _MOST_ITERATIONS = 100
 # Near full stretch a joint is all but spare, and a pull on it would keep the hand from its target:
 # later iterations go for the target alone.

@@ -58,7 +58,8 @@ class Step:
 class StepProgram:
     """A linear program with a little curvature, and its solver.
 
-    It minimises eta + penalty * elastic + gradient . dC + dC . hessian . dC / 2 under the rows.
+    It minimises eta + penalty * elastic + gradient . dC + x . hessian . x / 2 under the rows, x
+    being all that may change: free control points, gates, eta, elastic.
     """
 
     def __init__(
@@ -66,7 +67,7 @@ class StepProgram:
         rows: Rows,
         is_elastic: FloatArray,
         bounds: Bounds,
-        hessian: sparse.spmatrix,
+        hessian: sparse.csc_matrix,
         gradient: FloatArray,
         penalty: float,
         tolerance: float = 1e-4,
@@ -77,7 +78,7 @@ class StepProgram:
             rows: The conditions.
             is_elastic: 1 for rows that may be broken for a price, else 0, shape (R,).
             bounds: Where the step must stay; control points held at rest at both ends do not move.
-            hessian: Over the free control points, shape (free n, free n).
+            hessian: Over all that may change, shape (V, V).
             gradient: Shape (free n,).
             penalty: Price of the elastic variable.
             tolerance: Of the solution, absolute and relative.
@@ -85,9 +86,7 @@ class StepProgram:
         self._free = bounds.lower.shape
         gates = len(bounds.gate)
         self._matrix = _matrix(rows, is_elastic, *self._free)
-        self._quadratic = sparse.block_diag(
-            [hessian, sparse.identity(gates + 2) * 1e-9], format="csc"
-        )
+        self._hessian = hessian
         self._linear = np.concatenate([gradient, np.zeros(gates), [1.0, penalty]])
         self._lower = np.concatenate(
             [bounds.lower.ravel(), -bounds.gate, [bounds.duration[0], 0.0]]
@@ -107,7 +106,7 @@ class StepProgram:
             settings.eps_abs = settings.eps_rel = self._tolerance
             settings.eps_duality_gap_abs = settings.eps_duality_gap_rel = self._tolerance
             solver.setup(
-                self._quadratic,
+                self._hessian,
                 self._linear,
                 None,
                 None,

@@ -7,11 +7,11 @@ from tubeplanner.errors import OptionError, unknown_name
 REFINEMENT, BRANCH_AND_BOUND = "refinement", "branch-and-bound"
 STOP_AT_CORNERS = "stop-at-corners"
 METHODS = (REFINEMENT, BRANCH_AND_BOUND, STOP_AT_CORNERS)
-# Knot intervals from coarse to fine, for every start.
+# For every start: about how many knot intervals, and into how many parts they are then divided.
 QUALITIES = {
-    "fast": ((8, 24),),
-    "balanced": ((8, 24, 64),),
-    "best": ((8, 24, 64), (8, 24, 96), (16, 32, 96)),
+    "fast": ((8, (4,)),),
+    "balanced": ((8, (3, 3)),),
+    "best": ((8, (3, 3)), (16, (3, 2)), (12, (3, 3))),
 }
 
 _FEWEST_CANDIDATES, _MOST_CANDIDATES = 2, 1000

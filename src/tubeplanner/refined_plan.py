@@ -4,6 +4,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
+import numpy as np
+
 from tubeplanner.known_branches import KnownBranches
 from tubeplanner.outcome import Infeasible, PlanStatus
 from tubeplanner.phase_spline import PhasedMotion
@@ -56,11 +58,10 @@ def _from_branch(
 ) -> PlanResult | None:
     """Return the best result of all starts that belong to the quality."""
     best = None
-    for first, *finer in QUALITIES[options.quality]:
+    for intervals, divisions in QUALITIES[options.quality]:
         try:
-            found = _from_start(
-                problem, starting_spline(problem, branch, first), tuple(finer), clock
-            )
+            start = starting_spline(problem, branch, intervals)
+            found = _from_start(problem, start, divisions, clock)
         except KeyboardInterrupt:
             if best is None or not best.succeeded:
                 raise
@@ -78,7 +79,7 @@ def _from_branch(
 
 
 def _from_start(
-    problem: PlanningProblem, start: PhasedMotion, finer: tuple[int, ...], clock: PlanningClock
+    problem: PlanningProblem, start: PhasedMotion, divisions: tuple[int, ...], clock: PlanningClock
 ) -> PlanResult:
     """Return what refinement makes of one start, the certificate's objections handed back to it.
 
@@ -88,14 +89,15 @@ def _from_start(
         Infeasible: Nothing to start from, or the time limit before there was anything.
         KeyboardInterrupt: Before there was anything.
     """
-    stage = f"refinement with {(start.shape.interval_count, *finer)[-1]} knots"
+    knots = start.shape.interval_count * int(np.prod(divisions))
+    stage = f"refinement to {knots} knots"
     clock.enter(stage)
 
     def checkpoint(duration: float) -> None:
         clock.announce(Progress(stage, best_duration=duration))
         clock.check()
 
-    refinement = Refinement(problem, start, finer, checkpoint)
+    refinement = Refinement(problem, start, divisions, checkpoint)
     work: Callable[[], bool] = refinement.run
     for _ in range(_MOST_OBJECTIONS):
         if not _done(work, refinement, clock):

@@ -1,9 +1,10 @@
 """Phase 2: path and speed optimised together, from coarse to fine knots.
 
 The paper's phase 2 moves its knots along discretised gradients and doubles them (Suh & Bishop
-1988). Here, a spline over phases, one per tube segment, is shortened by sequential linear programs:
-first on few knots, then on three times as many, and so on. Links are watched where they come close.
-On the finest knots, samples are added where anything is broken between them.
+1988). Here, a spline over phases, one per tube segment, is shortened by sequential linear programs
+on few knots; then its knot intervals are divided, which leaves it as it is, and it is shortened
+again. Links are watched where they come close. On the finest knots, samples are added where
+anything is broken between them.
 """
 
 from collections.abc import Callable
@@ -15,10 +16,10 @@ from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.phase_spline import PhasedMotion
 from tubeplanner.problem import PlanningProblem
 from tubeplanner.sequential_program import MERIT_TOLERANCE, Iterate, SequentialProgram
-from tubeplanner.spline_start import refitted
+from tubeplanner.spline_start import subdivided
 from tubeplanner.trajectory import JointTrajectory, from_spline
 
-_FIRST_TRUST, _LATER_TRUST, _LAST_TRUST = 0.2, 0.1, 0.02  # [rad or m]
+_FIRST_TRUST, _LATER_TRUST, _LAST_TRUST = 0.2, 0.03, 0.02  # [rad or m]
 _LEAST_LAST_TRUST = 0.002
 _COARSE_GAIN, _FINE_GAIN, _LAST_GAIN = 1e-2, 5e-4, 1e-4
 _POLISH_TRUST, _POLISH_GAIN, _POLISH_STEPS = 0.01, 1e-7, 20
@@ -36,7 +37,7 @@ class Refinement:
         self,
         problem: PlanningProblem,
         start: PhasedMotion,
-        finer: tuple[int, ...],
+        divisions: tuple[int, ...],
         checkpoint: Callable[[float], None] = lambda duration: None,
     ) -> None:
         """Prepare it.
@@ -44,10 +45,10 @@ class Refinement:
         Args:
             problem: What is asked; segments are visited in order.
             start: Where to start; its phases are the tube's segments.
-            finer: Numbers of knot intervals after those of the start, from coarse to fine.
+            divisions: Into how many parts every knot interval is divided, time after time.
             checkpoint: Called with the duration [s] after every step; it may raise to end the work.
         """
-        self._problem, self._start, self._finer = problem, start, finer
+        self._problem, self._start, self._divisions = problem, start, divisions
         self._told = checkpoint
         self._program = SequentialProgram(problem, start.shape, self._checkpoint)
         self._best: Iterate | None = None
@@ -72,9 +73,9 @@ class Refinement:
         """
         motion, trust = self._start, _FIRST_TRUST
         self._program.conditions.look_for_links(motion)
-        for finer in self._finer:
+        for parts in self._divisions:
             coarse = self._on_coarse_knots(motion, trust).motion
-            motion, trust = refitted(coarse, finer), _LATER_TRUST
+            motion, trust = subdivided(coarse, parts), _LATER_TRUST
             links = self._program.conditions.links_on(coarse, motion)
             self._program = SequentialProgram(self._problem, motion.shape, self._checkpoint, links)
         found = self._program.improved(self._begun(motion), trust, _FINE_GAIN, _MOST_STEPS)

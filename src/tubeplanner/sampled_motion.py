@@ -1,12 +1,12 @@
 """A motion at samples, and how it changes with its control points and gates."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
-from tubeplanner.phase_spline import PhasedMotion, Samples
+from tubeplanner.phase_spline import PhasedMotion, PhaseSpline, Samples
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,9 +70,14 @@ class SampledMotion:
 
 def sampled(motion: PhasedMotion, samples: Samples) -> SampledMotion:
     """Return a motion at samples."""
-    basis = motion.shape.basis(samples, motion.gates)
+    basis = _basis(motion.shape, samples, motion.gates.tobytes())
     by_x = np.matmul(basis[:, :, None], _taken(motion, samples))[:, :, 0]
     return SampledMotion(motion, samples, basis, by_x)
+
+
+@lru_cache(maxsize=8)  # gates often stay where they are; those of one phase always do
+def _basis(shape: PhaseSpline, samples: Samples, gates: bytes) -> FloatArray:
+    return shape.basis(samples, np.frombuffer(gates))
 
 
 def _taken(motion: PhasedMotion, samples: Samples) -> FloatArray:

@@ -25,13 +25,13 @@ MERIT_TOLERANCE = 0.8 * INNER_MARGIN
 _SMOOTHING = 1e-5
 _PROXIMITY = 1e-3
 # Rows are given to the solver if they are this near, or a part of the trust region away.
-_NEAR, _NEAR_SHARE = 0.06, 0.1
+_NEAR, _NEAR_SHARE = 0.05, 0.05
 _MOST_LAZY_ROUNDS = 5
 _BROKEN = 1e-4
 _LEAST_TRUST, _LARGEST_TRUST = 1e-4, 1.0
 _LEAST_GAIN = 1e-5
 # Steps that gain less than this share of what they should are corrected.
-_GOOD_RATIO = 0.7
+_GOOD_RATIO = 0.3
 _FIRST_PRICE, _LARGEST_PRICE = 3.0, 1e4
 _DURATION_STEP = (-0.5, 1.0)
 # For the multipliers: a small trust region, hardly any quadratic part, an exact solution.
@@ -65,6 +65,7 @@ class SequentialProgram:
         self._lower, self._upper = self._control_bounds()
         self._free = slice(REST_POINTS, shape.control_point_count - REST_POINTS)
         self._curvature = self._smoothing()
+        self._hessian = self._step_hessian()
         self._price = _FIRST_PRICE
 
     def without_checkpoint(self) -> "SequentialProgram":
@@ -133,13 +134,12 @@ class SequentialProgram:
         """
         rows, is_elastic = self.conditions.rows(current, None)
         near = np.flatnonzero(rows.room < _NEAR)
-        hessian, gradient = self._quadratic(current)
         step = StepProgram(
             rows.where(near),
             is_elastic[near],
             self._bounds(current, _PRICE_TRUST),
-            hessian * _PRICE_SMOOTHING,
-            gradient * _PRICE_SMOOTHING,
+            self._hessian * _PRICE_SMOOTHING,
+            self._gradient(current) * _PRICE_SMOOTHING,
             _LARGEST_PRICE,
             _PRICE_TOLERANCE,
         ).solve()
@@ -191,7 +191,7 @@ class SequentialProgram:
             is_elastic,
             (rows.room < _NEAR) | (rows.room < _NEAR_SHARE * rows.reach(size)),
             bounds,
-            self._quadratic(current),
+            (self._hessian, self._gradient(current)),
             self._price,
         )
 
@@ -206,13 +206,19 @@ class SequentialProgram:
             _DURATION_STEP,
         )
 
-    def _quadratic(self, current: Iterate) -> tuple[sparse.csc_matrix, FloatArray]:
-        """Return the quadratic part of a step's cost: matrix and gradient."""
-        points = current.motion.control_points
-        free, joints = points[self._free].shape
-        inner = self._curvature[self._free][:, self._free] + sparse.identity(free) * _PROXIMITY
-        gradient: FloatArray = (self._curvature[self._free] @ points).ravel()
-        return sparse.kron(inner, sparse.identity(joints)).tocsc(), gradient
+    def _gradient(self, current: Iterate) -> FloatArray:
+        """Return how the smoothing changes with the free control points, shape (free n,)."""
+        gradient: FloatArray = self._curvature[self._free] @ current.motion.control_points
+        return gradient.ravel()
+
+    def _step_hessian(self) -> sparse.csc_matrix:
+        """Return the curvature of a step's cost: smoothing and proximity; else next to none."""
+        joints = self._problem.robot.joint_count
+        inner = self._curvature[self._free][:, self._free]
+        inner = inner + sparse.identity(inner.shape[0]) * _PROXIMITY
+        others = len(self._shape.shares) - 1 + 2  # gates, eta, elastic
+        parts = [sparse.kron(inner, sparse.identity(joints)), sparse.identity(others) * 1e-9]
+        return sparse.block_diag(parts, format="csc")
 
     def _control_bounds(self) -> tuple[FloatArray, FloatArray]:
         """Return joint bounds of the control points, (K, n): those of all phases they count in.

@@ -2,7 +2,7 @@
 
 import numpy as np
 from scipy.interpolate import BSpline
-from scipy.linalg import solve
+from scipy.linalg import solveh_banded
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.phase_spline import DEGREE, REST_POINTS, PhasedMotion, PhaseSpline
@@ -44,12 +44,21 @@ def starting_spline(
     return _fitted(shape, gates, times, path, branch.start, branch.goal)
 
 
-def refitted(motion: PhasedMotion, intervals: int) -> PhasedMotion:
-    """Return the same motion on another knot grid, its gates where they are."""
-    shape = knot_grid(motion.gates, intervals)
-    times = _fit_times(shape, motion.gates)
+def subdivided(motion: PhasedMotion, parts: int) -> PhasedMotion:
+    """Return the same motion, exactly, with every knot interval divided into several."""
+    gates, shares = motion.gates, []
+    for k, share in enumerate(motion.shape.shares):
+        width = gates[k + 1] - gates[k]
+        angle = np.arccos(1 - 2 * np.clip(gates[k] + width * share, 0.0, 1.0))
+        steps = np.arange(len(angle) * parts - parts + 1) / parts
+        x = (1 - np.cos(np.interp(steps, np.arange(len(angle)), angle))) / 2
+        finer = (x - gates[k]) / width
+        finer[::parts] = share
+        shares.append(finer)
+    shape = PhaseSpline(tuple(shares))
+    times = _fit_times(shape, gates)
     ends = motion.control_points[[0, -1]]
-    return _fitted(shape, motion.gates, times, motion.spline()(times), *ends)
+    return _fitted(shape, gates, times, motion.spline()(times), *ends)
 
 
 def knot_grid(gates: FloatArray, intervals: int) -> PhaseSpline:
@@ -87,16 +96,19 @@ def _fitted(
 ) -> PhasedMotion:
     """Return the least-squares spline through configurations (N, n), at rest at its ends."""
     count = shape.control_point_count
-    design = BSpline.design_matrix(times, shape.knots(gates), DEGREE).toarray()
+    design = BSpline.design_matrix(times, shape.knots(gates), DEGREE)
     inner = slice(REST_POINTS, count - REST_POINTS)
     line = start + np.linspace(0, 1, count)[:, None] * (goal - start)
     points = line.copy()
     points[:REST_POINTS], points[-REST_POINTS:] = start, goal
     fixed = points.copy()
     fixed[inner] = 0.0
-    # Normal equations: well conditioned, and small enough to need no threads.
-    matrix = design[:, inner].T @ design[:, inner]
-    matrix += _DRAW * np.eye(count - 2 * REST_POINTS)
-    wanted = design[:, inner].T @ (path - design @ fixed) + _DRAW * line[inner]
-    points[inner] = solve(matrix, wanted, assume_a="pos")
+    # Normal equations, as a band: well conditioned, and nothing for threads to wait for.
+    squared = (design.T @ design).tocsr()[inner, inner]
+    bands = np.zeros((DEGREE + 1, count - 2 * REST_POINTS))
+    for k in range(min(DEGREE + 1, bands.shape[1])):
+        bands[k, : bands.shape[1] - k] = squared.diagonal(-k)
+    bands[0] += _DRAW
+    wanted = (design.T @ (path - design @ fixed))[inner] + _DRAW * line[inner]
+    points[inner] = solveh_banded(bands, wanted, lower=True)
     return PhasedMotion(shape, gates, points)
