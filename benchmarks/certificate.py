@@ -12,6 +12,7 @@ import time
 
 import numpy as np
 
+from cases import ARMS
 from tubeplanner import (
     Certificate,
     JointTrajectory,
@@ -27,13 +28,6 @@ from tubeplanner.closest_approach import closest_approach
 from tubeplanner.enclosure import enclosed_efforts, enclosed_hand
 from tubeplanner.tube_visits import least_margin, tube_visits
 
-ARMS = (
-    "two_link/around_a_post",
-    "ur5/over_the_wall",
-    "ur10/onto_a_conveyor",
-    "panda/between_shelves",
-    "xarm7/from_crate_to_crate",
-)
 OBSTACLES = 10
 AIM = {2: 0.05, 6: 0.2, 7: 0.2}  # [s] by number of joints
 SEED = 1

@@ -1,8 +1,9 @@
 """The default plan beside a multi-start direct transcription with a general solver (IPOPT).
 
-    pip install casadi
+    pip install '.[bench]'
     OMP_NUM_THREADS=1 python benchmarks/direct_transcription.py [--problems NAME ...]
-        [--intervals 80] [--starts 6] [--time-per-problem 300] [--from-ours]
+        [--intervals 80] [--starts 6] [--time-per-problem 300] [--grids clustered uniform]
+        [--from-ours]
 
 An independent yardstick, of the same problem without obstacles: one phase per tube segment with
 free durations, cubic splines (constant jerk in every interval), start and goal where the default
@@ -21,6 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
+from cases import ARMS, EXAMPLES, RADII, paper_example
 from transcription_program import (
     PhasedTrajectory,
     Solution,
@@ -28,22 +30,22 @@ from transcription_program import (
     phase_grid,
     regular_samples,
 )
-from tubeplanner import JointTrajectory, PlanningProblem, PlanResult, load_problem, plan, verify
+from tubeplanner import (
+    JointTrajectory,
+    PlanningProblem,
+    PlanOptions,
+    PlanResult,
+    load_problem,
+    plan,
+    verify,
+)
 from tubeplanner.outcome import Infeasible
-from tubeplanner.planner import METHODS
 from tubeplanner.reference_branch import reference_branch, spare_joint_rules
 from tubeplanner.spline_start import starting_spline
 from tubeplanner.time_scaling import scaled_to_limits
 from tubeplanner.trajectory import from_spline
 
-PROBLEMS = (
-    *(f"two_link/paper_{example}_{radius}mm" for example in range(1, 6) for radius in (10, 30, 50)),
-    "two_link/around_a_post",
-    "ur5/over_the_wall",
-    "ur10/onto_a_conveyor",
-    "panda/between_shelves",
-    "xarm7/from_crate_to_crate",
-)
+PROBLEMS = (*(paper_example(e, r) for e in EXAMPLES for r in RADII), *ARMS)
 START_KNOTS = 24  # of the spline along the reference branch
 GRIDS = ("clustered", "uniform")
 COARSE_INTERVALS, COARSE_SHARE = 1 / 3, 0.5  # of the fine grids, and of the time
@@ -90,14 +92,14 @@ class Study:
         converged: How many starts converged on the coarse grid.
         starts: How many there were.
         seconds: Wall time.
-        durations: Of the local optima that were found on the coarse grid [s].
+        optima: How many of different durations they found.
     """
 
     best: Attempt | None
     converged: int
     starts: int
     seconds: float
-    durations: tuple[float, ...]
+    optima: int
 
 
 class MultiStart:
@@ -136,21 +138,22 @@ class MultiStart:
             found.append((name, self._coarsely(start)))
         good = [(name, solution) for name, solution in found if solution.converged]
         good.sort(key=lambda item: item[1].motion.trajectory.duration)
+        different = _different(good)
         attempts = [
             attempt
-            for name, solution in _different(good)[:FINALISTS]
+            for name, solution in different[:FINALISTS]
             for attempt in self._finely(name, solution.motion)
         ]
         best = min(attempts, key=_rank, default=None)
-        durations = tuple(solution.motion.trajectory.duration for _, solution in good)
-        return Study(best, len(good), used, time.perf_counter() - begin, durations)
+        return Study(best, len(good), used, time.perf_counter() - begin, len(different))
 
     def run_finely(self, name: str, start: PhasedTrajectory) -> Study:
         """Return the best of one start that is good enough for the fine grids."""
         begin = time.perf_counter()
         attempts = list(self._finely(name, start))
         best = min(attempts, key=_rank, default=None)
-        return Study(best, int(best is not None), 1, time.perf_counter() - begin, ())
+        found = int(best is not None)
+        return Study(best, found, 1, time.perf_counter() - begin, found)
 
     def _finely(self, name: str, motion: PhasedTrajectory) -> Iterator[Attempt]:
         """Yield the motions that a coarse one becomes on fine grids."""
@@ -298,12 +301,13 @@ def row(name: str, study: Study, ours: PlanResult) -> tuple[str, float]:
         theirs = study.best.trajectory.duration
         ratio = duration / theirs
         best = f"{theirs:.4f}{'' if study.best.certified else ' (not certified)'}"
-    other = "" if ours.method == METHODS[0] else f" ({ours.method})"
+    other = "" if ours.method == PlanOptions().method else f" ({ours.method})"
+    origin = study.best.origin if study.best else ""
     planning = ours.planning_time - ours.certificate_time
     text = (
         f"| {name} | {best} | {duration:.4f}{other} | "
         f"{ratio:.4f} | {study.seconds:.0f} | {planning:.2f} | "
-        f"{study.converged} of {study.starts} | {study.best.origin if study.best else ''} |"
+        f"{study.converged} of {study.starts} | {study.optima} | {origin} |"
     )
     return text, ratio
 
@@ -320,9 +324,9 @@ def main() -> None:
     options = parser.parse_args()
     print(
         "| problem | direct transcription [s] | default plan [s] | ratio | its time [s] | "
-        "planning [s] | converged | best start |"
+        "planning [s] | converged | local optima | best start |"
     )
-    print("|---" * 8 + "|")
+    print("|---" * 9 + "|")
     ratios = []
     for name in options.problems:
         text, ratio = row(name, *studied(name, options))

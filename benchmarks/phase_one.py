@@ -13,11 +13,11 @@ import pstats
 
 import numpy as np
 
+from cases import ARMS, RADII, paper_example
 from tubeplanner import PlanningProblem, PlanOptions, PlanResult, load_problem, plan
 
 METHOD = "branch-and-bound"
 PHASE_ONE = PlanOptions(METHOD)
-RADII = (10, 30, 50)  # [mm]
 # Suh & Bishop 1988, Table II: duration after phase 1 [s] at these radii, by example.
 PRINTED = {
     1: (1.08, 1.04, 1.04),
@@ -26,26 +26,14 @@ PRINTED = {
     4: (0.91, 0.91, 0.88),
     5: (1.91, 1.44, 1.44),
 }
-ARMS = (
-    "two_link/around_a_post",
-    "ur5/over_the_wall",
-    "ur10/onto_a_conveyor",
-    "panda/between_shelves",
-    "xarm7/from_crate_to_crate",
-)
 # Functions that share out the planning time; none calls another.
 SHARES = {
-    "branch, stop at corners, its certificate": "_stopping_at_corners",
+    "branch, stop at corners, its certificate": "stopping_plan",
     "rule duration": "_effort_factor",
     "rule tube": "_inside",
     "rule collision": "_free",
     "tests between samples": "_try_motion",
 }
-
-
-def paper_example(example: int, radius: int) -> str:
-    """Return the name of a bundled problem."""
-    return f"example:two_link/paper_{example}_{radius}mm"
 
 
 def certified(result: PlanResult) -> str:
@@ -62,7 +50,7 @@ def table_two() -> None:
     differences, times, nodes = [], [], []
     for example, row in PRINTED.items():
         for radius, printed in zip(RADII, row, strict=True):
-            result = plan(load_problem(paper_example(example, radius)), PHASE_ONE)
+            result = plan(load_problem(f"example:{paper_example(example, radius)}"), PHASE_ONE)
             difference = result.duration / printed - 1
             differences.append(abs(difference))
             times.append(result.planning_time)
@@ -102,12 +90,12 @@ def candidates(counts: list[int]) -> None:
     print(f"| problem | {' | '.join(f'M = {count}' for count in counts)} |")
     print("|---" * (len(counts) + 1) + "|")
     names = [paper_example(example, 10) for example in PRINTED]
-    for name in [*names, paper_example(5, 30), *(f"example:{arm}" for arm in ARMS)]:
-        problem = load_problem(name)
+    for name in [*names, paper_example(5, 30), *ARMS]:
+        problem = load_problem(f"example:{name}")
         cells = [
             _cell(plan(problem, PlanOptions(METHOD, candidate_points=count))) for count in counts
         ]
-        print(f"| {name.removeprefix('example:')} | {' | '.join(cells)} |", flush=True)
+        print(f"| {name} | {' | '.join(cells)} |", flush=True)
     print("\n`-`: nothing faster than stopping at corners; `*`: the node budget was reached.\n")
 
 
@@ -122,11 +110,11 @@ def where_the_time_goes() -> None:
     print("Share of the planning time (under a profiler, which favours compiled code):\n")
     print(f"| problem | {' | '.join(SHARES)} | rest |")
     print("|---" * (len(SHARES) + 2) + "|")
-    for name in (paper_example(1, 30), paper_example(5, 50), *(f"example:{arm}" for arm in ARMS)):
-        shares = _shares(load_problem(name))
+    for name in (paper_example(1, 30), paper_example(5, 50), *ARMS):
+        shares = _shares(load_problem(f"example:{name}"))
         shares.append(1 - sum(shares))
         cells = " | ".join(f"{100 * share:.0f} %" for share in shares)
-        print(f"| {name.removeprefix('example:')} | {cells} |")
+        print(f"| {name} | {cells} |")
 
 
 def _shares(problem: PlanningProblem) -> list[float]:

@@ -1,18 +1,41 @@
-"""Phase 2 on the paper's examples and on the bundled arms: durations and times.
+"""Phase 2 on the paper's examples and on the bundled arms: durations, times, where they go.
 
-    python benchmarks/refinement.py [--repeats 3]
+    python benchmarks/refinement.py [--repeats 3] [--plot docs/convergence.png]
 
 The paper's fifteen cases beside what a direct transcription with a general solver reached (C2, zero
-acceleration at both ends, 80 intervals; about 1 % above its own limit for fine grids), and the
-bundled arm problems beside stopping at corners and branch and bound, for every quality. Times are
-medians of planning without its certificate.
+acceleration at both ends, 80 equal intervals; about 1 % above its own limit for fine grids), and
+the bundled arm problems beside stopping at corners and branch and bound, for every quality. Then
+the time against joints, segments and knots, and the share of its parts. Times are medians of
+planning without its certificate.
 """
 
 import argparse
+import cProfile
+import pstats
+import time
+from pathlib import Path
 
+import matplotlib
 import numpy as np
 
-from tubeplanner import PlanOptions, PlanResult, load_problem, plan
+matplotlib.use("Agg")
+from matplotlib import pyplot
+
+from cases import ARMS, EXAMPLES, RADII, paper_example
+from tubeplanner import (
+    PlanningProblem,
+    PlanOptions,
+    PlanResult,
+    Progress,
+    Tube,
+    load_problem,
+    plan,
+)
+from tubeplanner.plan_options import QUALITIES
+from tubeplanner.reference_branch import reference_branch, spare_joint_rules
+from tubeplanner.refinement import Refinement
+from tubeplanner.spline_start import starting_spline
+from tubeplanner.time_scaling import scaled_to_limits
 
 # What is possible [s] at 10, 30 and 50 mm, by example; what the paper printed after its phase 2.
 POSSIBLE = {
@@ -29,20 +52,22 @@ PRINTED = {
     4: (0.80, 0.77, 0.72),
     5: (1.52, 1.26, 1.03),
 }
-RADII = (10, 30, 50)  # [mm]
-ARMS = (
-    "two_link/around_a_post",
-    "ur5/over_the_wall",
-    "ur10/onto_a_conveyor",
-    "panda/between_shelves",
-    "xarm7/from_crate_to_crate",
-)
-QUALITIES = ("fast", "balanced", "best")
+SEGMENTS = (1, 2, 3, 4, 6, 8)
+KNOTS = ((8, (2,)), (8, (3,)), (8, (2, 2)), (8, (2, 3)), (8, (3, 3)), (12, (3, 3)), (16, (3, 3)))
+# Functions that share out the planning time; none calls another.
+SHARES = {
+    "branch": ("known_branches", "along"),
+    "linear programs": ("linear_program", "solve"),
+    "again, corrected": ("linear_program", "solve_again"),
+    "rows": ("motion_conditions", "rows"),
+    "trials": ("motion_conditions", "at"),
+    "looking at links": ("motion_conditions", "look_for_links"),
+    "certificate": ("verification", "verify"),
+}
 
 
-def timed(name: str, options: PlanOptions, repeats: int) -> tuple[PlanResult, float]:
+def timed(problem: PlanningProblem, options: PlanOptions, repeats: int) -> tuple[PlanResult, float]:
     """Return a plan and the median time of making it, its certificate left out [s]."""
-    problem = load_problem(f"example:{name}")
     results = [plan(problem, options) for _ in range(repeats)]
     return results[0], float(np.median([r.planning_time - r.certificate_time for r in results]))
 
@@ -52,9 +77,12 @@ def paper(repeats: int) -> None:
     print("| example | radius [m] | printed [s] | possible [s] | here [s] | ratio | time [s] |")
     print("|---|---|---|---|---|---|---|")
     ratios, times = [], []
-    for example, row in POSSIBLE.items():
-        for radius, possible, printed in zip(RADII, row, PRINTED[example], strict=True):
-            result, seconds = timed(f"two_link/paper_{example}_{radius}mm", PlanOptions(), repeats)
+    for example in EXAMPLES:
+        for radius, possible, printed in zip(
+            RADII, POSSIBLE[example], PRINTED[example], strict=True
+        ):
+            problem = load_problem(f"example:{paper_example(example, radius)}")
+            result, seconds = timed(problem, PlanOptions(), repeats)
             ratios.append(result.duration / possible)
             times.append(seconds)
             print(
@@ -73,22 +101,125 @@ def arms(repeats: int) -> None:
     print(f"| problem | stop at corners | branch and bound | {' | '.join(QUALITIES)} |")
     print("|---" * (3 + len(QUALITIES)) + "|")
     for name in ARMS:
+        problem = load_problem(f"example:{name}")
         methods = [PlanOptions("stop-at-corners"), PlanOptions("branch-and-bound")]
         cells = []
         for options in [*methods, *(PlanOptions(quality=quality) for quality in QUALITIES)]:
-            result, seconds = timed(name, options, repeats)
+            result, seconds = timed(problem, options, repeats)
             other = "" if result.method == options.method else f" ({result.method})"
             cells.append(f"{result.duration:.4f} / {seconds:.2f}{other}")
         print(f"| {name} | {' | '.join(cells)} |", flush=True)
+    print()
+
+
+def zigzag(name: str, segments: int) -> PlanningProblem:
+    """Return a tube of right angles around a bundled problem's start, without obstacles."""
+    base = load_problem(f"example:{name}")
+    robot = base.robot
+    start = reference_branch(base, spare_joint_rules(base)[0]).start
+    hand = robot.tool_position(start[None])[0]
+    inwards = -np.array([hand[0], hand[1], 0.0]) / np.linalg.norm(hand[:2])
+    sideways = np.array([-inwards[1], inwards[0], 0.0])
+    steps = [0.10 * inwards, 0.15 * sideways, -0.10 * inwards, 0.15 * sideways]
+    points = np.cumsum([hand, *(steps[k % 4] for k in range(segments))], axis=0)
+    tube = Tube(points, 0.03, joint_signs=base.tube.joint_ranges[0])
+    return PlanningProblem(robot, tube, start)
+
+
+def sizes(repeats: int) -> None:
+    """Print the time against the number of joints and segments."""
+    print("Time [s] (duration [s]) of a zigzag of right angles, by joints and segments:\n")
+    print(f"| arm | joints | {' | '.join(f'{count} segm.' for count in SEGMENTS)} |")
+    print("|---" * (len(SEGMENTS) + 2) + "|")
+    for name in ("two_link/paper_1_30mm", "ur5/over_the_wall", "panda/between_shelves"):
+        cells = []
+        for count in SEGMENTS:
+            problem = zigzag(name, count)
+            result, seconds = timed(problem, PlanOptions(), repeats)
+            found = f"{result.duration:.3f}" if result.method == "refinement" else result.status
+            cells.append(f"{seconds:.2f} ({found})")
+        joints = problem.robot.joint_count
+        print(f"| {name.split('/')[0]} | {joints} | {' | '.join(cells)} |", flush=True)
+    print()
+
+
+def knots(repeats: int) -> None:
+    """Print what the number of knots changes: duration and time of refinement alone."""
+    cells = [f"{first} x {' x '.join(map(str, parts))}" for first, parts in KNOTS]
+    print("Duration [s] / time [s] of refinement alone, by knots and how they are divided:\n")
+    print(f"| problem | {' | '.join(cells)} |")
+    print("|---" * (len(KNOTS) + 1) + "|")
+    for name in (paper_example(1, 10), paper_example(5, 10), *ARMS[1:]):
+        problem = load_problem(f"example:{name}")
+        branch = reference_branch(problem, spare_joint_rules(problem)[0])
+        cells = []
+        for first, parts in KNOTS:
+            times = []
+            for _ in range(repeats):
+                begin = time.perf_counter()
+                refinement = Refinement(problem, starting_spline(problem, branch, first), parts)
+                refinement.run()
+                times.append(time.perf_counter() - begin)
+            duration = scaled_to_limits(problem.robot, refinement.trajectory).duration
+            cells.append(f"{duration:.4f} / {np.median(times):.2f}")
+        print(f"| {name} | {' | '.join(cells)} |", flush=True)
+    print()
+
+
+def where_the_time_goes() -> None:
+    """Print the share of the planning time of several parts, measured under a profiler."""
+    print("Share of the planning time (under a profiler, which favours compiled code):\n")
+    print(f"| problem | {' | '.join(SHARES)} | rest |")
+    print("|---" * (len(SHARES) + 2) + "|")
+    for name in (paper_example(1, 30), paper_example(5, 10), *ARMS):
+        problem = load_problem(f"example:{name}")
+        profile = cProfile.Profile()
+        profile.runcall(plan, problem)
+        statistics = pstats.Stats(profile)
+        seconds = {
+            (Path(file).stem, function): found[3]
+            for (file, _, function), found in statistics.stats.items()
+        }
+        shares = [seconds.get(place, 0.0) / statistics.total_tt for place in SHARES.values()]
+        cells = " | ".join(f"{100 * share:.0f} %" for share in [*shares, 1 - sum(shares)])
+        print(f"| {name} | {cells} |", flush=True)
+    print()
+
+
+def convergence(path: Path) -> None:
+    """Draw how the duration falls while refining, step by step."""
+    figure, axes = pyplot.subplots(figsize=(8, 4.5), layout="constrained")
+    for name, line in zip(
+        (paper_example(1, 30), paper_example(5, 10), *ARMS[1:]),
+        ("-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1))),
+        strict=True,
+    ):
+        told: list[Progress] = []
+        result = plan(load_problem(f"example:{name}"), progress=told.append)
+        durations = np.array([p.best_duration for p in told if p.best_duration is not None])
+        excess = 100 * (durations / result.duration - 1)
+        axes.plot(excess, linestyle=line, label=name)
+    axes.set(xlabel="step", ylabel="above the answer [%]", yscale="symlog", ylim=(-1, 500))
+    axes.set_yticks([0, 1, 10, 100], ["0", "1", "10", "100"])
+    axes.grid(alpha=0.3)
+    axes.legend()
+    figure.savefig(path, dpi=110)
+    print(f"{path}")
 
 
 def main() -> None:
-    """Print both tables."""
+    """Print the tables, and draw the picture if it is asked for."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--repeats", type=int, default=3, help="of each plan")
+    parser.add_argument("--plot", type=Path, help="picture of the convergence")
     options = parser.parse_args()
     paper(options.repeats)
     arms(options.repeats)
+    sizes(options.repeats)
+    knots(options.repeats)
+    where_the_time_goes()
+    if options.plot:
+        convergence(options.plot)
 
 
 if __name__ == "__main__":

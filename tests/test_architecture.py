@@ -66,6 +66,7 @@ ORDER = (
     "refinement",
     "sensitivities",
     "refusal",
+    "path_minimum",
     "known_branches",
     "plan_options",
     "plan_result",
@@ -110,6 +111,7 @@ PLANNING = {
     "refinement",
     "sensitivities",
     "refusal",
+    "path_minimum",
     "known_branches",
     "plan_options",
     "plan_result",
@@ -128,6 +130,7 @@ KNOWS = {
     "click": {"cli"},
     "rich": {"report", "cli"},
     "piqp": {"linear_program"},
+    "toppra": {"path_minimum"},
     "yaml": {"trajectory_file"},
     "pydantic": {"problem_faults", "problem_format"},
 }

@@ -174,7 +174,7 @@ def test_an_interrupt_before_anything_is_certified_exits_with_130(run, run_json,
     def interrupt(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("tubeplanner.planner.verify", interrupt)
+    monkeypatch.setattr("tubeplanner.plan_result.verify", interrupt)
     assert run("plan", PROBLEM)[0] == 130
     status, fields = run_json("plan", PROBLEM)
     assert status == 130
@@ -234,7 +234,7 @@ def test_an_error_of_our_own_is_one_line_and_not_a_verdict(run_json, monkeypatch
     def broken(*_):
         raise ZeroDivisionError("oops")
 
-    monkeypatch.setattr("tubeplanner.planner.verify", broken)
+    monkeypatch.setattr("tubeplanner.plan_result.verify", broken)
     status, fields = run_json("plan", PROBLEM)
     assert status == 2
     assert "internal error, please report it" in fields["message"]

@@ -92,6 +92,7 @@ def cli() -> None:
 @click.option("--method", help="refinement [default], branch-and-bound or stop-at-corners.")
 @click.option("--quality", default="balanced", show_default=True, help="fast, balanced or best.")
 @click.option("--time-limit", type=float, help="End after so many seconds with the best so far.")
+@click.option("--time-left", is_flag=True, help="Say what bang-bang motors would take on the path.")
 @_AS_JSON
 def plan(
     problem: str,
@@ -103,6 +104,7 @@ def plan(
     method: str | None,
     quality: str,
     time_limit: float | None,
+    time_left: bool,
     as_json: bool,
 ) -> int:
     """Plan PROBLEM, certify the answer, and write it where asked.
@@ -128,11 +130,11 @@ def plan(
     if as_json:
         stopped_by = "interrupt" if interrupted else result.stopped_by
         fields = {**result.as_dict(), "loading_time": loading_time, "stopped_by": stopped_by}
-        _print_json(fields)
+        _print_json({**fields, "path_minimum": result.path_minimum if time_left else None})
     else:
         from tubeplanner.report import plan_text
 
-        print(plan_text(loaded, result, loading_time))
+        print(plan_text(loaded, result, loading_time, with_minimum=time_left))
         for kind, path in outputs.paths() if result.succeeded else ():
             print(f"{kind}: {path}")
     return SUCCESS if result.succeeded else INFEASIBLE

@@ -14,9 +14,10 @@ from tubeplanner.linear_rows import Rows, StepSize, stacked, two_sided_room, two
 from tubeplanner.phase_spline import PhasedMotion, Samples
 from tubeplanner.robot import RobotModel
 from tubeplanner.sampled_motion import SampledMotion, sampled
-from tubeplanner.time_scaling import scaling_factor_of
+from tubeplanner.time_scaling import effort_factor_of
 
 _ORDERS = {"velocity": 1, "acceleration": 2, "jerk": 3}
+EFFORT, RATES = "effort", tuple(_ORDERS)
 
 
 class LimitConditions:
@@ -30,19 +31,25 @@ class LimitConditions:
         self._robot = robot
         self._bounded = {
             kind: np.flatnonzero(np.isfinite(getattr(robot.limits, kind)))
-            for kind in ("effort", *_ORDERS)
+            for kind in (EFFORT, *_ORDERS)
         }
         self.names = [(kind, int(j)) for kind, joints in self._bounded.items() for j in joints]
 
-    def at(self, motion: PhasedMotion, samples: Samples) -> "EvaluatedLimits":
-        """Return the limits at samples of a motion."""
+    def limited(self, kinds: tuple[str, ...]) -> bool:
+        """Return whether any joint has a limit of one of some kinds."""
+        return any(len(self._bounded[kind]) for kind in kinds)
+
+    def at(
+        self, motion: PhasedMotion, samples: Samples, kinds: tuple[str, ...]
+    ) -> "EvaluatedLimits":
+        """Return the limits of some kinds at samples of a motion; one kind must limit a joint."""
         at = sampled(motion, samples)
-        none = np.zeros_like(at.position)
-        gravity = effort = none
-        if len(self._bounded["effort"]):
+        asked = {kind: self._numbers[kind] for kind in kinds if len(self._bounded[kind])}
+        gravity = effort = np.zeros_like(at.position)
+        if EFFORT in asked:
             gravity = self._robot.gravity_effort(at.position)
             effort = self._robot.inverse_dynamics(*at.by_x[:3])
-        return EvaluatedLimits(self._robot, at, gravity, effort, self._numbers)
+        return EvaluatedLimits(self._robot, at, gravity, effort, asked)
 
     @cached_property
     def _numbers(self) -> dict[str, tuple[IntArray, IntArray]]:
@@ -63,14 +70,14 @@ class EvaluatedLimits:
         at: The motion at the samples.
         gravity: Efforts against gravity, shape (N, n).
         effort: Efforts of the motion run in one second, shape (N, n).
-        numbers: For every kind of limit, the bounded joints and the numbers of their limits.
+        asked: For every kind that is asked for, the bounded joints and their limits' numbers.
     """
 
     robot: RobotModel
     at: SampledMotion
     gravity: FloatArray
     effort: FloatArray
-    numbers: dict[str, tuple[IntArray, IntArray]]
+    asked: dict[str, tuple[IntArray, IntArray]]
 
     @cached_property
     def squared_durations(self) -> FloatArray:
@@ -78,12 +85,24 @@ class EvaluatedLimits:
 
         inf where gravity alone needs a motor's whole effort.
         """
-        _, v, a, jerk = self.at.by_x
-        limits = self.robot.limits
-        factor = scaling_factor_of(limits, v, a, self.effort, self.gravity).min(axis=1)
-        by_jerk = np.cbrt(abs(jerk) / limits.jerk).max(axis=1)
-        with np.errstate(divide="ignore"):
-            return np.maximum(1 / factor, by_jerk) ** 2
+        found = np.zeros(len(self.at.position))
+        for kind, (joints, _) in self.asked.items():
+            limit = getattr(self.robot.limits, kind)[joints]
+            if kind == EFFORT:
+                tau, gravity = self.effort[:, joints], self.gravity[:, joints]
+                with np.errstate(divide="ignore"):
+                    least = effort_factor_of(limit, tau, gravity).min(axis=1) ** -2
+            else:
+                order = _ORDERS[kind]
+                used = abs(self.at.by_x[order][:, joints]) / limit
+                least = used.max(axis=1) ** (2 / order)
+            found = np.maximum(found, least)
+        return found
+
+    @property
+    def row_count(self) -> int:
+        """How many rows there are."""
+        return 2 * len(self.at.position) * sum(len(joints) for joints, _ in self.asked.values())
 
     def rows(self, duration: float, size: StepSize | None) -> Rows:
         """Return the rows of all limits, for both directions, of the motion run in T seconds.
@@ -93,7 +112,7 @@ class EvaluatedLimits:
             size: Of the step; rows that it cannot break are left out. None: all rows.
         """
         parts, count = [], 0
-        for kind, (joints, numbers) in self._asked.items():
+        for kind, (joints, numbers) in self.asked.items():
             used, by_duration = self._used(kind, joints, duration)
             change = self._change(kind, joints, duration)
             rows = two_sided_rows(self.at.first, change, used, by_duration, numbers, size)
@@ -111,20 +130,16 @@ class EvaluatedLimits:
         return np.concatenate(
             [
                 two_sided_room(*self._used(kind, joints, duration), squared_duration)
-                for kind, (joints, _) in self._asked.items()
+                for kind, (joints, _) in self.asked.items()
             ]
         )
-
-    @property
-    def _asked(self) -> dict[str, tuple[IntArray, IntArray]]:
-        return {kind: found for kind, found in self.numbers.items() if len(found[0])}
 
     def _used(
         self, kind: str, joints: IntArray, duration: float
     ) -> tuple[FloatArray, tuple[FloatArray, float]]:
         """Return the used shares of limits, (N, I), and how they change with y."""
         limit = getattr(self.robot.limits, kind)[joints]
-        if kind == "effort":
+        if kind == EFFORT:
             gravity = self.gravity[:, joints]
             effort = gravity + (self.effort[:, joints] - gravity) / duration**2
             return effort / limit, (gravity / limit, 1.0)
@@ -137,7 +152,7 @@ class EvaluatedLimits:
     ) -> tuple[FloatArray, FloatArray]:
         """Return how the used shares change with control points and gates."""
         limit = getattr(self.robot.limits, kind)[joints]
-        if kind == "effort":
+        if kind == EFFORT:
             q, v, a = self.at.position, self.at.rate(1, duration), self.at.rate(2, duration)
             blocks = self.robot.inverse_dynamics_derivatives(q, v, a)
             by_state = [

@@ -4,17 +4,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tubeplanner.arrays import BoolArray, FloatArray
-from tubeplanner.limit_conditions import EvaluatedLimits, LimitConditions
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.limit_conditions import EFFORT, RATES, EvaluatedLimits, LimitConditions
 from tubeplanner.linear_rows import Rows, StepSize, stacked
 from tubeplanner.link_conditions import EvaluatedLinks, LinkConditions
 from tubeplanner.phase_spline import PhasedMotion, PhaseSpline, Samples
 from tubeplanner.problem import PlanningProblem
 from tubeplanner.tube_conditions import EvaluatedTube, evaluated_tube
 
-# Samples per knot interval.
-_LIMIT_SAMPLES = np.array([0.0, 0.5])
-_TUBE_SAMPLES = np.array([0.0, 1 / 3, 2 / 3])
+# Samples per knot interval. Efforts are all but straight lines there, velocities are parabolas.
+_EFFORT_SAMPLES = np.arange(2) / 2
+_RATE_SAMPLES = np.arange(4) / 4
+_TUBE_SAMPLES = np.arange(3) / 3
 _DENSE_SAMPLES = np.linspace(0, 1, 21)
 # Steps aim this far inside the tube, a share of its radius.
 INNER_MARGIN = 0.005
@@ -30,7 +31,7 @@ class Iterate:
         squared_duration: The least T^2 that the limits allow at the samples [s^2].
         excess: How far hand or links are beyond what is allowed to them, >= 0: of the hand in
             radii beyond the narrowed tube, of links in units of 5 cm.
-        limits: What it was found from.
+        limits: What it was found from: efforts and rates, as far as they are limited.
         tube: Likewise.
         links: Likewise.
     """
@@ -38,7 +39,7 @@ class Iterate:
     motion: PhasedMotion
     squared_duration: float
     excess: float
-    limits: EvaluatedLimits
+    limits: tuple[EvaluatedLimits, ...]
     tube: EvaluatedTube
     links: EvaluatedLinks
 
@@ -57,7 +58,11 @@ class MotionConditions:
         self._limits = LimitConditions(problem.robot)
         # A gate has a sample on either side, so that the hand is in both capsules there.
         ends = shape.phase_ends()
-        self._limit_samples = shape.samples(_LIMIT_SAMPLES).and_also(ends)
+        self._limit_samples = {
+            kinds: shape.samples(local).and_also(ends)
+            for kinds, local in (((EFFORT,), _EFFORT_SAMPLES), (RATES, _RATE_SAMPLES))
+            if self._limits.limited(kinds)
+        }
         self._tube_samples = shape.samples(_TUBE_SAMPLES).and_also(ends)
         self._dense_samples = shape.samples(_DENSE_SAMPLES)
 
@@ -82,11 +87,13 @@ class MotionConditions:
             current: The motion.
             size: Of the step; rows that it cannot break are left out. None: all rows.
         """
-        hard = current.limits.rows(current.duration, size)
-        tube, links = current.tube.rows(size), current.links.rows(size)
-        first = self._row_counts(current)
-        rows = stacked([hard, tube.numbered_from(first[0]), links.numbered_from(first[1])])
-        return rows, np.repeat([0.0, 1.0], [len(hard), len(tube) + len(links)])
+        parts = [limits.rows(current.duration, size) for limits in current.limits]
+        hard = sum(len(rows) for rows in parts)
+        parts += [current.tube.rows(size), current.links.rows(size)]
+        counts = [*(limits.row_count for limits in current.limits), current.tube.row_count]
+        firsts = np.concatenate([[0], np.cumsum(counts)])
+        rows = stacked([rows.numbered_from(int(n)) for rows, n in zip(parts, firsts, strict=True)])
+        return rows, np.repeat([0.0, 1.0], [hard, len(rows) - hard])
 
     def room(self, current: Iterate, trial: Iterate, squared_duration: float) -> FloatArray:
         """Return the room that a trial has, by the numbers of the rows at a motion.
@@ -98,7 +105,7 @@ class MotionConditions:
         """
         return np.concatenate(
             [
-                trial.limits.room(current.duration, squared_duration),
+                *(limits.room(current.duration, squared_duration) for limits in trial.limits),
                 current.tube.room(trial.tube),
                 -trial.links.excess,
             ]
@@ -110,38 +117,46 @@ class MotionConditions:
 
     def look_between_samples(self, current: Iterate) -> tuple[Iterate, bool]:
         """Return a motion's cost between samples too, and whether samples had to be added."""
-        new_links = self.look_for_links(current.motion)
-        worst = self._at(current.motion, self._dense_samples, self._dense_samples)
-        limits, tube = worst.limits.squared_durations, worst.tube.excess
-        higher = np.flatnonzero(_peaks(limits) & (limits > _HIGHER * current.squared_duration))
-        outside = np.flatnonzero(_peaks(tube) & (tube > 0.0))
-        self._limit_samples = self._limit_samples.and_also(self._dense_samples.where(higher))
+        has_more = self.look_for_links(current.motion)
+        dense = dict.fromkeys(self._limit_samples, self._dense_samples)
+        worst = self._at(current.motion, dense, self._dense_samples)
+        for kinds, limits in zip(self._limit_samples, worst.limits, strict=True):
+            floor = _HIGHER * current.squared_duration
+            higher = _peaks(limits.squared_durations, floor)
+            self._limit_samples[kinds] = self._limit_samples[kinds].and_also(
+                self._dense_samples.where(higher)
+            )
+            has_more |= len(higher) > 0
+        outside = _peaks(worst.tube.excess, 0.0)
         self._tube_samples = self._tube_samples.and_also(self._dense_samples.where(outside))
-        return worst, bool(len(higher) or len(outside) or new_links)
+        return worst, has_more or len(outside) > 0
 
     def add_samples(self, motion: PhasedMotion, x: float) -> None:
         """Add samples of everything at an instant, from 0 to 1."""
         samples = self._shape.samples_at(motion.gates, np.array([x]))
-        self._limit_samples = self._limit_samples.and_also(samples)
+        for kinds, known in self._limit_samples.items():
+            self._limit_samples[kinds] = known.and_also(samples)
         self._tube_samples = self._tube_samples.and_also(samples)
         self._links.look_at(motion, samples)
 
-    def _row_counts(self, current: Iterate) -> tuple[int, int]:
-        """Return how many rows the limits have, and limits and tube together."""
-        limits = 2 * len(self._limits.names) * len(current.limits.at.position)
-        return limits, limits + current.tube.row_count
-
-    def _at(self, motion: PhasedMotion, limit_samples: Samples, tube_samples: Samples) -> Iterate:
-        limits = self._limits.at(motion, limit_samples)
+    def _at(
+        self,
+        motion: PhasedMotion,
+        limit_samples: dict[tuple[str, ...], Samples],
+        tube_samples: Samples,
+    ) -> Iterate:
+        limits = tuple(
+            self._limits.at(motion, samples, kinds) for kinds, samples in limit_samples.items()
+        )
         first_radius = len(self._limits.names)
         tube = evaluated_tube(self._problem, motion, tube_samples, INNER_MARGIN, first_radius)
         links = self._links.at(motion)
         excess = max(float(tube.excess.max()), float(links.excess.max(initial=0.0)), 0.0)
-        return Iterate(motion, float(limits.squared_durations.max()), excess, limits, tube, links)
+        squared_duration = max(float(part.squared_durations.max()) for part in limits)
+        return Iterate(motion, squared_duration, excess, limits, tube, links)
 
 
-def _peaks(values: FloatArray) -> BoolArray:
-    """Return which samples are no lower than their neighbours, the later of two equal ones."""
+def _peaks(values: FloatArray, floor: float) -> IntArray:
+    """Return which samples above a floor are no lower than their neighbours."""
     padded = np.concatenate([[-np.inf], values, [-np.inf]])
-    is_peak: BoolArray = (values >= padded[:-2]) & (values > padded[2:])
-    return is_peak
+    return np.flatnonzero((values >= padded[:-2]) & (values > padded[2:]) & (values > floor))

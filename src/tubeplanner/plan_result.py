@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from tubeplanner.branch_and_bound import SearchStatistics
 from tubeplanner.certificate import Certificate
 from tubeplanner.outcome import Place, PlanStatus
+from tubeplanner.path_minimum import path_minimum
 from tubeplanner.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, StoppedBy
 from tubeplanner.refusal import refusal
@@ -20,6 +21,10 @@ from tubeplanner.verification import verify
 # A reference point that the hand passes farther away than this is pointed out.
 _FAR_IN_RADII = 3.0
 _LOOKS_PER_PIECE = 20
+
+
+def _no_path() -> None:
+    return None
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +44,9 @@ class PlanResult:
         stopped_by: "time_limit" or "interrupt" if that ended planning early; None otherwise.
         sensitivities: What every limit costs, the dearest first; computed when first asked for.
             Empty unless the answer is refinement's.
+        notes: What else is worth knowing about the answer.
+        path_minimum: The least time [s] in which motors that switch at once could run the answer's
+            path; computed when first asked for. None if there is no answer.
     """
 
     status: PlanStatus
@@ -51,12 +59,19 @@ class PlanResult:
     certificate_time: float = 0.0
     search: SearchStatistics | None = None
     stopped_by: StoppedBy | None = None
+    notes: tuple[str, ...] = ()
     _prices: Callable[[], tuple[Sensitivity, ...]] = tuple
+    _path_minimum: Callable[[], float | None] = _no_path
 
     @cached_property
     def sensitivities(self) -> tuple[Sensitivity, ...]:
         """What every limit costs, the dearest first."""
         return self._prices()
+
+    @cached_property
+    def path_minimum(self) -> float | None:
+        """The least time for the answer's path [s], by motors that switch at once."""
+        return self._path_minimum()
 
     @property
     def succeeded(self) -> bool:
@@ -74,7 +89,7 @@ class PlanResult:
         return None if self.search is None else self.search.best_duration
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the fields of the command line's JSON, but for loading_time."""
+        """Return the fields of the command line's JSON, but for loading_time and path_minimum."""
         return {
             "status": str(self.status),
             "message": self.message,
@@ -85,6 +100,7 @@ class PlanResult:
             "certificate_time": self.certificate_time,
             "stopped_by": self.stopped_by,
             "method": self.method,
+            "notes": list(self.notes),
             "sensitivities": [asdict(price) for price in self.sensitivities],
             "search": None if self.search is None else self.search.as_dict(),
             "certificate": None if self.certificate is None else self.certificate.as_dict(),
@@ -97,24 +113,40 @@ def certified_result(
     """Return the result of a method that made a trajectory: success if its certificate passes."""
     begin = clock.elapsed
     certificate = verify(problem, trajectory)
-    certificate_time = clock.elapsed - begin
+    return judged_result(problem, trajectory, certificate, clock.elapsed - begin, method)
+
+
+def judged_result(
+    problem: PlanningProblem,
+    trajectory: JointTrajectory,
+    certificate: Certificate,
+    certificate_time: float,
+    method: str,
+) -> PlanResult:
+    """Return the result of a method whose trajectory has its certificate, passed or not."""
     reason = refusal(problem, certificate)
-    if reason is None:
-        status, message, place = PlanStatus.SUCCESS, success_message(problem, trajectory), Place()
-    else:
-        status, message, place = reason.status, str(reason), reason.place
+    if reason is not None:
+        return PlanResult(
+            reason.status,
+            str(reason),
+            reason.place,
+            method,
+            certificate=certificate,
+            certificate_time=certificate_time,
+        )
     return PlanResult(
-        status,
-        message,
-        place,
+        PlanStatus.SUCCESS,
+        _success_message(problem, trajectory),
+        Place(),
         method,
-        trajectory if reason is None else None,
+        trajectory,
         certificate,
         certificate_time=certificate_time,
+        _path_minimum=partial(path_minimum, problem.robot, trajectory),
     )
 
 
-def success_message(problem: PlanningProblem, trajectory: JointTrajectory) -> str:
+def _success_message(problem: PlanningProblem, trajectory: JointTrajectory) -> str:
     """Return what is to be said about a certified motion."""
     message = f"certified motion of {trajectory.duration:.4f} s"
     if problem.goal is None:

@@ -18,6 +18,7 @@ from tubeplanner.refinement import Refinement
 from tubeplanner.sensitivities import price_list
 from tubeplanner.spline_start import starting_spline
 from tubeplanner.time_scaling import scaled_to_limits
+from tubeplanner.trajectory import JointTrajectory
 
 # How often a certificate's objections are handed back to refinement.
 _MOST_OBJECTIONS = 5
@@ -108,7 +109,23 @@ def _from_start(
             break
         work = partial(refinement.answer, result.certificate, motion.duration)
     prices = partial(price_list, problem, refinement, motion.duration)
-    return replace(result, _prices=prices)
+    return replace(result, notes=_notes(problem, motion, knots), _prices=prices)
+
+
+def _notes(problem: PlanningProblem, motion: JointTrajectory, knots: int) -> tuple[str, ...]:
+    """Return what the motion's jerk means, where nothing limits it."""
+    robot = problem.robot
+    peak = abs(motion.derivative_coefficients(3)).max(axis=(0, 1))
+    peak = np.where(np.isfinite(robot.limits.jerk), 0.0, peak)
+    joint = int(peak.argmax())
+    if not peak[joint] > 0:
+        return ()
+    unit = "rad/s^3" if robot.revolute[joint] else "m/s^3"
+    return (
+        f"without a jerk limit, jerk grows with the square of the knots ({knots}): here up to "
+        f"{peak[joint]:.2g} {unit} ('{robot.joint_names[joint]}'); give the robot's own as "
+        "limits.jerk for a motion that a machine can follow",
+    )
 
 
 def _done(work: Callable[[], bool], refinement: Refinement, clock: PlanningClock) -> bool:

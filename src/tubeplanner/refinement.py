@@ -21,7 +21,7 @@ from tubeplanner.trajectory import JointTrajectory, from_spline
 
 _FIRST_TRUST, _LATER_TRUST, _LAST_TRUST = 0.2, 0.03, 0.02  # [rad or m]
 _LEAST_LAST_TRUST = 0.002
-_COARSE_GAIN, _FINE_GAIN, _LAST_GAIN = 1e-2, 5e-4, 1e-4
+_COARSE_GAIN, _FINE_GAIN, _LAST_GAIN = 1e-2, 5e-4, 3e-4
 _POLISH_TRUST, _POLISH_GAIN, _POLISH_STEPS = 0.01, 1e-7, 20
 _MOST_STEPS, _STEPS_PER_ROUND, _MOST_ROUNDS = 60, 3, 8
 # On coarse knots, links that came close on the way are given this much.

@@ -16,13 +16,16 @@ _NOTHING = 1e-10
 _PRICES = 3
 
 
-def plan_text(problem: PlanningProblem, result: PlanResult, loading_time: float) -> str:
+def plan_text(
+    problem: PlanningProblem, result: PlanResult, loading_time: float, *, with_minimum: bool = False
+) -> str:
     """Return what came of planning, in lines.
 
     Args:
         problem: What was asked.
         result: What came of it.
         loading_time: [s].
+        with_minimum: Whether to say how fast the path could be run by motors that switch at once.
     """
     robot = problem.robot
     lines = [
@@ -38,6 +41,13 @@ def plan_text(problem: PlanningProblem, result: PlanResult, loading_time: float)
     dearest = [str(price) for price in result.sensitivities[:_PRICES] if price.saved > 0]
     if dearest:
         lines.append(f"10 % more would save: {'; '.join(dearest)}")
+    if with_minimum and result.path_minimum is not None and result.duration:
+        left = 1 - result.path_minimum / result.duration
+        lines.append(
+            f"time left on this path: motors that switch at once would take "
+            f"{result.path_minimum:.4f} s, {100 * left:.1f} % less"
+        )
+    lines += [f"note: {note}" for note in result.notes]
     place = str(result.place)
     if place:
         lines.append(f"where: {place}")

@@ -8,7 +8,7 @@ from tubeplanner.branch_and_bound import BranchAndBound
 from tubeplanner.candidate_waypoints import candidate_waypoints
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.plan_options import BRANCH_AND_BOUND, PlanOptions
-from tubeplanner.plan_result import PlanResult, success_message
+from tubeplanner.plan_result import PlanResult, judged_result
 from tubeplanner.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, Progress
 from tubeplanner.reference_branch import ReferenceBranch
@@ -67,15 +67,9 @@ def _better(
 ) -> PlanResult:
     """Return the search's answer, or else what was known before, and say what is to be said."""
     result = known
-    if search is not None and search.best is not None:
-        result = PlanResult(
-            PlanStatus.SUCCESS,
-            success_message(problem, search.best),
-            Place(),
-            BRANCH_AND_BOUND,
-            search.best,
-            search.certificate,
-            certificate_time=search.certificate_time,
+    if search is not None and search.best is not None and search.certificate is not None:
+        result = judged_result(
+            problem, search.best, search.certificate, search.certificate_time, BRANCH_AND_BOUND
         )
     elif clock.stopped_by == "time_limit" and not known.succeeded:
         message = "the time limit passed before a motion was found"

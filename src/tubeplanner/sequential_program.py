@@ -11,7 +11,7 @@ from copy import copy
 import numpy as np
 from scipy import sparse
 
-from tubeplanner.arrays import BoolArray, FloatArray
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.linear_program import Bounds, Step, StepProgram
 from tubeplanner.linear_rows import Rows, StepSize
 from tubeplanner.link_conditions import LinkConditions
@@ -25,11 +25,10 @@ MERIT_TOLERANCE = 0.8 * INNER_MARGIN
 _SMOOTHING = 1e-5
 _PROXIMITY = 1e-3
 # Rows are given to the solver if they are this near, or a part of the trust region away.
-_NEAR, _NEAR_SHARE = 0.05, 0.05
+_NEAR, _NEAR_SHARE = 0.03, 0.03
 _MOST_LAZY_ROUNDS = 5
 _BROKEN = 1e-4
 _LEAST_TRUST, _LARGEST_TRUST = 1e-4, 1.0
-_LEAST_GAIN = 1e-5
 # Steps that gain less than this share of what they should are corrected.
 _GOOD_RATIO = 0.3
 _FIRST_PRICE, _LARGEST_PRICE = 3.0, 1e4
@@ -90,16 +89,18 @@ class SequentialProgram:
         Args:
             current: Where to start.
             trust: First radius of the trust region [rad or m].
-            least_gain: Two steps that gain less than this share of T^2 end it.
+            least_gain: A step that should gain less than this share of T^2 ends it, or two that do.
             most_steps: So many steps end it too.
         """
         small_gains, self._trust = 0, trust
+        self._remembered = np.zeros(0, dtype=np.int64)
         for _ in range(most_steps):
             problem = self._linearised(current, self._trust)
             step = problem.solve()
             if step is None:
                 self._trust *= 0.4
                 continue
+            self._remembered = problem.added
             trial = self._moved(current, step)
             predicted, gain = self._gains(current, trial, step)
             if gain < _GOOD_RATIO * predicted:
@@ -113,7 +114,7 @@ class SequentialProgram:
             self._checkpoint(current)
             size = float(abs(step.control).max(initial=0.0))
             self._trust = _next_trust(self._trust, ratio, size)
-            if predicted < _LEAST_GAIN or small_gains == 2 or self._trust < _LEAST_TRUST:
+            if predicted < least_gain or small_gains == 2 or self._trust < _LEAST_TRUST:
                 break
         return current
 
@@ -186,10 +187,11 @@ class SequentialProgram:
         bounds = self._bounds(current, trust)
         size = StepSize(trust, float(bounds.gate.max(initial=0.0)))
         rows, is_elastic = self.conditions.rows(current, size)
+        active = (rows.room < _NEAR) | (rows.room < _NEAR_SHARE * rows.reach(size))
         return _Linearised(
             rows,
             is_elastic,
-            (rows.room < _NEAR) | (rows.room < _NEAR_SHARE * rows.reach(size)),
+            active | np.isin(rows.index, self._remembered),
             bounds,
             (self._hessian, self._gradient(current)),
             self._price,
@@ -255,10 +257,16 @@ class _Linearised:
         quadratic: tuple[sparse.csc_matrix, FloatArray],
         price: float,
     ) -> None:
-        self._rows, self._is_elastic, self._active = rows, is_elastic, active
+        self._rows, self._is_elastic = rows, is_elastic
+        self._near, self._active = active, active.copy()
         self._bounds, self._quadratic, self._price = bounds, quadratic, price
         self._program: StepProgram | None = None
         self._given = np.zeros(0, dtype=np.int64)
+
+    @property
+    def added(self) -> IntArray:
+        """Numbers of the rows that were not near but turned out to be broken."""
+        return self._rows.index[self._active & ~self._near]
 
     def solve(self) -> Step | None:
         """Return the step, or None if there is none."""

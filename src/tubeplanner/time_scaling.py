@@ -11,7 +11,6 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.bernstein import bernstein_coefficients, maxima
-from tubeplanner.joint_limits import JointLimits
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.peaks import refined_maximum
 from tubeplanner.robot import RobotModel
@@ -39,27 +38,19 @@ def scaling_factor(robot: RobotModel, q: FloatArray, v: FloatArray, a: FloatArra
         where nothing limits, 0 where gravity alone needs a motor's whole effort. (Suh & Bishop
         1988, property 2: b_ij; they have no acceleration limits.)
     """
-    tau, gravity = robot.inverse_dynamics(q, v, a), robot.gravity_effort(q)
-    return scaling_factor_of(robot.limits, v, a, tau, gravity)
-
-
-def scaling_factor_of(
-    limits: JointLimits, v: FloatArray, a: FloatArray, tau: FloatArray, gravity: FloatArray
-) -> FloatArray:
-    """Return `scaling_factor` where efforts, and those against gravity alone, are known."""
-    velocity = _ratio(limits.velocity, abs(v))
-    acceleration = np.sqrt(_ratio(limits.acceleration, abs(a)))
-    effort = _effort_factor_of(limits.effort, tau, gravity)
-    return np.minimum(np.minimum(velocity, acceleration), effort)
+    velocity = _ratio(robot.limits.velocity, abs(v))
+    acceleration = np.sqrt(_ratio(robot.limits.acceleration, abs(a)))
+    return np.minimum(np.minimum(velocity, acceleration), effort_factor(robot, q, v, a))
 
 
 def effort_factor(robot: RobotModel, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
     """Return the part of `scaling_factor` that the efforts give, shape (N, n)."""
     tau, gravity = robot.inverse_dynamics(q, v, a), robot.gravity_effort(q)
-    return _effort_factor_of(robot.limits.effort, tau, gravity)
+    return effort_factor_of(robot.limits.effort, tau, gravity)
 
 
-def _effort_factor_of(limit: FloatArray, tau: FloatArray, gravity: FloatArray) -> FloatArray:
+def effort_factor_of(limit: FloatArray, tau: FloatArray, gravity: FloatArray) -> FloatArray:
+    """Return `effort_factor` where efforts, and those against gravity alone, are known."""
     motion = tau - gravity
     room = np.where(motion >= 0, limit - gravity, limit + gravity)
     holds = abs(gravity) < limit
