@@ -7,12 +7,14 @@ from tubeplanner import LimitOverrides, Obstacle, PlanningProblem, Tube, load_ro
 from tubeplanner.limit_conditions import LimitConditions
 from tubeplanner.linear_rows import StepSize
 from tubeplanner.link_conditions import LinkConditions
-from tubeplanner.phase_spline import PhasedMotion
+from tubeplanner.phase_spline import PhasedMotion, VelocityHull
 from tubeplanner.spline_start import knot_grid
 from tubeplanner.tube_conditions import evaluated_tube
 
 GATES = np.array([0.0, 0.4, 1.0])
 STEP = 1e-6
+LIMITS = ("effort", "velocity", "rates")
+EVERY_LIMIT = ("effort", "velocity", "acceleration", "jerk")
 
 
 def limited(robot_name):
@@ -57,26 +59,29 @@ class Kinds:
         self.links.look_at(motion, motion.shape.samples_at(GATES, np.linspace(0.2, 0.8, 9)))
 
     def at(self, motion):
-        if self.kind == "limits":
-            return LimitConditions(self.problem.robot).at(motion, self.samples)
+        if self.kind in LIMITS:
+            places = {"velocity": VelocityHull(len(motion.control_points))}
+            kinds = ("acceleration", "jerk") if self.kind == "rates" else (self.kind,)
+            limits = LimitConditions(self.problem.robot)
+            return limits.at(motion, places.get(self.kind, self.samples), kinds)
         if self.kind == "tube":
             return evaluated_tube(self.problem, motion, self.samples, 0.005, 0)
         return self.links.at(motion)
 
     def rows(self, motion, duration, size=None):
         here = self.at(motion)
-        return here.rows(duration, size) if self.kind == "limits" else here.rows(size)
+        return here.rows(duration, size) if self.kind in LIMITS else here.rows(size)
 
     def room(self, motion, other, duration, eta):
         """Return the room of the rows at a motion, elsewhere."""
-        if self.kind == "limits":
+        if self.kind in LIMITS:
             return self.at(other).room(duration, 1 + eta)
         if self.kind == "tube":
             return self.at(motion).room(self.at(other))
         return -self.at(other).excess
 
 
-@pytest.mark.parametrize("kind", ["limits", "tube", "links"])
+@pytest.mark.parametrize("kind", [*LIMITS, "tube", "links"])
 def test_rows_have_the_derivatives_of_their_room(case, kind):
     """By control points, gates and the duration together, along a random direction."""
     kinds, motion, duration = Kinds(kind, case), case[1], 0.8
@@ -98,7 +103,7 @@ def test_rows_have_the_derivatives_of_their_room(case, kind):
     np.testing.assert_allclose(numeric / scale, expected / scale, atol=3e-4)
 
 
-@pytest.mark.parametrize("kind", ["limits", "tube", "links"])
+@pytest.mark.parametrize("kind", [*LIMITS, "tube", "links"])
 def test_their_room_at_the_motion_itself_is_theirs(case, kind):
     kinds, motion = Kinds(kind, case), case[1]
     rows = kinds.rows(motion, 0.8)
@@ -107,7 +112,7 @@ def test_their_room_at_the_motion_itself_is_theirs(case, kind):
     assert sorted(rows.index.tolist()) == list(range(len(there)))
 
 
-@pytest.mark.parametrize("kind", ["limits", "tube", "links"])
+@pytest.mark.parametrize("kind", [*LIMITS, "tube", "links"])
 def test_rows_left_out_cannot_be_broken_by_the_step(case, kind):
     kinds, motion = Kinds(kind, case), case[1]
     size = StepSize(0.01, 0.005)
@@ -120,7 +125,7 @@ def test_rows_left_out_cannot_be_broken_by_the_step(case, kind):
 def test_rows_know_what_the_duration_gives(case):
     """At the duration that the limits allow, the tightest row has no room; beyond it, some."""
     problem, motion, samples = case
-    limits = LimitConditions(problem.robot).at(motion, samples)
+    limits = LimitConditions(problem.robot).at(motion, samples, EVERY_LIMIT)
     y = float(limits.squared_durations.max())
     rows = limits.rows(np.sqrt(y), None)
     assert rows.room.min() == pytest.approx(0.0, abs=1e-9)
@@ -135,7 +140,7 @@ def test_the_least_duration_is_that_of_every_limit(case):
     """Run in it, some limit is just met, and none is broken."""
     problem, motion, samples = case
     robot, limits = problem.robot, problem.robot.limits
-    evaluated = LimitConditions(robot).at(motion, samples)
+    evaluated = LimitConditions(robot).at(motion, samples, EVERY_LIMIT)
     for i, y in enumerate(evaluated.squared_durations):
         rates = [evaluated.at.rate(order, float(np.sqrt(y)))[i : i + 1] for order in (1, 2, 3)]
         q, (v, a, j) = evaluated.at.position[i : i + 1], rates
@@ -151,7 +156,7 @@ def test_the_least_duration_is_that_of_every_limit(case):
 def test_every_limit_has_a_name_and_rows(case):
     problem, motion, samples = case
     conditions = LimitConditions(problem.robot)
-    rows = conditions.at(motion, samples).rows(0.8, None)
+    rows = conditions.at(motion, samples, EVERY_LIMIT).rows(0.8, None)
     assert np.unique(rows.limit).tolist() == list(range(len(conditions.names)))
     n = problem.robot.joint_count
     assert conditions.names[:n] == [("effort", j) for j in range(n)]

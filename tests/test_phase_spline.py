@@ -2,7 +2,13 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from tubeplanner.phase_spline import DEGREE, PhasedMotion, PhaseSpline
+from tubeplanner.phase_spline import (
+    DEGREE,
+    PhasedMotion,
+    PhaseSpline,
+    VelocityHull,
+    basis_by_gate,
+)
 from tubeplanner.sampled_motion import sampled
 from tubeplanner.spline_start import knot_grid, subdivided
 
@@ -50,24 +56,40 @@ def test_samples_at_a_gate_belong_to_the_phases_on_both_sides():
     assert at_gate == [(0, 0.0), (0, 1.0), (1, 0.0), (1, 1.0), (2, 0.0), (2, 1.0)]
 
 
+def test_the_velocity_stays_within_its_hull_and_touches_it():
+    hull = VelocityHull(SHAPE.control_point_count)
+    for seed in range(20):
+        motion = PhasedMotion(SHAPE, GATES, control_points(seed))
+        bound = sampled(motion, hull).by_x[1]
+        velocity = motion.spline()(np.linspace(0, 1, 2000), 1)
+        assert (velocity.max(axis=0) <= bound.max(axis=0) + 1e-12).all()
+        assert (velocity.min(axis=0) >= bound.min(axis=0) - 1e-12).all()
+    derivative = motion.spline().derivative()
+    np.testing.assert_allclose(bound, derivative.c[: len(bound)], rtol=1e-12, atol=1e-12)
+
+
 def test_it_rests_at_both_ends():
     spline = BSpline(SHAPE.knots(GATES), control_points(), DEGREE)
     for order in (1, 2):
         np.testing.assert_allclose(spline(np.array([0.0, 1.0]), order), 0, atol=1e-11)
 
 
-def test_gates_move_knots_and_samples_with_them():
-    samples = SHAPE.samples(np.array([0.5]))
-    by_gate = SHAPE.basis_by_gate(samples, GATES)
+@pytest.mark.parametrize(
+    "samples",
+    [SHAPE.samples(np.array([0.5])), VelocityHull(SHAPE.control_point_count)],
+    ids=["samples", "hull"],
+)
+def test_gates_move_knots_and_samples_with_them(samples):
+    by_gate = basis_by_gate(samples, SHAPE, GATES)
     step = 1e-4
     for column, gate in enumerate((1, 2)):
         sides = []
         for sign in (1, -1):
             moved = GATES.copy()
             moved[gate] += sign * step
-            sides.append(SHAPE.basis(samples, moved))
+            sides.append(samples.basis(SHAPE, moved))
         expected = (sides[0] - sides[1]) / (2 * step)
-        scale = abs(expected).max(axis=(1, 2), keepdims=True)
+        scale = np.maximum(abs(expected).max(axis=(1, 2), keepdims=True), 1e-9)
         np.testing.assert_allclose(by_gate[column] / scale, expected / scale, atol=1e-4)
 
 

@@ -11,13 +11,13 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.linear_rows import Rows, StepSize, stacked, two_sided_room, two_sided_rows
-from tubeplanner.phase_spline import PhasedMotion, Samples
+from tubeplanner.phase_spline import PhasedMotion, Places
 from tubeplanner.robot import RobotModel
 from tubeplanner.sampled_motion import SampledMotion, sampled
 from tubeplanner.time_scaling import effort_factor_of
 
 _ORDERS = {"velocity": 1, "acceleration": 2, "jerk": 3}
-EFFORT, RATES = "effort", tuple(_ORDERS)
+EFFORT, VELOCITY, ACCELERATION, JERK = "effort", *_ORDERS
 
 
 class LimitConditions:
@@ -39,11 +39,9 @@ class LimitConditions:
         """Return whether any joint has a limit of one of some kinds."""
         return any(len(self._bounded[kind]) for kind in kinds)
 
-    def at(
-        self, motion: PhasedMotion, samples: Samples, kinds: tuple[str, ...]
-    ) -> "EvaluatedLimits":
-        """Return the limits of some kinds at samples of a motion; one kind must limit a joint."""
-        at = sampled(motion, samples)
+    def at(self, motion: PhasedMotion, places: Places, kinds: tuple[str, ...]) -> "EvaluatedLimits":
+        """Return the limits of some kinds at places of a motion; one kind must limit a joint."""
+        at = sampled(motion, places)
         asked = {kind: self._numbers[kind] for kind in kinds if len(self._bounded[kind])}
         gravity = effort = np.zeros_like(at.position)
         if EFFORT in asked:

@@ -5,16 +5,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
-from tubeplanner.limit_conditions import EFFORT, RATES, EvaluatedLimits, LimitConditions
+from tubeplanner.limit_conditions import (
+    ACCELERATION,
+    EFFORT,
+    JERK,
+    VELOCITY,
+    EvaluatedLimits,
+    LimitConditions,
+)
 from tubeplanner.linear_rows import Rows, StepSize, stacked
 from tubeplanner.link_conditions import EvaluatedLinks, LinkConditions
-from tubeplanner.phase_spline import PhasedMotion, PhaseSpline, Samples
+from tubeplanner.phase_spline import PhasedMotion, PhaseSpline, Places, Samples, VelocityHull
 from tubeplanner.problem import PlanningProblem
 from tubeplanner.tube_conditions import EvaluatedTube, evaluated_tube
 
-# Samples per knot interval. Efforts are all but straight lines there, velocities are parabolas.
+# Samples per knot interval. There, accelerations are straight lines and jerks constant.
 _EFFORT_SAMPLES = np.arange(2) / 2
-_RATE_SAMPLES = np.arange(4) / 4
+_RATE_SAMPLES = np.zeros(1)
 _TUBE_SAMPLES = np.arange(3) / 3
 _DENSE_SAMPLES = np.linspace(0, 1, 21)
 # Steps aim this far inside the tube, a share of its radius.
@@ -58,11 +65,12 @@ class MotionConditions:
         self._limits = LimitConditions(problem.robot)
         # A gate has a sample on either side, so that the hand is in both capsules there.
         ends = shape.phase_ends()
-        self._limit_samples = {
-            kinds: shape.samples(local).and_also(ends)
-            for kinds, local in (((EFFORT,), _EFFORT_SAMPLES), (RATES, _RATE_SAMPLES))
-            if self._limits.limited(kinds)
+        places: dict[tuple[str, ...], Places] = {
+            (EFFORT,): shape.samples(_EFFORT_SAMPLES).and_also(ends),
+            (VELOCITY,): VelocityHull(shape.control_point_count),
+            (ACCELERATION, JERK): shape.samples(_RATE_SAMPLES).and_also(ends),
         }
+        self._limited = {kinds: at for kinds, at in places.items() if self._limits.limited(kinds)}
         self._tube_samples = shape.samples(_TUBE_SAMPLES).and_also(ends)
         self._dense_samples = shape.samples(_DENSE_SAMPLES)
 
@@ -78,7 +86,7 @@ class MotionConditions:
 
     def at(self, motion: PhasedMotion) -> Iterate:
         """Return a motion with what it costs at the samples."""
-        return self._at(motion, self._limit_samples, self._tube_samples)
+        return self._at(motion, self._limited, self._tube_samples)
 
     def rows(self, current: Iterate, size: StepSize | None) -> tuple[Rows, FloatArray]:
         """Return all rows at a motion, and 1 for those that may be broken for a price.
@@ -118,14 +126,14 @@ class MotionConditions:
     def look_between_samples(self, current: Iterate) -> tuple[Iterate, bool]:
         """Return a motion's cost between samples too, and whether samples had to be added."""
         has_more = self.look_for_links(current.motion)
-        dense = dict.fromkeys(self._limit_samples, self._dense_samples)
-        worst = self._at(current.motion, dense, self._dense_samples)
-        for kinds, limits in zip(self._limit_samples, worst.limits, strict=True):
+        limited = dict(self._limited)
+        if (EFFORT,) in limited:
+            limited[EFFORT,] = self._dense_samples
+        worst = self._at(current.motion, limited, self._dense_samples)
+        if (EFFORT,) in limited:
             floor = _HIGHER * current.squared_duration
-            higher = _peaks(limits.squared_durations, floor)
-            self._limit_samples[kinds] = self._limit_samples[kinds].and_also(
-                self._dense_samples.where(higher)
-            )
+            higher = _peaks(worst.limits[0].squared_durations, floor)
+            self._watch_efforts(self._dense_samples.where(higher))
             has_more |= len(higher) > 0
         outside = _peaks(worst.tube.excess, 0.0)
         self._tube_samples = self._tube_samples.and_also(self._dense_samples.where(outside))
@@ -134,20 +142,22 @@ class MotionConditions:
     def add_samples(self, motion: PhasedMotion, x: float) -> None:
         """Add samples of everything at an instant, from 0 to 1."""
         samples = self._shape.samples_at(motion.gates, np.array([x]))
-        for kinds, known in self._limit_samples.items():
-            self._limit_samples[kinds] = known.and_also(samples)
+        self._watch_efforts(samples)
         self._tube_samples = self._tube_samples.and_also(samples)
         self._links.look_at(motion, samples)
+
+    def _watch_efforts(self, samples: Samples) -> None:
+        known = self._limited.get((EFFORT,))
+        if isinstance(known, Samples):
+            self._limited[EFFORT,] = known.and_also(samples)
 
     def _at(
         self,
         motion: PhasedMotion,
-        limit_samples: dict[tuple[str, ...], Samples],
+        limited: dict[tuple[str, ...], Places],
         tube_samples: Samples,
     ) -> Iterate:
-        limits = tuple(
-            self._limits.at(motion, samples, kinds) for kinds, samples in limit_samples.items()
-        )
+        limits = tuple(self._limits.at(motion, places, kinds) for kinds, places in limited.items())
         first_radius = len(self._limits.names)
         tube = evaluated_tube(self._problem, motion, tube_samples, INNER_MARGIN, first_radius)
         links = self._links.at(motion)

@@ -7,6 +7,7 @@ exactly at both ends.
 """
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from scipy.interpolate import BSpline
@@ -31,6 +32,15 @@ class Samples:
     phase: IntArray
     share: FloatArray
     interval: IntArray
+
+    @property
+    def first(self) -> IntArray:
+        """The first of the four control points that count, shape (N,)."""
+        return self.interval
+
+    def basis(self, shape: "PhaseSpline", gates: FloatArray) -> FloatArray:
+        """Return what position and its derivatives take of four control points, (4, N, 4)."""
+        return _basis_functions(shape.knots(gates), self.interval + DEGREE, self.times(gates))
 
     def and_also(self, other: "Samples") -> "Samples":
         """Return these samples and others."""
@@ -107,24 +117,46 @@ class PhaseSpline:
         last = np.cumsum([len(share) - 1 for share in self.shares]) - 1
         return Samples(np.arange(count), np.ones(count), last)
 
-    def basis(self, samples: Samples, gates: FloatArray) -> FloatArray:
-        """Return the weights of four control points for position and derivatives by x, (4, N, 4).
 
-        The first control point that counts is the one with the number of the sample's interval.
-        """
-        x = samples.times(gates)
-        return _basis_functions(self.knots(gates), samples.interval + DEGREE, x)
+@dataclass(frozen=True, eq=False)
+class VelocityHull:
+    """The control points of a spline's derivative: its velocity stays between them for all x.
 
-    def basis_by_gate(self, samples: Samples, gates: FloatArray) -> FloatArray:
-        """Return the derivatives of `basis` by the inner gates, shape (gates, 4, N, 4)."""
-        inner = range(1, len(gates) - 1)
-        here = self.basis(samples, gates) if inner else np.zeros((4, len(samples.phase), 4))
-        found = np.zeros((len(inner), *here.shape))
-        for column, gate in enumerate(inner):
-            moved = gates.copy()
-            moved[gate] += _GATE_STEP
-            found[column] = (self.basis(samples, moved) - here) / _GATE_STEP
-        return found
+    (Piegl & Tiller, "The NURBS Book", 1997, equation 3.8.)
+
+    Attributes:
+        count: Number K of control points of the spline.
+    """
+
+    count: int
+
+    @property
+    def first(self) -> IntArray:
+        """The first of the four control points that count, shape (K-1,)."""
+        return np.minimum(np.arange(self.count - 1), self.count - DEGREE - 1)
+
+    def basis(self, shape: "PhaseSpline", gates: FloatArray) -> FloatArray:
+        """Return the weights of four control points, (2, K-1, 4): none for position."""
+        knots, number = shape.knots(gates), np.arange(self.count - 1)
+        weight = DEGREE / (knots[number + DEGREE + 1] - knots[number + 1])
+        place = number - self.first
+        basis = np.zeros((2, self.count - 1, DEGREE + 1))
+        basis[1, number, place], basis[1, number, place + 1] = -weight, weight
+        return basis
+
+
+Places: TypeAlias = Samples | VelocityHull
+
+
+def basis_by_gate(places: Places, shape: PhaseSpline, gates: FloatArray) -> FloatArray:
+    """Return the derivatives of the weights at places by the inner gates, (gates, orders, N, 4)."""
+    here = places.basis(shape, gates)
+    found = np.zeros((len(gates) - 2, *here.shape))
+    for column in range(len(gates) - 2):
+        moved = gates.copy()
+        moved[column + 1] += _GATE_STEP
+        found[column] = (places.basis(shape, moved) - here) / _GATE_STEP
+    return found
 
 
 @dataclass(frozen=True, eq=False)

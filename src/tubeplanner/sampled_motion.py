@@ -6,22 +6,22 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
-from tubeplanner.phase_spline import PhasedMotion, PhaseSpline, Samples
+from tubeplanner.phase_spline import PhasedMotion, PhaseSpline, Places, basis_by_gate
 
 
 @dataclass(frozen=True, eq=False)
 class SampledMotion:
-    """A spline over phases at N samples.
+    """A spline over phases at N places.
 
     Attributes:
         motion: The spline.
-        samples: Where it is looked at.
-        basis: Weights of the four control points that count, shape (4, N, 4).
-        by_x: Position and three derivatives by x, shape (4, N, n).
+        places: Where it is looked at.
+        basis: Weights of the four control points that count, shape (orders, N, 4).
+        by_x: Position and derivatives by x, as many as there are weights, shape (orders, N, n).
     """
 
     motion: PhasedMotion
-    samples: Samples
+    places: Places
     basis: FloatArray
     by_x: FloatArray
 
@@ -33,7 +33,7 @@ class SampledMotion:
     @property
     def first(self) -> IntArray:
         """The first of the four control points that count, shape (N,)."""
-        return self.samples.interval
+        return self.places.first
 
     def rate(self, order: int, duration: float) -> FloatArray:
         """Return velocity (1), acceleration (2) or jerk (3) of a run in so many seconds, (N, n)."""
@@ -42,9 +42,9 @@ class SampledMotion:
 
     @cached_property
     def by_gate(self) -> FloatArray:
-        """Derivatives of `by_x` by the inner gates, shape (gates, 4, N, n)."""
+        """Derivatives of `by_x` by the inner gates, shape (gates, orders, N, n)."""
         motion = self.motion
-        basis = motion.shape.basis_by_gate(self.samples, motion.gates)
+        basis = basis_by_gate(self.places, motion.shape, motion.gates)
         return np.matmul(basis[:, :, :, None], self._taken)[:, :, :, 0]
 
     def chained(self, by_state: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -65,22 +65,22 @@ class SampledMotion:
 
     @cached_property
     def _taken(self) -> FloatArray:
-        return _taken(self.motion, self.samples)
+        return _taken(self.motion, self.places)
 
 
-def sampled(motion: PhasedMotion, samples: Samples) -> SampledMotion:
-    """Return a motion at samples."""
-    basis = _basis(motion.shape, samples, motion.gates.tobytes())
-    by_x = np.matmul(basis[:, :, None], _taken(motion, samples))[:, :, 0]
-    return SampledMotion(motion, samples, basis, by_x)
+def sampled(motion: PhasedMotion, places: Places) -> SampledMotion:
+    """Return a motion at some places."""
+    basis = _basis(motion.shape, places, motion.gates.tobytes())
+    by_x = np.matmul(basis[:, :, None], _taken(motion, places))[:, :, 0]
+    return SampledMotion(motion, places, basis, by_x)
 
 
 @lru_cache(maxsize=8)  # gates often stay where they are; those of one phase always do
-def _basis(shape: PhaseSpline, samples: Samples, gates: bytes) -> FloatArray:
-    return shape.basis(samples, np.frombuffer(gates))
+def _basis(shape: PhaseSpline, places: Places, gates: bytes) -> FloatArray:
+    return places.basis(shape, np.frombuffer(gates))
 
 
-def _taken(motion: PhasedMotion, samples: Samples) -> FloatArray:
-    """Return the control points that count at each sample, shape (N, 4, n)."""
-    taken: FloatArray = motion.control_points[samples.interval[:, None] + np.arange(4)]
+def _taken(motion: PhasedMotion, places: Places) -> FloatArray:
+    """Return the control points that count at each place, shape (N, 4, n)."""
+    taken: FloatArray = motion.control_points[places.first[:, None] + np.arange(4)]
     return taken

@@ -24,12 +24,14 @@ class EvaluatedTube:
     Attributes:
         problem: What is asked.
         at: The motion at the samples.
+        samples: Each is in the phase of its segment.
         margin: The share of the radii that is kept free.
         first_limit: Number of the first segment's radius among the limits.
     """
 
     problem: PlanningProblem
     at: SampledMotion
+    samples: Samples
     margin: float
     first_limit: int
 
@@ -64,7 +66,7 @@ class EvaluatedTube:
             gate[sample, plane],
             np.zeros(len(sample)),
             room[sample, plane],
-            self.first_limit + self.at.samples.phase[sample],
+            self.first_limit + self.samples.phase[sample],
             sample * room.shape[1] + plane,
         )
 
@@ -102,16 +104,16 @@ class EvaluatedTube:
     def _nearest(self) -> FloatArray:
         """The points of the segments' axes that are nearest to the hand, shape (N, 3)."""
         nearest = self.problem.tube.nearest(self._hand)
-        return nearest[np.arange(len(nearest)), self.at.samples.phase]
+        return nearest[np.arange(len(nearest)), self.samples.phase]
 
     @property
     def _axis_ends(self) -> tuple[FloatArray, FloatArray]:
-        points, segment = self.problem.tube.points, self.at.samples.phase
+        points, segment = self.problem.tube.points, self.samples.phase
         return points[segment], points[segment + 1]
 
     @property
     def _radius(self) -> FloatArray:
-        radius: FloatArray = self.problem.tube.effective_radius[self.at.samples.phase]
+        radius: FloatArray = self.problem.tube.effective_radius[self.samples.phase]
         return radius
 
 
@@ -123,7 +125,7 @@ def evaluated_tube(
     first_limit: int = NO_LIMIT,
 ) -> EvaluatedTube:
     """Return the tube at samples of a motion; each phase belongs to the segment of its number."""
-    return EvaluatedTube(problem, sampled(motion, samples), margin, first_limit)
+    return EvaluatedTube(problem, sampled(motion, samples), samples, margin, first_limit)
 
 
 def _normals(away: FloatArray, axis: FloatArray) -> FloatArray:

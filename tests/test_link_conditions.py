@@ -1,0 +1,83 @@
+"""Links in the optimisation: motions that would be faster through something."""
+
+import numpy as np
+import pytest
+
+from tubeplanner import (
+    Obstacle,
+    PlanningProblem,
+    PlanStatus,
+    Seed,
+    Tube,
+    placement_of,
+    plan,
+    verify,
+)
+
+POINTS = [[0.3, -0.3, 0], [0.3, 0.3, 0]]
+
+
+def problem_with(two_link, *obstacles, radius=0.08, **more):
+    tube = Tube(POINTS, radius, joint_signs={"joint2": "-"})
+    return PlanningProblem(two_link, tube, Seed(np.array([0.0, -1.0])), obstacles=obstacles, **more)
+
+
+def post(x, y, size=0.03):
+    return Obstacle.cylinder("post", size, 0.5, placement_of([x, y, 0.0]))
+
+
+@pytest.fixture(scope="module")
+def elbow(ur5):
+    """Return a function that adds obstacles to a problem, its plan, and a ball at the elbow.
+
+    The ball is where the elbow passes on the fastest way; hand, start and goal are clear of it.
+    """
+    start = np.array([-0.773861, -1.294184, 1.830514, -1.925057, -1.682929, 0.0])
+    points = [[0.45, -0.3, 0.2], [0.45, -0.3, 0.5], [0.45, 0.3, 0.5], [0.45, 0.3, 0.2]]
+    tube = Tube(points, [0.03, 0.08, 0.03], joint_signs={"elbow_joint": "+"})
+
+    def problem(*obstacles, **more):
+        return PlanningProblem(ur5, tube, start, obstacles=obstacles, **more)
+
+    free = plan(problem())
+    q = free.trajectory.position(0.5 * free.duration)
+    body = ur5.link_body["forearm_link"]
+    middle = ur5.body_poses(q[None])[1][0, body] + np.array([0.0, 0.0, 0.1])
+    return problem, free, Obstacle.sphere("ball", 0.06, placement_of(middle))
+
+
+def test_an_elbow_that_would_meet_something_is_moved_clear_of_it(elbow):
+    problem, free, ball = elbow
+    refused = verify(problem(ball), free.trajectory)
+    assert refused.conditions["obstacles"].margin < -0.005
+    assert refused.failures() == ["obstacles"]
+    result = plan(problem(ball))
+    assert result.succeeded
+    assert result.method == "refinement"
+    assert result.certificate.conditions["obstacles"].margin < 0.002  # it is still in the way
+    assert free.duration < result.duration < 1.3 * free.duration
+
+
+@pytest.mark.parametrize("clearance", [0.002, 0.01])
+def test_the_clearance_is_kept(elbow, clearance):
+    problem, _, ball = elbow
+    result = plan(problem(ball, clearance=clearance))
+    assert result.succeeded
+    assert result.method == "refinement"
+    assert -1e-6 <= result.certificate.conditions["obstacles"].margin < 0.002
+
+
+def test_obstacles_far_away_change_nothing(two_link):
+    free = plan(problem_with(two_link))
+    far = plan(problem_with(two_link, post(-0.5, 0.5)))
+    np.testing.assert_array_equal(free.trajectory.coefficients, far.trajectory.coefficients)
+
+
+def test_a_tube_that_is_blocked_is_reported_with_links_and_depth(two_link):
+    """The hand itself cannot pass: the wall is wider than the tube."""
+    wall = Obstacle.box("wall", [0.5, 0.04, 0.5], placement_of([0.3, 0.0, 0.0]))
+    result = plan(problem_with(two_link, wall, radius=0.03))
+    assert result.status is PlanStatus.TUBE_BLOCKED
+    assert result.place.obstacle == "wall"
+    assert "mm into 'wall'" in result.message
+    assert result.trajectory is None

@@ -1,0 +1,43 @@
+"""The least time for a path against moves whose minimum is known, and against the optimiser."""
+
+import numpy as np
+import pytest
+
+from test_time_scaling import ANGLE, INERTIA, one_joint, quintic
+from tubeplanner import PlanOptions, load_problem, plan
+from tubeplanner.path_minimum import path_minimum
+
+
+@pytest.mark.parametrize(
+    ("limits", "expected"),
+    [
+        ({"velocity": np.inf}, 2 * np.sqrt(ANGLE * INERTIA / 5)),
+        ({"velocity": np.inf, "effort": np.inf, "acceleration": 2.0}, 2 * np.sqrt(ANGLE / 2)),
+        # Up to 1.5 rad/s in 0.5 s, and down again: the rest of the way at that speed.
+        ({"velocity": 1.5, "effort": np.inf, "acceleration": 3.0}, ANGLE / 1.5 + 0.5),
+    ],
+    ids=["effort", "acceleration", "velocity"],
+)
+def test_one_joint_switches_once(tmp_path, limits, expected):
+    robot = one_joint(tmp_path, **limits)
+    assert path_minimum(robot, quintic()) == pytest.approx(expected, rel=2e-3)
+    assert path_minimum(robot, quintic(duration=20.0)) == pytest.approx(expected, rel=2e-3)
+
+
+def test_a_straight_line_of_the_hand_takes_what_the_literature_says(planned):
+    """The paper's first example, along its line: 0.72 s (Suh & Bishop 1988, table III)."""
+    problem, result = planned("two_link/paper_1_10mm")
+    assert path_minimum(problem.robot, result.trajectory) == pytest.approx(0.72, abs=0.015)
+
+
+def test_refinement_leaves_next_to_nothing_on_its_own_path(planned):
+    for name in ("two_link/paper_3_50mm", "ur5/over_the_wall"):
+        _, result = planned(name, "refinement")
+        assert 0.99 * result.duration < result.path_minimum < 1.001 * result.duration
+    _, stopping = planned("ur5/over_the_wall")
+    assert stopping.path_minimum < 0.9 * stopping.duration
+
+
+def test_without_an_answer_there_is_no_path():
+    problem = load_problem("example:two_link/paper_1_10mm")
+    assert plan(problem, PlanOptions(time_limit=1e-9)).path_minimum is None
