@@ -113,14 +113,15 @@ def arms(repeats: int) -> None:
 
 
 def zigzag(name: str, segments: int) -> PlanningProblem:
-    """Return a tube of right angles around a bundled problem's start, without obstacles."""
+    """Return a tube of right angles from the middle of a bundled problem's first segment."""
     base = load_problem(f"example:{name}")
     robot = base.robot
-    start = reference_branch(base, spare_joint_rules(base)[0]).start
+    first = reference_branch(base, spare_joint_rules(base)[0]).segments[0]
+    start = first[len(first) // 2]
     hand = robot.tool_position(start[None])[0]
     inwards = -np.array([hand[0], hand[1], 0.0]) / np.linalg.norm(hand[:2])
     sideways = np.array([-inwards[1], inwards[0], 0.0])
-    steps = [0.10 * inwards, 0.15 * sideways, -0.10 * inwards, 0.15 * sideways]
+    steps = [0.10 * inwards, 0.08 * sideways, -0.10 * inwards, 0.08 * sideways]
     points = np.cumsum([hand, *(steps[k % 4] for k in range(segments))], axis=0)
     tube = Tube(points, 0.03, joint_signs=base.tube.joint_ranges[0])
     return PlanningProblem(robot, tube, start)

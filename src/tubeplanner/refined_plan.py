@@ -22,6 +22,8 @@ from tubeplanner.trajectory import JointTrajectory
 
 # How often a certificate's objections are handed back to refinement.
 _MOST_OBJECTIONS = 5
+# Where the segments need more knots than the quality has, there are at most this many times more.
+_MOST_KNOTS_SHARE = 1.5
 
 
 def refined_plan(
@@ -62,7 +64,8 @@ def _from_branch(
     for intervals, divisions in QUALITIES[options.quality]:
         try:
             start = starting_spline(problem, branch, intervals)
-            found = _from_start(problem, start, divisions, clock)
+            parts = _divisions(start.shape.interval_count, intervals, divisions)
+            found = _from_start(problem, start, parts, clock)
         except KeyboardInterrupt:
             if best is None or not best.succeeded:
                 raise
@@ -77,6 +80,20 @@ def _from_branch(
         if clock.stopped_by is not None:
             break
     return best
+
+
+def _divisions(count: int, wanted: int, divisions: tuple[int, ...]) -> tuple[int, ...]:
+    """Return into how many parts intervals are divided that are more than a quality wants.
+
+    Every segment has some: of many segments, the finest knots are reached by fewer divisions.
+    """
+    most = _MOST_KNOTS_SHARE * wanted * np.prod(divisions)
+    parts = list(divisions)
+    while parts and count * np.prod(parts) > most:
+        parts[0] -= 1
+        if parts[0] == 1:
+            parts.pop(0)
+    return tuple(parts)
 
 
 def _from_start(
