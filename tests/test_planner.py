@@ -371,6 +371,23 @@ def test_refinement_that_is_stopped_leaves_what_is_certified(two_link, stop):
     assert result.stopped_by == stop
 
 
+@pytest.mark.parametrize("steps", range(1, 40, 4))
+def test_whatever_refinement_has_when_it_is_stopped_is_an_answer(two_link, steps):
+    """Also between coarse and fine knots: with its certificate, its prices, its notes."""
+    count = 0
+
+    def interrupt(progress):
+        nonlocal count
+        count += progress.best_duration is not None
+        if count == steps:
+            raise KeyboardInterrupt
+
+    result = plan(two_link_problem(two_link), progress=interrupt)
+    assert result.succeeded
+    assert (result.stopped_by == "interrupt") == (count == steps)
+    assert bool(result.sensitivities) == (result.method == "refinement")
+
+
 def test_fewer_knots_are_a_little_slower_and_more_a_little_faster(two_link):
     problem = two_link_problem(two_link)
     fast, balanced, best = (

@@ -104,8 +104,11 @@ class Refinement:
         """Return d ln T / d ln p for every limit p, as `SequentialProgram.elasticities`."""
         if self._best is None:
             return {}
-        program = self._program.without_checkpoint()
-        begin = program.iterate(self._best.motion)
+        motion, program = self._best.motion, self._program
+        if motion.shape is not program.shape:  # ended before there was a motion on finer knots
+            program = SequentialProgram(self._problem, motion.shape, self._checkpoint)
+        program = program.without_checkpoint()
+        begin = program.iterate(motion)
         polished = program.improved(begin, _POLISH_TRUST, _POLISH_GAIN, _POLISH_STEPS)
         return program.elasticities(polished)
 

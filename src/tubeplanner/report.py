@@ -42,7 +42,7 @@ def plan_text(
     if dearest:
         lines.append(f"10 % more would save: {'; '.join(dearest)}")
     if with_minimum and result.path_minimum is not None and result.duration:
-        left = 1 - result.path_minimum / result.duration
+        left = max(1 - result.path_minimum / result.duration, 0.0)
         lines.append(
             f"time left on this path: motors that switch at once would take "
             f"{result.path_minimum:.4f} s, {100 * left:.1f} % less"

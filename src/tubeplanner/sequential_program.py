@@ -42,6 +42,7 @@ class SequentialProgram:
 
     Attributes:
         conditions: What the motions must keep.
+        shape: The motions' knots.
     """
 
     def __init__(
@@ -60,7 +61,7 @@ class SequentialProgram:
             links: What is watched of the links already.
         """
         self.conditions = MotionConditions(problem, shape, links or LinkConditions(problem))
-        self._problem, self._shape, self._checkpoint = problem, shape, checkpoint
+        self._problem, self.shape, self._checkpoint = problem, shape, checkpoint
         self._lower, self._upper = self._control_bounds()
         self._free = slice(REST_POINTS, shape.control_point_count - REST_POINTS)
         self._curvature = self._smoothing()
@@ -79,7 +80,7 @@ class SequentialProgram:
         points[self._free] = np.clip(
             points[self._free], self._lower[self._free], self._upper[self._free]
         )
-        return self.conditions.at(PhasedMotion(self._shape, motion.gates, points))
+        return self.conditions.at(PhasedMotion(self.shape, motion.gates, points))
 
     def improved(
         self, current: Iterate, trust: float, least_gain: float, most_steps: int
@@ -166,7 +167,7 @@ class SequentialProgram:
         points, gates = current.motion.control_points.copy(), current.motion.gates.copy()
         points[self._free] += step.control
         gates[1:-1] += step.gate
-        return self.conditions.at(PhasedMotion(self._shape, gates, points))
+        return self.conditions.at(PhasedMotion(self.shape, gates, points))
 
     def _corrected(
         self, current: Iterate, linear: "_Linearised", step: Step, trial: Iterate, gain: float
@@ -218,7 +219,7 @@ class SequentialProgram:
         joints = self._problem.robot.joint_count
         inner = self._curvature[self._free][:, self._free]
         inner = inner + sparse.identity(inner.shape[0]) * _PROXIMITY
-        others = len(self._shape.shares) - 1 + 2  # gates, eta, elastic
+        others = len(self.shape.shares) - 1 + 2  # gates, eta, elastic
         parts = [sparse.kron(inner, sparse.identity(joints)), sparse.identity(others) * 1e-9]
         return sparse.block_diag(parts, format="csc")
 
@@ -227,10 +228,10 @@ class SequentialProgram:
 
         A spline lies in the hull of its control points, so the bounds hold for all t.
         """
-        shape = (self._shape.control_point_count, self._problem.robot.joint_count)
+        shape = (self.shape.control_point_count, self._problem.robot.joint_count)
         lower, upper = np.full(shape, -np.inf), np.full(shape, np.inf)
         first = 0
-        for k, shares in enumerate(self._shape.shares):
+        for k, shares in enumerate(self.shape.shares):
             counting = slice(first, first + len(shares) - 1 + DEGREE)
             lower[counting] = np.maximum(lower[counting], self._problem.joint_lower[k])
             upper[counting] = np.minimum(upper[counting], self._problem.joint_upper[k])
@@ -239,9 +240,9 @@ class SequentialProgram:
 
     def _smoothing(self) -> sparse.csr_matrix:
         """Return the matrix of the squared third differences, scaled with the knots' spacing."""
-        count = self._shape.control_point_count
+        count = self.shape.control_point_count
         third = sparse.diags([-1.0, 3.0, -3.0, 1.0], [0, 1, 2, 3], shape=(count - 3, count))
-        weight = 2 * _SMOOTHING * self._shape.interval_count**5 / 250_000
+        weight = 2 * _SMOOTHING * self.shape.interval_count**5 / 250_000
         return (third.T @ third).tocsr() * weight
 
 
