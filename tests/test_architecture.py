@@ -26,6 +26,8 @@ ORDER = (
     "obstacle",
     "separation",
     "collision",
+    "rotations",
+    "rotational_tube",
     "tube",
     "problem_faults",
     "problem_format",
