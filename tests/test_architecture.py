@@ -41,6 +41,7 @@ ORDER = (
     "closest_approach",
     "hand_overs",
     "tube_visits",
+    "rotation_visits",
     "outcome",
     "certificate",
     "verification",

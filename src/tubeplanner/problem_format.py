@@ -45,10 +45,9 @@ Sign: TypeAlias = Annotated[
 
 def _angle_or_bounds(value: object) -> object:
     """Say at once what a bound on the rotation may be."""
-    is_list = isinstance(value, list | tuple)
-    numbers = list(value) if is_list else [value]
+    numbers = list(value) if isinstance(value, list | tuple) else [value]
     right = all(isinstance(n, int | float) and not isinstance(n, bool) for n in numbers)
-    if not right or (is_list and len(numbers) != 3):
+    if not right or (isinstance(value, list | tuple) and len(numbers) != 3):
         raise ValueError("it must be one angle or three bounds [x, y, z] [rad], .inf where free")
     return value
 

@@ -55,14 +55,22 @@ class RotationalTube:
         x, y, z = np.isfinite(self.bounds[segment, :3]) | np.isfinite(self.bounds[segment, 3])
         return bool(x), bool(y), bool(z)
 
-    def share(self, hand: FloatArray, segment: Segment) -> FloatArray:
-        """Return where along a segment the point nearest to hands (N, 3) lies, 0 to 1: (N,)."""
-        return np.clip(self._projection(hand, segment), 0.0, 1.0)
+    def projection(self, hand: FloatArray, segment: Segment) -> FloatArray:
+        """Return where along a segment's line the point nearest to hands (N, 3) is: u, (N,).
+
+        0 at the segment's start and 1 at its end; outside [0, 1] the nearest point is that end.
+        """
+        start = self.points[:-1][segment]
+        along = self.points[1:][segment] - start
+        return np.sum((hand - start) * along, axis=-1) / np.sum(along**2, axis=-1)
 
     def reference(self, hand: FloatArray, segment: Segment) -> FloatArray:
         """Return the reference orientation of hands (N, 3) [m], shape (N, 3, 3)."""
-        u = self.share(hand, segment)
-        return self.begin[segment] @ rotation_matrix(u[:, None] * self.turn[segment])
+        return self.reference_at(np.clip(self.projection(hand, segment), 0.0, 1.0), segment)
+
+    def reference_at(self, share: FloatArray, segment: Segment) -> FloatArray:
+        """Return the reference orientation after shares (N,) of a segment, shape (N, 3, 3)."""
+        return self.begin[segment] @ rotation_matrix(share[:, None] * self.turn[segment])
 
     def error(self, rotation: FloatArray, hand: FloatArray, segment: Segment) -> FloatArray:
         """Return log(R_ref^T R), in the frame of the reference, shape (N, 3) [rad].
@@ -94,7 +102,7 @@ class RotationalTube:
         """
         relative = self._relative(rotation, hand, segment)
         error = rotation_vector(relative)
-        projection = self._projection(hand, segment)
+        projection = self.projection(hand, segment)
         moves = ((projection >= 0) & (projection <= 1))[:, None]
         along = self.points[1:][segment] - self.points[:-1][segment]
         gradient = moves * along / np.sum(along**2, axis=-1, keepdims=True)
@@ -115,11 +123,6 @@ class RotationalTube:
         """Return the margin of rotation vectors (N, 3), shape (N,) [rad]."""
         angle = np.linalg.norm(error, axis=1, keepdims=True)
         return (self.bounds[segment] - np.hstack([abs(error), angle])).min(axis=1)
-
-    def _projection(self, hand: FloatArray, segment: Segment) -> FloatArray:
-        start = self.points[:-1][segment]
-        along = self.points[1:][segment] - start
-        return np.sum((hand - start) * along, axis=-1) / np.sum(along**2, axis=-1)
 
     def _relative(self, rotation: FloatArray, hand: FloatArray, segment: Segment) -> FloatArray:
         return self.reference(hand, segment).transpose(0, 2, 1) @ rotation

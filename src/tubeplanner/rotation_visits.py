@@ -1,0 +1,175 @@
+"""How far inside the rotation tolerances a motion stays, for all t.
+
+On an interval of width w, a curve lies within w^2 / 8 max |x''| of the chord between its ends. The
+curve here is the rotation vector v of the hand against its reference, with dv/dt = J(v) s and
+s = w_hand - E^T turn du/dt (see `RotationalTube.error_jacobian`), so that
+
+    |v''| <= g (|w_hand'| + |turn| (|u''| + |s| |u'|)) + g g' |s|^2
+
+with the norms g of J and g' of its change, which grow with the angle only. Where the nearest point
+of the segment passes an end of it, u' jumps: that term is bounded by its size alone, to first
+order. Halving brings the bounds together.
+
+An angle that goes on beyond pi is the rotation vector's other branch, of which every component and
+the length are smaller: following the curve beyond pi can only overestimate them.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray
+from tubeplanner.enclosure import EnclosedPose
+from tubeplanner.rotational_tube import RotationalTube
+from tubeplanner.rotations import (
+    MATRIX_ERROR_GAIN,
+    rotation_vector,
+    turning_gain,
+    turning_gain_rate,
+)
+from tubeplanner.tube_visits import LeastMargin, Visit, visited_parts
+
+# The least margin is bracketed to this share of itself, or to this angle [rad] near zero.
+_RELATIVE_RESOLUTION = 0.02
+_RESOLUTION = 2e-7
+_SHORTEST = 2.0**-40  # of an interval
+_MOST_ROWS = 1_000_000
+# A part in which the rotation vector could move farther than this is halved unseen [rad].
+_FARTHEST_MOVE = 0.3
+_LARGEST_GAIN = float(turning_gain(np.array(np.pi + _FARTHEST_MOVE)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Parts:
+    """R parts of intervals, each in one segment: what is looked at.
+
+    Attributes:
+        interval: Index of the interval, shape (R,).
+        start: In the interval's local time, shape (R,).
+        width: The same.
+        segment: Index of the tube's segment, shape (R,).
+    """
+
+    interval: IntArray
+    start: FloatArray
+    width: FloatArray
+    segment: IntArray
+
+    def halved(self, rows: BoolArray) -> "_Parts":
+        """Return the two halves of some of the parts."""
+        width = np.repeat(self.width[rows] / 2, 2)
+        start = np.repeat(self.start[rows], 2)
+        start[1::2] += width[1::2]
+        return _Parts(
+            np.repeat(self.interval[rows], 2), start, width, np.repeat(self.segment[rows], 2)
+        )
+
+
+def least_rotation_margin(
+    tube: RotationalTube, pose: EnclosedPose, visits: list[Visit]
+) -> LeastMargin | None:
+    """Return how far inside the rotation bounds the hand stays during its visits, for all t.
+
+    None if no segment visited bounds the rotation.
+    """
+    bounded = [visit for visit in visits if np.isfinite(tube.bounds[visit.segment]).any()]
+    if not bounded:
+        return None
+    parts = _Parts(*visited_parts(pose.hand, bounded))
+    attained, time, worst_segment = np.inf, 0.0, 0
+    lower_bound, count = np.inf, 0
+    while len(parts.interval):
+        count += len(parts.interval)
+        ends, lower, error = _bounded(tube, pose, parts)
+        end, row = np.unravel_index(int(ends.argmin()), ends.shape)
+        if ends[end, row] < attained:
+            attained, worst_segment = float(ends[end, row]), int(parts.segment[row])
+            local = parts.start[row] + (parts.width[row] if end else 0.0)
+            interval = parts.interval[row]
+            time = float(pose.hand.start[interval] + local * pose.hand.width[interval])
+        resolution = max(_RESOLUTION, _RELATIVE_RESOLUTION * abs(attained))
+        split = (lower < attained - resolution - error) & (parts.width > _SHORTEST)
+        split &= count < _MOST_ROWS
+        lower_bound = min(lower_bound, float(lower[~split].min(initial=np.inf)))
+        parts = parts.halved(split)
+    return LeastMargin(lower_bound, attained, time, worst_segment, count)
+
+
+def _bounded(
+    tube: RotationalTube, pose: EnclosedPose, parts: _Parts
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return margins at both ends (2, R), lower bounds on those between (R,), and errors (R,)."""
+    first, first_share = _vector_at(tube, pose, parts, parts.start)
+    last, last_share = _vector_at(tube, pose, parts, parts.start + parts.width)
+    ends = np.array([tube.margin_of(v, parts.segment) for v in (first, last)])
+    largest = np.maximum(_measures(first), _measures(_continued(last, first)))
+    off, error = _chord_distance(tube, pose, parts, largest[:, 3], (first_share, last_share))
+    bounds = tube.bounds[parts.segment]
+    lower = (bounds - largest).min(axis=1) - off - error
+    # No component and no angle is larger than pi.
+    return ends, np.maximum(lower, bounds.min(axis=1) - np.pi), error
+
+
+def _vector_at(
+    tube: RotationalTube, pose: EnclosedPose, parts: _Parts, local: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the rotation vector (R, 3) and the unclipped share of the way u (R,) at a time."""
+    hand = pose.hand.within(parts.interval, local)
+    rotation = pose.rotation.within(parts.interval, local).reshape(-1, 3, 3)
+    u = tube.projection(hand, parts.segment)
+    relative = tube.reference_at(np.clip(u, 0.0, 1.0), parts.segment).transpose(0, 2, 1) @ rotation
+    return rotation_vector(relative), u
+
+
+def _measures(v: FloatArray) -> FloatArray:
+    """Return |x|, |y|, |z| and the length of rotation vectors (R, 3): shape (R, 4)."""
+    return np.hstack([abs(v), np.linalg.norm(v, axis=1, keepdims=True)])
+
+
+def _continued(v: FloatArray, near: FloatArray) -> FloatArray:
+    """Return the rotation vectors of the same rotations, not bounded by pi, nearest to others."""
+    angle = np.linalg.norm(v, axis=1, keepdims=True)
+    other = v * (1 - 2 * np.pi / np.maximum(angle, 1e-9))
+    nearer = np.linalg.norm(other - near, axis=1) < np.linalg.norm(v - near, axis=1)
+    return np.where(nearer[:, None], other, v)
+
+
+def _chord_distance(
+    tube: RotationalTube,
+    pose: EnclosedPose,
+    parts: _Parts,
+    angle: FloatArray,
+    share: tuple[FloatArray, FloatArray],
+) -> tuple[FloatArray, FloatArray]:
+    """Return how far from its chord the rotation vector may be, and its error, each (R,) [rad].
+
+    Args:
+        tube: Reference orientations and bounds.
+        pose: The motion.
+        parts: Where.
+        angle: The larger of the angles at the two ends, shape (R,) [rad].
+        share: Of the way, unclipped, at the two ends, each (R,).
+    """
+    width = parts.width * pose.hand.width[parts.interval]
+    along = np.diff(tube.points, axis=0)[parts.segment]
+    length = np.linalg.norm(along, axis=1)
+    rate, bend, off = (
+        bound[parts.interval] / length
+        for bound in (pose.speed, pose.acceleration, pose.hand.error[:, 0])
+    )
+    low, high = np.minimum(*share), np.maximum(*share)
+    slack = bend * width**2 / 8 + 2 * off
+    beyond = (high + slack <= 0) | (low - slack >= 1)
+    passes_end = ~beyond & ((low - slack < 0) | (high + slack > 1))
+    turn = np.where(beyond, 0.0, np.linalg.norm(tube.turn, axis=1)[parts.segment])
+    spin, spin_rate = pose.spin[parts.interval], pose.spin_rate[parts.interval]
+    relative = spin + turn * rate
+    move = _LARGEST_GAIN * relative * width
+    farthest = np.minimum(angle + move / 2, np.pi + _FARTHEST_MOVE)
+    gain, gain_rate = turning_gain(farthest), turning_gain_rate(farthest)
+    smooth = spin_rate + turn * (bend + relative * rate) + gain_rate * relative**2
+    broken = spin_rate + gain_rate * relative * spin
+    jump = turn * (high - low + bend * width**2 + 4 * off) / 2
+    distance = gain * np.where(passes_end, broken * width**2 / 8 + jump, smooth * width**2 / 8)
+    error = gain * (MATRIX_ERROR_GAIN * pose.rotation.error[parts.interval, 0] + turn * off)
+    return np.where(move <= _FARTHEST_MOVE, distance, np.inf), error
