@@ -47,6 +47,7 @@ ORDER = (
     "verification",
     "progress",
     "inverse_kinematics",
+    "reference_turn",
     "segment_walk",
     "reference_branch",
     "time_scaling",
@@ -90,6 +91,7 @@ PACKAGE = Path(tubeplanner.__file__).parent
 # The judge must not share code with what it judges.
 PLANNING = {
     "inverse_kinematics",
+    "reference_turn",
     "segment_walk",
     "reference_branch",
     "time_scaling",

@@ -79,7 +79,10 @@ def test_touching_a_bound_is_decided(seed, ur5):
     pose, used = pose_of(ur5, motion), 3.0
     for _ in range(4):
         again = Tube(
-            wide.points, 9.0, orientations=wide.orientations, rotation_tolerance=[[used, INF, INF], INF]
+            wide.points,
+            9.0,
+            orientations=wide.orientations,
+            rotation_tolerance=[[used, INF, INF], INF],
         )
         least = least_rotation_margin(again.rotation, pose, visit)
         used -= least.attained

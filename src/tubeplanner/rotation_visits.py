@@ -23,6 +23,7 @@ from tubeplanner.enclosure import EnclosedPose
 from tubeplanner.rotational_tube import RotationalTube
 from tubeplanner.rotations import (
     MATRIX_ERROR_GAIN,
+    nearest_branch,
     rotation_vector,
     turning_gain,
     turning_gain_rate,
@@ -32,6 +33,7 @@ from tubeplanner.tube_visits import LeastMargin, Visit, visited_parts
 # The least margin is bracketed to this share of itself, or to this angle [rad] near zero.
 _RELATIVE_RESOLUTION = 0.02
 _RESOLUTION = 2e-7
+_ALL = np.ones(3, dtype=bool)
 _SHORTEST = 2.0**-40  # of an interval
 _MOST_ROWS = 1_000_000
 # A part in which the rotation vector could move farther than this is halved unseen [rad].
@@ -102,7 +104,7 @@ def _bounded(
     first, first_share = _vector_at(tube, pose, parts, parts.start)
     last, last_share = _vector_at(tube, pose, parts, parts.start + parts.width)
     ends = np.array([tube.margin_of(v, parts.segment) for v in (first, last)])
-    largest = np.maximum(_measures(first), _measures(_continued(last, first)))
+    largest = np.maximum(_measures(first), _measures(nearest_branch(last, first, _ALL)))
     off, error = _chord_distance(tube, pose, parts, largest[:, 3], (first_share, last_share))
     bounds = tube.bounds[parts.segment]
     lower = (bounds - largest).min(axis=1) - off - error
@@ -124,14 +126,6 @@ def _vector_at(
 def _measures(v: FloatArray) -> FloatArray:
     """Return |x|, |y|, |z| and the length of rotation vectors (R, 3): shape (R, 4)."""
     return np.hstack([abs(v), np.linalg.norm(v, axis=1, keepdims=True)])
-
-
-def _continued(v: FloatArray, near: FloatArray) -> FloatArray:
-    """Return the rotation vectors of the same rotations, not bounded by pi, nearest to others."""
-    angle = np.linalg.norm(v, axis=1, keepdims=True)
-    other = v * (1 - 2 * np.pi / np.maximum(angle, 1e-9))
-    nearer = np.linalg.norm(other - near, axis=1) < np.linalg.norm(v - near, axis=1)
-    return np.where(nearer[:, None], other, v)
 
 
 def _chord_distance(

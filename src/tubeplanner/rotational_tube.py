@@ -50,11 +50,6 @@ class RotationalTube:
         """Whether any rotation is bounded at all."""
         return bool(np.isfinite(self.bounds).any())
 
-    def bounded_components(self, segment: int) -> tuple[bool, bool, bool]:
-        """Return which components of the rotation vector a segment bounds: one angle bounds all."""
-        x, y, z = np.isfinite(self.bounds[segment, :3]) | np.isfinite(self.bounds[segment, 3])
-        return bool(x), bool(y), bool(z)
-
     def projection(self, hand: FloatArray, segment: Segment) -> FloatArray:
         """Return where along a segment's line the point nearest to hands (N, 3) is: u, (N,).
 

@@ -7,7 +7,7 @@ Lie theory for state estimation in robotics" (2018), appendix B.
 
 import numpy as np
 
-from tubeplanner.arrays import FloatArray
+from tubeplanner.arrays import BoolArray, FloatArray
 
 _SMALL = 1e-2  # [rad]: below it, series are used where closed forms lose digits
 # An error of the entries of a rotation matrix, in every column at most e, turns its rotation vector
@@ -46,6 +46,24 @@ def rotation_vector(matrix: FloatArray) -> FloatArray:
     sine = np.linalg.norm(q[..., :3], axis=-1)
     half_angle = np.arctan2(sine, q[..., 3])
     return (2 * half_angle / np.where(sine == 0, 1.0, sine))[..., None] * q[..., :3]
+
+
+def nearest_branch(v: FloatArray, near: FloatArray, components: BoolArray) -> FloatArray:
+    """Return the rotation vectors of the same rotations that are nearest to others.
+
+    A turn by a about an axis is one by 2 pi - a the other way round: that one is taken if it is
+    nearer and its angle at most 3/2 pi.
+
+    Args:
+        v: Rotation vectors of at most pi, shape (..., 3).
+        near: Others, shape (..., 3).
+        components: Which components count: bool, shape (3,).
+    """
+    angle = np.linalg.norm(v, axis=-1, keepdims=True)
+    other = v * (1 - 2 * np.pi / np.maximum(angle, np.pi / 2))
+    far, further = ((abs(x - near) * components).sum(axis=-1) for x in (v, other))
+    taken = (angle[..., 0] > np.pi / 2) & (further < far)
+    return np.where(taken[..., None], other, v)
 
 
 def rotation_matrix(v: FloatArray) -> FloatArray:
