@@ -97,7 +97,7 @@ HASHED = {
         "tube": Tube(p.tube.points, p.tube.radius, joint_signs=p.tube.joint_ranges, visit="any")
     },
     "a rotation tolerance": lambda p: {"tube": turned(p.tube, 3.0)},
-    "a wider one": lambda p: {"tube": turned(p.tube, 2.9)},
+    "a wider one": lambda p: {"tube": turned(p.tube, 3.1)},
     "other orientations": lambda p: {"tube": turned(p.tube, 3.0, [0.1, 0, 0, 0.995])},
     "tool radius": lambda p: {
         "tube": Tube(

@@ -88,3 +88,151 @@ def test_touching_a_bound_is_decided(seed, ur5):
         used -= least.attained
     assert -1e-6 < least.lower_bound <= least.attained < 1e-6
     assert least.intervals < 3000
+
+
+def turning_wrist(ur5, tray, end):
+    """Return the level start with the last joint turning at one rad/s, and a tube about it."""
+    q = tray.start
+    motion = JointTrajectory(ur5.joint_names, [0, end], [[[0] * 5 + [1.0]], [q]])
+    rotation, hand = ur5.tool_pose(q[None])
+    tilted = Rotation.from_matrix(rotation[0]) * Rotation.from_rotvec([-0.02, 0, 0])
+    points = hand + np.array([[0, 0, 0], [0.1, 0, 0]])
+    return motion, Tube(
+        points, 0.1, orientations=[tilted.as_quat()] * 2, rotation_tolerance=[[0.04, 0.04, INF]]
+    )
+
+
+@pytest.mark.parametrize("end", [2.0, 3.5, 6.2])
+def test_a_turn_beyond_half_a_turn_is_followed(end, planned):
+    """Tilt 0.02 about x, then a turn by a: |v| sin(0.01) (cos(a/2), sin(a/2)), most at a = pi."""
+    tray, _ = planned("ur5/level_tray")
+    motion, tube = turning_wrist(tray.robot, tray, end)
+    pose = pose_of(tray.robot, motion)
+    least = least_rotation_margin(tube.rotation, pose, [Visit(0, 0.0, end)])
+    a = np.linspace(0, end, 100_001)[1:]
+    angle = 2 * np.arccos(np.clip(np.cos(0.01) * np.cos(a / 2), -1, 1))
+    angle = np.minimum(angle, 2 * np.pi - angle)
+    scale = angle * np.sin(0.01) / np.sin(angle / 2)
+    expected = 0.04 - (scale * np.maximum(abs(np.cos(a / 2)), abs(np.sin(a / 2)))).max()
+    assert expected - 1e-6 <= least.attained
+    assert 0.97 * expected <= least.lower_bound <= expected + 1e-9
+    assert least.attained - least.lower_bound <= 0.03 * expected
+    if end > np.pi:
+        assert expected == pytest.approx(0.04 - np.pi * np.sin(0.01), abs=1e-9)
+
+
+def spiked(trajectory, joint, size, when, width):
+    """Return the trajectory with a smooth bump of one joint, of this width about a time."""
+    parts = [
+        trajectory.between(0.0, when),
+        trajectory.between(when, when + width),
+        trajectory.between(when + width, trajectory.duration),
+    ]
+    cut = np.concatenate([part.coefficients for part in parts], axis=1)
+    breakpoints = np.concatenate(
+        [
+            parts[0].breakpoints,
+            when + parts[1].breakpoints[1:],
+            when + width + parts[2].breakpoints[1:],
+        ]
+    )
+    coefficients = np.concatenate([np.zeros((1, *cut.shape[1:])), cut])
+    piece = len(parts[0].widths)
+    bump = 64 * size * np.array([-1.0, 3, -3, 1, 0, 0, 0]) / width ** np.arange(6, -1, -1)
+    coefficients[:, piece, joint] += bump
+    return JointTrajectory(trajectory.joint_names, breakpoints, coefficients)
+
+
+def test_a_spike_between_two_thousand_samples_is_found(planned):
+    """The fifth joint tilts the tray by 4 degrees and back, within 20 microseconds."""
+    problem, result = planned("ur5/level_tray")
+    regular = np.linspace(0, result.duration, 2001)
+    when = regular[1000] + 2e-4
+    motion = spiked(result.trajectory, 4, 0.07, when, 2e-5)
+    rotation, hand = problem.robot.tool_pose(motion.position(regular))
+    assert problem.tube.rotation.margin(rotation, hand, 1).min() > 0.05
+    condition = verify(problem, motion).conditions["rotation"]
+    assert condition.where.time == pytest.approx(when + 1e-5, abs=1e-5)
+    assert condition.where.segment == 1
+    assert condition.unit == "rad"
+    at = problem.robot.tool_pose(motion.position(np.array([when + 1e-5])))
+    deepest = problem.tube.rotation.margin(*at, 1)[0]
+    assert deepest < -0.01
+    assert condition.margin == pytest.approx(deepest, rel=0.05)
+
+
+@pytest.mark.parametrize(("slack", "passes"), [(2e-5, True), (-2e-5, False)])
+def test_a_bound_is_judged_to_hundredths_of_a_milliradian(slack, passes, planned):
+    """The largest tilt of a wavering hand, and a bound that is beside it by 2e-5 rad."""
+    problem, result = planned("ur5/level_tray")
+    motion = spiked(result.trajectory, 4, 0.03, 0.6, 0.2)
+    rotation, hand = problem.robot.tool_pose(motion.position(np.linspace(0.6, 0.8, 20_001)))
+    largest = abs(problem.tube.rotation.error(rotation, hand, 1)[:, :2]).max()
+    tube = problem.tube
+    bound = (largest + slack, largest + slack, INF)
+    judged = Tube(
+        tube.points, tube.radius, orientations=tube.orientations, rotation_tolerance=[bound] * 3
+    )
+    asked = PlanningProblem(problem.robot, judged, problem.start)
+    condition = verify(asked, motion).conditions["rotation"]
+    assert (condition.margin >= 0) is passes
+    assert condition.margin == pytest.approx(slack, abs=1e-6)
+    assert condition.coverage == "for all t"
+
+
+@pytest.mark.parametrize("visit", ["ordered", "any"])
+@pytest.mark.parametrize(("bound", "left"), [(0.3, 0.0), (0.29, -0.01), (0.35, 0.05)])
+def test_the_hand_over_is_when_both_rotation_tolerances_hold(two_link, visit, bound, left):
+    """The hand's angle goes from -0.4 to 0.5; the references, far away, are at -0.3 and 0.3."""
+    angles = [[-0.3], [0.3], [0.3]]
+    quaternions = Rotation.from_euler("z", angles).as_quat()
+    points = [[2, 0, 0], [3, 0, 0], [4, 0, 0]]
+    tube = Tube(points, 9.0, visit=visit, orientations=quaternions, rotation_tolerance=[bound] * 2)
+    problem = PlanningProblem(two_link, tube, Seed(np.array([0.0, -1.0])))
+    motion = JointTrajectory(two_link.joint_names, [0, 1.0], [[[0.9, 0.0]], [[0.6, -1.0]]])
+    pose = pose_of(two_link, motion)
+    visits = tube_visits(problem, motion, pose.hand, pose.rotation)
+    assert [visit.segment for visit in visits] == [0, 1]
+    assert visits[0].end == pytest.approx(0.4 / 0.9, abs=1e-7)
+    least = least_rotation_margin(tube.rotation, pose, visits)
+    # Elsewhere the angle is at most 0.2 off its reference.
+    assert least.attained == pytest.approx(min(left, bound - 0.2), abs=2e-7)
+    assert least.lower_bound == pytest.approx(least.attained, abs=2e-3)
+    condition = verify(problem, motion).conditions["rotation"]
+    assert (condition.margin >= -1e-6) is (left >= 0)
+
+
+def test_a_segment_that_leaves_the_rotation_free_is_not_judged(two_link):
+    quaternions = [[0, 0, 0, 1]] * 3
+    tube = Tube(
+        [[2, 0, 0], [3, 0, 0], [4, 0, 0]],
+        9.0,
+        orientations=quaternions,
+        rotation_tolerance=[[INF, INF, INF], 0.1],
+    )
+    motion = JointTrajectory(two_link.joint_names, [0, 1.0], [[[0.9, 0.0]], [[0.6, -1.0]]])
+    pose = pose_of(two_link, motion)
+    assert least_rotation_margin(tube.rotation, pose, [Visit(0, 0.0, 1.0)]) is None
+    both = least_rotation_margin(tube.rotation, pose, [Visit(0, 0.0, 0.5), Visit(1, 0.5, 1.0)])
+    assert both.attained == pytest.approx(0.1 - 0.5, abs=1e-6)
+    assert both.segment == 1
+
+
+def test_a_motion_that_no_machine_could_make_is_left_open(two_link):
+    """A million radians within a microsecond: the bound is poor, finite, and not above the true."""
+    wild = JointTrajectory(two_link.joint_names, [0, 1e-6], [[[1e11, 1e11]], [[0.0, 0.0]]])
+    tube = Tube([[2, 0, 0], [3, 0, 0]], 9.0, orientations=[[0, 0, 0, 1]] * 2, rotation_tolerance=1)
+    least = least_rotation_margin(tube.rotation, pose_of(two_link, wild), [Visit(0, 0.0, 1e-6)])
+    assert 1 - np.pi - 1e-3 <= least.lower_bound <= least.attained
+
+
+def test_halving_ends_after_so_many_rows(ur5, monkeypatch):
+    """The bounds then count as they stand."""
+    motion = wavy(ur5, 1)
+    tube, pose = around(ur5, motion, 1, [0.5, 0.5]), pose_of(ur5, motion)
+    visit = [Visit(0, 0.0, motion.duration)]
+    whole = least_rotation_margin(tube.rotation, pose, visit)
+    monkeypatch.setattr("tubeplanner.rotation_visits._MOST_ROWS", len(pose.hand.width))
+    least = least_rotation_margin(tube.rotation, pose, visit)
+    assert least.intervals == len(pose.hand.width) < whole.intervals
+    assert least.lower_bound < whole.lower_bound
