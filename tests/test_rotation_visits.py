@@ -118,7 +118,7 @@ def test_a_turn_beyond_half_a_turn_is_followed(end, planned):
     assert 0.97 * expected <= least.lower_bound <= expected + 1e-9
     assert least.attained - least.lower_bound <= 0.03 * expected
     if end > np.pi:
-        assert expected == pytest.approx(0.04 - np.pi * np.sin(0.01), abs=1e-9)
+        assert expected == pytest.approx(0.04 - np.pi * np.sin(0.01), abs=1e-6)
 
 
 def spiked(trajectory, joint, size, when, width):

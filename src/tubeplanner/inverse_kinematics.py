@@ -116,9 +116,9 @@ class _Descent:
         least = np.inf
         for iteration in range(_MOST_ITERATIONS):
             tasks = self._tasks(q)
-            off = _length(tasks)
+            off, turned = _length(tasks[:1]), _length(tasks[1:])
             pulled = iteration < _PULLED_ITERATIONS
-            if not pulled and off > least:
+            if not pulled and off > max(least, _POSITION_TOLERANCE):
                 q = (last + q) / 2  # a step beyond a target out of reach
                 continue
             least, last = off, q
@@ -129,7 +129,7 @@ class _Descent:
             q = q + moved
             if abs(moved).max() < _POSTURE_TOLERANCE:
                 break
-            if not pulled and least < _POSITION_TOLERANCE:
+            if not pulled and max(off, turned) < _POSITION_TOLERANCE:
                 break
         tasks = self._tasks(q)
         return PositionSolution(q, _length(tasks[:1]), _length(tasks[1:]))
@@ -149,7 +149,7 @@ class _Descent:
 
 
 def _length(tasks: list[_Task]) -> float:
-    """Return the length of all errors together [m and rad alike]."""
+    """Return the length of the errors of at most one task [m or rad]."""
     return float(np.sqrt(sum(float(error @ error) for _, error in tasks)))
 
 

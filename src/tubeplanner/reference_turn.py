@@ -15,8 +15,9 @@ from tubeplanner.rotational_tube import RotationalTube
 
 # How far outside its bound a given start or goal may be [rad]: what bad input is judged by.
 _INPUT_TOLERANCE = 1e-6
-# Where the arm cannot be turned as wanted, it must keep this share of what was left to the bound.
-_KEPT_MARGIN_SHARE = 0.5
+# Where the arm cannot be turned as wanted, it must keep this share of what was left to the bound:
+# something to go on from for those who plan.
+_KEPT_MARGIN_SHARE = 0.1
 
 
 class ReferenceTurn:

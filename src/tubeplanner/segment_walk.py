@@ -233,7 +233,8 @@ def explain_turn(problem: PlanningProblem, segment: int, why: str) -> str:
 def turned_off(solution: PositionSolution) -> str:
     """Say how near to its reference the hand can be turned."""
     return (
-        f"the hand can be turned no nearer than {solution.rotation_error:.3g} rad to what it asks"
+        f"the hand can be turned no nearer than {solution.rotation_error:.3g} rad to its reference "
+        "orientation, and a tenth of the tolerance is kept to plan with"
     )
 
 
