@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tubeplanner import JointTrajectory, PlanningProblem, Seed, Tube, verify
+from test_enclosure import SLIDE
+from tubeplanner import JointTrajectory, PlanningProblem, Seed, Tube, load_robot, verify
 from tubeplanner.enclosure import enclosed_pose
 from tubeplanner.rotation_visits import least_rotation_margin
 from tubeplanner.tube_visits import Visit, tube_visits
@@ -119,6 +120,19 @@ def test_a_turn_beyond_half_a_turn_is_followed(end, planned):
     assert least.attained - least.lower_bound <= 0.03 * expected
     if end > np.pi:
         assert expected == pytest.approx(0.04 - np.pi * np.sin(0.01), abs=1e-6)
+
+
+def test_half_a_turn_between_two_ends_is_seen(planned):
+    """From 3 to 3.3 rad: the angle is pi in between, and at both ends less."""
+    tray, _ = planned("ur5/level_tray")
+    rotation, hand = tray.robot.tool_pose(tray.start[None])
+    first = (Rotation.from_matrix(rotation[0]) * Rotation.from_rotvec([0, 0, -3.0])).as_quat()
+    points = hand + np.array([[0, 0, 0], [0.1, 0, 0]])
+    tube = Tube(points, 0.1, orientations=[first] * 2, rotation_tolerance=4.0)
+    motion = JointTrajectory(tray.robot.joint_names, [0, 1.0], [[[0] * 5 + [0.3]], [tray.start]])
+    visit = [Visit(0, 0.0, 1.0)]
+    least = least_rotation_margin(tube.rotation, pose_of(tray.robot, motion), visit)
+    assert 0.97 * (4 - np.pi) <= least.lower_bound <= 4 - np.pi + 1e-9
 
 
 def spiked(trajectory, joint, size, when, width):
@@ -236,3 +250,33 @@ def test_halving_ends_after_so_many_rows(ur5, monkeypatch):
     least = least_rotation_margin(tube.rotation, pose, visit)
     assert least.intervals == len(pose.hand.width) < whole.intervals
     assert least.lower_bound < whole.lower_bound
+
+
+# Over one second: how far the boom extends, and how the hand turns, as polynomials of time, highest
+# power first, in shares of the reference's turn; the largest deviation between two ends that agree.
+BETWEEN_ENDS = {
+    "the hand turns": ([0, 0, 0.2], [-1.0, 1.0, 0.2], 0.25),
+    "the reference turns": ([-1.0, 1.0, 0.2], [0, 0, 0.2], 0.25),
+    "the reference stops half-way": ([0, 1.0, 0.5], [0, 0.5, 0.5], 0.25),
+    "the reference begins half-way": ([0, 1.0, -0.5], [0, 0.5, 0.0], 0.25),
+}
+
+
+@pytest.mark.parametrize(("extended", "turned", "largest"), BETWEEN_ENDS.values(), ids=BETWEEN_ENDS)
+def test_what_happens_between_two_ends_is_bounded(extended, turned, largest, tmp_path):
+    """In closed form, for a sliding hand; so little that it is settled at the first look."""
+    path = tmp_path / "slide.urdf"
+    path.write_text(SLIDE)
+    robot, turn, bound = load_robot(path, "tip"), 0.02, 1.0
+    coefficients = np.zeros((3, 1, 3))
+    coefficients[:, 0, 1], coefficients[:, 0, 2] = extended, turn * np.array(turned)
+    motion = JointTrajectory(robot.joint_names, [0, 1.0], coefficients)
+    quaternions = Rotation.from_euler("y", [[0.0], [turn]]).as_quat()
+    points = [[0.6, 0, 0.5], [1.6, 0, 0.5]]
+    tube = Tube(points, 9.0, orientations=quaternions, rotation_tolerance=[[INF, bound, INF]])
+    dense = margins(robot, tube, motion, np.linspace(0, 1, 10_001), 0).min()
+    assert dense == pytest.approx(bound - turn * largest, abs=1e-12)
+    pose = pose_of(robot, motion)
+    least = least_rotation_margin(tube.rotation, pose, [Visit(0, 0.0, 1.0)])
+    assert least.intervals <= 3
+    assert 0.97 * dense <= least.lower_bound <= dense + 1e-12
