@@ -292,3 +292,16 @@ def test_a_position_out_of_reach_is_not_blamed_on_the_rotation(two_link):
     problem = PlanningProblem(two_link, tube, Seed(np.array([0.0, -1.0])))
     with pytest.raises(Infeasible, match=r"out of the arm's reach"):
         branch_of(problem)
+
+
+def test_the_next_segments_rotation_tolerance_holds_at_the_hand_over_too(two_link):
+    tube = Tube(
+        [[0.45, -0.3, 0], [0.45, 0, 0], [0.45, 0.3, 0]],
+        0.03,
+        orientations=[[0, 0, 0, 1]] * 3,
+        rotation_tolerance=[2.0, 0.1],
+    )
+    problem = PlanningProblem(two_link, tube, Seed(np.array([0.0, -1.0])))
+    message = r"100.0 % along segment 0, .*the rotation tolerance of segment 1, 0.1 rad, is in"
+    with pytest.raises(Infeasible, match=message):
+        branch_of(problem)
