@@ -88,7 +88,7 @@ def test_splines_follow_the_branch_within_the_rotation_tolerance(planned):
 def test_a_fit_is_held_against_the_rotation_too(planned):
     """Its margins are those of the hand and, where that is bounded, of the rotation."""
     tray, _ = planned("ur5/level_tray")
-    q = np.array([tray.start, tray.start + [0, 0, 0, 0, 0.01, 0]])
+    q = tray.start + np.array([[0] * 6, [0, 0, 0, 0, 0.01, 0]])
     turned = tray.tube.rotation.margin(*tray.robot.tool_pose(q), 0)
     hand = tray.tube.margin(tray.robot.tool_position(q))[:, 0]
     expected = [hand.min(), turned[1]]
