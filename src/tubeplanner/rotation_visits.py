@@ -50,21 +50,16 @@ class _Parts:
         start: In the interval's local time, shape (R,).
         width: The same.
         segment: Index of the tube's segment, shape (R,).
+        vector: Rotation vectors at both ends, shape (2, R, 3) [rad].
+        share: Of the segment, not clipped, at both ends, shape (2, R).
     """
 
     interval: IntArray
     start: FloatArray
     width: FloatArray
     segment: IntArray
-
-    def halved(self, rows: BoolArray) -> "_Parts":
-        """Return the two halves of some of the parts."""
-        width = np.repeat(self.width[rows] / 2, 2)
-        start = np.repeat(self.start[rows], 2)
-        start[1::2] += width[1::2]
-        return _Parts(
-            np.repeat(self.interval[rows], 2), start, width, np.repeat(self.segment[rows], 2)
-        )
+    vector: FloatArray
+    share: FloatArray
 
 
 def least_rotation_margin(
@@ -77,12 +72,13 @@ def least_rotation_margin(
     bounded = [visit for visit in visits if np.isfinite(tube.bounds[visit.segment]).any()]
     if not bounded:
         return None
-    parts = _Parts(*visited_parts(pose.hand, bounded))
+    parts = _first_parts(tube, pose, bounded)
     attained, time, worst_segment = np.inf, 0.0, 0
     lower_bound, count = np.inf, 0
     while len(parts.interval):
         count += len(parts.interval)
-        ends, lower, error = _bounded(tube, pose, parts)
+        ends = np.array([tube.margin_of(v, parts.segment) for v in parts.vector])
+        lower, error = _bounded(tube, pose, parts)
         end, row = np.unravel_index(int(ends.argmin()), ends.shape)
         if ends[end, row] < attained:
             attained, worst_segment = float(ends[end, row]), int(parts.segment[row])
@@ -93,33 +89,58 @@ def least_rotation_margin(
         split = (lower < attained - resolution - error) & (parts.width > _SHORTEST)
         split &= count < _MOST_ROWS
         lower_bound = min(lower_bound, float(lower[~split].min(initial=np.inf)))
-        parts = parts.halved(split)
+        parts = _halves(tube, pose, parts, split)
     return LeastMargin(lower_bound, attained, time, worst_segment, count)
+
+
+def _first_parts(tube: RotationalTube, pose: EnclosedPose, visits: list[Visit]) -> _Parts:
+    """Return every part of an interval that a visit covers."""
+    interval, start, width, segment = visited_parts(pose.hand, visits)
+    ends = [_vector_at(tube, pose, interval, segment, t) for t in (start, start + width)]
+    vector, share = (np.array(values) for values in zip(*ends, strict=True))
+    return _Parts(interval, start, width, segment, vector, share)
+
+
+def _halves(tube: RotationalTube, pose: EnclosedPose, parts: _Parts, rows: BoolArray) -> _Parts:
+    """Return the two halves of some of the parts, one after the other."""
+    interval, segment = parts.interval[rows], parts.segment[rows]
+    start, half = parts.start[rows], parts.width[rows] / 2
+    middle = _vector_at(tube, pose, interval, segment, start + half)
+    both = []
+    for ends, between in zip((parts.vector[:, rows], parts.share[:, rows]), middle, strict=True):
+        halves = np.repeat(ends, 2, axis=1)
+        halves[1, 0::2] = halves[0, 1::2] = between
+        both.append(halves)
+    start = np.repeat(start, 2)
+    start[1::2] += half
+    return _Parts(np.repeat(interval, 2), start, np.repeat(half, 2), np.repeat(segment, 2), *both)
 
 
 def _bounded(
     tube: RotationalTube, pose: EnclosedPose, parts: _Parts
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return margins at both ends (2, R), lower bounds on those between (R,), and errors (R,)."""
-    first, first_share = _vector_at(tube, pose, parts, parts.start)
-    last, last_share = _vector_at(tube, pose, parts, parts.start + parts.width)
-    ends = np.array([tube.margin_of(v, parts.segment) for v in (first, last)])
+) -> tuple[FloatArray, FloatArray]:
+    """Return lower bounds on the margins between the ends and errors, each shape (R,) [rad]."""
+    first, last = parts.vector
     largest = np.maximum(_measures(first), _measures(nearest_branch(last, first, _ALL)))
-    off, error = _chord_distance(tube, pose, parts, largest[:, 3], (first_share, last_share))
+    off, error = _chord_distance(tube, pose, parts, largest[:, 3])
     bounds = tube.bounds[parts.segment]
     lower = (bounds - largest).min(axis=1) - off - error
     # No component and no angle is larger than pi.
-    return ends, np.maximum(lower, bounds.min(axis=1) - np.pi), error
+    return np.maximum(lower, bounds.min(axis=1) - np.pi), error
 
 
 def _vector_at(
-    tube: RotationalTube, pose: EnclosedPose, parts: _Parts, local: FloatArray
+    tube: RotationalTube,
+    pose: EnclosedPose,
+    interval: IntArray,
+    segment: IntArray,
+    local: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the rotation vector (R, 3) and the unclipped share of the way u (R,) at a time."""
-    hand = pose.hand.within(parts.interval, local)
-    rotation = pose.rotation.within(parts.interval, local).reshape(-1, 3, 3)
-    u = tube.projection(hand, parts.segment)
-    relative = tube.reference_at(np.clip(u, 0.0, 1.0), parts.segment).transpose(0, 2, 1) @ rotation
+    """Return rotation vectors (R, 3) [rad] and shares of segments (R,) at times in intervals."""
+    hand = pose.hand.within(interval, local)
+    rotation = pose.rotation.within(interval, local).reshape(-1, 3, 3)
+    u = tube.projection(hand, segment)
+    relative = tube.reference_at(np.clip(u, 0.0, 1.0), segment).transpose(0, 2, 1) @ rotation
     return rotation_vector(relative), u
 
 
@@ -133,7 +154,6 @@ def _chord_distance(
     pose: EnclosedPose,
     parts: _Parts,
     angle: FloatArray,
-    share: tuple[FloatArray, FloatArray],
 ) -> tuple[FloatArray, FloatArray]:
     """Return how far from its chord the rotation vector may be, and its error, each (R,) [rad].
 
@@ -142,7 +162,6 @@ def _chord_distance(
         pose: The motion.
         parts: Where.
         angle: The larger of the angles at the two ends, shape (R,) [rad].
-        share: Of the way, unclipped, at the two ends, each (R,).
     """
     width = parts.width * pose.hand.width[parts.interval]
     along = np.diff(tube.points, axis=0)[parts.segment]
@@ -151,7 +170,7 @@ def _chord_distance(
         bound[parts.interval] / length
         for bound in (pose.speed, pose.acceleration, pose.hand.error[:, 0])
     )
-    low, high = np.minimum(*share), np.maximum(*share)
+    low, high = parts.share.min(axis=0), parts.share.max(axis=0)
     slack = bend * width**2 / 8 + 2 * off
     beyond = (high + slack <= 0) | (low - slack >= 1)
     passes_end = ~beyond & ((low - slack < 0) | (high + slack > 1))
