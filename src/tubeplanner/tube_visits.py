@@ -1,5 +1,6 @@
 """Which tube segment a motion is in when, and how far inside its capsule, for all t."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -179,22 +180,34 @@ class _Fit:
         count = max(_LEAST_SAMPLES_PER_PIECE, -(-_LEAST_SAMPLES // pieces))
         return self._trajectory.per_piece(count).time
 
-    def at(self, time: FloatArray) -> FloatArray:
-        """Return the least of the hand's, its rotation's and the joints' margins, shape (N, m)."""
-        q = self._trajectory.position(time)
-        room = np.minimum(q[:, None] - self._lower, self._upper - q[:, None]).min(axis=2)
-        hand = self._hand.at(time)
-        margin = np.minimum(self._tube.margin(hand), room)
-        if self._rotation is None:
-            return margin
-        rotation = self._rotation.at(time).reshape(-1, 3, 3)
-        return np.minimum(margin, self._tube.rotation_margin(rotation, hand))
+    def at(self, time: FloatArray, segments: Sequence[int] | None = None) -> FloatArray:
+        """Return the least of the hand's, its rotation's and the joints' margins.
+
+        Args:
+            time: Shape (N,) [s].
+            segments: Which m segments; default: all.
+
+        Returns:
+            Shape (N, m).
+        """
+        wanted = range(self._tube.segment_count) if segments is None else segments
+        columns = list(wanted)
+        q, hand = self._trajectory.position(time), self._hand.at(time)
+        lower, upper = self._lower[columns], self._upper[columns]
+        room = np.minimum(q[:, None] - lower, upper - q[:, None]).min(axis=2)
+        margin = np.minimum(self._tube.margin(hand)[:, columns], room)
+        if self._rotation is not None:
+            rotation = self._rotation.at(time).reshape(-1, 3, 3)
+            for column, k in enumerate(columns):
+                turned = self._tube.rotation_margin(rotation, hand, slice(k, k + 1))[:, 0]
+                margin[:, column] = np.minimum(margin[:, column], turned)
+        return margin
 
     def best_time(self, pair: tuple[int, int], low: float, high: float) -> float:
         """Return when, between two times, the worse of two segments' margins is largest."""
 
         def lost(t: float) -> float:
-            return -float(self.at(np.array([t]))[0, list(pair)].min())
+            return -float(self.at(np.array([t]), pair).min())
 
         candidates = [low, high]
         if high > low:
