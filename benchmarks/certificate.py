@@ -96,7 +96,7 @@ def main() -> None:
     print("Intervals: hand / efforts / tube / link-obstacle pairs / link-link pairs\n")
     print("| problem | method | obstacles | pairs | passes | intervals | time [ms] | of the aim |")
     print("|---|---|---|---|---|---|---|---|")
-    for name in ARMS:
+    for name in (*ARMS, "ur5/level_tray"):
         problem = load_problem(f"example:{name}")
         aim = AIM[problem.robot.joint_count]
         for method in ("stop-at-corners", "branch-and-bound"):

@@ -32,6 +32,7 @@ def robot(request):
 PROBLEMS = (
     "two_link/around_a_post",
     "ur5/over_the_wall",
+    "ur5/level_tray",
     "ur10/onto_a_conveyor",
     "panda/between_shelves",
     "xarm7/from_crate_to_crate",

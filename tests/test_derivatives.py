@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from tubeplanner import JointTrajectory
+from tubeplanner import JointTrajectory, Tube
+from tubeplanner.rotations import nearest_branch
 
 STEP = 1e-6
 
@@ -68,6 +69,30 @@ def points_by_joints(robot):
     return points, q, robot.point_jacobian(*robot.body_poses(q), body, points(q))
 
 
+def rotation_error_by_joints(share):
+    """The hand beside the middle of a segment, or beyond its end, where the reference rests."""
+
+    def case(robot):
+        q, _, _ = random_motion(robot)
+        rotation, hand = robot.tool_pose(q)
+        along = np.array([0.7, -0.4, 0.5])
+        points = np.array([[0, 0, 0], along]) + hand.mean(axis=0) - share * along
+        tube = Tube(points, 9.0, orientations=TURNED, rotation_tolerance=1.0).rotation
+
+        def error(x):
+            turned, at = robot.tool_pose(x)
+            near = tube.error(rotation, hand, 0)
+            return nearest_branch(tube.error(turned, at, 0), near, np.ones(3, dtype=bool))
+
+        jacobian = robot.tool_pose_jacobian(q)[2]
+        return error, q, tube.error_jacobian(rotation, hand, jacobian, 0)[1]
+
+    return case
+
+
+TURNED = [[0, 0, 0, 1], [0.5, 0.5, -0.5, 0.5]]
+
+
 def trajectory_by_time(order):
     def case(robot):
         rng = np.random.default_rng(6)
@@ -85,6 +110,8 @@ TABLE = {
     "hand position by joints": (hand_by_joints, 1e-8),
     "hand rotation by joints": (turn_by_joints, 1e-8),
     "points of bodies by joints": (points_by_joints, 1e-8),
+    "rotation error by joints": (rotation_error_by_joints(0.5), 1e-7),
+    "rotation error beyond the end": (rotation_error_by_joints(5.0), 1e-7),
     "effort by position": (effort_by(0), 1e-6),
     "effort by velocity": (effort_by(1), 1e-6),
     "effort by acceleration": (effort_by(2), 1e-6),

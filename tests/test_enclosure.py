@@ -77,7 +77,7 @@ def test_no_taylor_coefficient_exceeds_its_bound(arm, seed):
     joints = _joint_bounds(motion, np.array([0]), np.zeros(1), np.array([width]))
     orders = range(1, 9)
     hand = taylor_coefficients(lambda t: arm.tool_position(motion.position(t)), width, orders)
-    bound = hand_majorant(arm, joints)[1:9, 0]
+    bound = hand_majorant(arm, joints).position[1:9, 0]
     assert (hand <= bound[:, None] * (1 + 1e-6) + 1e-7).all()
 
     def efforts(t):
@@ -172,7 +172,7 @@ def test_the_bound_is_exact_for_a_joint_that_turns_uniformly(tmp_path):
     motion = JointTrajectory(["move"], [0, 0.2], [[[speed]], [[0.0]]])
     joints = _joint_bounds(motion, np.array([0]), np.zeros(1), np.array([0.2]))
     expected = [0.4 * (0.2 * speed) ** k / factorial(k) for k in range(1, 9)]
-    np.testing.assert_allclose(hand_majorant(robot, joints)[1:9, 0], expected, rtol=1e-12)
+    np.testing.assert_allclose(hand_majorant(robot, joints).position[1:9, 0], expected, rtol=1e-12)
 
 
 @pytest.mark.parametrize(("kind", "inertia"), [("prismatic", 2.0), ("revolute", 0.7)])

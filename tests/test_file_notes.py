@@ -77,6 +77,16 @@ def test_another_start_is_no_misreading(planned):
     assert notes_on_file(problem, file_of(moved), failed=True) == []
 
 
+def turned(tube, tolerance, quaternion=(0, 0, 0, 1)):
+    return Tube(
+        tube.points,
+        tube.radius,
+        joint_signs=tube.joint_ranges,
+        orientations=[quaternion] * len(tube.points),
+        rotation_tolerance=tolerance,
+    )
+
+
 HASHED = {
     "start": lambda p: {"start": np.asarray(p.start) + np.array([0, 0, 0, 0, 0, 1e-3])},
     "clearance": lambda p: {"clearance": 0.011},
@@ -86,6 +96,9 @@ HASHED = {
     "visit": lambda p: {
         "tube": Tube(p.tube.points, p.tube.radius, joint_signs=p.tube.joint_ranges, visit="any")
     },
+    "a rotation tolerance": lambda p: {"tube": turned(p.tube, 3.0)},
+    "a wider one": lambda p: {"tube": turned(p.tube, 3.1)},
+    "other orientations": lambda p: {"tube": turned(p.tube, 3.0, [0.1, 0, 0, 0.995])},
     "tool radius": lambda p: {
         "tube": Tube(
             p.tube.points, p.tube.radius, joint_signs=p.tube.joint_ranges, tool_radius=0.01
@@ -110,6 +123,12 @@ def test_whatever_changes_the_verdict_changes_the_hash(change, planned):
     problem, _ = planned(UR5)
     assert problem_hash(rebuilt(problem)) == problem_hash(problem)
     assert problem_hash(rebuilt(problem, **change(problem))) != problem_hash(problem)
+
+
+def test_no_two_of_these_changes_have_the_same_hash(planned):
+    problem, _ = planned(UR5)
+    hashes = {problem_hash(rebuilt(problem, **change(problem))) for change in HASHED.values()}
+    assert len(hashes) == len(HASHED)
 
 
 def test_the_hash_of_a_robot_knows_payload_gravity_and_tool():

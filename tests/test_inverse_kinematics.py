@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from tubeplanner.inverse_kinematics import solve_position
+from tubeplanner.inverse_kinematics import WantedRotation, solve_position
+from tubeplanner.rotations import rotation_matrix, rotation_vector
 
 
 def bounds(robot):
@@ -72,3 +73,60 @@ def test_a_stretched_arm_folds_the_way_its_bounds_allow(sign, two_link):
     solution = solve_position(two_link, target, np.zeros(2), lower, upper)
     assert solution.error < 1e-9
     assert np.sign(solution.q[1]) == sign
+
+
+def wanted(robot, q, vector=(0, 0, 0), components=(1, 1, 1)):
+    """Return the pose of a configuration as what is wanted, off by the opposite of a vector."""
+    rotation, position = robot.tool_pose(q[None])
+    reference = rotation[0] @ rotation_matrix(-np.array(vector, dtype=float))
+    vector = np.array(vector, dtype=float)
+    return position[0], WantedRotation(reference, vector, np.array(components, dtype=bool))
+
+
+def rotation_off(robot, q, rotation):
+    return rotation_vector(rotation.reference.T @ robot.tool_pose(q[None])[0][0]) - rotation.vector
+
+
+@pytest.mark.parametrize("vector", [(0, 0, 0), (0.3, -0.2, 0.1)])
+@pytest.mark.parametrize("components", [(1, 1, 1), (1, 1, 0), (0, 0, 1), (0, 0, 0)])
+def test_a_reachable_pose_is_reached_in_the_components_that_count(vector, components, ur5, panda):
+    for arm, middle in ((ur5, [0, -1.2, 1.6, -1.8, -1.5, 0]), (panda, [0, -0.3, 0, -2, 0, 2, 0])):
+        rng = np.random.default_rng(3)
+        for _ in range(5):
+            goal = np.array(middle) + rng.uniform(-0.4, 0.4, len(middle))
+            seed = goal + rng.uniform(-0.15, 0.15, len(middle))
+            target, rotation = wanted(arm, goal, vector, components)
+            solution = solve_position(arm, target, seed, *bounds(arm), rotation=rotation)
+            assert solution.error < 1e-9
+            off = rotation_off(arm, solution.q, rotation)[np.array(components, dtype=bool)]
+            assert np.linalg.norm(off) < 1e-8
+            assert solution.rotation_error == pytest.approx(np.linalg.norm(off), abs=1e-12)
+
+
+def test_components_that_do_not_count_are_left_to_spare_joints(ur5):
+    """The last joint turns about z of the tool: it stays where it is preferred."""
+    goal = np.array([0.1, -1.2, 1.6, -1.97, -np.pi / 2, 0.0])
+    target, rotation = wanted(ur5, goal, components=(1, 1, 0))
+    preferred = goal + np.array([0, 0, 0, 0, 0, 1.0])
+    solution = solve_position(ur5, target, goal, *bounds(ur5), preferred, rotation)
+    np.testing.assert_allclose(solution.q, preferred, atol=1e-7)
+
+
+def test_the_position_comes_first(two_link):
+    """Two joints that are needed for the position: the rotation asked for changes nothing."""
+    q = np.array([0.3, -1.0])
+    target, rotation = wanted(two_link, q, vector=(0, 0, 0.4))
+    asked = WantedRotation(rotation.reference, np.zeros(3), rotation.components)
+    solution = solve_position(two_link, target, q + 0.1, *bounds(two_link), rotation=asked)
+    np.testing.assert_allclose(solution.q, q, atol=1e-7)
+    assert solution.error < 1e-9
+    assert solution.rotation_error == pytest.approx(0.4, abs=1e-6)
+
+
+def test_a_rotation_is_followed_beyond_half_a_turn(ur5):
+    """Wanted is 3.3 rad about z, of which the rotation vector of least length is -2.98."""
+    goal = np.array([0.1, -1.2, 1.6, -1.97, -np.pi / 2, 0.2])
+    target, rotation = wanted(ur5, goal, vector=(0, 0, 3.3))
+    seed = goal - np.array([0, 0, 0, 0, 0, 0.3])
+    solution = solve_position(ur5, target, seed, *bounds(ur5), rotation=rotation)
+    np.testing.assert_allclose(solution.q, goal, atol=1e-7)

@@ -136,6 +136,42 @@ def test_an_end_may_exceed_its_bounds_by_what_rounding_does():
     assert "joint 'joint2' at -1e-05" in fault(changed(**{**data, "start": {"joints": [0, -1e-5]}}))
 
 
+# About z; the hand of a stretched arm is off by 0.11 rad at the start, by pi/2 - 1 at the goal.
+TURNING = [[0, 0, np.sin(a / 2), np.cos(a / 2)] for a in (-0.11, 0.5, 1.0)]
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "message"),
+    [
+        ([0.11, np.pi / 2 - 1], None),
+        ([[0.01, 0.01, 0.11], [np.inf, 0.01, np.inf]], None),
+        (
+            [0.1, 9.0],
+            "start: the hand is turned by 0.11 rad, where the rotation tolerance of segment 0 is "
+            "0.1 rad; turn the start, change tube.orientations[0] or widen "
+            "tube.rotation_tolerance[0]",
+        ),
+        (
+            [9.0, [0.01, 0.01, 0.2]],
+            "goal: the hand is turned by 0.5708 rad about z of the reference orientation, where "
+            "the rotation tolerance of segment 1 is 0.2 rad; turn the goal, change "
+            "tube.orientations[2] or widen tube.rotation_tolerance[1]",
+        ),
+    ],
+)
+def test_an_end_turned_too_far_is_bad_input(tolerance, message):
+    data = changed(tube__orientations=TURNING, tube__rotation_tolerance=tolerance)
+    data["goal"] = {"joints": GOAL}
+    if message is None:
+        tube = parse_problem(data).tube
+        np.testing.assert_allclose(tube.orientations, TURNING)
+        assert tube.rotation_tolerance == tuple(
+            tuple(bound) if isinstance(bound, list) else bound for bound in tolerance
+        )
+    else:
+        assert fault(data) == f"my problem: {message}"
+
+
 @pytest.mark.parametrize(("outside", "refused"), [(1e-7, False), (1e-5, True)])
 def test_the_hand_may_leave_the_capsule_by_what_rounding_does(outside, refused):
     points = [[0.6 + 0.1 + outside, 0, 0], [1, 0, 0]]

@@ -146,6 +146,17 @@ NOT_A_NUMBER = "it must be a number"
         ("tube.visit", "all", "tube.visit is 'all'; it must be 'ordered' or 'any'"),
         ("tube.joint_signs", {"j": "x"}, "tube.joint_signs.j is 'x'; it must be '+', '-', "),
         ("tube.joint_signs", [{"j": 2}], "tube.joint_signs[0].j is 2; it must be '+', '-', "),
+        ("tube.orientations", [[0, 0, 0]], "tube.orientations[0] has 3 values; 4 are needed"),
+        ("tube.orientations", [0, 0, 0, 1], "tube.orientations[0] is 0; it must be a list"),
+        ("tube.rotation_tolerance", "wide", "tube.rotation_tolerance is 'wide'; it must be a"),
+        (
+            "tube.rotation_tolerance",
+            [0.1, [0.1, 0.1]],
+            "tube.rotation_tolerance[1] is [0.1, 0.1]; it must be one angle or three bounds "
+            "[x, y, z] [rad], .inf where free",
+        ),
+        ("tube.rotation_tolerance", [True], "tube.rotation_tolerance[0] is True; it must be one a"),
+        ("tube.rotation_tolerance", [[0, 0, None]], "tube.rotation_tolerance[0] is [0, 0, None]; "),
         ("start.joints", ["a", 0], f"start.joints[0] is 'a'; {NOT_A_NUMBER}"),
         ("start.joints", {"j": "a"}, f"start.joints.j is 'a'; {NOT_A_NUMBER}"),
         ("robot.urdf", 5, "robot.urdf is 5; it must be text"),
@@ -218,21 +229,23 @@ def test_position_limits_and_joint_ranges_may_be_open_on_one_side(tmp_path):
     assert fields.tube.joint_signs == {"j": (0.5, np.inf)}
 
 
-# --- fields that are not honoured yet ----------------------------------------------------------
-
-
 @pytest.mark.parametrize(
-    ("place", "value"),
+    ("written", "value"),
     [
-        ("tube.orientations", [[0, 0, 0, 1], [0, 0, 0, 1]]),
-        ("tube.rotation_tolerance", [0.1]),
-        ("tube.rotation_tolerance", [[0.1, 0.1, np.inf]]),
+        ("0.1", 0.1),
+        ("[0.1]", [0.1]),
+        ("[[0.1, 0.2, .inf]]", [(0.1, 0.2, np.inf)]),
+        ("[0.1, [1, 1, 1]]", [0.1, (1, 1, 1)]),
     ],
 )
-def test_a_field_that_is_not_honoured_yet_is_refused_by_name(place, value):
-    message = fault(changed(place, value))
-    assert message.startswith(f"{place} is not honoured by this version; ")
-    assert len(message.split("; ")[1]) > 10
+def test_a_rotation_tolerance_is_angles_or_triples(tmp_path, written, value):
+    more = f"radius: 0.1, orientations: [[0, 0, 0, 1]], rotation_tolerance: {written}"
+    tube = read(tmp_path, LEAST_YAML.replace("radius: 0.1", more)).tube
+    assert tube.rotation_tolerance == value
+    assert tube.orientations == [(0, 0, 0, 1)]
+
+
+# --- defaults ----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,18 @@
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from conftest import PROBLEMS
-from tubeplanner import LimitOverrides, PlanningProblem, PlanStatus, Seed, Tube, load_robot, plan
+from tubeplanner import (
+    LimitOverrides,
+    PlanningProblem,
+    PlanOptions,
+    PlanStatus,
+    Seed,
+    Tube,
+    load_robot,
+    plan,
+)
 from tubeplanner.outcome import Infeasible
 from tubeplanner.reference_branch import SpareJoints, reference_branch, spare_joint_rules
 
@@ -145,3 +155,153 @@ def test_spare_joints_follow_their_rule(rule, planned):
         SpareJoints.CENTRED: [0, to_middle, to_middle],
     }
     np.testing.assert_allclose(turned, expected.get(rule, [0, 0, 0]), atol=0.02)
+
+
+DOWN = Rotation.from_quat([0.7071068, -0.7071068, 0, 0])
+
+
+def tray_problem(planned, tolerance, turns=((0, 0, 0),) * 4, first=DOWN, **changes):
+    """The level tray's tube, its orientations turned from one point to the next, its rules new."""
+    problem, _ = planned("ur5/level_tray")
+    quaternions = [(first * Rotation.from_rotvec(turn)).as_quat() for turn in turns]
+    fields = {"start": problem.start, **changes}
+    tube = Tube(
+        fields.pop("points", problem.tube.points),
+        problem.tube.radius,
+        joint_signs=problem.tube.joint_ranges,
+        orientations=quaternions,
+        rotation_tolerance=tolerance,
+    )
+    return PlanningProblem(problem.robot, tube, **fields)
+
+
+def errors_of(problem, branch):
+    """Return the rotation vectors along every segment of a branch."""
+    poses = [problem.robot.tool_pose(q) for q in branch.segments]
+    return [problem.tube.rotation.error(*pose, k) for k, pose in enumerate(poses)]
+
+
+@pytest.mark.parametrize("rule", [SpareJoints.AS_NEEDED, SpareJoints.HELD, SpareJoints.CENTRED])
+def test_the_hand_is_turned_as_the_reference_is(rule, planned):
+    """In all components, or in two of them, while the reference turns by up to 1.6 rad a leg."""
+    robot = planned("ur5/level_tray")[0].robot
+    start = planned("ur5/level_tray")[0].start
+    first = Rotation.from_matrix(robot.tool_pose(start[None])[0][0])
+    turns = [(0, 0, 0), (0, 0.5, 0), (0.5, 0, 1.5), (0, 0, 3.0)]
+    for tolerance in (0.05, [[0.05, 0.05, np.inf]] * 3):
+        problem = tray_problem(planned, tolerance, turns, first)
+        branch = reference_branch(problem, rule)
+        for k, error in enumerate(errors_of(problem, branch)):
+            bounded = np.isfinite(problem.tube.rotation.bounds[k, :3])
+            counted = error[:, bounded] if bounded.any() else error
+            assert abs(counted).max() < 1e-6
+            assert abs(np.diff(branch.segments[k], axis=0)).max() <= 0.1
+
+
+def test_a_start_off_the_reference_comes_back_to_it_in_proportion_to_the_way(planned):
+    """At its bound at first; a component that is free there, but not in the next leg, comes in."""
+    problem = planned("ur5/level_tray")[0]
+    rotation = Rotation.from_matrix(problem.robot.tool_pose(problem.start[None])[0][0])
+    off = np.array([0.05, -0.03, 0.6])
+    first = rotation * Rotation.from_rotvec(-off)
+    tolerance = [[0.05, 0.05, np.inf], 0.1, 0.1]
+    asked = tray_problem(planned, tolerance, first=first)
+    branch = branch_of(asked)
+    errors = errors_of(asked, branch)
+    np.testing.assert_allclose(errors[0][0], off, atol=1e-9)
+    share = np.linspace(0, 1, len(errors[0]))[:, None]
+    np.testing.assert_allclose(errors[0], (1 - share) * off, atol=1e-6)
+    assert abs(np.concatenate(errors[1:])).max() < 1e-6
+    assert plan(asked, PlanOptions("stop-at-corners")).succeeded
+
+
+def test_a_goal_off_the_reference_is_met(planned):
+    _, result = planned("ur5/level_tray")
+    q = result.trajectory.position(result.duration) + np.array([0, 0, 0, 0.02, 0.0, 0.8])
+    asked = tray_problem(planned, [[0.05, 0.05, np.inf]] * 3, goal=q)
+    branch = branch_of(asked)
+    np.testing.assert_array_equal(branch.goal, q)
+    assert asked.tube.rotation_margin(*asked.robot.tool_pose(branch.segments[2]))[:, 2].min() > 0
+    assert plan(asked, PlanOptions("stop-at-corners")).succeeded
+
+
+def test_seeds_are_turned_as_the_reference_is(planned):
+    problem = planned("ur5/level_tray")[0]
+    seed = Seed(problem.start + np.array([0.05, -0.1, 0.1, 0.1, 0.1, 0.3]))
+    asked = tray_problem(planned, 0.02, start=seed)
+    branch = branch_of(asked)
+    assert max(abs(error).max() for error in errors_of(asked, branch)) < 1e-6
+
+
+def planar_problem(two_link, tolerance, angles=(0.0, 0.0)):
+    """The straight line on which the planar arm's hand turns from -1.04 by way of -0.72 to 0.14."""
+    return PlanningProblem(
+        two_link,
+        Tube(
+            [[0.45, -0.3, 0], [0.45, 0.3, 0]],
+            0.03,
+            orientations=[[0, 0, np.sin(a / 2), np.cos(a / 2)] for a in angles],
+            rotation_tolerance=tolerance,
+        ),
+        Seed(np.array([0.0, -1.0])),
+    )
+
+
+ENDS = (-1.035835, 0.140170)
+
+
+@pytest.mark.parametrize(
+    ("tolerance", "angles", "message"),
+    [
+        (0.35, ENDS, None),
+        (
+            [[0.1, 0.1, 0.1]],
+            ENDS,
+            r"% along segment 0, .*: the rotation tolerance of segment 0, \[0.1, 0.1, 0.1\] rad, "
+            r"is in the way: the hand can be turned no nearer than 0\.09.* rad to its reference "
+            r"orientation, and a tenth of the tolerance is kept to plan with; widen "
+            r"tube\.rotation_tolerance\[0\], change tube\.orientations or move",
+        ),
+        (
+            0.9,
+            (0.0, 0.0),
+            r"start from its seed: the rotation tolerance of segment 0, 0.9 rad, is in the way: "
+            r"the hand can be turned no nearer than 1\.04 rad",
+        ),
+    ],
+)
+def test_a_rotation_out_of_reach_is_named(tolerance, angles, message, two_link):
+    """The planar arm's position leaves it no choice of its angle, 0.28 rad off in the middle."""
+    problem = planar_problem(two_link, tolerance, angles)
+    if message is None:
+        assert plan(problem, PlanOptions("stop-at-corners")).succeeded
+        return
+    with pytest.raises(Infeasible, match=message) as caught:
+        branch_of(problem)
+    assert caught.value.status is PlanStatus.UNREACHABLE
+    assert caught.value.place.segment == 0
+
+
+def test_a_position_out_of_reach_is_not_blamed_on_the_rotation(two_link):
+    tube = Tube(
+        [[0.3, -0.3, 0], [0.7, 0.0, 0]],
+        0.03,
+        orientations=[[0, 0, 0, 1]] * 2,
+        rotation_tolerance=3.0,
+    )
+    problem = PlanningProblem(two_link, tube, Seed(np.array([0.0, -1.0])))
+    with pytest.raises(Infeasible, match=r"out of the arm's reach"):
+        branch_of(problem)
+
+
+def test_the_next_segments_rotation_tolerance_holds_at_the_hand_over_too(two_link):
+    tube = Tube(
+        [[0.45, -0.3, 0], [0.45, 0, 0], [0.45, 0.3, 0]],
+        0.03,
+        orientations=[[0, 0, 0, 1]] * 3,
+        rotation_tolerance=[2.0, 0.1],
+    )
+    problem = PlanningProblem(two_link, tube, Seed(np.array([0.0, -1.0])))
+    message = r"100.0 % along segment 0, .*the rotation tolerance of segment 1, 0.1 rad, is in"
+    with pytest.raises(Infeasible, match=message):
+        branch_of(problem)

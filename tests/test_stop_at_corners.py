@@ -2,8 +2,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+import tubeplanner.stop_at_corners as stop_at_corners_module
 from conftest import PROBLEMS
+from tubeplanner import PlanningProblem, Tube, verify
 from tubeplanner.reference_branch import reference_branch, spare_joint_rules
 from tubeplanner.stop_at_corners import stop_at_corners
 from tubeplanner.time_scaling import minimum_duration
@@ -63,3 +66,32 @@ def test_the_same_problem_gives_the_same_numbers(planned):
     problem, result = planned("panda/between_shelves")
     again = stop_at_corners(problem, branch_of(problem))
     np.testing.assert_array_equal(again.coefficients, result.trajectory.coefficients)
+
+
+def test_splines_follow_the_branch_within_the_rotation_tolerance(planned):
+    """A tenth of a milliradian, while the reference turns by a radian a leg: few knots are off."""
+    tray, _ = planned("ur5/level_tray")
+    turns = [(0, 0, 0), (0, 0.5, 0.6), (0.5, 0, 1.5), (0, 0, 2.5)]
+    first = Rotation.from_matrix(tray.robot.tool_pose(tray.start[None])[0][0])
+    tube = Tube(
+        tray.tube.points,
+        tray.tube.radius,
+        joint_signs=tray.tube.joint_ranges,
+        orientations=[(first * Rotation.from_rotvec(turn)).as_quat() for turn in turns],
+        rotation_tolerance=1e-4,
+    )
+    problem = PlanningProblem(tray.robot, tube, tray.start)
+    motion = stop_at_corners(problem, branch_of(problem))
+    assert verify(problem, motion).passed
+
+
+def test_a_fit_is_held_against_the_rotation_too(planned):
+    """Its margins are those of the hand and, where that is bounded, of the rotation."""
+    tray, _ = planned("ur5/level_tray")
+    q = tray.start + np.array([[0] * 6, [0, 0, 0, 0, 0.01, 0]])
+    turned = tray.tube.rotation.margin(*tray.robot.tool_pose(q), 0)
+    hand = tray.tube.margin(tray.robot.tool_position(q))[:, 0]
+    expected = [hand.min(), turned[1]]
+    np.testing.assert_allclose(stop_at_corners_module._least_margins(tray, q, 0), expected)
+    free, _ = planned("ur5/over_the_wall")
+    assert stop_at_corners_module._least_margins(free, free.start[None], 0).shape == (1,)

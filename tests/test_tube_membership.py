@@ -132,3 +132,26 @@ def test_a_union_may_be_visited_backwards(two_link):
     back = lines(two_link, [*q[1:], *q[-2:0:-1]])
     assert first_departure(corner(two_link, visit="any"), back, 1e-6) is None
     assert first_departure(corner(two_link), back, 1e-6) == 3  # it never arrives
+
+
+def test_the_margin_knows_the_rotation(planned):
+    """The hand is well inside its capsule: how far it is turned decides."""
+    problem, result = planned("ur5/level_tray")
+    q = result.trajectory.position(np.array([0.6, 0.6, 0.6]))
+    q[1, 4] += 0.04
+    q[2, 4] += 0.07
+    rotation, hand = problem.robot.tool_pose(q)
+    turned = problem.tube.rotation.margin(rotation, hand, 1)
+    assert turned[1] > 0 > turned[2]
+    assert (problem.tube.margin(hand)[1:, 1] > turned[1:]).all()
+    np.testing.assert_allclose(membership_margin(problem, q)[1:, 1], turned[1:], atol=1e-12)
+
+
+def test_the_first_piece_that_turns_the_hand_too_far_is_named(planned):
+    problem, result = planned("ur5/level_tray")
+    assert first_departure(problem, result.trajectory, 1e-6) is None
+    piece = len(result.trajectory.widths) // 2
+    bent = result.trajectory.coefficients.copy()
+    bent[-1, piece, 4] += 0.07
+    moved = JointTrajectory(problem.robot.joint_names, result.trajectory.breakpoints, bent)
+    assert first_departure(problem, moved, 1e-6) == piece

@@ -8,6 +8,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.inverse_kinematics import solve_position
 from tubeplanner.problem import PlanningProblem
 from tubeplanner.reference_branch import ReferenceBranch
+from tubeplanner.reference_turn import wanted_at
 
 _STILL = 1e-9  # [m]: a hand that moves less stands still
 # Where inverse kinematics goes farther from the branch than this, it left it [rad or m].
@@ -63,5 +64,6 @@ def _solved(
 ) -> FloatArray:
     """Return a configuration (n,) that has the hand at a target (3,), close to another."""
     lower, upper = problem.joint_lower[segment], problem.joint_upper[segment]
-    solution = solve_position(problem.robot, target, near, lower, upper)
+    turned = wanted_at(problem, target, segment, near)
+    solution = solve_position(problem.robot, target, near, lower, upper, rotation=turned)
     return solution.q if abs(solution.q - near).max() <= _FARTHEST_FROM_BRANCH else near

@@ -1,4 +1,4 @@
-"""Polynomials that enclose hand position and joint efforts of a motion, for all t.
+"""Polynomials that enclose hand pose and joint efforts of a motion, for all t.
 
 On each of I intervals the quantity is interpolated at Chebyshev points. What the polynomial misses
 between them is bounded by the majorant of the next Taylor coefficient, T:
@@ -51,8 +51,11 @@ class Enclosure:
     def at(self, time: FloatArray) -> FloatArray:
         """Return the polynomials' values at times (N,) [s], shape (N, c)."""
         interval = np.clip(np.searchsorted(self.start, time, "right") - 1, 0, None)
-        u = (time - self.start[interval]) / self.width[interval]
-        value = np.zeros((len(time), self.coefficients.shape[2]))
+        return self.within(interval, (time - self.start[interval]) / self.width[interval])
+
+    def within(self, interval: IntArray, u: FloatArray) -> FloatArray:
+        """Return the values in intervals (N,) at their local times u (N,), shape (N, c)."""
+        value = np.zeros((len(u), self.coefficients.shape[2]))
         for row in self.coefficients:
             value = value * u[:, None] + row[interval]
         return value
@@ -68,12 +71,72 @@ def enclosed_hand(robot: RobotModel, trajectory: JointTrajectory, tolerance: flo
     """
 
     def error(joints: FloatArray, width: FloatArray) -> FloatArray:
-        return np.tile(hand_majorant(robot, joints)[_POINTS][:, None], (1, 3))
+        return np.tile(hand_majorant(robot, joints).position[_POINTS][:, None], (1, 3))
 
     def value(q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         return robot.tool_position(q)
 
     return _enclosed(trajectory, value, error, np.full(3, tolerance))
+
+
+@dataclass(frozen=True, eq=False)
+class EnclosedPose:
+    """Where the hand is and how it is turned, over the same I intervals.
+
+    Attributes:
+        hand: Position of the tool centre point, c = 3 [m].
+        rotation: Its rotation matrix, row by row, c = 9; every column is off by at most the error.
+        speed: No part of an interval is faster, shape (I,) [m/s].
+        acceleration: Bound on the norm, shape (I,) [m/s^2].
+        spin: Bound on the angular velocity, shape (I,) [rad/s].
+        spin_rate: Bound on the angular acceleration, shape (I,) [rad/s^2].
+    """
+
+    hand: Enclosure
+    rotation: Enclosure
+    speed: FloatArray
+    acceleration: FloatArray
+    spin: FloatArray
+    spin_rate: FloatArray
+
+
+def enclosed_pose(
+    robot: RobotModel, trajectory: JointTrajectory, tolerance: float, rotation_tolerance: float
+) -> EnclosedPose:
+    """Return position and orientation of the tool centre point.
+
+    Args:
+        robot: The arm.
+        trajectory: In the robot's joint order.
+        tolerance: How large the position's error may be [m].
+        rotation_tolerance: How large the error of a column of the rotation matrix may be.
+    """
+
+    def error(joints: FloatArray, width: FloatArray) -> FloatArray:
+        majorant = hand_majorant(robot, joints)
+        rows = [majorant.position[_POINTS]] * 3 + [majorant.axis[_POINTS]] * 9
+        return np.stack(rows, axis=1)
+
+    def value(q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+        rotation, position = robot.tool_pose(q)
+        return np.hstack([position, rotation.reshape(-1, 9)])
+
+    pose = _enclosed(trajectory, value, error, np.repeat([tolerance, rotation_tolerance], [3, 9]))
+    hand, rotation = (
+        Enclosure(pose.start, pose.width, pose.coefficients[:, :, part], pose.error[:, part])
+        for part in (slice(3), slice(3, 12))
+    )
+    piece = np.searchsorted(trajectory.breakpoints, pose.start, "right") - 1
+    local = pose.start - trajectory.breakpoints[piece]
+    rates = hand_majorant(robot, _joint_bounds(trajectory, piece, local, pose.width)[:3])
+    return EnclosedPose(
+        hand,
+        rotation,
+        speed=rates.position[1] / pose.width,
+        acceleration=2 * rates.position[2] / pose.width**2,
+        spin=rates.spin[0] / pose.width,
+        spin_rate=rates.spin[1] / pose.width**2,
+    )
 
 
 def enclosed_efforts(

@@ -26,6 +26,8 @@ def problem_hash(problem: PlanningProblem) -> str:
     tube, checker = problem.tube, problem.collision
     parts: list[object] = [*_robot_parts(problem.robot), tube.points, tube.radius, tube.visit]
     parts += [tube.tool_radius, *tube.ranges_of(problem.robot.joint_names)]
+    if tube.rotation is not None:
+        parts += [tube.rotation.begin, tube.rotation.turn, tube.rotation.bounds]
     for given in (problem.start, problem.goal):
         parts.append(type(given).__name__)
         parts.append(given.joints if isinstance(given, Seed) else given)

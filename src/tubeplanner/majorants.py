@@ -1,4 +1,4 @@
-"""Bounds on the Taylor coefficients of what a motion does: hand position and joint efforts.
+"""Bounds on the Taylor coefficients of what a motion does: hand pose and joint efforts.
 
 A motion in joint space is polynomial, what follows from it is not. Here, every vector of the
 recursive Newton-Euler algorithm is replaced by a power series whose coefficients bound the norms of
@@ -34,18 +34,30 @@ class _BodyMotion:
     origin: FloatArray
 
 
-def hand_majorant(robot: RobotModel, joints: FloatArray) -> FloatArray:
-    """Return bounds on the Taylor coefficients of the tool centre point's position.
+@dataclass(frozen=True, eq=False)
+class HandMajorant:
+    """Bounds on the Taylor coefficients of the hand's motion, each (orders, I).
+
+    Attributes:
+        position: Of the tool centre point [m]; the first row has no meaning.
+        axis: Of a unit vector fixed in the tool, such as each of its axes.
+        spin: Of its angular velocity [rad per interval], one order shorter.
+    """
+
+    position: FloatArray
+    axis: FloatArray
+    spin: FloatArray
+
+
+def hand_majorant(robot: RobotModel, joints: FloatArray) -> HandMajorant:
+    """Return bounds on the Taylor coefficients of the tool centre point's motion.
 
     Args:
         robot: The arm.
         joints: Bounds on the Taylor coefficients of the joint positions, shape (order+1, I, n).
-
-    Returns:
-        Shape (order+1, I) [m]; the first row has no meaning.
     """
     body = _motions(robot, joints)[robot.link_body[robot.tool_frame]]
-    return body.origin + robot.tool_reach * body.unit
+    return HandMajorant(body.origin + robot.tool_reach * body.unit, body.unit, body.spin)
 
 
 def effort_majorant(robot: RobotModel, joints: FloatArray, width: FloatArray) -> FloatArray:

@@ -61,8 +61,9 @@ class PlanningProblem:
         name: What messages and plots call it.
 
     Raises:
-        ProblemError: On construction, if start, goal or a seed break a limit, a sign or their
-            capsule, the tube names a joint that is not planned, or the clearance is negative.
+        ProblemError: On construction, if start, goal or a seed break a limit, a sign, their
+            capsule or its rotation tolerance, the tube names a joint that is not planned, or the
+            clearance is negative.
     """
 
     robot: RobotModel
@@ -175,7 +176,7 @@ class PlanningProblem:
                     f"{end}: joint '{name}' at {value:g} is outside [{low:g}, {high:g}], its "
                     f"position limits and joint sign in segment {segment}"
                 )
-        hand = self.robot.tool_position(q[None])
+        rotation, hand = self.robot.tool_pose(q[None])
         margin = float(self.tube.margin(hand)[0, segment])
         if margin < -_INPUT_TOLERANCE:
             point = self.tube.points[segment + (end == "goal")]
@@ -184,6 +185,25 @@ class PlanningProblem:
                 f"the capsule of segment {segment} (its end point is {point.tolist()} m); move the "
                 f"{end} or the reference point"
             )
+        self._require_turned(end, rotation, hand, segment)
+
+    def _require_turned(
+        self, end: str, rotation: FloatArray, hand: FloatArray, segment: int
+    ) -> None:
+        """Raise unless a hand is within a segment's rotation tolerance."""
+        tube = self.tube.rotation
+        if tube is None or tube.margin(rotation, hand, segment)[0] >= -_INPUT_TOLERANCE:
+            return
+        error = tube.error(rotation, hand, segment)[0]
+        turned = [*error.tolist(), float(np.linalg.norm(error))]
+        worst = int((abs(np.array(turned)) - tube.bounds[segment]).argmax())
+        about = "" if worst == 3 else f" about {'xyz'[worst]} of the reference orientation"
+        raise ProblemError(
+            f"{end}: the hand is turned by {turned[worst]:.4g} rad{about}, where the rotation "
+            f"tolerance of segment {segment} is {tube.bounds[segment, worst]:.4g} rad; turn the "
+            f"{end}, change tube.orientations[{segment + (end == 'goal')}] or widen "
+            f"tube.rotation_tolerance[{segment}]"
+        )
 
 
 def load_problem(name: str | Path, directory: str | Path = ".") -> PlanningProblem:
@@ -272,6 +292,8 @@ def _tube(fields: ProblemFields) -> Tube:
         tool_radius=fields.tube.tool_radius,
         joint_signs=fields.tube.joint_signs,
         visit=fields.tube.visit,
+        orientations=fields.tube.orientations,
+        rotation_tolerance=fields.tube.rotation_tolerance,
     )
 
 

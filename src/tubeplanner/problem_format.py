@@ -41,16 +41,25 @@ def _sign_or_range(value: object) -> object:
 Sign: TypeAlias = Annotated[
     Literal["+", "-", "0", 1, -1, 0] | tuple[Number, Number], BeforeValidator(_sign_or_range)
 ]
+
+
+def _angle_or_bounds(value: object) -> object:
+    """Say at once what a bound on the rotation may be."""
+    numbers = list(value) if isinstance(value, list | tuple) else [value]
+    right = all(isinstance(n, int | float) and not isinstance(n, bool) for n in numbers)
+    if not right or (isinstance(value, list | tuple) and len(numbers) != 3):
+        raise ValueError("it must be one angle or three bounds [x, y, z] [rad], .inf where free")
+    return value
+
+
+RotationBoundField: TypeAlias = Annotated[
+    Number | tuple[Number, Number, Number], BeforeValidator(_angle_or_bounds)
+]
 Version: TypeAlias = Annotated[Literal[1], BeforeValidator(_no_flag)]
 
 _MOST_BYTES = 10_000_000
 # What the readers raise for malformed input, whatever it says of the fault.
 _READER_ERRORS = (YAMLError, ValueError, RecursionError, LookupError, TypeError, AttributeError)
-
-_NOT_HONOURED_YET = {
-    "tube.orientations": "leave it out: the hand's orientation is free",
-    "tube.rotation_tolerance": "leave it out: the hand's orientation is free",
-}
 
 
 class _Section(BaseModel):
@@ -132,7 +141,7 @@ class RobotFields(_Section):
 
 
 class TubeFields(_Section):
-    """Where the hand may be."""
+    """Where the hand may be, and how it may be turned."""
 
     points: list[Vector] = Field(description="m+1 reference points, base frame [m]")
     radius: Finite | list[Finite] = Field(description="one or m path tolerances [m]")
@@ -140,8 +149,14 @@ class TubeFields(_Section):
     joint_signs: dict[str, Sign] | list[dict[str, Sign]] = Field(
         {}, description="one map or m: '+', '-', '0', 1, -1, 0, or [lower, upper] [rad, m]"
     )
-    orientations: list[Quaternion] | None = Field(None, description="m+1 quaternions x y z w")
-    rotation_tolerance: list[Any] | None = Field(None, description="m angles or triples [rad]")
+    orientations: list[Quaternion] | None = Field(
+        None, description="of the tool centre point frame at the points, m+1 quaternions x y z w"
+    )
+    rotation_tolerance: Number | list[RotationBoundField] | None = Field(
+        None,
+        description="m angles, or triples of bounds on log(R_ref^T R), .inf where free [rad]; one "
+        "number serves for all segments",
+    )
     visit: Literal["ordered", "any"] = Field(
         "ordered", description="segments one after the other, or the union of their capsules"
     )
@@ -191,7 +206,7 @@ def read_problem_fields(path: Path) -> ProblemFields:
 
     Raises:
         ProblemError: The file cannot be read, a key is unknown or doubled, a value has the wrong
-            type, or a field is not honoured yet. The message names the file and the field.
+            type. The message names the file and the field.
     """
     return check_problem_fields(_read(path), str(path))
 
@@ -209,16 +224,10 @@ def check_problem_fields(data: object, source: str) -> ProblemFields:
     if not isinstance(data, dict):
         raise ProblemError(f"{source}: a problem is a map with robot, tube and start")
     try:
-        fields = ProblemFields.model_validate(data)
+        return ProblemFields.model_validate(data)
     except ValidationError as error:
         fault = first_fault(data, error, ProblemFields)
         raise ProblemError(f"{source}: {fault}") from None
-    for name, advice in _NOT_HONOURED_YET.items():
-        section, key = name.split(".")
-        part = getattr(fields, section)
-        if getattr(part, key) != type(part).model_fields[key].default:
-            raise ProblemError(f"{source}: {name} is not honoured by this version; {advice}")
-    return fields
 
 
 def _read(path: Path) -> object:

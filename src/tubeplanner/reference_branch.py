@@ -1,7 +1,8 @@
 """The arm along the reference path: one continuous branch of the inverse kinematics.
 
 The hand goes from where the start configuration has it, through the inner reference points, to
-where the goal configuration has it; each leg is straight, so it stays in its capsule. The joint
+where the goal configuration has it; each leg is straight, so it stays in its capsule. Where its
+rotation is bounded, it is turned as the reference is, as far as the arm can. The joint
 ranges of each segment choose the branch, a rule moves the joints that are left free.
 """
 
@@ -15,7 +16,14 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.inverse_kinematics import solve_position
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.problem import PlanningProblem, Seed
-from tubeplanner.segment_walk import SegmentWalk, as_position, explain_error
+from tubeplanner.reference_turn import wanted_at
+from tubeplanner.segment_walk import (
+    SegmentWalk,
+    as_position,
+    explain_error,
+    explain_turn,
+    turned_off,
+)
 
 _SEED_TOLERANCE = 1e-6  # [m] between the hand and the reference point of a seed
 # How near the branch must come to a given goal configuration to be on its branch [rad or m].
@@ -130,11 +138,18 @@ def _endpoint(problem: PlanningProblem, given: FloatArray | Seed, point: int) ->
         return given
     segment = 0 if point == 0 else problem.tube.segment_count - 1
     lower, upper = problem.joint_lower[segment], problem.joint_upper[segment]
-    target = problem.tube.points[point]
-    solution = solve_position(problem.robot, target, given.joints, lower, upper)
+    target, seed = problem.tube.points[point], given.joints
+    wanted = wanted_at(problem, target, segment)
+    solution = solve_position(problem.robot, target, seed, lower, upper, rotation=wanted)
+    reason = None
     if solution.error > _SEED_TOLERANCE:
+        reason = explain_error(problem, target, seed, segment, solution)
+    elif problem.tube.rotation is not None:
+        rotation, hand = problem.robot.tool_pose(solution.q[None])
+        if problem.tube.rotation.margin(rotation, hand, segment)[0] < 0:
+            reason = explain_turn(problem, segment, turned_off(solution))
+    if reason is not None:
         place = Place(segment=segment, position=as_position(target))
-        reason = explain_error(problem, target, given.joints, segment, solution)
         end = "start" if point == 0 else "goal"
         raise Infeasible(PlanStatus.UNREACHABLE, f"{end} from its seed: {reason}", place)
     return solution.q

@@ -169,15 +169,20 @@ class RobotModel:
         Rows 0-2 give the linear velocity of the point [m/s], rows 3-5 the angular velocity
         [rad/s], both in the base frame.
         """
+        return self.tool_pose_jacobian(q)[1:]
+
+    def tool_pose_jacobian(self, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return rotation (N, 3, 3), position (N, 3) [m] and Jacobian (N, 6, n) of that point."""
         model, data, tool_id = self._model, self._data, self._tool_id
-        position, jacobian = np.empty((len(q), 3)), np.empty((len(q), 6, self.joint_count))
+        rotation, position = np.empty((len(q), 3, 3)), np.empty((len(q), 3))
+        jacobian = np.empty((len(q), 6, self.joint_count))
         placement = data.oMf[tool_id]
         for i, q_i in enumerate(self._model_order(q)):
             columns = pin.computeFrameJacobian(model, data, q_i, tool_id, pin.LOCAL_WORLD_ALIGNED)
             jacobian[i] = np.reshape(columns, jacobian.shape[1:])  # one column comes back flat
             pin.updateFramePlacement(model, data, tool_id)
-            position[i] = placement.translation
-        return position, jacobian[:, :, self._to_group]
+            rotation[i], position[i] = placement.rotation, placement.translation
+        return rotation, position, jacobian[:, :, self._to_group]
 
     def body_poses(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return rotations (N, bodies, 3, 3) and origins (N, bodies, 3) [m] of all bodies."""

@@ -2,7 +2,7 @@
 
 - joint_limits (FR-1): a joint leaves its position limits;
 - duration (FR-3): the lower bound on the whole duration is no better than what is known;
-- tube (FR-2): the hand leaves the tube, or a joint its range there;
+- tube (FR-2): the hand leaves the tube, is turned too far there, or a joint leaves its range;
 - collision (FR-2): a link comes too near to an obstacle or another link.
 
 Segments are tested at a few samples, which can only be too lenient.

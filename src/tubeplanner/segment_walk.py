@@ -6,6 +6,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.inverse_kinematics import PositionSolution, solve_position
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.problem import PlanningProblem
+from tubeplanner.reference_turn import ReferenceTurn
 
 _LONGEST_STEP = 1 / 40  # of a segment
 _SHORTEST_STEP = 1e-6  # of a segment
@@ -54,6 +55,8 @@ class SegmentWalk:
         following = min(segment + 1, problem.tube.segment_count - 1)
         self._end_lower = np.maximum(self._lower, problem.joint_lower[following])
         self._end_upper = np.minimum(self._upper, problem.joint_upper[following])
+        tube = problem.tube.rotation
+        self._turn = None if tube is None else ReferenceTurn(problem, tube, segment, begin, goal)
 
     def to_the_end(self) -> FloatArray:
         """Return the configurations (P, n) from the segment's start to its end.
@@ -118,7 +121,8 @@ class SegmentWalk:
         self, share: float, seed: FloatArray, preferred: FloatArray
     ) -> PositionSolution:
         robot, point = self._problem.robot, self._point(share)
-        return solve_position(robot, point, seed, self._lower, self._upper, preferred)
+        wanted = None if self._turn is None else self._turn.wanted(share, point)
+        return solve_position(robot, point, seed, self._lower, self._upper, preferred, wanted)
 
     @staticmethod
     def _extrapolated(share: float, shares: list[float], found: list[FloatArray]) -> FloatArray:
@@ -131,6 +135,11 @@ class SegmentWalk:
         return (1 - share) * self._ends[0] + share * self._ends[1]
 
     def _is_off(self, solution: PositionSolution, share: float) -> bool:
+        if self._turn is not None and self._turn.off_segment(solution.q, share) is not None:
+            return True
+        return self._is_away(solution, share)
+
+    def _is_away(self, solution: PositionSolution, share: float) -> bool:
         radius = self._problem.tube.effective_radius
         is_last = self._segment + 1 == len(radius)
         if share == 1.0 and is_last and self._goal is None:
@@ -143,17 +152,27 @@ class SegmentWalk:
         point = self._point(share)
         place = Place(segment=self._segment, position=as_position(point))
         where = f"{100 * share:.1f} % along {place}"
-        if self._is_off(solution, share):
-            reason = explain_error(self._problem, point, q, self._segment, solution)
-            raise Infeasible(PlanStatus.UNREACHABLE, f"{where}: {reason}", place)
         jump = abs(solution.q - q)
         joint = self._problem.robot.joint_names[int(jump.argmax())]
-        raise Infeasible(
-            PlanStatus.UNREACHABLE,
-            f"{where}: no continuous branch: '{joint}' would have to jump by {jump.max():.3f} "
-            "rad; move the reference points or free the joint signs",
-            place,
-        )
+        jumps = f"'{joint}' would have to jump by {jump.max():.3f} rad"
+        if self._turn is not None and self._could_go_on(share, q):
+            off = self._turn.off_segment(solution.q, share)
+            why = jumps if off is None else turned_off(solution)
+            reason = explain_turn(self._problem, self._segment if off is None else off, why)
+        elif self._is_off(solution, share):
+            reason = explain_error(self._problem, point, q, self._segment, solution)
+        else:
+            reason = (
+                f"no continuous branch: {jumps}; move the reference points or free the joint signs"
+            )
+        raise Infeasible(PlanStatus.UNREACHABLE, f"{where}: {reason}", place)
+
+    def _could_go_on(self, share: float, q: FloatArray) -> bool:
+        """Return whether a configuration could go on if the hand might be turned at will."""
+        robot, point = self._problem.robot, self._point(share)
+        solution = solve_position(robot, point, q, self._lower, self._upper)
+        jump = abs(solution.q - q).max()
+        return jump <= _LARGEST_JOINT_STEP and not self._is_away(solution, share)
 
     def _require_hand_over(self, q: FloatArray) -> None:
         """Raise unless a configuration at the segment's end is one that the next one allows."""
@@ -196,6 +215,27 @@ def explain_error(
     if without_signs.error > 1e-6:
         return f"{short}: position limits are in the way {bounds}"
     return f"{short} with the joint signs of segment {segment} {bounds}"
+
+
+def explain_turn(problem: PlanningProblem, segment: int, why: str) -> str:
+    """Say that only the rotation tolerance keeps the hand from a point, why, and what to do."""
+    rotation = problem.tube.rotation
+    bounds = [np.inf] if rotation is None else rotation.bounds[segment].tolist()
+    asked = f"{bounds[-1]:.3g}"
+    if bounds[-1] == np.inf:
+        asked = f"[{', '.join(f'{bound:.3g}' for bound in bounds[:3])}]"
+    return (
+        f"the rotation tolerance of segment {segment}, {asked} rad, is in the way: {why}; widen "
+        f"tube.rotation_tolerance[{segment}], change tube.orientations or move the reference points"
+    )
+
+
+def turned_off(solution: PositionSolution) -> str:
+    """Say how near to its reference the hand can be turned."""
+    return (
+        f"the hand can be turned no nearer than {solution.rotation_error:.3g} rad to its reference "
+        "orientation, and a tenth of the tolerance is kept to plan with"
+    )
 
 
 def as_position(point: FloatArray) -> tuple[float, float, float]:

@@ -25,9 +25,9 @@ _REST_POINTS = 3  # equal control points at an end put velocity and acceleration
 _FEWEST_INTERVALS = 16
 _MOST_INTERVALS = 128
 _FIT_POINTS_PER_INTERVAL = 8
-# The fit may use this share of the tube's radius; the rest is left to whoever improves on it.
-_FIT_RADIUS_SHARE = 0.1
-_ON_THE_WALL = 5e-7  # [m]
+# The fit may use this share of radius and rotation bound; the rest is left to who improves on it.
+_FIT_SHARE = 0.1
+_ON_THE_WALL = 5e-7  # [m or rad]
 # Shares of the time spent speeding up, and as much slowing down: the fastest is kept.
 _RAMP_SHARES = (0.5, 0.4, 0.3, 0.2, 0.15, 0.1)
 
@@ -70,31 +70,46 @@ def _follow(
 ) -> JointTrajectory:
     """Return the segment in one second, with as few knots as follow the branch closely."""
     q = branch.segments[segment]
-    available = _least_margin(problem, q, segment)
-    close = available - _FIT_RADIUS_SHARE * problem.tube.effective_radius[segment]
+    available = _least_margins(problem, q, segment)
+    close = available - _FIT_SHARE * _bounds(problem, segment)
     # Where the branch itself touches the wall, or leaves it by a rounding error, so may the fit.
-    inside = min(available, 0.0) - _ON_THE_WALL
-    intervals, margin = _FEWEST_INTERVALS, -np.inf
+    inside = np.minimum(available, 0.0) - _ON_THE_WALL
+    intervals, margin = _FEWEST_INTERVALS, np.array(-np.inf)
     while intervals <= _MOST_INTERVALS:
         shape = _fit(problem, q, segment, ramp, intervals)
         samples = shape.per_piece(_FIT_POINTS_PER_INTERVAL).position
-        margin = _least_margin(problem, samples, segment)
-        if margin > max(close, inside):
+        margin = _least_margins(problem, samples, segment)
+        if (margin > np.maximum(close, inside)).all():
             return shape
         intervals *= 2
-    if margin > inside:  # not close to the branch, which has a sharp bend; but in the tube
+    if (margin > inside).all():  # not close to the branch, which has a sharp bend; but in the tube
         return shape
+    worst = int((inside - margin).argmax())
+    unit, remedy = (("m", "the radius"), ("rad", "the rotation tolerance"))[worst]
     raise Infeasible(
         PlanStatus.NO_TRAJECTORY,
         f"segment {segment}: a spline of {_MOST_INTERVALS} pieces that follows the inverse "
-        f"kinematics leaves the tube by {-margin:.3g} m; widen the radius",
+        f"kinematics leaves the tube by {-margin[worst]:.3g} {unit}; widen {remedy}",
         Place(segment=segment),
     )
 
 
-def _least_margin(problem: PlanningProblem, q: FloatArray, segment: int) -> float:
-    hand = problem.robot.tool_position(q)
-    return float(problem.tube.margin(hand, slice(segment, segment + 1)).min())
+def _least_margins(problem: PlanningProblem, q: FloatArray, segment: int) -> FloatArray:
+    """Return the least room of the hand [m] and, if it is bounded, of its rotation [rad]."""
+    rotation, hand = problem.robot.tool_pose(q)
+    only = slice(segment, segment + 1)
+    margins = [problem.tube.margin(hand, only).min()]
+    if len(_bounds(problem, segment)) > 1:
+        margins.append(problem.tube.rotation_margin(rotation, hand, only).min())
+    return np.array(margins)
+
+
+def _bounds(problem: PlanningProblem, segment: int) -> FloatArray:
+    """Return the radius [m] and, if there is one, the tightest bound on the rotation [rad]."""
+    tube = problem.tube
+    tightest = np.inf if tube.rotation is None else tube.rotation.bounds[segment].min()
+    bounds = np.array([tube.effective_radius[segment], tightest])
+    return bounds[np.isfinite(bounds)]
 
 
 def _fit(

@@ -1,4 +1,4 @@
-"""The tube: where the hand may be, and which arm configuration it asks for. Pure geometry.
+"""The tube: where the hand may be, how turned, and in which arm configuration. Pure geometry.
 
 Segment k joins reference points k and k+1; its capsule is all points within the path tolerance of
 it (Suh & Bishop 1988, section on the tube model; digest: F_j). All positions are in the base
@@ -14,6 +14,13 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray, read_only
 from tubeplanner.errors import ProblemError, unknown_name
+from tubeplanner.rotational_tube import (
+    RotationalTube,
+    RotationBound,
+    rotation_bounds,
+    rotational_tube,
+    unit_quaternions,
+)
 
 JointRange: TypeAlias = tuple[float, float]
 # "+", "-", "0", 1, -1, 0 or a range of two numbers
@@ -44,6 +51,11 @@ class Tube:
         joint_ranges: Per segment, by joint name: [lower, upper] that must hold in it [rad or m].
         visit: "ordered": segments one after the other, with hand-overs in both capsules; "any":
             the union of all capsules.
+        orientations: Of the hand at the reference points, unit quaternions x y z w, shape (m+1, 4);
+            None: it may be turned at will.
+        rotation_tolerance: Per segment one angle, or bounds on the three components of
+            log(R_ref^T R) [rad]; None: as above.
+        rotation: The same as geometry; None: as above.
     """
 
     points: FloatArray
@@ -51,6 +63,9 @@ class Tube:
     tool_radius: float
     joint_ranges: tuple[Mapping[str, JointRange], ...]
     visit: Literal["ordered", "any"]
+    orientations: FloatArray | None
+    rotation_tolerance: tuple[RotationBound, ...] | None
+    rotation: RotationalTube | None
 
     def __init__(
         self,
@@ -60,6 +75,8 @@ class Tube:
         tool_radius: float = 0.0,
         joint_signs: Mapping[str, JointSign] | Sequence[Mapping[str, JointSign]] | None = None,
         visit: Literal["ordered", "any"] = "ordered",
+        orientations: Sequence[Sequence[float]] | FloatArray | None = None,
+        rotation_tolerance: float | Sequence[float | Sequence[float]] | None = None,
     ) -> None:
         """Check and keep the tube.
 
@@ -70,6 +87,11 @@ class Tube:
             joint_signs: One map for all segments, or m maps, from joint name to "+" (>= 0),
                 "-" (<= 0), "0" (free), the numbers 1, -1, 0, or a range [lower, upper] [rad or m].
             visit: "ordered" or "any".
+            orientations: m+1 quaternions x y z w of the tool centre point frame at the reference
+                points; between them it turns about one axis, the short way round.
+            rotation_tolerance: m entries, each one angle by which the hand may be turned away, or
+                bounds on the components of the rotation vector log(R_ref^T R), infinite where
+                free; one number serves for all segments [rad].
 
         Raises:
             ProblemError: A count, a number or a sign is wrong; the message names it.
@@ -81,6 +103,7 @@ class Tube:
         _set(self, "tool_radius", float(tool_radius))
         _set(self, "joint_ranges", _ranges(joint_signs or {}, segments, visit))
         _set(self, "visit", visit)
+        self._keep_rotation(orientations, rotation_tolerance)
         if visit not in VISITS:
             raise ProblemError(f"tube.visit: {unknown_name('value', str(visit), VISITS)}")
         if not 0 <= self.tool_radius < self.radius.min():
@@ -88,6 +111,29 @@ class Tube:
                 f"tube.tool_radius {self.tool_radius:g} m must be >= 0 and below the smallest "
                 f"radius, {self.radius.min():g} m"
             )
+
+    def _keep_rotation(self, orientations: object, tolerance: object) -> None:
+        for field in ("orientations", "rotation_tolerance", "rotation"):
+            _set(self, field, None)
+        if orientations is None and tolerance is None:
+            return
+        if orientations is None or tolerance is None:
+            missing = "orientations" if orientations is None else "rotation_tolerance"
+            given = "rotation_tolerance" if orientations is None else "orientations"
+            remedy = (
+                "a quaternion [x, y, z, w] for every reference point"
+                if orientations is None
+                else "an angle or three bounds [rad] for every segment"
+            )
+            raise ProblemError(
+                f"tube.{given} is given without tube.{missing}; give {remedy}, or leave both out"
+            )
+        quaternions = unit_quaternions(orientations, len(self.points))
+        bounds = rotation_bounds(tolerance, self.segment_count)
+        rotation = rotational_tube(self.points, quaternions, bounds)
+        _set(self, "orientations", quaternions)
+        _set(self, "rotation_tolerance", bounds)
+        _set(self, "rotation", rotation if rotation.is_bounded else None)
 
     @property
     def segment_count(self) -> int:
@@ -114,6 +160,26 @@ class Tube:
         projection = np.einsum("nmi,mi->nm", p[:, None] - start, along)
         share = np.clip(projection / squared, 0.0, 1.0)
         return start + share[:, :, None] * along
+
+    def rotation_margin(
+        self, rotation: FloatArray, p: FloatArray, segments: slice = _ALL
+    ) -> FloatArray:
+        """Return how far inside the rotation tolerances of some segments (of m, all) hands are.
+
+        Args:
+            rotation: Orientations of the hand, shape (N, 3, 3).
+            p: Its positions, shape (N, 3) [m].
+            segments: Which segments.
+
+        Returns:
+            Shape (N, m) [rad], infinite where a segment leaves the rotation free.
+        """
+        asked = range(self.segment_count)[segments]
+        margin = np.full((len(p), len(asked)), np.inf)
+        for column, k in enumerate(asked):
+            if self.rotation is not None and np.isfinite(self.rotation.bounds[k]).any():
+                margin[:, column] = self.rotation.margin(rotation, p, k)
+        return margin
 
     def ranges_of(self, joint_names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
         """Return lower and upper joint ranges of all segments, each (m, n) [rad or m]."""

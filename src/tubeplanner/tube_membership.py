@@ -1,4 +1,4 @@
-"""Whether configurations, and whole motions, keep to the tube: hand in it, joints in their ranges.
+"""Whether configurations, and whole motions, keep to the tube: hand, its rotation, joint ranges.
 
 Segments are visited in order, and at a hand-over both sides must hold; with `visit: any` some
 segment must hold at every instant.
@@ -20,10 +20,14 @@ def membership_margin(problem: PlanningProblem, q: FloatArray) -> FloatArray:
     """Return how well configurations (N, n) keep each segment's conditions.
 
     Returns:
-        Shape (N, m): the least of the hand's distance from the capsule's wall [m] and of the
-        joints' distances from the ends of their ranges [rad or m]; negative outside.
+        Shape (N, m): the least of the hand's distance from the capsule's wall [m], of its
+        rotation's from the bound [rad] and of the joints' distances from the ends of their ranges
+        [rad or m]; negative outside.
     """
-    hand = problem.tube.margin(problem.robot.tool_position(q))
+    rotation, position = problem.robot.tool_pose(q)
+    hand = problem.tube.margin(position)
+    if problem.tube.rotation is not None:
+        hand = np.minimum(hand, problem.tube.rotation_margin(rotation, position))
     room = np.minimum(q[:, None] - problem.joint_lower, problem.joint_upper - q[:, None])
     return np.minimum(hand, room.min(axis=2))
 

@@ -1,5 +1,6 @@
 """Which tube segment a motion is in when, and how far inside its capsule, for all t."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -42,11 +43,11 @@ class Visit:
 
 @dataclass(frozen=True)
 class LeastMargin:
-    """Where the hand comes nearest to its capsule's wall, or farthest out.
+    """Where the hand comes nearest to a bound, on its place or its rotation, or farthest out.
 
     Attributes:
-        lower_bound: The margin never falls below it [m].
-        attained: The least margin that was found [m].
+        lower_bound: The margin never falls below it [m or rad].
+        attained: The least margin that was found [m or rad].
         time: When [s].
         segment: In which segment.
         intervals: How many intervals were looked at.
@@ -60,14 +61,23 @@ class LeastMargin:
 
 
 def tube_visits(
-    problem: PlanningProblem, trajectory: JointTrajectory, hand: Enclosure
+    problem: PlanningProblem,
+    trajectory: JointTrajectory,
+    hand: Enclosure,
+    rotation: Enclosure | None = None,
 ) -> list[Visit]:
     """Return visits that cover the whole motion, one after the other.
 
-    Hand-overs are chosen to leave the largest margins of hand and joint ranges. If the tube is to
-    be visited in order, every segment is visited once; else, as often as needed.
+    Hand-overs are chosen to leave the largest margins of hand, rotation and joint ranges. If the
+    tube is to be visited in order, every segment is visited once; else, as often as needed.
+
+    Args:
+        problem: What is asked.
+        trajectory: The motion.
+        hand: Its hand's position.
+        rotation: Its hand's rotation matrix; needed where the tube bounds the rotation.
     """
-    fit = _Fit(problem, trajectory, hand)
+    fit = _Fit(problem, trajectory, hand, rotation)
     time = fit.sample_times()
     values = fit.at(time)
     if problem.tube.visit == "ordered":
@@ -101,7 +111,7 @@ def least_margin(tube: Tube, hand: Enclosure, visits: list[Visit]) -> LeastMargi
     convex: on an interval, it is nowhere larger than at the farthest of them. Intervals that could
     hold the least margin are halved; the bound's excess falls to a quarter each time.
     """
-    interval, start, width, segment = _rows(hand, visits)
+    interval, start, width, segment = visited_parts(hand, visits)
     attained, time, worst_segment = np.inf, 0.0, 0
     lower_bound, count = np.inf, 0
     radius = tube.effective_radius
@@ -127,7 +137,7 @@ def least_margin(tube: Tube, hand: Enclosure, visits: list[Visit]) -> LeastMargi
     return LeastMargin(lower_bound, attained, time, worst_segment, count)
 
 
-def _rows(
+def visited_parts(
     hand: Enclosure, visits: list[Visit]
 ) -> tuple[IntArray, FloatArray, FloatArray, IntArray]:
     """Return every part of an interval that a visit covers: interval, start, width, segment."""
@@ -155,9 +165,14 @@ class _Fit:
     """How well a motion keeps each segment's conditions at any time: hand and joint ranges."""
 
     def __init__(
-        self, problem: PlanningProblem, trajectory: JointTrajectory, hand: Enclosure
+        self,
+        problem: PlanningProblem,
+        trajectory: JointTrajectory,
+        hand: Enclosure,
+        rotation: Enclosure | None,
     ) -> None:
-        self._tube, self._trajectory, self._hand = problem.tube, trajectory, hand
+        self._tube, self._trajectory = problem.tube, trajectory
+        self._hand, self._rotation = hand, rotation
         self._lower, self._upper = problem.tube.ranges_of(problem.robot.joint_names)
 
     def sample_times(self) -> FloatArray:
@@ -165,17 +180,34 @@ class _Fit:
         count = max(_LEAST_SAMPLES_PER_PIECE, -(-_LEAST_SAMPLES // pieces))
         return self._trajectory.per_piece(count).time
 
-    def at(self, time: FloatArray) -> FloatArray:
-        """Return the least of the hand's and the joints' margins, shape (N, m)."""
-        q = self._trajectory.position(time)
-        room = np.minimum(q[:, None] - self._lower, self._upper - q[:, None]).min(axis=2)
-        return np.minimum(self._tube.margin(self._hand.at(time)), room)
+    def at(self, time: FloatArray, segments: Sequence[int] | None = None) -> FloatArray:
+        """Return the least of the hand's, its rotation's and the joints' margins.
+
+        Args:
+            time: Shape (N,) [s].
+            segments: Which m segments; default: all.
+
+        Returns:
+            Shape (N, m).
+        """
+        wanted = range(self._tube.segment_count) if segments is None else segments
+        columns = list(wanted)
+        q, hand = self._trajectory.position(time), self._hand.at(time)
+        lower, upper = self._lower[columns], self._upper[columns]
+        room = np.minimum(q[:, None] - lower, upper - q[:, None]).min(axis=2)
+        margin = np.minimum(self._tube.margin(hand)[:, columns], room)
+        if self._rotation is not None:
+            rotation = self._rotation.at(time).reshape(-1, 3, 3)
+            for column, k in enumerate(columns):
+                turned = self._tube.rotation_margin(rotation, hand, slice(k, k + 1))[:, 0]
+                margin[:, column] = np.minimum(margin[:, column], turned)
+        return margin
 
     def best_time(self, pair: tuple[int, int], low: float, high: float) -> float:
         """Return when, between two times, the worse of two segments' margins is largest."""
 
         def lost(t: float) -> float:
-            return -float(self.at(np.array([t]))[0, list(pair)].min())
+            return -float(self.at(np.array([t]), pair).min())
 
         candidates = [low, high]
         if high > low:

@@ -12,9 +12,16 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.bernstein import maxima
 from tubeplanner.certificate import FOR_ALL_TIMES, RELATIVE, Certificate, Condition, Tolerance
 from tubeplanner.closest_approach import closest_approach
-from tubeplanner.enclosure import Enclosure, enclosed_efforts, enclosed_hand
+from tubeplanner.enclosure import (
+    EnclosedPose,
+    Enclosure,
+    enclosed_efforts,
+    enclosed_hand,
+    enclosed_pose,
+)
 from tubeplanner.outcome import Place
 from tubeplanner.problem import PlanningProblem, Seed
+from tubeplanner.rotation_visits import least_rotation_margin
 from tubeplanner.trajectory import JointTrajectory
 from tubeplanner.tube_visits import Visit, least_margin, tube_visits
 
@@ -23,6 +30,8 @@ _STILL_SHARE = 1e-6  # a joint slower than this share of the fastest counts as s
 # certificate's tolerance is for those who plan.
 _EFFORT_ENCLOSURE = 1e-8
 _HAND_ENCLOSURE = 1e-7
+# Where the rotation is judged too: an error of the hand is one of its reference orientation.
+_POSE_ENCLOSURE, _ROTATION_ENCLOSURE = 1e-8, 1e-9
 # Bounds farther apart than this, absolute [m] and as a share of the margin, are left undecided.
 _UNDECIDED_LENGTH, _UNDECIDED_SHARE = 1e-6, 0.05
 
@@ -52,7 +61,7 @@ def verify(
         "effort": judge.effort(),
         "tube": judge.tube(),
         "joint_signs": judge.joint_signs(),
-        "rotation": Condition(None, "rad", Place(), "the hand's orientation is free"),
+        "rotation": judge.rotation(),
         "start": judge.endpoint(0),
         "goal": judge.endpoint(-1),
         "rest": judge.rest(),
@@ -121,6 +130,17 @@ class _Judge:
         return Condition(
             least.lower_bound, "m", place, _bracketed(least.lower_bound, least.attained, "m")
         )
+
+    def rotation(self) -> Condition:
+        """The hand's orientation against the reference, segment by segment."""
+        if self._tube.rotation is None or self._pose is None:
+            return Condition(None, "rad", Place(), "the hand's orientation is free")
+        least = least_rotation_margin(self._tube.rotation, self._pose, self._visits)
+        if least is None:
+            return Condition(None, "rad", Place(), "free in every segment visited")
+        place = Place(time=least.time, segment=least.segment)
+        coverage = _bracketed(least.lower_bound, least.attained, "rad")
+        return Condition(least.lower_bound, "rad", place, coverage)
 
     def joint_signs(self) -> Condition:
         """Joint ranges of the segments, exactly between the hand-overs."""
@@ -219,14 +239,24 @@ class _Judge:
         return Condition(margin, "m", place, _bracketed(margin, attained, "m"))
 
     @cached_property
+    def _pose(self) -> EnclosedPose | None:
+        """The hand's path and orientation, if that is asked for."""
+        if self._tube.rotation is None:
+            return None
+        return enclosed_pose(self._robot, self._trajectory, _POSE_ENCLOSURE, _ROTATION_ENCLOSURE)
+
+    @cached_property
     def _hand(self) -> Enclosure:
         """The hand's path."""
+        if self._pose is not None:
+            return self._pose.hand
         return enclosed_hand(self._robot, self._trajectory, _HAND_ENCLOSURE)
 
     @cached_property
     def _visits(self) -> list[Visit]:
         """The trajectory's share of each segment that it visits."""
-        return tube_visits(self._problem, self._trajectory, self._hand)
+        rotation = None if self._pose is None else self._pose.rotation
+        return tube_visits(self._problem, self._trajectory, self._hand, rotation)
 
     def _range_margin(
         self, trajectory: JointTrajectory, lower: FloatArray, upper: FloatArray

@@ -1,0 +1,282 @@
+"""The rotation's least margin for all t, against dense evaluation and closed forms."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from test_enclosure import SLIDE
+from tubeplanner import JointTrajectory, PlanningProblem, Seed, Tube, load_robot, verify
+from tubeplanner.enclosure import enclosed_pose
+from tubeplanner.rotation_visits import least_rotation_margin
+from tubeplanner.tube_visits import Visit, tube_visits
+
+INF = np.inf
+
+
+def pose_of(robot, motion):
+    return enclosed_pose(robot, motion, 1e-8, 1e-9)
+
+
+def wavy(robot, seed, pieces=4, width=0.1):
+    """Return cubics that wander about, continuous in position only."""
+    rng = np.random.default_rng(seed)
+    n = robot.joint_count
+    first = np.clip(rng.uniform(-1, 1, n), robot.limits.lower_position, robot.limits.upper_position)
+    knots = first + np.cumsum(rng.uniform(-0.3, 0.35, (pieces + 1, n)), axis=0)
+    bend = rng.uniform(-3, 3, (pieces, n))
+    slope = np.diff(knots, axis=0) / width - bend * width
+    coefficients = np.stack([bend, slope, knots[:-1]])
+    return JointTrajectory(robot.joint_names, width * np.arange(pieces + 1), coefficients)
+
+
+def margins(robot, tube, motion, t, segment):
+    rotation, hand = robot.tool_pose(motion.position(t))
+    return tube.rotation.margin(rotation, hand, segment)
+
+
+def around(robot, motion, seed, tolerance, reach=0.2):
+    """Return a tube near the hand whose reference turns along; its nearest points pass the ends."""
+    rng = np.random.default_rng(seed)
+    rotation, hand = robot.tool_pose(motion.position(np.array([0.0, 0.2, 0.4])))
+    points = hand + rng.uniform(-reach, reach, (3, 3))
+    off = Rotation.from_rotvec(rng.normal(scale=0.4, size=(3, 3)))
+    quaternions = (Rotation.from_matrix(rotation) * off).as_quat()
+    return Tube(points, 9.0, orientations=quaternions, rotation_tolerance=tolerance)
+
+
+TOLERANCES = {
+    "angles": [0.5, 1.2],
+    "triples": [[0.4, 0.7, INF], [INF, INF, 0.3]],
+    "wide": [[3.0, 2.0, 2.5], 3.0],
+}
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("name", TOLERANCES)
+def test_the_least_margin_is_bracketed(name, seed, robot):
+    motion = wavy(robot, seed)
+    tube = around(robot, motion, seed, TOLERANCES[name])
+    visits = [Visit(0, 0.0, 0.23), Visit(1, 0.23, motion.duration)]
+    least = least_rotation_margin(tube.rotation, pose_of(robot, motion), visits)
+    t = np.linspace(0, motion.duration, 40_001)
+    early, late = t[t <= 0.23], t[t >= 0.23]
+    true = min(
+        margins(robot, tube, motion, early, 0).min(), margins(robot, tube, motion, late, 1).min()
+    )
+    assert least.lower_bound <= true + 1e-9
+    assert least.attained >= true - 2e-5
+    assert least.attained - least.lower_bound <= max(1e-6, 0.02 * abs(least.attained) + 3e-7)
+    here = margins(robot, tube, motion, np.array([least.time]), least.segment)
+    assert here[0] == pytest.approx(least.attained, abs=1e-6)
+    assert least.intervals < 20_000
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_touching_a_bound_is_decided(seed, ur5):
+    """The bound is set to the largest value the motion takes: contact without crossing."""
+    motion = wavy(ur5, seed)
+    wide = around(ur5, motion, seed, [[3.0, INF, INF], INF])
+    visit = [Visit(0, 0.0, motion.duration)]
+    pose, used = pose_of(ur5, motion), 3.0
+    for _ in range(4):
+        again = Tube(
+            wide.points,
+            9.0,
+            orientations=wide.orientations,
+            rotation_tolerance=[[used, INF, INF], INF],
+        )
+        least = least_rotation_margin(again.rotation, pose, visit)
+        used -= least.attained
+    assert -1e-6 < least.lower_bound <= least.attained < 1e-6
+    assert least.intervals < 3000
+
+
+def turning_wrist(ur5, tray, end):
+    """Return the level start with the last joint turning at one rad/s, and a tube about it."""
+    q = tray.start
+    motion = JointTrajectory(ur5.joint_names, [0, end], [[[0] * 5 + [1.0]], [q]])
+    rotation, hand = ur5.tool_pose(q[None])
+    tilted = Rotation.from_matrix(rotation[0]) * Rotation.from_rotvec([-0.02, 0, 0])
+    points = hand + np.array([[0, 0, 0], [0.1, 0, 0]])
+    return motion, Tube(
+        points, 0.1, orientations=[tilted.as_quat()] * 2, rotation_tolerance=[[0.04, 0.04, INF]]
+    )
+
+
+@pytest.mark.parametrize("end", [2.0, 3.5, 6.2])
+def test_a_turn_beyond_half_a_turn_is_followed(end, planned):
+    """Tilt 0.02 about x, then a turn by a: |v| sin(0.01) (cos(a/2), sin(a/2)), most at a = pi."""
+    tray, _ = planned("ur5/level_tray")
+    motion, tube = turning_wrist(tray.robot, tray, end)
+    pose = pose_of(tray.robot, motion)
+    least = least_rotation_margin(tube.rotation, pose, [Visit(0, 0.0, end)])
+    a = np.linspace(0, end, 100_001)[1:]
+    angle = 2 * np.arccos(np.clip(np.cos(0.01) * np.cos(a / 2), -1, 1))
+    angle = np.minimum(angle, 2 * np.pi - angle)
+    scale = angle * np.sin(0.01) / np.sin(angle / 2)
+    expected = 0.04 - (scale * np.maximum(abs(np.cos(a / 2)), abs(np.sin(a / 2)))).max()
+    assert expected - 1e-6 <= least.attained
+    assert 0.97 * expected <= least.lower_bound <= expected + 1e-9
+    assert least.attained - least.lower_bound <= 0.03 * expected
+    if end > np.pi:
+        assert expected == pytest.approx(0.04 - np.pi * np.sin(0.01), abs=1e-6)
+
+
+def test_half_a_turn_between_two_ends_is_seen(planned):
+    """From 3 to 3.3 rad: the angle is pi in between, and at both ends less."""
+    tray, _ = planned("ur5/level_tray")
+    rotation, hand = tray.robot.tool_pose(tray.start[None])
+    first = (Rotation.from_matrix(rotation[0]) * Rotation.from_rotvec([0, 0, -3.0])).as_quat()
+    points = hand + np.array([[0, 0, 0], [0.1, 0, 0]])
+    tube = Tube(points, 0.1, orientations=[first] * 2, rotation_tolerance=4.0)
+    motion = JointTrajectory(tray.robot.joint_names, [0, 1.0], [[[0] * 5 + [0.3]], [tray.start]])
+    visit = [Visit(0, 0.0, 1.0)]
+    least = least_rotation_margin(tube.rotation, pose_of(tray.robot, motion), visit)
+    assert 0.97 * (4 - np.pi) <= least.lower_bound <= 4 - np.pi + 1e-9
+
+
+def spiked(trajectory, joint, size, when, width):
+    """Return the trajectory with a smooth bump of one joint, of this width about a time."""
+    parts = [
+        trajectory.between(0.0, when),
+        trajectory.between(when, when + width),
+        trajectory.between(when + width, trajectory.duration),
+    ]
+    cut = np.concatenate([part.coefficients for part in parts], axis=1)
+    breakpoints = np.concatenate(
+        [
+            parts[0].breakpoints,
+            when + parts[1].breakpoints[1:],
+            when + width + parts[2].breakpoints[1:],
+        ]
+    )
+    coefficients = np.concatenate([np.zeros((1, *cut.shape[1:])), cut])
+    piece = len(parts[0].widths)
+    bump = 64 * size * np.array([-1.0, 3, -3, 1, 0, 0, 0]) / width ** np.arange(6, -1, -1)
+    coefficients[:, piece, joint] += bump
+    return JointTrajectory(trajectory.joint_names, breakpoints, coefficients)
+
+
+def test_a_spike_between_two_thousand_samples_is_found(planned):
+    """The fifth joint tilts the tray by 4 degrees and back, within 20 microseconds."""
+    problem, result = planned("ur5/level_tray")
+    regular = np.linspace(0, result.duration, 2001)
+    when = regular[1000] + 2e-4
+    motion = spiked(result.trajectory, 4, 0.07, when, 2e-5)
+    rotation, hand = problem.robot.tool_pose(motion.position(regular))
+    assert problem.tube.rotation.margin(rotation, hand, 1).min() > 0.05
+    condition = verify(problem, motion).conditions["rotation"]
+    assert condition.where.time == pytest.approx(when + 1e-5, abs=1e-5)
+    assert condition.where.segment == 1
+    assert condition.unit == "rad"
+    at = problem.robot.tool_pose(motion.position(np.array([when + 1e-5])))
+    deepest = problem.tube.rotation.margin(*at, 1)[0]
+    assert deepest < -0.01
+    assert condition.margin == pytest.approx(deepest, rel=0.05)
+
+
+@pytest.mark.parametrize(("slack", "passes"), [(2e-5, True), (-2e-5, False)])
+def test_a_bound_is_judged_to_hundredths_of_a_milliradian(slack, passes, planned):
+    """The largest tilt of a wavering hand, and a bound that is beside it by 2e-5 rad."""
+    problem, result = planned("ur5/level_tray")
+    motion = spiked(result.trajectory, 4, 0.03, 0.6, 0.2)
+    rotation, hand = problem.robot.tool_pose(motion.position(np.linspace(0.6, 0.8, 20_001)))
+    largest = abs(problem.tube.rotation.error(rotation, hand, 1)[:, :2]).max()
+    tube = problem.tube
+    bound = (largest + slack, largest + slack, INF)
+    judged = Tube(
+        tube.points, tube.radius, orientations=tube.orientations, rotation_tolerance=[bound] * 3
+    )
+    asked = PlanningProblem(problem.robot, judged, problem.start)
+    condition = verify(asked, motion).conditions["rotation"]
+    assert (condition.margin >= 0) is passes
+    assert condition.margin == pytest.approx(slack, abs=1e-6)
+    assert condition.coverage == "for all t"
+
+
+@pytest.mark.parametrize("visit", ["ordered", "any"])
+@pytest.mark.parametrize(("bound", "left"), [(0.3, 0.0), (0.29, -0.01), (0.35, 0.05)])
+def test_the_hand_over_is_when_both_rotation_tolerances_hold(two_link, visit, bound, left):
+    """The hand's angle goes from -0.4 to 0.5; the references, far away, are at -0.3 and 0.3."""
+    angles = [[-0.3], [0.3], [0.3]]
+    quaternions = Rotation.from_euler("z", angles).as_quat()
+    points = [[2, 0, 0], [3, 0, 0], [4, 0, 0]]
+    tube = Tube(points, 9.0, visit=visit, orientations=quaternions, rotation_tolerance=[bound] * 2)
+    problem = PlanningProblem(two_link, tube, Seed(np.array([0.0, -1.0])))
+    motion = JointTrajectory(two_link.joint_names, [0, 1.0], [[[0.9, 0.0]], [[0.6, -1.0]]])
+    pose = pose_of(two_link, motion)
+    visits = tube_visits(problem, motion, pose.hand, pose.rotation)
+    assert [visit.segment for visit in visits] == [0, 1]
+    assert visits[0].end == pytest.approx(0.4 / 0.9, abs=1e-7)
+    least = least_rotation_margin(tube.rotation, pose, visits)
+    # Elsewhere the angle is at most 0.2 off its reference.
+    assert least.attained == pytest.approx(min(left, bound - 0.2), abs=2e-7)
+    assert least.lower_bound == pytest.approx(least.attained, abs=2e-3)
+    condition = verify(problem, motion).conditions["rotation"]
+    assert (condition.margin >= -1e-6) is (left >= 0)
+
+
+def test_a_segment_that_leaves_the_rotation_free_is_not_judged(two_link):
+    quaternions = [[0, 0, 0, 1]] * 3
+    tube = Tube(
+        [[2, 0, 0], [3, 0, 0], [4, 0, 0]],
+        9.0,
+        orientations=quaternions,
+        rotation_tolerance=[[INF, INF, INF], 0.1],
+    )
+    motion = JointTrajectory(two_link.joint_names, [0, 1.0], [[[0.9, 0.0]], [[0.6, -1.0]]])
+    pose = pose_of(two_link, motion)
+    assert least_rotation_margin(tube.rotation, pose, [Visit(0, 0.0, 1.0)]) is None
+    both = least_rotation_margin(tube.rotation, pose, [Visit(0, 0.0, 0.5), Visit(1, 0.5, 1.0)])
+    assert both.attained == pytest.approx(0.1 - 0.5, abs=1e-6)
+    assert both.segment == 1
+
+
+def test_a_motion_that_no_machine_could_make_is_left_open(two_link):
+    """A million radians within a microsecond: the bound is poor, finite, and not above the true."""
+    wild = JointTrajectory(two_link.joint_names, [0, 1e-6], [[[1e11, 1e11]], [[0.0, 0.0]]])
+    tube = Tube([[2, 0, 0], [3, 0, 0]], 9.0, orientations=[[0, 0, 0, 1]] * 2, rotation_tolerance=1)
+    least = least_rotation_margin(tube.rotation, pose_of(two_link, wild), [Visit(0, 0.0, 1e-6)])
+    assert 1 - np.pi - 1e-3 <= least.lower_bound <= least.attained
+
+
+def test_halving_ends_after_so_many_rows(ur5, monkeypatch):
+    """The bounds then count as they stand."""
+    motion = wavy(ur5, 1)
+    tube, pose = around(ur5, motion, 1, [0.5, 0.5]), pose_of(ur5, motion)
+    visit = [Visit(0, 0.0, motion.duration)]
+    whole = least_rotation_margin(tube.rotation, pose, visit)
+    monkeypatch.setattr("tubeplanner.rotation_visits._MOST_ROWS", len(pose.hand.width))
+    least = least_rotation_margin(tube.rotation, pose, visit)
+    assert least.intervals == len(pose.hand.width) < whole.intervals
+    assert least.lower_bound < whole.lower_bound
+
+
+# Over one second: how far the boom extends, and how the hand turns, as polynomials of time, highest
+# power first, in shares of the reference's turn; the largest deviation between two ends that agree.
+BETWEEN_ENDS = {
+    "the hand turns": ([0, 0, 0.2], [-1.0, 1.0, 0.2], 0.25),
+    "the reference turns": ([-1.0, 1.0, 0.4], [0, 0, 0.4], 0.25),
+    "the reference stops half-way": ([0, 1.0, 0.5], [0, 0.5, 0.5], 0.25),
+    "the reference begins half-way": ([0, 1.0, -0.5], [0, 0.5, 0.0], 0.25),
+}
+
+
+@pytest.mark.parametrize(("extended", "turned", "largest"), BETWEEN_ENDS.values(), ids=BETWEEN_ENDS)
+def test_what_happens_between_two_ends_is_bounded(extended, turned, largest, tmp_path):
+    """In closed form, for a sliding hand; so little that it is settled at the first look."""
+    path = tmp_path / "slide.urdf"
+    path.write_text(SLIDE)
+    robot, turn, bound = load_robot(path, "tip"), 0.02, 1.0
+    coefficients = np.zeros((3, 1, 3))
+    coefficients[:, 0, 1], coefficients[:, 0, 2] = extended, turn * np.array(turned)
+    motion = JointTrajectory(robot.joint_names, [0, 1.0], coefficients)
+    quaternions = Rotation.from_euler("y", [[0.0], [turn]]).as_quat()
+    points = [[0.6, 0, 0.5], [1.6, 0, 0.5]]
+    tube = Tube(points, 9.0, orientations=quaternions, rotation_tolerance=[[INF, bound, INF]])
+    dense = margins(robot, tube, motion, np.linspace(0, 1, 10_001), 0).min()
+    assert dense == pytest.approx(bound - turn * largest, abs=1e-12)
+    pose = pose_of(robot, motion)
+    least = least_rotation_margin(tube.rotation, pose, [Visit(0, 0.0, 1.0)])
+    assert least.intervals <= 3
+    assert 0.97 * dense <= least.lower_bound <= dense + 1e-12
