@@ -17,6 +17,7 @@ from tubeplanner.linear_rows import Rows, StepSize, stacked
 from tubeplanner.link_conditions import EvaluatedLinks, LinkConditions
 from tubeplanner.phase_spline import PhasedMotion, PhaseSpline, Places, Samples, VelocityHull
 from tubeplanner.problem import PlanningProblem
+from tubeplanner.rotation_conditions import EvaluatedRotation, evaluated_rotation
 from tubeplanner.tube_conditions import EvaluatedTube, evaluated_tube
 
 # Samples per knot interval. There, accelerations are straight lines and jerks constant.
@@ -37,9 +38,10 @@ class Iterate:
         motion: Control points and gates.
         squared_duration: The least T^2 that the limits allow at the samples [s^2].
         excess: How far hand or links are beyond what is allowed to them, >= 0: of the hand in
-            radii beyond the narrowed tube, of links in units of 5 cm.
+            radii or rotation tolerances beyond the narrowed tube, of links in units of 5 cm.
         limits: What it was found from: efforts and rates, as far as they are limited.
-        tube: Likewise.
+        tube: Likewise, the hand's place.
+        rotation: Likewise, the hand's rotation; None where it is free.
         links: Likewise.
     """
 
@@ -48,7 +50,13 @@ class Iterate:
     excess: float
     limits: tuple[EvaluatedLimits, ...]
     tube: EvaluatedTube
+    rotation: EvaluatedRotation | None
     links: EvaluatedLinks
+
+    @property
+    def hand(self) -> tuple[EvaluatedTube | EvaluatedRotation, ...]:
+        """What the tube asks of the hand."""
+        return (self.tube,) if self.rotation is None else (self.tube, self.rotation)
 
     @property
     def duration(self) -> float:
@@ -81,8 +89,9 @@ class MotionConditions:
     @property
     def names(self) -> list[tuple[str, int]]:
         """Kind of every limit, and its joint or segment, in the order of their numbers."""
-        segments = range(len(self._shape.shares))
-        return [*self._limits.names, *(("radius", segment) for segment in segments)]
+        kinds = ("radius",) if self._problem.tube.rotation is None else ("radius", "rotation")
+        tolerances = [(kind, k) for kind in kinds for k in range(len(self._shape.shares))]
+        return [*self._limits.names, *tolerances]
 
     def at(self, motion: PhasedMotion) -> Iterate:
         """Return a motion with what it costs at the samples."""
@@ -97,8 +106,8 @@ class MotionConditions:
         """
         parts = [limits.rows(current.duration, size) for limits in current.limits]
         hard = sum(len(rows) for rows in parts)
-        parts += [current.tube.rows(size), current.links.rows(size)]
-        counts = [*(limits.row_count for limits in current.limits), current.tube.row_count]
+        parts += [*(part.rows(size) for part in current.hand), current.links.rows(size)]
+        counts = [part.row_count for part in (*current.limits, *current.hand)]
         firsts = np.concatenate([[0], np.cumsum(counts)])
         rows = stacked([rows.numbered_from(int(n)) for rows, n in zip(parts, firsts, strict=True)])
         return rows, np.repeat([0.0, 1.0], [hard, len(rows) - hard])
@@ -111,13 +120,11 @@ class MotionConditions:
             trial: Where they are looked at.
             squared_duration: The trial's, as a multiple of the motion's.
         """
-        return np.concatenate(
-            [
-                *(limits.room(current.duration, squared_duration) for limits in trial.limits),
-                current.tube.room(trial.tube),
-                -trial.links.excess,
-            ]
-        )
+        rooms = [limits.room(current.duration, squared_duration) for limits in trial.limits]
+        rooms.append(current.tube.room(trial.tube))
+        if current.rotation is not None and trial.rotation is not None:
+            rooms.append(current.rotation.room(trial.rotation))
+        return np.concatenate([*rooms, -trial.links.excess])
 
     def look_for_links(self, motion: PhasedMotion) -> bool:
         """Watch links where they come close; return whether some are too close and were not."""
@@ -135,7 +142,7 @@ class MotionConditions:
             higher = _peaks(worst.limits[0].squared_durations, floor)
             self._watch_efforts(self._dense_samples.where(higher))
             has_more |= len(higher) > 0
-        outside = _peaks(worst.tube.excess, 0.0)
+        outside = np.concatenate([_peaks(part.excess, 0.0) for part in worst.hand])
         self._tube_samples = self._tube_samples.and_also(self._dense_samples.where(outside))
         return worst, has_more or len(outside) > 0
 
@@ -158,12 +165,22 @@ class MotionConditions:
         tube_samples: Samples,
     ) -> Iterate:
         limits = tuple(self._limits.at(motion, places, kinds) for kinds, places in limited.items())
-        first_radius = len(self._limits.names)
-        tube = evaluated_tube(self._problem, motion, tube_samples, INNER_MARGIN, first_radius)
+        first = len(self._limits.names)
+        tube = evaluated_tube(self._problem, motion, tube_samples, INNER_MARGIN, first)
+        rotation = self._rotation_at(motion, tube_samples, first + self._problem.tube.segment_count)
         links = self._links.at(motion)
-        excess = max(float(tube.excess.max()), float(links.excess.max(initial=0.0)), 0.0)
+        worst = [part.excess.max(initial=0.0) for part in (tube, rotation, links) if part]
         squared_duration = max(float(part.squared_durations.max()) for part in limits)
-        return Iterate(motion, squared_duration, excess, limits, tube, links)
+        excess = float(max(worst))
+        return Iterate(motion, squared_duration, excess, limits, tube, rotation, links)
+
+    def _rotation_at(
+        self, motion: PhasedMotion, samples: Samples, first: int
+    ) -> EvaluatedRotation | None:
+        robot, rotation = self._problem.robot, self._problem.tube.rotation
+        if rotation is None:
+            return None
+        return evaluated_rotation(robot, rotation, motion, samples, INNER_MARGIN, first)
 
 
 def _peaks(values: FloatArray, floor: float) -> IntArray:

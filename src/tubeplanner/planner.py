@@ -41,9 +41,7 @@ def plan(
 def _planned(problem: PlanningProblem, options: PlanOptions, clock: PlanningClock) -> PlanResult:
     """Return the answer of the first method in question that has one."""
     branches = KnownBranches(problem, clock)
-    # Refinement knows neither free visits nor rotations.
-    refinable = problem.tube.visit == "ordered" and problem.tube.rotation is None
-    refines = options.method == REFINEMENT and refinable
+    refines = options.method == REFINEMENT and problem.tube.visit == "ordered"
     # Under a time limit, a motion that stops at corners is there first, in case nothing else is.
     corners = refined = None
     if not refines or options.time_limit is not None:

@@ -13,9 +13,10 @@ class Sensitivity:
     """What one limit costs, start and goal and all other limits being as they are.
 
     Attributes:
-        limit: "effort" (both directions together), "velocity", "acceleration", "jerk" or "radius".
-        joint: Whose limit; None for a radius.
-        segment: Which segment's radius; None for a joint.
+        limit: "effort" (both directions together), "velocity", "acceleration", "jerk", "radius" or
+            "rotation".
+        joint: Whose limit; None for a radius or a rotation tolerance.
+        segment: Which segment's radius or rotation tolerance; None for a joint.
         elasticity: d ln T / d ln limit, at most 0: the share by which the duration falls, per share
             by which the limit rises.
         saved: What 10 % more would save [s], to first order.
@@ -44,8 +45,9 @@ def price_list(
     """
     found = []
     for (limit, index), elasticity in motion.elasticities().items():
-        joint = None if limit == "radius" else problem.robot.joint_names[index]
-        segment = index if limit == "radius" else None
+        of_segment = limit in ("radius", "rotation")
+        joint = None if of_segment else problem.robot.joint_names[index]
+        segment = index if of_segment else None
         saved = -elasticity * _RISE * duration
         found.append(Sensitivity(limit, joint, segment, elasticity, saved))
     return tuple(sorted(found, key=lambda price: -price.saved))

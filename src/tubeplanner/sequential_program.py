@@ -132,7 +132,7 @@ class SequentialProgram:
 
         Returns:
             By ("effort", joint), likewise for velocity, acceleration and jerk, and by
-            ("radius", segment). None of them is positive.
+            ("radius", segment) and ("rotation", segment). None of them is positive.
         """
         rows, is_elastic = self.conditions.rows(current, None)
         near = np.flatnonzero(rows.room < _NEAR)
@@ -153,7 +153,8 @@ class SequentialProgram:
             limit[named], np.maximum(step.multipliers[named], 0.0) / 2, minlength=len(names)
         )
         # Rows of the tube are in radii, those of the limits in limits: the narrowing scales along.
-        share = np.array([1 - INNER_MARGIN if kind == "radius" else 1.0 for kind, _ in names])
+        tolerances = ("radius", "rotation")
+        share = np.array([1 - INNER_MARGIN if kind in tolerances else 1.0 for kind, _ in names])
         return dict(zip(names, -cost * share, strict=True))
 
     def _gains(self, current: Iterate, trial: Iterate, step: Step) -> tuple[float, float]:
