@@ -6,9 +6,8 @@ import numpy as np
 import piqp
 from scipy import sparse
 
-from tubeplanner.arrays import FloatArray
+from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.linear_rows import Rows
-from tubeplanner.phase_spline import REST_POINTS
 
 _ELASTIC_BOUND = 10.0
 # Tried in turn: the first is the fastest for control points in the order of time.
@@ -24,16 +23,18 @@ class Bounds:
     """Where the step must stay.
 
     Attributes:
-        lower: Of control points (free, n), shape (free, n).
+        lower: Of the variable configurations, shape (F, n).
         upper: Likewise.
         gate: Largest steps of the gates, shape (gates,).
         duration: Smallest and largest eta.
+        held: Directions in which the last variable must not move, shape (r, n).
     """
 
     lower: FloatArray
     upper: FloatArray
     gate: FloatArray
     duration: tuple[float, float]
+    held: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +42,7 @@ class Step:
     """What a linear program gives.
 
     Attributes:
-        control: Shape (free, n).
+        control: Shape (F, n).
         gate: Shape (gates,).
         duration: eta.
         elastic: By how much elastic rows are broken at most.
@@ -59,13 +60,14 @@ class StepProgram:
     """A linear program with a little curvature, and its solver.
 
     It minimises eta + penalty * elastic + gradient . dC + x . hessian . x / 2 under the rows, x
-    being all that may change: free control points, gates, eta, elastic.
+    being all that may change: configurations, gates, eta, elastic.
     """
 
     def __init__(
         self,
         rows: Rows,
         is_elastic: FloatArray,
+        column: IntArray,
         bounds: Bounds,
         hessian: sparse.csc_matrix,
         gradient: FloatArray,
@@ -77,15 +79,16 @@ class StepProgram:
         Args:
             rows: The conditions.
             is_elastic: 1 for rows that may be broken for a price, else 0, shape (R,).
-            bounds: Where the step must stay; control points held at rest at both ends do not move.
+            column: The variable of every control point, -1 where it is fixed, shape (K,).
+            bounds: Where the step must stay.
             hessian: Over all that may change, shape (V, V).
-            gradient: Shape (free n,).
+            gradient: Shape (F n,).
             penalty: Price of the elastic variable.
             tolerance: Of the solution, absolute and relative.
         """
         self._free = bounds.lower.shape
         gates = len(bounds.gate)
-        self._matrix = _matrix(rows, is_elastic, *self._free)
+        self._matrix = _matrix(rows, is_elastic, column, *self._free)
         self._hessian = hessian
         self._linear = np.concatenate([gradient, np.zeros(gates), [1.0, penalty]])
         self._lower = np.concatenate(
@@ -95,6 +98,7 @@ class StepProgram:
             [bounds.upper.ravel(), bounds.gate, [bounds.duration[1], _ELASTIC_BOUND]]
         )
         self._room, self._tolerance = rows.room, tolerance
+        self._held = self._equalities(bounds)
         self._solver: piqp.SparseSolver | None = None
 
     def solve(self) -> Step | None:
@@ -108,8 +112,8 @@ class StepProgram:
             solver.setup(
                 self._hessian,
                 self._linear,
-                None,
-                None,
+                self._held,
+                None if self._held is None else np.zeros(self._held.shape[0]),
                 self._matrix,
                 np.full(len(self._room), -np.inf),
                 self._room,
@@ -129,6 +133,13 @@ class StepProgram:
         self._solver.update(h_u=room)
         return self._solution(self._solver)
 
+    def _equalities(self, bounds: Bounds) -> sparse.csc_matrix | None:
+        if len(bounds.held) == 0:
+            return None
+        before = sparse.csc_matrix((len(bounds.held), bounds.lower[:-1].size))
+        after = sparse.csc_matrix((len(bounds.held), len(self._linear) - bounds.lower.size))
+        return sparse.hstack([before, bounds.held, after], format="csc")
+
     def _solution(self, solver: piqp.SparseSolver) -> Step | None:
         status = solver.solve()
         x = np.array(solver.result.x)
@@ -145,14 +156,15 @@ class StepProgram:
         )
 
 
-def _matrix(rows: Rows, is_elastic: FloatArray, free: int, n: int) -> sparse.csc_matrix:
-    """Return the rows as a sparse matrix over free control points, gates, eta, elastic."""
+def _matrix(
+    rows: Rows, is_elastic: FloatArray, column: IntArray, free: int, n: int
+) -> sparse.csc_matrix:
+    """Return the rows as a sparse matrix over configurations, gates, eta, elastic."""
     count, weights = len(rows), rows.control.shape[1]
     gates = rows.gate.shape[1]
-    point = rows.first[:, None] + np.arange(weights) - REST_POINTS
-    inside = (point >= 0) & (point < free)
-    columns = (point[:, :, None] * n + np.arange(n)).reshape(count, weights * n)
-    values = rows.control * inside[:, :, None]
+    variable = column[rows.first[:, None] + np.arange(weights)]
+    columns = (variable[:, :, None] * n + np.arange(n)).reshape(count, weights * n)
+    values = rows.control * (variable >= 0)[:, :, None]
     extra = free * n + np.arange(gates + 2)
     columns = np.hstack([columns, np.tile(extra, (count, 1))])
     data = np.hstack(
@@ -166,4 +178,6 @@ def _matrix(rows: Rows, is_elastic: FloatArray, free: int, n: int) -> sparse.csc
     keep = data != 0
     indptr = np.concatenate([[0], np.cumsum(keep.sum(axis=1))])
     shape = (count, free * n + gates + 2)
-    return sparse.csr_matrix((data[keep], columns[keep], indptr), shape=shape).tocsc()
+    matrix = sparse.csr_matrix((data[keep], columns[keep], indptr), shape=shape)
+    matrix.sum_duplicates()  # control points that move as one
+    return matrix.tocsc()

@@ -12,11 +12,12 @@ import numpy as np
 from scipy import sparse
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
+from tubeplanner.control_variables import ControlVariables
 from tubeplanner.linear_program import Bounds, Step, StepProgram
 from tubeplanner.linear_rows import Rows, StepSize
 from tubeplanner.link_conditions import LinkConditions
 from tubeplanner.motion_conditions import INNER_MARGIN, Iterate, MotionConditions
-from tubeplanner.phase_spline import DEGREE, REST_POINTS, PhasedMotion, PhaseSpline
+from tubeplanner.phase_spline import DEGREE, PhasedMotion, PhaseSpline
 from tubeplanner.problem import PlanningProblem
 
 # Steps aim a little inside tube and clearances; the merit lets go of most of that.
@@ -62,8 +63,7 @@ class SequentialProgram:
         """
         self.conditions = MotionConditions(problem, shape, links or LinkConditions(problem))
         self._problem, self.shape, self._checkpoint = problem, shape, checkpoint
-        self._lower, self._upper = self._control_bounds()
-        self._free = slice(REST_POINTS, shape.control_point_count - REST_POINTS)
+        self._variables = ControlVariables(problem, shape)
         self._curvature = self._smoothing()
         self._hessian = self._step_hessian()
         self._price = _FIRST_PRICE
@@ -76,10 +76,7 @@ class SequentialProgram:
 
     def iterate(self, motion: PhasedMotion) -> Iterate:
         """Return a motion with its cost, its control points moved into the joints' bounds."""
-        points = motion.control_points.copy()
-        points[self._free] = np.clip(
-            points[self._free], self._lower[self._free], self._upper[self._free]
-        )
+        points = self._variables.within_bounds(motion.control_points)
         return self.conditions.at(PhasedMotion(self.shape, motion.gates, points))
 
     def improved(
@@ -103,6 +100,9 @@ class SequentialProgram:
                 continue
             self._remembered = problem.added
             trial = self._moved(current, step)
+            if trial is None:
+                self._trust *= 0.4
+                continue
             predicted, gain = self._gains(current, trial, step)
             if gain < _GOOD_RATIO * predicted:
                 trial, gain = self._corrected(current, problem, step, trial, gain)
@@ -139,7 +139,8 @@ class SequentialProgram:
         step = StepProgram(
             rows.where(near),
             is_elastic[near],
-            self._bounds(current, _PRICE_TRUST),
+            self._variables.column,
+            self._bounds(current, _PRICE_TRUST, goal_moves=False),
             self._hessian * _PRICE_SMOOTHING,
             self._gradient(current) * _PRICE_SMOOTHING,
             _LARGEST_PRICE,
@@ -164,9 +165,11 @@ class SequentialProgram:
         duration = trial.squared_duration / current.squared_duration
         return predicted, 1 - duration + price * (before - _beyond(trial.excess))
 
-    def _moved(self, current: Iterate, step: Step) -> Iterate:
-        points, gates = current.motion.control_points.copy(), current.motion.gates.copy()
-        points[self._free] += step.control
+    def _moved(self, current: Iterate, step: Step) -> Iterate | None:
+        points = self._variables.moved(current.motion.control_points, step.control)
+        if points is None:
+            return None
+        gates = current.motion.gates.copy()
         gates[1:-1] += step.gate
         return self.conditions.at(PhasedMotion(self.shape, gates, points))
 
@@ -182,6 +185,8 @@ class SequentialProgram:
         if other is None:
             return trial, gain
         second = self._moved(current, other)
+        if second is None:
+            return trial, gain
         _, second_gain = self._gains(current, second, other)
         return (second, second_gain) if second_gain > gain else (trial, gain)
 
@@ -194,50 +199,40 @@ class SequentialProgram:
             rows,
             is_elastic,
             active | np.isin(rows.index, self._remembered),
+            self._variables,
             bounds,
             (self._hessian, self._gradient(current)),
             self._price,
         )
 
-    def _bounds(self, current: Iterate, trust: float) -> Bounds:
+    def _bounds(self, current: Iterate, trust: float, *, goal_moves: bool = True) -> Bounds:
         """Return where a step must stay."""
         width = np.diff(current.motion.gates)
-        points = current.motion.control_points[self._free]
+        points = current.motion.control_points
+        now, joints = self._variables.of(points), points.shape[1]
+        held = self._variables.held(points)
         return Bounds(
-            np.clip(self._lower[self._free] - points, -trust, 0.0),
-            np.clip(self._upper[self._free] - points, 0.0, trust),
+            np.clip(self._variables.lower - now, -trust, 0.0),
+            np.clip(self._variables.upper - now, 0.0, trust),
             np.minimum(0.5 * trust, 0.3 * np.minimum(width[:-1], width[1:])),
             _DURATION_STEP,
+            held if goal_moves or len(held) == 0 else np.eye(joints),
         )
 
     def _gradient(self, current: Iterate) -> FloatArray:
-        """Return how the smoothing changes with the free control points, shape (free n,)."""
-        gradient: FloatArray = self._curvature[self._free] @ current.motion.control_points
-        return gradient.ravel()
+        """Return how the smoothing changes with the variables, shape (F n,)."""
+        gradient: FloatArray = self._curvature @ current.motion.control_points
+        return (self._variables.selection.T @ gradient).ravel()
 
     def _step_hessian(self) -> sparse.csc_matrix:
         """Return the curvature of a step's cost: smoothing and proximity; else next to none."""
         joints = self._problem.robot.joint_count
-        inner = self._curvature[self._free][:, self._free]
+        selection = self._variables.selection
+        inner = selection.T @ self._curvature @ selection
         inner = inner + sparse.identity(inner.shape[0]) * _PROXIMITY
         others = len(self.shape.shares) - 1 + 2  # gates, eta, elastic
         parts = [sparse.kron(inner, sparse.identity(joints)), sparse.identity(others) * 1e-9]
         return sparse.block_diag(parts, format="csc")
-
-    def _control_bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Return joint bounds of the control points, (K, n): those of all phases they count in.
-
-        A spline lies in the hull of its control points, so the bounds hold for all t.
-        """
-        shape = (self.shape.control_point_count, self._problem.robot.joint_count)
-        lower, upper = np.full(shape, -np.inf), np.full(shape, np.inf)
-        first = 0
-        for k, shares in enumerate(self.shape.shares):
-            counting = slice(first, first + len(shares) - 1 + DEGREE)
-            lower[counting] = np.maximum(lower[counting], self._problem.joint_lower[k])
-            upper[counting] = np.minimum(upper[counting], self._problem.joint_upper[k])
-            first += len(shares) - 1
-        return lower, upper
 
     def _smoothing(self) -> sparse.csr_matrix:
         """Return the matrix of the squared third differences, scaled with the knots' spacing."""
@@ -255,13 +250,15 @@ class _Linearised:
         rows: Rows,
         is_elastic: FloatArray,
         active: BoolArray,
+        variables: ControlVariables,
         bounds: Bounds,
         quadratic: tuple[sparse.csc_matrix, FloatArray],
         price: float,
     ) -> None:
         self._rows, self._is_elastic = rows, is_elastic
         self._near, self._active = active, active.copy()
-        self._bounds, self._quadratic, self._price = bounds, quadratic, price
+        self._variables, self._bounds = variables, bounds
+        self._quadratic, self._price = quadratic, price
         self._program: StepProgram | None = None
         self._given = np.zeros(0, dtype=np.int64)
 
@@ -278,6 +275,7 @@ class _Linearised:
             self._program = StepProgram(
                 self._rows.where(self._given),
                 self._is_elastic[self._given],
+                self._variables.column,
                 self._bounds,
                 *self._quadratic,
                 self._price,
@@ -306,8 +304,7 @@ class _Linearised:
     def _room_after(self, step: Step) -> FloatArray:
         """Return the room that a step leaves to all rows, to first order."""
         rows = self._rows
-        held = np.zeros((REST_POINTS, step.control.shape[1]))
-        change = np.concatenate([held, step.control, held])
+        change = self._variables.change(step.control)
         taken = change[rows.first[:, None] + np.arange(DEGREE + 1)]
         used = np.einsum("rkj,rkj->r", rows.control, taken)
         used += rows.gate @ step.gate + rows.duration * step.duration

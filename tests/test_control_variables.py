@@ -1,0 +1,90 @@
+"""What the optimiser may move: bounds, and a goal that is left open."""
+
+import numpy as np
+import pytest
+
+from tubeplanner import PlanningProblem, load_problem, plan
+from tubeplanner.control_variables import FIXED, ControlVariables
+from tubeplanner.reference_branch import reference_branch, spare_joint_rules
+from tubeplanner.spline_start import starting_spline
+
+
+@pytest.fixture(scope="module", params=["ur5/over_the_wall", "panda/between_shelves"])
+def case(request):
+    """A problem with an open goal, and one with a given one."""
+    problem = load_problem(f"example:{request.param}")
+    branch = reference_branch(problem, spare_joint_rules(problem)[0])
+    motion = starting_spline(problem, branch, 12)
+    return problem, motion, ControlVariables(problem, motion.shape)
+
+
+def test_the_ends_are_fixed_but_for_an_open_goal_that_moves_as_one(case):
+    problem, motion, variables = case
+    column = variables.column
+    assert (column[:3] == FIXED).all()
+    assert np.diff(column[3:-3]).tolist() == [1] * (len(column) - 7)
+    open_goal = problem.goal is None
+    assert (column[-3:] == (column[-4] + 1 if open_goal else FIXED)).all()
+    assert len(variables.lower) == len(column) - 6 + open_goal
+    points = motion.control_points
+    np.testing.assert_array_equal(variables.of(points)[: len(column) - 6], points[3:-3])
+
+
+def test_a_step_changes_what_the_variables_stand_for(case):
+    problem, _, variables = case
+    step = np.random.default_rng(0).normal(size=variables.lower.shape)
+    change = variables.change(step)
+    np.testing.assert_array_equal(change, variables.selection @ step)
+    assert (change[:3] == 0).all()
+    assert (change[-3:] == (step[-1] if problem.goal is None else 0)).all()
+
+
+def test_the_hand_stays_at_an_open_goal(case):
+    problem, motion, variables = case
+    points = motion.control_points
+    step = 0.05 * np.random.default_rng(1).normal(size=variables.lower.shape)
+    moved = variables.moved(points, step)
+    if problem.goal is not None:
+        np.testing.assert_array_equal(moved[-3:], points[-3:])
+        assert len(variables.held(points)) == 0
+        return
+    hand = problem.robot.tool_position(moved[-1:])[0]
+    np.testing.assert_allclose(hand, problem.tube.points[-1], atol=1e-9)
+    assert abs(moved[-1] - points[-1]).max() > 0.01
+    np.testing.assert_array_equal(moved[-3:], np.tile(moved[-1], (3, 1)))
+    np.testing.assert_allclose(moved[3:-3], points[3:-3] + step[:-1], atol=1e-15)
+
+
+def test_directions_that_move_the_hand_at_an_open_goal_are_held(case):
+    problem, motion, variables = case
+    held = variables.held(motion.control_points)
+    _, jacobian = problem.robot.tool_jacobian(motion.control_points[-1:])
+    free = np.eye(problem.robot.joint_count) - held.T @ held
+    if problem.goal is None:
+        assert len(held) == 3
+        np.testing.assert_allclose(jacobian[0, :3] @ free, 0, atol=1e-9)
+
+
+def test_points_are_moved_into_the_ranges_of_all_phases_they_count_in(case):
+    problem, motion, variables = case
+    far = motion.control_points + 20.0
+    inside = variables.within_bounds(far)
+    moving = variables.column != FIXED
+    upper = np.minimum(problem.joint_upper.min(axis=0), np.inf)
+    bounded = np.isfinite(upper)
+    assert (inside[moving][:, bounded] <= problem.joint_upper.max(axis=0)[bounded]).all()
+    np.testing.assert_array_equal(inside[~moving], far[~moving])
+
+
+def test_a_goal_left_open_is_where_the_motion_is_fastest():
+    problem = load_problem("example:ur5/over_the_wall")
+    assert problem.goal is None
+    nearest = reference_branch(problem, spare_joint_rules(problem)[0]).goal
+    fixed = PlanningProblem(
+        problem.robot, problem.tube, problem.start, nearest, obstacles=problem.obstacles
+    )
+    free, held = plan(problem), plan(fixed)
+    assert free.succeeded
+    assert free.duration < 0.995 * held.duration
+    hand = problem.robot.tool_position(free.trajectory.position(free.duration)[None])[0]
+    np.testing.assert_allclose(hand, problem.tube.points[-1], atol=1e-6)
