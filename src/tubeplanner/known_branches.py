@@ -1,39 +1,60 @@
-"""The branches along the reference path of one problem, each found once, when asked for."""
+"""Ways of the arm along a problem's tube, each found once, when it is asked for."""
 
+from collections.abc import Callable
+from functools import partial
+
+from tubeplanner.joint_lines import joint_lines
 from tubeplanner.outcome import Infeasible
 from tubeplanner.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock
 from tubeplanner.reference_branch import ReferenceBranch, SpareJoints, reference_branch
 from tubeplanner.refusal import require_free
 
+_JOINT_LINES = "joint lines"
+
 
 class KnownBranches:
-    """Branches by the rule that moves the joints which the hand leaves free."""
+    """Branches by the rule that moves the joints which the hand leaves free, and joint lines."""
 
     def __init__(self, problem: PlanningProblem, clock: PlanningClock) -> None:
         self._problem, self._clock = problem, clock
-        self._found: dict[SpareJoints, ReferenceBranch | Infeasible] = {}
+        self._found: dict[str, ReferenceBranch | Infeasible] = {}
 
     def along(self, rule: SpareJoints) -> ReferenceBranch:
         """Return the branch of a rule, its ends clear of everything.
 
         Raises:
-            Infeasible: The branch ends somewhere, or its start or goal is in collision; or the
+            Infeasible: The branch ends somewhere, its start or given goal is in collision, or the
                 time limit has passed.
         """
-        self._clock.enter("inverse kinematics along the reference path")
-        if rule not in self._found:
+        search = partial(reference_branch, self._problem, rule, self._clock.check)
+        return self._once(rule, "inverse kinematics along the reference path", search)
+
+    def joint_lines(self) -> ReferenceBranch:
+        """Return joint lines between the reference points, the hand not in the tube.
+
+        Raises:
+            Infeasible: As for branches.
+        """
+        search = partial(joint_lines, self._problem)
+        return self._once(_JOINT_LINES, "inverse kinematics at the reference points", search)
+
+    def _once(
+        self, name: str, stage: str, search: Callable[[], ReferenceBranch]
+    ) -> ReferenceBranch:
+        self._clock.enter(stage)
+        if name not in self._found:
             try:
-                self._found[rule] = self._search(rule)
+                self._found[name] = self._with_free_ends(search())
             except Infeasible as reason:
-                self._found[rule] = reason
-        found = self._found[rule]
+                self._found[name] = reason
+        found = self._found[name]
         if isinstance(found, Infeasible):
             raise found
         return found
 
-    def _search(self, rule: SpareJoints) -> ReferenceBranch:
-        branch = reference_branch(self._problem, rule, self._clock.check)
-        for name, q in (("start", branch.start), ("goal", branch.goal)):
-            require_free(self._problem, name, q)
+    def _with_free_ends(self, branch: ReferenceBranch) -> ReferenceBranch:
+        require_free(self._problem, "start", branch.start)
+        if self._problem.goal is not None:  # an open one may move
+            require_free(self._problem, "goal", branch.goal)
         return branch

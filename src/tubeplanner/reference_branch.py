@@ -94,8 +94,8 @@ def reference_branch(
     Raises:
         Infeasible: Status unreachable: the message says where the branch ends and why.
     """
-    start = _endpoint(problem, problem.start, 0)
-    goal = None if problem.goal is None else _endpoint(problem, problem.goal, -1)
+    start = end_configuration(problem, problem.start, 0)
+    goal = None if problem.goal is None else end_configuration(problem, problem.goal, -1)
     route = _route(problem, start, goal)
     pulls = _pulls(problem, route, start, goal, spare_joints)
     q, segments = start, []
@@ -132,8 +132,12 @@ def _pulls(
     return (1 - way) * start + way * goal
 
 
-def _endpoint(problem: PlanningProblem, given: FloatArray | Seed, point: int) -> FloatArray:
-    """Return the start (point 0) or goal (point -1): as given, or solved from its seed."""
+def end_configuration(problem: PlanningProblem, given: FloatArray | Seed, point: int) -> FloatArray:
+    """Return the start (point 0) or goal (point -1), shape (n,): as given, or from its seed.
+
+    Raises:
+        Infeasible: Status unreachable: the seed does not lead there.
+    """
     if not isinstance(given, Seed):
         return given
     segment = 0 if point == 0 else problem.tube.segment_count - 1

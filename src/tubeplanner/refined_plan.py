@@ -31,7 +31,8 @@ def refined_plan(
 ) -> PlanResult | None:
     """Return the fastest certified motion that refinement finds, or why its first one is refused.
 
-    Rules for the spare joints are tried until one leads to a certified motion.
+    Rules for the spare joints are tried until one leads to a certified motion; joint lines between
+    the reference points come last.
 
     Returns:
         None if there was nothing to start from.
@@ -40,9 +41,13 @@ def refined_plan(
         KeyboardInterrupt: Before anything was certified.
     """
     refused = None
-    for rule in spare_joint_rules(problem):
+    ways: list[Callable[[], ReferenceBranch]] = [
+        *(partial(branches.along, rule) for rule in spare_joint_rules(problem)),
+        branches.joint_lines,
+    ]
+    for way in ways:
         try:
-            branch = branches.along(rule)
+            branch = way()
         except Infeasible:
             continue
         if not branch.moving_segments:
