@@ -22,8 +22,9 @@ _WATCHED = 0.01
 _PER_INTERVAL = 4  # samples looked at
 # Every so manieth of them is looked at first; the others know what separates a pair near by.
 _STRIDES = (64, 16, 4, 1)
-# Samples of a pair that are this near to each other, a share of their spacing, are one.
-_SAME_SHARE = 0.3
+# Samples of a pair that are this near to each other, a share of their spacing, are one; those that
+# are asked for nearly always count.
+_SAME_SHARE, _SAME_SHARE_ASKED = 0.3, 1e-3
 
 
 class LinkConditions:
@@ -67,22 +68,30 @@ class LinkConditions:
         after = np.vstack([room[1:], np.full((1, len(self._pairs)), np.inf)])
         lowest = (room < _WATCHED) & (room <= before) & (room < after)
         sample, pair = np.nonzero(lowest)
-        return self._watch(motion, samples.where(sample), pair, room[sample, pair])
+        at = samples.where(sample)
+        return self._watch(motion, at, pair, room[sample, pair], _SAME_SHARE)
 
     def look_at(self, motion: PhasedMotion, samples: Samples) -> None:
         """Watch the pairs that come close at samples."""
         distance = self._distances(sampled(motion, samples).position)
         sample, pair = np.nonzero(distance - self._required < _WATCHED)
-        self._watch(motion, samples.where(sample), pair, np.zeros(len(pair)))
+        at = samples.where(sample)
+        self._watch(motion, at, pair, np.zeros(len(pair)), _SAME_SHARE_ASKED)
 
     def _watch(
-        self, motion: PhasedMotion, samples: Samples, pair: IntArray, room: FloatArray
+        self,
+        motion: PhasedMotion,
+        samples: Samples,
+        pair: IntArray,
+        room: FloatArray,
+        same_share: float,
     ) -> bool:
+        """Watch pairs at samples that are not watched yet; return whether one is too close."""
         gates = motion.gates
         known, new = self._samples.times(gates), samples.times(gates)
         spacing = np.diff(motion.shape.breakpoints(gates))[samples.interval] / _PER_INTERVAL
         same = (pair[:, None] == self._pair) & (
-            abs(new[:, None] - known) < _SAME_SHARE * spacing[:, None]
+            abs(new[:, None] - known) < same_share * spacing[:, None]
         )
         fresh = np.flatnonzero(~same.any(axis=1))
         self._set_aims(motion, np.unique(pair[fresh]))
