@@ -7,10 +7,15 @@ from tubeplanner.joint_lines import joint_lines
 from tubeplanner.outcome import Infeasible
 from tubeplanner.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock
-from tubeplanner.reference_branch import ReferenceBranch, SpareJoints, reference_branch
+from tubeplanner.reference_branch import (
+    ReferenceBranch,
+    SpareJoints,
+    reference_branch,
+    spare_joint_rules,
+)
 from tubeplanner.refusal import require_free
 
-_JOINT_LINES = "joint lines"
+_JOINT_LINES, _AT_WILL = "joint lines", "turned at will"
 
 
 class KnownBranches:
@@ -29,6 +34,16 @@ class KnownBranches:
         """
         search = partial(reference_branch, self._problem, rule, self._clock.check)
         return self._once(rule, "inverse kinematics along the reference path", search)
+
+    def turned_at_will(self) -> ReferenceBranch:
+        """Return a branch whose hand need not keep the rotation tolerance.
+
+        Raises:
+            Infeasible: As for branches.
+        """
+        rule = spare_joint_rules(self._problem)[0]
+        search = partial(reference_branch, self._problem, rule, self._clock.check, is_turned=False)
+        return self._once(_AT_WILL, "inverse kinematics of the hand's place alone", search)
 
     def joint_lines(self) -> ReferenceBranch:
         """Return joint lines between the reference points, the hand not in the tube.

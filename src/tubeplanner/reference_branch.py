@@ -83,6 +83,8 @@ def reference_branch(
     problem: PlanningProblem,
     spare_joints: SpareJoints,
     checkpoint: Callable[[], None] = lambda: None,
+    *,
+    is_turned: bool = True,
 ) -> ReferenceBranch:
     """Return the branch that the joint signs, the start and the goal ask for.
 
@@ -90,6 +92,7 @@ def reference_branch(
         problem: What is asked.
         spare_joints: What joints do that the hand's position leaves free.
         checkpoint: Called before every segment; it may raise to end the work.
+        is_turned: Whether the rotation tolerance, if there is one, is kept.
 
     Raises:
         Infeasible: Status unreachable: the message says where the branch ends and why.
@@ -103,7 +106,9 @@ def reference_branch(
         checkpoint()
         wanted = None if pulls is None else pulls[k : k + 2]
         is_last = k + 1 == problem.tube.segment_count
-        walk = SegmentWalk(problem, k, route[k : k + 2], q, wanted, goal if is_last else None)
+        end = goal if is_last else None
+        ends = route[k : k + 2]
+        walk = SegmentWalk(problem, k, ends, q, wanted, end, is_turned=is_turned)
         segments.append(walk.to_the_end())
         q = segments[-1][-1]
     if goal is not None:

@@ -1,6 +1,6 @@
 """Planning by refinement: the second phase of the paper, from the reference branch."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 
@@ -31,8 +31,7 @@ def refined_plan(
 ) -> PlanResult | None:
     """Return the fastest certified motion that refinement finds, or why its first one is refused.
 
-    Rules for the spare joints are tried until one leads to a certified motion; joint lines between
-    the reference points come last.
+    Ways to begin with are tried until one leads to a certified motion.
 
     Returns:
         None if there was nothing to start from.
@@ -41,11 +40,7 @@ def refined_plan(
         KeyboardInterrupt: Before anything was certified.
     """
     refused = None
-    ways: list[Callable[[], ReferenceBranch]] = [
-        *(partial(branches.along, rule) for rule in spare_joint_rules(problem)),
-        branches.joint_lines,
-    ]
-    for way in ways:
+    for way in _ways(problem, branches):
         try:
             branch = way()
         except Infeasible:
@@ -59,6 +54,19 @@ def refined_plan(
         if clock.stopped_by is not None:
             break
     return refused
+
+
+def _ways(
+    problem: PlanningProblem, branches: KnownBranches
+) -> Iterator[Callable[[], ReferenceBranch]]:
+    """Yield ways to begin with, the most natural first, those that need not be possible second."""
+    first, *others = spare_joint_rules(problem)
+    yield partial(branches.along, first)
+    yield branches.joint_lines
+    if problem.tube.rotation is not None:
+        yield branches.turned_at_will
+    for rule in others:
+        yield partial(branches.along, rule)
 
 
 def _from_branch(

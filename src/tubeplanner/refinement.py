@@ -85,13 +85,15 @@ class Refinement:
     def answer(self, certificate: Certificate, duration: float) -> bool:
         """Go on with samples where a certificate objects; return whether there was anything to do.
 
+        There is not if the best motion is not inside at the samples there are.
+
         Args:
             certificate: Of the best motion, scaled to the limits.
             duration: Of that motion [s].
         """
         places = [certificate.conditions[name].where for name in certificate.failures()]
         times = [place.time for place in places if place.time is not None]
-        if self._best is None or not times:
+        if self._best is None or self._best.excess > MERIT_TOLERANCE or not times:
             return False
         motion = self._best.motion
         for time in times:

@@ -36,6 +36,8 @@ class SegmentWalk:
         begin: FloatArray,
         wanted: FloatArray | None,
         goal: FloatArray | None,
+        *,
+        is_turned: bool = True,
     ) -> None:
         """Prepare a walk.
 
@@ -47,6 +49,7 @@ class SegmentWalk:
             wanted: Where spare joints are pulled at the start and at the end, shape (2, n); None:
                 nowhere.
             goal: Configuration to settle in at the end; None: any that the next segment allows.
+            is_turned: Whether the rotation tolerance, if there is one, is kept.
         """
         self._problem, self._segment = problem, segment
         self._ends, self._begin = ends, begin
@@ -55,7 +58,7 @@ class SegmentWalk:
         following = min(segment + 1, problem.tube.segment_count - 1)
         self._end_lower = np.maximum(self._lower, problem.joint_lower[following])
         self._end_upper = np.minimum(self._upper, problem.joint_upper[following])
-        tube = problem.tube.rotation
+        tube = problem.tube.rotation if is_turned else None
         self._turn = None if tube is None else ReferenceTurn(problem, tube, segment, begin, goal)
 
     def to_the_end(self) -> FloatArray:
