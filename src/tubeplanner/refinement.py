@@ -21,7 +21,7 @@ from tubeplanner.trajectory import JointTrajectory, from_spline
 
 _FIRST_TRUST, _LATER_TRUST, _LAST_TRUST = 0.2, 0.03, 0.02  # [rad or m]
 _LEAST_LAST_TRUST = 0.002
-_COARSE_GAIN, _FINE_GAIN, _LAST_GAIN = 1e-2, 5e-4, 3e-4
+_GAIN, _LAST_GAIN = 5e-4, 3e-4
 _POLISH_TRUST, _POLISH_GAIN, _POLISH_STEPS = 0.01, 1e-7, 20
 _MOST_STEPS, _STEPS_PER_ROUND, _MOST_ROUNDS = 60, 3, 8
 # On coarse knots, links that came close on the way are given this much.
@@ -78,7 +78,7 @@ class Refinement:
             motion, trust = subdivided(coarse, parts), _LATER_TRUST
             links = self._program.conditions.links_on(coarse, motion)
             self._program = SequentialProgram(self._problem, motion.shape, self._checkpoint, links)
-        found = self._program.improved(self._begun(motion), trust, _FINE_GAIN, _MOST_STEPS)
+        found = self._program.improved(self._begun(motion), trust, _GAIN, _MOST_STEPS)
         self._exchange(found)
         return True
 
@@ -116,14 +116,12 @@ class Refinement:
 
     def _on_coarse_knots(self, motion: PhasedMotion, trust: float) -> Iterate:
         """Return a motion that is about the shortest, links not yet clear between samples."""
-        found = self._program.improved(self._begun(motion), trust, _COARSE_GAIN, _MOST_STEPS)
+        found = self._program.improved(self._begun(motion), trust, _GAIN, _MOST_STEPS)
         for _ in range(_MOST_COARSE_ROUNDS):
             if not self._program.conditions.look_for_links(found.motion):
                 break
             again = self._program.iterate(found.motion)
-            found = self._program.improved(
-                again, _LATER_TRUST, _COARSE_GAIN, _STEPS_PER_COARSE_ROUND
-            )
+            found = self._program.improved(again, _LATER_TRUST, _GAIN, _STEPS_PER_COARSE_ROUND)
         return found
 
     def _begun(self, motion: PhasedMotion) -> Iterate:
