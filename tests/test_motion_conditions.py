@@ -85,7 +85,7 @@ class Kinds:
             return self.at(other).room(duration, 1 + eta)
         if self.kind in ("tube", "rotation"):
             return self.at(motion).room(self.at(other))
-        return -self.at(other).excess
+        return self.at(other).room
 
 
 @pytest.mark.parametrize("kind", KINDS)

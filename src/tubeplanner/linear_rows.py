@@ -14,6 +14,10 @@ from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 # Rows with less room than this are kept, however short the step.
 _CLOSE = 0.3
 NO_LIMIT = -1
+# Steps aim this far inside tube and clearances, a share of a radius; the merit lets go of most of
+# it, so that what lies between samples and what rounding does stays inside too.
+INNER_MARGIN = 0.005
+MERIT_TOLERANCE = 0.8 * INNER_MARGIN
 
 
 @dataclass(frozen=True)

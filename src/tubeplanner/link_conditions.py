@@ -8,7 +8,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.collision import ClosestPoints
-from tubeplanner.linear_rows import NO_LIMIT, Rows, StepSize
+from tubeplanner.linear_rows import INNER_MARGIN, MERIT_TOLERANCE, NO_LIMIT, Rows, StepSize
 from tubeplanner.phase_spline import PhasedMotion, Samples
 from tubeplanner.problem import PlanningProblem
 from tubeplanner.sampled_motion import SampledMotion, sampled
@@ -16,7 +16,7 @@ from tubeplanner.sampled_motion import SampledMotion, sampled
 # What a row calls one [m]: as a radius does for the tube.
 _UNIT = 0.05
 # Steps aim at this much more than what is required, unless start or goal have less [m].
-_INNER_MARGIN = 0.00025
+_INNER_MARGIN = INNER_MARGIN * _UNIT
 # Pairs that come closer than this beyond what is required are watched [m].
 _WATCHED = 0.01
 _PER_INTERVAL = 4  # samples looked at
@@ -47,8 +47,10 @@ class LinkConditions:
         rotation, position = self._problem.robot.body_poses(at.position)
         pairs = self._pairs[self._pair]
         closest = self._checker.closest_points(rotation, position, pairs)
-        aim = self._aim[self._pair]
-        return EvaluatedLinks(self._problem, at, pairs, aim, rotation, position, closest)
+        aim, required = self._aim[self._pair], self._required[self._pair]
+        # Where there is less room to aim at, there is less that may be let go of.
+        strict = MERIT_TOLERANCE * (1 - (aim - required) / _INNER_MARGIN)
+        return EvaluatedLinks(self._problem, at, pairs, aim, strict, rotation, position, closest)
 
     def on_other_knots(self, motion: PhasedMotion, other: PhasedMotion) -> "LinkConditions":
         """Return the same for a motion on other knots, watched where they were."""
@@ -103,7 +105,7 @@ class LinkConditions:
     def _set_aims(self, motion: PhasedMotion, pairs: IntArray) -> None:
         """Set what is aimed at: a little more than is required, where start and goal have it."""
         pairs = pairs[np.isnan(self._aim[pairs])]
-        ends = motion.control_points[[0, -1]]
+        ends = motion.control_points[[0] if self._problem.goal is None else [0, -1]]
         rotation, position = self._problem.robot.body_poses(ends)
         found = [
             self._checker.distances(*pose, self._pairs[pairs])
@@ -162,6 +164,7 @@ class EvaluatedLinks:
         at: The motion at those instants.
         pairs: Indices of the shapes, shape (E, 2).
         aim: Distances aimed at, shape (E,) [m].
+        strict: What the excess counts in addition, shape (E,).
         rotation: Of all bodies, shape (E, bodies, 3, 3).
         position: Likewise, shape (E, bodies, 3) [m].
         closest: Where the pairs are closest.
@@ -171,14 +174,21 @@ class EvaluatedLinks:
     at: SampledMotion
     pairs: IntArray
     aim: FloatArray
+    strict: FloatArray
     rotation: FloatArray
     position: FloatArray
     closest: ClosestPoints
 
     @cached_property
     def excess(self) -> FloatArray:
-        """By how much pairs are closer than is aimed at, in units of 5 cm, shape (E,)."""
-        return (self.aim - self.closest.distance) / _UNIT
+        """By how much pairs are closer than they may be, in units of 5 cm, shape (E,)."""
+        return self.strict - self.room
+
+    @property
+    def room(self) -> FloatArray:
+        """By how much pairs are farther apart than is aimed at, in units of 5 cm, shape (E,)."""
+        room: FloatArray = (self.closest.distance - self.aim) / _UNIT
+        return room
 
     def rows(self, size: StepSize | None) -> Rows:
         """Return rows that keep the pairs apart.
@@ -199,7 +209,7 @@ class EvaluatedLinks:
             control[:, 0],
             gate[:, 0],
             np.zeros(count),
-            -self.excess,
+            self.room,
             np.full(count, NO_LIMIT),
             np.arange(count),
         )

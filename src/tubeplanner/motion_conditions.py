@@ -13,7 +13,7 @@ from tubeplanner.limit_conditions import (
     EvaluatedLimits,
     LimitConditions,
 )
-from tubeplanner.linear_rows import Rows, StepSize, stacked
+from tubeplanner.linear_rows import INNER_MARGIN, Rows, StepSize, stacked
 from tubeplanner.link_conditions import EvaluatedLinks, LinkConditions
 from tubeplanner.phase_spline import PhasedMotion, PhaseSpline, Places, Samples, VelocityHull
 from tubeplanner.problem import PlanningProblem
@@ -25,8 +25,6 @@ _EFFORT_SAMPLES = np.arange(2) / 2
 _RATE_SAMPLES = np.zeros(1)
 _TUBE_SAMPLES = np.arange(3) / 3
 _DENSE_SAMPLES = np.linspace(0, 1, 21)
-# Steps aim this far inside the tube, a share of its radius.
-INNER_MARGIN = 0.005
 _HIGHER = 1.001  # peaks of the squared duration between samples that count
 
 
@@ -124,7 +122,7 @@ class MotionConditions:
         rooms.append(current.tube.room(trial.tube))
         if current.rotation is not None and trial.rotation is not None:
             rooms.append(current.rotation.room(trial.rotation))
-        return np.concatenate([*rooms, -trial.links.excess])
+        return np.concatenate([*rooms, trial.links.room])
 
     def look_for_links(self, motion: PhasedMotion) -> bool:
         """Watch links where they come close; return whether some are too close and were not."""

@@ -7,11 +7,26 @@ from tubeplanner.errors import OptionError, unknown_name
 REFINEMENT, BRANCH_AND_BOUND = "refinement", "branch-and-bound"
 STOP_AT_CORNERS = "stop-at-corners"
 METHODS = (REFINEMENT, BRANCH_AND_BOUND, STOP_AT_CORNERS)
-# For every start: about how many knot intervals, and into how many parts they are then divided.
+
+
+@dataclass(frozen=True)
+class Quality:
+    """How much refinement does.
+
+    Attributes:
+        knots: About how many knot intervals it begins with, and into how many parts they are then
+            divided, time after time; once for every pair, from the most natural start.
+        every_start: Whether other starts are tried too, though there is a certified motion.
+    """
+
+    knots: tuple[tuple[int, tuple[int, ...]], ...]
+    every_start: bool = False
+
+
 QUALITIES = {
-    "fast": ((8, (4,)),),
-    "balanced": ((8, (3, 3)),),
-    "best": ((8, (3, 3)), (16, (3, 2)), (12, (3, 3))),
+    "fast": Quality(((8, (4,)),)),
+    "balanced": Quality(((8, (3, 3)),)),
+    "best": Quality(((8, (3, 3)), (8, (3, 4))), every_start=True),
 }
 
 _FEWEST_CANDIDATES, _MOST_CANDIDATES = 2, 1000
@@ -26,8 +41,9 @@ class PlanOptions:
             certified. "branch-and-bound": the fastest motion through points of the reference path
             that cuts its corners inside the tube; the next one where it finds nothing faster.
             "stop-at-corners": along the reference path, resting at every reference point.
-        quality: Of refinement. "fast": few knots, about half the time. "balanced". "best": many
-            knots and two starts beside the balanced ones, about four times the time.
+        quality: Of refinement. "fast": few knots, about half the time, motions 1-2 % slower.
+            "balanced". "best": also with more knots and from every start there is, five to eight
+            times the time.
         candidate_points: From how many points on the reference path, start and goal included,
             branch and bound chooses. More take longer, exponentially in the worst case, and give
             other motions, not always faster ones.

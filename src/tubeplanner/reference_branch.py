@@ -28,6 +28,7 @@ from tubeplanner.segment_walk import (
 _SEED_TOLERANCE = 1e-6  # [m] between the hand and the reference point of a seed
 # How near the branch must come to a given goal configuration to be on its branch [rad or m].
 _GOAL_TOLERANCE = 1e-6
+_SAME = 1e-6  # [rad or m]
 _STILL = 1e-9  # [rad or m]: joints that move less stand still
 
 
@@ -56,6 +57,14 @@ class ReferenceBranch:
     def goal(self) -> FloatArray:
         """Last configuration, shape (n,)."""
         return self.segments[-1][-1]
+
+    def is_as(self, other: "ReferenceBranch") -> bool:
+        """Return whether another branch has the same configurations, to 1e-6 rad or m."""
+        pairs = list(zip(self.segments, other.segments, strict=True))
+        return all(
+            one.shape == another.shape and abs(one - another).max() < _SAME
+            for one, another in pairs
+        )
 
 
 class SpareJoints(StrEnum):

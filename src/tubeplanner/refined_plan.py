@@ -9,7 +9,7 @@ import numpy as np
 from tubeplanner.known_branches import KnownBranches
 from tubeplanner.outcome import Infeasible, PlanStatus
 from tubeplanner.phase_spline import PhasedMotion
-from tubeplanner.plan_options import QUALITIES, REFINEMENT, PlanOptions
+from tubeplanner.plan_options import QUALITIES, REFINEMENT, PlanOptions, Quality
 from tubeplanner.plan_result import PlanResult, certified_result
 from tubeplanner.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, Progress
@@ -31,7 +31,7 @@ def refined_plan(
 ) -> PlanResult | None:
     """Return the fastest certified motion that refinement finds, or why its first one is refused.
 
-    Ways to begin with are tried until one leads to a certified motion.
+    Starts are tried until one leads to a certified motion, or all of them if the quality says so.
 
     Returns:
         None if there was nothing to start from.
@@ -39,21 +39,44 @@ def refined_plan(
     Raises:
         KeyboardInterrupt: Before anything was certified.
     """
-    refused = None
+    best, quality = None, QUALITIES[options.quality]
+    for start, divisions in _starts(problem, branches, quality):
+        found = None
+        try:
+            found = _from_start(problem, start, divisions, clock)
+        except KeyboardInterrupt:
+            if best is None or not best.succeeded:
+                raise
+            clock.stopped_by = "interrupt"
+        except Infeasible as reason:  # nothing from this start, or the time limit
+            if reason.status is PlanStatus.TIME_LIMIT:
+                clock.stopped_by = "time_limit"
+        if found is not None:
+            best = found if best is None else _better(best, found)
+        answered = best is not None and best.succeeded and not quality.every_start
+        if answered or clock.stopped_by is not None:
+            break
+    return best
+
+
+def _starts(
+    problem: PlanningProblem, branches: KnownBranches, quality: Quality
+) -> Iterator[tuple[PhasedMotion, tuple[int, ...]]]:
+    """Yield motions to start from, and into how many parts their knot intervals are divided."""
+    known: list[ReferenceBranch] = []
     for way in _ways(problem, branches):
         try:
             branch = way()
         except Infeasible:
             continue
         if not branch.moving_segments:
-            return None
-        result = _from_branch(problem, branch, options, clock)
-        if result is not None and result.succeeded:
-            return result
-        refused = refused or result
-        if clock.stopped_by is not None:
-            break
-    return refused
+            return
+        if any(branch.is_as(other) for other in known):
+            continue
+        for intervals, divisions in quality.knots[: 1 if known else None]:
+            start = starting_spline(problem, branch, intervals)
+            yield start, _divisions(start.shape.interval_count, intervals, divisions)
+        known.append(branch)
 
 
 def _ways(
@@ -67,32 +90,6 @@ def _ways(
         yield branches.turned_at_will
     for rule in others:
         yield partial(branches.along, rule)
-
-
-def _from_branch(
-    problem: PlanningProblem, branch: ReferenceBranch, options: PlanOptions, clock: PlanningClock
-) -> PlanResult | None:
-    """Return the best result of all starts that belong to the quality."""
-    best = None
-    for intervals, divisions in QUALITIES[options.quality]:
-        try:
-            start = starting_spline(problem, branch, intervals)
-            parts = _divisions(start.shape.interval_count, intervals, divisions)
-            found = _from_start(problem, start, parts, clock)
-        except KeyboardInterrupt:
-            if best is None or not best.succeeded:
-                raise
-            clock.stopped_by = "interrupt"
-            break
-        except Infeasible as reason:  # nothing from this start, or the time limit
-            found = None
-            if reason.status is PlanStatus.TIME_LIMIT:
-                clock.stopped_by = "time_limit"
-        if found is not None:
-            best = found if best is None else _better(best, found)
-        if clock.stopped_by is not None:
-            break
-    return best
 
 
 def _divisions(count: int, wanted: int, divisions: tuple[int, ...]) -> tuple[int, ...]:
@@ -174,7 +171,7 @@ def _done(work: Callable[[], bool], refinement: Refinement, clock: PlanningClock
 
 
 def _better(known: PlanResult, found: PlanResult) -> PlanResult:
-    """Return the faster of two results that are certified, or the one that is."""
-    if known.duration is None:
-        return found
-    return found if found.duration is not None and found.duration < known.duration else known
+    """Return the faster of two results that are certified, the one that is, or the first."""
+    if found.duration is None:
+        return known
+    return found if known.duration is None or found.duration < known.duration else known

@@ -12,10 +12,12 @@ from collections.abc import Callable
 import numpy as np
 
 from tubeplanner.certificate import Certificate
+from tubeplanner.linear_rows import MERIT_TOLERANCE
+from tubeplanner.motion_conditions import Iterate
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.phase_spline import PhasedMotion
 from tubeplanner.problem import PlanningProblem
-from tubeplanner.sequential_program import MERIT_TOLERANCE, Iterate, SequentialProgram
+from tubeplanner.sequential_program import SequentialProgram
 from tubeplanner.spline_start import subdivided
 from tubeplanner.trajectory import JointTrajectory, from_spline
 

@@ -14,14 +14,12 @@ from scipy import sparse
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.control_variables import ControlVariables
 from tubeplanner.linear_program import Bounds, Step, StepProgram
-from tubeplanner.linear_rows import Rows, StepSize
+from tubeplanner.linear_rows import INNER_MARGIN, MERIT_TOLERANCE, Rows, StepSize
 from tubeplanner.link_conditions import LinkConditions
-from tubeplanner.motion_conditions import INNER_MARGIN, Iterate, MotionConditions
+from tubeplanner.motion_conditions import Iterate, MotionConditions
 from tubeplanner.phase_spline import DEGREE, PhasedMotion, PhaseSpline
 from tubeplanner.problem import PlanningProblem
 
-# Steps aim a little inside tube and clearances; the merit lets go of most of that.
-MERIT_TOLERANCE = 0.8 * INNER_MARGIN
 # Weights of third differences, against wiggles of joints that do not matter, and of the step.
 _SMOOTHING = 1e-5
 _PROXIMITY = 1e-3
