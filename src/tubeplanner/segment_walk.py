@@ -9,7 +9,7 @@ from tubeplanner.problem import PlanningProblem
 from tubeplanner.reference_turn import ReferenceTurn
 
 _LONGEST_STEP = 1 / 40  # of a segment
-_SHORTEST_STEP = 1e-6  # of a segment
+_SHORTEST_STEP = 1e-5  # of a segment
 _LARGEST_JOINT_STEP = 0.1  # [rad or m] between neighbouring configurations
 _LARGEST_PULL = 0.05  # [rad or m] on spare joints from one configuration to the next
 _MOST_SETTLING_STEPS = 500
