@@ -28,14 +28,13 @@ from tubeplanner import (
     load_robot,
 )
 from tubeplanner.collision import CollisionChecker
+from witness import EFFORT_SHARE, LINK_ROOM, RandomCase, keeps_apart, witness_holds
 
 LEAST_RADIUS, LARGEST_RADIUS = 0.01, 0.15  # [m]
 SHORTEST_SEGMENT = 0.03  # [m]
 SHARPEST_TURN = math.radians(150)
 MOST_SEGMENTS = 5
-EFFORT_SHARE = 0.95  # of the motors' efforts that holding still may need along the walk
 LIMIT_ROOM = 0.01  # [rad] between the walk and position limits, and from a signed joint to zero
-LINK_ROOM = 0.005  # [m] that links keep beyond what is asked
 SMALL_ROOM = 0.002  # [m] that the hand keeps to its capsule's wall, beside 5 %
 LARGEST_TOLERANCE = math.radians(60)  # of rotation
 ROWS_PER_LEG = 100
@@ -56,25 +55,6 @@ RULES = (LIMITS, GRAVITY, SHORT, TURN, CURVED, TURNED, LINKS, CROWDED, DENSE)
 
 class Rejected(Exception):
     """A candidate's walk breaks one of the rules."""
-
-
-@dataclass(frozen=True, eq=False)
-class RandomCase:
-    """A problem and a walk that solves it.
-
-    Attributes:
-        arm: Which arm, of `ARMS`.
-        seed: What it was drawn from.
-        problem: What is asked.
-        witness: Configurations (P, n); straight joint lines between them.
-        gates: The rows of the witness at which the hand is at the reference points.
-    """
-
-    arm: str
-    seed: int
-    problem: PlanningProblem
-    witness: np.ndarray
-    gates: tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -150,39 +130,6 @@ def random_case(
     raise RuntimeError(f"{arm}, seed {seed}: no sound walk in {MOST_CANDIDATES} candidates")
 
 
-def witness_holds(case: RandomCase, parts: int = 4) -> bool:
-    """Return whether a witness keeps everything its problem asks, on a dense sampling.
-
-    Args:
-        case: A problem and its witness.
-        parts: Into how many parts every step of the witness is divided.
-    """
-    problem, robot = case.problem, case.problem.robot
-    ends = [(problem.start, case.witness[0]), (problem.goal, case.witness[-1])]
-    if any(given is not None and not np.array_equal(given, q) for given, q in ends):
-        return False
-    if list(case.gates) != sorted({0, *case.gates, len(case.witness) - 1}):
-        return False
-    for k, (begin, end) in enumerate(pairwise(case.gates)):
-        q = _divided(case.witness[begin : end + 1], parts)
-        if (q < problem.joint_lower[k]).any() or (q > problem.joint_upper[k]).any():
-            return False
-        rotation, hand = robot.tool_pose(q)
-        if problem.tube.margin(hand)[:, k].min() < 0:
-            return False
-        tube = problem.tube.rotation
-        if tube is not None and tube.margin(rotation, hand, k).min() < 0:
-            return False
-    q = _divided(case.witness, parts)
-    if (abs(robot.gravity_effort(q)) > EFFORT_SHARE * robot.limits.effort).any():
-        return False
-    checker = problem.collision
-    apart = problem.clearance + LINK_ROOM
-    return _keeps_apart(checker, q, checker.link_pairs, LINK_ROOM) and _keeps_apart(
-        checker, q, checker.obstacle_pairs, apart
-    )
-
-
 def _features(rng: np.random.Generator, seed: int) -> Features:
     return Features(
         segments=int(rng.integers(1, MOST_SEGMENTS + 1)),
@@ -213,27 +160,16 @@ def _candidate(
     tube = _tube(rng, robot, walk, gates, features)
     goal = walk[-1] if features.has_goal else None
     name = f"{arm}, seed {seed}"
-    problem = PlanningProblem(robot, tube, walk[0], goal, clearance=features.clearance, name=name)
-    checker = problem.collision
-    _require(_keeps_apart(checker, walk[::10], checker.link_pairs, LINK_ROOM), LINKS)
+    bare = CollisionChecker(robot)
+    _require(keeps_apart(bare, walk[::10], bare.link_pairs, LINK_ROOM), LINKS)
+    around = []
     if features.has_obstacles:
         count = int(rng.integers(1, 5))
         around = [_obstacle_beside(rng, robot, walk[::5], f"{k}") for k in range(count)]
-        problem = _with_obstacles(problem, tuple(around))
-    return RandomCase(arm, seed, problem, walk, gates)
-
-
-def _with_obstacles(problem: PlanningProblem, obstacles: tuple[Obstacle, ...]) -> PlanningProblem:
-    """Return the same problem with other obstacles."""
-    return PlanningProblem(
-        problem.robot,
-        problem.tube,
-        problem.start,
-        problem.goal,
-        obstacles,
-        clearance=problem.clearance,
-        name=problem.name,
+    problem = PlanningProblem(
+        robot, tube, walk[0], goal, around, clearance=features.clearance, name=name
     )
+    return RandomCase(arm, seed, problem, walk, gates)
 
 
 def _require(holds: bool, rule: str) -> None:
@@ -414,22 +350,3 @@ def _least_distance(robot: RobotModel, solid: Obstacle, walk: np.ndarray) -> flo
         if len(pairs):
             least = min(least, float(checker.distances(rotation[k], position[k], pairs).min()))
     return least
-
-
-def _keeps_apart(checker: CollisionChecker, q: np.ndarray, pairs: np.ndarray, room: float) -> bool:
-    """Return whether pairs of shapes are at least so far apart [m] in configurations (N, n)."""
-    if len(pairs) == 0:
-        return True
-    rotation, position = checker.robot.body_poses(q)
-    # Bounding spheres are enough for most.
-    for k, near in enumerate(checker.sphere_distances(rotation, position, pairs)):
-        close = pairs[near < room]
-        if len(close) and checker.distances(rotation[k], position[k], close).min() < room:
-            return False
-    return True
-
-
-def _divided(q: np.ndarray, parts: int) -> np.ndarray:
-    """Return configurations (N, n) with every step between them divided into equal parts."""
-    at = np.arange((len(q) - 1) * parts + 1) / parts
-    return np.array([np.interp(at, np.arange(len(q)), column) for column in q.T]).T

@@ -20,7 +20,7 @@ from itertools import islice
 
 import numpy as np
 
-from random_problems import ARMS, RULES, RandomCase, random_case, witness_holds
+from random_problems import ARMS, RULES, random_case
 from tubeplanner import PlanningProblem, PlanOptions, PlanResult, plan
 from tubeplanner.outcome import Infeasible
 from tubeplanner.plan_options import REFINEMENT
@@ -30,6 +30,7 @@ from tubeplanner.reference_branch import ReferenceBranch, reference_branch, spar
 from tubeplanner.refinement import Refinement
 from tubeplanner.spline_start import starting_spline
 from tubeplanner.time_scaling import scaled_to_limits
+from witness import RandomCase, witness_holds
 
 COUNT = 40  # problems per arm
 STARTS = 10
