@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
-from tubeplanner.collision import ClosestPoints
+from tubeplanner.collision import ClosestPoints, CollisionChecker
 from tubeplanner.linear_rows import INNER_MARGIN, MERIT_TOLERANCE, NO_LIMIT, Rows, StepSize
 from tubeplanner.phase_spline import PhasedMotion, Samples
 from tubeplanner.problem import PlanningProblem
@@ -121,38 +121,51 @@ class LinkConditions:
         Those beyond what is watched are lower bounds: from spheres, or along the direction that
         separates the pair at a configuration near by.
         """
-        robot, checker = self._problem.robot, self._checker
-        rotation, position = robot.body_poses(q)
-        distance = checker.sphere_distances(rotation, position, self._pairs)
-        near = distance - self._required < _WATCHED
-        direction = np.zeros((*distance.shape, 3))
-        known = np.zeros(distance.shape, dtype=bool)
+        distances = _Distances(self._checker, q, self._pairs, self._required + _WATCHED)
         before = len(q)
         for stride in _STRIDES:
             samples = np.arange(0, len(q), stride)
-            samples = samples[(samples % before != 0) | (before == len(q))]
-            row, pair = np.nonzero(near[samples])
-            row = samples[row]
-            last = row - row % before
-            along = np.full(len(row), -np.inf)
-            told = known[last, pair]
-            direction[row, pair] = direction[last, pair]
-            known[row, pair] = True
-            along[told] = checker.separations_along(
-                rotation[row[told]],
-                position[row[told]],
-                self._pairs[pair[told]],
-                direction[row[told], pair[told]],
-            )
-            distance[row, pair] = np.maximum(distance[row, pair], along)
-            close = distance[row, pair] - self._required[pair] < _WATCHED
-            for i in np.unique(row[close]):
-                pairs = pair[close & (row == i)]
-                distance[i, pairs], direction[i, pairs] = checker.separations(
-                    rotation[i], position[i], self._pairs[pairs]
-                )
+            distances.measure(samples[(samples % before != 0) | (before == len(q))], before)
             before = stride
-        return distance
+        return distances.found
+
+
+class _Distances:
+    """Distances of P pairs at N configurations along a motion, as exact as they are near.
+
+    Attributes:
+        found: Lower bounds, exact below what matters, shape (N, P) [m].
+    """
+
+    def __init__(
+        self, checker: CollisionChecker, q: FloatArray, pairs: IntArray, matters: FloatArray
+    ) -> None:
+        self._checker, self._pairs, self._matters = checker, pairs, matters
+        self._rotation, self._position = checker.robot.body_poses(q)
+        self.found = checker.sphere_distances(self._rotation, self._position, pairs)
+        self._near = self.found < matters
+        self._direction = np.zeros((*self.found.shape, 3))
+        self._is_known = np.zeros(self.found.shape, dtype=bool)
+
+    def measure(self, samples: IntArray, stride: int) -> None:
+        """Look at some samples, after those that are multiples of a stride."""
+        row, pair = np.nonzero(self._near[samples])
+        row = samples[row]
+        last = row - row % stride
+        told = np.flatnonzero(self._is_known[last, pair])
+        self._direction[row, pair] = self._direction[last, pair]
+        self._is_known[row, pair] = True
+        at = (row[told], pair[told])
+        along = self._checker.separations_along(
+            self._rotation[at[0]], self._position[at[0]], self._pairs[at[1]], self._direction[at]
+        )
+        self.found[at] = np.maximum(self.found[at], along)
+        close = self.found[row, pair] < self._matters[pair]
+        for i in np.unique(row[close]):
+            pairs = pair[close & (row == i)]
+            self.found[i, pairs], self._direction[i, pairs] = self._checker.separations(
+                self._rotation[i], self._position[i], self._pairs[pairs]
+            )
 
 
 @dataclass(frozen=True, eq=False)
