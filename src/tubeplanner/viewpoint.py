@@ -1,0 +1,68 @@
+"""From where to look: a direction in which the hand's path is spread out and not hidden."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.spatial import ConvexHull
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.convex_shape import ConvexShape
+from tubeplanner.surface import shape_points
+
+_AZIMUTHS = np.radians(np.arange(-165.0, 181.0, 15.0))
+# Views from higher up show less of what an arm does, unless it moves in a plane.
+_ELEVATIONS = ((0.35, 1.0), (0.6, 0.93), (1.25, 0.75))
+_FLAT = 0.02  # of the longest side
+
+
+def best_direction(path: FloatArray, solids: Sequence[ConvexShape]) -> FloatArray:
+    """Return the unit vector (3,) from the path towards whoever looks at it, never from below.
+
+    Args:
+        path: Where the hand passes, shape (N, 3) [m].
+        solids: What may hide it, in the base frame.
+    """
+    hulls = [ConvexHull(shape_points(solid)) for solid in solids]
+    scored = []
+    for elevation, weight in _ELEVATIONS:
+        for azimuth in _AZIMUTHS:
+            flat = np.cos(elevation)
+            direction = np.array(
+                [flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)]
+            )
+            seen = 0.15 + 0.85 * _visible_share(path, direction, hulls)
+            scored.append((weight * seen * _spread(path, direction), direction))
+    return max(scored, key=lambda pair: pair[0])[1]
+
+
+def _spread(path: FloatArray, direction: FloatArray) -> float:
+    """Return how far apart a path's points look: its extents along and across, added."""
+    offset = path - path.mean(axis=0)
+    return float(np.linalg.svd(offset - np.outer(offset @ direction, direction))[1].sum())
+
+
+def _visible_share(
+    path: FloatArray, direction: FloatArray, hulls: Sequence[ConvexHull]
+) -> float:
+    """Return which share of a path is not behind a hull, seen from far away."""
+    hidden = np.zeros(len(path), dtype=bool)
+    for hull in hulls:
+        normal, offset = hull.equations[:, :3], hull.equations[:, 3]
+        # Along the line of sight p + s direction every face bounds s from one side.
+        height, slope = path @ normal.T + offset, normal @ direction
+        with np.errstate(divide="ignore", invalid="ignore"):
+            s = -height / slope
+        first = np.where(slope < 0, s, -np.inf).max(axis=1)
+        last = np.where(slope > 0, s, np.inf).min(axis=1)
+        beside = ((slope == 0) & (height > 0)).any(axis=1)
+        hidden |= (np.maximum(first, 0.0) < last) & ~beside
+    return float(1 - hidden.mean())
+
+
+def outline(points: FloatArray) -> FloatArray:
+    """Return the few of points (N, 3) that a picture must hold for all to be in it."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    if (high - low).min() < _FLAT * (high - low).max():
+        corners = np.meshgrid(*np.column_stack([low, high]))
+        return np.stack(corners, axis=-1).reshape(-1, 3)
+    return points[ConvexHull(points).vertices]
