@@ -229,9 +229,7 @@ def _hulls(problem: PlanningProblem, parts: list[LinkPart]) -> list[tuple[int, F
     for body, name, surface in _carried_surfaces(problem):
         bodies[name] = body
         points.setdefault(name, []).append(surface.vertices)
-    return [
-        (bodies[name], coarse_hull_points(np.vstack(found))) for name, found in points.items()
-    ]
+    return [(bodies[name], coarse_hull_points(np.vstack(found))) for name, found in points.items()]
 
 
 def _carried_surfaces(problem: PlanningProblem) -> list[tuple[int, str, Surface]]:
@@ -289,9 +287,7 @@ def _surroundings(
         surface = joined(shape_surface(shape) for shape in obstacle.shapes)
         color = rgb(OBSTACLE_COLOR)
         items.append(
-            Item(
-                Layer.OBSTACLES, motion, obstacle.name, surface, color, 0.55, is_smooth=False
-            )
+            Item(Layer.OBSTACLES, motion, obstacle.name, surface, color, 0.55, is_smooth=False)
         )
     return items
 

@@ -29,8 +29,17 @@ from tubeplanner.trajectory import JointTrajectory
 _TEMPLATE = Path(__file__).with_name("view_page.html")
 _FRAME_HEIGHT = 560  # of the frame in a notebook [px]
 _MOST_SEGMENTS_NAMED = 6
-# Translucent things are drawn after solid ones, in this order; what is swept hides nothing.
-_RENDER_ORDER = {Layer.TUBE: 1, Layer.OBSTACLES: 2, Layer.CARRIED: 3, Layer.SWEPT: 5}
+# Translucent things are drawn after solid ones, in this order.
+# The paths come after the tube, so that it does not tint their colours.
+_RENDER_ORDER = {
+    Layer.OBSTACLES: 1,
+    Layer.TUBE: 2,
+    Layer.REFERENCE: 3,
+    Layer.HAND: 4,
+    Layer.CARRIED: 5,
+    Layer.SWEPT: 7,
+}
+_LIGHT_DISTANCE = 50.0  # [m]
 _FRONT_SIDE, _BOTH_SIDES = 0, 2
 
 
@@ -107,6 +116,14 @@ def view(
     return View(build_scene(problem, dict(zip(names, trajectories, strict=True))))
 
 
+def names_of_files(paths: Sequence[Path]) -> list[str]:
+    """Return what motions from files are called: the files' names, whole paths where these meet."""
+    names = [path.name for path in paths]
+    if len(set(names)) == len(names):
+        return names
+    return [f"{i + 1}: {path}" for i, path in enumerate(paths)]
+
+
 class _Recorder:
     """Takes the place of meshcat's window: keeps what would be sent to a server."""
 
@@ -126,6 +143,7 @@ def recorded_commands(scene: Scene) -> list[dict[str, Any]]:
     root["/Background"].set_property("top_color", [1.0, 1.0, 1.0])
     root["/Background"].set_property("bottom_color", [0.87, 0.90, 0.94])
     root["/Axes"].set_property("visible", False)
+    _add_lights(root, scene.direction)
     for item in scene.items:
         _add_item(root, item)
     for i in range(len(scene.motions)):
@@ -135,6 +153,23 @@ def recorded_commands(scene: Scene) -> list[dict[str, Any]]:
             root[f"{layer}/{i}"].set_transform(placement)
     _animate(root, scene)
     return recorder.commands
+
+
+def _add_lights(root: Any, direction: FloatArray) -> None:
+    """Light the scene from beside the eye, and a little from the other side; nothing too bright."""
+    lights = root["/Lights"]
+    lights["AmbientLight/<object>"].set_property("intensity", 0.52)
+    lights["PointLightNegativeX"].set_property("visible", False)
+    aside = np.cross([0.0, 0.0, 1.0], direction)
+    sources = (
+        ("FillLight", direction - 0.6 * aside + [0.0, 0.0, 0.6], 0.42),
+        ("PointLightPositiveX", 0.2 * direction + aside - [0.0, 0.0, 0.2], 0.16),
+    )
+    for name, towards, intensity in sources:
+        light = lights[f"{name}/<object>"]
+        light.set_property("position", (_LIGHT_DISTANCE * towards).tolist())
+        light.set_property("intensity", intensity)
+    lights["PointLightPositiveX/<object>"].set_property("distance", 0.0)  # however far it is
 
 
 def _layers(scene: Scene) -> list[Layer]:
@@ -164,6 +199,7 @@ def _add_item(root: Any, item: Item) -> None:
         side=_BOTH_SIDES if solid else _FRONT_SIDE,
         flatShading=not item.is_smooth,
         depthWrite=solid,
+        transparent=item.layer in _RENDER_ORDER,
     )
     if item.layer is Layer.SWEPT:
         # Its front alone is wanted: first its depth is drawn, then what is at that depth.

@@ -9,9 +9,10 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.convex_shape import ConvexShape
 from tubeplanner.surface import shape_points
 
-_AZIMUTHS = np.radians(np.arange(-165.0, 181.0, 15.0))
+# Never along an axis of the base: walls and shelves seen edge on look like nothing.
+_AZIMUTHS = np.radians([25.0, -25.0, 65.0, -65.0, 115.0, -115.0, 155.0, -155.0])
 # Views from higher up show less of what an arm does, unless it moves in a plane.
-_ELEVATIONS = ((0.35, 1.0), (0.6, 0.93), (1.25, 0.75))
+_ELEVATIONS = ((0.35, 1.0), (0.6, 0.95), (1.1, 0.85))
 _FLAT = 0.02  # of the longest side
 
 
@@ -36,14 +37,14 @@ def best_direction(path: FloatArray, solids: Sequence[ConvexShape]) -> FloatArra
 
 
 def _spread(path: FloatArray, direction: FloatArray) -> float:
-    """Return how far apart a path's points look: its extents along and across, added."""
+    """Return how far apart a path's points look: its extent along and, twice, across."""
     offset = path - path.mean(axis=0)
-    return float(np.linalg.svd(offset - np.outer(offset @ direction, direction))[1].sum())
+    seen = offset - np.outer(offset @ direction, direction)
+    along, across = np.sqrt(abs(np.linalg.eigvalsh(seen.T @ seen))[:0:-1])
+    return float(along + 2 * across)
 
 
-def _visible_share(
-    path: FloatArray, direction: FloatArray, hulls: Sequence[ConvexHull]
-) -> float:
+def _visible_share(path: FloatArray, direction: FloatArray, hulls: Sequence[ConvexHull]) -> float:
     """Return which share of a path is not behind a hull, seen from far away."""
     hidden = np.zeros(len(path), dtype=bool)
     for hull in hulls:

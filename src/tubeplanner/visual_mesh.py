@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tubeplanner.arrays import FloatArray
+from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.errors import RobotError
 from tubeplanner.mesh_cover import length_unit
 from tubeplanner.surface import Surface, joined
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 # Faces that meet at less than this look like one smooth surface [rad].
 _CREASE = 0.6
 # Vertices nearer than this are the same [m]; coarser, by this factor, until few enough are left.
-_FINEST_CELL, _COARSER = 2e-4, 1.25
+_FINEST_CELL, _COARSER = 2e-4, 1.15
 
 Color = tuple[float, float, float]
 
@@ -52,6 +52,8 @@ def read_visual_mesh(
         raise RobotError(f"mesh {path} cannot be read ({error})") from error
     if not any(len(surface.faces) for _, surface in parts):
         raise RobotError(f"mesh {path} has no triangles")
+    if path.suffix.lower() == ".dae":
+        parts = [(_encoded(color), surface) for color, surface in parts]
     factor = length_unit(path) * np.broadcast_to(1.0 if scale is None else scale, 3)
     return [(color, surface.moved(np.diag([*factor, 1.0]))) for color, surface in parts]
 
@@ -68,6 +70,14 @@ def _color(mesh: "trimesh.Trimesh") -> Color | None:
     return red, green, blue
 
 
+def _encoded(color: Color | None) -> Color | None:
+    """Return a COLLADA colour, proportional to light, as screens take it (gamma 2.2)."""
+    if color is None:
+        return None
+    red, green, blue = (value ** (1 / 2.2) for value in color)
+    return red, green, blue
+
+
 def simplified(surfaces: Sequence[Surface], most_faces: int) -> list[Surface]:
     """Return surfaces with so few triangles together, and vertices doubled at sharp edges.
 
@@ -80,21 +90,30 @@ def simplified(surfaces: Sequence[Surface], most_faces: int) -> list[Surface]:
     cell = _FINEST_CELL
     while True:
         fewer = [_clustered(surface, cell) for surface in surfaces]
-        if sum(len(surface.faces) for surface in fewer) <= most_faces:
+        count = sum(len(surface.faces) for surface in fewer)
+        if count <= most_faces:
             return [creased(surface) for surface in fewer]
-        cell *= _COARSER
+        cell *= max(_COARSER, float(np.sqrt(count / most_faces)))
 
 
 def _clustered(surface: Surface, cell: float) -> Surface:
-    keys = np.floor(surface.vertices / cell).astype(np.int64)
-    _, cluster, count = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
-    cluster = cluster.reshape(-1)
+    cells = np.floor(surface.vertices / cell).astype(np.int64)
+    cells -= cells.min(axis=0, initial=0)
+    _, cluster, count = np.unique(_keys(cells), return_inverse=True, return_counts=True)
     sums = [np.bincount(cluster, surface.vertices[:, axis], len(count)) for axis in range(3)]
     faces = cluster[surface.faces]
     a, b, c = faces.T
     faces = faces[(a != b) & (b != c) & (c != a)]
-    _, first = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
+    _, first = np.unique(_keys(np.sort(faces, axis=1)), return_index=True)
     return Surface(np.column_stack(sums) / count[:, None], faces[np.sort(first)])
+
+
+def _keys(rows: IntArray) -> IntArray:
+    """Return one number per row (N, 3) of non-negative integers, different for different rows."""
+    if len(rows) == 0:
+        return np.zeros(0, dtype=np.int64)
+    size = rows.max(axis=0) + 1
+    return (rows[:, 0] * size[1] + rows[:, 1]) * size[2] + rows[:, 2]
 
 
 def creased(surface: Surface) -> Surface:
