@@ -1,4 +1,4 @@
-"""What a robot's links look like: the URDF's visual geometry, its collision geometry in its stead."""
+"""What a robot's links look like: visual geometry of the URDF, or collision geometry instead."""
 
 from collections import defaultdict
 from dataclasses import dataclass
@@ -83,10 +83,10 @@ def _pieces(robot: RobotModel, visual: Any, named: dict[str, Any]) -> list[tuple
     color, geometry = _urdf_color(visual.material, named), visual.geometry
     simple = simple_shape(geometry)
     if simple is not None:
-        pieces = [(None, shape_surface(simple))]
+        pieces: list[tuple[Color | None, Surface]] = [(None, shape_surface(simple))]
     elif geometry.mesh is not None:
         path = find_mesh(geometry.mesh.filename, robot.urdf.path, robot.package_dirs)
-        pieces = list(read_visual_mesh(path, geometry.mesh.scale))
+        pieces = read_visual_mesh(path, geometry.mesh.scale)
     else:
         raise RobotError("a <visual> has no known geometry")
     placement: FloatArray = placement_in_link(visual)

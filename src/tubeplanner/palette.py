@@ -10,8 +10,10 @@ SEGMENT_COLORS = ("#56B4E9", "#E69F00", "#009E73", "#CC79A7")
 OBSTACLE_COLOR = "#777777"
 REFERENCE_COLOR = "#444444"
 # From slow to fast: dark to light, so that it also reads without any colour (viridis).
-SPEED_COLORS = ("#440154", "#472D7B", "#3B528B", "#2C728E", "#21918C", "#28AE80", "#5EC962")
-SPEED_COLORS += ("#ADDC30", "#FDE725")
+SPEED_COLORS = (
+    *("#440154", "#472D7B", "#3B528B", "#2C728E", "#21918C"),
+    *("#28AE80", "#5EC962", "#ADDC30", "#FDE725"),
+)
 
 
 def segment_color(segment: int) -> str:

@@ -7,10 +7,12 @@ arm and tube, and start together.
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from itertools import pairwise
 
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
+from tubeplanner.convex_shape import ConvexShape, convex_hull
 from tubeplanner.errors import TrajectoryError
 from tubeplanner.link_visuals import LinkPart, link_parts
 from tubeplanner.outcome import Infeasible
@@ -36,6 +38,7 @@ _MOST_FACES = 60_000
 _FRAMES_PER_SECOND, _FEWEST_FRAMES, _MOST_FRAMES = 200, 80, 240
 _SWEEP_STEPS = 24
 _BALL_POINTS = 150
+_LOOKS = (0.1, 0.5, 0.9)  # of the way through a motion: when the arm should not hide the path
 _GAP = 0.15  # between motions side by side, of the width of one
 CARRIED_COLOR = "#B58863"
 SWEPT_COLOR = "#7A6FAF"
@@ -169,7 +172,8 @@ def build_scene(problem: PlanningProblem, trajectories: Mapping[str, JointTrajec
     size = float(np.ptp(points, axis=0).max())
     solids = [shape for obstacle in problem.obstacles for shape in obstacle.shapes]
     path = np.vstack([motions[0].hand, problem.tube.points])
-    direction = best_direction(path, solids)
+    arms = [_moving_shapes(motions[0], share, hulls) for share in _LOOKS]
+    direction = best_direction(path, solids, arms)
     # Side by side as seen from there: along x or y, whichever lies more across the view.
     across = int(abs(direction[0]) > abs(direction[1]))
     offset = np.eye(3)[across] * np.ptp(points[:, across]) * (1 + _GAP)
@@ -250,9 +254,21 @@ def _swept(motion: Motion, hulls: list[tuple[int, FloatArray]]) -> Surface:
             continue
         placements = [motion.placement(step, body) for step in steps]
         poses = [points @ placement[:3, :3].T + placement[:3, 3] for placement in placements]
-        pairs = zip(poses, poses[1:], strict=False) if len(poses) > 1 else [(poses[0],)]
+        pairs = pairwise(poses) if len(poses) > 1 else [(poses[0],)]
         pieces += [hull_surface(np.vstack(pair)) for pair in pairs]
     return joined(pieces)
+
+
+def _moving_shapes(
+    motion: Motion, share: float, hulls: list[tuple[int, FloatArray]]
+) -> list[ConvexShape]:
+    """Return hulls of the moving links after a share of a motion, in the base frame."""
+    step = round(share * (len(motion.time) - 1))
+    return [
+        convex_hull(points).transformed(motion.placement(step, body))
+        for body, points in hulls
+        if body > 0
+    ]
 
 
 def _arm(motion: int, parts: list[LinkPart]) -> list[Item]:

@@ -5,6 +5,7 @@ What is drawn here judges nothing: round things become polyhedra inside them.
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -187,7 +188,7 @@ def pipe(points: FloatArray, radius: float) -> tuple[Surface, IntArray]:
 def dashes(points: FloatArray, radius: float, period: float) -> Surface:
     """Return a polyline through points (N, 3) as dashes of a thickness and period [m]."""
     parts = []
-    for start, end in zip(points[:-1], points[1:], strict=True):
+    for start, end in pairwise(points):
         count = max(1, round(float(np.linalg.norm(end - start)) / period))
         for first in (np.arange(count) + 0.2) / count:
             ends = np.array([first, first + 0.6 / count])[:, None]

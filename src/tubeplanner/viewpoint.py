@@ -12,18 +12,22 @@ from tubeplanner.surface import shape_points
 # Never along an axis of the base: walls and shelves seen edge on look like nothing.
 _AZIMUTHS = np.radians([25.0, -25.0, 65.0, -65.0, 115.0, -115.0, 155.0, -155.0])
 # Views from higher up show less of what an arm does, unless it moves in a plane.
-_ELEVATIONS = ((0.35, 1.0), (0.6, 0.95), (1.1, 0.85))
+_ELEVATIONS = ((0.35, 1.0), (0.6, 0.95), (1.1, 0.92))
 _FLAT = 0.02  # of the longest side
 
 
-def best_direction(path: FloatArray, solids: Sequence[ConvexShape]) -> FloatArray:
+def best_direction(
+    path: FloatArray, solids: Sequence[ConvexShape], arms: Sequence[Sequence[ConvexShape]] = ()
+) -> FloatArray:
     """Return the unit vector (3,) from the path towards whoever looks at it, never from below.
 
     Args:
         path: Where the hand passes, shape (N, 3) [m].
-        solids: What may hide it, in the base frame.
+        solids: What stands in the way of sight, in the base frame; it is taken to be translucent.
+        arms: What hides the path at some times, one after the other; it is not.
     """
-    hulls = [ConvexHull(shape_points(solid)) for solid in solids]
+    standing = _hulls(solids)
+    moving = [_hulls(arm) for arm in arms]
     scored = []
     for elevation, weight in _ELEVATIONS:
         for azimuth in _AZIMUTHS:
@@ -31,9 +35,16 @@ def best_direction(path: FloatArray, solids: Sequence[ConvexShape]) -> FloatArra
             direction = np.array(
                 [flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)]
             )
-            seen = 0.15 + 0.85 * _visible_share(path, direction, hulls)
+            seen = 0.5 + 0.5 * _visible_share(path, direction, standing)
+            if moving:
+                shares = [_visible_share(path, direction, hulls) for hulls in moving]
+                seen *= sum(shares) / len(shares)
             scored.append((weight * seen * _spread(path, direction), direction))
     return max(scored, key=lambda pair: pair[0])[1]
+
+
+def _hulls(shapes: Sequence[ConvexShape]) -> list[ConvexHull]:
+    return [ConvexHull(shape_points(shape)) for shape in shapes]
 
 
 def _spread(path: FloatArray, direction: FloatArray) -> float:
