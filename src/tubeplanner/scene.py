@@ -31,7 +31,7 @@ from tubeplanner.surface import (
     tube_surfaces,
 )
 from tubeplanner.trajectory import JointTrajectory
-from tubeplanner.viewpoint import best_direction, outline
+from tubeplanner.viewpoint import best_direction, floor_grid, outline
 
 # Triangles of all arms together: what makes a file that can be mailed.
 _MOST_FACES = 60_000
@@ -126,6 +126,8 @@ class Scene:
         offset: From each motion to the next, shape (3,) [m].
         direction: From the scene to whoever looks at it, unit vector (3,).
         outline: Points that a picture must hold, offsets included, shape (P, 3) [m].
+        floor: Edges of a grid under all, shape (E, 2, 3) [m].
+        floor_step: Length of one [m].
         top: Where a motion's name goes, its offset left out, shape (3,) [m].
         notes: What else is worth knowing.
     """
@@ -136,6 +138,8 @@ class Scene:
     offset: FloatArray
     direction: FloatArray
     outline: FloatArray
+    floor: FloatArray
+    floor_step: float
     top: FloatArray
     notes: tuple[str, ...]
 
@@ -189,7 +193,15 @@ def build_scene(problem: PlanningProblem, trajectories: Mapping[str, JointTrajec
     held = np.vstack([sides + i * offset for i in range(len(motions))])
     top = np.append((sides.min(axis=0) + sides.max(axis=0))[:2] / 2, sides[:, 2].max())
     return Scene(
-        problem, motions, tuple(items), offset, direction, held, top, tuple([*notes, *said])
+        problem,
+        motions,
+        tuple(items),
+        offset,
+        direction,
+        held,
+        *floor_grid(held),
+        top,
+        tuple([*notes, *said]),
     )
 
 

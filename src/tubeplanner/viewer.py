@@ -39,6 +39,7 @@ _RENDER_ORDER = {
     Layer.CARRIED: 5,
     Layer.SWEPT: 7,
 }
+_FLOOR_COLOR = 0xC3CAD4
 _LIGHT_DISTANCE = 50.0  # [m]
 _FRONT_SIDE, _BOTH_SIDES = 0, 2
 
@@ -143,6 +144,8 @@ def recorded_commands(scene: Scene) -> list[dict[str, Any]]:
     root["/Background"].set_property("top_color", [1.0, 1.0, 1.0])
     root["/Background"].set_property("bottom_color", [0.87, 0.90, 0.94])
     root["/Axes"].set_property("visible", False)
+    root["/Grid"].set_property("visible", False)
+    _add_floor(root, scene)
     _add_lights(root, scene.direction)
     for item in scene.items:
         _add_item(root, item)
@@ -153,6 +156,14 @@ def recorded_commands(scene: Scene) -> list[dict[str, Any]]:
             root[f"{layer}/{i}"].set_transform(placement)
     _animate(root, scene)
     return recorder.commands
+
+
+def _add_floor(root: Any, scene: Scene) -> None:
+    from meshcat import geometry
+
+    ends = scene.floor.reshape(-1, 3).T.astype(np.float32)
+    material = geometry.LineBasicMaterial(color=_FLOOR_COLOR)
+    root["floor"].set_object(geometry.LineSegments(geometry.PointsGeometry(ends), material))
 
 
 def _add_lights(root: Any, direction: FloatArray) -> None:
@@ -278,7 +289,8 @@ def panel_data(scene: Scene) -> dict[str, Any]:
     return {
         "title": problem.name,
         "robot": f"{problem.robot.name}, {problem.robot.joint_count} joints",
-        "hint": f"{moving}Grid: 0.5 m. Drag to turn, scroll to zoom, right button to shift.",
+        "hint": f"{moving}Grid: {scene.floor_step:g} m. Drag to turn, scroll to zoom, right button "
+        "to shift.",
         "duration": scene.duration,
         "motions": motions,
         "labels": labels if many else None,

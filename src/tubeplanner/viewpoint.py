@@ -9,6 +9,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.convex_shape import ConvexShape
 from tubeplanner.surface import shape_points
 
+_CELLS = 8  # at most, along the longer side of what the grid is under
 # Never along an axis of the base: walls and shelves seen edge on look like nothing.
 _AZIMUTHS = np.radians([25.0, -25.0, 65.0, -65.0, 115.0, -115.0, 155.0, -155.0])
 # Views from higher up show less of what an arm does, unless it moves in a plane.
@@ -78,3 +79,21 @@ def outline(points: FloatArray) -> FloatArray:
         corners = np.meshgrid(*np.column_stack([low, high]))
         return np.stack(corners, axis=-1).reshape(-1, 3)
     return points[ConvexHull(points).vertices]
+
+
+def floor_grid(points: FloatArray) -> tuple[FloatArray, float]:
+    """Return a grid under points (N, 3), at height 0 or lower: its edges, and their length.
+
+    Returns:
+        Ends of edges, shape (E, 2, 3) [m], and the length 0.1, 0.5, 1, 5, ... [m].
+    """
+    size = float(np.ptp(points[:, :2], axis=0).max())
+    step = next(s for k in range(-1, 9) for s in (10.0**k, 5 * 10.0**k) if size <= _CELLS * s)
+    low = np.floor(points[:, :2].min(axis=0) / step) - 1
+    high = np.ceil(points[:, :2].max(axis=0) / step) + 1
+    x, y = (np.arange(a, b + 1) for a, b in zip(low, high, strict=True))
+    nodes = np.stack([*np.meshgrid(x, y), np.zeros((len(y), len(x)))], axis=-1) * step
+    # Edge by edge: lines that pass behind the eye are dropped whole by some renderers.
+    rows = np.stack([nodes[:, :-1], nodes[:, 1:]], axis=2).reshape(-1, 2, 3)
+    columns = np.stack([nodes[:-1], nodes[1:]], axis=2).reshape(-1, 2, 3)
+    return np.vstack([rows, columns]) + [0.0, 0.0, min(0.0, points[:, 2].min())], step
