@@ -92,8 +92,9 @@ def floor_grid(points: FloatArray) -> tuple[FloatArray, float]:
     low = np.floor(points[:, :2].min(axis=0) / step) - 1
     high = np.ceil(points[:, :2].max(axis=0) / step) + 1
     x, y = (np.arange(a, b + 1) for a, b in zip(low, high, strict=True))
-    nodes = np.stack([*np.meshgrid(x, y), np.zeros((len(y), len(x)))], axis=-1) * step
+    height = np.full((len(y), len(x)), min(0.0, float(points[:, 2].min())))
+    nodes = np.stack([*(step * line for line in np.meshgrid(x, y)), height], axis=-1)
     # Edge by edge: lines that pass behind the eye are dropped whole by some renderers.
     rows = np.stack([nodes[:, :-1], nodes[:, 1:]], axis=2).reshape(-1, 2, 3)
     columns = np.stack([nodes[:-1], nodes[1:]], axis=2).reshape(-1, 2, 3)
-    return np.vstack([rows, columns]) + [0.0, 0.0, min(0.0, points[:, 2].min())], step
+    return np.vstack([rows, columns]), step
