@@ -9,7 +9,7 @@ PROBLEM ?= example:ur5/over_the_wall
 
 demo: $(VENV)/.installed
 	mkdir -p output
-	$(BIN)/tubeplanner plan $(PROBLEM) -o output/trajectory.json --csv output/trajectory.csv --plot output/trajectory.png
+	$(BIN)/tubeplanner plan $(PROBLEM) -o output/trajectory.json --csv output/trajectory.csv --plot output/trajectory.png --html output/trajectory.html
 
 test: $(VENV)/.installed-test lint
 	$(BIN)/python -m pytest

@@ -47,6 +47,8 @@ if TYPE_CHECKING:
     from tubeplanner.trajectory_file import read_trajectory as read_trajectory
     from tubeplanner.tube import Tube as Tube
     from tubeplanner.verification import verify as verify
+    from tubeplanner.viewer import View as View
+    from tubeplanner.viewer import view as view
     from tubeplanner.waypoint_interpolation import quartic_spline as quartic_spline
     from tubeplanner.waypoint_interpolation import sequential_quartics as sequential_quartics
 
@@ -79,6 +81,7 @@ _HOMES = {
     "trajectory_file": ("read_trajectory",),
     "tube": ("Tube",),
     "verification": ("verify",),
+    "viewer": ("View", "view"),
     "waypoint_interpolation": ("quartic_spline", "sequential_quartics"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}

@@ -89,6 +89,7 @@ def cli() -> None:
 @click.option("--ros", type=_PATH, help="Samples as trajectory_msgs/JointTrajectory, YAML.")
 @click.option("--rate", type=float, default=500.0, show_default=True, help="Samples per second.")
 @click.option("--plot", type=_PATH, help="Figure (PNG).")
+@click.option("--html", type=_PATH, help="The motion in 3D, one page that works offline.")
 @click.option("--method", help="refinement [default], branch-and-bound or stop-at-corners.")
 @click.option("--quality", default="balanced", show_default=True, help="fast, balanced or best.")
 @click.option("--time-limit", type=float, help="End after so many seconds with the best so far.")
@@ -101,6 +102,7 @@ def plan(
     ros: Path | None,
     rate: float,
     plot: Path | None,
+    html: Path | None,
     method: str | None,
     quality: str,
     time_limit: float | None,
@@ -115,7 +117,7 @@ def plan(
     from tubeplanner.planner import plan as plan_problem
 
     options = PlanOptions(method or METHODS[0], quality, time_limit=time_limit)
-    outputs = _Outputs(output, csv, ros, rate, plot)
+    outputs = _Outputs(output, csv, ros, rate, plot, html)
     outputs.require_usable(problem)
     interrupted = False
     with _progress() as enter:
@@ -188,6 +190,38 @@ def check(problem: str, trajectory: Path, tolerance: str | None, as_json: bool) 
 
 
 @cli.command()
+@click.argument("problem")
+@click.argument("trajectories", type=_PATH, nargs=-1, metavar="[TRAJECTORY]...")
+@click.option("--html", type=_PATH, help="Write one page that works offline; open nothing.")
+@_AS_JSON
+def view(problem: str, trajectories: tuple[Path, ...], html: Path | None, as_json: bool) -> None:
+    """Show PROBLEM and TRAJECTORY files, side by side, in 3D."""
+    from tubeplanner.output_files import require_writable
+    from tubeplanner.trajectory_file import read_trajectory_file
+    from tubeplanner.viewer import names_of_files
+    from tubeplanner.viewer import view as view_scene
+
+    _require_page(html)
+    if html is not None:
+        require_writable([html], [Path(problem), *trajectories])
+    motions = [read_trajectory_file(path).trajectory for path in trajectories]
+    with _progress() as enter:
+        loaded, _ = _load(problem, enter)
+        enter("scene")
+        shown = view_scene(loaded, *motions, names=names_of_files(trajectories))
+        path, opened = (html, True) if html is not None else shown.open()
+        if html is not None:
+            shown.save(html)
+    message = f"view: {path}"
+    if not opened:
+        message += " (no browser could be opened; open this file in one)"
+    if as_json:
+        _print_json({**_report("success", message, _nowhere()), "html": str(path)})
+        return
+    print(*(f"note: {note}" for note in shown.scene.notes), message, sep="\n")
+
+
+@cli.command()
 @_AS_JSON
 def robots(as_json: bool) -> None:
     """List the robots and problems that example: names."""
@@ -224,6 +258,7 @@ class _Outputs:
     ros: Path | None
     rate: float
     plot: Path | None
+    html: Path | None
 
     def paths(self) -> list[tuple[str, Path]]:
         """Return what was asked for: kind and path."""
@@ -232,6 +267,7 @@ class _Outputs:
             "CSV": self.csv,
             "ROS": self.ros,
             "plot": self.plot,
+            "view": self.html,
         }
         return [(kind, path) for kind, path in asked.items() if path is not None]
 
@@ -245,6 +281,7 @@ class _Outputs:
             raise OptionError(
                 f"--plot {self.plot}: a PNG is written; name a file that ends in .png"
             )
+        _require_page(self.html)
         require_writable([path for _, path in self.paths()], [Path(path) for path in inputs])
 
     def write(self, problem: "PlanningProblem", method: str, trajectory: "JointTrajectory") -> None:
@@ -271,7 +308,16 @@ class _Outputs:
             from tubeplanner.plotting import figure_png, plot_trajectory
 
             contents[self.plot] = figure_png(plot_trajectory(problem, trajectory))
+        if self.html:
+            from tubeplanner.viewer import view as view_scene
+
+            contents[self.html] = view_scene(problem, trajectory, names=[method]).html.encode()
         write_files(contents)
+
+
+def _require_page(path: Path | None) -> None:
+    if path is not None and path.suffix.lower() not in (".html", ".htm"):
+        raise OptionError(f"--html {path}: a page is written; name a file that ends in .html")
 
 
 def _load(name: str, enter: Callable[[object], None]) -> "tuple[PlanningProblem, float]":

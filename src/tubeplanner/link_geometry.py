@@ -29,10 +29,10 @@ def link_shapes(robot: RobotModel) -> dict[str, list[ConvexShape]]:
         RobotError: A mesh is missing or unreadable, or a geometry is of a kind no URDF has.
     """
     shapes: dict[str, list[ConvexShape]] = {}
-    for link in _read_links(robot):
+    for link in read_geometry(robot).links:
         placement = robot.link_placement[link.name]
         covers = [
-            shape.transformed(placement @ _origin(collision))
+            shape.transformed(placement @ placement_in_link(collision))
             for collision in link.collisions
             for shape in _cover(robot, link.name, collision.geometry)
         ]
@@ -41,7 +41,12 @@ def link_shapes(robot: RobotModel) -> dict[str, list[ConvexShape]]:
     return shapes
 
 
-def _read_links(robot: RobotModel) -> list[Any]:
+def read_geometry(robot: RobotModel) -> Any:
+    """Return links and materials of a robot's URDF, as yourdfpy has them; meshes are not loaded.
+
+    Raises:
+        RobotError: A geometry is of a kind no URDF has.
+    """
     import yourdfpy
 
     logging.getLogger("yourdfpy").setLevel(logging.ERROR)
@@ -57,22 +62,31 @@ def _read_links(robot: RobotModel) -> list[Any]:
         )
     except (ValueError, IndexError, TypeError, KeyError, AttributeError) as error:
         raise RobotError(f"{source.path}: link geometry cannot be read: {error}") from error
-    return parsed.robot.links
+    return parsed.robot
 
 
-def _origin(collision: Any) -> np.ndarray:
-    return np.eye(4) if collision.origin is None else collision.origin
+def placement_in_link(element: Any) -> np.ndarray:
+    """Return where a collision or visual element is in its link, shape (4, 4)."""
+    return np.eye(4) if element.origin is None else element.origin
 
 
 def _cover(robot: RobotModel, link: str, geometry: Any) -> list[ConvexShape]:
     """Return convex shapes that cover one URDF geometry, in its own frame."""
-    if geometry.box is not None:
-        return [box(geometry.box.size)]
-    if geometry.sphere is not None:
-        return [sphere(geometry.sphere.radius)]
-    if geometry.cylinder is not None:
-        return [cylinder(geometry.cylinder.radius, geometry.cylinder.length)]
+    simple = simple_shape(geometry)
+    if simple is not None:
+        return [simple]
     if geometry.mesh is not None:
         path = find_mesh(geometry.mesh.filename, robot.urdf.path, robot.package_dirs)
         return cover_mesh(load_mesh(f"link '{link}'", path, geometry.mesh.scale))
     raise RobotError(f"{robot.urdf.path}: link '{link}' has a <collision> without a known geometry")
+
+
+def simple_shape(geometry: Any) -> ConvexShape | None:
+    """Return a URDF geometry that is no mesh as a shape, in its own frame; None if it is one."""
+    if geometry.box is not None:
+        return box(geometry.box.size)
+    if geometry.sphere is not None:
+        return sphere(geometry.sphere.radius)
+    if geometry.cylinder is not None:
+        return cylinder(geometry.cylinder.radius, geometry.cylinder.length)
+    return None

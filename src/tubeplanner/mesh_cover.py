@@ -45,13 +45,13 @@ def load_mesh(
         raise RobotError(
             f"{owner}: mesh {path} has no vertices, or some that are not finite; export it again"
         )
-    loaded.apply_scale(_unit(path))
+    loaded.apply_scale(length_unit(path))
     if scale is not None:
         loaded.apply_scale(scale)
     return loaded
 
 
-def _unit(path: Path) -> float:
+def length_unit(path: Path) -> float:
     """Return the length [m] of a mesh file's unit: COLLADA states it, and trimesh leaves it out."""
     if path.suffix.lower() != ".dae":
         return 1.0

@@ -13,7 +13,9 @@ import numpy as np
 from tubeplanner.arrays import FloatArray
 from tubeplanner.convex_shape import ConvexShape
 from tubeplanner.output_files import write_files
+from tubeplanner.palette import LINE_COLORS, OBSTACLE_COLOR, REFERENCE_COLOR, segment_color
 from tubeplanner.problem import PlanningProblem
+from tubeplanner.surface import capsule_grid
 from tubeplanner.trajectory import JointTrajectory, TrajectorySamples
 from tubeplanner.tube_membership import current_segments
 
@@ -21,10 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Okabe & Ito's palette, told apart by colour-blind readers and in print; 7 joints and more repeat.
-_COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 _DASHES = ("-", "--")
-_SEGMENT_COLORS = ("#56B4E9", "#E69F00", "#009E73", "#CC79A7")
 _LIMIT: dict[str, Any] = {"color": "#444444", "linewidth": 1.0, "linestyle": (0, (4, 3))}
 _SAMPLES = 800
 
@@ -121,20 +120,20 @@ def _draw_shares(
 
 
 def _line_style(joint: int) -> dict[str, Any]:
-    dashes = _DASHES[(joint // len(_COLORS)) % len(_DASHES)]
-    return {"color": _COLORS[joint % len(_COLORS)], "linewidth": 1.5, "linestyle": dashes}
+    dashes = _DASHES[(joint // len(LINE_COLORS)) % len(_DASHES)]
+    return {"color": LINE_COLORS[joint % len(LINE_COLORS)], "linewidth": 1.5, "linestyle": dashes}
 
 
 def _draw_hand(axis: Any, problem: PlanningProblem, hand: FloatArray) -> None:
     tube = problem.tube
     for k in range(tube.segment_count):
-        color = _SEGMENT_COLORS[k % len(_SEGMENT_COLORS)]
-        surface = _capsule_surface(tube.points[k], tube.points[k + 1], tube.effective_radius[k])
+        color = segment_color(k)
+        surface = capsule_grid(tube.points[k], tube.points[k + 1], tube.effective_radius[k])
         axis.plot_surface(*surface, color=color, alpha=0.18, linewidth=0, shade=False)
     for obstacle in problem.obstacles:
         for shape in obstacle.shapes:
-            _draw_shape(axis, shape, "#777777", 0.2)
-    axis.plot(*tube.points.T, color="#444444", linewidth=1, linestyle="--", label="reference")
+            _draw_shape(axis, shape, OBSTACLE_COLOR, 0.2)
+    axis.plot(*tube.points.T, color=REFERENCE_COLOR, linewidth=1, linestyle="--", label="reference")
     axis.plot(*hand.T, color="#D55E00", linewidth=2.2, label="hand")
     axis.scatter(*hand[0], color="#009E73", s=30, label="start")
     axis.scatter(*hand[-1], color="#000000", s=30, label="goal")
@@ -186,29 +185,11 @@ def _draw_shape(axis: Any, shape: ConvexShape, color: str, alpha: float) -> None
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     if len(shape.vertices) <= 2:
-        surface = _capsule_surface(shape.vertices[0], shape.vertices[-1], shape.radius)
+        surface = capsule_grid(shape.vertices[0], shape.vertices[-1], shape.radius)
         axis.plot_surface(*surface, color=color, alpha=alpha, linewidth=0)
         return
     triangles = shape.vertices[shape.faces]
     axis.add_collection3d(Poly3DCollection(triangles, facecolor=color, alpha=alpha))
-
-
-def _capsule_surface(
-    start: FloatArray, end: FloatArray, radius: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return x, y, z grids of a capsule's surface [m]."""
-    along = end - start
-    length = float(np.linalg.norm(along))
-    z = along / length if length > 0 else np.array([0.0, 0.0, 1.0])
-    x = np.cross(z, np.eye(3)[int(np.argmin(abs(z)))])
-    x /= np.linalg.norm(x)
-    polar = np.linspace(0, np.pi, 18)
-    offset = np.where(polar < np.pi / 2, 0.0, length)
-    height, ring = offset - radius * np.cos(polar), radius * np.sin(polar)
-    turn = np.linspace(0, 2 * np.pi, 25)[:, None, None]
-    radial = np.cos(turn) * x + np.sin(turn) * np.cross(z, x)
-    points = start + height[:, None] * z + ring[:, None] * radial
-    return points[..., 0], points[..., 1], points[..., 2]
 
 
 def _draw_tube_use(

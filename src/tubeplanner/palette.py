@@ -1,0 +1,33 @@
+"""Colours that colour-blind readers tell apart, the same in figures and in the viewer."""
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+
+# Okabe & Ito's palette, told apart by colour-blind readers and in print; more lines repeat.
+LINE_COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+SEGMENT_COLORS = ("#56B4E9", "#E69F00", "#009E73", "#CC79A7")
+OBSTACLE_COLOR = "#777777"
+REFERENCE_COLOR = "#444444"
+# From slow to fast: dark to light, so that it also reads without any colour (viridis).
+SPEED_COLORS = (
+    *("#440154", "#472D7B", "#3B528B", "#2C728E", "#21918C"),
+    *("#28AE80", "#5EC962", "#ADDC30", "#FDE725"),
+)
+
+
+def segment_color(segment: int) -> str:
+    """Return the colour of a tube segment."""
+    return SEGMENT_COLORS[segment % len(SEGMENT_COLORS)]
+
+
+def rgb(color: str) -> FloatArray:
+    """Return "#RRGGBB" as red, green and blue from 0 to 1, shape (3,)."""
+    return np.array([int(color[i : i + 2], 16) for i in (1, 3, 5)]) / 255
+
+
+def speed_colors(share: FloatArray) -> FloatArray:
+    """Return colours of shares (N,) of the highest speed, from 0 to 1: shape (N, 3)."""
+    table = np.array([rgb(color) for color in SPEED_COLORS])
+    stops = np.linspace(0.0, 1.0, len(table))
+    return np.column_stack([np.interp(share, stops, table[:, i]) for i in range(3)])

@@ -1,0 +1,110 @@
+"""The page in a real browser: pictures are not blank, and time moves the arm.
+
+Skipped where there is no Chromium, unless TUBEPLANNER_NEEDS_BROWSER says that there must be one.
+"""
+
+import os
+import re
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from tubeplanner import view
+from tubeplanner.palette import SEGMENT_COLORS, rgb
+
+PROBLEMS = ("ur5/over_the_wall", "panda/between_shelves", "two_link/around_a_post")
+FLAGS = (
+    *("--headless=new", "--no-sandbox", "--no-first-run", "--disable-dev-shm-usage"),
+    *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
+    *("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--enable-logging=stderr"),
+    *("--virtual-time-budget=3000", "--window-size=1000,700"),
+    "--host-resolver-rules=MAP * ~NOTFOUND",  # no network
+)
+TOLD = "no Chromium found (Debian: apt-get install --no-install-recommends chromium)"
+
+
+@pytest.fixture(scope="module")
+def browser():
+    path = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "chrome"))), None)
+    if path is None and os.environ.get("TUBEPLANNER_NEEDS_BROWSER"):
+        pytest.fail(TOLD)
+    if path is None:
+        pytest.skip(TOLD)
+    return path
+
+
+@pytest.fixture
+def show(browser, tmp_path):
+    """Return a function that opens a page and returns what the browser printed."""
+
+    def of(page, *more, fragment=""):
+        file = tmp_path / "page.html"
+        page.save(file)
+        command = [browser, *FLAGS, f"--user-data-dir={tmp_path}/profile", *more]
+        done = subprocess.run(
+            [*command, f"{file.as_uri()}{fragment}"], capture_output=True, text=True, timeout=100
+        )
+        assert "Uncaught" not in done.stderr, done.stderr
+        return done.stdout
+
+    return of
+
+
+@pytest.fixture
+def picture(show, tmp_path):
+    def of(page, time):
+        path = tmp_path / "picture.png"
+        show(page, f"--screenshot={path}", fragment=f"#t={time}")
+        with Image.open(path) as image:
+            return np.asarray(image.convert("RGB")).astype(int)
+
+    return of
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_the_arm_is_seen_and_moves(name, picture, planned):
+    problem, result = planned(name)
+    page = view(problem, result.trajectory)
+    start, middle = picture(page, 0), picture(page, result.duration / 2)
+    for image in (start, middle):
+        assert len(np.unique(image.reshape(-1, 3), axis=0)) > 2000  # a blank page has one
+    scene = slice(None), slice(270, None)
+    changed = (abs(start - middle).max(axis=2) > 30)[scene]
+    assert changed.mean() > 0.01
+    low, high = np.array([rgb(color) for color in SEGMENT_COLORS[:3]]).argmax(axis=1)[[0, 1]]
+    assert (low, high) == (2, 0)  # blue first, orange second: both tints must be in the picture
+    red, blue = start[scene][..., 0], start[scene][..., 2]
+    assert (red - blue > 25).mean() > 0.003
+    assert (blue - red > 25).mean() > 0.003
+
+
+def test_the_panel_and_the_controls_are_there(show, planned):
+    problem, result = planned("ur5/over_the_wall")
+    text = show(view(problem, result.trajectory), "--dump-dom", fragment="#t=0.2")
+    shown = re.sub(r"<[^>]*>", "", text[text.index('<div id="panel">') :][:9000])
+    for words in (
+        "over_the_wall",
+        "segment 3: radius 30 mm",
+        "Space the links sweep",
+        "0.25\u00d7",
+    ):
+        assert words in shown.replace("\u200b", "")
+    assert f"200 ms of {1000 * result.duration:.0f} ms" in shown
+    assert "cannot show" not in shown
+
+
+def test_it_plays_by_itself(show, planned):
+    problem, result = planned("two_link/around_a_post")
+    text = show(view(problem, result.trajectory), "--dump-dom")
+    assert re.search(r'id="play"[^>]*>Pause<', text)
+
+
+def test_a_problem_alone_has_no_controls(show):
+    from tubeplanner import load_problem
+
+    text = show(view(load_problem("example:two_link/around_a_post")), "--dump-dom")
+    assert re.search(r'id="controls" hidden', text)
+    assert "at its start" in text

@@ -1,0 +1,319 @@
+"""The page: what is recorded for the viewer, what the panel says, where it is written."""
+
+import html
+import json
+import re
+import webbrowser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tubeplanner
+from conftest import PROBLEMS
+from tubeplanner import OptionError, OutputError, TrajectoryError, load_problem
+from tubeplanner.cli import main
+from tubeplanner.export import trajectory_csv, trajectory_json, trajectory_ros
+from tubeplanner.link_geometry import read_geometry
+from tubeplanner.palette import SEGMENT_COLORS
+from tubeplanner.scene import Layer
+from tubeplanner.viewer import panel_data, recorded_commands, view
+
+MEGABYTE = 1e6
+
+
+@pytest.fixture(scope="module")
+def shown(planned):
+    made = {}
+
+    def of(name):
+        if name not in made:
+            problem, result = planned(name)
+            made[name] = view(problem, result.trajectory)
+        return made[name]
+
+    return of
+
+
+def objects(commands):
+    """Return the material of every object, by its path."""
+    return {
+        command["path"]: command["object"]["materials"][0]
+        for command in commands
+        if command["type"] == "set_object"
+    }
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_every_link_that_has_looks_has_a_mesh(name, shown):
+    scene = shown(name).scene
+    looks = {link.name for link in read_geometry(scene.problem.robot).links if link.visuals}
+    drawn = {path for path in objects(recorded_commands(scene)) if "/arm/0/" in path}
+    assert {path.split("/")[-2] for path in drawn} == looks
+    assert scene.notes == ()
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_a_page_can_be_mailed(name, shown):
+    page = shown(name).html
+    assert MEGABYTE < len(page.encode()) < 4 * MEGABYTE
+    assert "{{" not in page[:20000]
+    loads = re.findall(r"""<(?:script|link|img|iframe)[^>]*(?:src|href)=["']?[^>]*""", page[:20000])
+    assert loads == []
+    assert "MIT" in page or "SPDX" in page
+
+
+def test_the_tube_has_one_colour_per_segment(shown):
+    scene = shown("ur5/over_the_wall").scene
+    materials = objects(recorded_commands(scene))
+    colors = [materials[f"/meshcat/tube/0/body_0/segment_{k}"]["color"] for k in range(3)]
+    assert colors == [int(color[1:], 16) for color in SEGMENT_COLORS[:3]]
+    assert all(materials[f"/meshcat/tube/0/body_0/segment_{k}"]["transparent"] for k in range(3))
+
+
+def test_obstacles_and_what_is_carried_are_there(shown):
+    scene = shown("ur10/onto_a_conveyor").scene
+    paths = objects(recorded_commands(scene))
+    for obstacle in scene.problem.obstacles:
+        assert f"/meshcat/obstacles/0/body_0/{obstacle.name}" in paths
+    for solid in scene.problem.attached:
+        assert f"/meshcat/carried/0/body_6/{solid.name}" in paths
+
+
+@pytest.mark.parametrize("name", ["two_link/around_a_post", "panda/between_shelves"])
+def test_the_animation_is_the_motion(name, shown, planned):
+    problem, result = planned(name)
+    scene = shown(name).scene
+    (animation,) = (c for c in recorded_commands(scene) if c["type"] == "set_animation")
+    last = {}
+    for track in animation["animations"]:
+        position = track["clip"]["tracks"][0]
+        assert track["clip"]["fps"] == 1  # times are seconds
+        assert position["keys"][0]["time"] == 0
+        assert position["keys"][-1]["time"] == pytest.approx(result.duration)
+        last[track["path"]] = position["keys"][-1]["value"]
+    q = result.trajectory.reordered(problem.robot.joint_names).position([result.duration])
+    expected = problem.robot.body_poses(q)[1][0]
+    bodies = {problem.robot.link_body[item.name.split("/")[0]] for item in of_layer(scene, "arm")}
+    for body in bodies - {0}:
+        assert last[f"/meshcat/arm/0/body_{body}"] == pytest.approx(expected[body], abs=1e-9)
+
+
+def of_layer(scene, layer):
+    return [item for item in scene.items if item.layer == layer]
+
+
+def test_the_hand_is_where_the_path_is(shown):
+    scene = shown("ur5/over_the_wall").scene
+    motion = scene.motions[0]
+    point = next(item for item in of_layer(scene, Layer.HAND) if item.name == "point")
+    for step in (0, 40, -1):
+        placed = point.surface.moved(motion.placement(step, point.body)).vertices
+        assert placed.mean(axis=0) == pytest.approx(motion.hand[step], abs=1e-3)
+
+
+def test_the_speed_is_how_fast_the_hand_moves(shown):
+    motion = shown("ur5/over_the_wall").scene.motions[0]
+    moved = np.linalg.norm(np.diff(motion.hand, axis=0), axis=1) / np.diff(motion.time)
+    between = (motion.speed[1:] + motion.speed[:-1]) / 2
+    assert moved == pytest.approx(between, abs=0.03)
+
+
+def test_the_links_stay_in_the_space_they_are_said_to_sweep(shown):
+    scene = shown("panda/between_shelves").scene
+    (swept,) = of_layer(scene, Layer.SWEPT)
+    low, high = swept.surface.vertices.min(axis=0), swept.surface.vertices.max(axis=0)
+    for item in of_layer(scene, Layer.ARM):
+        if item.body == 0:
+            continue
+        for step in (0, 30, 60, -1):
+            points = item.surface.moved(scene.motions[0].placement(step, item.body)).vertices
+            assert (points > low - 0.02).all()
+            assert (points < high + 0.02).all()
+
+
+def test_the_panel_says_what_is_seen(shown):
+    scene = shown("ur10/onto_a_conveyor").scene
+    data = panel_data(scene)
+    assert data["title"] == "ur10/onto_a_conveyor"
+    (motion,) = data["motions"]
+    assert motion["lasts"] == f"{1000 * scene.duration:.0f} ms"
+    labels = {layer["name"]: layer for layer in data["layers"]}
+    assert "carried_box" in labels["carried"]["label"]
+    assert labels["hand"]["scale"]["ticks"][-1] == f"{scene.peak_speed:.2f} m/s"
+    assert labels["tube"]["entries"][0]["text"] == "segment 1: radius 30 mm"
+    assert not labels["swept"]["visible"]
+    assert json.loads(json.dumps(data)) == data
+
+
+def test_many_segments_are_named_by_the_first_few():
+    problem = load_problem("example:two_link/around_a_post")
+    points = np.column_stack([np.linspace(0.4, 0.5, 10), np.linspace(-0.3, 0.3, 10), np.zeros(10)])
+    tube = tubeplanner.Tube(points, 0.05)
+    longer = tubeplanner.PlanningProblem(problem.robot, tube, problem.start)
+    entries = panel_data(view(longer).scene)["layers"][1]["entries"]
+    assert len(entries) == 7
+    assert "9 segments" in entries[-1]["text"]
+
+
+def test_motions_stand_side_by_side(planned):
+    problem, slow = planned("ur5/over_the_wall")
+    _, fast = planned("ur5/over_the_wall", "refinement")
+    shown = view(problem, fast.trajectory, slow.trajectory, names=["fast", "slow"])
+    scene = shown.scene
+    assert scene.duration == slow.duration
+    commands = recorded_commands(scene)
+    placed = {c["path"]: c["matrix"] for c in commands if c["type"] == "set_transform"}
+    assert placed["/meshcat/arm/1"][12:15] == pytest.approx(scene.offset)
+    assert np.count_nonzero(scene.offset) == 1
+    assert [label["text"][:4] for label in panel_data(scene)["labels"]] == ["fast", "slow"]
+    assert len(shown.html) < 4 * MEGABYTE
+
+
+def test_without_a_motion_the_arm_is_at_its_start():
+    problem = load_problem("example:ur5/over_the_wall")
+    scene = view(problem).scene
+    assert scene.duration == 0
+    assert scene.motions[0].hand[0] == pytest.approx(
+        problem.robot.tool_position(problem.start[None])[0]
+    )
+    commands = recorded_commands(scene)
+    assert not [c for c in commands if c["type"] == "set_animation"]
+    assert "at its start" in panel_data(scene)["hint"]
+
+
+def test_a_seed_that_leads_nowhere_is_said():
+    problem = load_problem("example:two_link/around_a_post")
+    tube = tubeplanner.Tube([[2.0, 0, 0], [2.0, 0.3, 0]], 0.05)
+    seed = tubeplanner.Seed(np.array([0.1, 0.2]))
+    far = tubeplanner.PlanningProblem(problem.robot, tube, seed)
+    scene = view(far).scene
+    assert "drawn at the seed" in scene.notes[0]
+    assert panel_data(scene)["notes"] == list(scene.notes)
+
+
+def test_joints_are_known_by_name(planned):
+    problem, result = planned("ur5/over_the_wall")
+    turned = result.trajectory.reordered(problem.robot.joint_names[::-1])
+    assert view(problem, turned).scene.motions[0].hand == pytest.approx(
+        view(problem, result.trajectory).scene.motions[0].hand
+    )
+
+
+def test_a_motion_of_other_joints_is_refused_by_name(planned):
+    problem, _ = planned("ur5/over_the_wall")
+    _, other = planned("two_link/around_a_post")
+    with pytest.raises(TrajectoryError, match=r"elbow\.json: the trajectory moves the joints"):
+        view(problem, other.trajectory, names=["elbow.json"])
+    with pytest.raises(OptionError, match="one each, all different"):
+        view(problem, other.trajectory, names=["a", "b"])
+
+
+def test_a_link_whose_mesh_is_missing_is_drawn_by_its_collision_geometry(tmp_path):
+    urdf = tmp_path / "arm.urdf"
+    source = Path(tubeplanner.__file__).parents[2] / "robots" / "two_link" / "two_link.urdf"
+    text = source.read_text()
+    looks = re.search(r"<visual>.*?</visual>", text, re.S).group(0)
+    mesh = '<visual><geometry><mesh filename="gone.stl"/></geometry></visual>'
+    urdf.write_text(text.replace(looks, mesh))
+    robot = tubeplanner.load_robot(urdf, "hand")
+    problem = load_problem("example:two_link/around_a_post")
+    scene = view(tubeplanner.PlanningProblem(robot, problem.tube, problem.start)).scene
+    assert "gone.stl" in scene.notes[0]
+    urdf.write_text(re.sub(r"<visual>.*?</visual>", "", text, flags=re.S))
+    robot = tubeplanner.load_robot(urdf, "hand")
+    scene = view(tubeplanner.PlanningProblem(robot, problem.tube, problem.start)).scene
+    assert "no visual geometry" in scene.notes[0]
+    assert of_layer(scene, Layer.ARM)
+
+
+def test_a_notebook_gets_the_whole_page(shown):
+    page = shown("two_link/around_a_post")
+    frame = page._repr_html_()
+    assert html.unescape(re.search(r'srcdoc="([^"]*)"', frame).group(1)) == page.html
+
+
+def test_what_a_name_holds_does_not_break_the_page(planned):
+    problem, result = planned("two_link/around_a_post")
+    named = tubeplanner.PlanningProblem(
+        problem.robot, problem.tube, problem.start, name="</script><b>&"
+    )
+    page = view(named, result.trajectory, names=["</script>"]).html
+    assert page.count("</script>") == 5
+    data = re.search(r'id="data">(.*?)</script>', page, re.S).group(1)
+    assert json.loads(data)["motions"][0]["name"] == "</script>"
+
+
+def test_a_page_is_saved_whole_or_not_at_all(shown, tmp_path):
+    page = shown("two_link/around_a_post")
+    page.save(tmp_path / "page.html")
+    assert (tmp_path / "page.html").read_text() == page.html
+    with pytest.raises(OutputError, match="does not exist"):
+        page.save(tmp_path / "nowhere" / "page.html")
+
+
+@pytest.mark.parametrize("found", [True, False])
+def test_a_page_is_opened_in_a_browser(found, shown, monkeypatch):
+    asked = []
+    monkeypatch.setattr(webbrowser, "open", lambda url: asked.append(url) or found)
+    path, opened = shown("two_link/around_a_post").open()
+    assert opened is found
+    assert asked == [path.as_uri()]
+    assert path.read_text().startswith("<!DOCTYPE html>")
+
+
+@pytest.fixture
+def files(planned, tmp_path):
+    problem, result = planned("two_link/around_a_post")
+    (tmp_path / "t.json").write_text(trajectory_json(result.trajectory))
+    (tmp_path / "t.csv").write_text(trajectory_csv(problem.robot, result.trajectory, 500))
+    (tmp_path / "t.yaml").write_text(trajectory_ros(result.trajectory, 500))
+    return tmp_path
+
+
+def test_the_command_shows_files_of_every_kind(files, capsys):
+    page = files / "page.html"
+    names = [str(files / f"t.{kind}") for kind in ("json", "csv", "yaml")]
+    assert main(["view", "example:two_link/around_a_post", *names, "--html", str(page)]) == 0
+    assert capsys.readouterr().out == f"view: {page}\n"
+    data = re.search(r'id="data">(.*?)</script>', page.read_text(), re.S).group(1)
+    assert [m["name"] for m in json.loads(data)["motions"]] == ["t.json", "t.csv", "t.yaml"]
+
+
+def test_the_command_says_where_the_page_is_if_no_browser_opens(monkeypatch, capsys):
+    monkeypatch.setattr(webbrowser, "open", lambda url: False)
+    assert main(["view", "example:two_link/around_a_post"]) == 0
+    told = capsys.readouterr().out
+    assert "no browser could be opened" in told
+    assert Path(re.search(r"view: (\S+\.html)", told).group(1)).exists()
+    assert main(["view", "example:two_link/around_a_post", "--json"]) == 0
+    assert Path(json.loads(capsys.readouterr().out)["html"]).exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["--html", "page.png"], "name a file that ends in .html"),
+        (["--html", "nowhere/page.html"], "does not exist"),
+        (["gone.json"], "gone.json"),
+    ],
+)
+def test_bad_arguments_are_named(arguments, told, capsys):
+    assert main(["view", "example:two_link/around_a_post", *arguments]) == 2
+    assert told in capsys.readouterr().err
+
+
+def test_a_file_for_another_robot_is_named(files, capsys):
+    assert main(["view", "example:ur5/over_the_wall", str(files / "t.json")]) == 2
+    assert "t.json: the trajectory moves the joints" in capsys.readouterr().err
+
+
+def test_planning_writes_the_page_with_its_other_files(tmp_path, capsys):
+    page, trajectory = tmp_path / "t.html", tmp_path / "t.json"
+    asked = ["plan", "example:two_link/around_a_post", "-o", str(trajectory), "--html", str(page)]
+    assert main(asked) == 0
+    assert f"view: {page}" in capsys.readouterr().out
+    assert "refinement" in page.read_text()
+    trajectory.unlink()
+    assert main([*asked[:-1], str(tmp_path / "t.txt")]) == 2
+    assert not trajectory.exists()
