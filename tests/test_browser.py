@@ -87,7 +87,7 @@ def test_the_panel_and_the_controls_are_there(show, planned):
     shown = re.sub(r"<[^>]*>", "", text[text.index('<div id="panel">') :][:9000])
     for words in (
         "over_the_wall",
-        "segment 3: radius 30 mm",
+        "segment 2: radius 30 mm",
         "Space the links sweep",
         "0.25\u00d7",
     ):

@@ -141,7 +141,7 @@ def test_the_panel_says_what_is_seen(shown):
     labels = {layer["name"]: layer for layer in data["layers"]}
     assert "carried_box" in labels["carried"]["label"]
     assert labels["hand"]["scale"]["ticks"][-1] == f"{scene.peak_speed:.2f} m/s"
-    assert labels["tube"]["entries"][0]["text"] == "segment 1: radius 30 mm"
+    assert labels["tube"]["entries"][0]["text"] == "segment 0: radius 30 mm"
     assert not labels["swept"]["visible"]
     assert json.loads(json.dumps(data)) == data
 
