@@ -81,16 +81,21 @@ ORDER = (
     "refined_plan",
     "searched_plan",
     "planner",
+    "sweep",
     "trajectory_file",
     "fingerprint",
     "file_notes",
     "export_samples",
     "export",
     "output_files",
+    "figure_files",
+    "panels",
     "plotting",
+    "study_plots",
     "report",
     "interrupts",
     "console",
+    "study_commands",
     "cli",
 )
 PACKAGE = Path(tubeplanner.__file__).parent
@@ -132,6 +137,7 @@ PLANNING = {
     "refined_plan",
     "searched_plan",
     "planner",
+    "sweep",
 }
 # Who may know which library.
 KNOWS = {
@@ -139,8 +145,8 @@ KNOWS = {
     "fcl": {"separation"},
     "yourdfpy": {"link_geometry"},
     "trimesh": {"mesh_cover"},
-    "matplotlib": {"plotting"},
-    "click": {"console", "cli"},
+    "matplotlib": {"figure_files", "panels", "plotting", "study_plots"},
+    "click": {"console", "study_commands", "cli"},
     "rich": {"report", "console"},
     "piqp": {"linear_program"},
     "toppra": {"path_minimum"},

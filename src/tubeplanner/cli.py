@@ -32,6 +32,8 @@ from tubeplanner.console import (
 )
 from tubeplanner.errors import OptionError, TubePlannerError
 from tubeplanner.interrupts import interrupts_held
+from tubeplanner.study_commands import plot as draw
+from tubeplanner.study_commands import sweep
 
 if TYPE_CHECKING:
     from tubeplanner.certificate import Tolerance
@@ -223,6 +225,10 @@ def schema(json: bool) -> None:
     print_json(problem_schema(), indent=2)
 
 
+for command in (draw, sweep):
+    cli.add_command(command)
+
+
 @dataclass(frozen=True)
 class _Outputs:
     """The files a plan was asked to write."""
@@ -285,7 +291,8 @@ class _Outputs:
                 problem.robot.joint_names, sampled.samples, *notes
             ).encode()
         if self.plot:
-            from tubeplanner.plotting import figure_png, plot_trajectory
+            from tubeplanner.figure_files import figure_png
+            from tubeplanner.plotting import plot_trajectory
 
             contents[self.plot] = figure_png(plot_trajectory(problem, trajectory))
         write_files(contents)
