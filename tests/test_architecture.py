@@ -81,7 +81,7 @@ ORDER = (
     "refined_plan",
     "searched_plan",
     "planner",
-    "sweep",
+    "tolerance_sweep",
     "trajectory_file",
     "fingerprint",
     "file_notes",
@@ -137,7 +137,7 @@ PLANNING = {
     "refined_plan",
     "searched_plan",
     "planner",
-    "sweep",
+    "tolerance_sweep",
 }
 # Who may know which library.
 KNOWS = {

@@ -136,17 +136,27 @@ def draw_efforts(axis: "Axes", curves: MotionCurves) -> None:
 def draw_factor(
     axis: "Axes", curves: MotionCurves, label: str | None = None, number: int = 0
 ) -> None:
-    """Draw how many times faster each instant could be run, over the share of the duration."""
+    """Draw how many times faster each instant could be run, over the share of the duration.
+
+    Args:
+        axis: Where; several motions may share it.
+        curves: The motion.
+        label: In a legend; None: the only motion here, and the axis explains itself.
+        number: Of the line, for colour and dashes.
+    """
     time = curves.samples.time
     shown = np.minimum(curves.factor, _HIGHEST_FACTOR)
     axis.plot(time / time[-1], shown, label=label, **line_style(number))
     axis.axhline(1.0, **LIMIT)
     axis.set_xlim(0.0, 1.0)
-    highest = max(axis.get_ylim()[1] if label else 0.0, 1.1 * np.quantile(shown, 0.97), 1.2)
-    axis.set_ylim(0.9, min(highest, 1.05 * _HIGHEST_FACTOR))
+    # The ends, where all is at rest, tell nothing; what lies between them sets the scale.
+    usual = max(1.1 * float(np.quantile(shown, 0.97)), 1.2)
+    axis.set_ylim(0.9, min(usual, 1.05 * _HIGHEST_FACTOR) if label is None else None)
     axis.set_xlabel("share of the duration, t / T [-]")
     axis.set_ylabel("b(t), times faster [-]")
-    axis.set_title("1: a motor, velocity or acceleration is at its limit", fontsize=8, loc="right")
+    if label is None:
+        said = "1: a motor, velocity or acceleration is at its limit"
+        axis.set_title(said, fontsize=8, loc="right")
     axis.grid(alpha=0.25)
 
 

@@ -9,7 +9,7 @@ from rich.table import Table
 from tubeplanner.certificate import RELATIVE, Certificate
 from tubeplanner.plan_result import PlanResult
 from tubeplanner.problem import PlanningProblem
-from tubeplanner.sweep import SweepResult
+from tubeplanner.tolerance_sweep import SweepResult
 
 _WIDTH_OF_A_FILE = 160  # [characters]
 # Rounding errors of the machine are shown as what they are: nothing.

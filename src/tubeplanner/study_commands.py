@@ -19,7 +19,7 @@ from tubeplanner.console import (
 from tubeplanner.errors import OptionError
 
 if TYPE_CHECKING:
-    from tubeplanner.sweep import SweepResult
+    from tubeplanner.tolerance_sweep import SweepResult
 
 
 @click.command()
@@ -81,7 +81,7 @@ def sweep(
     """
     from tubeplanner.output_files import require_writable
     from tubeplanner.plan_options import PlanOptions
-    from tubeplanner.sweep import sweep as sweep_problem
+    from tubeplanner.tolerance_sweep import sweep as sweep_problem
 
     if (radius is None) == (radius_scale is None):
         raise OptionError("sweep takes either --radius or --radius-scale")

@@ -9,7 +9,7 @@ import numpy as np
 from tubeplanner.figure_files import new_figure, saved
 from tubeplanner.panels import line_style
 from tubeplanner.progress import Progress
-from tubeplanner.sweep import SweepResult
+from tubeplanner.tolerance_sweep import SweepResult
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,8 +38,7 @@ def plot_convergence(
         if len(durations) == 0:
             continue
         excess = 100 * (durations / durations.min() - 1)
-        label = f"{name}: {durations.min():.4f} s"
-        axis.plot(np.arange(1, len(durations) + 1), excess, label=label, **line_style(number))
+        axis.plot(np.arange(1, len(durations) + 1), excess, label=name, **line_style(number))
     axis.set(xlabel="step [-]", ylabel="above the shortest [%]", yscale="symlog", ylim=(-0.2, 500))
     axis.set_yticks([0, 1, 10, 100], ["0", "1", "10", "100"])
     axis.grid(alpha=0.25)

@@ -19,6 +19,8 @@ from tubeplanner.plan_result import PlanResult
 from tubeplanner.planner import plan
 from tubeplanner.problem import PlanningProblem
 from tubeplanner.progress import Progress
+from tubeplanner.sensitivities import Sensitivity
+from tubeplanner.tube import Tube
 
 _SAME = 1e-3  # durations nearer to each other (relative) do not differ
 
@@ -183,8 +185,8 @@ def _row(
     result = plan(posed, options, progress)
     if result.stopped_by == "interrupt":
         raise KeyboardInterrupt
-    prices = [price.elasticity for price in result.sensitivities if price.limit == "radius"]
-    elasticity = sum(prices) + 0.0 if prices else None  # no minus in front of zero
+    prices = [_by_whole_radius(price, posed.tube) for price in result.sensitivities]
+    elasticity = sum(prices) + 0.0 if prices else None  # + 0.0: no minus in front of zero
     faster = [row for row in narrower if _is_faster(row, result)]
     note = None
     if faster:
@@ -193,6 +195,14 @@ def _row(
             "too: another local optimum"
         )
     return SweepRow(value, posed, result, result.message, elasticity, note)
+
+
+def _by_whole_radius(price: Sensitivity, tube: Tube) -> float:
+    """Return a price by the radius, of which the tool radius is a part; nothing for joints."""
+    if price.limit != "radius" or price.segment is None:
+        return 0.0
+    k = price.segment
+    return float(price.elasticity * tube.radius[k] / tube.effective_radius[k])
 
 
 def _is_faster(row: SweepRow, result: PlanResult) -> bool:
