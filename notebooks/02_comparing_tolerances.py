@@ -121,7 +121,7 @@ for axis, radius in zip(axes, (0.01, 0.05), strict=True):
 plt.show()
 
 # %% [markdown]
-# With 6 knots both tubes give a W, the tighter one the deeper; with 8 the U begins to show; and as planned, `b` lies on 1 in the
+# With 6 knots both tubes give a W, and in the tight one the motors idle longer; with 8 the U begins to show; and as planned, `b` lies on 1 in the
 # tight tube too: what is left of the duration is what the tube and the motors cost.
 #
 # ## The same for a Panda

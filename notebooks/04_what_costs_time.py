@@ -44,7 +44,7 @@ def name(price):
 def show(result, title, most=8):
     """Draw the dearest entries."""
     prices = result.sensitivities[:most][::-1]
-    figure, axis = plt.subplots(figsize=(8, 0.4 * most + 0.9), layout="constrained")
+    _, axis = plt.subplots(figsize=(8, 0.4 * most + 0.9), layout="constrained")
     saved = [1000 * price.saved for price in prices]
     axis.barh([name(price) for price in prices], saved, color=LINE_COLORS[0])
     axis.set(xlabel="10 % more saves [ms]", title=f"{title}: {result.duration:.4f} s")

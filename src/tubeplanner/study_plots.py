@@ -75,38 +75,50 @@ def draw_sweep(
         label: In the legend; None: "certified motion".
         number: Of the line, for colour and dashes.
     """
-    unit, name = (1000, "radius [mm]") if result.quantity == "radius" else (1, "scale of radii [-]")
+    radius = result.quantity == "radius"
+    unit, name = (1000, "radius [mm]") if radius else (1, "scale of all radii [-]")
     values = unit * np.array([row.value for row in result.rows])
-    planned = [row for row in result.rows if row.duration is not None]
+    planned = [(unit * row.value, row.duration) for row in result.rows if row.duration is not None]
     style = {**line_style(number), "linewidth": 1.0}
-    x = unit * np.array([row.value for row in planned])
-    axis.plot(
-        x, [row.duration or 0.0 for row in planned], "o", label=label or "certified motion", **style
-    )
-    first = True
-    for row in planned:
-        if row.elasticity is None or row.duration is None:
-            continue
-        half = _half_tangent(values, unit * row.value)
-        around = unit * row.value * np.array([1 - half, 1, 1 + half])
-        # A constant elasticity: straight on a logarithmic axis, and the tangent on a linear one.
-        tangent = row.duration * (around / (unit * row.value)) ** row.elasticity
-        said = "slope by the price list" if first and label is None else None
-        axis.plot(around, tangent, color="#000000", linewidth=2.4, alpha=0.55, label=said, zorder=1)
-        first = False
-    for row in result.rows:
-        if row.duration is None:
-            axis.axvline(unit * row.value, color="#888888", linestyle=":", linewidth=1.2)
-            place = (unit * row.value, 0.03)
-            words = f" no plan: {str(row.status).replace('_', ' ')}"
-            axis.text(*place, words, transform=axis.get_xaxis_transform(), rotation=90, fontsize=7)
+    axis.plot(*np.reshape(planned, (-1, 2)).T, "o", label=label or "certified motion", **style)
     if values[-1] > _WIDE * values[0]:
         axis.set_xscale("log")
         axis.set_xticks(values, [f"{value:.3g}" for value in values], minor=False)
         axis.set_xticks([], minor=True)
+    for row, value in zip(result.rows, values, strict=True):
+        if row.duration is None:
+            _draw_gap(axis, value, str(row.status).replace("_", " "))
+        elif row.elasticity is not None:
+            _draw_slope(axis, value, _half_tangent(values, value), row.duration, row.elasticity)
     axis.set(xlabel=name, ylabel="duration [s]")
     axis.grid(alpha=0.25)
     axis.legend(fontsize=8)
+
+
+def _draw_gap(axis: "Axes", value: float, reason: str) -> None:
+    """Mark a tolerance without a plan."""
+    axis.axvline(value, color="#888888", linestyle=":", linewidth=1.2)
+    where = axis.get_xaxis_transform()
+    axis.text(value, 0.03, f" no plan: {reason}", transform=where, rotation=90, fontsize=7)
+
+
+def _draw_slope(
+    axis: "Axes", value: float, half: float, duration: float, elasticity: float
+) -> None:
+    """Draw a tangent that is straight on linear and logarithmic axes."""
+    ratio = np.array([1 - half, 1, 1 + half])
+    gain = np.log(ratio) if axis.get_xscale() == "log" else ratio - 1
+    said = "slope by the price list"
+    known = {line.get_label() for line in axis.lines}
+    axis.plot(
+        value * ratio,
+        duration * (1 + elasticity * gain),
+        color="#000000",
+        linewidth=2.4,
+        alpha=0.55,
+        label=f"_{said}" if said in known else said,
+        zorder=1,
+    )
 
 
 def _half_tangent(values: np.ndarray, value: float) -> float:
