@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -25,7 +26,7 @@ def test_rows_come_sorted_once_each_and_are_what_plan_answers(swept):
 
 def test_what_is_gained_lies_between_the_slopes_at_both_ends(swept):
     rows = swept.rows
-    for near, far in zip(rows, rows[1:], strict=False):
+    for near, far in pairwise(rows):
         gained = (far.duration - near.duration) / (far.value - near.value)
         assert 1.1 * near.slope < gained < 0.9 * far.slope < 0
 
