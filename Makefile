@@ -25,7 +25,7 @@ notebooks: $(VENV)/.installed-notebooks
 	for source in notebooks/*.py; do \
 		target=output/notebooks/$$(basename $$source .py) && \
 		$(BIN)/jupytext --quiet --to ipynb --output $$target.ipynb $$source && \
-		$(BIN)/jupyter-nbconvert --log-level WARN --execute --to html $$target.ipynb || exit 1; \
+		$(BIN)/jupyter-nbconvert --log-level ERROR --execute --to html $$target.ipynb || exit 1; \
 	done
 
 # The built wheel alone, away from the checkout, must list and plan the bundled problems.
