@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PROBLEM ?= example:ur5/over_the_wall
 
-.PHONY: demo test lint wheel clean
+.PHONY: demo test lint notebooks wheel clean
 
 demo: $(VENV)/.installed
 	mkdir -p output
@@ -15,9 +15,18 @@ test: $(VENV)/.installed-test lint
 	$(BIN)/python -m pytest
 
 lint: $(VENV)/.installed-test
-	$(BIN)/ruff check src tests benchmarks
-	$(BIN)/ruff format --check src tests benchmarks
+	$(BIN)/ruff check src tests benchmarks notebooks
+	$(BIN)/ruff format --check src tests benchmarks notebooks
 	$(BIN)/mypy
+
+# Every notebook runs from its first cell to its last, and becomes a page in output/notebooks.
+notebooks: $(VENV)/.installed-notebooks
+	mkdir -p output/notebooks
+	for source in notebooks/*.py; do \
+		target=output/notebooks/$$(basename $$source .py) && \
+		$(BIN)/jupytext --quiet --to ipynb --output $$target.ipynb $$source && \
+		$(BIN)/jupyter-nbconvert --log-level ERROR --execute --to html $$target.ipynb || exit 1; \
+	done
 
 # The built wheel alone, away from the checkout, must list and plan the bundled problems.
 wheel: $(VENV)/.installed
@@ -39,4 +48,8 @@ $(VENV)/.installed: pyproject.toml | $(VENV)/bin/python
 
 $(VENV)/.installed-test: pyproject.toml $(VENV)/.installed
 	$(BIN)/python -m pip install --quiet --editable '.[test]'
+	touch $@
+
+$(VENV)/.installed-notebooks: pyproject.toml $(VENV)/.installed
+	$(BIN)/python -m pip install --quiet --editable '.[notebooks]'
 	touch $@

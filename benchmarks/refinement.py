@@ -15,11 +15,7 @@ import pstats
 import time
 from pathlib import Path
 
-import matplotlib
 import numpy as np
-
-matplotlib.use("Agg")
-from matplotlib import pyplot
 
 from cases import ARMS, EXAMPLES, RADII, paper_example
 from tubeplanner import (
@@ -30,6 +26,7 @@ from tubeplanner import (
     Tube,
     load_problem,
     plan,
+    plot_convergence,
 )
 from tubeplanner.plan_options import QUALITIES
 from tubeplanner.reference_branch import reference_branch, spare_joint_rules
@@ -189,22 +186,11 @@ def where_the_time_goes() -> None:
 
 def convergence(path: Path) -> None:
     """Draw how the duration falls while refining, step by step."""
-    figure, axes = pyplot.subplots(figsize=(8, 4.5), layout="constrained")
-    for name, line in zip(
-        (paper_example(1, 30), paper_example(5, 10), *ARMS[1:]),
-        ("-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1))),
-        strict=True,
-    ):
-        told: list[Progress] = []
-        result = plan(load_problem(f"example:{name}"), progress=told.append)
-        durations = np.array([p.best_duration for p in told if p.best_duration is not None])
-        excess = 100 * (durations / result.duration - 1)
-        axes.plot(excess, linestyle=line, label=name)
-    axes.set(xlabel="step", ylabel="above the answer [%]", yscale="symlog", ylim=(-1, 500))
-    axes.set_yticks([0, 1, 10, 100], ["0", "1", "10", "100"])
-    axes.grid(alpha=0.3)
-    axes.legend()
-    figure.savefig(path, dpi=110)
+    told: dict[str, list[Progress]] = {}
+    for name in (paper_example(1, 30), paper_example(5, 10), *ARMS[1:]):
+        told[name] = []
+        plan(load_problem(f"example:{name}"), progress=told[name].append)
+    plot_convergence(told, path)
     print(f"{path}")
 
 

@@ -1,14 +1,19 @@
 import csv
 import io
 import json
+import re
 
 import numpy as np
 import pytest
 from ruamel.yaml import YAML
 from scipy.interpolate import PPoly
 
-from tubeplanner import TrajectoryError, read_trajectory
+from conftest import PROBLEMS
+from tubeplanner import TrajectoryError, read_trajectory, verify
+from tubeplanner.certificate import FOREIGN_TOLERANCE
 from tubeplanner.export import trajectory_csv, trajectory_json, trajectory_ros
+from tubeplanner.export_samples import samples_for_export
+from tubeplanner.trajectory_file import read_trajectory_file
 
 UR5 = "ur5/over_the_wall"
 
@@ -35,7 +40,9 @@ def test_a_trajectory_file_is_what_scipy_takes(planned):
 
 def test_csv_has_every_quantity_of_every_joint(planned):
     problem, result = planned(UR5)
-    rows = list(csv.DictReader(io.StringIO(trajectory_csv(problem.robot, result.trajectory, 100))))
+    rows = list(
+        csv.DictReader(io.StringIO(trajectory_csv(problem.robot, result.trajectory.sample(100))))
+    )
     names = problem.robot.joint_names
     quantities = ("position", "velocity", "acceleration", "effort")
     assert list(rows[0]) == ["time", *(f"{name}.{what}" for what in quantities for name in names)]
@@ -53,8 +60,10 @@ def test_csv_has_every_quantity_of_every_joint(planned):
 
 def test_ros_is_a_joint_trajectory_without_efforts(planned):
     _, result = planned(UR5)
-    message = YAML(typ="safe", pure=True).load(trajectory_ros(result.trajectory, 50))
-    assert message["joint_names"] == list(result.trajectory.joint_names)
+    names = result.trajectory.joint_names
+    text = trajectory_ros(names, result.trajectory.sample(50))
+    message = YAML(typ="safe", pure=True).load(text)
+    assert message["joint_names"] == list(names)
     point = message["points"][7]
     assert set(point) == {"positions", "velocities", "accelerations", "time_from_start"}
     stamp = point["time_from_start"]
@@ -125,3 +134,52 @@ def test_the_undamaged_one_is_read(tmp_path):
     path = tmp_path / "t.json"
     path.write_text("\ufeff" + json.dumps(GOOD))
     assert read_trajectory(path).duration == 1.0
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+@pytest.mark.parametrize("suffix", [".csv", ".yaml"])
+def test_samples_of_a_refined_motion_read_back_pass(name, suffix, planned, tmp_path):
+    problem, result = planned(name, "refinement")
+    sampled = samples_for_export(problem, result.trajectory, 500)
+    time = sampled.samples.time
+    np.testing.assert_allclose(np.diff(time), 0.002, atol=1e-12)
+    assert time[-1] == pytest.approx(result.duration * (1 + sampled.slowed))
+    assert 0 < sampled.slowed < 0.02
+    assert "averaged" in sampled.note
+    path = tmp_path / f"t{suffix}"
+    if suffix == ".csv":
+        path.write_text(trajectory_csv(problem.robot, sampled.samples))
+    else:
+        names = problem.robot.joint_names
+        path.write_text(trajectory_ros(names, sampled.samples, sampled.note))
+        assert path.read_text().startswith("# CSV and ROS samples at 500 Hz are averaged")
+    read = read_trajectory_file(path)
+    assert "quintics" in read.interpolation
+    assert verify(problem, read.trajectory, FOREIGN_TOLERANCE).passed
+    # Near the motion itself, where both have run the same share of their time.
+    share = np.linspace(0, 1, 500)
+    apart = read.trajectory.position(share * time[-1]) - result.trajectory.position(
+        share * result.duration
+    )
+    assert abs(apart).max() < 0.02
+
+
+EXPORTED = {  # method, how many times slower than planned, rate, note
+    "what the motors can do at leisure is sampled as it is": ("stop-at-corners", 2, 500, None),
+    "few samples are slowed down": ("refinement", 1, 60, "slowed down|averaged"),
+    "too few are written with the reason": ("refinement", 1, 8, "too few.*raise --rate"),
+}
+
+
+@pytest.mark.parametrize(("method", "factor", "rate", "note"), EXPORTED.values(), ids=EXPORTED)
+def test_what_is_exported_fits_the_rate(method, factor, rate, note, planned):
+    problem, result = planned(UR5, method)
+    trajectory = result.trajectory.scaled(factor)
+    sampled = samples_for_export(problem, trajectory, rate)
+    if note is None:
+        assert sampled.note is None
+        assert sampled.slowed == 0
+        expected = trajectory.sample(rate).position
+        np.testing.assert_array_equal(sampled.samples.position, expected)
+    else:
+        assert re.search(note, sampled.note)

@@ -1,8 +1,29 @@
+"""Figures show what they say: lines, limits, segments, units; and they are not empty."""
+
+import io
+
 import numpy as np
 import pytest
+from PIL import Image
 
 from conftest import PROBLEMS
-from tubeplanner import OutputError, plot_trajectory
+from tubeplanner import (
+    OutputError,
+    load_problem,
+    plan,
+    plot_convergence,
+    plot_sweep,
+    plot_trajectory,
+    sweep,
+)
+from tubeplanner.figure_files import figure_png
+from tubeplanner.panels import draw_factor, motion_curves
+
+
+def colours(figure):
+    """Return how many colours a figure's picture has."""
+    pixels = np.asarray(Image.open(io.BytesIO(figure_png(figure))).convert("RGB"))
+    return len(np.unique(pixels.reshape(-1, 3), axis=0))
 
 
 @pytest.mark.parametrize("name", PROBLEMS)
@@ -11,21 +32,29 @@ def test_a_figure_shows_every_joint_against_its_limits(name, planned, tmp_path):
     path = tmp_path / "figure.png"
     figure = plot_trajectory(problem, result.trajectory, path)
     assert path.read_bytes().startswith(b"\x89PNG")
-    position, velocity, effort, hand, use = figure.axes
+    position, velocity, effort, hand, use, factor, speed = figure.axes
     n = problem.robot.joint_count
     labels = [text.get_text() for text in position.get_legend().get_texts()]
     assert labels == list(problem.robot.joint_names)
-    assert len(effort.lines) == n + 2
+    visits = motion_curves(problem, result.trajectory).visits
+    hand_overs = len(visits) - 1
+    assert len(effort.lines) == n + 2 + hand_overs
     shares = np.array([line.get_ydata() for line in effort.lines[:n]])
     assert abs(shares).max() == pytest.approx(100, abs=3)
     limited = np.isfinite(problem.robot.limits.velocity).all()
-    assert len(velocity.lines) == n + 2 * limited
-    for axis in (position, velocity, effort, use):
+    assert len(velocity.lines) == n + 2 * limited + hand_overs
+    for axis in (position, velocity, effort, use, factor, speed):
         assert "[" in axis.get_ylabel()
+        assert "[" in axis.get_xlabel()
+    assert len(position.patches) == len(use.patches) == len(visits)
+    assert colours(figure) > 1000
     drawn = np.array(hand.lines[1].get_data_3d()).T
     inside = problem.tube.margin(drawn).max(axis=1)
     assert (inside > -1e-9).all()
-    assert use.lines[0].get_ydata().max() <= 1000 * problem.tube.radius.max()
+    assert use.lines[0].get_ydata().max() <= 100.1
+    assert (problem.tube.rotation is not None) == (len(use.lines) - hand_overs == 3)
+    assert speed.lines[0].get_ydata().max() > 0.1
+    assert factor.lines[0].get_ydata().min() == pytest.approx(1.0, abs=1e-3)
 
 
 def test_a_figure_that_cannot_be_written_is_an_error_of_ours(planned, tmp_path):
@@ -34,10 +63,78 @@ def test_a_figure_that_cannot_be_written_is_an_error_of_ours(planned, tmp_path):
         plot_trajectory(problem, result.trajectory, tmp_path / "nowhere" / "figure.png")
 
 
-def test_the_distance_is_that_to_the_segment_the_hand_is_in(planned):
+def test_the_tube_use_is_that_of_the_segment_the_hand_is_in(planned):
     """Round a corner, the segment left behind may be the nearer one; its radius holds no more."""
     problem, result = planned("ur5/over_the_wall", "branch-and-bound")
-    use = plot_trajectory(problem, result.trajectory).axes[-1]
-    distance, radius = (line.get_ydata() for line in use.lines)
-    assert (distance <= radius + 1e-3).all()
-    assert sorted(set(radius)) == pytest.approx([30, 80])
+    curves = motion_curves(problem, result.trajectory)
+    assert (curves.tube_use <= 1.001).all()
+    assert [segment for segment, _, _ in curves.visits] == [0, 1, 2]
+    assert curves.visits[0][1] == 0
+    assert curves.visits[-1][2] == pytest.approx(result.duration)
+
+
+def test_the_rotation_tolerance_is_used_but_not_beyond(planned):
+    problem, result = planned("ur5/level_tray", "refinement")
+    use = motion_curves(problem, result.trajectory).rotation_use
+    assert 0.9 < use.max() <= 1 + 1e-5
+
+
+def test_the_hand_speed_is_the_slope_of_its_path(planned):
+    problem, result = planned("panda/between_shelves")
+    curves, step = motion_curves(problem, result.trajectory), 1e-6
+    time = np.clip(curves.samples.time, step, result.duration - step)
+    q = result.trajectory.position
+    before, after = (problem.robot.tool_position(q(time + s)) for s in (-step, step))
+    np.testing.assert_allclose(
+        curves.speed, np.linalg.norm(after - before, axis=1) / (2 * step), atol=1e-3
+    )
+
+
+def test_where_the_factor_is_one_a_limit_is_met(planned):
+    """Run as many times faster as the smallest says, and one limit is met, none exceeded."""
+    problem, result = planned("ur5/over_the_wall", "refinement")
+    slow = motion_curves(problem, result.trajectory.scaled(1.5))
+    fast = motion_curves(problem, result.trajectory)
+    assert slow.factor.min() == pytest.approx(1.5 * fast.factor.min())
+    assert np.quantile(fast.factor, 0.9) < 1.02
+
+
+def test_convergence_ends_at_the_shortest_that_was_found():
+    told = []
+    result = plan(load_problem("example:two_link/paper_1_30mm"), progress=told.append)
+    figure = plot_convergence({"paper": told, "nothing was told": []})
+    (axis,) = figure.axes
+    (line,) = axis.lines
+    durations = [step.best_duration for step in told if step.best_duration is not None]
+    assert len(line.get_ydata()) == len(durations) > 10
+    assert line.get_ydata().min() == 0
+    assert min(durations) == pytest.approx(result.duration, rel=0.01)
+    assert colours(figure) > 50
+
+
+def test_a_sweep_is_drawn_with_its_slopes_and_its_gaps(tmp_path):
+    problem = load_problem("example:two_link/paper_1_30mm")
+    result = sweep(problem.with_tube(problem.tube), [0.01, 0.03])
+    path = tmp_path / "sweep.png"
+    (axis,) = plot_sweep(result, path).axes
+    line, *tangents = axis.lines
+    np.testing.assert_allclose(line.get_xdata(), [10, 30])
+    np.testing.assert_allclose(line.get_ydata(), [row.duration for row in result.rows])
+    assert len(tangents) == 2
+    for row, tangent in zip(result.rows, tangents, strict=True):
+        x, y = tangent.get_data()
+        assert y[1] == pytest.approx(row.duration)
+        assert (y[2] - y[0]) / (x[2] - x[0]) * 1000 == pytest.approx(row.slope)
+    assert path.read_bytes().startswith(b"\x89PNG")
+
+
+def test_several_motions_share_an_axis(planned):
+    from tubeplanner.figure_files import new_figure
+
+    problem, result = planned("two_link/around_a_post")
+    axis = new_figure(5, 3).add_subplot()
+    curves = motion_curves(problem, result.trajectory)
+    for number, label in enumerate(("one", "two")):
+        draw_factor(axis, curves, label, number)
+    dashes = {line.get_linestyle() for line in axis.lines if line.get_label() in ("one", "two")}
+    assert len(dashes) == 2  # told apart in grey

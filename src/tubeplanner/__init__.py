@@ -43,6 +43,11 @@ if TYPE_CHECKING:
     from tubeplanner.robot import RobotModel as RobotModel
     from tubeplanner.robot import load_robot as load_robot
     from tubeplanner.sensitivities import Sensitivity as Sensitivity
+    from tubeplanner.study_plots import plot_convergence as plot_convergence
+    from tubeplanner.study_plots import plot_sweep as plot_sweep
+    from tubeplanner.tolerance_sweep import SweepResult as SweepResult
+    from tubeplanner.tolerance_sweep import SweepRow as SweepRow
+    from tubeplanner.tolerance_sweep import sweep as sweep
     from tubeplanner.trajectory import JointTrajectory as JointTrajectory
     from tubeplanner.trajectory_file import read_trajectory as read_trajectory
     from tubeplanner.tube import Tube as Tube
@@ -77,6 +82,8 @@ _HOMES = {
     "progress": ("Progress",),
     "robot": ("RobotModel", "load_robot"),
     "sensitivities": ("Sensitivity",),
+    "study_plots": ("plot_convergence", "plot_sweep"),
+    "tolerance_sweep": ("SweepResult", "SweepRow", "sweep"),
     "trajectory": ("JointTrajectory",),
     "trajectory_file": ("read_trajectory",),
     "tube": ("Tube",),

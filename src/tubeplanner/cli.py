@@ -3,33 +3,43 @@
 Exit status: 0 success; 1 infeasible, or a check that failed; 2 bad input or usage; 130 interrupted.
 """
 
-import json
 import os
 import signal
 import sys
 import time
 import warnings
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from tubeplanner import __version__
+from tubeplanner.console import (
+    AS_JSON,
+    BAD_INPUT,
+    INFEASIBLE,
+    INTERRUPTED,
+    PATH,
+    SUCCESS,
+    empty_report,
+    fail,
+    load_timed,
+    nowhere,
+    print_json,
+    shown_progress,
+)
 from tubeplanner.errors import OptionError, TubePlannerError
-from tubeplanner.interrupts import interrupts_held, interrupts_remembered
+from tubeplanner.interrupts import interrupts_held
+from tubeplanner.study_commands import plot as draw
+from tubeplanner.study_commands import sweep
+from tubeplanner.view_command import require_page
 
 if TYPE_CHECKING:
     from tubeplanner.certificate import Tolerance
     from tubeplanner.problem import PlanningProblem
     from tubeplanner.trajectory import JointTrajectory
-
-SUCCESS, INFEASIBLE, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
-
-_PATH = click.Path(path_type=Path, dir_okay=False)
-_AS_JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 
 
 def run() -> None:
@@ -59,18 +69,18 @@ def main(arguments: Sequence[str]) -> int:
         return int(status or SUCCESS)
     except click.ClickException as error:
         if as_json:
-            return _fail("bad_input", error.format_message(), as_json, BAD_INPUT)
+            return fail("bad_input", error.format_message(), as_json, BAD_INPUT)
         error.show()
         return BAD_INPUT
     except TubePlannerError as error:
-        return _fail("bad_input", str(error), as_json, BAD_INPUT)
+        return fail("bad_input", str(error), as_json, BAD_INPUT)
     except (KeyboardInterrupt, click.Abort):
         message = "interrupted before anything was certified"
-        return _fail("interrupted", message, as_json, INTERRUPTED)
+        return fail("interrupted", message, as_json, INTERRUPTED)
     except Exception as error:  # the last resort: a user gets one line, never a traceback
         kind = type(error).__name__
         message = f"internal error, please report it with the problem file: {kind}: {error}"
-        return _fail("bad_input", message, as_json, BAD_INPUT)
+        return fail("bad_input", message, as_json, BAD_INPUT)
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
@@ -84,17 +94,17 @@ def cli() -> None:
 
 @cli.command()
 @click.argument("problem")
-@click.option("-o", "--output", type=_PATH, help="Trajectory file (JSON).")
-@click.option("--csv", type=_PATH, help="Samples as CSV.")
-@click.option("--ros", type=_PATH, help="Samples as trajectory_msgs/JointTrajectory, YAML.")
+@click.option("-o", "--output", type=PATH, help="Trajectory file (JSON).")
+@click.option("--csv", type=PATH, help="Samples as CSV.")
+@click.option("--ros", type=PATH, help="Samples as trajectory_msgs/JointTrajectory, YAML.")
 @click.option("--rate", type=float, default=500.0, show_default=True, help="Samples per second.")
-@click.option("--plot", type=_PATH, help="Figure (PNG).")
-@click.option("--html", type=_PATH, help="The motion in 3D, one page that works offline.")
+@click.option("--plot", type=PATH, help="Figure (PNG).")
+@click.option("--html", type=PATH, help="The motion in 3D, one page that works offline.")
 @click.option("--method", help="refinement [default], branch-and-bound or stop-at-corners.")
 @click.option("--quality", default="balanced", show_default=True, help="fast, balanced or best.")
 @click.option("--time-limit", type=float, help="End after so many seconds with the best so far.")
 @click.option("--time-left", is_flag=True, help="Say what bang-bang motors would take on the path.")
-@_AS_JSON
+@AS_JSON
 def plan(
     problem: str,
     output: Path | None,
@@ -120,19 +130,20 @@ def plan(
     outputs = _Outputs(output, csv, ros, rate, plot, html)
     outputs.require_usable(problem)
     interrupted = False
-    with _progress() as enter:
-        loaded, loading_time = _load(problem, enter)
+    with shown_progress() as enter:
+        loaded, loading_time = load_timed(problem, enter)
         outputs.require_usable(problem, loaded.robot.urdf.path)
         result = plan_problem(loaded, options, enter)
         if result.trajectory is not None:
             with interrupts_held() as held:
-                outputs.write(loaded, result.method, result.trajectory)
+                said = outputs.write(loaded, result.method, result.trajectory)
+                result = replace(result, notes=(*result.notes, *said))
                 _ = result.sensitivities  # before Ctrl-C could make a success look interrupted
             interrupted = bool(held)
     if as_json:
         stopped_by = "interrupt" if interrupted else result.stopped_by
         fields = {**result.as_dict(), "loading_time": loading_time, "stopped_by": stopped_by}
-        _print_json({**fields, "path_minimum": result.path_minimum if time_left else None})
+        print_json({**fields, "path_minimum": result.path_minimum if time_left else None})
     else:
         from tubeplanner.report import plan_text
 
@@ -144,9 +155,9 @@ def plan(
 
 @cli.command()
 @click.argument("problem")
-@click.argument("trajectory", type=_PATH)
+@click.argument("trajectory", type=PATH)
 @click.option("--tolerance", help="ABS[,REL]: how far below zero margins may lie.")
-@_AS_JSON
+@AS_JSON
 def check(problem: str, trajectory: Path, tolerance: str | None, as_json: bool) -> int:
     """Judge the TRAJECTORY file against PROBLEM."""
     from tubeplanner.certificate import FOREIGN_TOLERANCE, Tolerance
@@ -157,8 +168,8 @@ def check(problem: str, trajectory: Path, tolerance: str | None, as_json: bool) 
     asked = _tolerance(tolerance)
     read = read_trajectory_file(trajectory)
     limits = asked or (Tolerance() if read.interpolation is None else FOREIGN_TOLERANCE)
-    with _progress() as enter:
-        loaded, loading_time = _load(problem, enter)
+    with shown_progress() as enter:
+        loaded, loading_time = load_timed(problem, enter)
         enter("certificate")
         begin = time.perf_counter()
         certificate = verify(loaded, read.trajectory, limits)
@@ -169,10 +180,10 @@ def check(problem: str, trajectory: Path, tolerance: str | None, as_json: bool) 
     notes = notes_on_file(loaded, read, failed=bool(failures))
     if as_json:
         status = "certificate_failed" if failures else "success"
-        where = certificate.conditions[failures[0]].where.as_dict() if failures else _nowhere()
-        _print_json(
+        where = certificate.conditions[failures[0]].where.as_dict() if failures else nowhere()
+        print_json(
             {
-                **_report(status, f"the trajectory {message}", where),
+                **empty_report(status, f"the trajectory {message}", where),
                 "duration": read.trajectory.duration,
                 "certificate_time": certificate_time,
                 "loading_time": loading_time,
@@ -190,39 +201,7 @@ def check(problem: str, trajectory: Path, tolerance: str | None, as_json: bool) 
 
 
 @cli.command()
-@click.argument("problem")
-@click.argument("trajectories", type=_PATH, nargs=-1, metavar="[TRAJECTORY]...")
-@click.option("--html", type=_PATH, help="Write one page that works offline; open nothing.")
-@_AS_JSON
-def view(problem: str, trajectories: tuple[Path, ...], html: Path | None, as_json: bool) -> None:
-    """Show PROBLEM and TRAJECTORY files, side by side, in 3D."""
-    from tubeplanner.output_files import require_writable
-    from tubeplanner.trajectory_file import read_trajectory_file
-    from tubeplanner.viewer import names_of_files
-    from tubeplanner.viewer import view as view_scene
-
-    _require_page(html)
-    if html is not None:
-        require_writable([html], [Path(problem), *trajectories])
-    motions = [read_trajectory_file(path).trajectory for path in trajectories]
-    with _progress() as enter:
-        loaded, _ = _load(problem, enter)
-        enter("scene")
-        shown = view_scene(loaded, *motions, names=names_of_files(trajectories))
-        path, opened = (html, True) if html is not None else shown.open()
-        if html is not None:
-            shown.save(html)
-    message = f"view: {path}"
-    if not opened:
-        message += " (no browser could be opened; open this file in one)"
-    if as_json:
-        _print_json({**_report("success", message, _nowhere()), "html": str(path)})
-        return
-    print(*(f"note: {note}" for note in shown.scene.notes), message, sep="\n")
-
-
-@cli.command()
-@_AS_JSON
+@AS_JSON
 def robots(as_json: bool) -> None:
     """List the robots and problems that example: names."""
     from tubeplanner.resources import bundled_problems, bundled_robots, example_robot_names
@@ -230,7 +209,7 @@ def robots(as_json: bool) -> None:
     problems = list(bundled_problems())
     if as_json:
         fields = {"robots": example_robot_names(), "problems": problems}
-        _print_json({**_report("success", "what example: names", _nowhere()), **fields})
+        print_json({**empty_report("success", "what example: names", nowhere()), **fields})
         return
     print("Problems (example:ROBOT/NAME):")
     print(*(f"  example:{name}" for name in problems), sep="\n")
@@ -246,7 +225,11 @@ def schema(json: bool) -> None:
     """Print the JSON schema of the problem file."""
     from tubeplanner.problem_format import problem_schema
 
-    _print_json(problem_schema(), indent=2)
+    print_json(problem_schema(), indent=2)
+
+
+for command in (draw, sweep, view):
+    cli.add_command(command)
 
 
 @dataclass(frozen=True)
@@ -281,16 +264,20 @@ class _Outputs:
             raise OptionError(
                 f"--plot {self.plot}: a PNG is written; name a file that ends in .png"
             )
-        _require_page(self.html)
+        require_page(self.html)
         require_writable([path for _, path in self.paths()], [Path(path) for path in inputs])
 
-    def write(self, problem: "PlanningProblem", method: str, trajectory: "JointTrajectory") -> None:
-        """Write all files, or none of them."""
+    def write(
+        self, problem: "PlanningProblem", method: str, trajectory: "JointTrajectory"
+    ) -> list[str]:
+        """Write all files, or none of them; return what there is to say about them."""
         from tubeplanner.export import trajectory_csv, trajectory_json, trajectory_ros
+        from tubeplanner.export_samples import samples_for_export
         from tubeplanner.fingerprint import problem_hash, robot_hash
         from tubeplanner.output_files import write_files
 
         contents: dict[Path, bytes] = {}
+        notes: list[str] = []
         if self.trajectory:
             more = {
                 "method": method,
@@ -300,12 +287,18 @@ class _Outputs:
                 "robot_hash": robot_hash(problem.robot),
             }
             contents[self.trajectory] = trajectory_json(trajectory, **more).encode()
+        if self.csv or self.ros:
+            sampled = samples_for_export(problem, trajectory, self.rate)
+            notes += [] if sampled.note is None else [sampled.note]
         if self.csv:
-            contents[self.csv] = trajectory_csv(problem.robot, trajectory, self.rate).encode()
+            contents[self.csv] = trajectory_csv(problem.robot, sampled.samples).encode()
         if self.ros:
-            contents[self.ros] = trajectory_ros(trajectory, self.rate).encode()
+            contents[self.ros] = trajectory_ros(
+                problem.robot.joint_names, sampled.samples, *notes
+            ).encode()
         if self.plot:
-            from tubeplanner.plotting import figure_png, plot_trajectory
+            from tubeplanner.figure_files import figure_png
+            from tubeplanner.plotting import plot_trajectory
 
             contents[self.plot] = figure_png(plot_trajectory(problem, trajectory))
         if self.html:
@@ -313,19 +306,7 @@ class _Outputs:
 
             contents[self.html] = view_scene(problem, trajectory, names=[method]).html.encode()
         write_files(contents)
-
-
-def _require_page(path: Path | None) -> None:
-    if path is not None and path.suffix.lower() not in (".html", ".htm"):
-        raise OptionError(f"--html {path}: a page is written; name a file that ends in .html")
-
-
-def _load(name: str, enter: Callable[[object], None]) -> "tuple[PlanningProblem, float]":
-    begin = time.perf_counter()
-    enter("loading robot and collision geometry")
-    from tubeplanner.problem import load_problem
-
-    return load_problem(name), time.perf_counter() - begin
+        return notes
 
 
 def _tolerance(text: str | None) -> "Tolerance | None":
@@ -337,55 +318,3 @@ def _tolerance(text: str | None) -> "Tolerance | None":
         return Tolerance(*(float(word) for word in text.split(",")))
     except (TypeError, ValueError):
         raise OptionError(f"--tolerance '{text}' is not ABS or ABS,REL") from None
-
-
-@contextmanager
-def _progress() -> Iterator[Callable[[object], None]]:
-    """Yield a function that shows the current stage on a terminal's standard error.
-
-    Entering a stage also raises a Ctrl-C that a library swallowed, as trimesh does when imported.
-    """
-    with interrupts_remembered() as raise_pending:
-        if not sys.stderr.isatty():
-            yield lambda progress: raise_pending()
-            return
-        from rich.console import Console
-
-        with Console(stderr=True).status("") as status:
-
-            def enter(progress: object) -> None:
-                raise_pending()
-                status.update(f"{progress} ...")
-
-            yield enter
-
-
-def _fail(status: str, message: str, as_json: bool, code: int) -> int:
-    if as_json:
-        _print_json(_report(status, message, _nowhere()))
-    else:
-        print(f"tubeplanner: {message}", file=sys.stderr)
-    return code
-
-
-def _report(status: str, message: str, where: dict[str, Any]) -> dict[str, Any]:
-    """Return the JSON object of a run, numbers still absent."""
-    numbers = ("duration", "phase1_duration", "planning_time", "certificate_time", "loading_time")
-    return {
-        "status": status,
-        "message": message,
-        "where": where,
-        **dict.fromkeys(numbers),
-        "stopped_by": None,
-        "certificate": None,
-    }
-
-
-def _nowhere() -> dict[str, Any]:
-    from tubeplanner.outcome import Place
-
-    return Place().as_dict()
-
-
-def _print_json(fields: dict[str, Any], indent: int | None = None) -> None:
-    print(json.dumps(fields, allow_nan=False, indent=indent))

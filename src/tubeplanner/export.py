@@ -1,12 +1,13 @@
 """Trajectories as text: our JSON, CSV, ROS."""
 
 import json
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from tubeplanner.robot import RobotModel
-from tubeplanner.trajectory import JointTrajectory
+from tubeplanner.trajectory import JointTrajectory, TrajectorySamples
 from tubeplanner.trajectory_file import TRAJECTORY_FORMAT, TRAJECTORY_VERSION
 
 
@@ -29,15 +30,13 @@ def trajectory_json(trajectory: JointTrajectory, **more: Any) -> str:
     return json.dumps(fields, allow_nan=False) + "\n"
 
 
-def trajectory_csv(robot: RobotModel, trajectory: JointTrajectory, rate: float) -> str:
+def trajectory_csv(robot: RobotModel, samples: TrajectorySamples) -> str:
     """Return samples as CSV: time, positions, velocities, accelerations, efforts.
 
     Args:
-        robot: For the efforts.
-        trajectory: In the robot's joint order.
-        rate: [Hz].
+        robot: For the joints' names and the efforts.
+        samples: In the robot's joint order.
     """
-    samples = trajectory.sample(rate)
     effort = robot.inverse_dynamics(samples.position, samples.velocity, samples.acceleration)
     quantities = ("position", "velocity", "acceleration", "effort")
     header = ["time"] + [f"{name}.{what}" for what in quantities for name in robot.joint_names]
@@ -48,15 +47,16 @@ def trajectory_csv(robot: RobotModel, trajectory: JointTrajectory, rate: float) 
     return "\n".join([",".join(header), *rows]) + "\n"
 
 
-def trajectory_ros(trajectory: JointTrajectory, rate: float) -> str:
+def trajectory_ros(joint_names: Sequence[str], samples: TrajectorySamples, *comments: str) -> str:
     """Return samples as a trajectory_msgs/JointTrajectory in YAML, without efforts.
 
     Args:
-        trajectory: What to write.
-        rate: [Hz].
+        joint_names: In the order of the samples.
+        samples: What to write.
+        comments: Sentences that come first, as YAML comments.
     """
-    samples = trajectory.sample(rate)
-    lines = ["joint_names:", *(f"- {json.dumps(name)}" for name in trajectory.joint_names)]
+    lines = [f"# {comment}" for comment in comments]
+    lines += ["joint_names:", *(f"- {json.dumps(name)}" for name in joint_names)]
     lines.append("points:")
     rows = zip(
         samples.time.tolist(),

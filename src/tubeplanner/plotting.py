@@ -1,10 +1,5 @@
-"""Figures of a trajectory: against the limits of its joints, and in its tube.
+"""The figure of a trajectory: against the limits of its joints, and in its tube."""
 
-matplotlib is imported when first drawn with.
-"""
-
-import io
-import logging
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,26 +7,33 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.convex_shape import ConvexShape
-from tubeplanner.output_files import write_files
-from tubeplanner.palette import LINE_COLORS, OBSTACLE_COLOR, REFERENCE_COLOR, segment_color
+from tubeplanner.figure_files import new_figure, saved
+from tubeplanner.palette import OBSTACLE_COLOR, REFERENCE_COLOR, segment_color
+from tubeplanner.panels import (
+    draw_efforts,
+    draw_factor,
+    draw_positions,
+    draw_speed,
+    draw_tube_use,
+    draw_velocities,
+    mark_segments,
+    motion_curves,
+)
 from tubeplanner.problem import PlanningProblem
 from tubeplanner.surface import capsule_grid
-from tubeplanner.trajectory import JointTrajectory, TrajectorySamples
-from tubeplanner.tube_membership import current_segments
+from tubeplanner.trajectory import JointTrajectory
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-_DASHES = ("-", "--")
-_LIMIT: dict[str, Any] = {"color": "#444444", "linewidth": 1.0, "linestyle": (0, (4, 3))}
-_SAMPLES = 800
 
 
 def plot_trajectory(
     problem: PlanningProblem, trajectory: JointTrajectory, path: str | Path | None = None
 ) -> "Figure":
-    """Draw positions, velocities and efforts against limits, and the hand's path in the tube.
+    """Draw a trajectory against limits and tube, the tube's segments marked.
+
+    Positions, velocities and efforts with their limits; how many times faster each instant could be
+    run, `b(t)`; the hand's path in the tube, its speed, and the share of the tolerance it uses.
 
     Args:
         problem: What was asked.
@@ -44,84 +46,26 @@ def plot_trajectory(
     Raises:
         OutputError: The file could not be written.
     """
-    logging.getLogger("matplotlib").setLevel(logging.ERROR)  # its font cache is its own affair
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     trajectory = trajectory.reordered(problem.robot.joint_names)
-    figure = Figure(figsize=(12.5, 8.5), dpi=110, layout="constrained")
-    FigureCanvasAgg(figure)
+    curves = motion_curves(problem, trajectory)
+    figure = new_figure(12.5, 10.8)
     figure.suptitle(f"{problem.name}: {trajectory.duration:.4f} s", fontsize=13)
-    grid = figure.add_gridspec(3, 2, width_ratios=(1.15, 1))
-    axes = [figure.add_subplot(grid[row, 0]) for row in range(3)]
-    _draw_joints(axes, problem, trajectory)
-    hand_axes = figure.add_subplot(grid[:2, 1], projection="3d")
-    use_axes = figure.add_subplot(grid[2, 1])
-    samples = trajectory.at(np.linspace(0.0, trajectory.duration, _SAMPLES))
-    hand = problem.robot.tool_position(samples.position)
-    _draw_hand(hand_axes, problem, hand)
-    low, high = _draw_arm(hand_axes, problem, samples.position[[0, -1]])
-    _frame(hand_axes, problem, low, high)
-    _draw_tube_use(use_axes, problem, samples, hand)
-    if path is not None:
-        write_files({Path(path): figure_png(figure)})
-    return figure
-
-
-def figure_png(figure: "Figure") -> bytes:
-    """Return a figure as the contents of a PNG file."""
-    stream = io.BytesIO()
-    figure.savefig(stream, format="png")
-    return stream.getvalue()
-
-
-def _draw_joints(axes: "list[Axes]", problem: PlanningProblem, trajectory: JointTrajectory) -> None:
-    robot = problem.robot
-    samples = trajectory.per_piece(max(4, _SAMPLES // len(trajectory.widths)))
-    effort = robot.inverse_dynamics(samples.position, samples.velocity, samples.acceleration)
-    turning = bool(robot.revolute.all())
-    unit = "rad" if turning else "rad, m"
-    rate, effort_unit = ("rad/s", "N m") if turning else ("rad/s, m/s", "N m, N")
-    for j, name in enumerate(robot.joint_names):
-        style = _line_style(j)
-        axes[0].plot(samples.time, samples.position[:, j], label=name, **style)
-    axes[0].set_ylabel(f"position [{unit}]")
-    speed, limits = samples.velocity, robot.limits
-    _draw_shares(axes[1], samples.time, speed, limits.velocity, "velocity", rate)
-    _draw_shares(axes[2], samples.time, effort, limits.effort, "effort", effort_unit)
-    axes[2].set_xlabel("time [s]")
-    axes[0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, fontsize=8, frameon=False)
-    for axis in axes:
-        axis.set_xlim(0.0, trajectory.duration)
-        axis.grid(alpha=0.25)
-
-
-def _draw_shares(
-    axis: "Axes",
-    time: FloatArray,
-    values: FloatArray,
-    limit: FloatArray,
-    quantity: str,
-    unit: str,
-) -> None:
-    """Draw values as percent of their limits, or in their unit where a joint has no limit."""
-    limited = bool(np.isfinite(limit).all())
-    shown = 100 * values / limit if limited else values
-    for j in range(values.shape[1]):
-        axis.plot(time, shown[:, j], **_line_style(j))
-    if limited:
-        for bound in (-100, 100):
-            axis.axhline(bound, **_LIMIT)
-        axis.set_ylim(-112, 112)
-        axis.set_ylabel(f"{quantity} [% of limit]")
-        return
-    axis.set_ylabel(f"{quantity} [{unit}]")
-    axis.set_title(f"not every joint has a {quantity} limit", fontsize=8, loc="right")
-
-
-def _line_style(joint: int) -> dict[str, Any]:
-    dashes = _DASHES[(joint // len(LINE_COLORS)) % len(_DASHES)]
-    return {"color": LINE_COLORS[joint % len(LINE_COLORS)], "linewidth": 1.5, "linestyle": dashes}
+    grid = figure.add_gridspec(4, 2, width_ratios=(1.15, 1))
+    position, velocity, effort = (figure.add_subplot(grid[row, 0]) for row in range(3))
+    hand_axis = figure.add_subplot(grid[:2, 1], projection="3d")
+    use, factor, speed = (figure.add_subplot(grid[place]) for place in ((2, 1), (3, 0), (3, 1)))
+    draw_positions(position, curves)
+    draw_velocities(velocity, curves)
+    draw_efforts(effort, curves)
+    draw_tube_use(use, curves)
+    draw_speed(speed, curves)
+    draw_factor(factor, curves)
+    for axis in (position, velocity, effort, use, speed):
+        mark_segments(axis, curves, labels=axis in (position, use))
+    _draw_hand(hand_axis, problem, curves.hand)
+    low, high = _draw_arm(hand_axis, problem, curves.samples.position[[0, -1]])
+    _frame(hand_axis, problem, low, high)
+    return saved(figure, path)
 
 
 def _draw_hand(axis: Any, problem: PlanningProblem, hand: FloatArray) -> None:
@@ -190,20 +134,3 @@ def _draw_shape(axis: Any, shape: ConvexShape, color: str, alpha: float) -> None
         return
     triangles = shape.vertices[shape.faces]
     axis.add_collection3d(Poly3DCollection(triangles, facecolor=color, alpha=alpha))
-
-
-def _draw_tube_use(
-    axis: "Axes", problem: PlanningProblem, samples: TrajectorySamples, hand: FloatArray
-) -> None:
-    """Draw the distance to the segment that the hand is in, and that segment's radius."""
-    tube, time = problem.tube, samples.time
-    segment = current_segments(problem, samples.position)
-    distance = tube.distance(hand)[np.arange(len(hand)), segment]
-    axis.plot(time, 1000 * distance, color="#D55E00", label="hand")
-    axis.plot(time, 1000 * tube.effective_radius[segment], label="radius", **_LIMIT)
-    axis.set_xlim(0.0, time[-1])
-    axis.set_ylim(0.0, 1100 * tube.effective_radius.max())
-    axis.set_xlabel("time [s]")
-    axis.set_ylabel("distance from reference [mm]")
-    axis.legend(fontsize=8)
-    axis.grid(alpha=0.25)

@@ -1,7 +1,7 @@
 """A planning problem: robot, tube, start, goal, obstacles; built in Python or read from a file."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -108,6 +108,16 @@ class PlanningProblem:
             self_collision=self.self_collision,
             ignore=self.ignore_collisions,
         )
+
+    def with_tube(self, tube: Tube) -> "PlanningProblem":
+        """Return the problem with another tube; robot and collision geometry are shared.
+
+        Raises:
+            ProblemError: As on construction: start or goal may lie outside the other tube.
+        """
+        other = replace(self, tube=tube)
+        other._keep("collision", self.collision)
+        return other
 
     def _keep(self, name: str, value: object) -> None:
         object.__setattr__(self, name, value)

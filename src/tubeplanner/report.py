@@ -9,6 +9,7 @@ from rich.table import Table
 from tubeplanner.certificate import RELATIVE, Certificate
 from tubeplanner.plan_result import PlanResult
 from tubeplanner.problem import PlanningProblem
+from tubeplanner.tolerance_sweep import SweepResult
 
 _WIDTH_OF_A_FILE = 160  # [characters]
 # Rounding errors of the machine are shown as what they are: nothing.
@@ -60,6 +61,27 @@ def plan_text(
     return "\n".join(lines)
 
 
+def sweep_text(result: SweepResult) -> str:
+    """Return a sweep as a table, as wide as the terminal, and the rows' messages."""
+    scaled = result.quantity != "radius"
+    table = Table(title=f"{result.problem.name}: duration against tolerance", title_justify="left")
+    for heading in ("scale" if scaled else "radius", "duration", "10 % more radius", "planned in"):
+        table.add_column(heading, justify="right")
+    table.add_column("answer")
+    for row in result.rows:
+        value = f"{row.value:g}" if scaled else f"{1000 * row.value:g} mm"
+        if row.result is None or row.duration is None:
+            table.add_row(value, "", "", "", f"{row.status}: {escape(row.message)}")
+            continue
+        saved = (
+            "" if row.elasticity is None else f"{abs(100 * row.elasticity * row.duration):.2g} ms"
+        )
+        said = f"certified, {row.result.method}" + (f"; {row.note}" if row.note else "")
+        times = (f"{row.duration:.4f} s", saved and f"saves {saved}")
+        table.add_row(value, *times, f"{row.result.planning_time:.2f} s", said)
+    return _rendered(table)
+
+
 def certificate_text(certificate: Certificate) -> str:
     """Return a certificate as a table, as wide as the terminal."""
     table = Table(title="Certificate", title_justify="left")
@@ -75,6 +97,10 @@ def certificate_text(certificate: Certificate) -> str:
         verdict = "yes" if condition.holds(certificate.tolerance) else "NO"
         place = escape(str(condition.where))
         table.add_row(name, margin, verdict, place, condition.coverage)
+    return _rendered(table)
+
+
+def _rendered(table: Table) -> str:
     console = Console(width=None if sys.stdout.isatty() else _WIDTH_OF_A_FILE)
     with console.capture() as capture:
         console.print(table)

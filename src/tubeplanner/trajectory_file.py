@@ -6,6 +6,7 @@ what lies between samples is this reading of them, and is said with it.
 
 import csv
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -234,11 +235,24 @@ def _from_samples(
         curve = CubicSpline(time, tables["position"], bc_type="clamped")
         how = "a cubic spline through the positions, at rest at both ends"
     else:
-        known = np.stack(list(tables.values()), axis=1)
-        curve = PPoly.from_bernstein_basis(BPoly.from_derivatives(time, known))
         degree = "quintics" if "acceleration" in tables else "cubics"
         how = f"{degree} that meet every sample's {', '.join(tables)}"
+        return TrajectoryFile(joined_samples(joints, time, tuple(tables.values())), how)
     return TrajectoryFile(JointTrajectory(joints, curve.x, curve.c), how)
+
+
+def joined_samples(
+    joint_names: Sequence[str], time: FloatArray, known: Sequence[FloatArray]
+) -> JointTrajectory:
+    """Return the polynomials, one between every two samples, that meet all that is known of them.
+
+    Args:
+        joint_names: The n joints.
+        time: Shape (N,), increasing from 0 [s].
+        known: Positions and their derivatives at the samples, each (N, n).
+    """
+    curve = PPoly.from_bernstein_basis(BPoly.from_derivatives(time, np.stack(known, axis=1)))
+    return JointTrajectory(joint_names, curve.x, curve.c)
 
 
 def _require_same_units(time: FloatArray, tables: dict[str, FloatArray]) -> None:

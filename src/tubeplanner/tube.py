@@ -135,6 +135,22 @@ class Tube:
         _set(self, "rotation_tolerance", bounds)
         _set(self, "rotation", rotation if rotation.is_bounded else None)
 
+    def with_radius(self, radius: float | Sequence[float] | FloatArray) -> "Tube":
+        """Return the tube with another tolerance, or m others [m].
+
+        Raises:
+            ProblemError: A radius is not positive, or not above the tool radius.
+        """
+        return Tube(
+            self.points,
+            radius,
+            tool_radius=self.tool_radius,
+            joint_signs=self.joint_ranges,
+            visit=self.visit,
+            orientations=self.orientations,
+            rotation_tolerance=self.rotation_tolerance,
+        )
+
     @property
     def segment_count(self) -> int:
         """Number m of segments."""

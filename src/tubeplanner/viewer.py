@@ -343,8 +343,7 @@ def _segment_entries(problem: PlanningProblem) -> list[dict[str, str]]:
     radii = 1000 * problem.tube.effective_radius
     named = range(min(len(radii), _MOST_SEGMENTS_NAMED))
     entries = [
-        {"color": segment_color(k), "text": f"segment {k}: radius {radii[k]:.3g} mm"}
-        for k in named
+        {"color": segment_color(k), "text": f"segment {k}: radius {radii[k]:.3g} mm"} for k in named
     ]
     if len(radii) > len(named):
         low, high = radii.min(), radii.max()

@@ -1,0 +1,105 @@
+"""Sweeps: the answers of planning each, the slopes they predict, reasons instead of crashes."""
+
+import csv
+import io
+import json
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from tubeplanner import OptionError, PlanningProblem, Seed, Tube, load_problem, plan, sweep
+
+
+@pytest.fixture(scope="module")
+def swept():
+    return sweep(load_problem("example:two_link/paper_1_30mm"), [0.03, 0.01, 0.02, 0.05, 0.01])
+
+
+def test_rows_come_sorted_once_each_and_are_what_plan_answers(swept):
+    assert [row.value for row in swept.rows] == [0.01, 0.02, 0.03, 0.05]
+    assert swept.rows[2].duration == plan(load_problem("example:two_link/paper_1_30mm")).duration
+    for row in swept.rows:
+        assert row.result.certificate.passed
+        assert (row.problem.tube.radius == row.value).all()
+
+
+def test_what_is_gained_lies_between_the_slopes_at_both_ends(swept):
+    rows = swept.rows
+    for near, far in pairwise(rows):
+        gained = (far.duration - near.duration) / (far.value - near.value)
+        assert 1.1 * near.slope < gained < 0.9 * far.slope < 0
+
+
+def test_the_slope_counts_the_tool_radius(two_link):
+    """A radius is dearer by the part of it that the tool takes away."""
+    points = [[0.45, -0.3, 0], [0.45, 0.1, 0], [0.2, 0.3, 0]]
+    tubes = (Tube(points, 0.03), Tube(points, 0.05, tool_radius=0.02))
+    start = Seed(np.array([0.0, -1.0]))
+    plain, thick = (
+        sweep(PlanningProblem(two_link, tube, start), scales=[1.0]).rows[0] for tube in tubes
+    )
+    assert thick.duration == pytest.approx(plain.duration)
+    assert thick.elasticity == pytest.approx(plain.elasticity * 0.05 / 0.03)
+
+
+def test_scales_keep_the_segments_apart():
+    problem = load_problem("example:two_link/around_a_post")
+    (row,) = sweep(problem, scales=[0.5]).rows
+    np.testing.assert_allclose(row.problem.tube.radius, problem.tube.radius / 2)
+    assert row.problem.tube.joint_ranges == problem.tube.joint_ranges
+    assert row.problem.collision is problem.collision
+
+
+def test_a_tolerance_that_cannot_be_posed_or_planned_has_its_reason(two_link):
+    points = [[0.45, -0.3, 0], [0.45, 0.1, 0]]
+    tube = Tube(points, 0.05, tool_radius=0.02)
+    problem = PlanningProblem(two_link, tube, np.array([-0.118, -1.0]))
+    off = float(tube.distance(two_link.tool_position(problem.start[None]))[0, 0])
+    assert 0.001 < off < 0.03
+    result = sweep(problem, [0.01, 0.02 + off / 2, 0.05])
+    thin, outside, fine = result.rows
+    assert "tool_radius 0.02 m" in thin.message
+    assert "start: the hand is at" in outside.message
+    assert [str(row.status) for row in result.rows] == ["bad_input", "bad_input", "success"]
+    assert fine.duration > 0
+    assert thin.duration is thin.slope is None
+    assert result.succeeded
+    assert not sweep(problem, [0.01]).succeeded
+
+
+def test_csv_and_json_say_the_same(swept):
+    table = list(csv.DictReader(io.StringIO(swept.csv())))
+    fields = json.loads(json.dumps(swept.as_dict(), allow_nan=False))
+    assert fields["quantity"] == "radius"
+    assert len(table) == len(fields["rows"]) == 4
+    for line, row in zip(table, fields["rows"], strict=True):
+        assert float(line["radius"]) == row["value"]
+        assert [float(word) for word in line["radii"].split()] == row["radii"]
+        for key in ("duration", "elasticity", "slope", "planning_time"):
+            assert float(line[key]) == row[key]
+        assert line["message"] == row["message"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({}, "either radii or scales"),
+        ({"radii": [0.1], "scales": [1]}, "either radii or scales"),
+        ({"radii": []}, "radius: give at least one number"),
+        ({"radii": [0.1, -1]}, "radius is -1; it must be > 0"),
+        ({"scales": [float("nan")]}, "radius_scale is nan"),
+        ({"scales": [float("inf")]}, "radius_scale is inf"),
+    ],
+)
+def test_what_cannot_be_swept_is_refused_by_name(arguments, message):
+    problem = load_problem("example:two_link/paper_1_30mm")
+    with pytest.raises(OptionError, match=message):
+        sweep(problem, **arguments)
+
+
+def test_progress_names_the_tolerance():
+    told = []
+    sweep(load_problem("example:two_link/paper_1_30mm"), [0.01, 0.03], progress=told.append)
+    assert told[0].startswith("tolerance 1 of 2: ")
+    assert told[-1].startswith("tolerance 2 of 2: ")
