@@ -34,7 +34,7 @@ from tubeplanner.errors import OptionError, TubePlannerError
 from tubeplanner.interrupts import interrupts_held
 from tubeplanner.study_commands import plot as draw
 from tubeplanner.study_commands import sweep
-from tubeplanner.view_command import require_page
+from tubeplanner.view_command import require_page, view
 
 if TYPE_CHECKING:
     from tubeplanner.certificate import Tolerance
