@@ -266,8 +266,9 @@ def test_a_page_is_opened_in_a_browser(found, shown, monkeypatch):
 def files(planned, tmp_path):
     problem, result = planned("two_link/around_a_post")
     (tmp_path / "t.json").write_text(trajectory_json(result.trajectory))
-    (tmp_path / "t.csv").write_text(trajectory_csv(problem.robot, result.trajectory, 500))
-    (tmp_path / "t.yaml").write_text(trajectory_ros(result.trajectory, 500))
+    samples = result.trajectory.sample(500)
+    (tmp_path / "t.csv").write_text(trajectory_csv(problem.robot, samples))
+    (tmp_path / "t.yaml").write_text(trajectory_ros(problem.robot.joint_names, samples))
     return tmp_path
 
 
