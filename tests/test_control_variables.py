@@ -88,3 +88,14 @@ def test_a_goal_left_open_is_where_the_motion_is_fastest():
     assert free.duration < 0.995 * held.duration
     hand = problem.robot.tool_position(free.trajectory.position(free.duration)[None])[0]
     np.testing.assert_allclose(hand, problem.tube.points[-1], atol=1e-6)
+
+
+def test_an_open_goal_without_spare_joints_stays_where_it_is():
+    """Two joints in a plane: the hand's place leaves them nothing to choose."""
+    problem = load_problem("example:two_link/paper_1_10mm")
+    assert problem.goal is None
+    branch = reference_branch(problem, spare_joint_rules(problem)[0])
+    motion = starting_spline(problem, branch, 12)
+    variables = ControlVariables(problem, motion.shape)
+    assert (variables.column[-3:] == FIXED).all()
+    assert len(variables.held(motion.control_points)) == 0

@@ -16,6 +16,7 @@ FIXED = -1
 # Directions in which the joints at the goal move the hand by less than this [m/rad] are left free.
 _LEAST_GAIN = 1e-6
 _HAND_TOLERANCE = 1e-9  # [m]
+_LOOKS, _SEED = 5, 0  # configurations looked at for spare joints
 
 
 class ControlVariables:
@@ -31,7 +32,7 @@ class ControlVariables:
     def __init__(self, problem: PlanningProblem, shape: PhaseSpline) -> None:
         """Take the problem's joint ranges and its goal, given or open."""
         self._problem, self._shape = problem, shape
-        self._goal_moves = problem.goal is None
+        self._goal_moves = problem.goal is None and _has_spare_joints(problem)
         self.column = self._columns(shape.control_point_count)
         moving = np.flatnonzero(self.column != FIXED)
         count = int(self.column.max()) + 1
@@ -108,3 +109,11 @@ class ControlVariables:
             upper[counting] = np.minimum(upper[counting], self._problem.joint_upper[k])
             first += len(shares) - 1
         return lower, upper
+
+
+def _has_spare_joints(problem: PlanningProblem) -> bool:
+    """Return whether joints can move while the hand stays where it is, nearly everywhere."""
+    joints = problem.robot.joint_count
+    q = np.random.default_rng(_SEED).uniform(-1.0, 1.0, (_LOOKS, joints))
+    _, jacobian = problem.robot.tool_jacobian(q)
+    return int(np.linalg.matrix_rank(jacobian[:, :3], tol=_LEAST_GAIN).max()) < joints
