@@ -116,6 +116,36 @@ def two_sided_rows(
     return stacked(parts)
 
 
+def plane_rows(
+    first: IntArray,
+    change: tuple[FloatArray, FloatArray],
+    room: FloatArray,
+    limit: IntArray,
+    size: StepSize | None,
+) -> Rows:
+    """Return the rows of P planes at N samples, numbered by sample and plane.
+
+    Args:
+        first: The first control point that counts at each sample, shape (N,).
+        change: What the planes' use changes by, with control points, (N, P, 4, n), and gates.
+        room: How far inside the planes each sample is, shape (N, P); inf where there is none.
+        limit: Number of each sample's limit, shape (N,).
+        size: Rows that no step of this size can break are left out; None: none.
+    """
+    control, gate = change
+    reach = np.inf if size is None else _reach(control, gate, size)
+    sample, plane = np.nonzero(np.isfinite(room) & (room < reach))
+    return Rows(
+        first[sample],
+        control[sample, plane],
+        gate[sample, plane],
+        np.zeros(len(sample)),
+        room[sample, plane],
+        limit[sample],
+        sample * room.shape[1] + plane,
+    )
+
+
 def two_sided_room(
     used: FloatArray, duration: tuple[FloatArray, float], squared_duration: float
 ) -> FloatArray:

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.linear_rows import Rows, StepSize
+from tubeplanner.linear_rows import Rows, StepSize, plane_rows
 from tubeplanner.phase_spline import PhasedMotion, Samples
 from tubeplanner.robot import RobotModel
 from tubeplanner.rotational_tube import RotationalTube
@@ -54,21 +54,9 @@ class EvaluatedRotation:
         rotation, hand, jacobian = self.robot.tool_pose_jacobian(self.at.position)
         _, by_joint = self.tube.error_jacobian(rotation, hand, jacobian, self.samples.phase)
         by_plane = np.matmul(self._normals, by_joint) / self._bounds[:, :, None]
-        control, gate = self.at.chained(by_plane[None])
-        reach = np.full(room.shape, np.inf)
-        if size is not None:
-            reach = size.control * abs(control).sum(axis=(-2, -1))
-            reach += size.gate * abs(gate).sum(axis=-1)
-        sample, plane = np.nonzero(np.isfinite(self._bounds) & (room < reach))
-        return Rows(
-            self.at.first[sample],
-            control[sample, plane],
-            gate[sample, plane],
-            np.zeros(len(sample)),
-            room[sample, plane],
-            self.first_limit + self.samples.phase[sample],
-            sample * room.shape[1] + plane,
-        )
+        room = np.where(np.isfinite(self._bounds), room, np.inf)
+        limit = self.first_limit + self.samples.phase
+        return plane_rows(self.at.first, self.at.chained(by_plane[None]), room, limit, size)
 
     @property
     def row_count(self) -> int:

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.linear_rows import NO_LIMIT, Rows, StepSize
+from tubeplanner.linear_rows import NO_LIMIT, Rows, StepSize, plane_rows
 from tubeplanner.phase_spline import PhasedMotion, Samples
 from tubeplanner.problem import PlanningProblem
 from tubeplanner.sampled_motion import SampledMotion, sampled
@@ -54,21 +54,8 @@ class EvaluatedTube:
         room = self._room_behind_planes(self)
         linear = self.problem.robot.tool_jacobian(self.at.position)[1][:, :3]
         by_joint = np.matmul(self._normals, linear) / self._radius[:, None, None]
-        control, gate = self.at.chained(by_joint[None])
-        keep = np.ones(room.shape, dtype=bool)
-        if size is not None:
-            reach = size.control * abs(control).sum(axis=(-2, -1))
-            keep = room < reach + size.gate * abs(gate).sum(axis=-1)
-        sample, plane = np.nonzero(keep)
-        return Rows(
-            self.at.first[sample],
-            control[sample, plane],
-            gate[sample, plane],
-            np.zeros(len(sample)),
-            room[sample, plane],
-            self.first_limit + self.samples.phase[sample],
-            sample * room.shape[1] + plane,
-        )
+        limit = self.first_limit + self.samples.phase
+        return plane_rows(self.at.first, self.at.chained(by_joint[None]), room, limit, size)
 
     @property
     def row_count(self) -> int:
