@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tubeplanner import LimitOverrides, PlanOptions, load_problem, load_robot, plan
+from tubeplanner.cli import main
 
 
 @pytest.fixture(scope="session")
@@ -54,3 +55,15 @@ def planned():
         return made[name, method]
 
     return of
+
+
+@pytest.fixture
+def run(capsys):
+    """Return a function from arguments to exit status, standard output and standard error."""
+
+    def call(*arguments):
+        status = main([str(argument) for argument in arguments])
+        captured = capsys.readouterr()
+        return status, captured.out, captured.err
+
+    return call

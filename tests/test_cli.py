@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from tubeplanner import Place, load_robot
-from tubeplanner.cli import main
 
 PROBLEM = "example:two_link/around_a_post"
 FIELDS = {
@@ -26,18 +25,6 @@ FIELDS = {
     "stopped_by",
     "certificate",
 }
-
-
-@pytest.fixture
-def run(capsys):
-    """Return a function from arguments to exit status, standard output and standard error."""
-
-    def call(*arguments):
-        status = main([str(argument) for argument in arguments])
-        captured = capsys.readouterr()
-        return status, captured.out, captured.err
-
-    return call
 
 
 @pytest.fixture

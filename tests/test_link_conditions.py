@@ -81,3 +81,5 @@ def test_a_tube_that_is_blocked_is_reported_with_links_and_depth(two_link):
     assert result.place.obstacle == "wall"
     assert "mm into 'wall'" in result.message
     assert result.trajectory is None
+    assert result.path_minimum is None
+    assert (result.notes, result.sensitivities) == ((), ())  # nothing is said of no motion

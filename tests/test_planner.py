@@ -385,7 +385,10 @@ def test_whatever_refinement_has_when_it_is_stopped_is_an_answer(two_link, steps
     result = plan(two_link_problem(two_link), progress=interrupt)
     assert result.succeeded
     assert (result.stopped_by == "interrupt") == (count == steps)
-    assert bool(result.sensitivities) == (result.method == "refinement")
+    refined = result.method == "refinement"
+    assert bool(result.sensitivities) == refined
+    knots = f"the knots ({len(result.trajectory.widths)})"
+    assert [knots in note for note in result.notes] == [True] * refined
 
 
 def test_fewer_knots_are_a_little_slower_and_more_a_little_faster(two_link):

@@ -11,16 +11,6 @@ PROBLEM = "example:two_link/paper_1_30mm"
 PNG = b"\x89PNG"
 
 
-@pytest.fixture
-def run(capsys):
-    def call(*arguments):
-        status = main([str(argument) for argument in arguments])
-        captured = capsys.readouterr()
-        return status, captured.out, captured.err
-
-    return call
-
-
 @pytest.fixture(scope="module")
 def trajectory(tmp_path_factory):
     folder = tmp_path_factory.mktemp("planned")

@@ -135,11 +135,13 @@ def _from_start(
         if result.succeeded or result.certificate is None or clock.stopped_by is not None:
             break
         work = partial(refinement.answer, result.certificate, motion.duration)
+    if not result.succeeded:
+        return result
     prices = partial(price_list, problem, refinement, motion.duration)
-    return replace(result, notes=_notes(problem, motion, knots), _prices=prices)
+    return replace(result, notes=_notes(problem, motion), _prices=prices)
 
 
-def _notes(problem: PlanningProblem, motion: JointTrajectory, knots: int) -> tuple[str, ...]:
+def _notes(problem: PlanningProblem, motion: JointTrajectory) -> tuple[str, ...]:
     """Return what the motion's jerk means, where nothing limits it."""
     robot = problem.robot
     peak = abs(motion.derivative_coefficients(3)).max(axis=(0, 1))
@@ -149,7 +151,8 @@ def _notes(problem: PlanningProblem, motion: JointTrajectory, knots: int) -> tup
         return ()
     unit = "rad/s^3" if robot.revolute[joint] else "m/s^3"
     return (
-        f"without a jerk limit, jerk grows with the square of the knots ({knots}): here up to "
+        f"without a jerk limit, jerk grows with the square of the knots ({len(motion.widths)}): "
+        "here up to "
         f"{peak[joint]:.2g} {unit} ('{robot.joint_names[joint]}'); give the robot's own as "
         "limits.jerk for a motion that a machine can follow",
     )
