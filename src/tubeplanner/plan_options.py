@@ -41,9 +41,9 @@ class PlanOptions:
             certified. "branch-and-bound": the fastest motion through points of the reference path
             that cuts its corners inside the tube; the next one where it finds nothing faster.
             "stop-at-corners": along the reference path, resting at every reference point.
-        quality: Of refinement. "fast": few knots, about half the time, motions 1-2 % slower.
-            "balanced". "best": also with more knots and from every start there is, five to eight
-            times the time.
+        quality: Of refinement. "fast": few knots, half to three quarters of the time, motions
+            about 1 % slower. "balanced". "best": also with more knots and from every start there
+            is, three to eight times the time.
         candidate_points: From how many points on the reference path, start and goal included,
             branch and bound chooses. More take longer, exponentially in the worst case, and give
             other motions, not always faster ones.
