@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tubeplanner import LimitOverrides, PlanOptions, load_problem, load_robot, plan
-from tubeplanner.cli import main
+from tubeplanner.commands.cli import main
 
 
 @pytest.fixture(scope="session")

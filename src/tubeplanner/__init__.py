@@ -6,6 +6,10 @@ points). Units are SI and radians; positions are in the frame of the URDF's root
     problem = load_problem("example:ur5/over_the_wall")
     result = plan(problem)
 
+Data flows one way, through folders that import only those above them: `robot`, `collision`, `tube`,
+`problem`, `motion`, `verification`, `branches`, `waypoint_search` (phase 1), `refinement` (phase 2),
+`planning`, `studies`, `files`, `views`, `commands`.
+
 Names are loaded on first use, so that `import tubeplanner` stays quick.
 """
 
@@ -13,55 +17,57 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from tubeplanner.branch_and_bound import SearchStatistics as SearchStatistics
-    from tubeplanner.certificate import Certificate as Certificate
-    from tubeplanner.certificate import Condition as Condition
-    from tubeplanner.certificate import Tolerance as Tolerance
+    from tubeplanner.collision.obstacle import AttachedSolid as AttachedSolid
+    from tubeplanner.collision.obstacle import Obstacle as Obstacle
+    from tubeplanner.collision.obstacle import placement_of as placement_of
     from tubeplanner.errors import OptionError as OptionError
     from tubeplanner.errors import OutputError as OutputError
     from tubeplanner.errors import ProblemError as ProblemError
     from tubeplanner.errors import RobotError as RobotError
     from tubeplanner.errors import TrajectoryError as TrajectoryError
     from tubeplanner.errors import TubePlannerError as TubePlannerError
-    from tubeplanner.joint_limits import LimitOverrides as LimitOverrides
-    from tubeplanner.obstacle import AttachedSolid as AttachedSolid
-    from tubeplanner.obstacle import Obstacle as Obstacle
-    from tubeplanner.obstacle import placement_of as placement_of
+    from tubeplanner.files.trajectory_file import read_trajectory as read_trajectory
+    from tubeplanner.motion.trajectory import JointTrajectory as JointTrajectory
     from tubeplanner.outcome import Place as Place
     from tubeplanner.outcome import PlanStatus as PlanStatus
-    from tubeplanner.pinocchio_model import Payload as Payload
-    from tubeplanner.pinocchio_model import ToolOffset as ToolOffset
-    from tubeplanner.plan_options import PlanOptions as PlanOptions
-    from tubeplanner.plan_result import PlanResult as PlanResult
-    from tubeplanner.planner import plan as plan
-    from tubeplanner.plotting import plot_trajectory as plot_trajectory
-    from tubeplanner.problem import PlanningProblem as PlanningProblem
-    from tubeplanner.problem import Seed as Seed
-    from tubeplanner.problem import load_problem as load_problem
-    from tubeplanner.problem import parse_problem as parse_problem
+    from tubeplanner.planning.plan_options import PlanOptions as PlanOptions
+    from tubeplanner.planning.plan_result import PlanResult as PlanResult
+    from tubeplanner.planning.planner import plan as plan
+    from tubeplanner.problem.problem import PlanningProblem as PlanningProblem
+    from tubeplanner.problem.problem import Seed as Seed
+    from tubeplanner.problem.problem import load_problem as load_problem
+    from tubeplanner.problem.problem import parse_problem as parse_problem
     from tubeplanner.progress import Progress as Progress
-    from tubeplanner.robot import RobotModel as RobotModel
-    from tubeplanner.robot import load_robot as load_robot
-    from tubeplanner.sensitivities import Sensitivity as Sensitivity
-    from tubeplanner.study_plots import plot_convergence as plot_convergence
-    from tubeplanner.study_plots import plot_sweep as plot_sweep
-    from tubeplanner.tolerance_sweep import SweepResult as SweepResult
-    from tubeplanner.tolerance_sweep import SweepRow as SweepRow
-    from tubeplanner.tolerance_sweep import sweep as sweep
-    from tubeplanner.trajectory import JointTrajectory as JointTrajectory
-    from tubeplanner.trajectory_file import read_trajectory as read_trajectory
-    from tubeplanner.tube import Tube as Tube
-    from tubeplanner.verification import verify as verify
-    from tubeplanner.viewer import View as View
-    from tubeplanner.viewer import view as view
-    from tubeplanner.waypoint_interpolation import quartic_spline as quartic_spline
-    from tubeplanner.waypoint_interpolation import sequential_quartics as sequential_quartics
+    from tubeplanner.refinement.sensitivities import Sensitivity as Sensitivity
+    from tubeplanner.robot.joint_limits import LimitOverrides as LimitOverrides
+    from tubeplanner.robot.pinocchio_model import Payload as Payload
+    from tubeplanner.robot.pinocchio_model import ToolOffset as ToolOffset
+    from tubeplanner.robot.robot_model import RobotModel as RobotModel
+    from tubeplanner.robot.robot_model import load_robot as load_robot
+    from tubeplanner.studies.tolerance_sweep import SweepResult as SweepResult
+    from tubeplanner.studies.tolerance_sweep import SweepRow as SweepRow
+    from tubeplanner.studies.tolerance_sweep import sweep as sweep
+    from tubeplanner.tube.tube import Tube as Tube
+    from tubeplanner.verification.certificate import Certificate as Certificate
+    from tubeplanner.verification.certificate import Condition as Condition
+    from tubeplanner.verification.certificate import Tolerance as Tolerance
+    from tubeplanner.verification.verification import verify as verify
+    from tubeplanner.views.plotting import plot_trajectory as plot_trajectory
+    from tubeplanner.views.study_plots import plot_convergence as plot_convergence
+    from tubeplanner.views.study_plots import plot_sweep as plot_sweep
+    from tubeplanner.views.viewer import View as View
+    from tubeplanner.views.viewer import view as view
+    from tubeplanner.waypoint_search.branch_and_bound import SearchStatistics as SearchStatistics
+    from tubeplanner.waypoint_search.waypoint_interpolation import quartic_spline as quartic_spline
+    from tubeplanner.waypoint_search.waypoint_interpolation import (
+        sequential_quartics as sequential_quartics,
+    )
 
 __version__ = "0.1.0"
 
 _HOMES = {
-    "branch_and_bound": ("SearchStatistics",),
-    "certificate": ("Certificate", "Condition", "Tolerance"),
+    "waypoint_search.branch_and_bound": ("SearchStatistics",),
+    "verification.certificate": ("Certificate", "Condition", "Tolerance"),
     "errors": (
         "OptionError",
         "OutputError",
@@ -70,26 +76,26 @@ _HOMES = {
         "TrajectoryError",
         "TubePlannerError",
     ),
-    "joint_limits": ("LimitOverrides",),
-    "obstacle": ("AttachedSolid", "Obstacle", "placement_of"),
+    "robot.joint_limits": ("LimitOverrides",),
+    "collision.obstacle": ("AttachedSolid", "Obstacle", "placement_of"),
     "outcome": ("Place", "PlanStatus"),
-    "plan_options": ("PlanOptions",),
-    "plan_result": ("PlanResult",),
-    "planner": ("plan",),
-    "pinocchio_model": ("Payload", "ToolOffset"),
-    "plotting": ("plot_trajectory",),
-    "problem": ("PlanningProblem", "Seed", "load_problem", "parse_problem"),
+    "planning.plan_options": ("PlanOptions",),
+    "planning.plan_result": ("PlanResult",),
+    "planning.planner": ("plan",),
+    "robot.pinocchio_model": ("Payload", "ToolOffset"),
+    "views.plotting": ("plot_trajectory",),
+    "problem.problem": ("PlanningProblem", "Seed", "load_problem", "parse_problem"),
     "progress": ("Progress",),
-    "robot": ("RobotModel", "load_robot"),
-    "sensitivities": ("Sensitivity",),
-    "study_plots": ("plot_convergence", "plot_sweep"),
-    "tolerance_sweep": ("SweepResult", "SweepRow", "sweep"),
-    "trajectory": ("JointTrajectory",),
-    "trajectory_file": ("read_trajectory",),
-    "tube": ("Tube",),
-    "verification": ("verify",),
-    "viewer": ("View", "view"),
-    "waypoint_interpolation": ("quartic_spline", "sequential_quartics"),
+    "robot.robot_model": ("RobotModel", "load_robot"),
+    "refinement.sensitivities": ("Sensitivity",),
+    "views.study_plots": ("plot_convergence", "plot_sweep"),
+    "studies.tolerance_sweep": ("SweepResult", "SweepRow", "sweep"),
+    "motion.trajectory": ("JointTrajectory",),
+    "files.trajectory_file": ("read_trajectory",),
+    "tube.tube": ("Tube",),
+    "verification.verification": ("verify",),
+    "views.viewer": ("View", "view"),
+    "waypoint_search.waypoint_interpolation": ("quartic_spline", "sequential_quartics"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 

@@ -1,0 +1,107 @@
+"""Plans and certificates as text for a terminal."""
+
+import sys
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from tubeplanner.planning.plan_result import PlanResult
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.studies.tolerance_sweep import SweepResult
+from tubeplanner.verification.certificate import RELATIVE, Certificate
+
+_WIDTH_OF_A_FILE = 160  # [characters]
+# Rounding errors of the machine are shown as what they are: nothing.
+_NOTHING = 1e-10
+_PRICES = 3
+
+
+def plan_text(
+    problem: PlanningProblem, result: PlanResult, loading_time: float, *, with_minimum: bool = False
+) -> str:
+    """Return what came of planning, in lines.
+
+    Args:
+        problem: What was asked.
+        result: What came of it.
+        loading_time: [s].
+        with_minimum: Whether to say how fast the path could be run by motors that switch at once.
+    """
+    robot = problem.robot
+    lines = [
+        f"{problem.name}: {robot.name}, {robot.joint_count} joints to {robot.tool_frame}",
+        f"loaded in {loading_time:.2f} s, planned in {result.planning_time:.2f} s "
+        f"(certificate {result.certificate_time:.2f} s), method {result.method}",
+    ]
+    if result.search is not None:
+        lines.append(f"branch and bound: {result.search}")
+    if result.certificate is not None:
+        lines.append(certificate_text(result.certificate))
+    lines.append(f"{result.status}: {result.message}")
+    dearest = [str(price) for price in result.sensitivities[:_PRICES] if price.saved > 0]
+    if dearest:
+        lines.append(f"10 % more would save: {'; '.join(dearest)}")
+    if with_minimum and result.path_minimum is not None and result.duration:
+        left = max(1 - result.path_minimum / result.duration, 0.0)
+        lines.append(
+            f"time left on this path: motors that switch at once would take "
+            f"{result.path_minimum:.4f} s, {100 * left:.1f} % less"
+        )
+    lines += [f"note: {note}" for note in result.notes]
+    place = str(result.place)
+    if place:
+        lines.append(f"where: {place}")
+    if result.stopped_by is not None:
+        lines.append(f"stopped by {result.stopped_by.replace('_', ' ')}: there may be better")
+    if problem.obstacles and not problem.collision.has_link_geometry:
+        lines.append(
+            "note: the robot has no collision geometry; the obstacles were NOT checked against it"
+        )
+    return "\n".join(lines)
+
+
+def sweep_text(result: SweepResult) -> str:
+    """Return a sweep as a table, as wide as the terminal, and the rows' messages."""
+    scaled = result.quantity != "radius"
+    table = Table(title=f"{result.problem.name}: duration against tolerance", title_justify="left")
+    for heading in ("scale" if scaled else "radius", "duration", "10 % more radius", "planned in"):
+        table.add_column(heading, justify="right")
+    table.add_column("answer")
+    for row in result.rows:
+        value = f"{row.value:g}" if scaled else f"{1000 * row.value:g} mm"
+        if row.result is None or row.duration is None:
+            table.add_row(value, "", "", "", f"{row.status}: {escape(row.message)}")
+            continue
+        saved = (
+            "" if row.elasticity is None else f"{abs(100 * row.elasticity * row.duration):.2g} ms"
+        )
+        said = f"certified, {row.result.method}" + (f"; {row.note}" if row.note else "")
+        times = (f"{row.duration:.4f} s", saved and f"saves {saved}")
+        table.add_row(value, *times, f"{row.result.planning_time:.2f} s", said)
+    return _rendered(table)
+
+
+def certificate_text(certificate: Certificate) -> str:
+    """Return a certificate as a table, as wide as the terminal."""
+    table = Table(title="Certificate", title_justify="left")
+    for heading in ("condition", "margin", "holds", "where", "coverage"):
+        table.add_column(heading, justify="right" if heading == "margin" else "left")
+    for name, condition in certificate.conditions.items():
+        if condition.margin is None:
+            table.add_row(name, "", "not asked", "", condition.coverage)
+            continue
+        shown = 0.0 if abs(condition.margin) < _NOTHING else condition.margin
+        percent = condition.unit == RELATIVE
+        margin = f"{100 * shown:.3g} %" if percent else f"{shown:.3g} {condition.unit}"
+        verdict = "yes" if condition.holds(certificate.tolerance) else "NO"
+        place = escape(str(condition.where))
+        table.add_row(name, margin, verdict, place, condition.coverage)
+    return _rendered(table)
+
+
+def _rendered(table: Table) -> str:
+    console = Console(width=None if sys.stdout.isatty() else _WIDTH_OF_A_FILE)
+    with console.capture() as capture:
+        console.print(table)
+    return capture.get().rstrip("\n")
