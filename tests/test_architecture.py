@@ -42,6 +42,7 @@ ORDER = {
     "problem": (
         "problem_faults",
         "problem_format",
+        "joint_values",
         "problem",
     ),
     "motion": (

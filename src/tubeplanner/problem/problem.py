@@ -1,6 +1,6 @@
 """A planning problem: robot, tube, start, goal, obstacles; built in Python or read from a file."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -12,6 +12,7 @@ from tubeplanner.arrays import FloatArray, read_only
 from tubeplanner.collision.collision_checker import CollisionChecker
 from tubeplanner.collision.obstacle import FARTHEST, AttachedSolid, Obstacle, placement_of
 from tubeplanner.errors import ProblemError, RobotError, unknown_name
+from tubeplanner.problem.joint_values import configuration_of
 from tubeplanner.problem.problem_format import (
     AttachedFields,
     EndpointFields,
@@ -86,11 +87,11 @@ class PlanningProblem:
             if given is None:
                 continue
             if isinstance(given, Seed):
-                seed = self._configuration(f"{end}.seed", given.joints)
+                seed = configuration_of(self.robot, f"{end}.seed", given.joints)
                 self._require_within_limits(f"{end}.seed", seed)
                 self._keep(end, Seed(seed))
                 continue
-            q = self._configuration(end, given)
+            q = configuration_of(self.robot, end, given)
             self._require_inside(end, q, segment)
             self._keep(end, q)
         if not 0 <= self.clearance <= FARTHEST:
@@ -109,13 +110,17 @@ class PlanningProblem:
             ignore=self.ignore_collisions,
         )
 
-    def with_tube(self, tube: Tube) -> "PlanningProblem":
+    def with_tube(self, tube: Tube, goal: FloatArray | None = None) -> "PlanningProblem":
         """Return the problem with another tube; robot and collision geometry are shared.
+
+        Args:
+            tube: The other tube.
+            goal: Another goal (n,) to go with it; None: the same.
 
         Raises:
             ProblemError: As on construction: start or goal may lie outside the other tube.
         """
-        other = replace(self, tube=tube)
+        other = replace(self, tube=tube, goal=self.goal if goal is None else goal)
         other._keep("collision", self.collision)
         return other
 
@@ -141,29 +146,6 @@ class PlanningProblem:
             )
         self._keep("joint_lower", read_only(lower))
         self._keep("joint_upper", read_only(upper))
-
-    def _configuration(self, end: str, values: Any) -> FloatArray:
-        """Return joint values given in group order or by name as an array (n,)."""
-        names = self.robot.joint_names
-        if isinstance(values, Mapping):
-            for name in values:
-                if name not in names:
-                    raise ProblemError(f"{end}: {unknown_name('joint', name, names)}")
-            missing = [name for name in names if name not in values]
-            if missing:
-                raise ProblemError(f"{end}: no value for joint {', '.join(missing)}")
-            values = [values[name] for name in names]
-        try:
-            q = read_only(values)
-        except (TypeError, ValueError):
-            raise ProblemError(f"{end} {values!r} must be numbers, one per joint") from None
-        if q.shape != (len(names),):
-            raise ProblemError(
-                f"{end} has {q.size} values for the {len(names)} joints {', '.join(names)}"
-            )
-        if not np.isfinite(q).all():
-            raise ProblemError(f"{end} must be finite numbers")
-        return q
 
     def _require_within_limits(self, what: str, q: FloatArray) -> None:
         limits = self.robot.limits
@@ -216,28 +198,33 @@ class PlanningProblem:
         )
 
 
-def load_problem(name: str | Path, directory: str | Path = ".") -> PlanningProblem:
+def load_problem(
+    name: str | Path, directory: str | Path = ".", *, reads_tube: bool = True
+) -> PlanningProblem:
     """Read a problem file, its robot and its robot's collision geometry.
 
     Args:
         name: A path, or `example:ROBOT/NAME` for a bundled problem.
         directory: Where a relative path starts.
+        reads_tube: False: whether the file has a tube or not, the hand may be anywhere, and the
+            goal may be a hand position, the tube's last point.
 
     Raises:
         ProblemError: The file contradicts its format, itself or its robot.
         RobotError: The robot cannot be planned with.
     """
     path = find_problem(name, Path(directory))
-    return _build(
-        read_problem_fields(path),
-        path.parent,
-        f"{path.resolve().parent.name}/{path.stem}",
-        str(path),
-    )
+    called = f"{path.resolve().parent.name}/{path.stem}"
+    tube_of = _tube if reads_tube else _tube_anywhere
+    return _build(read_problem_fields(path), path.parent, called, str(path), tube_of)
 
 
 def parse_problem(
-    data: Mapping[str, Any], directory: str | Path = ".", name: str = "problem"
+    data: Mapping[str, Any],
+    directory: str | Path = ".",
+    name: str = "problem",
+    *,
+    reads_tube: bool = True,
 ) -> PlanningProblem:
     """Build a problem from what a problem file holds, as dictionaries and lists.
 
@@ -245,20 +232,28 @@ def parse_problem(
         data: The contents of a problem file.
         directory: Where its relative paths start.
         name: What messages and plots call it.
+        reads_tube: As for `load_problem`.
 
     Raises:
         ProblemError: As `load_problem`.
         RobotError: As `load_problem`.
     """
-    return _build(check_problem_fields(data, name), Path(directory), name, name)
+    tube_of = _tube if reads_tube else _tube_anywhere
+    return _build(check_problem_fields(data, name), Path(directory), name, name, tube_of)
 
 
-def _build(fields: ProblemFields, directory: Path, name: str, source: str) -> PlanningProblem:
+def _build(
+    fields: ProblemFields,
+    directory: Path,
+    name: str,
+    source: str,
+    tube_of: Callable[[ProblemFields, RobotModel], Tube],
+) -> PlanningProblem:
     try:
         robot = _robot(fields.robot, directory)
         problem = PlanningProblem(
             robot=robot,
-            tube=_tube(fields),
+            tube=tube_of(fields, robot),
             start=_endpoint("start", fields.start),
             goal=None if fields.goal is None else _endpoint("goal", fields.goal),
             obstacles=tuple(
@@ -295,7 +290,16 @@ def _robot(fields: RobotFields, directory: Path) -> RobotModel:
     )
 
 
-def _tube(fields: ProblemFields) -> Tube:
+def _tube(fields: ProblemFields, robot: RobotModel) -> Tube:
+    if fields.tube is None:
+        raise ProblemError(
+            "tube is required; `tubeplanner route` finds one from start, goal and obstacles"
+        )
+    if fields.goal is not None and fields.goal.position is not None:
+        raise ProblemError(
+            "goal.position is for `tubeplanner route`, which finds joints for it; in a tube the "
+            "last of tube.points is the goal's position"
+        )
     return Tube(
         fields.tube.points,
         fields.tube.radius,
@@ -307,10 +311,35 @@ def _tube(fields: ProblemFields) -> Tube:
     )
 
 
+def _tube_anywhere(fields: ProblemFields, robot: RobotModel) -> Tube:
+    """Return the tube that lets the hand be anywhere, from its start to its goal."""
+    if fields.start.joints is None:
+        raise ProblemError("start.joints is required: a seed belongs to the first point of a tube")
+    if fields.goal is None:
+        raise ProblemError("goal is required: joints, or the position of the hand")
+    q = [configuration_of(robot, "start", _values(fields.start.joints))]
+    if fields.goal.joints is not None:
+        q.append(configuration_of(robot, "goal", _values(fields.goal.joints)))
+    elif fields.goal.position is None:
+        raise ProblemError("goal.seed belongs to a position; give goal.position or goal.joints")
+    return Tube.anywhere(*robot.tool_position(np.array(q)), *_given(fields.goal.position))
+
+
+def _given(point: Sequence[float] | None) -> list[FloatArray]:
+    return [] if point is None else [np.array(point)]
+
+
 def _endpoint(end: str, fields: EndpointFields) -> Any:
-    if (fields.joints is None) == (fields.seed is None):
-        found = "neither" if fields.joints is None else "both"
-        raise ProblemError(f"{end} takes either joints or seed; it has {found}")
+    given = [key for key in ("joints", "seed") if getattr(fields, key) is not None]
+    if fields.position is not None and (end == "start" or "joints" in given):
+        why = "start takes joints" if end == "start" else "it is the one of goal.joints"
+        raise ProblemError(f"{end}.position is not to be given: {why}")
+    if fields.position is not None and not given:
+        return None
+    if len(given) != 1:
+        raise ProblemError(
+            f"{end} takes either joints or seed; it has {'both' if given else 'neither'}"
+        )
     return _values(fields.joints) if fields.joints is not None else Seed(_values(fields.seed))
 
 

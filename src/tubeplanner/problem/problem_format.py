@@ -163,10 +163,16 @@ class TubeFields(_Section):
 
 
 class EndpointFields(_Section):
-    """A configuration, or a seed for the inverse kinematics of the reference point."""
+    """A configuration, or a seed for the inverse kinematics of the reference point.
+
+    A goal may be a hand position instead; `route` finds the configuration.
+    """
 
     joints: JointValues | None = Field(None, description="group order or by name [rad, m]")
     seed: JointValues | None = Field(None, description="group order or by name [rad, m]")
+    position: Vector | None = Field(
+        None, description="of the hand, of a goal alone: `route` finds joints for it [m]"
+    )
 
 
 class CollisionFields(_Section):
@@ -186,7 +192,9 @@ class ProblemFields(_Section):
     )
     version: Version = Field(1, description="of the format")
     robot: RobotFields = Field(description="the arm, its tool and its limits")
-    tube: TubeFields = Field(description="where the hand may be, and in which configuration")
+    tube: TubeFields | None = Field(
+        None, description="where the hand may be, and in which configuration; `route` finds one"
+    )
     start: EndpointFields = Field(description="where the motion begins, at rest")
     goal: EndpointFields | None = Field(
         None, description="where it ends, at rest; left out: where the branch ends"

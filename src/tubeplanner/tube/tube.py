@@ -112,6 +112,15 @@ class Tube:
                 f"radius, {self.radius.min():g} m"
             )
 
+    @classmethod
+    def anywhere(cls, begin: FloatArray, end: FloatArray) -> "Tube":
+        """Return the tube from one hand position to another (3,) that keeps the hand from nowhere.
+
+        Where both are the same, the second is moved a little: a tube has a direction.
+        """
+        is_still = np.linalg.norm(end - begin) < _SHORTEST
+        return cls([begin, end + [0, 0, 1e3 * _SHORTEST * is_still]], _FARTHEST)
+
     def _keep_rotation(self, orientations: object, tolerance: object) -> None:
         for field in ("orientations", "rotation_tolerance", "rotation"):
             _set(self, field, None)

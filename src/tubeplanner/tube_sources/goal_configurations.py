@@ -1,0 +1,73 @@
+"""Configurations in which the motion may end: the one given, or those of a hand position."""
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.branches.inverse_kinematics import solve_position
+from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.problem.problem import PlanningProblem, Seed
+from tubeplanner.verification.refusal import require_free
+
+_DRAWS = 100
+_MOST_GOALS = 8
+_REACHED = 1e-6  # [m]
+_SAME = 0.1  # [rad or m] of every joint
+_AROUND = np.pi  # [rad or m]: how far from the start configurations are drawn
+
+
+def goal_configurations(problem: PlanningProblem, start: FloatArray, seed: int) -> FloatArray:
+    """Return free configurations (G, n) for the goal, the nearest to the start first.
+
+    Args:
+        problem: Its goal, or where that is open the last point of its tube.
+        start: Shape (n,).
+        seed: Of random numbers, where the goal is a hand position.
+
+    Raises:
+        Infeasible: None is free (status tube_blocked), or the hand does not reach the goal
+            (status unreachable).
+    """
+    if problem.goal is not None and not isinstance(problem.goal, Seed):
+        require_free(problem, "goal", problem.goal)
+        return problem.goal[None]
+    free, blocked = [], None
+    for q in _reaching(problem, start, seed):
+        try:
+            require_free(problem, "goal", q)
+            free.append(q)
+        except Infeasible as reason:
+            blocked = blocked or reason
+    if not free and blocked is not None:
+        raise blocked
+    return np.array(free[:_MOST_GOALS])
+
+
+def _reaching(problem: PlanningProblem, start: FloatArray, seed: int) -> list[FloatArray]:
+    """Return configurations that have the hand at the goal, the nearest to the start first.
+
+    Raises:
+        Infeasible: Status unreachable.
+    """
+    limits, target = problem.robot.limits, problem.tube.points[-1]
+    if isinstance(problem.goal, Seed):
+        seeds = problem.goal.joints[None]
+    else:
+        low = np.maximum(limits.lower_position, start - _AROUND)
+        high = np.minimum(limits.upper_position, start + _AROUND)
+        drawn = np.random.default_rng(seed).uniform(low, high, (_DRAWS, len(start)))
+        seeds = np.vstack([start, drawn])
+    found: list[FloatArray] = []
+    least = np.inf
+    for near in seeds:
+        solution = solve_position(
+            problem.robot, target, near, limits.lower_position, limits.upper_position
+        )
+        least = min(least, solution.error)
+        is_new = all(abs(solution.q - other).max() > _SAME for other in found)
+        if solution.error <= _REACHED and is_new:
+            found.append(solution.q)
+    if not found:
+        x, y, z = (float(value) for value in target)
+        message = f"the goal is out of reach: the hand gets no nearer than {least:.4g} m"
+        raise Infeasible(PlanStatus.UNREACHABLE, message, Place(position=(x, y, z)))
+    return sorted(found, key=lambda q: float(abs(q - start).max()))

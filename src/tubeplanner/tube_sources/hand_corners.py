@@ -1,0 +1,148 @@
+"""Few reference points along a route: straight lines of the hand that the arm can follow freely.
+
+Between two points of the route the hand goes straight, the other joints as the route has them.
+Where links have no room on the way, a point of the route is put in between.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.branches.inverse_kinematics import solve_position
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.tube_sources.free_space import FreeSpace
+
+_ROUTE_STEP = 0.05  # [rad or m] of the joint that moves most, between samples of the route
+_LONGEST_STEP = 0.02  # [m] of the hand on a line
+_LARGEST_JOINT_STEP = 0.3  # [rad or m] between neighbours on a line: more is another branch
+_ON_LINE = 1e-6  # [m]
+# Reference points are at least so far apart [m].
+_NEAREST = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class HandCorners:
+    """Reference points, and the arm on the straight lines between them.
+
+    Attributes:
+        points: Shape (m+1, 3) [m].
+        lines: Per segment, configurations from its start to its end, shape (P_k, n).
+    """
+
+    points: FloatArray
+    lines: tuple[FloatArray, ...]
+
+
+def hand_corners(
+    problem: PlanningProblem, space: FreeSpace, route: FloatArray
+) -> HandCorners | None:
+    """Return few corners of the hand's path along a route, with free straight lines between.
+
+    Args:
+        problem: Its arm counts.
+        space: Which configurations are free.
+        route: Corners of a route in joint space, shape (P, n).
+
+    Returns:
+        None if even the route itself is not free where the hand follows straight lines.
+    """
+    return _Corners(problem, space, _sampled(route)).found()
+
+
+def _sampled(route: FloatArray) -> FloatArray:
+    """Return a route of straight joint lines, densely: shape (N, n)."""
+    parts = [route[:1]]
+    for a, b in pairwise(route):
+        count = max(int(np.ceil(abs(b - a).max() / _ROUTE_STEP)), 1)
+        parts.append(a + np.linspace(0, 1, count + 1)[1:, None] * (b - a))
+    return np.vstack(parts)
+
+
+class _Corners:
+    """The choice of samples (N, n) of a route whose hand positions become corners."""
+
+    def __init__(self, problem: PlanningProblem, space: FreeSpace, route: FloatArray) -> None:
+        self._robot, self._space, self._route = problem.robot, space, route
+        self._hand = problem.robot.tool_position(route)
+        self._known: dict[tuple[int, int], FloatArray | None] = {}
+
+    def found(self) -> HandCorners | None:
+        chosen = self._between(0, len(self._route) - 1)
+        if chosen is None:
+            return None
+        chosen = self._without_spare([0, *chosen])
+        lines = tuple(self._line(i, j) for i, j in pairwise(chosen))
+        return HandCorners(self._hand[chosen], lines)
+
+    def _between(self, i: int, j: int) -> list[int] | None:
+        """Return the corners after sample i, up to sample j."""
+        if self._line(i, j) is not None:
+            return [j]
+        middle = self._farthest(i, j)
+        if middle is None:
+            return None
+        before = self._between(i, middle)
+        after = None if before is None else self._between(middle, j)
+        return None if before is None or after is None else before + after
+
+    def _without_spare(self, chosen: list[int]) -> list[int]:
+        """Return the corners without those that a longer free line can do without."""
+        k = 1
+        while k < len(chosen) - 1:
+            if self._line(chosen[k - 1], chosen[k + 1]) is not None:
+                del chosen[k]
+                k = max(k - 1, 1)
+            else:
+                k += 1
+        return chosen
+
+    def _farthest(self, i: int, j: int) -> int | None:
+        """Return the sample between two others that is farthest from their line, or midway."""
+        inside = np.arange(i + 1, j)
+        apart = [np.linalg.norm(self._hand[inside] - self._hand[k], axis=1) for k in (i, j)]
+        inside = inside[np.min(apart, axis=0) > _NEAREST] if len(inside) else inside
+        if len(inside) == 0:
+            return None
+        along = self._hand[j] - self._hand[i]
+        share = (self._hand[inside] - self._hand[i]) @ along / max(float(along @ along), 1e-12)
+        foot = self._hand[i] + np.clip(share, 0, 1)[:, None] * along
+        distance = np.linalg.norm(self._hand[inside] - foot, axis=1)
+        if distance.max() > _NEAREST:
+            return int(inside[distance.argmax()])
+        return int(inside[len(inside) // 2])
+
+    def _line(self, i: int, j: int) -> FloatArray | None:
+        if (i, j) not in self._known:
+            self._known[i, j] = self._walked(i, j)
+        return self._known[i, j]
+
+    def _walked(self, i: int, j: int) -> FloatArray | None:
+        """Return the arm (P, n) along the straight line between two samples, if it is free."""
+        route, ends = self._route[i : j + 1], self._hand[[i, j]]
+        length = float(np.linalg.norm(ends[1] - ends[0]))
+        if length < _NEAREST:
+            return None
+        count = max(len(route), int(np.ceil(length / _LONGEST_STEP)) + 1)
+        shares = np.linspace(0, 1, count)
+        guides = _between_samples(route, shares * (len(route) - 1))
+        found, limits = [route[0]], self._robot.limits
+        bounds = limits.lower_position, limits.upper_position
+        for share, guide in zip(shares[1:], guides[1:], strict=True):
+            target = (1 - share) * ends[0] + share * ends[1]
+            solution = solve_position(self._robot, target, found[-1], *bounds, guide)
+            jump = abs(solution.q - found[-1]).max()
+            if solution.error > _ON_LINE or jump > _LARGEST_JOINT_STEP:
+                return None
+            if not self._space.is_free(solution.q):
+                return None
+            found.append(solution.q)
+        arrives = abs(found[-1] - route[-1]).max() < _LARGEST_JOINT_STEP
+        return np.vstack([*found, route[-1:]]) if arrives else None
+
+
+def _between_samples(route: FloatArray, places: FloatArray) -> FloatArray:
+    """Return a route (N, n) at places between its samples, such as 2.5: shape (P, n)."""
+    samples = np.arange(len(route))
+    return np.stack([np.interp(places, samples, q) for q in route.T], axis=1)

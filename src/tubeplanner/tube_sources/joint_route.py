@@ -1,0 +1,137 @@
+"""Collision-free routes in joint space, found by OMPL.
+
+Sucan, Moll & Kavraki, "The Open Motion Planning Library" (IEEE Robotics & Automation Magazine
+19(4), 2012); Kuffner & LaValle, "RRT-Connect" (ICRA 2000). Only this module knows OMPL.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.errors import OptionError
+from tubeplanner.tube_sources.free_space import FreeSpace
+
+_STEP = 0.05  # [rad or m] between configurations that are looked at along an edge
+# How far beyond start and goals joints may go that have no nearer limit [rad or m].
+_BEYOND = np.pi
+_LEAST_SPAN = 1e-6  # [rad or m]: OMPL wants room between bounds
+_SHORTENINGS = 5
+
+
+def require_ompl() -> None:
+    """Raise unless OMPL is there, before work is spent.
+
+    Raises:
+        OptionError: It is not installed.
+    """
+    try:
+        import ompl.base
+    except ImportError:
+        raise OptionError(
+            "finding a route takes OMPL 2, which is not installed: pip install 'tubeplanner[route]'"
+        ) from None
+    _ = ompl.base
+
+
+class RouteSearch:
+    """A search from one configuration to any of some others; the same for the same seed.
+
+    Attributes:
+        checks: How many configurations the last search looked at.
+        reached: Of the last search that found no route, the configuration (n,) nearest to a goal
+            that was reached from the start.
+    """
+
+    def __init__(
+        self,
+        space: FreeSpace,
+        start: FloatArray,
+        goals: Sequence[FloatArray],
+        lower: FloatArray,
+        upper: FloatArray,
+    ) -> None:
+        """Prepare a search.
+
+        Args:
+            space: Which configurations are free.
+            start: Shape (n,) [rad or m].
+            goals: Configurations of which one is to be reached, each (n,).
+            lower: Lower position limits, shape (n,).
+            upper: Upper position limits, shape (n,).
+
+        Raises:
+            OptionError: OMPL is not installed.
+        """
+        require_ompl()
+        from ompl import base, util
+
+        util.noOutputHandler()  # OMPL would log to standard output
+        self._space, self._start, self._goals = space, start, goals
+        ends = np.vstack([start, *goals])
+        least, most = ends.min(axis=0), ends.max(axis=0)
+        low = np.minimum(np.maximum(lower, least - _BEYOND), least)
+        high = np.maximum(np.minimum(upper, most + _BEYOND), most)
+        self._states = base.RealVectorStateSpace(0)
+        for bounds in zip(low, np.maximum(high, low + _LEAST_SPAN), strict=True):
+            self._states.addDimension(*(float(bound) for bound in bounds))
+        self.checks = 0
+        self.reached = start
+
+    def route(self, seed: int, budget: int) -> FloatArray | None:
+        """Return the corners (P, n) of a free route, shortened; None if none was found.
+
+        Args:
+            seed: Of OMPL's random numbers, > 0.
+            budget: Most configurations to look at before there is a route.
+        """
+        from ompl import base, geometric, util
+
+        util.RNG.setSeed(seed)
+        self.checks = 0
+        setup = self._setup()
+        setup.setPlanner(geometric.RRTConnect(setup.getSpaceInformation()))
+        setup.solve(base.PlannerTerminationCondition(lambda: self.checks >= budget))
+        if not setup.haveSolutionPath():
+            return None
+        path = setup.getSolutionPath()
+        if not setup.haveExactSolutionPath():
+            self.reached = self._corners(path)[-1]
+            return None
+        simplifier = setup.getPathSimplifier()
+        for _ in range(_SHORTENINGS):
+            simplifier.reduceVertices(path)
+            simplifier.partialShortcutPath(path)
+            simplifier.collapseCloseVertices(path)
+        return self._corners(path)
+
+    def _setup(self) -> Any:
+        from ompl import base, geometric
+
+        setup = geometric.SimpleSetup(self._states)
+        setup.setStateValidityChecker(self._is_valid)
+        information = setup.getSpaceInformation()
+        information.setStateValidityCheckingResolution(_STEP / information.getMaximumExtent())
+        setup.setStartState(self._state(self._start))
+        wanted = base.GoalStates(information)
+        for goal in self._goals:
+            wanted.addState(self._state(goal))
+        setup.setGoal(wanted)
+        return setup
+
+    def _is_valid(self, state: Any) -> bool:
+        self.checks += 1
+        return self._space.is_free(self._values(state))
+
+    def _state(self, q: FloatArray) -> Any:
+        state = self._states.allocState()
+        for j, value in enumerate(q):
+            state[j] = float(value)
+        return state
+
+    def _values(self, state: Any) -> FloatArray:
+        return np.array([state[j] for j in range(len(self._start))])
+
+    def _corners(self, path: Any) -> FloatArray:
+        return np.array([self._values(state) for state in path.getStates()])

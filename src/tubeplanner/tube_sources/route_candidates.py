@@ -1,0 +1,124 @@
+"""Routes from start to goal, several of them: each search finds another one."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.errors import OptionError
+from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.robot.robot_model import RobotModel
+from tubeplanner.tube_sources.free_space import FreeSpace
+from tubeplanner.tube_sources.hand_corners import HandCorners, hand_corners
+from tubeplanner.tube_sources.joint_route import RouteSearch
+
+# Room kept from obstacles beyond the clearance [m]: wide tubes are fast, narrow ways are short.
+_MARGINS = (0.03, 0.01)
+_LEAST_MARGIN = 0.002  # where there is no route with more
+
+
+@dataclass(frozen=True)
+class RouteOptions:
+    """How to find a route.
+
+    Attributes:
+        seed: Of all random numbers, >= 1; the same seed gives the same answer.
+        tries: How many routes are looked for with each distance from obstacles.
+        checks: How many configurations a try looks at before it gives up.
+        band: How far joints may leave what the route does in a segment, before measuring [rad, m].
+        max_radius: No segment gets a larger radius [m].
+        samples: How many configurations of a segment the last attack of measuring draws.
+    """
+
+    seed: int = 1
+    tries: int = 3
+    checks: int = 20_000
+    band: float = 0.5
+    max_radius: float = 0.2
+    samples: int = 5_000
+
+    def __post_init__(self) -> None:
+        for name in ("seed", "tries", "checks", "samples"):
+            if not getattr(self, name) >= 1:
+                raise OptionError(f"{name} is {getattr(self, name)}; it must be >= 1")
+        for name in ("band", "max_radius"):
+            if not 0 < getattr(self, name) < np.inf:
+                raise OptionError(f"{name} is {getattr(self, name):g}; it must be > 0 and finite")
+
+
+@dataclass(frozen=True, eq=False)
+class RouteCandidate:
+    """A route whose hand goes straight between few reference points.
+
+    Attributes:
+        margin: Room it keeps beyond the clearance [m].
+        corners: Its reference points, and the arm between them.
+        joint_time: The least time its joints take at their largest velocities [s]; joints without
+            one count as if it were 1 rad/s or 1 m/s.
+    """
+
+    margin: float
+    corners: HandCorners
+    joint_time: float
+
+    @property
+    def goal(self) -> FloatArray:
+        """Where it ends, shape (n,)."""
+        return self.corners.lines[-1][-1]
+
+
+def route_candidates(
+    problem: PlanningProblem,
+    goals: FloatArray,
+    options: RouteOptions,
+    enter: Callable[[str], None],
+) -> list[RouteCandidate]:
+    """Return routes that were found, the one of the least joint time first.
+
+    Args:
+        problem: Its arm, start and obstacles count.
+        goals: Free configurations of which one is to be reached, shape (G, n).
+        options: How to find them.
+        enter: Called with every stage as it begins.
+
+    Raises:
+        Infeasible: Status no_trajectory: none was found.
+    """
+    found: list[RouteCandidate] = []
+    for margin in (*_MARGINS, _LEAST_MARGIN):
+        if found and margin == _LEAST_MARGIN:
+            break
+        space = FreeSpace(problem, margin, np.vstack([problem.start, goals]))
+        limits = problem.robot.limits
+        bounds = limits.lower_position, limits.upper_position
+        search = RouteSearch(space, problem.start, goals, *bounds)
+        for k in range(options.tries):
+            enter(f"route {k + 1} of {options.tries}, {1000 * margin:g} mm from obstacles")
+            route = search.route(options.seed + k, options.checks)
+            corners = None if route is None else hand_corners(problem, space, route)
+            if corners is not None:
+                time = _joint_time(problem.robot, corners.lines)
+                found.append(RouteCandidate(margin, corners, time))
+    if not found:
+        raise _no_route(problem, search, options)
+    return sorted(found, key=lambda candidate: candidate.joint_time)
+
+
+def _joint_time(robot: RobotModel, lines: tuple[FloatArray, ...]) -> float:
+    speed = np.where(np.isfinite(robot.limits.velocity), robot.limits.velocity, 1.0)
+    steps = np.concatenate([abs(np.diff(q, axis=0)) / speed for q in lines])
+    return float(steps.max(axis=1).sum())
+
+
+def _no_route(
+    problem: PlanningProblem, search: RouteSearch, options: RouteOptions
+) -> Infeasible:
+    x, y, z = (float(value) for value in problem.robot.tool_position(search.reached[None])[0])
+    message = (
+        f"no route was found in {options.tries * (1 + len(_MARGINS))} tries of {options.checks} "
+        f"configurations; the last one brought the hand to [{x:.3f}, {y:.3f}, {z:.3f}] m: move "
+        "what is in the way, choose another goal configuration, or give it more tries or checks"
+    )
+    return Infeasible(PlanStatus.NO_TRAJECTORY, message, Place(position=(x, y, z)))
