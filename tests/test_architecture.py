@@ -105,6 +105,20 @@ ORDER = {
         "planner",
     ),
     "studies": ("tolerance_sweep",),
+    "tube_sources": (
+        "free_space",
+        "simplification",
+        "hand_corners",
+        "reference_tube",
+        "measured_plan",
+        "tube_answer",
+        "trail",
+        "teach",
+        "joint_route",
+        "goal_configurations",
+        "route_candidates",
+        "route",
+    ),
     "files": (
         "trajectory_file",
         "fingerprint",
@@ -112,6 +126,8 @@ ORDER = {
         "export_samples",
         "export",
         "output_files",
+        "problem_file",
+        "taught_problem",
     ),
     "views": (
         "palette",
@@ -132,6 +148,7 @@ ORDER = {
         "console",
         "view_command",
         "study_commands",
+        "tube_commands",
         "cli",
     ),
 }
@@ -148,6 +165,7 @@ KNOWS = {
     "click": {
         "commands.console",
         "commands.study_commands",
+        "commands.tube_commands",
         "commands.view_command",
         "commands.cli",
     },
@@ -155,6 +173,7 @@ KNOWS = {
     "piqp": {"refinement.linear_program"},
     "toppra": {"planning.path_minimum"},
     "yaml": {"files.trajectory_file"},
+    "ompl": {"tube_sources.joint_route"},
     "pydantic": {"problem.problem_faults", "problem.problem_format"},
 }
 

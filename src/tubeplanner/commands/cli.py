@@ -33,6 +33,7 @@ from tubeplanner.commands.console import (
 from tubeplanner.commands.interrupts import interrupts_held
 from tubeplanner.commands.study_commands import plot as draw
 from tubeplanner.commands.study_commands import sweep
+from tubeplanner.commands.tube_commands import route, teach
 from tubeplanner.commands.view_command import require_page, view
 from tubeplanner.errors import OptionError, TubePlannerError
 
@@ -228,7 +229,7 @@ def schema(json: bool) -> None:
     print_json(problem_schema(), indent=2)
 
 
-for command in (draw, sweep, view):
+for command in (draw, route, sweep, teach, view):
     cli.add_command(command)
 
 

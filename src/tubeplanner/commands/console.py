@@ -21,13 +21,15 @@ PATH = click.Path(path_type=Path, dir_okay=False)
 AS_JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 
 
-def load_timed(name: str, enter: Callable[[object], None]) -> "tuple[PlanningProblem, float]":
+def load_timed(
+    name: str, enter: Callable[[object], None], *, reads_tube: bool = True
+) -> "tuple[PlanningProblem, float]":
     """Return a problem and the time [s] that reading it took."""
     begin = time.perf_counter()
     enter("loading robot and collision geometry")
     from tubeplanner.problem.problem import load_problem
 
-    return load_problem(name), time.perf_counter() - begin
+    return load_problem(name, reads_tube=reads_tube), time.perf_counter() - begin
 
 
 @contextmanager

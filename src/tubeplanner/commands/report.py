@@ -9,6 +9,7 @@ from rich.table import Table
 from tubeplanner.planning.plan_result import PlanResult
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.studies.tolerance_sweep import SweepResult
+from tubeplanner.tube_sources.tube_answer import TubeAnswer
 from tubeplanner.verification.certificate import RELATIVE, Certificate
 
 _WIDTH_OF_A_FILE = 160  # [characters]
@@ -80,6 +81,29 @@ def sweep_text(result: SweepResult) -> str:
         times = (f"{row.duration:.4f} s", saved and f"saves {saved}")
         table.add_row(value, *times, f"{row.result.planning_time:.2f} s", said)
     return _rendered(table)
+
+
+def tube_text(name: str, answer: TubeAnswer) -> str:
+    """Return what came of looking for a tube, in lines.
+
+    Args:
+        name: Of the problem.
+        answer: What came of it.
+    """
+    lines = [f"{name}: searched for {answer.search_time:.1f} s"]
+    if answer.compared:
+        told = ", ".join("none" if one is None else f"{one:.3f} s" for one in answer.compared)
+        lines.append(f"motions along the routes compared: {told}")
+    if answer.found is not None:
+        tube = answer.found.problem.tube
+        for k, (point, radius) in enumerate(zip(tube.points, [*tube.radius, None], strict=True)):
+            place = ", ".join(f"{x:.4f}" for x in point)
+            width = "" if radius is None else f", then a radius of {1000 * radius:.1f} mm"
+            lines.append(f"point {k}: [{place}] m{width}")
+    lines += [f"note: {note}" for note in answer.notes]
+    lines.append(f"{answer.status}: {answer.message}")
+    place = str(answer.place)
+    return "\n".join([*lines, f"where: {place}"] if place else lines)
 
 
 def certificate_text(certificate: Certificate) -> str:

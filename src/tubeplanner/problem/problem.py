@@ -19,7 +19,6 @@ from tubeplanner.problem.problem_format import (
     JointValues,
     ObstacleFields,
     ProblemFields,
-    RobotFields,
     check_problem_fields,
     read_problem_fields,
 )
@@ -250,7 +249,7 @@ def _build(
     tube_of: Callable[[ProblemFields, RobotModel], Tube],
 ) -> PlanningProblem:
     try:
-        robot = _robot(fields.robot, directory)
+        robot = robot_of(fields, directory)
         problem = PlanningProblem(
             robot=robot,
             tube=tube_of(fields, robot),
@@ -273,7 +272,13 @@ def _build(
     return problem
 
 
-def _robot(fields: RobotFields, directory: Path) -> RobotModel:
+def robot_of(problem: ProblemFields, directory: Path) -> RobotModel:
+    """Return the arm of a problem file whose relative paths start in a directory.
+
+    Raises:
+        RobotError: It cannot be planned with.
+    """
+    fields = problem.robot
     limits = fields.limits.model_dump()
     payload = None if fields.payload is None else Payload(**fields.payload.model_dump())
     return load_robot(

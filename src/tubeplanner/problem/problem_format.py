@@ -5,7 +5,7 @@ Here a file is only read and its shape checked; `problem` gives it meaning.
 
 import json
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Any, Final, Literal, TypeAlias
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 from ruamel.yaml import YAML
@@ -57,6 +57,7 @@ RotationBoundField: TypeAlias = Annotated[
 ]
 Version: TypeAlias = Annotated[Literal[1], BeforeValidator(_no_flag)]
 
+PROBLEM_FORMAT: Final = "tubeplanner/problem"
 _MOST_BYTES = 10_000_000
 # What the readers raise for malformed input, whatever it says of the fault.
 _READER_ERRORS = (YAMLError, ValueError, RecursionError, LookupError, TypeError, AttributeError)
@@ -187,9 +188,7 @@ class ProblemFields(_Section):
 
     model_config = ConfigDict(title="tubeplanner problem")
 
-    format: Literal["tubeplanner/problem"] = Field(
-        "tubeplanner/problem", description="what this file is"
-    )
+    format: Literal["tubeplanner/problem"] = Field(PROBLEM_FORMAT, description="what this file is")
     version: Version = Field(1, description="of the format")
     robot: RobotFields = Field(description="the arm, its tool and its limits")
     tube: TubeFields | None = Field(
@@ -216,7 +215,7 @@ def read_problem_fields(path: Path) -> ProblemFields:
         ProblemError: The file cannot be read, a key is unknown or doubled, a value has the wrong
             type. The message names the file and the field.
     """
-    return check_problem_fields(_read(path), str(path))
+    return check_problem_fields(read_document(path), str(path))
 
 
 def check_problem_fields(data: object, source: str) -> ProblemFields:
@@ -238,7 +237,12 @@ def check_problem_fields(data: object, source: str) -> ProblemFields:
         raise ProblemError(f"{source}: {fault}") from None
 
 
-def _read(path: Path) -> object:
+def read_document(path: Path) -> object:
+    """Return what a YAML or JSON file holds, as dictionaries and lists.
+
+    Raises:
+        ProblemError: The file cannot be read or is malformed.
+    """
     try:
         with path.open("rb") as stream:
             data = stream.read(_MOST_BYTES + 1)

@@ -10,6 +10,7 @@ from tubeplanner.verification.refusal import require_free
 
 _DRAWS = 100
 _MOST_GOALS = 8
+_DECIMALS = 6
 _REACHED = 1e-6  # [m]
 _SAME = 0.1  # [rad or m] of every joint
 _AROUND = np.pi  # [rad or m]: how far from the start configurations are drawn
@@ -65,7 +66,7 @@ def _reaching(problem: PlanningProblem, start: FloatArray, seed: int) -> list[Fl
         least = min(least, solution.error)
         is_new = all(abs(solution.q - other).max() > _SAME for other in found)
         if solution.error <= _REACHED and is_new:
-            found.append(solution.q)
+            found.append(np.round(solution.q, _DECIMALS))
     if not found:
         x, y, z = (float(value) for value in target)
         message = f"the goal is out of reach: the hand gets no nearer than {least:.4g} m"

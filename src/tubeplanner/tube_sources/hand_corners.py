@@ -11,8 +11,9 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.branches.inverse_kinematics import solve_position
-from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.tube_sources.free_space import FreeSpace
+from tubeplanner.tube_sources.simplification import farthest_from_line
 
 _ROUTE_STEP = 0.05  # [rad or m] of the joint that moves most, between samples of the route
 _LONGEST_STEP = 0.02  # [m] of the hand on a line
@@ -29,26 +30,29 @@ class HandCorners:
     Attributes:
         points: Shape (m+1, 3) [m].
         lines: Per segment, configurations from its start to its end, shape (P_k, n).
+        parts: Per segment, the samples of the route that it stands for, shape (R_k, n).
     """
 
     points: FloatArray
     lines: tuple[FloatArray, ...]
+    parts: tuple[FloatArray, ...]
 
 
 def hand_corners(
-    problem: PlanningProblem, space: FreeSpace, route: FloatArray
+    robot: RobotModel, space: FreeSpace, route: FloatArray, deviation: float = np.inf
 ) -> HandCorners | None:
     """Return few corners of the hand's path along a route, with free straight lines between.
 
     Args:
-        problem: Its arm counts.
+        robot: The arm.
         space: Which configurations are free.
         route: Corners of a route in joint space, shape (P, n).
+        deviation: How far the lines may be from the hand's path along the route [m].
 
     Returns:
         None if even the route itself is not free where the hand follows straight lines.
     """
-    return _Corners(problem, space, _sampled(route)).found()
+    return _Corners(robot, space, _sampled(route), deviation).found()
 
 
 def _sampled(route: FloatArray) -> FloatArray:
@@ -63,9 +67,12 @@ def _sampled(route: FloatArray) -> FloatArray:
 class _Corners:
     """The choice of samples (N, n) of a route whose hand positions become corners."""
 
-    def __init__(self, problem: PlanningProblem, space: FreeSpace, route: FloatArray) -> None:
-        self._robot, self._space, self._route = problem.robot, space, route
-        self._hand = problem.robot.tool_position(route)
+    def __init__(
+        self, robot: RobotModel, space: FreeSpace, route: FloatArray, deviation: float
+    ) -> None:
+        self._robot, self._space, self._route = robot, space, route
+        self._deviation = deviation
+        self._hand = robot.tool_position(route)
         self._known: dict[tuple[int, int], FloatArray | None] = {}
 
     def found(self) -> HandCorners | None:
@@ -73,14 +80,15 @@ class _Corners:
         if chosen is None:
             return None
         chosen = self._without_spare([0, *chosen])
-        lines = tuple(self._line(i, j) for i, j in pairwise(chosen))
-        return HandCorners(self._hand[chosen], lines)
+        found = [(self._line(i, j), self._route[i : j + 1]) for i, j in pairwise(chosen)]
+        lines = tuple(line for line, _ in found if line is not None)
+        return HandCorners(self._hand[chosen], lines, tuple(part for _, part in found))
 
     def _between(self, i: int, j: int) -> list[int] | None:
         """Return the corners after sample i, up to sample j."""
         if self._line(i, j) is not None:
             return [j]
-        middle = self._farthest(i, j)
+        middle = self._corner(i, j)
         if middle is None:
             return None
         before = self._between(i, middle)
@@ -98,20 +106,14 @@ class _Corners:
                 k += 1
         return chosen
 
-    def _farthest(self, i: int, j: int) -> int | None:
-        """Return the sample between two others that is farthest from their line, or midway."""
-        inside = np.arange(i + 1, j)
-        apart = [np.linalg.norm(self._hand[inside] - self._hand[k], axis=1) for k in (i, j)]
-        inside = inside[np.min(apart, axis=0) > _NEAREST] if len(inside) else inside
-        if len(inside) == 0:
-            return None
-        along = self._hand[j] - self._hand[i]
-        share = (self._hand[inside] - self._hand[i]) @ along / max(float(along @ along), 1e-12)
-        foot = self._hand[i] + np.clip(share, 0, 1)[:, None] * along
-        distance = np.linalg.norm(self._hand[inside] - foot, axis=1)
-        if distance.max() > _NEAREST:
-            return int(inside[distance.argmax()])
-        return int(inside[len(inside) // 2])
+    def _corner(self, i: int, j: int) -> int | None:
+        """Return the sample between two others where to part their line, if there is one."""
+        farthest, distance = farthest_from_line(self._hand, i, j)
+        if distance > _NEAREST:
+            return farthest
+        middle = (i + j) // 2
+        gaps = np.linalg.norm(self._hand[[i, j]] - self._hand[middle], axis=1)
+        return middle if gaps.min() > _NEAREST else None
 
     def _line(self, i: int, j: int) -> FloatArray | None:
         if (i, j) not in self._known:
@@ -122,7 +124,7 @@ class _Corners:
         """Return the arm (P, n) along the straight line between two samples, if it is free."""
         route, ends = self._route[i : j + 1], self._hand[[i, j]]
         length = float(np.linalg.norm(ends[1] - ends[0]))
-        if length < _NEAREST:
+        if length < _NEAREST or farthest_from_line(self._hand, i, j)[1] > self._deviation:
             return None
         count = max(len(route), int(np.ceil(length / _LONGEST_STEP)) + 1)
         shares = np.linspace(0, 1, count)

@@ -35,9 +35,9 @@ class RouteOptions:
     seed: int = 1
     tries: int = 3
     checks: int = 20_000
-    band: float = 0.5
+    band: float = 0.4
     max_radius: float = 0.2
-    samples: int = 5_000
+    samples: int = 2_000
 
     def __post_init__(self) -> None:
         for name in ("seed", "tries", "checks", "samples"):
@@ -97,7 +97,7 @@ def route_candidates(
         for k in range(options.tries):
             enter(f"route {k + 1} of {options.tries}, {1000 * margin:g} mm from obstacles")
             route = search.route(options.seed + k, options.checks)
-            corners = None if route is None else hand_corners(problem, space, route)
+            corners = None if route is None else hand_corners(problem.robot, space, route)
             if corners is not None:
                 time = _joint_time(problem.robot, corners.lines)
                 found.append(RouteCandidate(margin, corners, time))
@@ -112,9 +112,7 @@ def _joint_time(robot: RobotModel, lines: tuple[FloatArray, ...]) -> float:
     return float(steps.max(axis=1).sum())
 
 
-def _no_route(
-    problem: PlanningProblem, search: RouteSearch, options: RouteOptions
-) -> Infeasible:
+def _no_route(problem: PlanningProblem, search: RouteSearch, options: RouteOptions) -> Infeasible:
     x, y, z = (float(value) for value in problem.robot.tool_position(search.reached[None])[0])
     message = (
         f"no route was found in {options.tries * (1 + len(_MARGINS))} tries of {options.checks} "

@@ -1,0 +1,164 @@
+"""The commands that find tubes: from start and goal alone, and from a recorded trail."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from tubeplanner.commands.console import (
+    AS_JSON,
+    INFEASIBLE,
+    PATH,
+    SUCCESS,
+    empty_report,
+    load_timed,
+    nowhere,
+    print_json,
+    shown_progress,
+)
+from tubeplanner.errors import OptionError
+
+if TYPE_CHECKING:
+    from tubeplanner.tube_sources.tube_answer import TubeAnswer
+
+_OUTPUT = click.option("-o", "--output", type=PATH, help="Problem file with the tube.")
+_MAX_RADIUS = click.option(
+    "--max-radius", type=float, default=0.2, show_default=True, help="No radius is larger [m]."
+)
+_SEED = click.option("--seed", type=int, default=1, show_default=True, help="Of random numbers.")
+
+
+@click.command()
+@click.argument("problem")
+@_OUTPUT
+@_SEED
+@click.option("--tries", type=int, default=3, show_default=True, help="Searches per margin.")
+@click.option(
+    "--checks", type=int, default=20_000, show_default=True, help="Configurations per search."
+)
+@_MAX_RADIUS
+@AS_JSON
+def route(
+    problem: str,
+    output: Path | None,
+    seed: int,
+    tries: int,
+    checks: int,
+    max_radius: float,
+    as_json: bool,
+) -> int:
+    """Find a tube for PROBLEM from its start, goal and obstacles alone, and plan through it.
+
+    PROBLEM needs no tube; its goal may be a hand position. The tube goes to the file of -o, which
+    `plan` plans.
+    """
+    from tubeplanner.files.output_files import require_writable
+    from tubeplanner.files.problem_file import read_fields
+    from tubeplanner.resources import find_problem
+    from tubeplanner.tube_sources.joint_route import require_ompl
+    from tubeplanner.tube_sources.route import find_route
+    from tubeplanner.tube_sources.route_candidates import RouteOptions
+
+    options = RouteOptions(seed=seed, tries=tries, checks=checks, max_radius=max_radius)
+    require_ompl()
+    outputs = [] if output is None else [output]
+    require_writable(outputs, [Path(problem)])
+    with shown_progress() as enter:
+        loaded, loading_time = load_timed(problem, enter, reads_tube=False)
+        source = find_problem(problem, Path())
+        require_writable(outputs, [source, loaded.robot.urdf.path])
+        answer = find_route(loaded, options, enter)
+    if output is not None and answer.found is not None:
+        _write(read_fields(source), source.parent, output, answer)
+    return _told(loaded.name, answer, loading_time, output, as_json)
+
+
+@click.command()
+@click.argument("trail", type=PATH)
+@click.option("--urdf", help="Robot description: a path, package://PKG/... or example:NAME.")
+@click.option("--tool-frame", help="Link that carries the tool.")
+@click.option("--obstacles", type=PATH, help="File with obstacles, as in a problem file.")
+@click.option("--problem", "template", help="Problem file to take all but the tube and ends from.")
+@_OUTPUT
+@click.option(
+    "--deviation",
+    type=float,
+    default=0.01,
+    show_default=True,
+    help="Of the trail from lines between reference points [m].",
+)
+@click.option(
+    "--band", type=float, default=0.3, show_default=True, help="Beyond the trail's joints [rad, m]."
+)
+@_MAX_RADIUS
+@_SEED
+@AS_JSON
+def teach(
+    trail: Path,
+    urdf: str | None,
+    tool_frame: str | None,
+    obstacles: Path | None,
+    template: str | None,
+    output: Path | None,
+    deviation: float,
+    band: float,
+    max_radius: float,
+    seed: int,
+    as_json: bool,
+) -> int:
+    """Make a tube from a recorded TRAIL of the joints, and plan through it.
+
+    TRAIL is a file that `check` reads: CSV with time and JOINT.position, or a ROS
+    JointTrajectory. The robot comes from --urdf and --tool-frame, or with its limits and obstacles
+    from --problem.
+    """
+    from tubeplanner.files.output_files import require_writable
+    from tubeplanner.files.taught_problem import read_cell, taught_problem
+    from tubeplanner.files.trajectory_file import read_trajectory_file
+    from tubeplanner.tube_sources.teach import TeachOptions
+    from tubeplanner.tube_sources.teach import teach as teach_tube
+
+    if (template is None) == (urdf is None or tool_frame is None):
+        raise OptionError("teach takes either --urdf and --tool-frame, or --problem")
+    if template is not None and (obstacles is not None or urdf or tool_frame):
+        raise OptionError("--problem has robot and obstacles; leave out the other options for them")
+    options = TeachOptions(deviation, band, max_radius, seed=seed)
+    outputs = [] if output is None else [output]
+    inputs = [Path(name) for name in (trail, urdf, obstacles, template) if name is not None]
+    require_writable(outputs, inputs)
+    read = read_trajectory_file(trail)
+    cell = read_cell(urdf, tool_frame, obstacles, template)
+    with shown_progress() as enter:
+        enter("loading robot and collision geometry")
+        loaded, samples = taught_problem(cell, read, str(trail))
+        require_writable(outputs, [loaded.robot.urdf.path])
+        answer = teach_tube(loaded, samples, options, enter)
+    if output is not None and answer.found is not None:
+        _write(cell.fields, cell.folder, output, answer)
+    return _told(loaded.name, answer, None, output, as_json)
+
+
+def _write(fields: Any, folder: Path, output: Path, answer: "TubeAnswer") -> None:
+    from tubeplanner.files.output_files import write_files
+    from tubeplanner.files.problem_file import with_problem
+
+    assert answer.found is not None
+    write_files({output: with_problem(fields, folder, output, answer.found.problem)})
+
+
+def _told(
+    name: str, answer: "TubeAnswer", loading_time: float | None, output: Path | None, as_json: bool
+) -> int:
+    """Print an answer and return the exit status."""
+    written = output if answer.succeeded else None
+    if as_json:
+        fields = {**empty_report("", "", nowhere()), **answer.as_dict()}
+        more = {"loading_time": loading_time, "problem": None if written is None else str(written)}
+        print_json({**fields, **more})
+    else:
+        from tubeplanner.commands.report import tube_text
+
+        print(tube_text(name, answer))
+        if written is not None:
+            print(f"problem: {written}")
+    return SUCCESS if answer.succeeded else INFEASIBLE

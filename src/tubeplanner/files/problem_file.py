@@ -1,0 +1,140 @@
+"""Problem files with another tube: comments and all else kept, relative paths valid from there."""
+
+import io
+import json
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from ruamel.yaml import YAML
+from ruamel.yaml.comments import CommentedMap, CommentedSeq
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.errors import ProblemError
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.problem.problem_format import PROBLEM_FORMAT, read_document
+from tubeplanner.resources import EXAMPLE_PREFIX
+from tubeplanner.tube.tube import JointRange, Tube
+
+_PACKAGE_PREFIX = "package://"
+_LONGEST_LINE = 1000  # [characters]: lines are left as they were
+_CELL = ("obstacles", "clearance", "collision")
+
+
+def read_fields(path: Path) -> Any:
+    """Return what a problem file holds, with its comments if it is YAML.
+
+    Raises:
+        ProblemError: It cannot be read, or holds no map.
+    """
+    plain = read_document(path)  # says what is wrong with it
+    if not isinstance(plain, dict):
+        raise ProblemError(f"{path}: a problem is a map with robot, tube and start")
+    return plain if path.suffix == ".json" else _yaml().load(path.read_text("utf-8-sig"))
+
+
+def new_fields(urdf: str, tool_frame: str, cell: Path | None) -> Any:
+    """Return the fields of a new problem file in the current folder, without tube and ends.
+
+    Args:
+        urdf: As `robot.urdf`.
+        tool_frame: As `robot.tool_frame`.
+        cell: A file whose obstacles, clearance and collision rules are taken; None: no obstacles.
+
+    Raises:
+        ProblemError: The file cannot be read, or has no obstacles.
+    """
+    robot = CommentedMap(urdf=urdf, tool_frame=tool_frame)
+    fields = CommentedMap(format=PROBLEM_FORMAT, version=1, robot=robot)
+    if cell is not None:
+        read = read_fields(cell)
+        if not read.get("obstacles"):
+            raise ProblemError(f"{cell}: obstacles is required: a list of solids")
+        taken = {key: read[key] for key in _CELL if key in read}
+        move_paths(taken, cell.parent, Path())
+        fields.update(taken)
+    return fields
+
+
+def with_problem(fields: Any, folder: Path, target: Path, problem: PlanningProblem) -> bytes:
+    """Return a problem file's contents with a problem's tube, start and goal.
+
+    Args:
+        fields: What a problem file holds; it is changed.
+        folder: Where its relative paths start.
+        target: Where the contents will be; its ending says whether they are JSON or YAML.
+        problem: Its tube and its ends, configurations, are written.
+    """
+    ends = {"start": problem.start, "goal": problem.goal}
+    changes: dict[str, Any] = {"tube": _tube_fields(problem.tube)}
+    changes |= {end: _in_a_row({"joints": _in_a_row(q.tolist())}) for end, q in ends.items()}
+    for key, value in changes.items():
+        if key not in fields:
+            _insert(fields, key, value)
+        elif key == "tube" or "joints" not in fields[key]:
+            fields[key] = value
+    move_paths(fields, folder, target.parent)
+    if target.suffix == ".json":
+        return (json.dumps(fields, indent=2, allow_nan=False) + "\n").encode()
+    stream = io.BytesIO()
+    _yaml().dump(fields, stream)
+    return stream.getvalue()
+
+
+def move_paths(fields: Any, before: Path, after: Path) -> None:
+    """Make the relative paths of a problem, valid in one folder, valid in another."""
+    robot = fields.get("robot") or {}
+    solids = [*(fields.get("obstacles") or ()), *(robot.get("attached") or ())]
+    holders = [(robot, "urdf"), (robot, "srdf"), *((solid, "mesh") for solid in solids)]
+    for holder, key in holders:
+        if holder.get(key) is not None:
+            holder[key] = _moved(holder[key], before, after)
+    folders = robot.get("package_dirs") or ()
+    for k, folder in enumerate(folders):
+        folders[k] = _moved(folder, before, after)
+
+
+def _moved(path: str, before: Path, after: Path) -> str:
+    if path.startswith((EXAMPLE_PREFIX, _PACKAGE_PREFIX)) or Path(path).is_absolute():
+        return path
+    return os.path.relpath((before / path).resolve(), after.resolve())
+
+
+def _tube_fields(tube: Tube) -> CommentedMap:
+    points = _in_a_row([_in_a_row(point) for point in tube.points.tolist()])
+    maps = [_in_a_row(_signs(ranges)) for ranges in tube.joint_ranges]
+    signs = maps[0] if all(row == maps[0] for row in maps) else maps
+    return CommentedMap(points=points, radius=_in_a_row(tube.radius.tolist()), joint_signs=signs)
+
+
+def _signs(ranges: Mapping[str, JointRange]) -> dict[str, Any]:
+    """Return joint ranges as a file has them."""
+    return {name: _in_a_row(list(bounds)) for name, bounds in ranges.items()}
+
+
+def _in_a_row(values: Sequence[Any] | Mapping[str, Any]) -> Any:
+    """Return a list or map that YAML has on one line."""
+    row: Any = CommentedMap(values) if isinstance(values, Mapping) else CommentedSeq(values)
+    row.fa.set_flow_style()
+    return row
+
+
+def _insert(fields: Any, key: str, value: Any) -> None:
+    """Put a key where a reader expects it: tube, start and goal in this order, after the robot."""
+    before = [name for name in ("format", "version", "robot", "tube", "start") if name in fields]
+    place = 1 + max((list(fields).index(name) for name in before), default=-1)
+    if isinstance(fields, CommentedMap):
+        fields.insert(place, key, value)
+        return
+    rest = list(fields.items())[place:]
+    for name, _ in rest:
+        del fields[name]
+    fields.update({key: value, **dict(rest)})
+
+
+def _yaml() -> YAML:
+    yaml = YAML()
+    yaml.preserve_quotes = True
+    yaml.width = _LONGEST_LINE
+    return yaml

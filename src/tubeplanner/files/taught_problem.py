@@ -1,0 +1,86 @@
+"""The problem that a recorded trail belongs to: a robot and its cell, from the trail's ends."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.errors import TrajectoryError
+from tubeplanner.files.problem_file import new_fields, read_fields
+from tubeplanner.files.trajectory_file import TrajectoryFile
+from tubeplanner.problem.problem import PlanningProblem, parse_problem, robot_of
+from tubeplanner.problem.problem_format import check_problem_fields
+from tubeplanner.resources import find_problem
+from tubeplanner.tube_sources.trail import joint_trail
+
+_SAMPLES_PER_PIECE = 20  # of a trail that is a motion of ours
+
+
+@dataclass(frozen=True, eq=False)
+class Cell:
+    """A robot and what stands around it, as a problem file has them.
+
+    Attributes:
+        fields: What the problem file holds; tube, start and goal do not count.
+        folder: Where its relative paths start.
+        source: What messages call it.
+    """
+
+    fields: Any
+    folder: Path
+    source: str
+
+
+def read_cell(
+    urdf: str | None, tool_frame: str | None, obstacles: Path | None, template: str | None
+) -> Cell:
+    """Return the cell of a problem file, or of a robot and a file of obstacles.
+
+    Args:
+        urdf: As `robot.urdf`; None if a template is given.
+        tool_frame: As `robot.tool_frame`; likewise.
+        obstacles: A file that holds obstacles; None: there are none.
+        template: Problem file; None if a robot is given.
+
+    Raises:
+        ProblemError: A file cannot be read.
+    """
+    if template is not None:
+        path = find_problem(template, Path())
+        fields = read_fields(path)
+        for key in ("tube", "start", "goal"):
+            fields.pop(key, None)
+        return Cell(fields, path.parent, str(path))
+    assert urdf is not None and tool_frame is not None
+    return Cell(new_fields(urdf, tool_frame, obstacles), Path(), "teach")
+
+
+def taught_problem(
+    cell: Cell, read: TrajectoryFile, source: str
+) -> tuple[PlanningProblem, FloatArray]:
+    """Return the problem from a trail's start to its end, the hand anywhere, and the trail (N, n).
+
+    Args:
+        cell: The robot and what stands around it.
+        read: The file of the trail.
+        source: What messages call that file.
+
+    Raises:
+        ProblemError: The cell contradicts its format or itself.
+        RobotError: The robot cannot be planned with.
+        TrajectoryError: The trail is not of this robot.
+    """
+    ends: dict[str, Any] = {"start": {"joints": []}, "goal": {"joints": []}}
+    robot = robot_of(check_problem_fields({**cell.fields, **ends}, cell.source), cell.folder)
+    motion = read.trajectory
+    if read.interpolation is None:
+        samples = motion.per_piece(_SAMPLES_PER_PIECE).position
+    else:
+        samples = motion.position(motion.breakpoints)
+    try:
+        trail = joint_trail(robot, motion.joint_names, samples)
+    except TrajectoryError as error:
+        raise TrajectoryError(f"{source}: {error}") from None
+    ends = {"start": {"joints": trail[0].tolist()}, "goal": {"joints": trail[-1].tolist()}}
+    name = Path(source).stem
+    return parse_problem({**cell.fields, **ends}, cell.folder, name, reads_tube=False), trail

@@ -1,0 +1,110 @@
+"""A tube from a recorded trail: its corners, and what its joints did between them."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.errors import OptionError
+from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.tube_sources.free_space import FreeSpace
+from tubeplanner.tube_sources.hand_corners import hand_corners
+from tubeplanner.tube_sources.measured_plan import MeasuredPlan, measured_plan
+from tubeplanner.tube_sources.reference_tube import reference_tube
+from tubeplanner.tube_sources.trail import moving_part, without_ways_back
+from tubeplanner.tube_sources.tube_answer import TubeAnswer, answer_of
+from tubeplanner.tube_sources.tube_measurement import MeasureOptions
+from tubeplanner.verification.refusal import require_free
+
+
+@dataclass(frozen=True)
+class TeachOptions:
+    """How to make a tube from a trail.
+
+    Attributes:
+        deviation: How far the hand of the trail may be from the lines between reference points [m].
+        band: How far joints may leave what they did in the trail's segment [rad or m].
+        max_radius: No segment gets a larger radius [m].
+        samples: How many configurations of a segment the last attack of measuring draws.
+        seed: Of measuring's random numbers.
+    """
+
+    deviation: float = 0.01
+    band: float = 0.3
+    max_radius: float = 0.2
+    samples: int = 2_000
+    seed: int = 1
+
+    def __post_init__(self) -> None:
+        for name in ("deviation", "band", "max_radius"):
+            if not 0 < getattr(self, name) < np.inf:
+                raise OptionError(f"{name} is {getattr(self, name):g}; it must be > 0 and finite")
+
+
+def teach(
+    problem: PlanningProblem,
+    trail: FloatArray,
+    options: TeachOptions | None = None,
+    progress: Callable[[object], None] | None = None,
+) -> TubeAnswer:
+    """Make a tube from a trail, and plan the motion through it.
+
+    Args:
+        problem: The arm and its obstacles, from the trail's first configuration to its last.
+        trail: From `joint_trail`, shape (N, n) [rad or m].
+        options: How to make it.
+        progress: Called with every stage as it begins.
+
+    Raises:
+        TrajectoryError: The trail does not move, or comes back the way it went.
+        OptionError: The largest radius is not above the tool radius.
+    """
+    options, enter = options or TeachOptions(), progress or (lambda stage: None)
+    begin = time.perf_counter()
+    enter("corners of the trail")
+    moving, turns = without_ways_back(problem.robot, moving_part(trail), options.deviation)
+    notes = tuple(
+        f"left out: a way out and back that turned with the hand at {np.round(turn, 3).tolist()} m "
+        "(no tube can ask for it; record two trails to have the hand go there)"
+        for turn in turns
+    )
+    how = MeasureOptions(options.max_radius, options.samples, options.seed)
+    found: MeasuredPlan | Infeasible
+    try:
+        found = measured_plan(_in_tube(problem, moving, options), how, enter)
+    except Infeasible as reason:
+        found = reason
+    return answer_of(found, notes=notes, search_time=time.perf_counter() - begin)
+
+
+def _in_tube(problem: PlanningProblem, trail: FloatArray, options: TeachOptions) -> PlanningProblem:
+    """Return the problem in the tube of a trail, not measured yet.
+
+    Raises:
+        Infeasible: Status tube_blocked: the trail collides.
+    """
+    robot = problem.robot
+    require_free(problem, "start", trail[0])
+    require_free(problem, "goal", trail[-1])
+    space = FreeSpace(problem, 0.0, trail[[0, -1]])
+    for q in trail:
+        place = space.lacking(q)
+        if place is not None:
+            message = (
+                f"the trail itself has too little room: {place}; correct the obstacles or the "
+                "clearance, or list a pair that may touch in collision.ignore"
+            )
+            raise Infeasible(PlanStatus.TUBE_BLOCKED, message, place)
+    corners = hand_corners(robot, space, trail, options.deviation)
+    if corners is None:
+        raise Infeasible(
+            PlanStatus.TUBE_BLOCKED,
+            "the hand cannot follow the trail in straight lines without a collision",
+            Place(),
+        )
+    segments = [np.vstack(pair) for pair in zip(corners.lines, corners.parts, strict=True)]
+    tube = reference_tube(robot, corners.points, segments, options.band, options.max_radius)
+    return problem.with_tube(tube)

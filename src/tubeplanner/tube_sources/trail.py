@@ -1,0 +1,120 @@
+"""A recorded trail of the joints: matched, unwrapped, and freed of pauses and of ways back."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.errors import TrajectoryError
+from tubeplanner.robot.robot_model import RobotModel
+from tubeplanner.tube_sources.simplification import simplified
+
+# Joints that were recorded this far outside their limits stood at them [rad or m].
+_AT_LIMIT = 0.01
+# Samples are dropped until a joint has moved this far: pauses, duplicates, noise [rad or m].
+_LEAST_MOVE = 0.02
+# Configurations on the way out and back are the same ones [rad or m].
+_SAME_CONFIGURATION = 0.25
+_DECIMALS = 6
+_LEAST_WAY = 1e-3  # [m] of the hand
+
+
+def joint_trail(robot: RobotModel, joint_names: Sequence[str], samples: FloatArray) -> FloatArray:
+    """Return recorded joint values in group order, continuous joints unwrapped: shape (N, n).
+
+    Args:
+        robot: The arm.
+        joint_names: Of the columns of the samples; joints that are not planned are left out.
+        samples: Shape (N, columns) [rad or m].
+
+    Raises:
+        TrajectoryError: A joint of the arm is missing, or recorded outside its limits.
+    """
+    missing = [name for name in robot.joint_names if name not in joint_names]
+    if missing:
+        raise TrajectoryError(
+            f"the trail has no joint {', '.join(missing)}; its joints are {', '.join(joint_names)}"
+        )
+    q = np.array(samples[:, [joint_names.index(name) for name in robot.joint_names]])
+    for j, name in enumerate(robot.joint_names):
+        if robot.urdf.joints[name].type == "continuous":
+            q[:, j] = np.unwrap(q[:, j])
+    lower, upper = robot.limits.lower_position, robot.limits.upper_position
+    for k, j in np.argwhere((q < lower - _AT_LIMIT) | (q > upper + _AT_LIMIT)):
+        raise TrajectoryError(
+            f"the trail has '{robot.joint_names[j]}' at {q[k, j]:g} in sample {k}, outside its "
+            f"position limits [{lower[j]:g}, {upper[j]:g}] (radians and metres are meant)"
+        )
+    return np.round(np.clip(q, lower, upper), _DECIMALS)
+
+
+def moving_part(q: FloatArray) -> FloatArray:
+    """Return a trail (N, n) without samples that hardly differ from the one before.
+
+    Raises:
+        TrajectoryError: It does not move.
+    """
+    kept = [0]
+    for k in range(1, len(q)):
+        if abs(q[k] - q[kept[-1]]).max() >= _LEAST_MOVE:
+            kept.append(k)
+    if len(kept) < 2:
+        raise TrajectoryError(
+            f"the trail does not move: no joint leaves its first value by {_LEAST_MOVE:g} rad or m "
+            f"in {len(q)} samples; at least a start and a goal are needed"
+        )
+    if abs(q[-1] - q[kept[-1]]).max() > 0:
+        kept = [*kept[:-1], len(q) - 1] if len(kept) > 2 else [*kept, len(q) - 1]
+    return q[kept]
+
+
+def without_ways_back(
+    robot: RobotModel, q: FloatArray, deviation: float
+) -> tuple[FloatArray, list[FloatArray]]:
+    """Return a trail without what the arm went out and came back on, and where it turned.
+
+    A tube cannot keep such a detour: its capsules overlap all along, and the hand may go from one
+    to the other anywhere.
+
+    Args:
+        robot: The arm.
+        q: The trail, shape (N, n).
+        deviation: How near the hand comes back to where it was, to count as the same [m].
+
+    Raises:
+        TrajectoryError: The whole trail goes out and back, or its hand does not move.
+    """
+    turns: list[FloatArray] = []
+    while True:
+        hand = robot.tool_position(q)
+        found = _way_back(q, hand, deviation)
+        if found is None:
+            break
+        i, j = found
+        if i == 0 and j == len(q) - 1:
+            raise TrajectoryError(
+                "the trail ends where it starts and comes back the way it went; record the way out "
+                "and the way back as two trails"
+            )
+        turns.append(hand[i : j + 1][np.linalg.norm(hand[i : j + 1] - hand[i], axis=1).argmax()])
+        # The ends of the trail stay as they are.
+        q = np.vstack([q[:i], q[j:]]) if i > 0 else np.vstack([q[:1], q[j + 1 :]])
+    way = float(np.linalg.norm(hand - hand[0], axis=1).max())
+    if way < _LEAST_WAY:
+        raise TrajectoryError(
+            f"the hand moves by {way:.2g} m only; a tube needs reference points that are apart"
+        )
+    return q, turns
+
+
+def _way_back(q: FloatArray, hand: FloatArray, deviation: float) -> tuple[int, int] | None:
+    """Return two samples in the same configuration, out from it and straight back between them."""
+    corners = simplified(hand, deviation)
+    for a, b, c in zip(corners, corners[1:], corners[2:], strict=False):
+        out = a + int(np.linalg.norm(hand[a:b] - hand[c], axis=1).argmin())
+        back = b + 1 + int(np.linalg.norm(hand[b + 1 : c + 1] - hand[a], axis=1).argmin())
+        for i, j in ((out, c), (a, back)):
+            is_near = np.linalg.norm(hand[i] - hand[j]) <= 2 * deviation
+            if is_near and abs(q[i] - q[j]).max() <= _SAME_CONFIGURATION:
+                return i, j
+    return None

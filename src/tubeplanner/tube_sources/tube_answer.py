@@ -1,0 +1,66 @@
+"""What came of looking for a tube: a problem to plan, or the reason why there is none."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.tube_sources.measured_plan import MeasuredPlan
+
+
+@dataclass(frozen=True, eq=False)
+class TubeAnswer:
+    """What came of looking for a tube.
+
+    Attributes:
+        status: Success means that the motion through the measured tube is certified.
+        message: One sentence.
+        place: Where, if there is no answer.
+        found: The problem with its tube, and its plan; None unless successful.
+        notes: What else is worth knowing.
+        compared: Durations of the motions through the tubes that were compared before measuring,
+            each of the same radius [s]; None where there was no motion.
+        search_time: Wall time from the loaded problem to the answer [s].
+    """
+
+    status: PlanStatus
+    message: str
+    place: Place
+    found: MeasuredPlan | None = None
+    notes: tuple[str, ...] = ()
+    compared: tuple[float | None, ...] = ()
+    search_time: float = 0.0
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether there is a tube with a certified motion."""
+        return self.status is PlanStatus.SUCCESS
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the fields of the command line's JSON, but for loading_time."""
+        planned = {} if self.found is None else self.found.result.as_dict()
+        tube = None if self.found is None else self.found.problem.tube
+        return {
+            **planned,
+            "status": str(self.status),
+            "message": self.message,
+            "where": self.place.as_dict(),
+            "notes": [*self.notes, *planned.get("notes", ())],
+            "search_time": self.search_time,
+            "compared_durations": list(self.compared),
+            "points": None if tube is None else tube.points.tolist(),
+            "radius": None if tube is None else tube.radius.tolist(),
+        }
+
+
+def answer_of(found: MeasuredPlan | Infeasible, **more: Any) -> TubeAnswer:
+    """Return an answer: what was found, or why nothing was.
+
+    Args:
+        found: What was found, or the reason.
+        more: Other fields of the answer.
+    """
+    if isinstance(found, Infeasible):
+        return TubeAnswer(found.status, str(found), found.place, **more)
+    tube = found.problem.tube
+    message = f"tube of {len(tube.points)} reference points; {found.result.message}"
+    return TubeAnswer(PlanStatus.SUCCESS, message, Place(), found, **more)
