@@ -51,6 +51,10 @@ if TYPE_CHECKING:
     from tubeplanner.trajectory import JointTrajectory as JointTrajectory
     from tubeplanner.trajectory_file import read_trajectory as read_trajectory
     from tubeplanner.tube import Tube as Tube
+    from tubeplanner.tube_measurement import MeasureOptions as MeasureOptions
+    from tubeplanner.tube_measurement import SegmentMeasurement as SegmentMeasurement
+    from tubeplanner.tube_measurement import TubeMeasurement as TubeMeasurement
+    from tubeplanner.tube_measurement import measure_tube as measure_tube
     from tubeplanner.verification import verify as verify
     from tubeplanner.viewer import View as View
     from tubeplanner.viewer import view as view
@@ -87,6 +91,12 @@ _HOMES = {
     "trajectory": ("JointTrajectory",),
     "trajectory_file": ("read_trajectory",),
     "tube": ("Tube",),
+    "tube_measurement": (
+        "MeasureOptions",
+        "SegmentMeasurement",
+        "TubeMeasurement",
+        "measure_tube",
+    ),
     "verification": ("verify",),
     "viewer": ("View", "view"),
     "waypoint_interpolation": ("quartic_spline", "sequential_quartics"),

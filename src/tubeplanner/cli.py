@@ -32,6 +32,7 @@ from tubeplanner.console import (
 )
 from tubeplanner.errors import OptionError, TubePlannerError
 from tubeplanner.interrupts import interrupts_held
+from tubeplanner.measure_command import measure
 from tubeplanner.study_commands import plot as draw
 from tubeplanner.study_commands import sweep
 from tubeplanner.view_command import require_page, view
@@ -228,7 +229,7 @@ def schema(json: bool) -> None:
     print_json(problem_schema(), indent=2)
 
 
-for command in (draw, sweep, view):
+for command in (draw, measure, sweep, view):
     cli.add_command(command)
 
 

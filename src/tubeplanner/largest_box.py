@@ -11,8 +11,10 @@ import numpy as np
 from tubeplanner.arrays import FloatArray, IntArray
 
 # Of the logarithms of random speeds, and how it calms down from one search to the next.
-_FIRST_SPREAD, _CALMING, _LEAST_SPREAD = 0.7, 0.9, 0.1
-_FIRST_DRAWS, _LATER_DRAWS = 100, 15
+_FIRST_SPREAD, _CALMING, _LEAST_SPREAD = 0.8, 0.95, 0.3
+# Margins grow from search to search: the box shrinks until no point is left to be found.
+_MARGIN_GROWTH = 1.03
+_FIRST_DRAWS, _LATER_DRAWS = 200, 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +69,7 @@ class BoxSearch:
             box = self._grown(beyond, speed)
             if self._value(box) > self._value(best):
                 best, self._speed = box, speed
+        self._margin = _MARGIN_GROWTH * self._margin
         self._draws, self._spread = _LATER_DRAWS, max(self._spread * _CALMING, _LEAST_SPREAD)
         return best
 

@@ -23,10 +23,11 @@ _LEAST_RADIUS, _LEAST_RANGE = 1e-3, 1e-3
 # How far ranges may reach beyond the branch, and from where on more counts nothing [rad or m].
 _WIDEST_RANGE, _ENOUGH_RANGE = 0.8, 0.4
 # What the logarithm of the radius counts, where that of every side of a range counts 1.
-_RADIUS_WORTH = 4.0
+_RADIUS_WORTH = 8.0
 # How far the set ends before a collision [m], [rad or m]: so that attacks come to an end.
 _MARGIN_RADIUS, _MARGIN_RANGE = 5e-4, 5e-3
 _FIRST_SAMPLES = 2000
+_FIRST_SHARE = 8  # of the last attack's samples: the first attack has so many times fewer
 _MOST_ROUNDS = 200
 # So many collisions of an attack are moved to the edge of what collides, by so many bisections.
 _MOST_MOVED, _BISECTIONS = 48, 8
@@ -95,10 +96,11 @@ class CollisionBoxes:
         self._problem, self._segment, self._branch = problem, segment, branch
         self._room = room
         lower, upper = problem.joint_lower[segment], problem.joint_upper[segment]
-        self._lower = np.maximum(branch.min(axis=0) - _LEAST_RANGE, lower)
-        self._upper = np.minimum(branch.max(axis=0) + _LEAST_RANGE, upper)
+        self._outer_lower, self._outer_upper = lower, upper
+        self._lower = np.maximum(_down(branch.min(axis=0) - _LEAST_RANGE), lower)
+        self._upper = np.minimum(_up(branch.max(axis=0) + _LEAST_RANGE), upper)
         hand = ConfigurationSet(problem, segment, lower, upper, radius).hand_distance(branch)
-        self._radius = min(radius, float(hand.max()) + _LEAST_RADIUS)
+        self._radius = min(radius, float(_up(hand.max() + _LEAST_RADIUS)))
         self.widest = np.concatenate(
             [
                 [radius - self._radius],
@@ -113,11 +115,13 @@ class CollisionBoxes:
     def allowed(self, extent: FloatArray) -> ConfigurationSet:
         """Return the set that reaches by extents (1 + 2n,) beyond the branch, in round numbers."""
         below, above = extent[1:].reshape(2, -1)
-        unit = 10.0**-_DECIMALS
-        lower = np.minimum(np.ceil((self._lower - below) / unit) * unit, self._lower)
-        upper = np.maximum(np.floor((self._upper + above) / unit) * unit, self._upper)
-        radius = max(np.floor((self._radius + extent[0]) / unit) * unit, self._radius)
-        return ConfigurationSet(self._problem, self._segment, lower, upper, float(radius))
+        lower = np.minimum(_up(self._lower - below), self._lower)
+        upper = np.maximum(_down(self._upper + above), self._upper)
+        # A bound that the problem has anyway stays as it is.
+        lower = np.where(below >= self._lower - self._outer_lower, self._outer_lower, lower)
+        upper = np.where(above >= self._outer_upper - self._upper, self._outer_upper, upper)
+        radius = max(float(_down(self._radius + extent[0])), self._radius)
+        return ConfigurationSet(self._problem, self._segment, lower, upper, radius)
 
     def learn(self, q: FloatArray, pair: IntArray) -> None:
         """Take note of collisions, shapes (C, n) and (C,)."""
@@ -164,12 +168,16 @@ def search_segment(
     q = boxes.allowed(boxes.widest).sample(_FIRST_SAMPLES, rng)
     least = room.least(q, 0.0)
     boxes.learn(q[least.room < 0], least.pair[least.room < 0])
-    search = _box_search(boxes.widest, rng)
+    search, budget = _box_search(boxes.widest, rng), samples // _FIRST_SHARE + 1
     for _ in range(_MOST_ROUNDS):
         box = search.best(boxes.beyond)
         allowed = boxes.allowed(box.extent)
-        found = attack(allowed, room, samples, rng)
+        found = attack(allowed, room, budget, rng)
         total += found.samples
+        while found.failed and budget < samples:
+            budget = min(2 * budget, samples)
+            found = attack(allowed, room, budget, rng)
+            total += found.samples
         if found.failed:
             return SegmentSearch(allowed, box, boxes.q, boxes.pair, found, total)
         boxes.learn(found.q, found.pair)
@@ -192,3 +200,13 @@ def _blocked(found: Attack, room: LinkRoom) -> Blocked:
     depth, _ = room.of_pairs(found.q, found.pair)
     worst = int(depth.argmin())
     return Blocked(found.q[worst], int(found.pair[worst]), float(depth[worst]))
+
+
+def _down(values: FloatArray) -> FloatArray:
+    """Return the next round numbers below values."""
+    return np.asarray(np.round(np.floor(values * 10.0**_DECIMALS) / 10.0**_DECIMALS, _DECIMALS))
+
+
+def _up(values: FloatArray) -> FloatArray:
+    """Return the next round numbers above values."""
+    return -_down(-values)

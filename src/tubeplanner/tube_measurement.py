@@ -304,12 +304,19 @@ def _measured(
 
 
 def _ranges(problem: PlanningProblem, found: SegmentSearch) -> dict[str, JointRange]:
-    """Return the ranges that say more than the position limits, by joint name."""
-    limits = problem.robot.limits
-    lower = np.where(found.allowed.lower > limits.lower_position, found.allowed.lower, -np.inf)
-    upper = np.where(found.allowed.upper < limits.upper_position, found.allowed.upper, np.inf)
-    rows = zip(problem.robot.joint_names, lower.tolist(), upper.tolist(), strict=True)
-    return {name: (low, high) for name, low, high in rows if np.isfinite([low, high]).any()}
+    """Return the ranges that say more than the position limits, by joint name; signs as such."""
+    limits, ranges = problem.robot.limits, {}
+    for joint, name in enumerate(problem.robot.joint_names):
+        lower, upper = float(found.allowed.lower[joint]), float(found.allowed.upper[joint])
+        from_lowest = lower <= limits.lower_position[joint]
+        to_highest = upper >= limits.upper_position[joint]
+        if from_lowest and upper == 0:
+            ranges[name] = (-np.inf, 0.0)
+        elif to_highest and lower == 0:
+            ranges[name] = (0.0, np.inf)
+        elif not (from_lowest and to_highest):
+            ranges[name] = (lower, upper)
+    return ranges
 
 
 def _bindings(
