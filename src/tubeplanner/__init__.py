@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     from tubeplanner.errors import TrajectoryError as TrajectoryError
     from tubeplanner.errors import TubePlannerError as TubePlannerError
     from tubeplanner.joint_limits import LimitOverrides as LimitOverrides
+    from tubeplanner.measured_tube import MeasureOptions as MeasureOptions
+    from tubeplanner.measured_tube import SegmentMeasurement as SegmentMeasurement
+    from tubeplanner.measured_tube import TubeMeasurement as TubeMeasurement
     from tubeplanner.obstacle import AttachedSolid as AttachedSolid
     from tubeplanner.obstacle import Obstacle as Obstacle
     from tubeplanner.obstacle import placement_of as placement_of
@@ -51,9 +54,6 @@ if TYPE_CHECKING:
     from tubeplanner.trajectory import JointTrajectory as JointTrajectory
     from tubeplanner.trajectory_file import read_trajectory as read_trajectory
     from tubeplanner.tube import Tube as Tube
-    from tubeplanner.tube_measurement import MeasureOptions as MeasureOptions
-    from tubeplanner.tube_measurement import SegmentMeasurement as SegmentMeasurement
-    from tubeplanner.tube_measurement import TubeMeasurement as TubeMeasurement
     from tubeplanner.tube_measurement import measure_tube as measure_tube
     from tubeplanner.verification import verify as verify
     from tubeplanner.viewer import View as View
@@ -75,6 +75,7 @@ _HOMES = {
         "TubePlannerError",
     ),
     "joint_limits": ("LimitOverrides",),
+    "measured_tube": ("MeasureOptions", "SegmentMeasurement", "TubeMeasurement"),
     "obstacle": ("AttachedSolid", "Obstacle", "placement_of"),
     "outcome": ("Place", "PlanStatus"),
     "plan_options": ("PlanOptions",),
@@ -91,12 +92,7 @@ _HOMES = {
     "trajectory": ("JointTrajectory",),
     "trajectory_file": ("read_trajectory",),
     "tube": ("Tube",),
-    "tube_measurement": (
-        "MeasureOptions",
-        "SegmentMeasurement",
-        "TubeMeasurement",
-        "measure_tube",
-    ),
+    "tube_measurement": ("measure_tube",),
     "verification": ("verify",),
     "viewer": ("View", "view"),
     "waypoint_interpolation": ("quartic_spline", "sequential_quartics"),

@@ -9,6 +9,7 @@ from tubeplanner.problem import PlanningProblem
 
 _MOST_STEPS = 20
 _LARGEST_STEP = 0.4  # [rad or m] of any joint
+_STILL = 1e-5  # [rad or m]: joints that move less come no nearer
 _DAMPING = 1e-6  # of squared metres and radians
 # A hand this near to where it is wanted is there: a share of the radius, and of a rotation [rad].
 _NEAR_SHARE, _NEAR_TURN = 0.1, 0.01
@@ -98,7 +99,10 @@ class ConfigurationSet:
             live, error, jacobian = live[unsettled], error[unsettled], jacobian[unsettled]
             if len(live) == 0:
                 break
-            q[live] = self._stepped(q[live], error, jacobian)
+            moved = self._stepped(q[live], error, jacobian)
+            still = abs(moved - q[live]).max(axis=1) < _STILL
+            q[live] = moved
+            live = live[~still]
         return q
 
     def _stepped(self, q: FloatArray, error: FloatArray, jacobian: FloatArray) -> FloatArray:
@@ -115,7 +119,7 @@ class ConfigurationSet:
     def _task(
         self, q: FloatArray, places: FloatArray, turns: FloatArray | None
     ) -> tuple[FloatArray, FloatArray]:
-        """Return how far hands are from where they are wanted (N, c), and the Jacobian (N, c, n)."""
+        """Return how far hands are from where they are wanted, (N, c), and the Jacobian."""
         rotation, hand, jacobian = self.problem.robot.tool_pose_jacobian(q)
         error, linear = places - hand, jacobian[:, :3]
         tube, bounds = self.problem.tube.rotation, self._turn_bounds

@@ -13,7 +13,7 @@ from tubeplanner.arrays import FloatArray, IntArray
 # Of the logarithms of random speeds, and how it calms down from one search to the next.
 _FIRST_SPREAD, _CALMING, _LEAST_SPREAD = 0.8, 0.95, 0.3
 # Margins grow from search to search: the box shrinks until no point is left to be found.
-_MARGIN_GROWTH = 1.03
+_MARGIN_GROWTH = 1.05
 _FIRST_DRAWS, _LATER_DRAWS = 200, 60
 
 
@@ -82,7 +82,7 @@ class BoxSearch:
         extent, blocker = self._widest.copy(), np.full(len(self._widest), -1)
         speed = np.maximum(speed, 1e-12)
         left = np.arange(len(beyond))
-        # The time at which a point is reached in each direction; it is inside when all have reached it.
+        # When a point is reached in each direction; it is inside once it is in all of them.
         time = np.maximum(beyond[left], 0.0) / speed
         while len(left):
             row = int(time.max(axis=1).argmin())

@@ -8,10 +8,11 @@ from rich.markup import escape
 from rich.table import Table
 
 from tubeplanner.certificate import RELATIVE, Certificate
+from tubeplanner.measured_tube import SegmentMeasurement, TubeMeasurement
 from tubeplanner.plan_result import PlanResult
 from tubeplanner.problem import PlanningProblem
+from tubeplanner.sign_patterns import PatternSurvey
 from tubeplanner.tolerance_sweep import SweepResult
-from tubeplanner.tube_measurement import SegmentMeasurement, TubeMeasurement
 
 _WIDTH_OF_A_FILE = 160  # [characters]
 # Rounding errors of the machine are shown as what they are: nothing.
@@ -84,9 +85,7 @@ def sweep_text(result: SweepResult) -> str:
     return _rendered(table)
 
 
-def measurement_text(
-    problem: PlanningProblem, result: TubeMeasurement, loading_time: float
-) -> str:
+def measurement_text(problem: PlanningProblem, result: TubeMeasurement, loading_time: float) -> str:
     """Return a measured tube as a table of what ends each radius and range, and the counts."""
     lines = [
         f"{problem.name}: {problem.robot.name}, loaded in {loading_time:.2f} s, measured in "
@@ -109,6 +108,19 @@ def measurement_text(
     lines.append(f"{result.status}: {result.message}")
     place = str(result.place)
     return "\n".join([*lines, f"where: {place}"] if place else lines)
+
+
+def patterns_text(problem: PlanningProblem, survey: PatternSurvey) -> str:
+    """Return sign patterns as a table, and what is suggested."""
+    table = Table(title=f"{problem.name}: configurations by segment", title_justify="left")
+    for heading in ("segment", "signs", "reachable", "free", "radius up to", "why not"):
+        table.add_column(heading)
+    for row in survey.rows:
+        signs = ", ".join(f"{name} {sign}" for name, sign in row.signs.items())
+        radius = "" if row.radius is None else f"{1000 * row.radius:.0f} mm"
+        verdicts = ["yes" if holds else "no" for holds in (row.reachable, row.free)]
+        table.add_row(str(row.segment), signs, *verdicts, radius, escape(row.message))
+    return f"{_rendered(table)}\n{survey.message}"
 
 
 def _measured_rows(segment: SegmentMeasurement) -> list[tuple[str, str, str]]:

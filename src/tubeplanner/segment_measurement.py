@@ -20,12 +20,14 @@ from tubeplanner.set_attack import Attack, attack
 
 # The set has this much room beside what the branch itself needs [m], [rad or m].
 _LEAST_RADIUS, _LEAST_RANGE = 1e-3, 1e-3
-# How far ranges may reach beyond the branch, and from where on more counts nothing [rad or m].
-_WIDEST_RANGE, _ENOUGH_RANGE = 0.8, 0.4
+_WIDEST_RANGE = 0.8  # [rad or m]: how far ranges may reach beyond the branch
+# Where nothing says how much of a range is needed, more than this counts nothing; else, more than
+# what is needed and a little [rad or m].
+_ENOUGH_RANGE, _SPARE_RANGE = 0.3, 0.1
 # What the logarithm of the radius counts, where that of every side of a range counts 1.
 _RADIUS_WORTH = 8.0
 # How far the set ends before a collision [m], [rad or m]: so that attacks come to an end.
-_MARGIN_RADIUS, _MARGIN_RANGE = 5e-4, 5e-3
+_MARGIN_RADIUS, _MARGIN_RANGE = 1e-3, 1e-2
 _FIRST_SAMPLES = 2000
 _FIRST_SHARE = 8  # of the last attack's samples: the first attack has so many times fewer
 _MOST_ROUNDS = 200
@@ -81,24 +83,24 @@ class CollisionBoxes:
         problem: PlanningProblem,
         segment: int,
         branch: FloatArray,
-        radius: float,
+        core: tuple[FloatArray, FloatArray],
         room: LinkRoom,
     ) -> None:
         """Begin with no collision known.
 
         Args:
-            problem: What is asked.
+            problem: What is asked; its radius is the largest that the set may have.
             segment: Index of the segment.
             branch: Configurations along it, shape (P, n).
-            radius: The largest that the set may have [m].
+            core: Lower and upper joint bounds of what the set must hold, shape (n,) each.
             room: Of the links.
         """
         self._problem, self._segment, self._branch = problem, segment, branch
         self._room = room
         lower, upper = problem.joint_lower[segment], problem.joint_upper[segment]
         self._outer_lower, self._outer_upper = lower, upper
-        self._lower = np.maximum(_down(branch.min(axis=0) - _LEAST_RANGE), lower)
-        self._upper = np.minimum(_up(branch.max(axis=0) + _LEAST_RANGE), upper)
+        self._lower, self._upper = core
+        radius = float(problem.tube.effective_radius[segment])
         hand = ConfigurationSet(problem, segment, lower, upper, radius).hand_distance(branch)
         self._radius = min(radius, float(_up(hand.max() + _LEAST_RADIUS)))
         self.widest = np.concatenate(
@@ -122,6 +124,10 @@ class CollisionBoxes:
         upper = np.where(above >= self._outer_upper - self._upper, self._outer_upper, upper)
         radius = max(float(_down(self._radius + extent[0])), self._radius)
         return ConfigurationSet(self._problem, self._segment, lower, upper, radius)
+
+    def needed(self, q: FloatArray) -> FloatArray:
+        """Return how far configurations (N, n) reach beyond the core, shape (1 + 2n,)."""
+        return np.asarray(np.maximum(self._beyond_core(q).max(axis=0, initial=0.0), 0.0))
 
     def learn(self, q: FloatArray, pair: IntArray) -> None:
         """Take note of collisions, shapes (C, n) and (C,)."""
@@ -150,25 +156,40 @@ class CollisionBoxes:
         return begin + hit * (q - begin)
 
 
+def range_core(
+    problem: PlanningProblem, segment: int, branch: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the joint bounds, (n,) each, that hold a branch (P, n) and hardly more."""
+    lower = np.maximum(_down(branch.min(axis=0) - _LEAST_RANGE), problem.joint_lower[segment])
+    upper = np.minimum(_up(branch.max(axis=0) + _LEAST_RANGE), problem.joint_upper[segment])
+    return lower, upper
+
+
 def search_segment(
-    boxes: CollisionBoxes, room: LinkRoom, samples: int, rng: np.random.Generator
+    boxes: CollisionBoxes,
+    room: LinkRoom,
+    samples: int,
+    rng: np.random.Generator,
+    needed: FloatArray | None = None,
 ) -> SegmentSearch | Blocked:
     """Return the largest set found around a branch, or a collision that leaves none.
 
     Args:
-        boxes: Around the branch.
+        boxes: Around the branch; they learn the collisions that are found.
         room: Of the links.
         samples: How many configurations the attack draws that must find nothing.
         rng: Random numbers.
+        needed: How far a fast motion reaches in each direction, shape (1 + 2n,); None: not known.
     """
-    found = attack(boxes.allowed(np.zeros_like(boxes.widest)), room, samples // 4, rng)
-    total = found.samples
-    if not found.failed:
-        return _blocked(found, room)
-    q = boxes.allowed(boxes.widest).sample(_FIRST_SAMPLES, rng)
-    least = room.least(q, 0.0)
-    boxes.learn(q[least.room < 0], least.pair[least.room < 0])
-    search, budget = _box_search(boxes.widest, rng), samples // _FIRST_SHARE + 1
+    search, budget = _box_search(boxes.widest, needed, rng), samples // _FIRST_SHARE + 1
+    if len(boxes.q) == 0:
+        found = attack(boxes.allowed(np.zeros_like(boxes.widest)), room, budget, rng)
+        if not found.failed:
+            return _blocked(found, room)
+        q = boxes.allowed(boxes.widest).sample(_FIRST_SAMPLES, rng)
+        least = room.least(q, 0.0)
+        boxes.learn(q[least.room < 0], least.pair[least.room < 0])
+    total = 0
     for _ in range(_MOST_ROUNDS):
         box = search.best(boxes.beyond)
         allowed = boxes.allowed(box.extent)
@@ -184,14 +205,16 @@ def search_segment(
     return _blocked(found, room)
 
 
-def _box_search(widest: FloatArray, rng: np.random.Generator) -> BoxSearch:
+def _box_search(
+    widest: FloatArray, needed: FloatArray | None, rng: np.random.Generator
+) -> BoxSearch:
     sides = np.ones(len(widest) - 1)
-    enough = np.concatenate([[np.inf], _ENOUGH_RANGE * sides])
+    enough = _ENOUGH_RANGE * sides if needed is None else needed[1:] + _SPARE_RANGE
     return BoxSearch(
         widest,
         margin=np.concatenate([[_MARGIN_RADIUS], _MARGIN_RANGE * sides]),
         worth=np.concatenate([[_RADIUS_WORTH], sides]),
-        enough=np.maximum(np.minimum(widest, enough), _LEAST_RANGE),
+        enough=np.maximum(np.minimum(widest, np.concatenate([widest[:1], enough])), _LEAST_RANGE),
         rng=rng,
     )
 

@@ -1,4 +1,4 @@
-"""The search for collisions in a set of configurations: at random, and downhill from near misses."""
+"""The search for collisions in a set of configurations: random ones, and downhill from those."""
 
 from dataclasses import dataclass
 

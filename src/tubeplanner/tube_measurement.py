@@ -1,7 +1,6 @@
 """How wide a tube may be: radii and joint ranges inside which no part of the robot collides."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from itertools import pairwise
 from typing import Any
 
@@ -9,9 +8,18 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import OptionError
+from tubeplanner.folding_joints import is_determined, sign_core
 from tubeplanner.known_branches import KnownBranches
 from tubeplanner.link_room import LinkRoom
+from tubeplanner.measured_tube import (
+    Binding,
+    MeasureOptions,
+    SegmentMeasurement,
+    TubeMeasurement,
+)
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.plan_options import PlanOptions
+from tubeplanner.planner import plan
 from tubeplanner.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, Progress, ProgressCallback
 from tubeplanner.reference_branch import ReferenceBranch, spare_joint_rules
@@ -19,6 +27,7 @@ from tubeplanner.segment_measurement import (
     Blocked,
     CollisionBoxes,
     SegmentSearch,
+    range_core,
     search_segment,
 )
 from tubeplanner.segment_walk import as_position
@@ -27,127 +36,10 @@ from tubeplanner.tube import JointRange, Tube
 # Room asked for beside the clearance [m], unless the branch itself has less: what a later attack
 # may find beyond what was found here.
 _EXTRA_ROOM = 1e-3
+_ROUNDING = 1e-9
+_ROUGH_SHARE = 8  # of the samples: a rough measurement has so many times fewer
+_LOOKS_PER_PIECE = 10
 _LONGEST_STEP = 0.02  # [rad or m] between configurations at which the branch is looked at
-
-
-@dataclass(frozen=True)
-class MeasureOptions:
-    """How to measure.
-
-    Attributes:
-        max_radius: No segment gets a larger radius [m].
-        samples: How many configurations of a segment the last attack draws, which must find
-            nothing. Time is in proportion.
-        seed: Of the random numbers: the same seed gives the same tube.
-    """
-
-    max_radius: float = 0.2
-    samples: int = 20_000
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        if not 0 < self.max_radius < np.inf:
-            raise OptionError(f"max_radius is {self.max_radius:g} m; it must be > 0 and finite")
-        if not self.samples >= 1:
-            raise OptionError(f"samples is {self.samples}; it must be >= 1")
-        if not self.seed >= 0:
-            raise OptionError(f"seed is {self.seed}; it must be >= 0")
-
-
-@dataclass(frozen=True, eq=False)
-class Binding:
-    """What keeps a radius or one side of a joint range from being larger.
-
-    Attributes:
-        bound: "radius", or "lower" or "upper" side of the joint's range.
-        place: Links and obstacle that come too close, the joint, and where the hand is then.
-        configuration: In which they do, shape (n,) [rad or m].
-    """
-
-    bound: str
-    place: Place
-    configuration: FloatArray
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the fields as JSON values."""
-        place = self.place.as_dict()
-        return {"bound": self.bound, **place, "configuration": self.configuration.tolist()}
-
-
-@dataclass(frozen=True, eq=False)
-class SegmentMeasurement:
-    """The largest set found for one segment.
-
-    Attributes:
-        radius: Of the tube, the tool radius included [m].
-        joint_ranges: By joint name [rad or m]; joints that need no range are left out.
-        bindings: What ends the set, one entry per bound that something ends.
-        samples: How many configurations the last attack drew; it found no collision.
-        attacked: How many all attacks drew.
-        collisions: How many collisions they found, all outside the set now.
-        least_room: The least distance beyond what is required that the last attack found [m]; None
-            if nothing came near.
-    """
-
-    radius: float
-    joint_ranges: Mapping[str, JointRange]
-    bindings: tuple[Binding, ...]
-    samples: int
-    attacked: int
-    collisions: int
-    least_room: float | None
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the fields as JSON values; sides of ranges without an end are null."""
-        ranges = {
-            name: [bound if np.isfinite(bound) else None for bound in pair]
-            for name, pair in self.joint_ranges.items()
-        }
-        return {
-            "radius": self.radius,
-            "joint_ranges": ranges,
-            "bindings": [binding.as_dict() for binding in self.bindings],
-            "samples": self.samples,
-            "attacked": self.attacked,
-            "collisions": self.collisions,
-            "least_room": self.least_room,
-        }
-
-
-@dataclass(frozen=True, eq=False)
-class TubeMeasurement:
-    """What came of measuring a tube.
-
-    Attributes:
-        status: Success, or why there is no tube.
-        message: One sentence.
-        place: Where, if there is no tube.
-        segments: One per segment; empty unless successful.
-        problem: What was asked, with the measured tube; None unless successful.
-        measuring_time: Wall time from the loaded problem [s].
-    """
-
-    status: PlanStatus
-    message: str
-    place: Place
-    segments: tuple[SegmentMeasurement, ...] = ()
-    problem: PlanningProblem | None = None
-    measuring_time: float = 0.0
-
-    @property
-    def succeeded(self) -> bool:
-        """Whether there is a measured tube."""
-        return self.status is PlanStatus.SUCCESS
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the fields of the command line's JSON, but for loading_time."""
-        return {
-            "status": str(self.status),
-            "message": self.message,
-            "where": self.place.as_dict(),
-            "measuring_time": self.measuring_time,
-            "segments": [segment.as_dict() for segment in self.segments],
-        }
 
 
 def measure_tube(
@@ -194,9 +86,7 @@ def measure_tube(
     measured = problem.with_tube(_tube(tube, [segment.radius for segment in segments], ranges))
     radii = ", ".join(f"{1000 * segment.radius:.1f}" for segment in segments)
     message = f"no collision found within radii of {radii} mm and the joint ranges"
-    return TubeMeasurement(
-        PlanStatus.SUCCESS, message, Place(), segments, measured, clock.elapsed
-    )
+    return TubeMeasurement(PlanStatus.SUCCESS, message, Place(), segments, measured, clock.elapsed)
 
 
 def _tube(tube: Tube, radii: list[float], ranges: list[Mapping[str, JointRange]]) -> Tube:
@@ -235,15 +125,119 @@ def _segments(
     options: MeasureOptions,
     clock: PlanningClock,
 ) -> tuple[SegmentMeasurement, ...]:
-    dense = [_dense(q) for q in branch.segments]
-    room = LinkRoom(problem, 0.0)
-    least = min(_require_room(problem, room, k, q) for k, q in enumerate(dense))
-    room = LinkRoom(problem, min(_EXTRA_ROOM, least / 2))
-    found = []
-    for k, q in enumerate(dense):
-        clock.announce(Progress(f"measuring segment {k} of {len(dense)}"))
-        found.append(_measured(problem, k, q, room, options))
-    return tuple(found)
+    """Return what was measured around a branch.
+
+    A first, rough measurement says what radii there are; a fast motion within them, what joint
+    ranges it needs; a second one trades radii for those.
+
+    Raises:
+        Infeasible: Status tube_blocked.
+    """
+    around = Surroundings(problem, branch, options)
+    rough = []
+    for k in range(around.count):
+        clock.announce(Progress(f"measuring segment {k} of {around.count}"))
+        rough.append(around.first_search(k))
+    clock.announce(Progress("a fast motion, to see which ranges it needs"))
+    radii = [found.allowed.radius + problem.tube.tool_radius for found in rough]
+    needs = around.needs_of_motion(radii)
+    final = []
+    for k in range(around.count):
+        clock.announce(Progress(f"measuring segment {k} of {around.count} again"))
+        final.append(around.described(k, around.second_search(k, needs[k])))
+    return tuple(final)
+
+
+class Surroundings:
+    """The surroundings of a branch, and what searches learn of them.
+
+    Attributes:
+        count: Number of segments.
+    """
+
+    def __init__(
+        self, problem: PlanningProblem, branch: ReferenceBranch, options: MeasureOptions
+    ) -> None:
+        """Look along the branch.
+
+        Args:
+            problem: What is asked; its radii are the largest wanted.
+            branch: Along the centre line.
+            options: How to measure.
+
+        Raises:
+            Infeasible: Status tube_blocked: the branch itself collides.
+        """
+        self._problem, self._samples = problem, options.samples
+        self._branch = [_dense(q) for q in branch.segments]
+        self.count = len(self._branch)
+        room = LinkRoom(problem, 0.0)
+        least = min(_require_room(problem, room, k, q) for k, q in enumerate(self._branch))
+        self._room = LinkRoom(problem, min(_EXTRA_ROOM, least / 2))
+        self._rngs = [np.random.default_rng([options.seed, k]) for k in range(self.count)]
+        self._boxes: dict[int, CollisionBoxes] = {}
+
+    def first_search(self, k: int) -> SegmentSearch:
+        """Return what a rough search finds for a segment; signs are tried before ranges.
+
+        Raises:
+            Infeasible: Status tube_blocked: not even the branch's own ranges are free.
+        """
+        problem, branch = self._problem, self._branch[k]
+        cores = [range_core(problem, k, branch)]
+        if is_determined(problem.robot):
+            cores.insert(0, sign_core(problem, k, branch))
+        for core in cores:
+            self._boxes[k] = CollisionBoxes(problem, k, branch, core, self._room)
+            samples = self._samples // _ROUGH_SHARE + 1
+            found = search_segment(self._boxes[k], self._room, samples, self._rngs[k])
+            if isinstance(found, SegmentSearch):
+                return found
+        return self._unless_blocked(k, found)
+
+    def needs_of_motion(self, radii: list[float]) -> list[FloatArray | None]:
+        """Return how far a fast motion reaches beyond the branch, by segment; None: no motion."""
+        problem = self._problem.with_tube(self._problem.tube.with_radius(radii))
+        trajectory = plan(problem, PlanOptions(quality="fast")).trajectory
+        if trajectory is None:
+            return [None] * self.count
+        q = trajectory.per_piece(_LOOKS_PER_PIECE).position
+        nearest = problem.tube.distance(problem.robot.tool_position(q)).argmin(axis=1)
+        return [self._boxes[k].needed(q[nearest == k]) for k in range(self.count)]
+
+    def second_search(self, k: int, needed: FloatArray | None) -> SegmentSearch:
+        """Return what a thorough search finds, with the collisions known from the first.
+
+        Raises:
+            Infeasible: Status tube_blocked: attacks come to no end.
+        """
+        rng = self._rngs[k]
+        found = search_segment(self._boxes[k], self._room, self._samples, rng, needed)
+        return self._unless_blocked(k, found)
+
+    def described(self, k: int, found: SegmentSearch) -> SegmentMeasurement:
+        """Return what a search found, in the terms of a tube."""
+        least = found.last.least_room
+        return SegmentMeasurement(
+            radius=found.allowed.radius + self._problem.tube.tool_radius,
+            joint_ranges=_ranges(self._problem, found),
+            bindings=_bindings(self._problem, k, found, self._room),
+            samples=found.last.samples,
+            attacked=found.samples,
+            collisions=len(found.q),
+            least_room=least if np.isfinite(least) else None,
+        )
+
+    def _unless_blocked(self, k: int, found: SegmentSearch | Blocked) -> SegmentSearch:
+        if isinstance(found, SegmentSearch):
+            return found
+        place = _place(self._problem, k, found.q, self._room.pairs[found.pair])
+        message = (
+            f"there is no room around the branch in segment {k}: within its own joint ranges "
+            f"{place}, {-1000 * found.room:.1f} mm too close; split the segment by another "
+            "reference point, or move it"
+        )
+        raise Infeasible(PlanStatus.TUBE_BLOCKED, message, place)
 
 
 def _dense(q: FloatArray) -> FloatArray:
@@ -275,34 +269,6 @@ def _require_room(problem: PlanningProblem, room: LinkRoom, k: int, q: FloatArra
     return least
 
 
-def _measured(
-    problem: PlanningProblem, k: int, branch: FloatArray, room: LinkRoom, options: MeasureOptions
-) -> SegmentMeasurement:
-    rng = np.random.default_rng([options.seed, k])
-    radius = float(problem.tube.effective_radius[k])
-    found = search_segment(
-        CollisionBoxes(problem, k, branch, radius, room), room, options.samples, rng
-    )
-    if isinstance(found, Blocked):
-        place = _place(problem, k, found.q, room.pairs[found.pair])
-        message = (
-            f"there is no room around the branch in segment {k}: within its own joint ranges "
-            f"{place}, {-1000 * found.room:.1f} mm too close; split the segment by another "
-            "reference point, or move it"
-        )
-        raise Infeasible(PlanStatus.TUBE_BLOCKED, message, place)
-    least = found.last.least_room
-    return SegmentMeasurement(
-        radius=found.allowed.radius + problem.tube.tool_radius,
-        joint_ranges=_ranges(problem, found),
-        bindings=_bindings(problem, k, found, room),
-        samples=found.last.samples,
-        attacked=found.samples,
-        collisions=len(found.q),
-        least_room=least if np.isfinite(least) else None,
-    )
-
-
 def _ranges(problem: PlanningProblem, found: SegmentSearch) -> dict[str, JointRange]:
     """Return the ranges that say more than the position limits, by joint name; signs as such."""
     limits, ranges = problem.robot.limits, {}
@@ -310,6 +276,8 @@ def _ranges(problem: PlanningProblem, found: SegmentSearch) -> dict[str, JointRa
         lower, upper = float(found.allowed.lower[joint]), float(found.allowed.upper[joint])
         from_lowest = lower <= limits.lower_position[joint]
         to_highest = upper >= limits.upper_position[joint]
+        if problem.robot.revolute[joint] and upper - lower >= 2 * np.pi - _ROUNDING:
+            continue  # every angle
         if from_lowest and upper == 0:
             ranges[name] = (-np.inf, 0.0)
         elif to_highest and lower == 0:
