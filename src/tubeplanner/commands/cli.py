@@ -31,6 +31,7 @@ from tubeplanner.commands.console import (
     shown_progress,
 )
 from tubeplanner.commands.interrupts import interrupts_held
+from tubeplanner.commands.measure_command import measure
 from tubeplanner.commands.study_commands import plot as draw
 from tubeplanner.commands.study_commands import sweep
 from tubeplanner.commands.tube_commands import route, teach
@@ -229,7 +230,7 @@ def schema(json: bool) -> None:
     print_json(problem_schema(), indent=2)
 
 
-for command in (draw, route, sweep, teach, view):
+for command in (draw, measure, route, sweep, teach, view):
     cli.add_command(command)
 
 

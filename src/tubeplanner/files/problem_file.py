@@ -7,18 +7,19 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
-from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import ProblemError
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.problem.problem_format import PROBLEM_FORMAT, read_document
 from tubeplanner.resources import EXAMPLE_PREFIX
-from tubeplanner.tube.tube import JointRange, Tube
+from tubeplanner.tube.tube import JointRange, Tube, sign_of
 
 _PACKAGE_PREFIX = "package://"
 _LONGEST_LINE = 1000  # [characters]: lines are left as they were
+_ORDER = ("format", "version", "robot", "tube", "start", "goal")
 _CELL = ("obstacles", "clearance", "collision")
 
 
@@ -66,14 +67,33 @@ def with_problem(fields: Any, folder: Path, target: Path, problem: PlanningProbl
         target: Where the contents will be; its ending says whether they are JSON or YAML.
         problem: Its tube and its ends, configurations, are written.
     """
-    ends = {"start": problem.start, "goal": problem.goal}
     changes: dict[str, Any] = {"tube": _tube_fields(problem.tube)}
-    changes |= {end: _in_a_row({"joints": _in_a_row(q.tolist())}) for end, q in ends.items()}
+    for end, q in (("start", problem.start), ("goal", problem.goal)):
+        assert isinstance(q, np.ndarray)
+        changes[end] = _in_a_row({"joints": _in_a_row(q.tolist())})
     for key, value in changes.items():
         if key not in fields:
             _insert(fields, key, value)
         elif key == "tube" or "joints" not in fields[key]:
             fields[key] = value
+    return _contents(fields, folder, target)
+
+
+def with_other_tube(source: Path, target: Path, tube: Tube) -> bytes:
+    """Return a problem file's contents with other radii and joint signs, for another place.
+
+    Args:
+        source: A valid problem file.
+        target: Where the contents will be; its ending says whether they are JSON or YAML.
+        tube: Its radii and joint ranges are written.
+    """
+    fields, other = read_fields(source), _tube_fields(tube)
+    fields["tube"]["radius"] = other["radius"]
+    fields["tube"]["joint_signs"] = other["joint_signs"]
+    return _contents(fields, source.parent, target)
+
+
+def _contents(fields: Any, folder: Path, target: Path) -> bytes:
     move_paths(fields, folder, target.parent)
     if target.suffix == ".json":
         return (json.dumps(fields, indent=2, allow_nan=False) + "\n").encode()
@@ -90,7 +110,7 @@ def move_paths(fields: Any, before: Path, after: Path) -> None:
     for holder, key in holders:
         if holder.get(key) is not None:
             holder[key] = _moved(holder[key], before, after)
-    folders = robot.get("package_dirs") or ()
+    folders = robot.get("package_dirs") or []
     for k, folder in enumerate(folders):
         folders[k] = _moved(folder, before, after)
 
@@ -109,8 +129,9 @@ def _tube_fields(tube: Tube) -> CommentedMap:
 
 
 def _signs(ranges: Mapping[str, JointRange]) -> dict[str, Any]:
-    """Return joint ranges as a file has them."""
-    return {name: _in_a_row(list(bounds)) for name, bounds in ranges.items()}
+    """Return joint ranges as a file has them, signs where they say the same."""
+    pairs = ranges.items()
+    return {name: sign_of(bounds) or _in_a_row(list(bounds)) for name, bounds in pairs}
 
 
 def _in_a_row(values: Sequence[Any] | Mapping[str, Any]) -> Any:
@@ -122,8 +143,9 @@ def _in_a_row(values: Sequence[Any] | Mapping[str, Any]) -> Any:
 
 def _insert(fields: Any, key: str, value: Any) -> None:
     """Put a key where a reader expects it: tube, start and goal in this order, after the robot."""
-    before = [name for name in ("format", "version", "robot", "tube", "start") if name in fields]
-    place = 1 + max((list(fields).index(name) for name in before), default=-1)
+    names = list(fields)
+    before = _ORDER[: _ORDER.index(key)]
+    place = 1 + max(names.index(name) for name in before if name in fields)
     if isinstance(fields, CommentedMap):
         fields.insert(place, key, value)
         return
@@ -137,4 +159,5 @@ def _yaml() -> YAML:
     yaml = YAML()
     yaml.preserve_quotes = True
     yaml.width = _LONGEST_LINE
+    yaml.indent(mapping=2, sequence=4, offset=2)
     return yaml

@@ -119,7 +119,8 @@ class Tube:
         Where both are the same, the second is moved a little: a tube has a direction.
         """
         is_still = np.linalg.norm(end - begin) < _SHORTEST
-        return cls([begin, end + [0, 0, 1e3 * _SHORTEST * is_still]], _FARTHEST)
+        aside = np.array([0.0, 0.0, 1e3 * _SHORTEST * is_still])
+        return cls(np.vstack([begin, end + aside]), _FARTHEST)
 
     def _keep_rotation(self, orientations: object, tolerance: object) -> None:
         for field in ("orientations", "rotation_tolerance", "rotation"):
@@ -212,6 +213,11 @@ class Tube:
         rows = [[ranges.get(name, free) for name in joint_names] for ranges in self.joint_ranges]
         table = np.array(rows).reshape(self.segment_count, len(joint_names), 2)
         return table[:, :, 0], table[:, :, 1]
+
+
+def sign_of(bounds: JointRange) -> str | None:
+    """Return the sign that says the same as a range: "+", "-" or "0"; None if none does."""
+    return next((str(sign) for sign, same in _SIGNS.items() if same == bounds), None)
 
 
 def _set(tube: Tube, name: str, value: object) -> None:

@@ -4,7 +4,6 @@ Sucan, Moll & Kavraki, "The Open Motion Planning Library" (IEEE Robotics & Autom
 19(4), 2012); Kuffner & LaValle, "RRT-Connect" (ICRA 2000). Only this module knows OMPL.
 """
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -48,7 +47,7 @@ class RouteSearch:
         self,
         space: FreeSpace,
         start: FloatArray,
-        goals: Sequence[FloatArray],
+        goals: FloatArray,
         lower: FloatArray,
         upper: FloatArray,
     ) -> None:
@@ -57,7 +56,7 @@ class RouteSearch:
         Args:
             space: Which configurations are free.
             start: Shape (n,) [rad or m].
-            goals: Configurations of which one is to be reached, each (n,).
+            goals: Configurations of which one is to be reached, shape (G, n).
             lower: Lower position limits, shape (n,).
             upper: Upper position limits, shape (n,).
 

@@ -7,7 +7,8 @@ from tubeplanner.outcome import Infeasible
 from tubeplanner.planning.plan_result import PlanResult
 from tubeplanner.planning.planner import plan
 from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.tube_sources.tube_measurement import MeasureOptions, measure_tube
+from tubeplanner.tube_sources.measured_tube import MeasureOptions
+from tubeplanner.tube_sources.tube_measurement import measure_tube
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,6 +7,7 @@ promising are planned, and the tube of the fastest is measured.
 import time
 from collections.abc import Callable
 
+from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import ProblemError
 from tubeplanner.outcome import Infeasible
 from tubeplanner.planning.plan_options import PlanOptions
@@ -15,6 +16,7 @@ from tubeplanner.problem.problem import PlanningProblem, Seed
 from tubeplanner.tube_sources.goal_configurations import goal_configurations
 from tubeplanner.tube_sources.joint_route import require_ompl
 from tubeplanner.tube_sources.measured_plan import MeasuredPlan, measured_plan
+from tubeplanner.tube_sources.measured_tube import MeasureOptions
 from tubeplanner.tube_sources.reference_tube import reference_tube
 from tubeplanner.tube_sources.route_candidates import (
     RouteCandidate,
@@ -22,7 +24,6 @@ from tubeplanner.tube_sources.route_candidates import (
     route_candidates,
 )
 from tubeplanner.tube_sources.tube_answer import TubeAnswer, answer_of
-from tubeplanner.tube_sources.tube_measurement import MeasureOptions
 from tubeplanner.verification.refusal import require_free
 
 # Routes are compared by the motion through a tube of this radius [m].
@@ -50,14 +51,15 @@ def find_route(
         OptionError: OMPL is not installed.
         ProblemError: The start is given by a seed.
     """
-    if isinstance(problem.start, Seed):
+    start = problem.start
+    if isinstance(start, Seed):
         raise ProblemError("start.joints is required: a seed belongs to the first point of a tube")
     require_ompl()
     begin = time.perf_counter()
     finder = _RouteFinder(problem, options or RouteOptions(), progress or (lambda stage: None))
     found: MeasuredPlan | Infeasible
     try:
-        found = finder.fastest()
+        found = finder.fastest(start)
     except Infeasible as reason:
         found = reason
     elapsed = time.perf_counter() - begin
@@ -73,17 +75,17 @@ class _RouteFinder:
         self._problem, self._options, self._enter = problem, options, enter
         self.durations: list[float | None] = []
 
-    def fastest(self) -> MeasuredPlan:
+    def fastest(self, start: FloatArray) -> MeasuredPlan:
         """Return the problem in the measured tube that has the fastest motion, and its plan.
 
         Raises:
             Infeasible: There is none; the reason is that of the route that promised most.
         """
-        require_free(self._problem, "start", self._problem.start)
-        goals = goal_configurations(self._problem, self._problem.start, self._options.seed)
-        routes = route_candidates(self._problem, goals, self._options, self._enter)
-        best, first = None, None
         options = self._options
+        require_free(self._problem, "start", start)
+        goals = goal_configurations(self._problem, start, options.seed)
+        routes = route_candidates(self._problem, start, goals, options, self._enter)
+        best, first = None, None
         how = MeasureOptions(options.max_radius, options.samples, options.seed)
         for route, enough in self._fastest_first(routes[:_MOST_COMPARED]):
             try:

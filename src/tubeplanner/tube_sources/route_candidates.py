@@ -71,6 +71,7 @@ class RouteCandidate:
 
 def route_candidates(
     problem: PlanningProblem,
+    start: FloatArray,
     goals: FloatArray,
     options: RouteOptions,
     enter: Callable[[str], None],
@@ -78,7 +79,8 @@ def route_candidates(
     """Return routes that were found, the one of the least joint time first.
 
     Args:
-        problem: Its arm, start and obstacles count.
+        problem: Its arm and obstacles count.
+        start: Shape (n,).
         goals: Free configurations of which one is to be reached, shape (G, n).
         options: How to find them.
         enter: Called with every stage as it begins.
@@ -90,10 +92,10 @@ def route_candidates(
     for margin in (*_MARGINS, _LEAST_MARGIN):
         if found and margin == _LEAST_MARGIN:
             break
-        space = FreeSpace(problem, margin, np.vstack([problem.start, goals]))
+        space = FreeSpace(problem, margin, np.vstack([start, goals]))
         limits = problem.robot.limits
         bounds = limits.lower_position, limits.upper_position
-        search = RouteSearch(space, problem.start, goals, *bounds)
+        search = RouteSearch(space, start, goals, *bounds)
         for k in range(options.tries):
             enter(f"route {k + 1} of {options.tries}, {1000 * margin:g} mm from obstacles")
             route = search.route(options.seed + k, options.checks)

@@ -35,7 +35,7 @@ def joint_trail(robot: RobotModel, joint_names: Sequence[str], samples: FloatArr
         raise TrajectoryError(
             f"the trail has no joint {', '.join(missing)}; its joints are {', '.join(joint_names)}"
         )
-    q = np.array(samples[:, [joint_names.index(name) for name in robot.joint_names]])
+    q: FloatArray = np.array(samples[:, [joint_names.index(name) for name in robot.joint_names]])
     for j, name in enumerate(robot.joint_names):
         if robot.urdf.joints[name].type == "continuous":
             q[:, j] = np.unwrap(q[:, j])
@@ -45,7 +45,8 @@ def joint_trail(robot: RobotModel, joint_names: Sequence[str], samples: FloatArr
             f"the trail has '{robot.joint_names[j]}' at {q[k, j]:g} in sample {k}, outside its "
             f"position limits [{lower[j]:g}, {upper[j]:g}] (radians and metres are meant)"
         )
-    return np.round(np.clip(q, lower, upper), _DECIMALS)
+    inside: FloatArray = np.clip(q, lower, upper)
+    return inside.round(_DECIMALS)
 
 
 def moving_part(q: FloatArray) -> FloatArray:
