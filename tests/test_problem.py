@@ -1,6 +1,7 @@
 """Problems from files, from dictionaries and from Python."""
 
 import copy
+import re
 import shutil
 
 import numpy as np
@@ -29,6 +30,8 @@ LEAST = {
     "start": {"joints": [0, 0]},
 }
 START, GOAL = [0.0, 0.0], [np.pi / 2, 0.0]
+# Their tubes are found by `route`.
+WITHOUT_TUBE = ("two_link/through_the_gap", "ur5/past_a_wall", "panda/shelf_to_shelf")
 
 
 def changed(**changes):
@@ -438,9 +441,55 @@ def test_a_fault_in_a_file_is_reported_with_the_file(cell):
 
 @pytest.mark.parametrize("name", bundled_problems())
 def test_bundled_problems_load_by_name_and_are_called_so(name):
-    problem = load_problem(f"example:{name}")
+    problem = load_problem(f"example:{name}", reads_tube=name not in WITHOUT_TUBE)
     assert problem.name == name
     assert len(problem.collision.shapes) > len(problem.obstacles)
+
+
+@pytest.mark.parametrize("name", WITHOUT_TUBE)
+def test_a_problem_without_a_tube_says_how_to_find_one(name):
+    with pytest.raises(ProblemError) as caught:
+        load_problem(f"example:{name}")
+    assert str(caught.value) == (
+        f"{bundled_problems()[name]}: tube is required; `tubeplanner route` finds one from start, "
+        "goal and obstacles"
+    )
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"goal": None}, "goal is required: joints, or the position of the hand"),
+        ({"start": {"seed": START}}, "start.joints is required: a seed belongs to the first point"),
+        ({"goal": {"seed": GOAL}}, "goal.seed belongs to a position; give goal.position or goal"),
+        (
+            {"goal": {"joints": GOAL, "position": [0, 0.6, 0]}},
+            "goal.position is not to be given: it is the one of goal.joints",
+        ),
+        (
+            {"start": {"joints": START, "position": [0.6, 0, 0]}},
+            "start.position is not to be given: start takes joints",
+        ),
+        ({"goal": {"joints": [0]}}, "goal has 1 values for the 2 joints joint1, joint2"),
+    ],
+)
+def test_ends_that_no_route_can_join(changes, message):
+    with pytest.raises(ProblemError, match=re.escape(message)):
+        parse_problem({**LEAST, "goal": {"joints": GOAL}, **changes}, reads_tube=False)
+
+
+def test_without_its_tube_a_problem_lets_the_hand_be_anywhere():
+    problem = parse_problem({**LEAST, "goal": {"position": [0, 0.5, 0]}}, reads_tube=False)
+    np.testing.assert_allclose(problem.tube.points, [[0.6, 0, 0], [0, 0.5, 0]], atol=1e-9)
+    assert problem.goal is None and problem.tube.radius[0] >= 1e3
+    still = parse_problem({**LEAST, "goal": {"joints": START}}, reads_tube=False)
+    np.testing.assert_allclose(still.tube.points[0], [0.6, 0, 0], atol=1e-9)
+
+
+def test_a_goal_position_is_for_route_alone():
+    data = {**LEAST, "goal": {"position": [0, 0.6, 0]}}
+    with pytest.raises(ProblemError, match="goal.position is for `tubeplanner route`, which finds"):
+        parse_problem(data)
 
 
 # --- Python ------------------------------------------------------------------------------------

@@ -6,9 +6,9 @@ points). Units are SI and radians; positions are in the frame of the URDF's root
     problem = load_problem("example:ur5/over_the_wall")
     result = plan(problem)
 
-Data flows one way, through folders that import only those above them: `robot`, `collision`, `tube`,
-`problem`, `motion`, `verification`, `branches`, `waypoint_search` (phase 1), `refinement` (phase 2),
-`planning`, `studies`, `files`, `views`, `commands`.
+Data flows one way, through folders that import only those above them: `robot`, `collision`,
+`tube`, `problem`, `motion`, `verification`, `branches`, `waypoint_search` (phase 1), `refinement`
+(phase 2), `planning`, `studies`, `tube_sources`, `files`, `views`, `commands`.
 
 Names are loaded on first use, so that `import tubeplanner` stays quick.
 """
@@ -48,6 +48,16 @@ if TYPE_CHECKING:
     from tubeplanner.studies.tolerance_sweep import SweepRow as SweepRow
     from tubeplanner.studies.tolerance_sweep import sweep as sweep
     from tubeplanner.tube.tube import Tube as Tube
+    from tubeplanner.tube_sources.measured_tube import MeasureOptions as MeasureOptions
+    from tubeplanner.tube_sources.measured_tube import SegmentMeasurement as SegmentMeasurement
+    from tubeplanner.tube_sources.measured_tube import TubeMeasurement as TubeMeasurement
+    from tubeplanner.tube_sources.route import find_route as find_route
+    from tubeplanner.tube_sources.route_candidates import RouteOptions as RouteOptions
+    from tubeplanner.tube_sources.teach import TeachOptions as TeachOptions
+    from tubeplanner.tube_sources.teach import teach as teach
+    from tubeplanner.tube_sources.trail import joint_trail as joint_trail
+    from tubeplanner.tube_sources.tube_answer import TubeAnswer as TubeAnswer
+    from tubeplanner.tube_sources.tube_measurement import measure_tube as measure_tube
     from tubeplanner.verification.certificate import Certificate as Certificate
     from tubeplanner.verification.certificate import Condition as Condition
     from tubeplanner.verification.certificate import Tolerance as Tolerance
@@ -93,6 +103,13 @@ _HOMES = {
     "motion.trajectory": ("JointTrajectory",),
     "files.trajectory_file": ("read_trajectory",),
     "tube.tube": ("Tube",),
+    "tube_sources.measured_tube": ("MeasureOptions", "SegmentMeasurement", "TubeMeasurement"),
+    "tube_sources.route": ("find_route",),
+    "tube_sources.route_candidates": ("RouteOptions",),
+    "tube_sources.teach": ("TeachOptions", "teach"),
+    "tube_sources.trail": ("joint_trail",),
+    "tube_sources.tube_answer": ("TubeAnswer",),
+    "tube_sources.tube_measurement": ("measure_tube",),
     "verification.verification": ("verify",),
     "views.viewer": ("View", "view"),
     "waypoint_search.waypoint_interpolation": ("quartic_spline", "sequential_quartics"),

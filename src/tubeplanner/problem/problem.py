@@ -313,10 +313,7 @@ def _tube(fields: ProblemFields, robot: RobotModel) -> Tube:
             "tube is required; `tubeplanner route` finds one from start, goal and obstacles"
         )
     if fields.goal is not None and fields.goal.position is not None:
-        raise ProblemError(
-            "goal.position is for `tubeplanner route`, which finds joints for it; in a tube the "
-            "last of tube.points is the goal's position"
-        )
+        raise ProblemError("goal.position is for `tubeplanner route`, which finds joints for it")
     return Tube(
         fields.tube.points,
         fields.tube.radius,
@@ -334,16 +331,13 @@ def _tube_anywhere(fields: ProblemFields, robot: RobotModel) -> Tube:
         raise ProblemError("start.joints is required: a seed belongs to the first point of a tube")
     if fields.goal is None:
         raise ProblemError("goal is required: joints, or the position of the hand")
-    q = [configuration_of(robot, "start", _values(fields.start.joints))]
-    if fields.goal.joints is not None:
-        q.append(configuration_of(robot, "goal", _values(fields.goal.joints)))
-    elif fields.goal.position is None:
+    if fields.goal.joints is None and fields.goal.position is None:
         raise ProblemError("goal.seed belongs to a position; give goal.position or goal.joints")
-    return Tube.anywhere(*robot.tool_position(np.array(q)), *_given(fields.goal.position))
-
-
-def _given(point: Sequence[float] | None) -> list[FloatArray]:
-    return [] if point is None else [np.array(point)]
+    begin = configuration_of(robot, "start", _values(fields.start.joints))
+    if fields.goal.joints is None:
+        return Tube.anywhere(robot.tool_position(begin[None])[0], np.array(fields.goal.position))
+    end = configuration_of(robot, "goal", _values(fields.goal.joints))
+    return Tube.anywhere(*robot.tool_position(np.array([begin, end])))
 
 
 def _endpoint(end: str, fields: EndpointFields) -> Any:

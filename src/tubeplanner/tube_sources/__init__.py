@@ -1,1 +1,1 @@
-"""Where tubes come from: a recorded trail, or a route found from start, goal and obstacles."""
+"""Where tubes come from: measured among obstacles, from a recorded trail, from start and goal."""

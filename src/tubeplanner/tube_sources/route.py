@@ -31,7 +31,7 @@ _RADIUS_TO_COMPARE = 0.05
 _MOST_COMPARED = 3
 # A measured tube whose motion takes longer than this, times the fastest one compared, has been
 # squeezed by an obstacle: the next route may have more room.
-_ENOUGH = 1.1
+_ENOUGH = 1.2
 
 
 def find_route(

@@ -45,8 +45,7 @@ def joint_trail(robot: RobotModel, joint_names: Sequence[str], samples: FloatArr
             f"the trail has '{robot.joint_names[j]}' at {q[k, j]:g} in sample {k}, outside its "
             f"position limits [{lower[j]:g}, {upper[j]:g}] (radians and metres are meant)"
         )
-    inside: FloatArray = np.clip(q, lower, upper)
-    return inside.round(_DECIMALS)
+    return np.minimum(np.maximum(q.round(_DECIMALS), lower), upper)
 
 
 def moving_part(q: FloatArray) -> FloatArray:
@@ -86,6 +85,7 @@ def without_ways_back(
         TrajectoryError: The whole trail goes out and back, or its hand does not move.
     """
     turns: list[FloatArray] = []
+    joint = -1  # where what was left out last had been
     while True:
         hand = robot.tool_position(q)
         found = _way_back(q, hand, deviation)
@@ -97,7 +97,10 @@ def without_ways_back(
                 "the trail ends where it starts and comes back the way it went; record the way out "
                 "and the way back as two trails"
             )
-        turns.append(hand[i : j + 1][np.linalg.norm(hand[i : j + 1] - hand[i], axis=1).argmax()])
+        if not i <= joint <= j:  # otherwise it is the rest of the same way
+            away = np.linalg.norm(hand[i : j + 1] - hand[i], axis=1)
+            turns.append(hand[i + int(away.argmax())])
+        joint = i
         # The ends of the trail stay as they are.
         q = np.vstack([q[:i], q[j:]]) if i > 0 else np.vstack([q[:1], q[j + 1 :]])
     way = float(np.linalg.norm(hand - hand[0], axis=1).max())

@@ -1,0 +1,106 @@
+"""Problem files written from others: comments kept, paths valid, numbers as they are."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+from tubeplanner import Tube, load_problem
+from tubeplanner.errors import ProblemError
+from tubeplanner.files.problem_file import new_fields, read_fields, with_other_tube, with_problem
+from tubeplanner.resources import bundled_folder
+
+TEXT = """# A cell.
+robot:
+  urdf: arms/two_link.urdf  # ours
+  tool_frame: hand
+  gravity: [0, 0, 0]
+start: {joints: [0, 0]}
+goal: {position: [0, 0.5, 0]}
+obstacles:
+  # brought along
+  - {name: part, mesh: part.stl, position: [5, 5, 0]}
+"""
+POINTS = [[0.6, 0, 0], [0.4, 0.4, 0], [0, 0.5, 0]]
+GOAL = np.array([np.pi / 2 - 0.5857, 1.1714])
+
+
+@pytest.fixture
+def cell(tmp_path):
+    (tmp_path / "arms").mkdir()
+    (tmp_path / "other").mkdir()
+    shutil.copy(bundled_folder() / "two_link" / "two_link.urdf", tmp_path / "arms")
+    shutil.copy(bundled_folder() / "ur5" / "part.stl", tmp_path)
+    (tmp_path / "cell.yaml").write_text(TEXT)
+    return tmp_path
+
+
+@pytest.fixture
+def found(cell):
+    free = load_problem(cell / "cell.yaml", reads_tube=False)
+    tube = Tube(POINTS, [0.1, 0.05], joint_signs=[{"joint2": (-1, 2)}, {"joint2": "+"}])
+    return free.with_tube(tube, GOAL)
+
+
+@pytest.mark.parametrize("name", ["other/new.yaml", "new.json"])
+def test_what_is_written_is_read_as_the_same_problem(cell, found, name):
+    target = cell / name
+    target.write_bytes(with_problem(read_fields(cell / "cell.yaml"), cell, target, found))
+    read = load_problem(target)
+    np.testing.assert_array_equal(read.tube.points, found.tube.points)
+    np.testing.assert_array_equal(read.tube.radius, found.tube.radius)
+    assert read.tube.joint_ranges == found.tube.joint_ranges
+    np.testing.assert_array_equal(read.start, found.start)
+    np.testing.assert_array_equal(read.goal, found.goal)
+
+
+def test_comments_and_order_are_kept(cell, found):
+    target = cell / "other" / "new.yaml"
+    text = with_problem(read_fields(cell / "cell.yaml"), cell, target, found).decode()
+    assert text.splitlines()[:6] == [
+        "# A cell.",
+        "robot:",
+        "  urdf: ../arms/two_link.urdf # ours",
+        "  tool_frame: hand",
+        "  gravity: [0, 0, 0]",
+        "tube:",
+    ]
+    assert "start: {joints: [0, 0]}\n" in text
+    assert "  # brought along\n  - {name: part, mesh: ../part.stl, position: [5, 5, 0]}" in text
+
+
+def test_json_gets_the_tube_where_a_reader_expects_it(cell, found):
+    plain = json.dumps(dict(read_fields(cell / "cell.yaml")))
+    (cell / "cell.json").write_text(plain)
+    target = cell / "new.json"
+    fields = json.loads(with_problem(read_fields(cell / "cell.json"), cell, target, found))
+    assert list(fields) == ["robot", "tube", "start", "goal", "obstacles"]
+
+
+def test_another_tube_changes_radii_and_signs_alone(cell, found):
+    target = cell / "new.yaml"
+    target.write_bytes(with_problem(read_fields(cell / "cell.yaml"), cell, target, found))
+    other = Tube(POINTS, 0.02, joint_signs={"joint2": "+"})
+    text = with_other_tube(target, cell / "narrow.yaml", other).decode()
+    before, after = target.read_text().splitlines(), text.splitlines()
+    changed = [line.strip() for line in after if line not in before]
+    assert changed == ["radius: [0.02, 0.02]", "joint_signs: {joint2: +}"]
+
+
+def test_a_file_of_obstacles_needs_no_more(cell):
+    (cell / "only.yaml").write_text("obstacles: [{name: ball, sphere: 0.1}]\nclearance: 0.01\n")
+    fields = new_fields("example:two_link", "hand", cell / "only.yaml")
+    assert list(fields) == ["format", "version", "robot", "obstacles", "clearance"]
+
+
+def test_a_file_without_obstacles_is_refused(cell):
+    (cell / "none.yaml").write_text("clearance: 0.01\n")
+    with pytest.raises(ProblemError, match=r"none.yaml: obstacles is required: a list of solids"):
+        new_fields("example:two_link", "hand", cell / "none.yaml")
+
+
+def test_a_malformed_file_is_refused_by_line(cell):
+    (cell / "bad.yaml").write_text("obstacles: [\n")
+    with pytest.raises(ProblemError, match=r"bad.yaml is malformed: line 2"):
+        read_fields(cell / "bad.yaml")
