@@ -7,7 +7,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tubeplanner import TubePlannerError, parse_problem
-from tubeplanner.problem.problem_format import ProblemFields, read_problem_fields
+from tubeplanner.problem.problem_format import (
+    ProblemFields,
+    RobotFields,
+    TubeFields,
+    read_problem_fields,
+)
 from tubeplanner.robot.urdf import read_urdf
 
 BASE = {
@@ -60,21 +65,21 @@ def places(node, path=()):
 
 NEW_KEYS = [
     (section, name)
-    for section in ("robot", "tube")
-    for name in ProblemFields.model_fields[section].annotation.model_fields
+    for section, fields in (("robot", RobotFields), ("tube", TubeFields))
+    for name in fields.model_fields
 ] + [(name,) for name in ProblemFields.model_fields]
 
 
 @SETTINGS
-@given(st.sampled_from([path for path in places(BASE) if path] + NEW_KEYS), VALUES)
-def test_a_changed_problem_loads_or_is_refused(path, value):
+@given(st.sampled_from([path for path in places(BASE) if path] + NEW_KEYS), VALUES, st.booleans())
+def test_a_changed_problem_loads_or_is_refused(path, value, reads_tube):
     document = copy.deepcopy(BASE)
     node = document
     for key in path[:-1]:
         node = node[key]
     node[path[-1]] = value
     try:
-        parse_problem(document)
+        parse_problem(document, reads_tube=reads_tube)
     except TubePlannerError as error:
         assert "\n" not in str(error)
 

@@ -1,0 +1,218 @@
+"""Tubes from start, goal and obstacles alone."""
+
+import builtins
+import json
+
+import numpy as np
+import pytest
+
+from tubeplanner import RouteOptions, find_route, load_problem, parse_problem, plan
+from tubeplanner.errors import OptionError
+from tubeplanner.tube_sources.free_space import FreeSpace
+from tubeplanner.tube_sources.goal_configurations import goal_configurations
+from tubeplanner.tube_sources.hand_corners import hand_corners
+from tubeplanner.tube_sources.joint_route import RouteSearch
+from tubeplanner.tube_sources.reference_tube import reference_tube
+
+GAP = "example:two_link/through_the_gap"
+QUICK = RouteOptions(tries=1, samples=200)
+CELL = {
+    "robot": {"urdf": "example:two_link", "tool_frame": "hand", "gravity": [0, 0, 0]},
+    "start": {"joints": [0, 0.5]},
+    "goal": {"joints": [1.5, 0.5]},
+}
+# Nothing gets past it without leaving the plane.
+CLOSED = [
+    {"name": "gate", "box": [0.5, 0.02, 0.3], "position": [0.4, 0.4, 0], "rpy": [0, 0, 0.785]}
+]
+
+
+@pytest.fixture(scope="module")
+def gap():
+    return load_problem(GAP, reads_tube=False)
+
+
+@pytest.fixture(scope="module")
+def searched(gap):
+    ends = np.array([gap.start, gap.goal])
+    space = FreeSpace(gap, 0.01, ends)
+    limits = gap.robot.limits
+    search = RouteSearch(space, gap.start, ends[1:], limits.lower_position, limits.upper_position)
+    return space, search, search.route(1, 20_000)
+
+
+@pytest.fixture(scope="module")
+def answer(gap):
+    return find_route(gap, QUICK)
+
+
+def cell(**changes):
+    return parse_problem({**CELL, **changes}, reads_tube=False)
+
+
+# --- the steps ----------------------------------------------------------------------------------
+
+
+def test_a_route_goes_from_start_to_goal_and_is_free(gap, searched):
+    space, search, route = searched
+    np.testing.assert_allclose(route[0], gap.start)
+    np.testing.assert_allclose(route[-1], gap.goal)
+    assert 0 < search.checks
+    for a, b in zip(route, route[1:], strict=False):
+        assert all(space.is_free(a + share * (b - a)) for share in np.linspace(0, 1, 20))
+
+
+def test_the_straight_way_was_not_free(gap, searched):
+    space = searched[0]
+    line = gap.start + np.linspace(0, 1, 50)[:, None] * (gap.goal - gap.start)
+    assert not all(space.is_free(q) for q in line)
+
+
+def test_the_same_seed_gives_the_same_route(searched):
+    _, search, route = searched
+    assert not np.array_equal(search.route(2, 20_000), route)
+    np.testing.assert_array_equal(search.route(1, 20_000), route)
+
+
+def test_lines_between_corners_are_straight_and_free(gap, searched):
+    space, _, route = searched
+    corners = hand_corners(gap.robot, space, route)
+    assert 3 <= len(corners.points) <= 5
+    for a, b, q in zip(corners.points, corners.points[1:], corners.lines, strict=False):
+        hand = gap.robot.tool_position(q)
+        np.testing.assert_allclose(hand[[0, -1]], [a, b], atol=1e-5)
+        away = (
+            hand - a - np.clip((hand - a) @ (b - a) / ((b - a) @ (b - a)), 0, 1)[:, None] * (b - a)
+        )
+        assert np.linalg.norm(away, axis=1).max() < 1e-5
+        assert abs(np.diff(q, axis=0)).max() <= 0.3
+        assert all(space.is_free(each) for each in q)
+
+
+def test_more_corners_follow_a_route_more_closely(gap, searched):
+    space, _, route = searched
+    coarse = hand_corners(gap.robot, space, route)
+    fine = hand_corners(gap.robot, space, route, deviation=0.005)
+    assert len(fine.points) > len(coarse.points)
+
+
+def test_room_is_the_distance_beyond_the_clearance():
+    ball = [{"name": "ball", "sphere": 0.05, "position": [0.75, 0, 0.02]}]
+    data = {"start": {"joints": [0, 0]}, "obstacles": ball, "clearance": 0.01}
+    problem = cell(**data)
+    # The second link ends 0.62 m from the base; see two_link.urdf.
+    space = FreeSpace(problem, 0.0, problem.start[None])
+    assert space.room(problem.start) == pytest.approx(0.75 - 0.05 - 0.62 - 0.01, abs=1e-6)
+    assert space.is_free(problem.start)
+    wider = FreeSpace(problem, 0.1, np.array([[1.0, 0]]))
+    assert wider.lacking(problem.start).obstacle == "ball"
+    # An end that has no more room itself does not ask for it.
+    assert FreeSpace(problem, 0.1, problem.start[None]).is_free(problem.start)
+
+
+def test_a_hand_position_has_several_configurations(two_link):
+    problem = cell(goal={"position": [0.3, 0.3, 0]})
+    goals = goal_configurations(problem, problem.start, seed=1)
+    assert {np.sign(q[1]) for q in goals} == {1.0, -1.0}
+    np.testing.assert_allclose(
+        two_link.tool_position(goals), [[0.3, 0.3, 0]] * len(goals), atol=2e-6
+    )
+    assert abs(goals[0] - problem.start).max() == min(abs(goals - problem.start).max(axis=1))
+
+
+def test_signs_that_hold_everywhere_are_kept(two_link):
+    lines = [np.array([[0.1, -0.5], [0.4, 0.2]]), np.array([[0.4, 0.2], [0.6, 0.3]])]
+    points = two_link.tool_position(np.array([[0.1, -0.5], [0.4, 0.2], [0.6, 0.3]]))
+    tube = reference_tube(two_link, points, lines, 0.25, 0.05)
+    assert tube.joint_ranges[0] == {"joint1": (0.0, 0.65), "joint2": (-0.75, 0.45)}
+    assert tube.joint_ranges[1] == {"joint1": (0.15, 0.85), "joint2": (-0.05, 0.55)}
+
+
+# --- the answer ---------------------------------------------------------------------------------
+
+
+def test_the_tube_of_a_route_is_planned_and_certified(gap, answer):
+    assert answer.succeeded
+    problem = answer.found.problem
+    again = plan(problem)
+    assert again.succeeded and again.duration == answer.found.duration
+    np.testing.assert_allclose(problem.goal, gap.goal)
+    assert 2 <= len(answer.compared) <= 3
+    assert answer.found.duration <= 1.2 * min(answer.compared)
+
+
+def test_a_start_in_collision_is_an_answer_with_its_place(run, tmp_path):
+    ball = {"name": "ball", "sphere": 0.1, "position": [0.3, 0, 0]}
+    path = tmp_path / "blocked.json"
+    path.write_text(json.dumps({**CELL, "obstacles": [ball]}))
+    status, out, _ = run("route", path, "--json", "-o", tmp_path / "no.yaml")
+    report = json.loads(out)
+    assert status == 1 and report["status"] == "tube_blocked"
+    assert "in the start configuration" in report["message"]
+    assert report["where"]["obstacle"] == "ball"
+    assert not (tmp_path / "no.yaml").exists()
+
+
+def test_no_route_is_an_answer_with_how_far_it_came():
+    answer = find_route(cell(obstacles=CLOSED), RouteOptions(tries=1, checks=300))
+    assert answer.status == "no_trajectory"
+    assert answer.message.startswith("no route was found in 3 tries of 300 configurations;")
+    assert answer.place.position is not None
+
+
+def test_a_goal_out_of_reach_is_named():
+    answer = find_route(cell(goal={"position": [0.5, 0.5, 0]}))
+    assert answer.status == "unreachable"
+    assert answer.message == "the goal is out of reach: the hand gets no nearer than 0.1071 m"
+
+
+def test_without_ompl_the_message_says_what_to_install(monkeypatch):
+    real = builtins.__import__
+
+    def without(name, *rest, **more):
+        if name.startswith("ompl"):
+            raise ImportError(name)
+        return real(name, *rest, **more)
+
+    monkeypatch.setattr(builtins, "__import__", without)
+    with pytest.raises(OptionError, match=r"pip install 'tubeplanner\[route\]'"):
+        find_route(cell())
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"seed": 0}, "seed is 0; it must be >= 1"),
+        ({"tries": 0}, "tries is 0; it must be >= 1"),
+        ({"max_radius": 0.0}, "max_radius is 0; it must be > 0 and finite"),
+        ({"band": np.nan}, "band is nan; it must be > 0 and finite"),
+    ],
+)
+def test_options_out_of_range_are_named(changes, message):
+    with pytest.raises(OptionError, match=message):
+        RouteOptions(**changes)
+
+
+# --- the command --------------------------------------------------------------------------------
+
+
+def test_the_command_writes_a_problem_that_plan_plans(run, tmp_path):
+    data = {**CELL, "goal": {"position": [0.1, 0.5, 0]}}
+    (tmp_path / "cell.json").write_text(json.dumps(data))
+    target = tmp_path / "tube.yaml"
+    status, out, _ = run("route", tmp_path / "cell.json", "-o", target, "--tries", 1, "--json")
+    report = json.loads(out)
+    assert status == 0 and report["status"] == "success"
+    assert report["problem"] == str(target)
+    assert len(report["points"]) == len(report["radius"]) + 1
+    planned = json.loads(run("plan", target, "--json")[1])
+    assert planned["duration"] == report["duration"]
+
+
+def test_bad_input_ends_with_status_2(run):
+    status, _, err = run("route", "example:two_link/around_a_post")
+    assert status == 2 and "start.joints is required" in err
+    status, _, err = run("route", GAP, "--tries", 0)
+    assert status == 2 and "tries is 0" in err
+    status, _, err = run("plan", GAP)
+    assert status == 2 and "tube is required; `tubeplanner route` finds one" in err
