@@ -262,7 +262,7 @@ def test_robots_and_schema_are_listed(run, run_json):
     assert "example:two_link  (bundled)" in out
     assert "panda/between_shelves" in run_json("robots")[1]["problems"]
     schema = json.loads(run("schema")[1])
-    assert set(schema["required"]) == {"robot", "tube", "start"}
+    assert set(schema["required"]) == {"robot", "start"}
 
 
 def test_help_names_every_command(run):

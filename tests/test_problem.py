@@ -488,7 +488,9 @@ def test_without_its_tube_a_problem_lets_the_hand_be_anywhere():
 
 def test_a_goal_position_is_for_route_alone():
     data = {**LEAST, "goal": {"position": [0, 0.6, 0]}}
-    with pytest.raises(ProblemError, match="goal.position is for `tubeplanner route`, which finds"):
+    with pytest.raises(
+        ProblemError, match=r"goal\.position is for `tubeplanner route`, which finds"
+    ):
         parse_problem(data)
 
 

@@ -2,6 +2,7 @@
 
 import builtins
 import json
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -57,8 +58,8 @@ def test_a_route_goes_from_start_to_goal_and_is_free(gap, searched):
     space, search, route = searched
     np.testing.assert_allclose(route[0], gap.start)
     np.testing.assert_allclose(route[-1], gap.goal)
-    assert 0 < search.checks
-    for a, b in zip(route, route[1:], strict=False):
+    assert search.checks > 0
+    for a, b in pairwise(route):
         assert all(space.is_free(a + share * (b - a)) for share in np.linspace(0, 1, 20))
 
 
@@ -137,7 +138,7 @@ def test_the_tube_of_a_route_is_planned_and_certified(gap, answer):
     again = plan(problem)
     assert again.succeeded and again.duration == answer.found.duration
     np.testing.assert_allclose(problem.goal, gap.goal)
-    assert 2 <= len(answer.compared) <= 3
+    assert 2 <= len(answer.compared) <= 4
     assert answer.found.duration <= 1.2 * min(answer.compared)
 
 

@@ -1,5 +1,7 @@
 """Few corners of a path."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -18,7 +20,7 @@ def test_every_point_is_within_the_deviation_of_the_kept_lines(deviation):
     points = np.cumsum(rng.normal(0, 0.01, (300, 3)), axis=0)
     kept = simplified(points, deviation)
     assert kept[0] == 0 and kept[-1] == 299
-    for i, j in zip(kept, kept[1:], strict=False):
+    for i, j in pairwise(kept):
         ahead = points[j] - points[i]
         for point in points[i : j + 1]:
             share = np.clip((point - points[i]) @ ahead / (ahead @ ahead), 0, 1)

@@ -1,6 +1,7 @@
 """Tubes from recorded trails."""
 
 import json
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ def recorded(path, corners, *, noise=1e-3, names=("joint2", "gripper", "joint1")
     """Write a trail as a recorder would: noise, pauses, a way out and back, a joint more."""
     rng = np.random.default_rng(0)
     parts = []
-    for a, b in zip(corners, corners[1:], strict=False):
+    for a, b in pairwise(corners):
         parts += [np.repeat(a[None], 30, axis=0), np.linspace(a, b, 60)]
     q = np.vstack([*parts, np.repeat(corners[-1:], 50, axis=0)])
     q = q + rng.normal(0, noise, q.shape)
@@ -114,7 +115,7 @@ def test_bad_input_ends_with_status_2(run, tmp_path, words, message):
 
 def test_a_template_gives_robot_limits_and_obstacles(run, tmp_path):
     problem = load_problem("example:ur5/past_a_wall", reads_tube=False)
-    far = problem.start + [0, 0, 0, 0, 0, 0.5]
+    far = problem.start + np.array([0, 0, 0, 0, 0, 0.5])
     names = ",".join(f"{name}.position" for name in problem.robot.joint_names)
     rows = [f"time,{names}"]
     for k, q in enumerate(np.linspace(problem.start, far, 20)):

@@ -1,5 +1,7 @@
 """Recorded trails: matched by name, unwrapped, freed of pauses and of ways back."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -18,7 +20,7 @@ CONTINUOUS = """<robot name="turntable">
 
 def way(*corners, count=40):
     """Return joint lines between corners, `count` samples each."""
-    parts = [np.linspace(a, b, count) for a, b in zip(corners, corners[1:], strict=False)]
+    parts = [np.linspace(a, b, count) for a, b in pairwise(corners)]
     return np.vstack(parts)
 
 
@@ -99,5 +101,5 @@ def test_a_trail_that_only_goes_out_and_back_is_refused(two_link):
 def test_a_hand_that_stands_still_is_refused(ur5):
     q = np.tile([0, -1, 1, -1, -1.5, 0.0], (20, 1))
     q[:, 5] = np.linspace(0, 1, 20)
-    with pytest.raises(TrajectoryError, match="the hand moves by .* m only"):
+    with pytest.raises(TrajectoryError, match=r"the hand moves by .* m only"):
         without_ways_back(ur5, q, 0.01)

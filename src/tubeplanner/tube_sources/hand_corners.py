@@ -55,6 +55,35 @@ def hand_corners(
     return _Corners(robot, space, _sampled(route), deviation).found()
 
 
+def with_another_corner(
+    robot: RobotModel, space: FreeSpace, corners: HandCorners, segment: int
+) -> HandCorners | None:
+    """Return corners with one more of them, midway in a segment's part of the route.
+
+    Args:
+        robot: The arm.
+        space: Which configurations are free.
+        corners: What `hand_corners` returned.
+        segment: Index of the segment to part.
+
+    Returns:
+        None if the segment cannot be parted.
+    """
+    part = corners.parts[segment]
+    middle = len(part) // 2
+    halves = [hand_corners(robot, space, half) for half in (part[: middle + 1], part[middle:])]
+    before, after = halves
+    if before is None or after is None:
+        return None
+    cut = slice(segment, segment + 1)
+    ahead, behind = corners.points[: segment + 1], corners.points[segment + 1 :]
+    points = np.vstack([ahead, before.points[1:], after.points[1:-1], behind])
+    lines, parts = list(corners.lines), list(corners.parts)
+    lines[cut] = [*before.lines, *after.lines]
+    parts[cut] = [*before.parts, *after.parts]
+    return HandCorners(points, tuple(lines), tuple(parts))
+
+
 def _sampled(route: FloatArray) -> FloatArray:
     """Return a route of straight joint lines, densely: shape (N, n)."""
     parts = [route[:1]]

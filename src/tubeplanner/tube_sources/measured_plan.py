@@ -1,14 +1,25 @@
-"""The end of both ways to a tube: its radii and ranges are measured, and it is planned."""
+"""The end of both ways to a tube: its radii and ranges are measured, and it is planned.
+
+Measuring goes by the planner's own branch along the reference points. Where that has no room,
+though the route has, the segment gets another reference point.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from tubeplanner.outcome import Infeasible
+import numpy as np
+
+from tubeplanner.outcome import Infeasible, PlanStatus
 from tubeplanner.planning.plan_result import PlanResult
 from tubeplanner.planning.planner import plan
 from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.tube_sources.free_space import FreeSpace
+from tubeplanner.tube_sources.hand_corners import HandCorners, with_another_corner
 from tubeplanner.tube_sources.measured_tube import MeasureOptions
+from tubeplanner.tube_sources.reference_tube import reference_tube
 from tubeplanner.tube_sources.tube_measurement import measure_tube
+
+_MOST_PARTINGS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,18 +42,59 @@ class MeasuredPlan:
 
 
 def measured_plan(
-    problem: PlanningProblem, options: MeasureOptions, enter: Callable[[object], None]
+    problem: PlanningProblem,
+    space: FreeSpace,
+    corners: HandCorners,
+    band: float,
+    options: MeasureOptions,
+    enter: Callable[[object], None],
 ) -> MeasuredPlan:
-    """Measure a problem's tube and plan the motion through it.
+    """Measure the tube around corners of a route, and plan the motion through it.
 
     Args:
-        problem: Its reference points and joint ranges count, its radii do not.
+        problem: What is asked, its tube left aside.
+        space: Which configurations are free.
+        corners: Reference points, and the arm between them.
+        band: How far joints may leave what they do there, before measuring [rad or m].
         options: How to measure.
         enter: Called with every stage as it begins.
 
     Raises:
         Infeasible: The tube has no room, or there is no certified motion in it.
     """
+    for _ in range(_MOST_PARTINGS):
+        try:
+            return _measured(in_tube(problem, corners, band, options.max_radius), options, enter)
+        except Infeasible as reason:
+            segment = reason.place.segment
+            if reason.status is not PlanStatus.TUBE_BLOCKED or segment is None:
+                raise
+            finer = with_another_corner(problem.robot, space, corners, segment)
+            if finer is None:
+                raise
+            corners = finer
+    return _measured(in_tube(problem, corners, band, options.max_radius), options, enter)
+
+
+def in_tube(
+    problem: PlanningProblem, corners: HandCorners, band: float, radius: float
+) -> PlanningProblem:
+    """Return a problem in the tube around corners of a route, not measured yet.
+
+    Args:
+        problem: What is asked, its tube left aside.
+        corners: Reference points, and the arm between them.
+        band: How far joints may leave what they do there [rad or m].
+        radius: Of all segments [m].
+    """
+    segments = [np.vstack(pair) for pair in zip(corners.lines, corners.parts, strict=True)]
+    tube = reference_tube(problem.robot, corners.points, segments, band, radius)
+    return problem.with_tube(tube, corners.parts[-1][-1])
+
+
+def _measured(
+    problem: PlanningProblem, options: MeasureOptions, enter: Callable[[object], None]
+) -> MeasuredPlan:
     measured = measure_tube(problem, options, enter)
     if measured.problem is None:
         raise Infeasible(measured.status, measured.message, measured.place)

@@ -15,9 +15,8 @@ from tubeplanner.planning.planner import plan
 from tubeplanner.problem.problem import PlanningProblem, Seed
 from tubeplanner.tube_sources.goal_configurations import goal_configurations
 from tubeplanner.tube_sources.joint_route import require_ompl
-from tubeplanner.tube_sources.measured_plan import MeasuredPlan, measured_plan
+from tubeplanner.tube_sources.measured_plan import MeasuredPlan, in_tube, measured_plan
 from tubeplanner.tube_sources.measured_tube import MeasureOptions
-from tubeplanner.tube_sources.reference_tube import reference_tube
 from tubeplanner.tube_sources.route_candidates import (
     RouteCandidate,
     RouteOptions,
@@ -28,7 +27,7 @@ from tubeplanner.verification.refusal import require_free
 
 # Routes are compared by the motion through a tube of this radius [m].
 _RADIUS_TO_COMPARE = 0.05
-_MOST_COMPARED = 3
+_MOST_COMPARED = 4
 # A measured tube whose motion takes longer than this, times the fastest one compared, has been
 # squeezed by an obstacle: the next route may have more room.
 _ENOUGH = 1.2
@@ -89,7 +88,9 @@ class _RouteFinder:
         how = MeasureOptions(options.max_radius, options.samples, options.seed)
         for route, enough in self._fastest_first(routes[:_MOST_COMPARED]):
             try:
-                found = measured_plan(self._in_tube(route, options.max_radius), how, self._enter)
+                found = measured_plan(
+                    self._problem, route.space, route.corners, options.band, how, self._enter
+                )
             except Infeasible as reason:
                 first = first or reason
                 continue
@@ -106,14 +107,8 @@ class _RouteFinder:
         """Return routes in the order of their motions in equal tubes, and what is fast enough."""
         for k, route in enumerate(routes):
             self._enter(f"planning along route {k + 1} of {len(routes)}")
-            problem = self._in_tube(route, _RADIUS_TO_COMPARE)
+            problem = in_tube(self._problem, route.corners, self._options.band, _RADIUS_TO_COMPARE)
             self.durations.append(plan(problem, PlanOptions(quality="fast")).duration)
         known = [float("inf") if one is None else one for one in self.durations]
         order = sorted(range(len(routes)), key=lambda k: known[k])
         return [(routes[k], _ENOUGH * min(known)) for k in order]
-
-    def _in_tube(self, route: RouteCandidate, radius: float) -> PlanningProblem:
-        """Return the problem in the tube of a route, not measured yet."""
-        robot, corners = self._problem.robot, route.corners
-        tube = reference_tube(robot, corners.points, corners.lines, self._options.band, radius)
-        return self._problem.with_tube(tube, route.goal)

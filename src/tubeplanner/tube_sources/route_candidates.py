@@ -1,13 +1,15 @@
 """Routes from start to goal, several of them: each search finds another one."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import OptionError
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.planning.plan_options import PlanOptions
+from tubeplanner.planning.planner import plan
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.tube_sources.free_space import FreeSpace
@@ -17,6 +19,7 @@ from tubeplanner.tube_sources.joint_route import RouteSearch
 # Room kept from obstacles beyond the clearance [m]: wide tubes are fast, narrow ways are short.
 _MARGINS = (0.03, 0.01)
 _LEAST_MARGIN = 0.002  # where there is no route with more
+_SAMPLES_PER_PIECE = 10
 
 
 @dataclass(frozen=True)
@@ -53,20 +56,15 @@ class RouteCandidate:
     """A route whose hand goes straight between few reference points.
 
     Attributes:
-        margin: Room it keeps beyond the clearance [m].
+        space: The configurations that have room.
         corners: Its reference points, and the arm between them.
         joint_time: The least time its joints take at their largest velocities [s]; joints without
             one count as if it were 1 rad/s or 1 m/s.
     """
 
-    margin: float
+    space: FreeSpace
     corners: HandCorners
     joint_time: float
-
-    @property
-    def goal(self) -> FloatArray:
-        """Where it ends, shape (n,)."""
-        return self.corners.lines[-1][-1]
 
 
 def route_candidates(
@@ -77,6 +75,8 @@ def route_candidates(
     enter: Callable[[str], None],
 ) -> list[RouteCandidate]:
     """Return routes that were found, the one of the least joint time first.
+
+    Motions that optimisation alone finds count as routes too.
 
     Args:
         problem: Its arm and obstacles count.
@@ -89,23 +89,42 @@ def route_candidates(
         Infeasible: Status no_trajectory: none was found.
     """
     found: list[RouteCandidate] = []
+    ends = np.vstack([start, goals])
+    limits = problem.robot.limits
     for margin in (*_MARGINS, _LEAST_MARGIN):
         if found and margin == _LEAST_MARGIN:
             break
-        space = FreeSpace(problem, margin, np.vstack([start, goals]))
-        limits = problem.robot.limits
-        bounds = limits.lower_position, limits.upper_position
-        search = RouteSearch(space, start, goals, *bounds)
+        space = FreeSpace(problem, margin, ends)
+        search = RouteSearch(space, start, goals, limits.lower_position, limits.upper_position)
         for k in range(options.tries):
             enter(f"route {k + 1} of {options.tries}, {1000 * margin:g} mm from obstacles")
             route = search.route(options.seed + k, options.checks)
-            corners = None if route is None else hand_corners(problem.robot, space, route)
-            if corners is not None:
-                time = _joint_time(problem.robot, corners.lines)
-                found.append(RouteCandidate(margin, corners, time))
+            found += _candidates(problem.robot, space, route)
     if not found:
         raise _no_route(problem, search, options)
+    space = FreeSpace(problem, _LEAST_MARGIN, ends)
+    for margin in _MARGINS:
+        enter(f"a motion without a route, {1000 * margin:g} mm from obstacles")
+        found += _candidates(problem.robot, space, _motion(problem, goals[0], margin))
     return sorted(found, key=lambda candidate: candidate.joint_time)
+
+
+def _candidates(
+    robot: RobotModel, space: FreeSpace, route: FloatArray | None
+) -> list[RouteCandidate]:
+    corners = None if route is None else hand_corners(robot, space, route)
+    if corners is None:
+        return []
+    return [RouteCandidate(space, corners, _joint_time(robot, corners.lines))]
+
+
+def _motion(problem: PlanningProblem, goal: FloatArray, margin: float) -> FloatArray | None:
+    """Return the fastest motion from straight joint lines, if it finds past all obstacles."""
+    wider = replace(problem, goal=goal, clearance=problem.clearance + margin)
+    planned = plan(wider, PlanOptions(quality="fast"))
+    if planned.trajectory is None:
+        return None
+    return planned.trajectory.per_piece(_SAMPLES_PER_PIECE).position
 
 
 def _joint_time(robot: RobotModel, lines: tuple[FloatArray, ...]) -> float:

@@ -11,10 +11,9 @@ from tubeplanner.errors import OptionError
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.tube_sources.free_space import FreeSpace
-from tubeplanner.tube_sources.hand_corners import hand_corners
+from tubeplanner.tube_sources.hand_corners import HandCorners, hand_corners
 from tubeplanner.tube_sources.measured_plan import MeasuredPlan, measured_plan
 from tubeplanner.tube_sources.measured_tube import MeasureOptions
-from tubeplanner.tube_sources.reference_tube import reference_tube
 from tubeplanner.tube_sources.trail import moving_part, without_ways_back
 from tubeplanner.tube_sources.tube_answer import TubeAnswer, answer_of
 from tubeplanner.verification.refusal import require_free
@@ -74,22 +73,24 @@ def teach(
     how = MeasureOptions(options.max_radius, options.samples, options.seed)
     found: MeasuredPlan | Infeasible
     try:
-        found = measured_plan(_in_tube(problem, moving, options), how, enter)
+        space = FreeSpace(problem, 0.0, moving[[0, -1]])
+        corners = _corners(problem, space, moving, options.deviation)
+        found = measured_plan(problem, space, corners, options.band, how, enter)
     except Infeasible as reason:
         found = reason
     return answer_of(found, notes=notes, search_time=time.perf_counter() - begin)
 
 
-def _in_tube(problem: PlanningProblem, trail: FloatArray, options: TeachOptions) -> PlanningProblem:
-    """Return the problem in the tube of a trail, not measured yet.
+def _corners(
+    problem: PlanningProblem, space: FreeSpace, trail: FloatArray, deviation: float
+) -> HandCorners:
+    """Return the corners of a trail (N, n).
 
     Raises:
         Infeasible: Status tube_blocked: the trail collides.
     """
-    robot = problem.robot
     require_free(problem, "start", trail[0])
     require_free(problem, "goal", trail[-1])
-    space = FreeSpace(problem, 0.0, trail[[0, -1]])
     for q in trail:
         place = space.lacking(q)
         if place is not None:
@@ -98,13 +99,11 @@ def _in_tube(problem: PlanningProblem, trail: FloatArray, options: TeachOptions)
                 "clearance, or list a pair that may touch in collision.ignore"
             )
             raise Infeasible(PlanStatus.TUBE_BLOCKED, message, place)
-    corners = hand_corners(robot, space, trail, options.deviation)
+    corners = hand_corners(problem.robot, space, trail, deviation)
     if corners is None:
         raise Infeasible(
             PlanStatus.TUBE_BLOCKED,
             "the hand cannot follow the trail in straight lines without a collision",
             Place(),
         )
-    segments = [np.vstack(pair) for pair in zip(corners.lines, corners.parts, strict=True)]
-    tube = reference_tube(robot, corners.points, segments, options.band, options.max_radius)
-    return problem.with_tube(tube)
+    return corners
