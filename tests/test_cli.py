@@ -194,10 +194,10 @@ def test_an_interrupt_that_a_library_swallows_still_counts(run_json, monkeypatch
 
     load = problem.load_problem
 
-    def swallowing_load(name):
+    def swallowing_load(name, **options):
         with contextlib.suppress(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
-        return load(name)
+        return load(name, **options)
 
     monkeypatch.setattr(problem, "load_problem", swallowing_load)
     status, fields = run_json("plan", PROBLEM)
@@ -206,7 +206,7 @@ def test_an_interrupt_that_a_library_swallows_still_counts(run_json, monkeypatch
 
 
 def test_what_an_interrupt_breaks_in_a_library_is_no_error(run_json, monkeypatch):
-    def breaking_load(name):
+    def breaking_load(name, **options):
         with contextlib.suppress(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
         raise TypeError("a half imported library")
