@@ -86,8 +86,7 @@ def coal_room(problem: PlanningProblem, q: FloatArray) -> FloatArray:
     room = np.empty(len(q))
     for row, (rotation, position) in enumerate(zip(*problem.robot.body_poses(q), strict=True)):
         placed = [
-            coal.Transform3s(rotation[shape.body], position[shape.body])
-            for shape in checker.shapes
+            coal.Transform3s(rotation[shape.body], position[shape.body]) for shape in checker.shapes
         ]
         grown = [shape.shape.radius for shape in checker.shapes]
         room[row] = min(
@@ -130,7 +129,8 @@ def _solid(shape: object) -> object:
     if len(vertices) == 1:
         vertices = vertices + 1e-9 * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
     if len(vertices) == 2:
-        vertices = np.concatenate([vertices, vertices + [1e-9, 0, 0], vertices + [0, 1e-9, 0]])
+        beside = np.array([[1e-9, 0, 0], [0, 1e-9, 0]])
+        vertices = np.concatenate([vertices, vertices + beside[0], vertices + beside[1]])
     model = coal.BVHModelOBBRSS()
     model.beginModel(0, len(vertices))
     model.addVertices(np.asfortranarray(vertices))

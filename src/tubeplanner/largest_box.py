@@ -39,6 +39,7 @@ class BoxSearch:
         margin: FloatArray,
         worth: FloatArray,
         enough: FloatArray,
+        already: FloatArray,
         rng: np.random.Generator,
     ) -> None:
         """Say what is wanted, in each of c directions.
@@ -46,12 +47,13 @@ class BoxSearch:
         Args:
             widest: How far a box may reach, shape (c,).
             margin: How far it stays away from the point that ends it, as far as there is room.
-            worth: What the logarithm of each extent counts.
+            worth: What the logarithm of each size counts.
             enough: Extents beyond which more counts nothing.
+            already: What an extent adds to, to make a size; positive.
             rng: Random numbers: boxes differ by how fast they grow in which direction.
         """
         self._widest, self._margin = widest, margin
-        self._worth, self._enough, self._rng = worth, enough, rng
+        self._worth, self._enough, self._already, self._rng = worth, enough, already, rng
         self._speed = enough
         self._draws, self._spread = _FIRST_DRAWS, _FIRST_SPREAD
 
@@ -74,8 +76,8 @@ class BoxSearch:
         return best
 
     def _value(self, box: Box) -> float:
-        share = np.clip(box.extent / self._enough, 1e-3, 1.0)
-        return float(self._worth @ np.log(share))
+        sizes = self._already + np.minimum(box.extent, self._enough)
+        return float(self._worth @ np.log(sizes))
 
     def _grown(self, beyond: FloatArray, speed: FloatArray) -> Box:
         """Return the box that grows at some speed (c,) in each direction until points stop it."""

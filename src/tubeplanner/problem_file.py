@@ -35,7 +35,7 @@ def with_other_tube(source: Path, target: Path, tube: Tube) -> bytes:
     fields["tube"]["joint_signs"] = maps[0] if all(row == maps[0] for row in maps) else maps
     _move_paths(fields, source.parent, target.parent)
     if target.suffix == ".json":
-        return (json.dumps(fields, indent=2, allow_nan=False) + "\n").encode()
+        return (json.dumps(fields, indent=2) + "\n").encode()  # limits may be Infinity
     stream = io.BytesIO()
     yaml.dump(fields, stream)
     return stream.getvalue()
@@ -65,7 +65,7 @@ def _move_paths(fields: Any, before: Path, after: Path) -> None:
     for holder, key in holders:
         if holder.get(key) is not None:
             holder[key] = _moved(holder[key], before, after)
-    folders = robot.get("package_dirs") or ()
+    folders = robot.get("package_dirs") or []
     for k, folder in enumerate(folders):
         folders[k] = _moved(folder, before, after)
 

@@ -8,6 +8,7 @@ in configuration space using nonlinear programming", ICRA 2023.)
 """
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
@@ -18,8 +19,10 @@ from tubeplanner.link_room import LinkRoom
 from tubeplanner.problem import PlanningProblem
 from tubeplanner.set_attack import Attack, attack
 
-# The set has this much room beside what the branch itself needs [m], [rad or m].
+# The set reaches this far beyond what the branch itself needs [m], [rad or m]; where it is free,
+# its ranges reach the farther one.
 _LEAST_RADIUS, _LEAST_RANGE = 1e-3, 1e-3
+WANTED_RANGE = 0.05
 _WIDEST_RANGE = 0.8  # [rad or m]: how far ranges may reach beyond the branch
 # Where nothing says how much of a range is needed, more than this counts nothing; else, more than
 # what is needed and a little [rad or m].
@@ -34,6 +37,10 @@ _MOST_ROUNDS = 200
 # So many collisions of an attack are moved to the edge of what collides, by so many bisections.
 _MOST_MOVED, _BISECTIONS = 48, 8
 _DECIMALS = 4  # of the numbers written to files
+
+
+# Lower and upper joint bounds, shape (n,) each [rad or m].
+JointBounds: TypeAlias = tuple[FloatArray, FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +90,8 @@ class CollisionBoxes:
         problem: PlanningProblem,
         segment: int,
         branch: FloatArray,
-        core: tuple[FloatArray, FloatArray],
+        core: JointBounds,
+        outer: JointBounds,
         room: LinkRoom,
     ) -> None:
         """Begin with no collision known.
@@ -92,24 +100,25 @@ class CollisionBoxes:
             problem: What is asked; its radius is the largest that the set may have.
             segment: Index of the segment.
             branch: Configurations along it, shape (P, n).
-            core: Lower and upper joint bounds of what the set must hold, shape (n,) each.
+            core: Of what the set must hold.
+            outer: Of what it may hold.
             room: Of the links.
         """
         self._problem, self._segment, self._branch = problem, segment, branch
         self._room = room
-        lower, upper = problem.joint_lower[segment], problem.joint_upper[segment]
-        self._outer_lower, self._outer_upper = lower, upper
+        lower, upper = self._outer_lower, self._outer_upper = outer
         self._lower, self._upper = core
         radius = float(problem.tube.effective_radius[segment])
         hand = ConfigurationSet(problem, segment, lower, upper, radius).hand_distance(branch)
-        self._radius = min(radius, float(_up(hand.max() + _LEAST_RADIUS)))
+        self.radius = min(radius, float(_up(hand.max() + _LEAST_RADIUS)))
         self.widest = np.concatenate(
             [
-                [radius - self._radius],
+                [radius - self.radius],
                 np.minimum(self._lower - lower, _WIDEST_RANGE),
                 np.minimum(upper - self._upper, _WIDEST_RANGE),
             ]
         )
+        # Collisions known, the pairs that collide, how far they are beyond the core.
         self.q = np.zeros((0, branch.shape[1]))
         self.pair = np.zeros(0, dtype=np.int64)
         self.beyond = np.zeros((0, len(self.widest)))
@@ -122,7 +131,7 @@ class CollisionBoxes:
         # A bound that the problem has anyway stays as it is.
         lower = np.where(below >= self._lower - self._outer_lower, self._outer_lower, lower)
         upper = np.where(above >= self._outer_upper - self._upper, self._outer_upper, upper)
-        radius = max(float(_down(self._radius + extent[0])), self._radius)
+        radius = max(float(_down(self.radius + extent[0])), self.radius)
         return ConfigurationSet(self._problem, self._segment, lower, upper, radius)
 
     def needed(self, q: FloatArray) -> FloatArray:
@@ -141,7 +150,7 @@ class CollisionBoxes:
     def _beyond_core(self, q: FloatArray) -> FloatArray:
         core = ConfigurationSet(self._problem, self._segment, self._lower, self._upper, 0.0)
         hand = core.hand_distance(q)[:, None]
-        return np.hstack([hand - self._radius, self._lower - q, q - self._upper])
+        return np.hstack([hand - self.radius, self._lower - q, q - self._upper])
 
     def _edge(self, q: FloatArray, pair: IntArray) -> FloatArray:
         """Return the first collisions on straight ways from the branch to collisions (N, n)."""
@@ -157,11 +166,11 @@ class CollisionBoxes:
 
 
 def range_core(
-    problem: PlanningProblem, segment: int, branch: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return the joint bounds, (n,) each, that hold a branch (P, n) and hardly more."""
-    lower = np.maximum(_down(branch.min(axis=0) - _LEAST_RANGE), problem.joint_lower[segment])
-    upper = np.minimum(_up(branch.max(axis=0) + _LEAST_RANGE), problem.joint_upper[segment])
+    problem: PlanningProblem, segment: int, branch: FloatArray, beyond: float = _LEAST_RANGE
+) -> JointBounds:
+    """Return joint bounds that hold a branch (P, n) and a little more."""
+    lower = np.maximum(_down(branch.min(axis=0) - beyond), problem.joint_lower[segment])
+    upper = np.minimum(_up(branch.max(axis=0) + beyond), problem.joint_upper[segment])
     return lower, upper
 
 
@@ -181,7 +190,7 @@ def search_segment(
         rng: Random numbers.
         needed: How far a fast motion reaches in each direction, shape (1 + 2n,); None: not known.
     """
-    search, budget = _box_search(boxes.widest, needed, rng), samples // _FIRST_SHARE + 1
+    search, budget = _box_search(boxes, needed, rng), samples // _FIRST_SHARE + 1
     if len(boxes.q) == 0:
         found = attack(boxes.allowed(np.zeros_like(boxes.widest)), room, budget, rng)
         if not found.failed:
@@ -206,15 +215,17 @@ def search_segment(
 
 
 def _box_search(
-    widest: FloatArray, needed: FloatArray | None, rng: np.random.Generator
+    boxes: CollisionBoxes, needed: FloatArray | None, rng: np.random.Generator
 ) -> BoxSearch:
+    widest = boxes.widest
     sides = np.ones(len(widest) - 1)
     enough = _ENOUGH_RANGE * sides if needed is None else needed[1:] + _SPARE_RANGE
     return BoxSearch(
         widest,
         margin=np.concatenate([[_MARGIN_RADIUS], _MARGIN_RANGE * sides]),
         worth=np.concatenate([[_RADIUS_WORTH], sides]),
-        enough=np.maximum(np.minimum(widest, np.concatenate([widest[:1], enough])), _LEAST_RANGE),
+        enough=np.minimum(widest, np.concatenate([widest[:1], enough])),
+        already=np.concatenate([[boxes.radius], WANTED_RANGE * sides]),
         rng=rng,
     )
 

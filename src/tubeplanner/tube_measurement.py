@@ -8,7 +8,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import OptionError
-from tubeplanner.folding_joints import is_determined, sign_core
+from tubeplanner.folding_joints import is_determined, sign_bounds
 from tubeplanner.known_branches import KnownBranches
 from tubeplanner.link_room import LinkRoom
 from tubeplanner.measured_tube import (
@@ -24,6 +24,7 @@ from tubeplanner.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, Progress, ProgressCallback
 from tubeplanner.reference_branch import ReferenceBranch, spare_joint_rules
 from tubeplanner.segment_measurement import (
+    WANTED_RANGE,
     Blocked,
     CollisionBoxes,
     SegmentSearch,
@@ -178,17 +179,24 @@ class Surroundings:
         self._boxes: dict[int, CollisionBoxes] = {}
 
     def first_search(self, k: int) -> SegmentSearch:
-        """Return what a rough search finds for a segment; signs are tried before ranges.
+        """Return what a rough search finds for a segment.
+
+        Signs are tried before ranges, and wider surroundings before narrow ones.
 
         Raises:
             Infeasible: Status tube_blocked: not even the branch's own ranges are free.
         """
         problem, branch = self._problem, self._branch[k]
-        cores = [range_core(problem, k, branch)]
+        whole = (problem.joint_lower[k], problem.joint_upper[k])
+        tried = [
+            (range_core(problem, k, branch, WANTED_RANGE), whole),
+            (range_core(problem, k, branch), whole),
+        ]
         if is_determined(problem.robot):
-            cores.insert(0, sign_core(problem, k, branch))
-        for core in cores:
-            self._boxes[k] = CollisionBoxes(problem, k, branch, core, self._room)
+            signs = sign_bounds(problem, k, branch)
+            tried.insert(0, (signs, signs))
+        for core, outer in tried:
+            self._boxes[k] = CollisionBoxes(problem, k, branch, core, outer, self._room)
             samples = self._samples // _ROUGH_SHARE + 1
             found = search_segment(self._boxes[k], self._room, samples, self._rngs[k])
             if isinstance(found, SegmentSearch):
