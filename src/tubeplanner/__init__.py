@@ -46,6 +46,8 @@ if TYPE_CHECKING:
     from tubeplanner.robot import RobotModel as RobotModel
     from tubeplanner.robot import load_robot as load_robot
     from tubeplanner.sensitivities import Sensitivity as Sensitivity
+    from tubeplanner.sign_patterns import PatternSurvey as PatternSurvey
+    from tubeplanner.sign_patterns import survey_patterns as survey_patterns
     from tubeplanner.study_plots import plot_convergence as plot_convergence
     from tubeplanner.study_plots import plot_sweep as plot_sweep
     from tubeplanner.tolerance_sweep import SweepResult as SweepResult
@@ -87,6 +89,7 @@ _HOMES = {
     "progress": ("Progress",),
     "robot": ("RobotModel", "load_robot"),
     "sensitivities": ("Sensitivity",),
+    "sign_patterns": ("PatternSurvey", "survey_patterns"),
     "study_plots": ("plot_convergence", "plot_sweep"),
     "tolerance_sweep": ("SweepResult", "SweepRow", "sweep"),
     "trajectory": ("JointTrajectory",),
