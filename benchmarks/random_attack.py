@@ -129,7 +129,8 @@ def _solid(shape: object) -> object:
     if len(vertices) == 1:
         vertices = vertices + 1e-9 * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
     if len(vertices) == 2:
-        vertices = np.concatenate([vertices, vertices + [1e-9, 0, 0], vertices + [0, 1e-9, 0]])
+        beside = np.array([[1e-9, 0, 0], [0, 1e-9, 0]])
+        vertices = np.concatenate([vertices, vertices + beside[0], vertices + beside[1]])
     model = coal.BVHModelOBBRSS()
     model.beginModel(0, len(vertices))
     model.addVertices(np.asfortranarray(vertices))

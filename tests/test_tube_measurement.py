@@ -67,7 +67,7 @@ def test_the_radius_is_where_the_link_meets_the_post(post):
     assert result.succeeded, result.message
     for k, segment in enumerate(result.segments):
         exact = min(largest_radius(problem.tube.points[k : k + 2], -1), 0.2)
-        assert exact - 0.015 < segment.radius < exact + 1e-3
+        assert exact - 0.004 < segment.radius < exact + 1e-3
         assert segment.joint_ranges == {"joint2": (-np.inf, 0.0)}
     binding = result.segments[0].bindings[0]
     assert (binding.bound, binding.place.links, binding.place.obstacle) == (
@@ -87,7 +87,7 @@ def test_a_measured_tube_is_planned_and_faster(post):
 def test_a_random_attack_finds_nothing_but_would_in_a_wider_tube(post):
     _, result = post
     measured = result.problem
-    wider = measured.with_tube(measured.tube.with_radius(1.5 * measured.tube.radius[:2].max()))
+    wider = measured.with_tube(measured.tube.with_radius(2 * measured.tube.radius[:2].max()))
     rng = np.random.default_rng(7)
     for k in range(3):
         assert random_attack(measured, k, 1000, rng).collisions == 0

@@ -53,6 +53,8 @@ if TYPE_CHECKING:
     from tubeplanner.tube_sources.measured_tube import TubeMeasurement as TubeMeasurement
     from tubeplanner.tube_sources.route import find_route as find_route
     from tubeplanner.tube_sources.route_candidates import RouteOptions as RouteOptions
+    from tubeplanner.tube_sources.sign_patterns import PatternSurvey as PatternSurvey
+    from tubeplanner.tube_sources.sign_patterns import survey_patterns as survey_patterns
     from tubeplanner.tube_sources.teach import TeachOptions as TeachOptions
     from tubeplanner.tube_sources.teach import teach as teach
     from tubeplanner.tube_sources.trail import joint_trail as joint_trail
@@ -106,6 +108,7 @@ _HOMES = {
     "tube_sources.measured_tube": ("MeasureOptions", "SegmentMeasurement", "TubeMeasurement"),
     "tube_sources.route": ("find_route",),
     "tube_sources.route_candidates": ("RouteOptions",),
+    "tube_sources.sign_patterns": ("PatternSurvey", "survey_patterns"),
     "tube_sources.teach": ("TeachOptions", "teach"),
     "tube_sources.trail": ("joint_trail",),
     "tube_sources.tube_answer": ("TubeAnswer",),

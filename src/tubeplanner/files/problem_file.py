@@ -96,7 +96,7 @@ def with_other_tube(source: Path, target: Path, tube: Tube) -> bytes:
 def _contents(fields: Any, folder: Path, target: Path) -> bytes:
     move_paths(fields, folder, target.parent)
     if target.suffix == ".json":
-        return (json.dumps(fields, indent=2, allow_nan=False) + "\n").encode()
+        return (json.dumps(fields, indent=2) + "\n").encode()  # limits may be Infinity
     stream = io.BytesIO()
     _yaml().dump(fields, stream)
     return stream.getvalue()

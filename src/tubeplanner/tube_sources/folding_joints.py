@@ -41,7 +41,7 @@ def folding_joints(robot: RobotModel) -> tuple[int, ...]:
     return tuple(found)
 
 
-def sign_core(
+def sign_bounds(
     problem: PlanningProblem, segment: int, branch: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return joint bounds, (n,) each, with the signs that folding joints have along a branch."""

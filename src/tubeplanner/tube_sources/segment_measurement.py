@@ -8,6 +8,7 @@ in configuration space using nonlinear programming", ICRA 2023.)
 """
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
@@ -18,22 +19,43 @@ from tubeplanner.tube_sources.largest_box import Box, BoxSearch
 from tubeplanner.tube_sources.link_room import LinkRoom
 from tubeplanner.tube_sources.set_attack import Attack, attack
 
-# The set has this much room beside what the branch itself needs [m], [rad or m].
+# The set reaches this far beyond what the branch itself needs [m], [rad or m]; where it is free,
+# its ranges reach the farther one.
 _LEAST_RADIUS, _LEAST_RANGE = 1e-3, 1e-3
+WANTED_RANGE = 0.05
 _WIDEST_RANGE = 0.8  # [rad or m]: how far ranges may reach beyond the branch
 # Where nothing says how much of a range is needed, more than this counts nothing; else, more than
 # what is needed and a little [rad or m].
 _ENOUGH_RANGE, _SPARE_RANGE = 0.3, 0.1
-# What the logarithm of the radius counts, where that of every side of a range counts 1.
-_RADIUS_WORTH = 8.0
 # How far the set ends before a collision [m], [rad or m]: so that attacks come to an end.
 _MARGIN_RADIUS, _MARGIN_RANGE = 1e-3, 1e-2
 _FIRST_SAMPLES = 2000
 _FIRST_SHARE = 8  # of the last attack's samples: the first attack has so many times fewer
+# After so many attacks, or one that failed, the set shrinks only: where it was, most is known.
+_FREE_ROUNDS = 25
 _MOST_ROUNDS = 200
 # So many collisions of an attack are moved to the edge of what collides, by so many bisections.
 _MOST_MOVED, _BISECTIONS = 48, 8
 _DECIMALS = 4  # of the numbers written to files
+
+
+# Lower and upper joint bounds, shape (n,) each [rad or m].
+JointBounds: TypeAlias = tuple[FloatArray, FloatArray]
+
+
+@dataclass(frozen=True, eq=False)
+class Wish:
+    """What a set should be like.
+
+    Attributes:
+        needed: How far a fast motion reaches beyond the branch in each direction, shape (1 + 2n,);
+            None: not known.
+        radius_worth: What the logarithm of the radius counts, where that of every side of a range
+            counts 1.
+    """
+
+    needed: FloatArray | None = None
+    radius_worth: float = 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +80,7 @@ class SegmentSearch:
     Attributes:
         allowed: The set.
         box: How far it reaches beyond the branch, in which direction, and what ends it there.
+        wish: What it should be like.
         q: Collisions that were found on the way, shape (B, n); what a box calls its blockers.
         pair: The pair of shapes that is too close in each, shape (B,).
         last: The attack that found nothing.
@@ -66,6 +89,7 @@ class SegmentSearch:
 
     allowed: ConfigurationSet
     box: Box
+    wish: Wish
     q: FloatArray
     pair: IntArray
     last: Attack
@@ -83,7 +107,8 @@ class CollisionBoxes:
         problem: PlanningProblem,
         segment: int,
         branch: FloatArray,
-        core: tuple[FloatArray, FloatArray],
+        core: JointBounds,
+        outer: JointBounds,
         room: LinkRoom,
     ) -> None:
         """Begin with no collision known.
@@ -92,24 +117,25 @@ class CollisionBoxes:
             problem: What is asked; its radius is the largest that the set may have.
             segment: Index of the segment.
             branch: Configurations along it, shape (P, n).
-            core: Lower and upper joint bounds of what the set must hold, shape (n,) each.
+            core: Of what the set must hold.
+            outer: Of what it may hold.
             room: Of the links.
         """
         self._problem, self._segment, self._branch = problem, segment, branch
         self._room = room
-        lower, upper = problem.joint_lower[segment], problem.joint_upper[segment]
-        self._outer_lower, self._outer_upper = lower, upper
+        lower, upper = self._outer_lower, self._outer_upper = outer
         self._lower, self._upper = core
         radius = float(problem.tube.effective_radius[segment])
         hand = ConfigurationSet(problem, segment, lower, upper, radius).hand_distance(branch)
-        self._radius = min(radius, float(_up(hand.max() + _LEAST_RADIUS)))
+        self.radius = min(radius, float(_up(hand.max() + _LEAST_RADIUS)))
         self.widest = np.concatenate(
             [
-                [radius - self._radius],
+                [radius - self.radius],
                 np.minimum(self._lower - lower, _WIDEST_RANGE),
                 np.minimum(upper - self._upper, _WIDEST_RANGE),
             ]
         )
+        # Collisions known, the pairs that collide, how far they are beyond the core.
         self.q = np.zeros((0, branch.shape[1]))
         self.pair = np.zeros(0, dtype=np.int64)
         self.beyond = np.zeros((0, len(self.widest)))
@@ -122,7 +148,7 @@ class CollisionBoxes:
         # A bound that the problem has anyway stays as it is.
         lower = np.where(below >= self._lower - self._outer_lower, self._outer_lower, lower)
         upper = np.where(above >= self._outer_upper - self._upper, self._outer_upper, upper)
-        radius = max(float(_down(self._radius + extent[0])), self._radius)
+        radius = max(float(_down(self.radius + extent[0])), self.radius)
         return ConfigurationSet(self._problem, self._segment, lower, upper, radius)
 
     def needed(self, q: FloatArray) -> FloatArray:
@@ -141,7 +167,7 @@ class CollisionBoxes:
     def _beyond_core(self, q: FloatArray) -> FloatArray:
         core = ConfigurationSet(self._problem, self._segment, self._lower, self._upper, 0.0)
         hand = core.hand_distance(q)[:, None]
-        return np.hstack([hand - self._radius, self._lower - q, q - self._upper])
+        return np.hstack([hand - self.radius, self._lower - q, q - self._upper])
 
     def _edge(self, q: FloatArray, pair: IntArray) -> FloatArray:
         """Return the first collisions on straight ways from the branch to collisions (N, n)."""
@@ -157,11 +183,11 @@ class CollisionBoxes:
 
 
 def range_core(
-    problem: PlanningProblem, segment: int, branch: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return the joint bounds, (n,) each, that hold a branch (P, n) and hardly more."""
-    lower = np.maximum(_down(branch.min(axis=0) - _LEAST_RANGE), problem.joint_lower[segment])
-    upper = np.minimum(_up(branch.max(axis=0) + _LEAST_RANGE), problem.joint_upper[segment])
+    problem: PlanningProblem, segment: int, branch: FloatArray, beyond: float = _LEAST_RANGE
+) -> JointBounds:
+    """Return joint bounds that hold a branch (P, n) and a little more."""
+    lower = np.maximum(_down(branch.min(axis=0) - beyond), problem.joint_lower[segment])
+    upper = np.minimum(_up(branch.max(axis=0) + beyond), problem.joint_upper[segment])
     return lower, upper
 
 
@@ -170,7 +196,8 @@ def search_segment(
     room: LinkRoom,
     samples: int,
     rng: np.random.Generator,
-    needed: FloatArray | None = None,
+    wish: Wish | None = None,
+    within: Box | None = None,
 ) -> SegmentSearch | Blocked:
     """Return the largest set found around a branch, or a collision that leaves none.
 
@@ -179,9 +206,11 @@ def search_segment(
         room: Of the links.
         samples: How many configurations the attack draws that must find nothing.
         rng: Random numbers.
-        needed: How far a fast motion reaches in each direction, shape (1 + 2n,); None: not known.
+        wish: What the set should be like; default: radii count, ranges a little.
+        within: A box that the set must lie in; default: none.
     """
-    search, budget = _box_search(boxes.widest, needed, rng), samples // _FIRST_SHARE + 1
+    wish = wish or Wish()
+    search, budget = _box_search(boxes, wish, rng), samples // _FIRST_SHARE + 1
     if len(boxes.q) == 0:
         found = attack(boxes.allowed(np.zeros_like(boxes.widest)), room, budget, rng)
         if not found.failed:
@@ -189,9 +218,9 @@ def search_segment(
         q = boxes.allowed(boxes.widest).sample(_FIRST_SAMPLES, rng)
         least = room.least(q, 0.0)
         boxes.learn(q[least.room < 0], least.pair[least.room < 0])
-    total = 0
-    for _ in range(_MOST_ROUNDS):
-        box = search.best(boxes.beyond)
+    total, within = 0, within or Box(boxes.widest, np.full(len(boxes.widest), -1))
+    for number in range(_MOST_ROUNDS):
+        box = search.best(boxes.beyond, within)
         allowed = boxes.allowed(box.extent)
         found = attack(allowed, room, budget, rng)
         total += found.samples
@@ -199,22 +228,23 @@ def search_segment(
             budget = min(2 * budget, samples)
             found = attack(allowed, room, budget, rng)
             total += found.samples
+            within = box
         if found.failed:
-            return SegmentSearch(allowed, box, boxes.q, boxes.pair, found, total)
+            return SegmentSearch(allowed, box, wish, boxes.q, boxes.pair, found, total)
         boxes.learn(found.q, found.pair)
+        if number >= _FREE_ROUNDS:
+            within = box
     return _blocked(found, room)
 
 
-def _box_search(
-    widest: FloatArray, needed: FloatArray | None, rng: np.random.Generator
-) -> BoxSearch:
-    sides = np.ones(len(widest) - 1)
-    enough = _ENOUGH_RANGE * sides if needed is None else needed[1:] + _SPARE_RANGE
+def _box_search(boxes: CollisionBoxes, wish: Wish, rng: np.random.Generator) -> BoxSearch:
+    sides = np.ones(len(boxes.widest) - 1)
+    ranges = _ENOUGH_RANGE * sides if wish.needed is None else wish.needed[1:] + _SPARE_RANGE
     return BoxSearch(
-        widest,
         margin=np.concatenate([[_MARGIN_RADIUS], _MARGIN_RANGE * sides]),
-        worth=np.concatenate([[_RADIUS_WORTH], sides]),
-        enough=np.maximum(np.minimum(widest, np.concatenate([widest[:1], enough])), _LEAST_RANGE),
+        worth=np.concatenate([[wish.radius_worth], sides]),
+        enough=np.minimum(boxes.widest, np.concatenate([boxes.widest[:1], ranges])),
+        already=np.concatenate([[boxes.radius], WANTED_RANGE * sides]),
         rng=rng,
     )
 

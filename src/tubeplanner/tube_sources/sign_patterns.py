@@ -143,7 +143,7 @@ def _posed(
 ) -> Iterator[PlanningProblem]:
     """Yield the problem of one segment alone, with a pattern's signs, from random seeds."""
     tube, rng = problem.tube, np.random.default_rng([options.seed, k])
-    turned = tube.orientations is not None and tube.rotation_tolerance is not None
+    quaternions, tolerance = tube.orientations, tube.rotation_tolerance
     try:
         alone = problem.along(
             Tube(
@@ -151,8 +151,8 @@ def _posed(
                 options.max_radius,
                 tool_radius=tube.tool_radius,
                 joint_signs={**tube.joint_ranges[k], **signs},
-                orientations=tube.orientations[k : k + 2] if turned else None,
-                rotation_tolerance=[tube.rotation_tolerance[k]] if turned else None,
+                orientations=None if quaternions is None else quaternions[k : k + 2],
+                rotation_tolerance=None if tolerance is None else [tolerance[k]],
             ),
             Seed(problem.robot.limits.clip(np.zeros(problem.robot.joint_count))),
         )
