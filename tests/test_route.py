@@ -167,6 +167,12 @@ def test_a_goal_out_of_reach_is_named():
     assert answer.message == "the goal is out of reach: the hand gets no nearer than 0.1071 m"
 
 
+def test_a_robot_without_geometry_needs_no_way_around():
+    data = {**CELL, "robot": {"urdf": "example:asr_twodof", "tool_frame": "Tip"}}
+    problem = parse_problem({**data, "goal": {"joints": [1.0, 0.9]}}, reads_tube=False)
+    assert find_route(problem, QUICK).succeeded
+
+
 def test_without_ompl_the_message_says_what_to_install(monkeypatch):
     real = builtins.__import__
 
@@ -201,7 +207,9 @@ def test_the_command_writes_a_problem_that_plan_plans(run, tmp_path):
     data = {**CELL, "goal": {"position": [0.1, 0.5, 0]}}
     (tmp_path / "cell.json").write_text(json.dumps(data))
     target = tmp_path / "tube.yaml"
-    status, out, _ = run("route", tmp_path / "cell.json", "-o", target, "--tries", 1, "--json")
+    status, out, _ = run(
+        "route", tmp_path / "cell.json", "-o", target, "--tries", 1, "--samples", 200, "--json"
+    )
     report = json.loads(out)
     assert status == 0 and report["status"] == "success"
     assert report["problem"] == str(target)

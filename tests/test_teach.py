@@ -42,7 +42,8 @@ def taught(tmp_path_factory):
     q = recorded(folder / "trail.csv", np.vstack([CORNERS[:2], there, CORNERS[1:]]))
     (folder / "post.yaml").write_text(POST)
     arguments = ["teach", folder / "trail.csv", *ROBOT, "--obstacles", folder / "post.yaml"]
-    arguments += ["-o", folder / "tube.yaml", "--json"]
+    arguments += ["-o", folder / "tube.yaml", "--samples", 200, "--deviation", 0.03]
+    arguments += ["--json"]
     done = CliRunner().invoke(cli, [str(word) for word in arguments], standalone_mode=False)
     assert done.return_value == 0, done.output
     return folder, q, json.loads(done.stdout)
@@ -51,7 +52,7 @@ def taught(tmp_path_factory):
 def test_a_noisy_trail_becomes_few_points(taught):
     _, _, report = taught
     assert report["status"] == "success"
-    assert 3 <= len(report["points"]) <= 12
+    assert 3 <= len(report["points"]) <= 6
 
 
 def test_the_way_out_and_back_is_left_out_and_said(taught):
@@ -73,7 +74,7 @@ def test_the_trail_is_within_the_deviation_of_the_tube(taught, two_link):
     folder, q, _ = taught
     tube = load_problem(folder / "tube.yaml").tube
     distance = tube.distance(two_link.tool_position(q)).min(axis=1)
-    assert distance.max() < 0.01 + 0.02  # samples that were dropped are near those that were not
+    assert distance.max() < 0.03 + 0.02  # samples that were dropped are near those that were not
 
 
 def test_the_elbow_keeps_the_trails_sign(taught):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tubeplanner import load_robot
+from tubeplanner.branches.inverse_kinematics import solve_position
 from tubeplanner.errors import TrajectoryError
 from tubeplanner.tube_sources.trail import joint_trail, moving_part, without_ways_back
 
@@ -85,6 +86,19 @@ def test_a_way_out_and_back_is_left_out(two_link):
     assert np.linalg.norm(two_link.tool_position(kept) - there, axis=1).min() > 0.05
     np.testing.assert_array_equal(kept[[0, -1]], q[[0, -1]])
     assert abs(np.diff(kept, axis=0)).max() < 0.25
+
+
+def test_a_way_back_along_a_straight_line_is_left_out_too(two_link):
+    """No distance from the line between start and end shows it."""
+    line = np.linspace([0.3, -0.3, 0], [0.3, 0.3, 0], 80)
+    hand = np.vstack([line[:60], line[60:20:-1], line[20:]])
+    q = [np.array([-0.3, 1.0])]
+    for point in hand:
+        free = np.full(2, np.inf)
+        q.append(solve_position(two_link, point, q[-1], -free, free).q)
+    kept, turns = without_ways_back(two_link, np.array(q[1:]), 0.03)
+    np.testing.assert_allclose(turns, line[60:61], atol=0.01)
+    assert (np.diff(two_link.tool_position(kept)[:, 1]) > -1e-9).all()
 
 
 def test_a_way_around_is_no_way_back(two_link):

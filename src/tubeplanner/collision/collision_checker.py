@@ -253,8 +253,8 @@ class CollisionChecker:
 
     @cached_property
     def _spheres(self) -> tuple[IntArray, FloatArray, FloatArray]:
-        bodies = np.array([shape.body for shape in self.shapes])
-        centers = np.array([shape.shape.center for shape in self.shapes])
+        bodies = np.array([shape.body for shape in self.shapes], dtype=np.int64)
+        centers = np.array([shape.shape.center for shape in self.shapes]).reshape(-1, 3)
         return bodies, centers, np.array([shape.shape.bounding_radius for shape in self.shapes])
 
     def _select(self, pairs: Iterator[tuple[int, int]]) -> IntArray:

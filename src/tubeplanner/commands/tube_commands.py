@@ -25,6 +25,13 @@ _OUTPUT = click.option("-o", "--output", type=PATH, help="Problem file with the 
 _MAX_RADIUS = click.option(
     "--max-radius", type=float, default=0.2, show_default=True, help="No radius is larger [m]."
 )
+_SAMPLES = click.option(
+    "--samples",
+    type=int,
+    default=2000,
+    show_default=True,
+    help="Configurations of a segment that measuring draws last.",
+)
 _SEED = click.option("--seed", type=int, default=1, show_default=True, help="Of random numbers.")
 
 
@@ -37,6 +44,7 @@ _SEED = click.option("--seed", type=int, default=1, show_default=True, help="Of 
     "--checks", type=int, default=20_000, show_default=True, help="Configurations per search."
 )
 @_MAX_RADIUS
+@_SAMPLES
 @AS_JSON
 def route(
     problem: str,
@@ -45,6 +53,7 @@ def route(
     tries: int,
     checks: int,
     max_radius: float,
+    samples: int,
     as_json: bool,
 ) -> int:
     """Find a tube for PROBLEM from its start, goal and obstacles alone, and plan through it.
@@ -59,7 +68,7 @@ def route(
     from tubeplanner.tube_sources.route import find_route
     from tubeplanner.tube_sources.route_candidates import RouteOptions
 
-    options = RouteOptions(seed=seed, tries=tries, checks=checks, max_radius=max_radius)
+    options = RouteOptions(seed, tries, checks, max_radius=max_radius, samples=samples)
     require_ompl()
     outputs = [] if output is None else [output]
     require_writable(outputs, [Path(problem)])
@@ -91,6 +100,7 @@ def route(
     "--band", type=float, default=0.3, show_default=True, help="Beyond the trail's joints [rad, m]."
 )
 @_MAX_RADIUS
+@_SAMPLES
 @_SEED
 @AS_JSON
 def teach(
@@ -103,6 +113,7 @@ def teach(
     deviation: float,
     band: float,
     max_radius: float,
+    samples: int,
     seed: int,
     as_json: bool,
 ) -> int:
@@ -122,7 +133,7 @@ def teach(
         raise OptionError("teach takes either --urdf and --tool-frame, or --problem")
     if template is not None and (obstacles is not None or urdf or tool_frame):
         raise OptionError("--problem has robot and obstacles; leave out the other options for them")
-    options = TeachOptions(deviation, band, max_radius, seed=seed)
+    options = TeachOptions(deviation, band, max_radius, samples, seed)
     outputs = [] if output is None else [output]
     inputs = [Path(name) for name in (trail, urdf, obstacles, template) if name is not None]
     require_writable(outputs, inputs)

@@ -45,6 +45,8 @@ class LinkRoom:
         Room that there is may be given as less than it is; where there is none, it is exact for
         the pair that is named, and others may have even less.
         """
+        if len(self.pairs) == 0:
+            return Room(np.full(len(q), np.inf), np.zeros(len(q), dtype=np.int64))
         rotation, position = self._robot.body_poses(q)
         bound = self._checker.sphere_distances(rotation, position, self.pairs) - self.required
         for k in np.flatnonzero((bound < near).any(axis=0)):

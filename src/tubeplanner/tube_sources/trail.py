@@ -1,6 +1,7 @@
 """A recorded trail of the joints: matched, unwrapped, and freed of pauses and of ways back."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -114,11 +115,25 @@ def without_ways_back(
 def _way_back(q: FloatArray, hand: FloatArray, deviation: float) -> tuple[int, int] | None:
     """Return two samples in the same configuration, out from it and straight back between them."""
     corners = simplified(hand, deviation)
+    pairs = [_retreat(hand, a, b) for a, b in pairwise(corners)]
     for a, b, c in zip(corners, corners[1:], corners[2:], strict=False):
         out = a + int(np.linalg.norm(hand[a:b] - hand[c], axis=1).argmin())
         back = b + 1 + int(np.linalg.norm(hand[b + 1 : c + 1] - hand[a], axis=1).argmin())
-        for i, j in ((out, c), (a, back)):
-            is_near = np.linalg.norm(hand[i] - hand[j]) <= 2 * deviation
-            if is_near and abs(q[i] - q[j]).max() <= _SAME_CONFIGURATION:
-                return i, j
+        pairs += [(out, c), (a, back)]
+    for i, j in pairs:
+        is_near = np.linalg.norm(hand[i] - hand[j]) <= 2 * deviation
+        is_way = np.linalg.norm(hand[i : j + 1] - hand[i], axis=1).max() > 2 * deviation
+        if is_near and is_way and abs(q[i] - q[j]).max() <= _SAME_CONFIGURATION:
+            return i, j
     return None
+
+
+def _retreat(hand: FloatArray, a: int, b: int) -> tuple[int, int]:
+    """Return where between two corners the hand goes back farthest, and where it was there first.
+
+    On the line between the corners no distance from it tells that.
+    """
+    progress = (hand[a : b + 1] - hand[a]) @ (hand[b] - hand[a])
+    lowest = int((np.maximum.accumulate(progress) - progress).argmax())
+    first = int((progress >= progress[lowest]).argmax())
+    return a + first, a + lowest
