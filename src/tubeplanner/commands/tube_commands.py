@@ -141,9 +141,9 @@ def teach(
     cell = read_cell(urdf, tool_frame, obstacles, template)
     with shown_progress() as enter:
         enter("loading robot and collision geometry")
-        loaded, samples = taught_problem(cell, read, str(trail))
+        loaded, recorded = taught_problem(cell, read, str(trail))
         require_writable(outputs, [loaded.robot.urdf.path])
-        answer = teach_tube(loaded, samples, options, enter)
+        answer = teach_tube(loaded, recorded, options, enter)
     if output is not None and answer.found is not None:
         _write(cell.fields, cell.folder, output, answer)
     return _told(loaded.name, answer, None, output, as_json)
