@@ -30,7 +30,8 @@ _RADIUS_TO_COMPARE = 0.05
 _MOST_COMPARED = 4
 # A measured tube whose motion takes longer than this, times the fastest one compared, has been
 # squeezed by an obstacle: the next route may have more room.
-_ENOUGH = 1.2
+_ENOUGH = 1.3
+_MOST_MEASURED = 2
 
 
 def find_route(
@@ -84,7 +85,7 @@ class _RouteFinder:
         require_free(self._problem, "start", start)
         goals = goal_configurations(self._problem, start, options.seed)
         routes = route_candidates(self._problem, start, goals, options, self._enter)
-        best, first = None, None
+        best, first, measured = None, None, 0
         how = MeasureOptions(options.max_radius, options.samples, options.seed)
         for route, enough in self._fastest_first(routes[:_MOST_COMPARED]):
             try:
@@ -96,7 +97,8 @@ class _RouteFinder:
                 continue
             if best is None or found.duration < best.duration:
                 best = found
-            if best.duration <= enough:
+            measured += 1
+            if best.duration <= enough or measured == _MOST_MEASURED:
                 break
         if best is None:
             assert first is not None
