@@ -48,18 +48,18 @@ if TYPE_CHECKING:
     from tubeplanner.studies.tolerance_sweep import SweepRow as SweepRow
     from tubeplanner.studies.tolerance_sweep import sweep as sweep
     from tubeplanner.tube.tube import Tube as Tube
-    from tubeplanner.tube_sources.measured_tube import MeasureOptions as MeasureOptions
-    from tubeplanner.tube_sources.measured_tube import SegmentMeasurement as SegmentMeasurement
-    from tubeplanner.tube_sources.measured_tube import TubeMeasurement as TubeMeasurement
+    from tubeplanner.measurement.measured_tube import MeasureOptions as MeasureOptions
+    from tubeplanner.measurement.measured_tube import SegmentMeasurement as SegmentMeasurement
+    from tubeplanner.measurement.measured_tube import TubeMeasurement as TubeMeasurement
     from tubeplanner.tube_sources.route import find_route as find_route
     from tubeplanner.tube_sources.route_candidates import RouteOptions as RouteOptions
-    from tubeplanner.tube_sources.sign_patterns import PatternSurvey as PatternSurvey
-    from tubeplanner.tube_sources.sign_patterns import survey_patterns as survey_patterns
+    from tubeplanner.measurement.sign_patterns import PatternSurvey as PatternSurvey
+    from tubeplanner.measurement.sign_patterns import survey_patterns as survey_patterns
     from tubeplanner.tube_sources.teach import TeachOptions as TeachOptions
     from tubeplanner.tube_sources.teach import teach as teach
     from tubeplanner.tube_sources.trail import joint_trail as joint_trail
     from tubeplanner.tube_sources.tube_answer import TubeAnswer as TubeAnswer
-    from tubeplanner.tube_sources.tube_measurement import measure_tube as measure_tube
+    from tubeplanner.measurement.tube_measurement import measure_tube as measure_tube
     from tubeplanner.verification.certificate import Certificate as Certificate
     from tubeplanner.verification.certificate import Condition as Condition
     from tubeplanner.verification.certificate import Tolerance as Tolerance
@@ -105,14 +105,14 @@ _HOMES = {
     "motion.trajectory": ("JointTrajectory",),
     "files.trajectory_file": ("read_trajectory",),
     "tube.tube": ("Tube",),
-    "tube_sources.measured_tube": ("MeasureOptions", "SegmentMeasurement", "TubeMeasurement"),
+    "measurement.measured_tube": ("MeasureOptions", "SegmentMeasurement", "TubeMeasurement"),
     "tube_sources.route": ("find_route",),
     "tube_sources.route_candidates": ("RouteOptions",),
-    "tube_sources.sign_patterns": ("PatternSurvey", "survey_patterns"),
+    "measurement.sign_patterns": ("PatternSurvey", "survey_patterns"),
     "tube_sources.teach": ("TeachOptions", "teach"),
     "tube_sources.trail": ("joint_trail",),
     "tube_sources.tube_answer": ("TubeAnswer",),
-    "tube_sources.tube_measurement": ("measure_tube",),
+    "measurement.tube_measurement": ("measure_tube",),
     "verification.verification": ("verify",),
     "views.viewer": ("View", "view"),
     "waypoint_search.waypoint_interpolation": ("quartic_spline", "sequential_quartics"),

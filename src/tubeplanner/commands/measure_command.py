@@ -19,7 +19,7 @@ from tubeplanner.commands.console import (
 from tubeplanner.errors import OptionError
 
 if TYPE_CHECKING:
-    from tubeplanner.tube_sources.measured_tube import MeasureOptions
+    from tubeplanner.measurement.measured_tube import MeasureOptions
 
 
 @click.command()
@@ -45,7 +45,7 @@ def measure(
 
     The file's own radii do not count; its joint signs and its start choose the configuration.
     """
-    from tubeplanner.tube_sources.measured_tube import MeasureOptions
+    from tubeplanner.measurement.measured_tube import MeasureOptions
 
     options = MeasureOptions(max_radius, seed=seed)
     if configurations and output is not None:
@@ -59,7 +59,7 @@ def _measure(problem: str, options: "MeasureOptions", output: Path | None, as_js
     from tubeplanner.files.output_files import require_writable, write_files
     from tubeplanner.files.problem_file import with_other_tube
     from tubeplanner.resources import find_problem
-    from tubeplanner.tube_sources.tube_measurement import measure_tube
+    from tubeplanner.measurement.tube_measurement import measure_tube
 
     outputs = [] if output is None else [output]
     require_writable(outputs, [Path(problem)])
@@ -83,7 +83,7 @@ def _measure(problem: str, options: "MeasureOptions", output: Path | None, as_js
 
 
 def _compare(problem: str, options: "MeasureOptions", as_json: bool) -> int:
-    from tubeplanner.tube_sources.sign_patterns import survey_patterns
+    from tubeplanner.measurement.sign_patterns import survey_patterns
 
     with shown_progress() as enter:
         loaded, loading_time = load_timed(problem, enter)

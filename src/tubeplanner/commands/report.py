@@ -10,8 +10,8 @@ from rich.table import Table
 from tubeplanner.planning.plan_result import PlanResult
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.studies.tolerance_sweep import SweepResult
-from tubeplanner.tube_sources.measured_tube import SegmentMeasurement, TubeMeasurement
-from tubeplanner.tube_sources.sign_patterns import PatternSurvey
+from tubeplanner.measurement.measured_tube import SegmentMeasurement, TubeMeasurement
+from tubeplanner.measurement.sign_patterns import PatternSurvey
 from tubeplanner.tube_sources.tube_answer import TubeAnswer
 from tubeplanner.verification.certificate import RELATIVE, Certificate
 

@@ -16,7 +16,7 @@ from tubeplanner.problem.problem import PlanningProblem, Seed
 from tubeplanner.tube_sources.goal_configurations import goal_configurations
 from tubeplanner.tube_sources.joint_route import require_ompl
 from tubeplanner.tube_sources.measured_plan import MeasuredPlan, in_tube, measured_plan
-from tubeplanner.tube_sources.measured_tube import MeasureOptions
+from tubeplanner.measurement.measured_tube import MeasureOptions
 from tubeplanner.tube_sources.route_candidates import (
     RouteCandidate,
     RouteOptions,

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
-from tubeplanner.tube_sources.configuration_set import ConfigurationSet
-from tubeplanner.tube_sources.link_room import LinkRoom
+from tubeplanner.measurement.configuration_set import ConfigurationSet
+from tubeplanner.measurement.link_room import LinkRoom
 
 # Samples with less room than this [m] are worth going downhill from.
 _NEAR = 0.03

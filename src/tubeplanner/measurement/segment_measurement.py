@@ -14,10 +14,10 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.tube_sources.configuration_set import ConfigurationSet
-from tubeplanner.tube_sources.largest_box import Box, BoxSearch
-from tubeplanner.tube_sources.link_room import LinkRoom
-from tubeplanner.tube_sources.set_attack import Attack, attack
+from tubeplanner.measurement.configuration_set import ConfigurationSet
+from tubeplanner.measurement.largest_box import Box, BoxSearch
+from tubeplanner.measurement.link_room import LinkRoom
+from tubeplanner.measurement.set_attack import Attack, attack
 
 # The set reaches this far beyond what the branch itself needs [m], [rad or m]; where it is free,
 # its ranges reach the farther one.

@@ -6,7 +6,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.tube_sources.separation_bounds import separation_bounds
+from tubeplanner.measurement.separation_bounds import separation_bounds
 
 
 @dataclass(frozen=True, eq=False)

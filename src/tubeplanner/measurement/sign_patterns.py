@@ -17,9 +17,9 @@ from tubeplanner.outcome import Infeasible, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem, Seed
 from tubeplanner.progress import Progress, ProgressCallback
 from tubeplanner.tube.tube import Tube
-from tubeplanner.tube_sources.folding_joints import folding_joints
-from tubeplanner.tube_sources.measured_tube import MeasureOptions
-from tubeplanner.tube_sources.tube_measurement import Surroundings
+from tubeplanner.measurement.folding_joints import folding_joints
+from tubeplanner.measurement.measured_tube import MeasureOptions
+from tubeplanner.measurement.tube_measurement import Surroundings
 
 _SEEDS = 12  # configurations from which a branch is looked for
 _FREE_BRANCHES = 2  # so many free branches are measured; the best counts

@@ -17,15 +17,15 @@ from tubeplanner.planning.planner import plan
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, Progress, ProgressCallback
 from tubeplanner.tube.tube import JointRange, Tube
-from tubeplanner.tube_sources.folding_joints import is_determined, sign_bounds
-from tubeplanner.tube_sources.link_room import LinkRoom
-from tubeplanner.tube_sources.measured_tube import (
+from tubeplanner.measurement.folding_joints import is_determined, sign_bounds
+from tubeplanner.measurement.link_room import LinkRoom
+from tubeplanner.measurement.measured_tube import (
     Binding,
     MeasureOptions,
     SegmentMeasurement,
     TubeMeasurement,
 )
-from tubeplanner.tube_sources.segment_measurement import (
+from tubeplanner.measurement.segment_measurement import (
     WANTED_RANGE,
     Blocked,
     CollisionBoxes,
