@@ -30,6 +30,7 @@ ORDER = (
     "rotations",
     "rotational_tube",
     "tube",
+    "zones",
     "surface",
     "visual_mesh",
     "link_visuals",

@@ -9,7 +9,9 @@ from ruamel.yaml import YAML
 from tubeplanner import parse_problem, plan
 from tubeplanner.cli import cli
 
-README = (Path(__file__).parents[1] / "README.md").read_text()
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text()
+RUN_GUIDES = ("zones.md",)  # of docs: what they show runs without ROS
 
 
 def block(language):
@@ -36,6 +38,17 @@ def test_the_commands_and_options_exist(line):
 
 
 def test_links_lead_to_files():
-    root = Path(__file__).parents[1]
-    for target in re.findall(r"\]\((?!http)([^)]+)\)", README):
-        assert (root / target).exists(), target
+    for page in (ROOT / "README.md", *(ROOT / "docs").glob("*.md")):
+        for target in re.findall(r"\]\((?!http)([^)]+)\)", page.read_text()):
+            assert (page.parent / target).exists(), (page.name, target)
+
+
+@pytest.mark.parametrize("name", RUN_GUIDES)
+def test_the_blocks_of_a_guide_run_and_print_what_it_says(name, capsys):
+    text = (ROOT / "docs" / name).read_text()
+    shared = {}
+    for code in re.findall(r"```python\n(.*?)```", text, re.S):
+        exec(compile(code, name, "exec"), shared)
+    output = capsys.readouterr().out
+    for shown in re.findall(r"```text\n(.*?)```", text, re.S):
+        assert shown in output

@@ -56,6 +56,9 @@ if TYPE_CHECKING:
     from tubeplanner.viewer import view as view
     from tubeplanner.waypoint_interpolation import quartic_spline as quartic_spline
     from tubeplanner.waypoint_interpolation import sequential_quartics as sequential_quartics
+    from tubeplanner.zones import ZonedPath as ZonedPath
+    from tubeplanner.zones import tube_from_zones as tube_from_zones
+    from tubeplanner.zones import zones_of_tube as zones_of_tube
 
 __version__ = "0.1.0"
 
@@ -90,6 +93,7 @@ _HOMES = {
     "verification": ("verify",),
     "viewer": ("View", "view"),
     "waypoint_interpolation": ("quartic_spline", "sequential_quartics"),
+    "zones": ("ZonedPath", "tube_from_zones", "zones_of_tube"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
