@@ -1,7 +1,7 @@
 """The schemes that Suh & Bishop (1988) compare with, each as an ordinary trajectory.
 
-None of them knows the certificate: what a scheme breaks is for `verify` to say. Most of them are not
-smooth, and say nothing of links and obstacles.
+What a scheme breaks is for `verify` to say: most of them are not smooth, and none of them knows of
+links and obstacles.
 """
 
 from collections.abc import Callable, Mapping

@@ -6,6 +6,7 @@ paths", 1985; Shin & McKay, 1985.) Averaged over a few of its intervals, the sam
 """
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -18,7 +19,8 @@ from tubeplanner.time_law import averaged_law, run_along
 from tubeplanner.time_scaling import minimum_duration, scaled_to_limits
 from tubeplanner.trajectory import JointTrajectory, concatenate
 
-_GRID_STEPS = 400  # of a path, at least, between points where limits are judged
+# Steps between the points where limits are judged: of a whole path, and of each line or arc in it.
+_PATH_STEPS, _PIECE_STEPS = 800, 400
 
 
 def bang_bang_laws(robot: RobotModel, paths: Sequence[HandPath]) -> list[JointTrajectory]:
@@ -66,13 +68,11 @@ def smoothed_motion(
 
 
 def _run(paths: Sequence[HandPath], laws: Sequence[JointTrajectory]) -> JointTrajectory:
-    return concatenate(
-        [run_along(path.joints, law) for path, law in zip(paths, laws, strict=True)]
-    )
+    return concatenate([run_along(path.joints, law) for path, law in zip(paths, laws, strict=True)])
 
 
 def _law(robot: RobotModel, path: HandPath) -> JointTrajectory:
-    law = switching_law(robot, path.joints, _grid(path.joints.breakpoints))
+    law = switching_law(robot, path.joints, _grid(path))
     if law is None:
         raise Infeasible(
             PlanStatus.NO_TRAJECTORY,
@@ -82,12 +82,13 @@ def _law(robot: RobotModel, path: HandPath) -> JointTrajectory:
     return law
 
 
-def _grid(breakpoints: FloatArray) -> FloatArray:
-    """Return points (N,) from the first to the last breakpoint, all breakpoints among them."""
-    steps = np.diff(breakpoints)
-    counts = np.ceil(_GRID_STEPS * steps / breakpoints[-1]).astype(int)
+def _grid(path: HandPath) -> FloatArray:
+    """Return ways (N,) from the path's start to its end, all breakpoints among them."""
+    breakpoints, length = path.joints.breakpoints, path.joints.duration
+    least = max(_PATH_STEPS, _PIECE_STEPS * len(path.curve.start))
+    counts = np.ceil(least * path.joints.widths / length).astype(int)
     parts = [
-        begin + step * np.arange(count) / count
-        for begin, step, count in zip(breakpoints[:-1], steps, counts, strict=True)
+        np.linspace(begin, end, count, endpoint=False)
+        for (begin, end), count in zip(pairwise(breakpoints), counts, strict=True)
     ]
-    return np.append(np.concatenate(parts), breakpoints[-1])
+    return np.append(np.concatenate(parts), length)

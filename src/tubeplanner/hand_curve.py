@@ -112,11 +112,15 @@ def _between_stops(
             rows.append((points[k] + taken * ahead, ahead, ahead, 0.0, straight, straight))
         if left > 0:
             rows.append(_arc(points[k + 1] - left * ahead, ahead, points[k + 1 : k + 3], left))
-    start, direction, normal, curvature, length, shares = zip(*rows, strict=True)
-    ways = np.concatenate([[0.0], np.cumsum(length)])
-    polyline = before[first] + np.concatenate([[0.0], np.cumsum(shares)])
-    arrays = (np.array(part) for part in (start, direction, normal, curvature))
-    return HandCurve(*arrays, ways, polyline)
+    starts, directions, normals, curvatures, lengths, shares = zip(*rows, strict=True)
+    return HandCurve(
+        np.array(starts),
+        np.array(directions),
+        np.array(normals),
+        np.array(curvatures),
+        np.concatenate([[0.0], np.cumsum(lengths)]),
+        before[first] + np.concatenate([[0.0], np.cumsum(shares)]),
+    )
 
 
 def _arc(

@@ -112,9 +112,7 @@ def _route(problem: PlanningProblem, branch: ReferenceBranch) -> FloatArray:
 class _Follower:
     """Configurations whose hand is on a curve; a table's rows are (*configuration, hand's way)."""
 
-    def __init__(
-        self, problem: PlanningProblem, branch: ReferenceBranch, curve: HandCurve
-    ) -> None:
+    def __init__(self, problem: PlanningProblem, branch: ReferenceBranch, curve: HandCurve) -> None:
         self._problem, self._branch, self._curve = problem, branch, curve
         route = _route(problem, branch)
         steps = np.linalg.norm(np.diff(route, axis=0), axis=1)
@@ -136,9 +134,8 @@ class _Follower:
         k = int(self._segment(table[[off.argmax()], -1])[0])
         raise Infeasible(
             PlanStatus.NO_TRAJECTORY,
-            f"segment {k}: a spline of {len(table)} configurations by inverse kinematics leaves the "
-            f"hand's curve by {off.max():.3g} m: a singular configuration is in the way; move the "
-            "reference points",
+            f"segment {k}: a spline through {len(table)} configurations leaves the hand's curve by "
+            f"{off.max():.3g} m: a singular configuration is in the way; move the reference points",
             Place(segment=k),
         )
 

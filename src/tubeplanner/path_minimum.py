@@ -27,7 +27,7 @@ def path_minimum(robot: RobotModel, trajectory: JointTrajectory) -> float | None
         The time, or None if the solver finds none.
     """
     path = _by_length(trajectory)
-    law = switching_law(robot, path, path.breakpoints)
+    law = switching_law(robot, path, path.breakpoints, at_both_ends=False)
     return None if law is None else law.duration
 
 
