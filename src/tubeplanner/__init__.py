@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from tubeplanner.certificate import Certificate as Certificate
     from tubeplanner.certificate import Condition as Condition
     from tubeplanner.certificate import Tolerance as Tolerance
+    from tubeplanner.comparison import Comparison as Comparison
+    from tubeplanner.comparison import ComparisonRow as ComparisonRow
+    from tubeplanner.comparison import compare as compare
+    from tubeplanner.comparison_plot import plot_comparison as plot_comparison
     from tubeplanner.errors import OptionError as OptionError
     from tubeplanner.errors import OutputError as OutputError
     from tubeplanner.errors import ProblemError as ProblemError
@@ -24,6 +28,7 @@ if TYPE_CHECKING:
     from tubeplanner.errors import TrajectoryError as TrajectoryError
     from tubeplanner.errors import TubePlannerError as TubePlannerError
     from tubeplanner.joint_limits import LimitOverrides as LimitOverrides
+    from tubeplanner.motion_measures import MotionMeasures as MotionMeasures
     from tubeplanner.obstacle import AttachedSolid as AttachedSolid
     from tubeplanner.obstacle import Obstacle as Obstacle
     from tubeplanner.obstacle import placement_of as placement_of
@@ -65,6 +70,8 @@ __version__ = "0.1.0"
 _HOMES = {
     "branch_and_bound": ("SearchStatistics",),
     "certificate": ("Certificate", "Condition", "Tolerance"),
+    "comparison": ("Comparison", "ComparisonRow", "compare"),
+    "comparison_plot": ("plot_comparison",),
     "errors": (
         "OptionError",
         "OutputError",
@@ -74,6 +81,7 @@ _HOMES = {
         "TubePlannerError",
     ),
     "joint_limits": ("LimitOverrides",),
+    "motion_measures": ("MotionMeasures",),
     "obstacle": ("AttachedSolid", "Obstacle", "placement_of"),
     "outcome": ("Place", "PlanStatus"),
     "plan_options": ("PlanOptions",),

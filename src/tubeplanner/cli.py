@@ -32,8 +32,8 @@ from tubeplanner.console import (
 )
 from tubeplanner.errors import OptionError, TubePlannerError
 from tubeplanner.interrupts import interrupts_held
+from tubeplanner.study_commands import compare, sweep
 from tubeplanner.study_commands import plot as draw
-from tubeplanner.study_commands import sweep
 from tubeplanner.view_command import require_page, view
 
 if TYPE_CHECKING:
@@ -228,7 +228,7 @@ def schema(json: bool) -> None:
     print_json(problem_schema(), indent=2)
 
 
-for command in (draw, sweep, view):
+for command in (draw, sweep, compare, view):
     cli.add_command(command)
 
 
@@ -273,20 +273,14 @@ class _Outputs:
         """Write all files, or none of them; return what there is to say about them."""
         from tubeplanner.export import trajectory_csv, trajectory_json, trajectory_ros
         from tubeplanner.export_samples import samples_for_export
-        from tubeplanner.fingerprint import problem_hash, robot_hash
+        from tubeplanner.fingerprint import origin
         from tubeplanner.output_files import write_files
 
         contents: dict[Path, bytes] = {}
         notes: list[str] = []
         if self.trajectory:
-            more = {
-                "method": method,
-                "tubeplanner_version": __version__,
-                "problem": problem.name,
-                "problem_hash": problem_hash(problem),
-                "robot_hash": robot_hash(problem.robot),
-            }
-            contents[self.trajectory] = trajectory_json(trajectory, **more).encode()
+            text = trajectory_json(trajectory, **origin(problem, method))
+            contents[self.trajectory] = text.encode()
         if self.csv or self.ros:
             sampled = samples_for_export(problem, trajectory, self.rate)
             notes += [] if sampled.note is None else [sampled.note]

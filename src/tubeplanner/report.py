@@ -6,7 +6,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from tubeplanner.certificate import RELATIVE, Certificate
+from tubeplanner.certificate import RELATIVE, Certificate, Condition
+from tubeplanner.comparison import Comparison
 from tubeplanner.plan_result import PlanResult
 from tubeplanner.problem import PlanningProblem
 from tubeplanner.tolerance_sweep import SweepResult
@@ -80,6 +81,38 @@ def sweep_text(result: SweepResult) -> str:
         times = (f"{row.duration:.4f} s", saved and f"saves {saved}")
         table.add_row(value, *times, f"{row.result.planning_time:.2f} s", said)
     return _rendered(table)
+
+
+def comparison_text(result: Comparison) -> str:
+    """Return a comparison as a table, as wide as the terminal, and the rows' messages."""
+    table = Table(title=f"{result.problem.name}: methods compared", title_justify="left")
+    table.add_column("method")
+    for heading in ("duration", "planned in"):
+        table.add_column(heading, justify="right")
+    table.add_column("certificate")
+    table.add_column("smooth")
+    for heading in ("peak jerk", "at a limit", "tube used"):
+        table.add_column(heading, justify="right")
+    for row in result.rows:
+        spent = f"{row.planning_time:.2f} s"
+        if row.duration is None or row.measures is None:
+            table.add_row(row.method, "", spent, str(row.status).replace("_", " "))
+            continue
+        measured = row.measures
+        failed = ", ".join(f"{name} {_excess(found)}" for name, found in row.failures.items())
+        verdict = f"FAILS: {failed}" if failed else "passes"
+        jerk = "unbounded" if measured.peak_jerk is None else f"{measured.peak_jerk:.2g}"
+        shares = (f"{100 * share:.0f} %" for share in (measured.at_limit, measured.tube_use))
+        duration = f"{row.duration:.4f} s"
+        table.add_row(row.method, duration, spent, verdict, measured.smoothness, jerk, *shares)
+    return "\n".join([_rendered(table), *(f"{row.method}: {row.message}" for row in result.rows)])
+
+
+def _excess(condition: Condition) -> str:
+    """Return by how much a condition is missed, with its unit."""
+    missed = -(condition.margin or 0.0)
+    percent = condition.unit == RELATIVE
+    return f"{100 * missed:.3g} %" if percent else f"{missed:.3g} {condition.unit}"
 
 
 def certificate_text(certificate: Certificate) -> str:

@@ -43,6 +43,15 @@ def current_segments(problem: PlanningProblem, q: FloatArray) -> IntArray:
     return np.searchsorted(best_hand_overs(margin), np.arange(len(q)), side="left")
 
 
+def tube_use(problem: PlanningProblem, hand: FloatArray, segment: IntArray) -> FloatArray:
+    """Return the distances of hands (N, 3) from their segments (N,) as shares of the radius: (N,).
+
+    0 on the segment, 1 on the capsule's wall.
+    """
+    distance = problem.tube.distance(hand)[np.arange(len(hand)), segment]
+    return distance / problem.tube.effective_radius[segment]
+
+
 def passable_segments(tube: Tube) -> BoolArray:
     """Return which segments a hand may pass whole between two samples: bool, shape (m,).
 
