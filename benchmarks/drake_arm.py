@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from pydrake.common import MemoryFile
 from pydrake.geometry import (
     CollisionFilterDeclaration,
     Convex,
@@ -12,7 +13,6 @@ from pydrake.geometry import (
     ProximityProperties,
     SceneGraph,
 )
-from pydrake.common import MemoryFile
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.multibody.tree import (
@@ -105,9 +105,7 @@ def _add_bodies(plant: MultibodyPlant, problem: PlanningProblem) -> list[RigidBo
                 SpatialInertia.MakeFromCentralInertia(
                     inertia.mass,
                     inertia.lever,
-                    RotationalInertia(
-                        *np.diag(moment), moment[0, 1], moment[0, 2], moment[1, 2]
-                    ),
+                    RotationalInertia(*np.diag(moment), moment[0, 1], moment[0, 2], moment[1, 2]),
                 ),
             )
         )
@@ -129,9 +127,7 @@ def _add_bodies(plant: MultibodyPlant, problem: PlanningProblem) -> list[RigidBo
     return bodies
 
 
-def _add_shape(
-    plant: MultibodyPlant, body: RigidBody, shape: BodyShape, index: int
-) -> GeometryId:
+def _add_shape(plant: MultibodyPlant, body: RigidBody, shape: BodyShape, index: int) -> GeometryId:
     assert shape.shape.radius == 0, "rounded shapes are not carried over"
     convex = Convex(InMemoryMesh(mesh_file=MemoryFile(_obj(shape.shape), ".obj", shape.owner)))
     return plant.RegisterCollisionGeometry(

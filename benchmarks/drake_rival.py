@@ -30,12 +30,14 @@ from tubeplanner.time_scaling import scaled_to_limits
 from tubeplanner.trajectory import from_spline
 
 CONTROL_POINTS, ORDER = 24, 4
-TUBE_SAMPLES, EFFORT_SAMPLES, DISTANCE_SAMPLES = 61, 81, 41
-ROUNDS = 4  # of choosing segments again
+INTERVALS = CONTROL_POINTS - ORDER + 1
+# All knots are among the samples: accelerations have their peaks there.
+TUBE_SAMPLES, EFFORT_SAMPLES, DISTANCE_SAMPLES = (k * INTERVALS + 1 for k in (3, 3, 2))
+ROUNDS, LEAST_GAIN = 3, 2e-3  # of choosing segments again, while a round gains so much
 NARROWER = 0.98  # of radius and effort limit, every round that left the tube
 WIDER_CLEARANCE = 0.003  # [m], every round that came too close
 INFLUENCE = 0.05  # [m]: nearer pairs count
-MAJOR_ITERATIONS = 300
+MAJOR_ITERATIONS, MINOR_ITERATIONS = 80, 200_000
 AMPLE_VELOCITY = 100.0  # where no limit is given [rad/s or m/s]
 FIT_POINTS = 400
 
@@ -71,14 +73,16 @@ def _rounds(
 ) -> Iterable[tuple[bool, JointTrajectory]]:
     """Yield what becomes of a start, round by round."""
     tight = Tightening()
-    for _ in range(ROUNDS):
+    for index in range(ROUNDS):
         program = _program(problem, arm, start, tight)
         result = SnoptSolver().Solve(program.prog(), None, _options())
-        if not result.is_success():
-            return
+        # SNOPT often ends without the last digits; what it has is judged all the same.
         motion = scaled_to_limits(problem.robot, _trajectory(problem, program, result))
         certificate = verify(problem, motion)
         yield certificate.passed, motion
+        gain = start.gates[-1] / motion.duration - 1
+        if certificate.passed and index > 0 and gain < LEAST_GAIN:
+            return
         holds = {
             name: condition.holds(certificate.tolerance)
             for name, condition in certificate.conditions.items()
@@ -88,12 +92,13 @@ def _rounds(
             tight.radius * (1.0 if holds["tube"] else NARROWER),
             tight.clearance + (0.0 if apart else WIDER_CLEARANCE),
         )
-        start = PhasedTrajectory(motion, _gates(problem, motion))
+        start = PhasedTrajectory(motion, gates_of(problem, motion))
 
 
 def _options() -> SolverOptions:
     options = SolverOptions()
     options.SetOption(SnoptSolver.id(), "Major iterations limit", MAJOR_ITERATIONS)
+    options.SetOption(SnoptSolver.id(), "Iterations limit", MINOR_ITERATIONS)
     options.SetOption(SnoptSolver.id(), "Major optimality tolerance", 1e-4)
     options.SetOption(SnoptSolver.id(), "Major feasibility tolerance", 1e-6)
     return options
@@ -154,9 +159,7 @@ def _capsule(arm: DrakeArm, line: object, radius: float, length: float) -> list[
         PointToLineDistanceConstraint(
             plant, arm.tool, hand, line, np.zeros(3), axis, 0.0, radius, context
         ),
-        PositionConstraint(
-            plant, line, [*-free, 0.0], [*free, length], arm.tool, hand, context
-        ),
+        PositionConstraint(plant, line, [*-free, 0.0], [*free, length], arm.tool, hand, context),
     ]
 
 
@@ -198,7 +201,7 @@ def _trajectory(
     return from_spline(problem.robot.joint_names, spline)
 
 
-def _gates(problem: PlanningProblem, motion: JointTrajectory) -> np.ndarray:
+def gates_of(problem: PlanningProblem, motion: JointTrajectory) -> np.ndarray:
     """Return when a motion is deepest in both capsules of each hand-over."""
     times = np.linspace(0, motion.duration, 2001)
     margin = problem.tube.margin(problem.robot.tool_position(motion.position(times)))
