@@ -37,7 +37,7 @@ ROUNDS, LEAST_GAIN = 3, 2e-3  # of choosing segments again, while a round gains 
 NARROWER = 0.98  # of radius and effort limit, every round that left the tube
 WIDER_CLEARANCE = 0.003  # [m], every round that came too close
 INFLUENCE = 0.05  # [m]: nearer pairs count
-MAJOR_ITERATIONS, MINOR_ITERATIONS = 80, 200_000
+MAJOR_ITERATIONS, MINOR_ITERATIONS = 80, 15_000
 AMPLE_VELOCITY = 100.0  # where no limit is given [rad/s or m/s]
 FIT_POINTS = 400
 

@@ -49,7 +49,8 @@ MARKS = {
 }
 LEGEND = (
     "Ratios of durations to ours, and planning times. What the certificate objects to: a the "
-    "acceleration jumps, t the hand leaves the tube, c a collision or too little clearance, l a limit."
+    "acceleration jumps, t the hand leaves the tube, c a collision or too little clearance, "
+    "l a limit."
 )
 
 
@@ -118,14 +119,15 @@ def cell(problem: PlanningProblem, answer: Answer, ours: float) -> str:
     """Return what the table says of an answer, and print what both judges say."""
     if answer.motion is None:
         return f"none ({answer.seconds:.1f} s)"
+    ratio = answer.motion.duration / ours
     failures = verify(problem, answer.motion).failures()
     print(
-        f"  {answer.motion.duration / ours:.3f} in {answer.seconds:.2f} s; certificate: "
-        f"{', '.join(failures) or 'passed'}; at samples: {broken(problem, answer.motion) or 'all kept'}",
+        f"  {ratio:.3f} in {answer.seconds:.2f} s; certificate: {', '.join(failures) or 'passed'}; "
+        f"at samples: {broken(problem, answer.motion) or 'all kept'}",
         flush=True,
     )
     marks = "".join(mark for names, mark in MARKS.items() if names & set(failures))
-    return f"{answer.motion.duration / ours:.2f}{' ' + marks if marks else ''} ({answer.seconds:.1f} s)"
+    return f"{ratio:.2f}{' ' + marks if marks else ''} ({answer.seconds:.1f} s)"
 
 
 def row(name: str) -> str:
