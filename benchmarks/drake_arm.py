@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+import pinocchio as pin
 from pydrake.common import MemoryFile
 from pydrake.geometry import (
     CollisionFilterDeclaration,
@@ -94,37 +95,34 @@ def drake_arm(problem: PlanningProblem) -> DrakeArm:
 def _add_bodies(plant: MultibodyPlant, problem: PlanningProblem) -> list[RigidBody]:
     """Return all bodies of the plant, in Pinocchio's order; body 0 is the world."""
     robot, model = problem.robot, problem.robot._model
+    assert [robot.body_joints[body] for body in range(1, model.njoints)] == list(
+        range(robot.joint_count)
+    ), "the group is not in chain order"
     axes = joint_axes(model)
-    bodies, joints = [plant.world_body()], {}
+    bodies = [plant.world_body()]
     for index in range(1, model.njoints):
-        name, inertia = f"body {index}", model.inertias[index]
-        moment = inertia.inertia
-        bodies.append(
-            plant.AddRigidBody(
-                name,
-                SpatialInertia.MakeFromCentralInertia(
-                    inertia.mass,
-                    inertia.lever,
-                    RotationalInertia(*np.diag(moment), moment[0, 1], moment[0, 2], moment[1, 2]),
-                ),
-            )
-        )
-        placement = model.jointPlacements[index]
-        base = plant.AddFrame(
-            FixedOffsetFrame(
-                f"base of {name}",
-                bodies[model.parents[index]].body_frame(),
-                _placement(placement.rotation, placement.translation),
-            )
+        name, placement = f"body {index}", model.jointPlacements[index]
+        body = plant.AddRigidBody(name, _inertia(model.inertias[index]))
+        base = FixedOffsetFrame(
+            f"base of {name}",
+            bodies[model.parents[index]].body_frame(),
+            _placement(placement.rotation, placement.translation),
         )
         group = robot.body_joints[index]
         kind = RevoluteJoint if robot.revolute[group] else PrismaticJoint
-        joints[group] = kind(str(group), base, bodies[index].body_frame(), axes[index])
-        joint = plant.AddJoint(joints[group])
+        joint = plant.AddJoint(
+            kind(f"joint {group}", plant.AddFrame(base), body.body_frame(), axes[index])
+        )
         limit = robot.limits.effort[group]
-        plant.AddJointActuator(str(group), joint, limit if np.isfinite(limit) else AMPLE)
-    assert list(joints) == list(range(robot.joint_count)), "the group is not in chain order"
+        plant.AddJointActuator(f"motor {group}", joint, limit if np.isfinite(limit) else AMPLE)
+        bodies.append(body)
     return bodies
+
+
+def _inertia(inertia: pin.Inertia) -> SpatialInertia:
+    moment = inertia.inertia
+    about_com = RotationalInertia(*np.diag(moment), moment[0, 1], moment[0, 2], moment[1, 2])
+    return SpatialInertia.MakeFromCentralInertia(inertia.mass, inertia.lever, about_com)
 
 
 def _add_shape(plant: MultibodyPlant, body: RigidBody, shape: BodyShape, index: int) -> GeometryId:
