@@ -7,8 +7,9 @@
   (`tubeplanner.baselines`): the fastest there is on these paths; the acceleration jumps.
 - Drake's KinematicTrajectoryOptimization (`drake_rival.py`), started from both the TOPP-RA motion
   and the reference branch.
-- Direct transcription with IPOPT (`transcription_program.py`) from one start, 40 intervals; it does
-  not know of links and obstacles.
+- Direct transcription with IPOPT (`transcription_program.py`) from the reference branch alone, 40
+  intervals, samples added where limits are broken, for a minute at most; it does not know of links
+  and obstacles.
 
 All get our goal where the problem leaves it open. All motions are scaled to the limits, judged by
 the certificate and, apart from it, at dense samples by Pinocchio and coal (`dense_check.py`). Ours
