@@ -1,7 +1,7 @@
 """The figure of a comparison: durations with their certificates, and the hand's speed over time."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from tubeplanner.comparison import Comparison, ComparisonRow
 from tubeplanner.figure_files import new_figure, saved
@@ -68,4 +68,5 @@ def _draw_speeds(axis: "Axes", problem: PlanningProblem, rows: list[ComparisonRo
     axis.set(xlabel="time [s]", ylabel="hand speed [m/s]", xlim=(0, None), ylim=(0, None))
     axis.grid(alpha=0.25)
     if axis.lines:
-        axis.legend(fontsize=8, handlelength=3.5, loc="upper right")
+        above: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "ncols": 4}
+        axis.legend(**above, fontsize=8, frameon=False, handlelength=3.5)
