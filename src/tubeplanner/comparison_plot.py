@@ -40,6 +40,8 @@ def plot_comparison(result: Comparison, path: str | Path | None = None) -> "Figu
 
 def _draw_durations(axis: "Axes", rows: list[ComparisonRow]) -> None:
     """Draw bars, hatched where the certificate failed, and say what it says."""
+    from matplotlib.ticker import MaxNLocator
+
     longest = max((row.duration or 0.0 for row in rows), default=0.0) or 1.0
     for number, row in enumerate(rows):
         color = LINE_COLORS[number] if number < len(LINE_COLORS) else _OTHERS
@@ -53,7 +55,7 @@ def _draw_durations(axis: "Axes", rows: list[ComparisonRow]) -> None:
         axis.text((row.duration or 0.0) + 0.02 * longest, number, said, va="center", fontsize=8)
     axis.set_yticks(range(len(rows)), [row.method for row in rows])
     axis.invert_yaxis()
-    axis.set_xticks([tick for tick in axis.get_xticks() if tick <= longest])
+    axis.set_xticks([tick for tick in MaxNLocator(6).tick_values(0, longest) if tick <= longest])
     axis.set(xlabel="duration [s]", xlim=(0, _ROOM * longest))
     axis.grid(alpha=0.25, axis="x")
 
@@ -68,5 +70,5 @@ def _draw_speeds(axis: "Axes", problem: PlanningProblem, rows: list[ComparisonRo
     axis.set(xlabel="time [s]", ylabel="hand speed [m/s]", xlim=(0, None), ylim=(0, None))
     axis.grid(alpha=0.25)
     if axis.lines:
-        above: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "ncols": 4}
-        axis.legend(**above, fontsize=8, frameon=False, handlelength=3.5)
+        above: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "ncols": 3}
+        axis.legend(**above, fontsize=8, frameon=False, handlelength=2.8, columnspacing=1.2)
