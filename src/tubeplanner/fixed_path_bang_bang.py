@@ -54,8 +54,9 @@ def _law(robot: RobotModel, path: HandPath) -> JointTrajectory:
     if law is None:
         raise Infeasible(
             PlanStatus.NO_TRAJECTORY,
-            "TOPP-RA finds no speed at which the arm can run the hand's curve from rest to rest",
-            Place(),
+            f"segment {path.segment}: TOPP-RA finds no speed at which the arm can run the hand's "
+            "curve from rest to rest; move the reference points",
+            Place(segment=path.segment),
         )
     return law
 

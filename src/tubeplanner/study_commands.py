@@ -141,7 +141,7 @@ def compare(
     from tubeplanner.plan_options import PlanOptions
 
     options = PlanOptions(quality=quality)
-    names = None if methods is None else methods.split(",")
+    names = None if methods is None else [name.strip() for name in methods.split(",")]
     outputs = [path for path in (output, figure) if path is not None]
     _require_ending(output, "-o", (".csv", ".json"))
     _require_ending(figure, "--plot", (".png",))
