@@ -11,18 +11,19 @@ from types import MappingProxyType
 from tubeplanner.bounded_deviation import bounded_deviation
 from tubeplanner.certificate import Certificate
 from tubeplanner.conventional_lines import PAPER, conventional_motion, largest_trapezoidal_speed
-from tubeplanner.fixed_path_bang_bang import bang_bang_laws, bang_bang_motion, smoothed_motion
+from tubeplanner.fixed_path_bang_bang import bang_bang_laws, bang_bang_motion
 from tubeplanner.hand_path import HandPath, hand_paths
 from tubeplanner.known_branches import KnownBranches
 from tubeplanner.outcome import Infeasible
 from tubeplanner.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, ProgressCallback
 from tubeplanner.reference_branch import ReferenceBranch, spare_joint_rules
+from tubeplanner.smoothed_bang_bang import smoothed_motion
 from tubeplanner.trajectory import JointTrajectory
 from tubeplanner.verification import verify
 
 # Into how many intervals the run of every segment is averaged: the fastest is kept. The finest is
-# about as fine as refinement's knots; the coarsest costs about what the paper says smoothness does.
+# about as fine as refinement's knots.
 _SMOOTHED_INTERVALS = (64, 32, 16)
 # What a scheme whose acceleration jumps cannot keep.
 _SMOOTHNESS = {"rest", "continuity", "jerk"}

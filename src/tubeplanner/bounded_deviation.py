@@ -77,7 +77,8 @@ def _knots(robot: RobotModel, line: HandPath, tolerance: float) -> FloatArray:
     raise Infeasible(
         PlanStatus.NO_TRAJECTORY,
         f"segment {line.segment}: joint lines between {len(knots)} knots still leave the hand's "
-        f"line by more than {tolerance:g} m; a singular configuration is in the way",
+        f"line by more than {tolerance:g} m: a singular configuration is in the way; move the "
+        "reference points",
         Place(segment=line.segment),
     )
 

@@ -34,6 +34,8 @@ class ComparisonRow:
         trajectory: The motion; of a baseline also one that failed its certificate.
         certificate: Of the motion, or of the best attempt; None if there was none.
         measures: Of the motion; None if there is none.
+        answered_by: The method whose motion it is, where the one asked for had none that was
+            better; None: itself.
     """
 
     method: str
@@ -43,6 +45,7 @@ class ComparisonRow:
     trajectory: JointTrajectory | None = None
     certificate: Certificate | None = None
     measures: MotionMeasures | None = None
+    answered_by: str | None = None
 
     @property
     def certified(self) -> bool:
@@ -68,6 +71,7 @@ class ComparisonRow:
             "kind": "baseline" if self.method in BASELINES else "method",
             "status": str(self.status),
             "certified": self.certified,
+            "answered_by": self.answered_by,
             "duration": self.duration,
             "planning_time": self.planning_time,
             "failures": {
@@ -185,9 +189,8 @@ def _planned(
     result = plan(problem, replace(options, method=name), told)
     if result.stopped_by == "interrupt":
         raise KeyboardInterrupt
-    message = result.message
-    if result.succeeded and result.method != name:
-        message = f"answered by {result.method}; {message}"
+    other = result.method if result.succeeded and result.method != name else None
+    message = result.message if other is None else f"answered by {other}; {result.message}"
     return ComparisonRow(
         name,
         result.status,
@@ -195,6 +198,7 @@ def _planned(
         result.planning_time,
         result.trajectory,
         result.certificate,
+        answered_by=other,
     )
 
 

@@ -87,8 +87,7 @@ def conventional_motion(
     2e-6 m of where it should be at any time.
 
     Raises:
-        Infeasible: Status no_trajectory: the joints have to move while the hand stands still, or
-            cannot follow it.
+        Infeasible: Status no_trajectory: the joints cannot follow the hand.
     """
     return concatenate([_run(robot, line, speed.law(line.curve.length)) for line in lines])
 
@@ -103,13 +102,6 @@ def _scaled_speed(robot: RobotModel, lines: list[HandPath], ramps: float) -> Tra
 
 def _run(robot: RobotModel, line: HandPath, law: JointTrajectory) -> JointTrajectory:
     """Return the motion along one line, in phases of constant acceleration."""
-    hand = robot.tool_position(line.joints.position(line.joints.breakpoints))
-    if not (np.diff(hand @ line.curve.direction[0]) > 0).all():
-        raise Infeasible(
-            PlanStatus.NO_TRAJECTORY,
-            "straight lines at trapezoidal speed: joints have to move where the hand stands still",
-            Place(),
-        )
     phases = []
     for begin, end in zip(law.breakpoints[:-1], law.breakpoints[1:], strict=True):
         nodes, off = _FEWEST_NODES, np.inf
@@ -117,9 +109,10 @@ def _run(robot: RobotModel, line: HandPath, law: JointTrajectory) -> JointTrajec
             if nodes > _MOST_NODES:
                 raise Infeasible(
                     PlanStatus.NO_TRAJECTORY,
-                    f"straight lines at trapezoidal speed: a spline of {_MOST_NODES} pieces leaves "
-                    f"the hand's place by {off:.3g} m: a singular configuration is in the way",
-                    Place(),
+                    f"segment {line.segment}: at trapezoidal speed, a spline of {_MOST_NODES} "
+                    f"pieces leaves the hand's place by {off:.3g} m: a singular configuration is "
+                    "in the way; move the reference points",
+                    Place(segment=line.segment),
                 )
             phase = _phase(robot, line, law, np.linspace(begin, end, nodes + 1))
             off = _off(robot, line, law, phase, begin)

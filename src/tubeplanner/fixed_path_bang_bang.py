@@ -2,7 +2,7 @@
 
 At every instant some motor or velocity is at its limit, and motors switch at once: the acceleration
 jumps. (Bobrow, Dubowsky & Gibson, "Time-optimal control of robotic manipulators along specified
-paths", 1985; Shin & McKay, 1985.) Averaged over a few of its intervals, the same run is smooth.
+paths", 1985; Shin & McKay, 1985.)
 """
 
 from collections.abc import Sequence
@@ -15,8 +15,8 @@ from tubeplanner.hand_path import HandPath
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.robot import RobotModel
 from tubeplanner.switching_law import switching_law
-from tubeplanner.time_law import averaged_law, run_along
-from tubeplanner.time_scaling import minimum_duration, scaled_to_limits
+from tubeplanner.time_law import run_along
+from tubeplanner.time_scaling import minimum_duration
 from tubeplanner.trajectory import JointTrajectory, concatenate
 
 # Steps between the points where limits are judged: of a whole path, and of each line or arc in it.
@@ -43,32 +43,10 @@ def bang_bang_motion(
     Returns:
         The motion, and the share by which it is slowed.
     """
-    motion = _run(paths, laws)
+    runs = [run_along(path.joints, law) for path, law in zip(paths, laws, strict=True)]
+    motion = concatenate(runs)
     share = minimum_duration(robot, motion, with_jerk=False) / motion.duration
     return motion.scaled(share), share - 1
-
-
-def smoothed_motion(
-    robot: RobotModel,
-    paths: Sequence[HandPath],
-    laws: Sequence[JointTrajectory],
-    intervals: Sequence[int],
-) -> JointTrajectory:
-    """Return the motion that runs paths by averaged laws: C2, degree 9, each path at its limits.
-
-    Args:
-        robot: The arm.
-        paths: From rest to rest.
-        laws: Their `bang_bang_laws`.
-        intervals: For every path, into how many intervals its law is averaged.
-    """
-    averaged = [averaged_law(law, count) for law, count in zip(laws, intervals, strict=True)]
-    runs = [_run([path], [law]) for path, law in zip(paths, averaged, strict=True)]
-    return concatenate([scaled_to_limits(robot, run) for run in runs])
-
-
-def _run(paths: Sequence[HandPath], laws: Sequence[JointTrajectory]) -> JointTrajectory:
-    return concatenate([run_along(path.joints, law) for path, law in zip(paths, laws, strict=True)])
 
 
 def _law(robot: RobotModel, path: HandPath) -> JointTrajectory:
@@ -76,8 +54,9 @@ def _law(robot: RobotModel, path: HandPath) -> JointTrajectory:
     if law is None:
         raise Infeasible(
             PlanStatus.NO_TRAJECTORY,
-            "TOPP-RA finds no speed at which the arm can run the hand's curve from rest to rest",
-            Place(),
+            f"segment {path.segment}: TOPP-RA finds no speed at which the arm can run the hand's "
+            "curve from rest to rest; move the reference points",
+            Place(segment=path.segment),
         )
     return law
 

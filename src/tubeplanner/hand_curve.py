@@ -85,16 +85,19 @@ def _angle(a: FloatArray, b: FloatArray) -> float:
 def _arc_radius(room: FloatArray, turn: float) -> float:
     """Return the largest radius of an arc that stays near its two lines.
 
-    An arc of radius R that has turned by p is R (1 - cos p) from the line that it leaves. There
-    must be a p at which it may be counted to either: acos(1 - room/R), as far as it may turn from
-    its lines, are together no less than its turn.
+    Where an arc has turned by p, it is some multiple of its radius away from the line that it
+    leaves, and the same multiple at turn - p from the line that it joins. At the best place to
+    count it to the other line, both are at their bounds.
     """
+    corner = 1 / np.cos(turn / 2)  # radii from the centre to where the lines meet
 
-    def left(bends: float) -> float:
-        return float(np.arccos(np.clip(1 - room / bends, -1.0, 1.0)).sum()) - turn
+    def away(p: float) -> float:
+        if np.sin(p) <= np.tan(turn / 2):
+            return float(1 - np.cos(p))
+        return float(np.sqrt(1 + corner**2 - 2 * corner * np.cos(p - turn / 2)))  # past its end
 
-    low, high = room.min() / 2, room.max() / (1 - np.cos(turn / 2))
-    return float(low if left(low) <= 0 else brentq(left, low, 2 * high))
+    change = brentq(lambda p: room[0] * away(turn - p) - room[1] * away(p), 0.0, turn)
+    return float(room[0] / away(change))
 
 
 def _between_stops(

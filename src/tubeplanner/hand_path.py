@@ -17,10 +17,12 @@ from tubeplanner.segment_walk import as_position, explain_error
 from tubeplanner.trajectory import JointTrajectory
 
 CURVE_TOLERANCE = 1e-6  # [m] between the hand and its curve
-_MOST_ROUNDS = 12  # of halving the steps that leave the curve
+_MOST_ROUNDS, _MOST_NODES = 12, 2000  # of halving the steps that leave the curve
 # Configurations nearer to each other than this share of the way carry rounding errors, no shape.
 _APART = 1e-5
-_STILL = 1e-6  # [m]: a hand that moves less stands still
+# A hand that moves less stands still [m]; joints that move as much meanwhile [rad or m] would have
+# to turn a sharp corner, where only a stop helps.
+_STILL, _TURNED = 1e-6, 1e-3
 _AT_END = 1e-9  # [m]
 _PROBES = (0.25, 0.5, 0.75)  # of every step
 
@@ -60,8 +62,7 @@ def hand_paths(problem: PlanningProblem, branch: ReferenceBranch, *, arcs: bool)
     moves = length > _STILL
     for k in branch.moving_segments:
         if not moves[k]:
-            message = f"segment {k}: joints have to move where the hand stands still"
-            raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Place(segment=k))
+            raise _stands_still(k)
     if not moves.any():
         message = "the start is the goal: there is nothing to move"
         raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Place())
@@ -129,6 +130,8 @@ class _Follower:
                 joints = JointTrajectory(names, spline.x, spline.c[:, :, :-1])
                 first = self._segment(self._curve.ways[1:2] / 2)[0]
                 return HandPath(joints, self._curve, int(first))
+            if len(table) > _MOST_NODES:
+                break
             middle = spline((spline.x[steps] + spline.x[steps + 1]) / 2)
             table = _apart(np.insert(table, steps + 1, self._on_curve(middle), axis=0))
         k = int(self._segment(table[[off.argmax()], -1])[0])
@@ -149,6 +152,7 @@ class _Follower:
                 continue
             ahead = (self._route[k + 1] - self._route[k]) / (end - begin)
             along = (self._problem.robot.tool_position(q) - self._route[k]) @ ahead
+            _require_moving(q, along, k)
             rows.append(np.column_stack([q, begin + np.clip(along, 0.0, end - begin)]))
         table = np.vstack(rows)
         table[:, -1] = np.interp(table[:, -1], self._curve.polyline_ways, self._curve.ways)
@@ -190,6 +194,22 @@ class _Follower:
         wanted = self._curve.point(np.clip(probes[:, -1], 0.0, length))
         off = np.linalg.norm(hand - wanted, axis=1)
         return off.reshape(ways.shape).max(axis=1)
+
+
+def _require_moving(q: FloatArray, along: FloatArray, segment: int) -> None:
+    """Raise if joints (P, n) move on while the hand's way (P,) does not."""
+    turned = abs(np.diff(q, axis=0)).max(axis=1)
+    if ((np.diff(along) < _STILL) & (turned > _TURNED)).any():
+        raise _stands_still(segment)
+
+
+def _stands_still(segment: int) -> Infeasible:
+    return Infeasible(
+        PlanStatus.NO_TRAJECTORY,
+        f"segment {segment}: joints have to move where the hand stands still, which no scheme that "
+        "is led by the hand can; leave the goal open, or give one that the hand's way leads to",
+        Place(segment=segment),
+    )
 
 
 def _as_it_is(rotation: FloatArray) -> WantedRotation:

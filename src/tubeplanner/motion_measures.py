@@ -27,8 +27,8 @@ class MotionMeasures:
         peak_jerk: The largest magnitude of any joint's third derivative [rad/s^3 or m/s^3]; None
             where the acceleration jumps: there is no bound.
         peak_jerk_joint: Whose it is; likewise.
-        at_limit: Share of the time in which the effort or the velocity of some joint is at 99 % of
-            its limit or more.
+        at_limit: Share of the time in which the effort, velocity or acceleration of some joint is
+            at 99 % of its limit or more.
         tube_use: Distance of the hand from the axis of the segment it is in, as a share of that
             segment's radius, averaged over time.
     """
@@ -99,8 +99,8 @@ def _peak_jerk(trajectory: JointTrajectory) -> tuple[float, str]:
 
 
 def _limit_use(problem: PlanningProblem, samples: TrajectorySamples) -> FloatArray:
-    """Return the largest share of an effort or velocity limit that any joint uses, (N,)."""
-    robot, limits = problem.robot, problem.robot.limits
-    tau = robot.inverse_dynamics(samples.position, samples.velocity, samples.acceleration)
-    shares = np.hstack([abs(tau) / limits.effort, abs(samples.velocity) / limits.velocity])
-    return shares.max(axis=1)
+    """Return the largest share of a limit of effort, velocity or acceleration in use, (N,)."""
+    limits, v, a = problem.robot.limits, samples.velocity, samples.acceleration
+    tau = problem.robot.inverse_dynamics(samples.position, v, a)
+    used = ((tau, limits.effort), (v, limits.velocity), (a, limits.acceleration))
+    return np.hstack([abs(values) / limit for values, limit in used]).max(axis=1)

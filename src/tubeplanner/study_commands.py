@@ -141,11 +141,13 @@ def compare(
     from tubeplanner.plan_options import PlanOptions
 
     options = PlanOptions(quality=quality)
-    names = None if methods is None else methods.split(",")
+    names = None if methods is None else [name.strip() for name in methods.split(",")]
     outputs = [path for path in (output, figure) if path is not None]
     _require_ending(output, "-o", (".csv", ".json"))
     _require_ending(figure, "--plot", (".png",))
     require_writable(outputs, [Path(problem)])
+    if trajectories is not None:
+        require_writable([trajectories / "motion.json" if trajectories.is_dir() else trajectories])
     with shown_progress() as enter:
         loaded, loading_time = load_timed(problem, enter)
         require_writable(outputs, [loaded.robot.urdf.path])
@@ -186,13 +188,14 @@ def _motion_files(result: "Comparison", folder: Path) -> dict[Path, bytes]:
     """Return every motion as a trajectory file that says whether it is certified."""
     from tubeplanner.export import trajectory_json
     from tubeplanner.fingerprint import origin
+    from tubeplanner.output_files import make_folder
 
-    folder.mkdir(exist_ok=True)
+    make_folder(folder)
     files = {}
     for row in result.rows:
         if row.trajectory is not None:
             verdict = {"certified": row.certified, "failures": row.as_dict()["failures"]}
-            more = {**origin(result.problem, row.method), **verdict}
+            more = {**origin(result.problem, row.answered_by or row.method), **verdict}
             files[folder / f"{row.method}.json"] = trajectory_json(row.trajectory, **more).encode()
     return files
 

@@ -38,9 +38,10 @@ def run_along(path: JointTrajectory, law: JointTrajectory) -> JointTrajectory:
 
 
 def times_at(law: JointTrajectory, way: FloatArray) -> FloatArray:
-    """Return the times [s] at which a law that never falls reaches ways (N,) within its own."""
+    """Return the times [s] at which a law that never falls reaches ways (N,)."""
     if len(way) == 0:
         return np.zeros(0)
+    way = np.clip(way, law.position(0.0), law.position(law.duration))
     ends = (np.zeros(len(way)), np.full(len(way), law.duration))
     found = elementwise.find_root(lambda t, way: law.position(t)[:, 0] - way, ends, args=(way,))
     return found.x
