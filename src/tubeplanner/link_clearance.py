@@ -6,6 +6,7 @@ are measured.
 """
 
 from collections.abc import Callable
+from copy import copy
 
 import numpy as np
 
@@ -51,6 +52,21 @@ class LinkClearance:
         self._pairs, self._required = self._pairs[near], self._required[near]
         self._weights = checker.motion_weights(self._pairs)
         self._distance, self._direction = distance[:, near], direction[:, near]
+
+    def around(self, q: FloatArray, nearest: IntArray) -> "LinkClearance":
+        """Return the clearance around other configurations, without measuring everything anew.
+
+        Args:
+            q: Shape (P, n), each near a known one.
+            nearest: Which one, shape (P,).
+        """
+        other = copy(self)
+        travel = abs(q - self._waypoints[nearest])
+        other._distance = self._distance[nearest] - travel @ self._weights.T
+        other._direction = self._direction[nearest]
+        other._waypoints = q
+        other.free_waypoints = self.is_free(q, nearest)
+        return other
 
     def is_free(self, q: FloatArray, waypoint: IntArray) -> BoolArray:
         """Return whether configurations are free: bool, shape (N,).
