@@ -14,7 +14,6 @@ samples do not miss. A spline's segments depend on all knots, by a quarter less 
 those not yet chosen are taken to stay, so a good direction may be lost, a bad one is not taken.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import lru_cache
 

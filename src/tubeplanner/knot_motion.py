@@ -14,7 +14,7 @@ from tubeplanner.bernstein import maxima
 from tubeplanner.link_clearance import LinkClearance
 from tubeplanner.outcome import Infeasible
 from tubeplanner.problem import PlanningProblem
-from tubeplanner.time_scaling import scaled_to_limits
+from tubeplanner.time_scaling import scaled_to_limits, scaling_factor
 from tubeplanner.trajectory import JointTrajectory
 from tubeplanner.tube_membership import worst_membership
 
@@ -24,6 +24,7 @@ Construction: TypeAlias = Callable[[Sequence[str], FloatArray], JointTrajectory]
 # Half of what the certificate allows: valleys between samples are estimated [m or rad].
 _TOLERANCE = 5e-7
 _COLLISION_SAMPLES = 9  # per piece
+_LIMIT_SAMPLES = 13  # per piece, before peaks are looked for
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +71,8 @@ def feasible_motion(
         upper_bound: Only a faster motion is of interest [s].
     """
     shape = construction(problem.robot.joint_names, knots)
+    if _least_duration(problem, shape) >= upper_bound:
+        return None
     try:
         trajectory = scaled_to_limits(problem.robot, shape)
     except Infeasible:  # gravity is too strong somewhere
@@ -79,6 +82,15 @@ def feasible_motion(
     if worst_membership(problem, shape) < -_TOLERANCE or not _is_free(shape, clearance):
         return None
     return KnotMotion(knots, construction, trajectory)
+
+
+def _least_duration(problem: PlanningProblem, shape: JointTrajectory) -> float:
+    """Return how long the limits make a shape at its samples [s]."""
+    samples = shape.per_piece(_LIMIT_SAMPLES)
+    factor = scaling_factor(
+        problem.robot, samples.position, samples.velocity, samples.acceleration
+    ).min()
+    return shape.duration / factor if factor > 0 else np.inf
 
 
 def _within_position_limits(problem: PlanningProblem, shape: JointTrajectory) -> bool:

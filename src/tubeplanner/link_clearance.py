@@ -75,6 +75,8 @@ class LinkClearance:
             q: Shape (N, n).
             waypoint: For each, the index of a waypoint near it, shape (N,).
         """
+        if len(self._pairs) == 0:
+            return np.ones(len(q), dtype=bool)
         travel = abs(q - self._waypoints[waypoint])
         lower = self._distance[waypoint] - travel @ self._weights.T
         free = np.ones(len(q), dtype=bool)

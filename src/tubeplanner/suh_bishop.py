@@ -11,11 +11,10 @@ and MP also begins with a few knots more or less, at equal times of the first mo
 the best number of knots is part of the question.
 """
 
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import asdict, dataclass
-from typing import Any
-
 import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import asdict, dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -48,7 +47,7 @@ class SuhBishopOptions:
         node_budget: Phase 2 ends after about so many nodes of the searches for a direction.
     """
 
-    modification: ModificationOptions = ModificationOptions()
+    modification: ModificationOptions = field(default_factory=ModificationOptions)
     fewer_knots: int = 1
     more_knots: int = 4
     doubled: int = 3
@@ -112,13 +111,14 @@ class PhaseTwoStatistics:
         return asdict(self)
 
     def __str__(self) -> str:
-        steps = ", ".join(
-            f"{step.process} {step.knots} knots {step.begin:.3f} to {step.duration:.3f} s"
-            for step in self.steps
-        )
+        best, parts = np.inf, []
+        for step in self.steps:
+            if step.duration < best:
+                best = step.duration
+                parts.append(f"{step.process} to {best:.3f} s with {step.knots} knots")
         text = (
-            f"{steps}; best with {self.knots} knots; {self.nodes} nodes for {self.directions} "
-            f"directions, {self.proved} of them proved the best"
+            f"{', '.join(parts)}; {len(self.steps)} times modified, {self.nodes} nodes for "
+            f"{self.directions} directions, {self.proved} of them proved the best"
         )
         return text + "; the node budget ended it" if self.budget_reached else text
 
@@ -171,17 +171,18 @@ class SuhBishop:
     def run(self) -> None:
         """Move and double knots until that gains little, or the budget is used up."""
         options = self._options
-        share, first_doubling = (round(part * options.node_budget) for part in _SHARES)
-        motions = self._modified("MP", [self._first], 1.0, share)
-        motions += self._modified("other knots", list(self._with_other_knots(motions[0])), 1.0, share)
-        scale, width, share = 1.0, options.doubled, first_doubling
+        half, most = (round(share * options.node_budget) for share in _SHARES)
+        motions = self._modified("MP", [self._first], 1.0, half)
+        others = list(self._with_other_knots(motions[0]))
+        motions += self._modified("other knots", others, 1.0, half)
+        scale, width = 1.0, options.doubled
         while True:
             scale, known = scale / 2, self.best.duration
             fastest = sorted(motions, key=lambda motion: motion.duration)[:width]
-            motions = self._modified("DP", list(self._doubled(fastest)), scale, share)
+            motions = self._modified("DP", list(self._doubled(fastest)), scale, most)
             if not motions or self.best.duration > known * (1 - options.least_gain):
                 return
-            width, share = 1, options.node_budget
+            width, most = 1, options.node_budget
 
     def _modified(
         self, process: str, motions: list[KnotMotion], scale: float, budget: int
@@ -193,14 +194,14 @@ class SuhBishop:
             work = KnotModification(self._problem, motion, self._options.modification, scale)
             try:
                 work.run(share, self._checkpoint)
-            finally:
+            finally:  # what is found is kept when the checkpoint ends the work, too
                 self._nodes += work.nodes
                 self._directions += work.directions
                 self._proved += work.proved
-            self._budget_reached |= work.nodes >= share
-            modified.append(self._kept(work.motions))
-            step = KnotStep(process, len(motion.knots), motion.duration, modified[-1].duration)
-            self._steps.append(step)
+                self._budget_reached |= work.nodes >= share
+                modified.append(self._kept(work.motions))
+                begin, duration = motion.duration, modified[-1].duration
+                self._steps.append(KnotStep(process, len(motion.knots), begin, duration))
         return modified
 
     def _kept(self, motions: list[KnotMotion]) -> KnotMotion:
