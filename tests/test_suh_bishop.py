@@ -86,13 +86,13 @@ def test_what_it_did_is_in_the_json_and_in_words(example):
 
 def test_six_joints_within_a_small_budget():
     problem = load_problem("example:ur5/over_the_wall")
-    few = replace(QUICK, node_budget=200)
-    result = plan(problem, PlanOptions(METHOD, candidate_points=10, suh_bishop=few))
+    few = replace(QUICK, node_budget=400)
+    result = plan(problem, PlanOptions(METHOD, candidate_points=12, suh_bishop=few))
     assert result.succeeded
     assert verify(problem, result.trajectory).passed
     assert result.duration < result.phase1_duration
     assert result.phase_two.budget_reached
-    assert result.message.endswith("; phase 2 reached its budget of 200 nodes")
+    assert result.message.endswith("; phase 2 reached its budget of 400 nodes")
     assert "the node budget ended it" in str(result.phase_two)
 
 

@@ -10,8 +10,9 @@ each (cyclic best-first search: Morrison, Sauppe, Zhang, Jacobson and Sewell, "C
 search", 2017), so that the first sweep already ends with complete directions.
 
 Sequential quartics depend on no later knot than the one they aim at: cutting loses nothing that the
-samples do not miss. A spline's segments depend on all knots, by a quarter less from knot to knot;
-those not yet chosen are taken to stay, so a good direction may be lost, a bad one is not taken.
+samples do not miss. A spline's segments depend on all knots, on each about a quarter as much as on
+the one before; those not yet chosen are taken to stay, so a good direction may be lost, but none is
+taken that does not help.
 """
 
 from dataclasses import dataclass, fields
@@ -116,11 +117,11 @@ class _Search:
         self._last = count - 1
         step = np.diag(increments)
         self._moves = np.concatenate([np.zeros((1, n)), step, -step])
-        # Of each knot, all places it may move to; the goal and the start are never chosen for.
-        places = (motion.knots[:, None] + self._moves).reshape(-1, n)
-        nearest = np.repeat(np.arange(count), len(self._moves))
+        # Of each knot, all places it may move to; start and goal stay.
+        places = motion.knots[:, None] + self._moves
+        places[[0, -1]] = motion.knots[[0, -1], None]
+        places, nearest = places.reshape(-1, n), np.repeat(np.arange(count), len(self._moves))
         around = clearance.around(places, nearest)
-        places[-len(self._moves) :] = motion.knots[-1]
         self._rules = SegmentRules(problem, places, clearance=around)
         self._response = unit_response(motion.construction, count)
         shape = motion.construction(problem.robot.joint_names, motion.knots)

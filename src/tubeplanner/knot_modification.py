@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import OptionError
 from tubeplanner.knot_direction import best_direction
 from tubeplanner.knot_motion import KnotMotion, feasible_motion
@@ -89,7 +90,7 @@ class KnotModification:
                     break
         return self.motions[-1]
 
-    def _step(self, increments: np.ndarray) -> bool:
+    def _step(self, increments: FloatArray) -> bool:
         """Move the knots along the best direction; return whether it helped."""
         motion, options = self.motions[-1], self._options
         wanted = motion.duration * (1 - options.least_gain)

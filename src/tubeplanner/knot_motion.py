@@ -85,12 +85,12 @@ def feasible_motion(
 
 
 def _least_duration(problem: PlanningProblem, shape: JointTrajectory) -> float:
-    """Return how long the limits make a shape at its samples [s]."""
+    """Return how long the limits make a shape at its samples [s]; inf where it stands still."""
     samples = shape.per_piece(_LIMIT_SAMPLES)
     factor = scaling_factor(
         problem.robot, samples.position, samples.velocity, samples.acceleration
     ).min()
-    return shape.duration / factor if factor > 0 else np.inf
+    return shape.duration / float(factor) if 0 < factor < np.inf else np.inf
 
 
 def _within_position_limits(problem: PlanningProblem, shape: JointTrajectory) -> bool:

@@ -52,7 +52,7 @@ class SuhBishopOptions:
     more_knots: int = 4
     doubled: int = 3
     least_gain: float = 3e-3
-    most_knots: int = 26
+    most_knots: int = 34
     node_budget: int = 40_000
 
     def __post_init__(self) -> None:
