@@ -100,7 +100,9 @@ def cli() -> None:
 @click.option("--rate", type=float, default=500.0, show_default=True, help="Samples per second.")
 @click.option("--plot", type=PATH, help="Figure (PNG).")
 @click.option("--html", type=PATH, help="The motion in 3D, one page that works offline.")
-@click.option("--method", help="refinement [default], branch-and-bound or stop-at-corners.")
+@click.option(
+    "--method", help="refinement [default], branch-and-bound, stop-at-corners or suh-bishop."
+)
 @click.option("--quality", default="balanced", show_default=True, help="fast, balanced or best.")
 @click.option("--time-limit", type=float, help="End after so many seconds with the best so far.")
 @click.option("--time-left", is_flag=True, help="Say what bang-bang motors would take on the path.")

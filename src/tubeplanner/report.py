@@ -37,6 +37,8 @@ def plan_text(
     ]
     if result.search is not None:
         lines.append(f"branch and bound: {result.search}")
+    if result.phase_two is not None:
+        lines.append(f"phase 2, from {result.phase1_duration:.4f} s: {result.phase_two}")
     if result.certificate is not None:
         lines.append(certificate_text(result.certificate))
     lines.append(f"{result.status}: {result.message}")
