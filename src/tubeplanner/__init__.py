@@ -29,6 +29,9 @@ if TYPE_CHECKING:
     from tubeplanner.errors import TubePlannerError as TubePlannerError
     from tubeplanner.joint_limits import LimitOverrides as LimitOverrides
     from tubeplanner.motion_measures import MotionMeasures as MotionMeasures
+    from tubeplanner.measured_tube import MeasureOptions as MeasureOptions
+    from tubeplanner.measured_tube import SegmentMeasurement as SegmentMeasurement
+    from tubeplanner.measured_tube import TubeMeasurement as TubeMeasurement
     from tubeplanner.obstacle import AttachedSolid as AttachedSolid
     from tubeplanner.obstacle import Obstacle as Obstacle
     from tubeplanner.obstacle import placement_of as placement_of
@@ -48,6 +51,8 @@ if TYPE_CHECKING:
     from tubeplanner.robot import RobotModel as RobotModel
     from tubeplanner.robot import load_robot as load_robot
     from tubeplanner.sensitivities import Sensitivity as Sensitivity
+    from tubeplanner.sign_patterns import PatternSurvey as PatternSurvey
+    from tubeplanner.sign_patterns import survey_patterns as survey_patterns
     from tubeplanner.study_plots import plot_convergence as plot_convergence
     from tubeplanner.study_plots import plot_sweep as plot_sweep
     from tubeplanner.tolerance_sweep import SweepResult as SweepResult
@@ -56,6 +61,7 @@ if TYPE_CHECKING:
     from tubeplanner.trajectory import JointTrajectory as JointTrajectory
     from tubeplanner.trajectory_file import read_trajectory as read_trajectory
     from tubeplanner.tube import Tube as Tube
+    from tubeplanner.tube_measurement import measure_tube as measure_tube
     from tubeplanner.verification import verify as verify
     from tubeplanner.viewer import View as View
     from tubeplanner.viewer import view as view
@@ -82,6 +88,7 @@ _HOMES = {
     ),
     "joint_limits": ("LimitOverrides",),
     "motion_measures": ("MotionMeasures",),
+    "measured_tube": ("MeasureOptions", "SegmentMeasurement", "TubeMeasurement"),
     "obstacle": ("AttachedSolid", "Obstacle", "placement_of"),
     "outcome": ("Place", "PlanStatus"),
     "plan_options": ("PlanOptions",),
@@ -93,11 +100,13 @@ _HOMES = {
     "progress": ("Progress",),
     "robot": ("RobotModel", "load_robot"),
     "sensitivities": ("Sensitivity",),
+    "sign_patterns": ("PatternSurvey", "survey_patterns"),
     "study_plots": ("plot_convergence", "plot_sweep"),
     "tolerance_sweep": ("SweepResult", "SweepRow", "sweep"),
     "trajectory": ("JointTrajectory",),
     "trajectory_file": ("read_trajectory",),
     "tube": ("Tube",),
+    "tube_measurement": ("measure_tube",),
     "verification": ("verify",),
     "viewer": ("View", "view"),
     "waypoint_interpolation": ("quartic_spline", "sequential_quartics"),

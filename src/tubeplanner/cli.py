@@ -32,6 +32,7 @@ from tubeplanner.console import (
 )
 from tubeplanner.errors import OptionError, TubePlannerError
 from tubeplanner.interrupts import interrupts_held
+from tubeplanner.measure_command import measure
 from tubeplanner.study_commands import compare, sweep
 from tubeplanner.study_commands import plot as draw
 from tubeplanner.view_command import require_page, view
@@ -230,7 +231,7 @@ def schema(json: bool) -> None:
     print_json(problem_schema(), indent=2)
 
 
-for command in (draw, sweep, compare, view):
+for command in (draw, sweep, compare, measure, view):
     cli.add_command(command)
 
 

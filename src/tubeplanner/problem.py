@@ -119,6 +119,18 @@ class PlanningProblem:
         other._keep("collision", self.collision)
         return other
 
+    def along(self, tube: Tube, start: FloatArray | Seed) -> "PlanningProblem":
+        """Return the problem with another tube and start, the goal open.
+
+        Robot and collision geometry are shared.
+
+        Raises:
+            ProblemError: As on construction.
+        """
+        other = replace(self, tube=tube, start=start, goal=None)
+        other._keep("collision", self.collision)
+        return other
+
     def _keep(self, name: str, value: object) -> None:
         object.__setattr__(self, name, value)
 

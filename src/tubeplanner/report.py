@@ -1,6 +1,7 @@
 """Plans and certificates as text for a terminal."""
 
 import sys
+from dataclasses import replace
 
 from rich.console import Console
 from rich.markup import escape
@@ -8,8 +9,10 @@ from rich.table import Table
 
 from tubeplanner.certificate import RELATIVE, Certificate, Condition
 from tubeplanner.comparison import Comparison
+from tubeplanner.measured_tube import SegmentMeasurement, TubeMeasurement
 from tubeplanner.plan_result import PlanResult
 from tubeplanner.problem import PlanningProblem
+from tubeplanner.sign_patterns import PatternSurvey
 from tubeplanner.tolerance_sweep import SweepResult
 
 _WIDTH_OF_A_FILE = 160  # [characters]
@@ -115,6 +118,55 @@ def _excess(condition: Condition) -> str:
     missed = -(condition.margin or 0.0)
     percent = condition.unit == RELATIVE
     return f"{100 * missed:.3g} %" if percent else f"{missed:.3g} {condition.unit}"
+def measurement_text(problem: PlanningProblem, result: TubeMeasurement, loading_time: float) -> str:
+    """Return a measured tube as a table of what ends each radius and range, and the counts."""
+    lines = [
+        f"{problem.name}: {problem.robot.name}, loaded in {loading_time:.2f} s, measured in "
+        f"{result.measuring_time:.1f} s"
+    ]
+    if result.succeeded:
+        table = Table(title="Measured tube", title_justify="left")
+        for heading in ("segment", "bound", "largest", "ended by"):
+            table.add_column(heading)
+        for k, segment in enumerate(result.segments):
+            for row in _measured_rows(segment):
+                table.add_row(str(k), *map(escape, row))
+            table.add_section()
+        lines.append(_rendered(table))
+        for k, segment in enumerate(result.segments):
+            lines.append(
+                f"segment {k}: {segment.samples} configurations attacked, no collision "
+                f"({segment.attacked} in all, {segment.collisions} collisions outside the tube)"
+            )
+    lines.append(f"{result.status}: {result.message}")
+    place = str(result.place)
+    return "\n".join([*lines, f"where: {place}"] if place else lines)
+
+
+def patterns_text(problem: PlanningProblem, survey: PatternSurvey) -> str:
+    """Return sign patterns as a table, and what is suggested."""
+    table = Table(title=f"{problem.name}: configurations by segment", title_justify="left")
+    for heading in ("segment", "signs", "reachable", "free", "radius up to", "why not"):
+        table.add_column(heading)
+    for row in survey.rows:
+        signs = ", ".join(f"{name} {sign}" for name, sign in row.signs.items())
+        radius = "" if row.radius is None else f"{1000 * row.radius:.0f} mm"
+        verdicts = ["yes" if holds else "no" for holds in (row.reachable, row.free)]
+        table.add_row(str(row.segment), signs, *verdicts, radius, escape(row.message))
+    return f"{_rendered(table)}\n{survey.message}"
+
+
+def _measured_rows(segment: SegmentMeasurement) -> list[tuple[str, str, str]]:
+    """Return what is bounded, by how much, and what ends it there."""
+    ended: dict[str | None, list[str]] = {}
+    for binding in segment.bindings:
+        side = "" if binding.bound == "radius" else f"{binding.bound}: "
+        place = replace(binding.place, joint=None, segment=None)
+        ended.setdefault(binding.place.joint, []).append(f"{side}{place}")
+    rows = [("radius", f"{1000 * segment.radius:.1f} mm", "; ".join(ended.get(None, [])))]
+    for name, (lower, upper) in segment.joint_ranges.items():
+        rows.append((name, f"[{lower:.3f}, {upper:.3f}]", "; ".join(ended.get(name, []))))
+    return rows
 
 
 def certificate_text(certificate: Certificate) -> str:

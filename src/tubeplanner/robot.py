@@ -175,11 +175,12 @@ class RobotModel:
         """Return rotation (N, 3, 3), position (N, 3) [m] and Jacobian (N, 6, n) of that point."""
         model, data, tool_id = self._model, self._data, self._tool_id
         rotation, position = np.empty((len(q), 3, 3)), np.empty((len(q), 3))
-        jacobian = np.empty((len(q), 6, self.joint_count))
+        shape = (6, self.joint_count)
+        jacobian = np.empty((len(q), *shape))
         placement = data.oMf[tool_id]
         for i, q_i in enumerate(self._model_order(q)):
             columns = pin.computeFrameJacobian(model, data, q_i, tool_id, pin.LOCAL_WORLD_ALIGNED)
-            jacobian[i] = np.reshape(columns, jacobian.shape[1:])  # one column comes back flat
+            jacobian[i] = columns.reshape(shape)  # one column comes back flat
             pin.updateFramePlacement(model, data, tool_id)
             rotation[i], position[i] = placement.rotation, placement.translation
         return rotation, position, jacobian[:, :, self._to_group]

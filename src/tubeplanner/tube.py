@@ -205,6 +205,11 @@ class Tube:
         return table[:, :, 0], table[:, :, 1]
 
 
+def sign_of(bounds: JointRange) -> str | None:
+    """Return the sign that says the same as a range: "+", "-" or "0"; None if none does."""
+    return next((str(sign) for sign, same in _SIGNS.items() if same == bounds), None)
+
+
 def _set(tube: Tube, name: str, value: object) -> None:
     object.__setattr__(tube, name, value)
 

@@ -1,0 +1,139 @@
+"""A random attack on a tube that shares no code with its measurement.
+
+Configurations are drawn by a random walk from projected ones, and their distances are coal's.
+"""
+
+from dataclasses import dataclass
+
+import coal
+import numpy as np
+
+from tubeplanner import PlanningProblem
+from tubeplanner.arrays import FloatArray
+
+_PROJECTIONS, _WALK = 40, 6
+_WALK_STEP = 0.15  # of the ranges
+
+
+@dataclass(frozen=True)
+class RandomAttack:
+    """What an attack on one segment found.
+
+    Attributes:
+        configurations: How many were looked at.
+        collisions: How many of them collide.
+        least_room: The least distance beyond what is required [m].
+    """
+
+    configurations: int
+    collisions: int
+    least_room: float
+
+
+def random_attack(
+    problem: PlanningProblem, segment: int, count: int, rng: np.random.Generator
+) -> RandomAttack:
+    """Draw configurations that a segment allows and measure all distances in each.
+
+    Args:
+        problem: Its tube is attacked.
+        segment: Index of the segment.
+        count: How many configurations.
+        rng: Random numbers.
+    """
+    q = random_configurations(problem, segment, count, rng)
+    room = coal_room(problem, q)
+    return RandomAttack(len(q), int((room < 0).sum()), float(room.min()))
+
+
+def is_allowed(problem: PlanningProblem, segment: int, q: FloatArray) -> np.ndarray:
+    """Return which configurations (N, n) a segment allows: bool, shape (N,)."""
+    rotation, hand = problem.robot.tool_pose(q)
+    inside = problem.tube.margin(hand)[:, segment] >= 0
+    inside &= problem.tube.rotation_margin(rotation, hand)[:, segment] >= 0
+    lower, upper = problem.joint_lower[segment], problem.joint_upper[segment]
+    return inside & ((q >= lower) & (q <= upper)).all(axis=1)
+
+
+def random_configurations(
+    problem: PlanningProblem, segment: int, count: int, rng: np.random.Generator
+) -> FloatArray:
+    """Return `count` random configurations that a segment allows, shape (count, n)."""
+    lower, upper = problem.joint_lower[segment], problem.joint_upper[segment]
+    lower = np.maximum(lower, np.minimum(-np.pi, upper - 2 * np.pi))
+    upper = np.minimum(upper, lower + 2 * np.pi)
+    found: list[FloatArray] = []
+    while sum(map(len, found)) < count:
+        q = _projected(problem, segment, rng.uniform(lower, upper, (count, len(lower))), rng)
+        q = q[is_allowed(problem, segment, q)]
+        for _ in range(_WALK):  # away from where the projection likes to end
+            step = rng.normal(scale=_WALK_STEP, size=q.shape) * (upper - lower)
+            moved = _projected(problem, segment, np.clip(q + step, lower, upper), rng, steps=3)
+            keep = is_allowed(problem, segment, moved)
+            q[keep] = moved[keep]
+        found.append(q)
+    return np.concatenate(found)[:count]
+
+
+def coal_room(problem: PlanningProblem, q: FloatArray) -> FloatArray:
+    """Return the least distance beyond what is required, by coal, for (N, n): (N,) [m]."""
+    checker = problem.collision
+    solids = [_solid(shape.shape) for shape in checker.shapes]
+    pairs = [(i, j, problem.clearance) for i, j in checker.obstacle_pairs]
+    pairs += [(i, j, 0.0) for i, j in checker.link_pairs]
+    request = coal.DistanceRequest()
+    request.enable_signed_distance = True
+    room = np.empty(len(q))
+    for row, (rotation, position) in enumerate(zip(*problem.robot.body_poses(q), strict=True)):
+        placed = [
+            coal.Transform3s(rotation[shape.body], position[shape.body]) for shape in checker.shapes
+        ]
+        grown = [shape.shape.radius for shape in checker.shapes]
+        room[row] = min(
+            coal.distance(
+                solids[i], placed[i], solids[j], placed[j], request, coal.DistanceResult()
+            )
+            - grown[i]
+            - grown[j]
+            - required
+            for i, j, required in pairs
+        )
+    return room
+
+
+def _projected(
+    problem: PlanningProblem,
+    segment: int,
+    q: FloatArray,
+    rng: np.random.Generator,
+    steps: int = _PROJECTIONS,
+) -> FloatArray:
+    """Move configurations by pseudo-inverse steps until hands are at random points of a capsule."""
+    begin, end = problem.tube.points[segment : segment + 2]
+    radius = problem.tube.effective_radius[segment]
+    offset = rng.normal(size=(len(q), 3))
+    offset *= (rng.uniform(0, 1, len(q)) ** (1 / 3) / np.linalg.norm(offset, axis=1))[:, None]
+    wanted = begin + rng.uniform(0, 1, (len(q), 1)) * (end - begin) + radius * offset
+    lower, upper = problem.joint_lower[segment], problem.joint_upper[segment]
+    for _ in range(steps):
+        hand, jacobian = problem.robot.tool_jacobian(q)
+        inverse = np.linalg.pinv(jacobian[:, :3], rcond=1e-2)
+        step = np.clip(np.einsum("nij,nj->ni", inverse, wanted - hand), -0.3, 0.3)
+        q = np.clip(q + step, lower, upper)
+    return q
+
+
+def _solid(shape: object) -> object:
+    """Return coal's solid of a convex shape, not grown."""
+    vertices = shape.vertices
+    if len(vertices) == 1:
+        vertices = vertices + 1e-9 * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    if len(vertices) == 2:
+        beside = np.array([[1e-9, 0, 0], [0, 1e-9, 0]])
+        vertices = np.concatenate([vertices, vertices + beside[0], vertices + beside[1]])
+    model = coal.BVHModelOBBRSS()
+    model.beginModel(0, len(vertices))
+    model.addVertices(np.asfortranarray(vertices))
+    model.endModel()
+    model.buildConvexHull(True, "Qt")
+    return model.convex

@@ -1,0 +1,97 @@
+"""The largest box around a core that leaves out all of some points.
+
+A box reaches from its core by one extent per direction; a point is left out if it lies beyond the
+extent in at least one direction.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray
+
+# Of the logarithms of random speeds, and how it calms down from one search to the next.
+_FIRST_SPREAD, _CALMING, _LEAST_SPREAD = 0.8, 0.95, 0.3
+# Margins grow from search to search: the box shrinks until no point is left to be found.
+_MARGIN_GROWTH = 1.05
+_FIRST_DRAWS, _LATER_DRAWS = 200, 60
+
+
+@dataclass(frozen=True, eq=False)
+class Box:
+    """How far a box reaches in each of c directions.
+
+    Attributes:
+        extent: Shape (c,).
+        blocker: Which point ends it in each direction, -1 where none does, shape (c,).
+    """
+
+    extent: FloatArray
+    blocker: IntArray
+
+
+class BoxSearch:
+    """The search for the best of many boxes; points may be added between searches."""
+
+    def __init__(
+        self,
+        widest: FloatArray,
+        margin: FloatArray,
+        worth: FloatArray,
+        enough: FloatArray,
+        already: FloatArray,
+        rng: np.random.Generator,
+    ) -> None:
+        """Say what is wanted, in each of c directions.
+
+        Args:
+            widest: How far a box may reach, shape (c,).
+            margin: How far it stays away from the point that ends it, as far as there is room.
+            worth: What the logarithm of each size counts.
+            enough: Extents beyond which more counts nothing.
+            already: What an extent adds to, to make a size; positive.
+            rng: Random numbers: boxes differ by how fast they grow in which direction.
+        """
+        self._widest, self._margin = widest, margin
+        self._worth, self._enough, self._already, self._rng = worth, enough, already, rng
+        self._speed = enough
+        self._draws, self._spread = _FIRST_DRAWS, _FIRST_SPREAD
+
+    def best(self, beyond: FloatArray) -> Box:
+        """Return the best box found that leaves out points.
+
+        Args:
+            beyond: How far points lie beyond the core in each direction, shape (B, c); at least
+                one entry of each is positive.
+        """
+        beyond = beyond[(beyond <= self._widest).all(axis=1)]
+        best = self._grown(beyond, self._speed)
+        for _ in range(self._draws):
+            speed = self._speed * np.exp(self._spread * self._rng.normal(size=len(self._widest)))
+            box = self._grown(beyond, speed)
+            if self._value(box) > self._value(best):
+                best, self._speed = box, speed
+        self._margin = _MARGIN_GROWTH * self._margin
+        self._draws, self._spread = _LATER_DRAWS, max(self._spread * _CALMING, _LEAST_SPREAD)
+        return best
+
+    def _value(self, box: Box) -> float:
+        sizes = self._already + np.minimum(box.extent, self._enough)
+        return float(self._worth @ np.log(sizes))
+
+    def _grown(self, beyond: FloatArray, speed: FloatArray) -> Box:
+        """Return the box that grows at some speed (c,) in each direction until points stop it."""
+        extent, blocker = self._widest.copy(), np.full(len(self._widest), -1)
+        speed = np.maximum(speed, 1e-12)
+        left = np.arange(len(beyond))
+        # When a point is reached in each direction; it is inside once it is in all of them.
+        time = np.maximum(beyond[left], 0.0) / speed
+        while len(left):
+            row = int(time.max(axis=1).argmin())
+            direction = int(time[row].argmax())
+            ends = beyond[left[row], direction]
+            extent[direction] = max(ends - self._margin[direction], ends / 2)
+            blocker[direction] = left[row]
+            kept = beyond[left, direction] <= extent[direction]
+            left, time = left[kept], time[kept]
+        return Box(extent, blocker)

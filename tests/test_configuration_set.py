@@ -1,0 +1,86 @@
+"""Sets of configurations, the boxes that leave collisions out, and bounds on many distances."""
+
+import numpy as np
+import pytest
+
+from tubeplanner import load_problem
+from tubeplanner.configuration_set import ConfigurationSet
+from tubeplanner.folding_joints import folding_joints, is_determined
+from tubeplanner.largest_box import BoxSearch
+from tubeplanner.link_room import LinkRoom
+
+
+@pytest.fixture(scope="module")
+def tray():
+    return load_problem("example:ur5/level_tray")
+
+
+def test_samples_keep_place_ranges_and_rotation(tray):
+    lower, upper = tray.start - 0.5, tray.start + 0.5
+    allowed = ConfigurationSet(tray, 0, lower, upper, 0.05)
+    q = allowed.sample(300, np.random.default_rng(0))
+    assert len(q) > 100
+    rotation, hand = tray.robot.tool_pose(q)
+    assert (tray.tube.distance(hand)[:, 0] <= 0.05 + 1e-9).all()
+    assert (tray.tube.rotation_margin(rotation, hand)[:, 0] >= -1e-9).all()
+    assert ((q >= lower) & (q <= upper)).all()
+    assert np.ptp(q, axis=0).min() > 0.05
+    moved = allowed.back_inside(q + np.random.default_rng(1).normal(scale=0.05, size=q.shape))
+    assert allowed.contains(moved).mean() > 0.9
+
+
+@pytest.mark.parametrize("name", ["ur5/over_the_wall", "panda/between_shelves"])
+def test_the_least_room_is_that_of_all_distances(name):
+    problem = load_problem(f"example:{name}")
+    room = LinkRoom(problem, 0.0)
+    q = problem.start + np.random.default_rng(0).normal(scale=0.7, size=(60, len(problem.start)))
+    found = room.least(q, 0.02)
+    checker = problem.collision
+    poses = zip(*problem.robot.body_poses(q), strict=True)
+    exact = np.array([checker.distances(*pose, room.pairs) - room.required for pose in poses])
+    least = exact.min(axis=1)
+    assert ((found.room < 0) == (least < 0)).all()
+    assert 5 < (least < 0).sum() < 50
+    hit = least < 0
+    assert found.room[hit] == pytest.approx(exact[hit, found.pair[hit]])
+    told = np.minimum(found.room, 0.02)
+    assert (told[~hit] <= least[~hit] + 1e-9).all()
+
+
+def test_room_shrinks_as_its_derivative_says(tray):
+    room = LinkRoom(tray, 0.0)
+    q = tray.start + np.random.default_rng(0).normal(scale=0.3, size=(20, 6))
+    pair = np.arange(20) % len(room.pairs)
+    value, slope = room.of_pairs(q, pair)
+    step = 1e-6 * slope
+    moved, _ = room.of_pairs(q + step, pair)
+    predicted = np.sum(slope * step, axis=1)
+    assert np.median(abs(moved - value - predicted)) < 1e-3 * np.median(predicted)
+
+
+def test_a_box_leaves_all_points_out_and_cannot_grow():
+    rng = np.random.default_rng(0)
+    beyond = rng.uniform(-1, 1, (400, 4))
+    beyond = beyond[beyond.max(axis=1) > 0.2]
+    ones = np.ones(4)
+    search = BoxSearch(ones, 1e-9 * ones, ones, ones, 0.05 * ones, rng)
+    for count in (50, 200, len(beyond)):
+        box = search.best(beyond[:count])
+        assert not (beyond[:count] <= box.extent).all(axis=1).any()
+        for direction, blocker in enumerate(box.blocker):
+            wider = box.extent.copy()
+            wider[direction] += 1e-6
+            if blocker < 0:
+                assert box.extent[direction] == 1
+            else:
+                assert (beyond[:count] <= wider).all(axis=1).any()
+
+
+@pytest.mark.parametrize(
+    ("name", "joints", "determined"),
+    [("two_link", [1], True), ("ur5", [2, 4], False), ("panda", [1, 5], False)],
+)
+def test_folding_joints(name, joints, determined, request):
+    robot = request.getfixturevalue(name)
+    assert list(folding_joints(robot)) == joints
+    assert is_determined(robot) is determined

@@ -1,0 +1,157 @@
+"""`measure_tube`: radii against geometry worked out by hand, and an attack that shares no code."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from random_attack import random_attack
+from tubeplanner import (
+    MeasureOptions,
+    Obstacle,
+    PlanningProblem,
+    Seed,
+    Tube,
+    load_problem,
+    measure_tube,
+    placement_of,
+    plan,
+)
+from tubeplanner.errors import OptionError
+
+QUICK = MeasureOptions(samples=1500)
+LINK, POST, POST_RADIUS = 0.3, np.array([0.4, 0.22]), 0.03
+
+
+@pytest.fixture(scope="module")
+def post():
+    problem = load_problem("example:two_link/around_a_post")
+    return problem, measure_tube(problem, QUICK)
+
+
+def post_in_box(frame, q, center, size):
+    """Return the distance of the post's axis to a box carried by a planar frame, (N,)."""
+    local = POST - frame
+    turned = np.stack(
+        [
+            np.cos(q) * local[:, 0] + np.sin(q) * local[:, 1],
+            np.cos(q) * local[:, 1] - np.sin(q) * local[:, 0],
+        ],
+        axis=1,
+    )
+    outside = np.maximum(abs(turned - [center, 0]) - np.array(size) / 2, 0)
+    return np.linalg.norm(outside, axis=1)
+
+
+def largest_radius(points, tip_sign):
+    """Return how far the hand may be from a segment before a link meets the post, by a grid."""
+    x, y = np.meshgrid(np.arange(-0.6, 0.6, 0.001), np.arange(-0.6, 0.6, 0.001))
+    hand = np.stack([x.ravel(), y.ravel()], axis=1)
+    reach = np.linalg.norm(hand, axis=1)
+    hand, reach = hand[(reach > 0.01) & (reach < 2 * LINK)], reach[(reach > 0.01) & (reach < 0.6)]
+    bend = tip_sign * 2 * np.arccos(reach / (2 * LINK))
+    first = np.arctan2(hand[:, 1], hand[:, 0]) - bend / 2
+    elbow = LINK * np.stack([np.cos(first), np.sin(first)], axis=1)
+    near = np.minimum(
+        post_in_box(np.zeros_like(hand), first, 0.15, (0.36, 0.05)),
+        post_in_box(elbow, first + bend, 0.15, (0.34, 0.04)),
+    )
+    hits = hand[near < POST_RADIUS]
+    a, b = points[0, :2], points[1, :2]
+    share = np.clip((hits - a) @ (b - a) / ((b - a) @ (b - a)), 0, 1)
+    return np.linalg.norm(hits - a - share[:, None] * (b - a), axis=1).min()
+
+
+def test_the_radius_is_where_the_link_meets_the_post(post):
+    problem, result = post
+    assert result.succeeded, result.message
+    for k, segment in enumerate(result.segments):
+        exact = min(largest_radius(problem.tube.points[k : k + 2], -1), 0.2)
+        assert exact - 0.004 < segment.radius < exact + 1e-3
+        assert segment.joint_ranges == {"joint2": (-np.inf, 0.0)}
+    binding = result.segments[0].bindings[0]
+    assert (binding.bound, binding.place.links, binding.place.obstacle) == (
+        "radius",
+        ("link2",),
+        "post",
+    )
+
+
+def test_a_measured_tube_is_planned_and_faster(post):
+    problem, result = post
+    before, after = plan(problem), plan(result.problem)
+    assert after.succeeded, after.message
+    assert after.duration < before.duration
+
+
+def test_a_random_attack_finds_nothing_but_would_in_a_wider_tube(post):
+    _, result = post
+    measured = result.problem
+    wider = measured.with_tube(measured.tube.with_radius(1.5 * measured.tube.radius[:2].max()))
+    rng = np.random.default_rng(7)
+    for k in range(3):
+        assert random_attack(measured, k, 1000, rng).collisions == 0
+    assert random_attack(wider, 0, 1000, rng).collisions > 0
+
+
+@pytest.fixture(scope="module")
+def beside_a_wall(ur5):
+    """Return one segment of a UR5 along a wall, its hand 10 cm away from it."""
+    tube = Tube([[0.45, -0.2, 0.4], [0.45, 0.1, 0.4]], 0.05, joint_signs={"elbow_joint": "+"})
+    wall = Obstacle.box("wall", [0.6, 0.6, 0.05], placement_of([0.6, 0.0, 0.25]))
+    seed = np.array([-0.9, -1.5, 1.8, -1.9, -1.6, 0.0])
+    return PlanningProblem(ur5, tube, Seed(seed), obstacles=[wall], clearance=0.01)
+
+
+def test_six_joints_get_ranges_that_survive(beside_a_wall):
+    result = measure_tube(beside_a_wall, QUICK)
+    assert result.succeeded, result.message
+    (segment,) = result.segments
+    assert 0.005 < segment.radius <= 0.2
+    assert len(segment.joint_ranges) == 6
+    assert {binding.place.obstacle for binding in segment.bindings} & {"wall"}
+    attack = random_attack(result.problem, 0, 600, np.random.default_rng(1))
+    assert attack.collisions == 0
+    signs_alone = beside_a_wall.with_tube(beside_a_wall.tube.with_radius(segment.radius))
+    assert random_attack(signs_alone, 0, 200, np.random.default_rng(1)).collisions > 20
+    assert plan(result.problem).succeeded
+
+
+def test_the_same_seed_gives_the_same_tube(post):
+    problem, result = post
+    again = measure_tube(problem, QUICK)
+    assert [s.as_dict() for s in again.segments] == [s.as_dict() for s in result.segments]
+
+
+def test_a_blocked_centre_line_is_an_answer(post):
+    problem, _ = post
+    ball = Obstacle.sphere("ball", 0.02, placement_of([0.45, -0.1, 0]))
+    result = measure_tube(replace(problem, obstacles=[ball]), QUICK)
+    assert not result.succeeded
+    assert result.problem is None
+    assert result.status == "tube_blocked"
+    assert result.place.links == ("link2",)
+    assert result.place.obstacle == "ball"
+    assert "the arm collides on the centre line of segment 0: link2, to 'ball'" in result.message
+    assert "mm too close; move the reference points" in result.message
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"max_radius": 0}, "max_radius is 0 m; it must be > 0 and finite"),
+        ({"max_radius": np.inf}, "max_radius is inf m"),
+        ({"samples": 0}, "samples is 0; it must be >= 1"),
+        ({"seed": -1}, "seed is -1; it must be >= 0"),
+    ],
+)
+def test_wrong_options_are_refused(options, message):
+    with pytest.raises(OptionError, match=message):
+        MeasureOptions(**options)
+
+
+def test_the_tool_radius_must_fit(post):
+    problem, _ = post
+    tube = Tube(problem.tube.points, 0.1, tool_radius=0.05, joint_signs={"joint2": "-"})
+    with pytest.raises(OptionError, match=r"max_radius is 0\.05 m; it must be above the tool rad"):
+        measure_tube(problem.with_tube(tube), MeasureOptions(max_radius=0.05))
