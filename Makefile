@@ -34,7 +34,7 @@ wheel: $(VENV)/.installed
 	$(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir output/wheel .
 	$(BIN)/python -m pip install --quiet --no-deps --target output/wheel/installed output/wheel/*.whl
 	cd output/wheel && PYTHONPATH=installed ../../$(BIN)/python -c \
-		"import tubeplanner; from tubeplanner.cli import main; assert 'installed' in tubeplanner.__file__; raise SystemExit(main(['plan', '$(PROBLEM)']))"
+		"import tubeplanner; from tubeplanner.commands.cli import main; assert 'installed' in tubeplanner.__file__; raise SystemExit(main(['plan', '$(PROBLEM)']))"
 
 clean:
 	rm -rf $(VENV) output

@@ -29,7 +29,7 @@ from tubeplanner import (
     load_robot,
     plan,
 )
-from tubeplanner.collision import CollisionChecker
+from tubeplanner.collision.collision_checker import CollisionChecker
 
 LEAST_RADIUS = 0.03  # [m]
 LONGEST_STEP = 0.6  # [rad or m] of a joint from one configuration of the walk to the next

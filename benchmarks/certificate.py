@@ -24,9 +24,9 @@ from tubeplanner import (
     plan,
     verify,
 )
-from tubeplanner.closest_approach import closest_approach
-from tubeplanner.enclosure import enclosed_efforts, enclosed_hand
-from tubeplanner.tube_visits import least_margin, tube_visits
+from tubeplanner.verification.closest_approach import closest_approach
+from tubeplanner.verification.enclosure import enclosed_efforts, enclosed_hand
+from tubeplanner.verification.tube_visits import least_margin, tube_visits
 
 OBSTACLES = 10
 AIM = {2: 0.05, 6: 0.2, 7: 0.2}  # [s] by number of joints

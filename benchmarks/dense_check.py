@@ -5,7 +5,7 @@ import numpy as np
 import pinocchio as pin
 
 from tubeplanner import JointTrajectory, PlanningProblem
-from tubeplanner.convex_shape import ConvexShape
+from tubeplanner.collision.convex_shape import ConvexShape
 
 SAMPLES, POSES = 4000, 300
 ALLOWED = {"position": 1e-6, "velocity": 1e-6, "effort": 1e-6, "tube": 1e-6, "distance": 1e-5}

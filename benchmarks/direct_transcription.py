@@ -39,11 +39,11 @@ from tubeplanner import (
     plan,
     verify,
 )
+from tubeplanner.branches.reference_branch import reference_branch, spare_joint_rules
+from tubeplanner.motion.trajectory import from_spline
 from tubeplanner.outcome import Infeasible
-from tubeplanner.reference_branch import reference_branch, spare_joint_rules
-from tubeplanner.spline_start import starting_spline
-from tubeplanner.time_scaling import scaled_to_limits
-from tubeplanner.trajectory import from_spline
+from tubeplanner.refinement.spline_start import starting_spline
+from tubeplanner.waypoint_search.time_scaling import scaled_to_limits
 
 PROBLEMS = (*(paper_example(e, r) for e in EXAMPLES for r in RADII), *ARMS)
 START_KNOTS = 24  # of the spline along the reference branch

@@ -29,8 +29,8 @@ from pydrake.systems.framework import Context, DiagramBuilder
 
 from transcription_program import joint_axes
 from tubeplanner import PlanningProblem
-from tubeplanner.collision import BodyShape
-from tubeplanner.convex_shape import ConvexShape
+from tubeplanner.collision.collision_checker import BodyShape
+from tubeplanner.collision.convex_shape import ConvexShape
 
 AGREEMENT = 1e-8  # with RobotModel, relative to the largest value
 AMPLE = 1e6  # an effort limit that is not given

@@ -27,7 +27,7 @@ from tubeplanner import (
     Tube,
     load_robot,
 )
-from tubeplanner.collision import CollisionChecker
+from tubeplanner.collision.collision_checker import CollisionChecker
 from witness import EFFORT_SHARE, LINK_ROOM, RandomCase, keeps_apart, witness_holds
 
 LEAST_RADIUS, LARGEST_RADIUS = 0.01, 0.15  # [m]

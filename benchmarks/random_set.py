@@ -22,14 +22,18 @@ import numpy as np
 
 from random_problems import ARMS, RULES, random_case
 from tubeplanner import PlanningProblem, PlanOptions, PlanResult, plan
+from tubeplanner.branches.reference_branch import (
+    ReferenceBranch,
+    reference_branch,
+    spare_joint_rules,
+)
 from tubeplanner.outcome import Infeasible
-from tubeplanner.plan_options import REFINEMENT
-from tubeplanner.plan_result import certified_result
+from tubeplanner.planning.plan_options import REFINEMENT
+from tubeplanner.planning.plan_result import certified_result
 from tubeplanner.progress import PlanningClock
-from tubeplanner.reference_branch import ReferenceBranch, reference_branch, spare_joint_rules
-from tubeplanner.refinement import Refinement
-from tubeplanner.spline_start import starting_spline
-from tubeplanner.time_scaling import scaled_to_limits
+from tubeplanner.refinement.refinement import Refinement
+from tubeplanner.refinement.spline_start import starting_spline
+from tubeplanner.waypoint_search.time_scaling import scaled_to_limits
 from witness import RandomCase, witness_holds
 
 COUNT = 40  # problems per arm

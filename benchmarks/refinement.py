@@ -28,11 +28,11 @@ from tubeplanner import (
     plan,
     plot_convergence,
 )
-from tubeplanner.plan_options import QUALITIES
-from tubeplanner.reference_branch import reference_branch, spare_joint_rules
-from tubeplanner.refinement import Refinement
-from tubeplanner.spline_start import starting_spline
-from tubeplanner.time_scaling import scaled_to_limits
+from tubeplanner.branches.reference_branch import reference_branch, spare_joint_rules
+from tubeplanner.planning.plan_options import QUALITIES
+from tubeplanner.refinement.refinement import Refinement
+from tubeplanner.refinement.spline_start import starting_spline
+from tubeplanner.waypoint_search.time_scaling import scaled_to_limits
 
 # What is possible [s] at 10, 30 and 50 mm, by example; what the paper printed after its phase 2.
 POSSIBLE = {

@@ -4,7 +4,7 @@
     OMP_NUM_THREADS=1 python benchmarks/rivals.py [--problems NAME ...] [--markdown FILE]
 
 - TOPP-RA on the hand's straight lines with stops, and on arcs that use the tube at the corners
-  (`tubeplanner.baselines`): the fastest there is on these paths; the acceleration jumps.
+  (`tubeplanner.baselines.baselines`): the fastest there is on these paths; the acceleration jumps.
 - Drake's KinematicTrajectoryOptimization (`drake_rival.py`), started from both the TOPP-RA motion
   and the reference branch.
 - Direct transcription with IPOPT (`transcription_program.py`) from the reference branch alone, 40
@@ -29,7 +29,7 @@ from direct_transcription import MultiStart, starts_of
 from drake_rival import drake_motion, gates_of
 from transcription_program import PhasedTrajectory
 from tubeplanner import JointTrajectory, PlanningProblem, load_problem, plan, verify
-from tubeplanner.baselines import judged_baseline
+from tubeplanner.baselines.baselines import judged_baseline
 from tubeplanner.outcome import Infeasible
 
 PROBLEMS = (

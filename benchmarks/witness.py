@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tubeplanner import PlanningProblem
-from tubeplanner.collision import CollisionChecker
+from tubeplanner.collision.collision_checker import CollisionChecker
 
 EFFORT_SHARE = 0.95  # of the motors' efforts that holding still may need along the walk
 LINK_ROOM = 0.005  # [m] that links keep beyond what is asked

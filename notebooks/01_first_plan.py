@@ -116,8 +116,8 @@ print(np.round(result.trajectory.position(times), 3))
 # that keep the limits, however they are joined, and say what that costs.
 
 # %%
-from tubeplanner.export import trajectory_csv
-from tubeplanner.export_samples import samples_for_export
+from tubeplanner.files.export import trajectory_csv
+from tubeplanner.files.export_samples import samples_for_export
 
 sampled = samples_for_export(problem, result.trajectory, rate=500)
 print(sampled.note)

@@ -19,7 +19,7 @@
 import matplotlib.pyplot as plt
 
 from tubeplanner import load_problem, plan, plot_sweep, sweep
-from tubeplanner.panels import draw_factor, line_style, motion_curves
+from tubeplanner.views.panels import draw_factor, line_style, motion_curves
 
 plt.rcParams.update({"figure.dpi": 100, "axes.grid": True, "grid.alpha": 0.25})
 
@@ -94,10 +94,10 @@ plt.show()
 # Here are both causes. Refinement is stopped at few knots (its inner parts, for once) and then run as usual.
 
 # %%
-from tubeplanner.reference_branch import reference_branch, spare_joint_rules
-from tubeplanner.refinement import Refinement
-from tubeplanner.spline_start import starting_spline
-from tubeplanner.time_scaling import scaled_to_limits
+from tubeplanner.branches.reference_branch import reference_branch, spare_joint_rules
+from tubeplanner.refinement.refinement import Refinement
+from tubeplanner.refinement.spline_start import starting_spline
+from tubeplanner.waypoint_search.time_scaling import scaled_to_limits
 
 
 def with_few_knots(case, intervals):

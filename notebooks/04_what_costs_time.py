@@ -23,7 +23,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from tubeplanner import load_problem, plan
-from tubeplanner.panels import LINE_COLORS
+from tubeplanner.views.panels import LINE_COLORS
 
 plt.rcParams.update({"figure.dpi": 100, "axes.grid": True, "grid.alpha": 0.25})
 

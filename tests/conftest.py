@@ -12,7 +12,7 @@ from tubeplanner import (
     load_robot,
     plan,
 )
-from tubeplanner.cli import main
+from tubeplanner.commands.cli import main
 
 
 @pytest.fixture(scope="session")

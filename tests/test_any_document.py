@@ -7,8 +7,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tubeplanner import TubePlannerError, parse_problem
-from tubeplanner.problem_format import ProblemFields, read_problem_fields
-from tubeplanner.urdf import read_urdf
+from tubeplanner.problem.problem_format import ProblemFields, read_problem_fields
+from tubeplanner.robot.urdf import read_urdf
 
 BASE = {
     "robot": {

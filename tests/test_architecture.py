@@ -269,7 +269,7 @@ def test_a_library_is_known_in_one_place(library):
 
 def test_importing_the_package_loads_no_heavy_library():
     code = (
-        "import sys, tubeplanner, tubeplanner.problem, tubeplanner.planner;"
+        "import sys, tubeplanner, tubeplanner.problem.problem, tubeplanner.planning.planner;"
         "print(sorted({'meshcat', 'matplotlib', 'yourdfpy', 'trimesh'} & set(sys.modules)))"
     )
     output = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
@@ -277,7 +277,7 @@ def test_importing_the_package_loads_no_heavy_library():
 
 
 def test_the_command_line_starts_without_numpy():
-    code = "import sys, tubeplanner.cli; print('numpy' in sys.modules)"
+    code = "import sys, tubeplanner.commands.cli; print('numpy' in sys.modules)"
     output = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert output.stdout.strip() == "False"
 

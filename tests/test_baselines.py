@@ -5,14 +5,14 @@ import pytest
 
 from test_time_scaling import one_joint
 from tubeplanner import PlanningProblem, Tube, load_problem, verify
-from tubeplanner.baselines import BASELINES, judged_baseline
-from tubeplanner.conventional_lines import PAPER, TrapezoidalSpeed, conventional_motion
-from tubeplanner.fixed_path_bang_bang import bang_bang_laws
-from tubeplanner.hand_path import hand_paths
+from tubeplanner.baselines.baselines import BASELINES, judged_baseline
+from tubeplanner.baselines.conventional_lines import PAPER, TrapezoidalSpeed, conventional_motion
+from tubeplanner.baselines.fixed_path_bang_bang import bang_bang_laws
+from tubeplanner.baselines.hand_path import hand_paths
+from tubeplanner.baselines.time_law import averaged_law, run_along
+from tubeplanner.branches.reference_branch import SpareJoints, reference_branch
 from tubeplanner.outcome import Infeasible, PlanStatus
-from tubeplanner.reference_branch import SpareJoints, reference_branch
-from tubeplanner.time_law import averaged_law, run_along
-from tubeplanner.time_scaling import minimum_duration
+from tubeplanner.waypoint_search.time_scaling import minimum_duration
 
 SMOOTHNESS = {"rest", "continuity"}
 ON_LINES = ("conventional", "bang-bang", "smoothed-bang-bang")

@@ -16,11 +16,11 @@ from tubeplanner import (
     placement_of,
     verify,
 )
-from tubeplanner.branch_and_bound import BranchAndBound
-from tubeplanner.candidate_waypoints import candidate_waypoints
-from tubeplanner.reference_branch import reference_branch, spare_joint_rules
-from tubeplanner.time_scaling import scaled_to_limits
-from tubeplanner.waypoint_interpolation import sequential_quartics
+from tubeplanner.branches.reference_branch import reference_branch, spare_joint_rules
+from tubeplanner.waypoint_search.branch_and_bound import BranchAndBound
+from tubeplanner.waypoint_search.candidate_waypoints import candidate_waypoints
+from tubeplanner.waypoint_search.time_scaling import scaled_to_limits
+from tubeplanner.waypoint_search.waypoint_interpolation import sequential_quartics
 
 CORNER = ([0.45, -0.3, 0], [0.45, 0.1, 0], [0.2, 0.1, 0])
 

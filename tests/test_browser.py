@@ -13,7 +13,7 @@ import pytest
 from PIL import Image
 
 from tubeplanner import view
-from tubeplanner.palette import SEGMENT_COLORS, rgb
+from tubeplanner.views.palette import SEGMENT_COLORS, rgb
 
 PROBLEMS = ("ur5/over_the_wall", "panda/between_shelves", "two_link/around_a_post")
 FLAGS = (

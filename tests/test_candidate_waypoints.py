@@ -3,8 +3,8 @@ import pytest
 
 from conftest import PROBLEMS
 from tubeplanner import PlanningProblem, Tube
-from tubeplanner.candidate_waypoints import candidate_waypoints
-from tubeplanner.reference_branch import reference_branch, spare_joint_rules
+from tubeplanner.branches.reference_branch import reference_branch, spare_joint_rules
+from tubeplanner.waypoint_search.candidate_waypoints import candidate_waypoints
 
 
 @pytest.mark.parametrize("name", PROBLEMS)

@@ -161,7 +161,7 @@ def test_an_interrupt_before_anything_is_certified_exits_with_130(run, run_json,
     def interrupt(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("tubeplanner.plan_result.verify", interrupt)
+    monkeypatch.setattr("tubeplanner.planning.plan_result.verify", interrupt)
     assert run("plan", PROBLEM)[0] == 130
     status, fields = run_json("plan", PROBLEM)
     assert status == 130
@@ -211,7 +211,7 @@ def test_what_an_interrupt_breaks_in_a_library_is_no_error(run_json, monkeypatch
             signal.raise_signal(signal.SIGINT)
         raise TypeError("a half imported library")
 
-    monkeypatch.setattr("tubeplanner.problem.load_problem", breaking_load)
+    monkeypatch.setattr("tubeplanner.problem.problem.load_problem", breaking_load)
     status, fields = run_json("plan", PROBLEM)
     assert status == 130
     assert fields["status"] == "interrupted"
@@ -221,7 +221,7 @@ def test_an_error_of_our_own_is_one_line_and_not_a_verdict(run_json, monkeypatch
     def broken(*_):
         raise ZeroDivisionError("oops")
 
-    monkeypatch.setattr("tubeplanner.plan_result.verify", broken)
+    monkeypatch.setattr("tubeplanner.planning.plan_result.verify", broken)
     status, fields = run_json("plan", PROBLEM)
     assert status == 2
     assert "internal error, please report it" in fields["message"]

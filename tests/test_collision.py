@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tubeplanner import LimitOverrides, Obstacle, load_robot, placement_of
-from tubeplanner.collision import CollisionChecker
+from tubeplanner.collision.collision_checker import CollisionChecker
 from tubeplanner.errors import ProblemError
 
 CONFIGURATIONS = 1000  # of each arm

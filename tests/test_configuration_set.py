@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from tubeplanner import load_problem
-from tubeplanner.configuration_set import ConfigurationSet
-from tubeplanner.folding_joints import folding_joints, is_determined
-from tubeplanner.largest_box import BoxSearch
-from tubeplanner.link_room import LinkRoom
+from tubeplanner.measurement.configuration_set import ConfigurationSet
+from tubeplanner.measurement.folding_joints import folding_joints, is_determined
+from tubeplanner.measurement.largest_box import BoxSearch
+from tubeplanner.measurement.link_room import LinkRoom
 
 
 @pytest.fixture(scope="module")

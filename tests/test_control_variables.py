@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from tubeplanner import PlanningProblem, load_problem, plan
-from tubeplanner.control_variables import FIXED, ControlVariables
-from tubeplanner.reference_branch import reference_branch, spare_joint_rules
-from tubeplanner.spline_start import starting_spline
+from tubeplanner.branches.reference_branch import reference_branch, spare_joint_rules
+from tubeplanner.refinement.control_variables import FIXED, ControlVariables
+from tubeplanner.refinement.spline_start import starting_spline
 
 
 @pytest.fixture(scope="module", params=["ur5/over_the_wall", "panda/between_shelves"])

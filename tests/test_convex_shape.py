@@ -5,7 +5,14 @@ import pytest
 from scipy.spatial import ConvexHull, Delaunay
 from scipy.spatial.transform import Rotation
 
-from tubeplanner.convex_shape import ConvexShape, box, capsule, convex_hull, cylinder, sphere
+from tubeplanner.collision.convex_shape import (
+    ConvexShape,
+    box,
+    capsule,
+    convex_hull,
+    cylinder,
+    sphere,
+)
 
 
 def directions(count, seed=0):

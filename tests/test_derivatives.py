@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tubeplanner import JointTrajectory, Tube
-from tubeplanner.rotations import nearest_branch
+from tubeplanner.tube.rotations import nearest_branch
 
 STEP = 1e-6
 

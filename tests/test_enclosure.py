@@ -8,9 +8,9 @@ from numpy.polynomial import Chebyshev
 from numpy.polynomial.chebyshev import chebpts1
 
 from tubeplanner import JointTrajectory, Payload, load_robot
-from tubeplanner.bernstein import bernstein_coefficients
-from tubeplanner.enclosure import _joint_bounds, enclosed_efforts, enclosed_hand
-from tubeplanner.majorants import effort_majorant, hand_majorant
+from tubeplanner.motion.bernstein import bernstein_coefficients
+from tubeplanner.verification.enclosure import _joint_bounds, enclosed_efforts, enclosed_hand
+from tubeplanner.verification.majorants import effort_majorant, hand_majorant
 
 SLIDE = """<robot name="slide"><link name="base"/>
 <link name="carriage"><inertial><origin xyz="0.1 0 0"/><mass value="3"/>
@@ -200,7 +200,7 @@ def test_few_intervals_are_enough(planned):
 
 
 def test_halving_ends_after_so_many_intervals(two_link, monkeypatch):
-    monkeypatch.setattr("tubeplanner.enclosure._MOST_INTERVALS", 40)
+    monkeypatch.setattr("tubeplanner.verification.enclosure._MOST_INTERVALS", 40)
     enclosure = enclosed_hand(two_link, random_motion(two_link, 0), 1e-25)
     assert 20 <= len(enclosure.width) < 80
     assert enclosure.error.max() > 1e-25

@@ -10,10 +10,10 @@ from scipy.interpolate import PPoly
 
 from conftest import PROBLEMS
 from tubeplanner import TrajectoryError, read_trajectory, verify
-from tubeplanner.certificate import FOREIGN_TOLERANCE
-from tubeplanner.export import trajectory_csv, trajectory_json, trajectory_ros
-from tubeplanner.export_samples import samples_for_export
-from tubeplanner.trajectory_file import read_trajectory_file
+from tubeplanner.files.export import trajectory_csv, trajectory_json, trajectory_ros
+from tubeplanner.files.export_samples import samples_for_export
+from tubeplanner.files.trajectory_file import read_trajectory_file
+from tubeplanner.verification.certificate import FOREIGN_TOLERANCE
 
 UR5 = "ur5/over_the_wall"
 

@@ -3,7 +3,7 @@ import itertools
 import numpy as np
 import pytest
 
-from tubeplanner.hand_overs import best_hand_overs
+from tubeplanner.verification.hand_overs import best_hand_overs
 
 
 def worst_margin(margin, hand_overs):

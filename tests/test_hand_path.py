@@ -5,13 +5,13 @@ import pytest
 
 from test_time_scaling import ANGLE, INERTIA, one_joint, quintic
 from tubeplanner import JointTrajectory, Tube, load_problem
-from tubeplanner.hand_curve import rounded_polyline
-from tubeplanner.hand_path import hand_paths
-from tubeplanner.motion_measures import smoothness_class
+from tubeplanner.baselines.hand_curve import rounded_polyline
+from tubeplanner.baselines.hand_path import hand_paths
+from tubeplanner.baselines.switching_law import switching_law
+from tubeplanner.baselines.time_law import averaged_law, run_along, times_at
+from tubeplanner.branches.reference_branch import ReferenceBranch, SpareJoints, reference_branch
 from tubeplanner.outcome import Infeasible
-from tubeplanner.reference_branch import ReferenceBranch, SpareJoints, reference_branch
-from tubeplanner.switching_law import switching_law
-from tubeplanner.time_law import averaged_law, run_along, times_at
+from tubeplanner.studies.motion_measures import smoothness_class
 
 BENT = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [1, 2, 0], [3, 4, 1]], dtype=float)
 

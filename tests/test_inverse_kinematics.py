@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from tubeplanner.inverse_kinematics import WantedRotation, solve_position
-from tubeplanner.rotations import rotation_matrix, rotation_vector
+from tubeplanner.branches.inverse_kinematics import WantedRotation, solve_position
+from tubeplanner.tube.rotations import rotation_matrix, rotation_vector
 
 
 def bounds(robot):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from tubeplanner.errors import RobotError
-from tubeplanner.joint_limits import LimitOverrides, resolve_limits
-from tubeplanner.urdf import read_urdf
+from tubeplanner.robot.joint_limits import LimitOverrides, resolve_limits
+from tubeplanner.robot.urdf import read_urdf
 
 COMPLETE = '<limit lower="-1" upper="2" effort="10" velocity="3"/>'
 INF = np.inf

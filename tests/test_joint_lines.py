@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from tubeplanner import Obstacle, PlanningProblem, Tube, load_problem, placement_of, plan
-from tubeplanner.joint_lines import joint_lines
+from tubeplanner.branches.joint_lines import joint_lines
+from tubeplanner.branches.reference_branch import reference_branch, spare_joint_rules
 from tubeplanner.outcome import Infeasible
-from tubeplanner.reference_branch import reference_branch, spare_joint_rules
 
 
 @pytest.mark.parametrize("name", ["ur5/over_the_wall", "ur5/level_tray", "panda/between_shelves"])

@@ -18,12 +18,12 @@ from tubeplanner import (
     sequential_quartics,
     verify,
 )
-from tubeplanner.candidate_waypoints import candidate_waypoints
-from tubeplanner.knot_direction import best_direction, unit_response
-from tubeplanner.knot_modification import KnotModification, ModificationOptions
-from tubeplanner.knot_motion import feasible_motion
-from tubeplanner.link_clearance import LinkClearance
-from tubeplanner.reference_branch import reference_branch, spare_joint_rules
+from tubeplanner.branches.reference_branch import reference_branch, spare_joint_rules
+from tubeplanner.suh_bishop.knot_direction import best_direction, unit_response
+from tubeplanner.suh_bishop.knot_modification import KnotModification, ModificationOptions
+from tubeplanner.suh_bishop.knot_motion import feasible_motion
+from tubeplanner.waypoint_search.candidate_waypoints import candidate_waypoints
+from tubeplanner.waypoint_search.link_clearance import LinkClearance
 
 STEP = 0.05  # [rad]
 

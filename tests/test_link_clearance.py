@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from tubeplanner import Obstacle, placement_of
-from tubeplanner.candidate_waypoints import candidate_waypoints
-from tubeplanner.link_clearance import LinkClearance
-from tubeplanner.reference_branch import reference_branch, spare_joint_rules
+from tubeplanner.branches.reference_branch import reference_branch, spare_joint_rules
+from tubeplanner.waypoint_search.candidate_waypoints import candidate_waypoints
+from tubeplanner.waypoint_search.link_clearance import LinkClearance
 
 NAMES = ("two_link/around_a_post", "ur5/over_the_wall", "panda/between_shelves")
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tubeplanner import Tube, load_problem
-from tubeplanner.problem_file import with_other_tube
+from tubeplanner.files.problem_file import with_other_tube
 from tubeplanner.resources import bundled_robots
 
 PROBLEM = """\

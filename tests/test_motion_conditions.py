@@ -5,13 +5,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tubeplanner import LimitOverrides, Obstacle, PlanningProblem, Tube, load_robot, placement_of
-from tubeplanner.limit_conditions import LimitConditions
-from tubeplanner.linear_rows import StepSize
-from tubeplanner.link_conditions import LinkConditions
-from tubeplanner.phase_spline import PhasedMotion, VelocityHull
-from tubeplanner.rotation_conditions import evaluated_rotation
-from tubeplanner.spline_start import knot_grid
-from tubeplanner.tube_conditions import evaluated_tube
+from tubeplanner.refinement.limit_conditions import LimitConditions
+from tubeplanner.refinement.linear_rows import StepSize
+from tubeplanner.refinement.link_conditions import LinkConditions
+from tubeplanner.refinement.phase_spline import PhasedMotion, VelocityHull
+from tubeplanner.refinement.rotation_conditions import evaluated_rotation
+from tubeplanner.refinement.spline_start import knot_grid
+from tubeplanner.refinement.tube_conditions import evaluated_tube
 
 GATES = np.array([0.0, 0.4, 1.0])
 STEP = 1e-6

@@ -4,7 +4,7 @@ import tempfile
 import pytest
 
 from tubeplanner import OutputError
-from tubeplanner.output_files import require_writable, write_files
+from tubeplanner.files.output_files import require_writable, write_files
 
 
 def test_files_are_written_with_the_usual_mode(tmp_path):

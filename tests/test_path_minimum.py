@@ -5,7 +5,7 @@ import pytest
 
 from test_time_scaling import ANGLE, INERTIA, one_joint, quintic
 from tubeplanner import PlanOptions, load_problem, plan
-from tubeplanner.path_minimum import path_minimum
+from tubeplanner.planning.path_minimum import path_minimum
 
 
 @pytest.mark.parametrize(

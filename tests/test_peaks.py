@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tubeplanner.peaks import refined_maximum
+from tubeplanner.verification.peaks import refined_maximum
 
 
 def test_a_peak_between_samples_is_found():

@@ -2,15 +2,15 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from tubeplanner.phase_spline import (
+from tubeplanner.refinement.phase_spline import (
     DEGREE,
     PhasedMotion,
     PhaseSpline,
     VelocityHull,
     basis_by_gate,
 )
-from tubeplanner.sampled_motion import sampled
-from tubeplanner.spline_start import knot_grid, subdivided
+from tubeplanner.refinement.sampled_motion import sampled
+from tubeplanner.refinement.spline_start import knot_grid, subdivided
 
 GATES = np.array([0.0, 0.3, 0.55, 1.0])
 SHAPE = PhaseSpline(

@@ -20,7 +20,12 @@ from tubeplanner import (
     plan,
     verify,
 )
-from tubeplanner.problem_format import ObstacleFields, ProblemFields, RobotFields, TubeFields
+from tubeplanner.problem.problem_format import (
+    ObstacleFields,
+    ProblemFields,
+    RobotFields,
+    TubeFields,
+)
 from tubeplanner.resources import bundled_problems
 
 STOP, SEARCH = "stop-at-corners", "branch-and-bound"

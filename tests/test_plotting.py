@@ -16,8 +16,8 @@ from tubeplanner import (
     plot_trajectory,
     sweep,
 )
-from tubeplanner.figure_files import figure_png
-from tubeplanner.panels import draw_factor, motion_curves
+from tubeplanner.views.figure_files import figure_png
+from tubeplanner.views.panels import draw_factor, motion_curves
 
 
 def colours(figure):
@@ -129,7 +129,7 @@ def test_a_sweep_is_drawn_with_its_slopes_and_its_gaps(tmp_path):
 
 
 def test_several_motions_share_an_axis(planned):
-    from tubeplanner.figure_files import new_figure
+    from tubeplanner.views.figure_files import new_figure
 
     problem, result = planned("two_link/around_a_post")
     axis = new_figure(5, 3).add_subplot()

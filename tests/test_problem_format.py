@@ -8,7 +8,11 @@ import pytest
 from ruamel.yaml import YAML
 
 from tubeplanner.errors import ProblemError
-from tubeplanner.problem_format import check_problem_fields, problem_schema, read_problem_fields
+from tubeplanner.problem.problem_format import (
+    check_problem_fields,
+    problem_schema,
+    read_problem_fields,
+)
 from tubeplanner.resources import bundled_problems
 
 LEAST = {

@@ -7,7 +7,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from tubeplanner import parse_problem, plan
-from tubeplanner.cli import cli
+from tubeplanner.commands.cli import cli
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()

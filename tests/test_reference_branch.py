@@ -13,8 +13,8 @@ from tubeplanner import (
     load_robot,
     plan,
 )
+from tubeplanner.branches.reference_branch import SpareJoints, reference_branch, spare_joint_rules
 from tubeplanner.outcome import Infeasible
-from tubeplanner.reference_branch import SpareJoints, reference_branch, spare_joint_rules
 
 
 def branch_of(problem):

@@ -5,8 +5,8 @@ import pytest
 from rosbags.typesys import Stores, get_typestore
 from ruamel.yaml import YAML
 
-from tubeplanner.export import trajectory_ros
-from tubeplanner.export_samples import samples_for_export
+from tubeplanner.files.export import trajectory_ros
+from tubeplanner.files.export_samples import samples_for_export
 
 TYPE = "trajectory_msgs/msg/JointTrajectory"
 

@@ -6,9 +6,9 @@ from scipy.spatial.transform import Rotation
 
 from test_enclosure import SLIDE
 from tubeplanner import JointTrajectory, PlanningProblem, Seed, Tube, load_robot, verify
-from tubeplanner.enclosure import enclosed_pose
-from tubeplanner.rotation_visits import least_rotation_margin
-from tubeplanner.tube_visits import Visit, tube_visits
+from tubeplanner.verification.enclosure import enclosed_pose
+from tubeplanner.verification.rotation_visits import least_rotation_margin
+from tubeplanner.verification.tube_visits import Visit, tube_visits
 
 INF = np.inf
 
@@ -246,7 +246,7 @@ def test_halving_ends_after_so_many_rows(ur5, monkeypatch):
     tube, pose = around(ur5, motion, 1, [0.5, 0.5]), pose_of(ur5, motion)
     visit = [Visit(0, 0.0, motion.duration)]
     whole = least_rotation_margin(tube.rotation, pose, visit)
-    monkeypatch.setattr("tubeplanner.rotation_visits._MOST_ROWS", len(pose.hand.width))
+    monkeypatch.setattr("tubeplanner.verification.rotation_visits._MOST_ROWS", len(pose.hand.width))
     least = least_rotation_margin(tube.rotation, pose, visit)
     assert least.intervals == len(pose.hand.width) < whole.intervals
     assert least.lower_bound < whole.lower_bound

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tubeplanner.rotations import (
+from tubeplanner.tube.rotations import (
     MATRIX_ERROR_GAIN,
     inverse_right_jacobian,
     nearest_branch,

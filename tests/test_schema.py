@@ -4,7 +4,7 @@ import jsonschema
 import pytest
 from ruamel.yaml import YAML
 
-from tubeplanner.problem_format import problem_schema
+from tubeplanner.problem.problem_format import problem_schema
 from tubeplanner.resources import bundled_problems
 
 SCHEMA = problem_schema()

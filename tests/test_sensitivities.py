@@ -13,10 +13,10 @@ from tubeplanner import (
     load_robot,
     plan,
 )
-from tubeplanner.reference_branch import reference_branch, spare_joint_rules
-from tubeplanner.refinement import Refinement
-from tubeplanner.sequential_program import SequentialProgram
-from tubeplanner.spline_start import starting_spline
+from tubeplanner.branches.reference_branch import reference_branch, spare_joint_rules
+from tubeplanner.refinement.refinement import Refinement
+from tubeplanner.refinement.sequential_program import SequentialProgram
+from tubeplanner.refinement.spline_start import starting_spline
 
 EVERY = {"joint1": np.inf, "joint2": np.inf}
 

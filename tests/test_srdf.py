@@ -1,7 +1,7 @@
 import pytest
 
 from tubeplanner import RobotError, parse_problem
-from tubeplanner.srdf import read_allowed_pairs
+from tubeplanner.robot.srdf import read_allowed_pairs
 
 PACKAGE = "package://example-robot-data/robots"
 

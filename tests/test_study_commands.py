@@ -5,7 +5,7 @@ import json
 
 import pytest
 
-from tubeplanner.cli import main
+from tubeplanner.commands.cli import main
 
 PROBLEM = "example:two_link/paper_1_30mm"
 PNG = b"\x89PNG"

@@ -21,8 +21,8 @@ from tubeplanner import (
     plan,
     verify,
 )
-from tubeplanner.knot_modification import ModificationOptions
-from tubeplanner.suh_bishop import SuhBishopOptions
+from tubeplanner.suh_bishop.knot_modification import ModificationOptions
+from tubeplanner.suh_bishop.suh_bishop import SuhBishopOptions
 
 METHOD = "suh-bishop"
 # Coarse, so that tests are quick: few directions, few numbers of knots.

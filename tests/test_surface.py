@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tubeplanner import Obstacle, RobotError, Tube, placement_of
-from tubeplanner.surface import (
+from tubeplanner.views.surface import (
     coarse_hull_points,
     dashes,
     directions,
@@ -14,8 +14,8 @@ from tubeplanner.surface import (
     shape_surface,
     tube_surfaces,
 )
-from tubeplanner.viewpoint import best_direction, floor_grid, outline
-from tubeplanner.visual_mesh import read_visual_mesh, simplified
+from tubeplanner.views.viewpoint import best_direction, floor_grid, outline
+from tubeplanner.views.visual_mesh import read_visual_mesh, simplified
 
 CORNERS = [[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.5, 0.4, 0.0], [0.5, 0.4, 0.3]]
 

@@ -5,7 +5,7 @@ import pytest
 
 from tubeplanner import JointTrajectory, LimitOverrides, load_robot
 from tubeplanner.outcome import Infeasible, PlanStatus
-from tubeplanner.time_scaling import (
+from tubeplanner.waypoint_search.time_scaling import (
     minimum_duration,
     scaled_to_limits,
     scaling_factor,

@@ -3,7 +3,7 @@ import pytest
 from scipy.interpolate import BSpline, PPoly
 
 from tubeplanner import JointTrajectory, TrajectoryError
-from tubeplanner.trajectory import concatenate, from_spline
+from tubeplanner.motion.trajectory import concatenate, from_spline
 
 NAMES = ("a", "b")
 

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from tubeplanner import JointTrajectory, PlanningProblem, Seed, Tube
-from tubeplanner.inverse_kinematics import solve_position
-from tubeplanner.tube_membership import (
+from tubeplanner.branches.inverse_kinematics import solve_position
+from tubeplanner.waypoint_search.tube_membership import (
     first_departure,
     membership_margin,
     passable_segments,

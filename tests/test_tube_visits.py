@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from tubeplanner import JointTrajectory, PlanningProblem, Seed, Tube
-from tubeplanner.enclosure import enclosed_hand
-from tubeplanner.hand_overs import best_hand_overs
-from tubeplanner.trajectory import concatenate
-from tubeplanner.tube_visits import Visit, least_margin, tube_visits
+from tubeplanner.motion.trajectory import concatenate
+from tubeplanner.verification.enclosure import enclosed_hand
+from tubeplanner.verification.hand_overs import best_hand_overs
+from tubeplanner.verification.tube_visits import Visit, least_margin, tube_visits
 
 SEED = Seed(np.array([0.0, -1.0]))
 POINTS = [[0.45, -0.3, 0], [0.45, 0.1, 0], [0.2, 0.1, 0]]
@@ -71,7 +71,7 @@ def test_visits_cover_the_motion_in_order_and_hand_over_inside_both(planned):
 def there_and_back(two_link):
     """Return a motion along the first leg of a corner and back again."""
     q = [np.array([0.0, -1.0])]
-    from tubeplanner.inverse_kinematics import solve_position
+    from tubeplanner.branches.inverse_kinematics import solve_position
 
     free = np.full(2, np.inf)
     for y in np.linspace(-0.3, 0.25, 12):
@@ -120,7 +120,7 @@ def test_halving_ends_after_so_many_rows(planned, monkeypatch):
     wide = least_margin(problem.tube, hand, visit)
     touching = Tube(problem.tube.points, 0.03 - wide.attained)
     whole = least_margin(touching, hand, visit)
-    monkeypatch.setattr("tubeplanner.tube_visits._MOST_ROWS", len(hand.width))
+    monkeypatch.setattr("tubeplanner.verification.tube_visits._MOST_ROWS", len(hand.width))
     least = least_margin(touching, hand, visit)
     assert least.intervals == len(hand.width) < whole.intervals
     assert least.lower_bound < least.attained - 1e-6
@@ -150,7 +150,7 @@ def test_hand_overs_are_looked_for_at_two_thousand_samples(planned, monkeypatch)
         seen.append(margin.shape)
         return best_hand_overs(margin)
 
-    monkeypatch.setattr("tubeplanner.tube_visits.best_hand_overs", counting)
+    monkeypatch.setattr("tubeplanner.verification.tube_visits.best_hand_overs", counting)
     tube_visits(problem, result.trajectory, enclosed_hand(problem.robot, result.trajectory, 1e-7))
     (shape,) = seen
     assert shape[0] >= 2000

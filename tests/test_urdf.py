@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tubeplanner.errors import RobotError
-from tubeplanner.urdf import Mimic, read_urdf
+from tubeplanner.robot.urdf import Mimic, read_urdf
 
 LIMIT = '<limit lower="-1" upper="2" effort="10" velocity="3"/>'
 

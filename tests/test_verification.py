@@ -18,7 +18,7 @@ from tubeplanner import (
     placement_of,
     verify,
 )
-from tubeplanner.certificate import CONDITION_NAMES
+from tubeplanner.verification.certificate import CONDITION_NAMES
 
 UR5 = "ur5/over_the_wall"
 
@@ -451,14 +451,14 @@ def test_the_error_of_an_enclosure_is_taken_off_the_margin(planned, monkeypatch)
     """Polynomials that miss a hundredth: the margin is then a hundredth on the safe side."""
     problem, result = planned("two_link/around_a_post", "branch-and-bound")
     exact = verify(problem, result.trajectory).conditions["effort"].margin
-    monkeypatch.setattr("tubeplanner.verification._EFFORT_ENCLOSURE", 1e-2)
+    monkeypatch.setattr("tubeplanner.verification.verification._EFFORT_ENCLOSURE", 1e-2)
     rough = verify(problem, result.trajectory).conditions["effort"].margin
     assert exact - 2e-2 < rough < exact - 1e-6
 
 
 def test_an_undecided_effort_tells_what_was_found(planned, monkeypatch):
     problem, result = planned("two_link/around_a_post", "branch-and-bound")
-    monkeypatch.setattr("tubeplanner.enclosure._MOST_INTERVALS", 1)
+    monkeypatch.setattr("tubeplanner.verification.enclosure._MOST_INTERVALS", 1)
     condition = verify(problem, result.trajectory).conditions["effort"]
     found = float(condition.coverage.removeprefix("for all t, undecided: the margin found is ")
                   .removesuffix(" relative"))  # fmt: skip

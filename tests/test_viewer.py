@@ -12,12 +12,12 @@ import pytest
 import tubeplanner
 from conftest import PROBLEMS
 from tubeplanner import OptionError, OutputError, TrajectoryError, load_problem
-from tubeplanner.cli import main
-from tubeplanner.export import trajectory_csv, trajectory_json, trajectory_ros
-from tubeplanner.link_geometry import read_geometry
-from tubeplanner.palette import SEGMENT_COLORS
-from tubeplanner.scene import Layer
-from tubeplanner.viewer import panel_data, recorded_commands, view
+from tubeplanner.collision.link_geometry import read_geometry
+from tubeplanner.commands.cli import main
+from tubeplanner.files.export import trajectory_csv, trajectory_json, trajectory_ros
+from tubeplanner.views.palette import SEGMENT_COLORS
+from tubeplanner.views.scene import Layer
+from tubeplanner.views.viewer import panel_data, recorded_commands, view
 
 MEGABYTE = 1e6
 

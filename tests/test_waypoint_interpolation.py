@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
 
-from tubeplanner.waypoint_interpolation import (
+from tubeplanner.waypoint_search.waypoint_interpolation import (
     look_ahead_quartic,
     quartic_spline,
     sequential_quartics,

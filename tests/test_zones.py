@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tubeplanner import ProblemError, Tube, tube_from_zones, zones_of_tube
-from tubeplanner.zones import CONTROLLERS
+from tubeplanner.tube_sources.zones import CONTROLLERS
 
 ANGLES = (5, 30, 60, 90, 120, 150, 175)  # by which the path turns [degrees]
 SHARES = np.linspace(0, 1, 2001)[:, None]

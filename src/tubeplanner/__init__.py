@@ -13,63 +13,65 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from tubeplanner.branch_and_bound import SearchStatistics as SearchStatistics
-    from tubeplanner.certificate import Certificate as Certificate
-    from tubeplanner.certificate import Condition as Condition
-    from tubeplanner.certificate import Tolerance as Tolerance
-    from tubeplanner.comparison import Comparison as Comparison
-    from tubeplanner.comparison import ComparisonRow as ComparisonRow
-    from tubeplanner.comparison import compare as compare
-    from tubeplanner.comparison_plot import plot_comparison as plot_comparison
+    from tubeplanner.collision.obstacle import AttachedSolid as AttachedSolid
+    from tubeplanner.collision.obstacle import Obstacle as Obstacle
+    from tubeplanner.collision.obstacle import placement_of as placement_of
     from tubeplanner.errors import OptionError as OptionError
     from tubeplanner.errors import OutputError as OutputError
     from tubeplanner.errors import ProblemError as ProblemError
     from tubeplanner.errors import RobotError as RobotError
     from tubeplanner.errors import TrajectoryError as TrajectoryError
     from tubeplanner.errors import TubePlannerError as TubePlannerError
-    from tubeplanner.joint_limits import LimitOverrides as LimitOverrides
-    from tubeplanner.motion_measures import MotionMeasures as MotionMeasures
-    from tubeplanner.measured_tube import MeasureOptions as MeasureOptions
-    from tubeplanner.measured_tube import SegmentMeasurement as SegmentMeasurement
-    from tubeplanner.measured_tube import TubeMeasurement as TubeMeasurement
-    from tubeplanner.obstacle import AttachedSolid as AttachedSolid
-    from tubeplanner.obstacle import Obstacle as Obstacle
-    from tubeplanner.obstacle import placement_of as placement_of
+    from tubeplanner.files.trajectory_file import read_trajectory as read_trajectory
+    from tubeplanner.measurement.measured_tube import MeasureOptions as MeasureOptions
+    from tubeplanner.measurement.measured_tube import SegmentMeasurement as SegmentMeasurement
+    from tubeplanner.measurement.measured_tube import TubeMeasurement as TubeMeasurement
+    from tubeplanner.measurement.sign_patterns import PatternSurvey as PatternSurvey
+    from tubeplanner.measurement.sign_patterns import survey_patterns as survey_patterns
+    from tubeplanner.measurement.tube_measurement import measure_tube as measure_tube
+    from tubeplanner.motion.trajectory import JointTrajectory as JointTrajectory
     from tubeplanner.outcome import Place as Place
     from tubeplanner.outcome import PlanStatus as PlanStatus
-    from tubeplanner.pinocchio_model import Payload as Payload
-    from tubeplanner.pinocchio_model import ToolOffset as ToolOffset
-    from tubeplanner.plan_options import PlanOptions as PlanOptions
-    from tubeplanner.plan_result import PlanResult as PlanResult
-    from tubeplanner.planner import plan as plan
-    from tubeplanner.plotting import plot_trajectory as plot_trajectory
-    from tubeplanner.problem import PlanningProblem as PlanningProblem
-    from tubeplanner.problem import Seed as Seed
-    from tubeplanner.problem import load_problem as load_problem
-    from tubeplanner.problem import parse_problem as parse_problem
+    from tubeplanner.planning.plan_options import PlanOptions as PlanOptions
+    from tubeplanner.planning.plan_result import PlanResult as PlanResult
+    from tubeplanner.planning.planner import plan as plan
+    from tubeplanner.problem.problem import PlanningProblem as PlanningProblem
+    from tubeplanner.problem.problem import Seed as Seed
+    from tubeplanner.problem.problem import load_problem as load_problem
+    from tubeplanner.problem.problem import parse_problem as parse_problem
     from tubeplanner.progress import Progress as Progress
-    from tubeplanner.robot import RobotModel as RobotModel
-    from tubeplanner.robot import load_robot as load_robot
-    from tubeplanner.sensitivities import Sensitivity as Sensitivity
-    from tubeplanner.sign_patterns import PatternSurvey as PatternSurvey
-    from tubeplanner.sign_patterns import survey_patterns as survey_patterns
-    from tubeplanner.study_plots import plot_convergence as plot_convergence
-    from tubeplanner.study_plots import plot_sweep as plot_sweep
-    from tubeplanner.tolerance_sweep import SweepResult as SweepResult
-    from tubeplanner.tolerance_sweep import SweepRow as SweepRow
-    from tubeplanner.tolerance_sweep import sweep as sweep
-    from tubeplanner.trajectory import JointTrajectory as JointTrajectory
-    from tubeplanner.trajectory_file import read_trajectory as read_trajectory
-    from tubeplanner.tube import Tube as Tube
-    from tubeplanner.tube_measurement import measure_tube as measure_tube
-    from tubeplanner.verification import verify as verify
-    from tubeplanner.viewer import View as View
-    from tubeplanner.viewer import view as view
-    from tubeplanner.waypoint_interpolation import quartic_spline as quartic_spline
-    from tubeplanner.waypoint_interpolation import sequential_quartics as sequential_quartics
-    from tubeplanner.zones import ZonedPath as ZonedPath
-    from tubeplanner.zones import tube_from_zones as tube_from_zones
-    from tubeplanner.zones import zones_of_tube as zones_of_tube
+    from tubeplanner.refinement.sensitivities import Sensitivity as Sensitivity
+    from tubeplanner.robot.joint_limits import LimitOverrides as LimitOverrides
+    from tubeplanner.robot.pinocchio_model import Payload as Payload
+    from tubeplanner.robot.pinocchio_model import ToolOffset as ToolOffset
+    from tubeplanner.robot.robot_model import RobotModel as RobotModel
+    from tubeplanner.robot.robot_model import load_robot as load_robot
+    from tubeplanner.studies.comparison import Comparison as Comparison
+    from tubeplanner.studies.comparison import ComparisonRow as ComparisonRow
+    from tubeplanner.studies.comparison import compare as compare
+    from tubeplanner.studies.motion_measures import MotionMeasures as MotionMeasures
+    from tubeplanner.studies.tolerance_sweep import SweepResult as SweepResult
+    from tubeplanner.studies.tolerance_sweep import SweepRow as SweepRow
+    from tubeplanner.studies.tolerance_sweep import sweep as sweep
+    from tubeplanner.tube.tube import Tube as Tube
+    from tubeplanner.tube_sources.zones import ZonedPath as ZonedPath
+    from tubeplanner.tube_sources.zones import tube_from_zones as tube_from_zones
+    from tubeplanner.tube_sources.zones import zones_of_tube as zones_of_tube
+    from tubeplanner.verification.certificate import Certificate as Certificate
+    from tubeplanner.verification.certificate import Condition as Condition
+    from tubeplanner.verification.certificate import Tolerance as Tolerance
+    from tubeplanner.verification.verification import verify as verify
+    from tubeplanner.views.comparison_plot import plot_comparison as plot_comparison
+    from tubeplanner.views.plotting import plot_trajectory as plot_trajectory
+    from tubeplanner.views.study_plots import plot_convergence as plot_convergence
+    from tubeplanner.views.study_plots import plot_sweep as plot_sweep
+    from tubeplanner.views.viewer import View as View
+    from tubeplanner.views.viewer import view as view
+    from tubeplanner.waypoint_search.branch_and_bound import SearchStatistics as SearchStatistics
+    from tubeplanner.waypoint_search.waypoint_interpolation import quartic_spline as quartic_spline
+    from tubeplanner.waypoint_search.waypoint_interpolation import (
+        sequential_quartics as sequential_quartics,
+    )
 
 __version__ = "0.1.0"
 

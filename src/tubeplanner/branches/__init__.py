@@ -1,0 +1,1 @@
+"""Joint-space lines whose hand follows the reference path: inverse kinematics."""

@@ -1,0 +1,75 @@
+"""Ways of the arm along a problem's tube, each found once, when it is asked for."""
+
+from collections.abc import Callable
+from functools import partial
+
+from tubeplanner.branches.joint_lines import joint_lines
+from tubeplanner.branches.reference_branch import (
+    ReferenceBranch,
+    SpareJoints,
+    reference_branch,
+    spare_joint_rules,
+)
+from tubeplanner.outcome import Infeasible
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.progress import PlanningClock
+from tubeplanner.verification.refusal import require_free
+
+_JOINT_LINES, _AT_WILL = "joint lines", "turned at will"
+
+
+class KnownBranches:
+    """Branches by the rule that moves the joints which the hand leaves free, and joint lines."""
+
+    def __init__(self, problem: PlanningProblem, clock: PlanningClock) -> None:
+        self._problem, self._clock = problem, clock
+        self._found: dict[str, ReferenceBranch | Infeasible] = {}
+
+    def along(self, rule: SpareJoints) -> ReferenceBranch:
+        """Return the branch of a rule, its ends clear of everything.
+
+        Raises:
+            Infeasible: The branch ends somewhere, its start or given goal is in collision, or the
+                time limit has passed.
+        """
+        search = partial(reference_branch, self._problem, rule, self._clock.check)
+        return self._once(rule, "inverse kinematics along the reference path", search)
+
+    def turned_at_will(self) -> ReferenceBranch:
+        """Return a branch whose hand need not keep the rotation tolerance.
+
+        Raises:
+            Infeasible: As for branches.
+        """
+        rule = spare_joint_rules(self._problem)[0]
+        search = partial(reference_branch, self._problem, rule, self._clock.check, is_turned=False)
+        return self._once(_AT_WILL, "inverse kinematics of the hand's place alone", search)
+
+    def joint_lines(self) -> ReferenceBranch:
+        """Return joint lines between the reference points, the hand not in the tube.
+
+        Raises:
+            Infeasible: As for branches.
+        """
+        search = partial(joint_lines, self._problem)
+        return self._once(_JOINT_LINES, "inverse kinematics at the reference points", search)
+
+    def _once(
+        self, name: str, stage: str, search: Callable[[], ReferenceBranch]
+    ) -> ReferenceBranch:
+        self._clock.enter(stage)
+        if name not in self._found:
+            try:
+                self._found[name] = self._with_free_ends(search())
+            except Infeasible as reason:
+                self._found[name] = reason
+        found = self._found[name]
+        if isinstance(found, Infeasible):
+            raise found
+        return found
+
+    def _with_free_ends(self, branch: ReferenceBranch) -> ReferenceBranch:
+        require_free(self._problem, "start", branch.start)
+        if self._problem.goal is not None:  # an open one may move
+            require_free(self._problem, "goal", branch.goal)
+        return branch

@@ -1,0 +1,206 @@
+"""The arm along the reference path: one continuous branch of the inverse kinematics.
+
+The hand goes from where the start configuration has it, through the inner reference points, to
+where the goal configuration has it; each leg is straight, so it stays in its capsule. Where its
+rotation is bounded, it is turned as the reference is, as far as the arm can. The joint
+ranges of each segment choose the branch, a rule moves the joints that are left free.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.branches.inverse_kinematics import solve_position
+from tubeplanner.branches.reference_turn import wanted_at
+from tubeplanner.branches.segment_walk import (
+    SegmentWalk,
+    as_position,
+    explain_error,
+    explain_turn,
+    turned_off,
+)
+from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.problem.problem import PlanningProblem, Seed
+
+_SEED_TOLERANCE = 1e-6  # [m] between the hand and the reference point of a seed
+# How near the branch must come to a given goal configuration to be on its branch [rad or m].
+_GOAL_TOLERANCE = 1e-6
+_SAME = 1e-6  # [rad or m]
+_STILL = 1e-9  # [rad or m]: joints that move less stand still
+
+
+@dataclass(frozen=True, eq=False)
+class ReferenceBranch:
+    """Configurations along the reference path.
+
+    Attributes:
+        segments: Per segment, configurations from its start to its end, shape (P_k, n), neighbours
+            at most 0.1 rad apart; the last of one segment is the first of the next.
+    """
+
+    segments: tuple[FloatArray, ...]
+
+    @property
+    def start(self) -> FloatArray:
+        """First configuration, shape (n,)."""
+        return self.segments[0][0]
+
+    @property
+    def moving_segments(self) -> list[int]:
+        """Indices of the segments in which the arm moves."""
+        return [k for k, q in enumerate(self.segments) if np.ptp(q, axis=0).max() > _STILL]
+
+    @property
+    def goal(self) -> FloatArray:
+        """Last configuration, shape (n,)."""
+        return self.segments[-1][-1]
+
+    def is_as(self, other: "ReferenceBranch") -> bool:
+        """Return whether another branch has the same configurations, to 1e-6 rad or m."""
+        pairs = list(zip(self.segments, other.segments, strict=True))
+        return all(
+            one.shape == another.shape and abs(one - another).max() < _SAME
+            for one, another in pairs
+        )
+
+
+class SpareJoints(StrEnum):
+    """What joints do that the hand's position leaves free."""
+
+    AS_NEEDED = "they move as little as possible, and to the goal at the end"
+    PROPORTIONAL = "they go from start to goal in proportion to the way"
+    HELD = "they are held near the start, and go to the goal at the end"
+    CENTRED = "they go to the middle of their ranges, and to the goal at the end"
+
+
+def spare_joint_rules(problem: PlanningProblem) -> tuple[SpareJoints, ...]:
+    """Return the rules worth trying for a problem, the most natural first."""
+    if problem.goal is None:
+        return SpareJoints.AS_NEEDED, SpareJoints.HELD, SpareJoints.CENTRED
+    return (
+        SpareJoints.PROPORTIONAL,
+        SpareJoints.AS_NEEDED,
+        SpareJoints.HELD,
+        SpareJoints.CENTRED,
+    )
+
+
+def reference_branch(
+    problem: PlanningProblem,
+    spare_joints: SpareJoints,
+    checkpoint: Callable[[], None] = lambda: None,
+    *,
+    is_turned: bool = True,
+) -> ReferenceBranch:
+    """Return the branch that the joint signs, the start and the goal ask for.
+
+    Args:
+        problem: What is asked.
+        spare_joints: What joints do that the hand's position leaves free.
+        checkpoint: Called before every segment; it may raise to end the work.
+        is_turned: Whether the rotation tolerance, if there is one, is kept.
+
+    Raises:
+        Infeasible: Status unreachable: the message says where the branch ends and why.
+    """
+    start = end_configuration(problem, problem.start, 0)
+    goal = None if problem.goal is None else end_configuration(problem, problem.goal, -1)
+    route = _route(problem, start, goal)
+    pulls = _pulls(problem, route, start, goal, spare_joints)
+    q, segments = start, []
+    for k in range(problem.tube.segment_count):
+        checkpoint()
+        wanted = None if pulls is None else pulls[k : k + 2]
+        is_last = k + 1 == problem.tube.segment_count
+        end = goal if is_last else None
+        ends = route[k : k + 2]
+        walk = SegmentWalk(problem, k, ends, q, wanted, end, is_turned=is_turned)
+        segments.append(walk.to_the_end())
+        q = segments[-1][-1]
+    if goal is not None:
+        _require_goal(problem, q, goal)
+        segments[-1][-1] = goal
+    return ReferenceBranch(tuple(segments))
+
+
+def _pulls(
+    problem: PlanningProblem,
+    route: FloatArray,
+    start: FloatArray,
+    goal: FloatArray | None,
+    spare_joints: SpareJoints,
+) -> FloatArray | None:
+    """Return where spare joints are pulled at each point of a route, (m+1, n), if anywhere."""
+    if spare_joints is SpareJoints.HELD:
+        return np.tile(start, (len(route), 1))
+    if spare_joints is SpareJoints.CENTRED:
+        with np.errstate(invalid="ignore"):
+            middle = (problem.joint_lower + problem.joint_upper) / 2
+        return np.vstack([start, np.where(np.isfinite(middle), middle, start)])
+    if spare_joints is SpareJoints.AS_NEEDED or goal is None:
+        return None
+    way = _shares_of_way(route)[:, None]
+    return (1 - way) * start + way * goal
+
+
+def end_configuration(problem: PlanningProblem, given: FloatArray | Seed, point: int) -> FloatArray:
+    """Return the start (point 0) or goal (point -1), shape (n,): as given, or from its seed.
+
+    Raises:
+        Infeasible: Status unreachable: the seed does not lead there.
+    """
+    if not isinstance(given, Seed):
+        return given
+    segment = 0 if point == 0 else problem.tube.segment_count - 1
+    lower, upper = problem.joint_lower[segment], problem.joint_upper[segment]
+    target, seed = problem.tube.points[point], given.joints
+    wanted = wanted_at(problem, target, segment)
+    solution = solve_position(problem.robot, target, seed, lower, upper, rotation=wanted)
+    reason = None
+    if solution.error > _SEED_TOLERANCE:
+        reason = explain_error(problem, target, seed, segment, solution)
+    elif problem.tube.rotation is not None:
+        rotation, hand = problem.robot.tool_pose(solution.q[None])
+        if problem.tube.rotation.margin(rotation, hand, segment)[0] < 0:
+            reason = explain_turn(problem, segment, turned_off(solution))
+    if reason is not None:
+        place = Place(segment=segment, position=as_position(target))
+        end = "start" if point == 0 else "goal"
+        raise Infeasible(PlanStatus.UNREACHABLE, f"{end} from its seed: {reason}", place)
+    return solution.q
+
+
+def _route(problem: PlanningProblem, start: FloatArray, goal: FloatArray | None) -> FloatArray:
+    """Return where the hand goes: the reference points, its ends where start and goal have it."""
+    route = problem.tube.points.copy()
+    route[0] = problem.robot.tool_position(start[None])[0]
+    if goal is not None:
+        route[-1] = problem.robot.tool_position(goal[None])[0]
+    return route
+
+
+def _shares_of_way(route: FloatArray) -> FloatArray:
+    """Return which share of the whole way lies before each point of a route, shape (m+1,)."""
+    lengths = np.linalg.norm(np.diff(route, axis=0), axis=1)
+    if lengths.sum() == 0:
+        lengths = np.ones_like(lengths)
+    return np.concatenate([[0.0], np.cumsum(lengths)]) / lengths.sum()
+
+
+def _require_goal(problem: PlanningProblem, q: FloatArray, goal: FloatArray) -> None:
+    difference = goal - q
+    worst = int(np.argmax(abs(difference)))
+    if abs(difference[worst]) <= _GOAL_TOLERANCE:
+        return
+    segment = problem.tube.segment_count - 1
+    joint = problem.robot.joint_names[worst]
+    raise Infeasible(
+        PlanStatus.UNREACHABLE,
+        f"the branch that continues the start configuration ends with '{joint}' at {q[worst]:.4f} "
+        f"rad, the goal has it at {goal[worst]:.4f} rad: the goal lies on another branch; leave "
+        "the goal out, or change the start or the joint signs",
+        Place(joint=joint, segment=segment),
+    )

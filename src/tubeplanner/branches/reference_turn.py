@@ -1,0 +1,98 @@
+"""How the hand should be turned along one tube segment.
+
+At inner reference points the hand is turned as the reference is; a given start or goal may have it
+off by what the tolerance allows. In between, the rotation vector goes from one to the other in
+proportion to the way. Components that the segment leaves free are left to the joints, unless the
+next segment bounds them: they then come in on time for the hand-over.
+"""
+
+import numpy as np
+
+from tubeplanner.arrays import BoolArray, FloatArray
+from tubeplanner.branches.inverse_kinematics import WantedRotation
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.tube.rotational_tube import RotationalTube
+
+# How far outside its bound a given start or goal may be [rad]: what bad input is judged by.
+_INPUT_TOLERANCE = 1e-6
+# Where the arm cannot be turned as wanted, it must keep this share of what was left to the bound:
+# something to go on from for those who plan.
+_KEPT_MARGIN_SHARE = 0.1
+
+
+class ReferenceTurn:
+    """The rotation wanted after every share of a segment, and whether the hand is too far off."""
+
+    def __init__(
+        self,
+        problem: PlanningProblem,
+        tube: RotationalTube,
+        segment: int,
+        begin: FloatArray,
+        goal: FloatArray | None,
+    ) -> None:
+        """Prepare for a segment.
+
+        Args:
+            problem: What is asked.
+            tube: Its rotational part.
+            segment: Index of the tube's segment.
+            begin: Configuration at its start, shape (n,).
+            goal: Configuration at its end, if that is given.
+        """
+        self._robot, self._tube, self._segment = problem.robot, tube, segment
+        self._following = min(segment + 1, problem.tube.segment_count - 1)
+        self._components = bounded_components(tube, segment)
+        self._components = self._components | bounded_components(tube, self._following)
+        self._begin = self._vector(begin)
+        self._end = np.zeros(3) if goal is None else self._vector(goal)
+
+    def wanted(self, share: float, point: FloatArray) -> WantedRotation:
+        """Return how the hand should be turned at a point (3,) after a share of the way."""
+        reference = self._tube.reference(point[None], self._segment)[0]
+        return WantedRotation(reference, self._vector_after(share), self._components)
+
+    def off_segment(self, q: FloatArray, share: float) -> int | None:
+        """Return the segment for which a configuration (n,) has the hand turned too far, if any."""
+        rotation, hand = self._robot.tool_pose(q[None])
+        for segment in {self._segment, self._following if share == 1.0 else self._segment}:
+            left = float(self._tube.margin_of(self._vector_after(share)[None], segment)[0])
+            margin = float(self._tube.margin(rotation, hand, segment)[0])
+            if margin < _KEPT_MARGIN_SHARE * left - _INPUT_TOLERANCE:
+                return segment
+        return None
+
+    def _vector_after(self, share: float) -> FloatArray:
+        return (1 - share) * self._begin + share * self._end
+
+    def _vector(self, q: FloatArray) -> FloatArray:
+        """Return the rotation vector (3,) of a configuration (n,), free components set to zero."""
+        rotation, hand = self._robot.tool_pose(q[None])
+        return self._tube.error(rotation, hand, self._segment)[0] * self._components
+
+
+def bounded_components(tube: RotationalTube, segment: int) -> BoolArray:
+    """Return which components of the rotation vector a segment bounds: bool, shape (3,)."""
+    return np.isfinite(tube.bounds[segment, :3]) | np.isfinite(tube.bounds[segment, 3])
+
+
+def wanted_at(
+    problem: PlanningProblem, point: FloatArray, segment: int, near: FloatArray | None = None
+) -> WantedRotation | None:
+    """Return how the hand should be turned at a point (3,): as the reference, or as it is near.
+
+    Args:
+        problem: What is asked.
+        point: Where the hand is, base frame [m].
+        segment: In which segment.
+        near: A configuration (n,) whose rotation vector is wanted; None: zero.
+    """
+    tube = problem.tube.rotation
+    if tube is None:
+        return None
+    vector = np.zeros(3)
+    if near is not None:
+        rotation, hand = problem.robot.tool_pose(near[None])
+        vector = tube.error(rotation, hand, segment)[0]
+    reference = tube.reference(point[None], segment)[0]
+    return WantedRotation(reference, vector, bounded_components(tube, segment))

@@ -1,0 +1,247 @@
+"""The arm through one tube segment: a continuous chain of inverse kinematics solutions."""
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.branches.inverse_kinematics import PositionSolution, solve_position
+from tubeplanner.branches.reference_turn import ReferenceTurn
+from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.problem.problem import PlanningProblem
+
+_LONGEST_STEP = 1 / 40  # of a segment
+_SHORTEST_STEP = 1e-5  # of a segment
+_LARGEST_JOINT_STEP = 0.1  # [rad or m] between neighbouring configurations
+_LARGEST_PULL = 0.05  # [rad or m] on spare joints from one configuration to the next
+_MOST_SETTLING_STEPS = 500
+_SETTLED = 1e-9  # [rad or m]
+# Where the centre line cannot be reached, the hand may leave it by this share of the radius.
+_ALLOWED_RADIUS_SHARE = 0.5
+# An open goal is a reference point, which the hand must reach this closely [m].
+_OPEN_GOAL_TOLERANCE = 5e-7
+
+
+class SegmentWalk:
+    """Follows a straight line of the hand from a configuration, in small joint steps.
+
+    Spare joints are pulled towards where they are wanted, a little at every step; what the
+    hand-over to the next segment asks of a joint narrows in on it in time. Where that is not
+    enough, they go the rest of the way at the segment's end, the hand standing still.
+    """
+
+    def __init__(
+        self,
+        problem: PlanningProblem,
+        segment: int,
+        ends: FloatArray,
+        begin: FloatArray,
+        wanted: FloatArray | None,
+        goal: FloatArray | None,
+        *,
+        is_turned: bool = True,
+    ) -> None:
+        """Prepare a walk.
+
+        Args:
+            problem: What is asked.
+            segment: Index of the tube's segment.
+            ends: Where the hand starts and ends, shape (2, 3) [m].
+            begin: Configuration at the start, shape (n,).
+            wanted: Where spare joints are pulled at the start and at the end, shape (2, n); None:
+                nowhere.
+            goal: Configuration to settle in at the end; None: any that the next segment allows.
+            is_turned: Whether the rotation tolerance, if there is one, is kept.
+        """
+        self._problem, self._segment = problem, segment
+        self._ends, self._begin = ends, begin
+        self._wanted, self._goal = wanted, goal
+        self._lower, self._upper = problem.joint_lower[segment], problem.joint_upper[segment]
+        following = min(segment + 1, problem.tube.segment_count - 1)
+        self._end_lower = np.maximum(self._lower, problem.joint_lower[following])
+        self._end_upper = np.minimum(self._upper, problem.joint_upper[following])
+        tube = problem.tube.rotation if is_turned else None
+        self._turn = None if tube is None else ReferenceTurn(problem, tube, segment, begin, goal)
+
+    def to_the_end(self) -> FloatArray:
+        """Return the configurations (P, n) from the segment's start to its end.
+
+        Raises:
+            Infeasible: Status unreachable: the message says where the walk ends and why.
+        """
+        return np.array(self._settled(self._approach()))
+
+    def _approach(self) -> list[FloatArray]:
+        """Return configurations whose hand goes from the segment's start to its end."""
+        found, shares, step = [self._begin], [0.0], _LONGEST_STEP
+        while shares[-1] < 1.0:
+            share = min(1.0, shares[-1] + step)
+            solution = self._solve(share, self._extrapolated(share, shares, found), found[-1])
+            joint_step = float(abs(solution.q - found[-1]).max())
+            if self._is_off(solution, share) or joint_step > _LARGEST_JOINT_STEP:
+                step /= 2
+                if step < _SHORTEST_STEP:
+                    self._give_up(share, found[-1], solution)
+                continue
+            found.append(solution.q)
+            shares.append(share)
+            if joint_step < _LARGEST_JOINT_STEP / 3:
+                step = min(2 * step, _LONGEST_STEP)
+        return found
+
+    def _settled(self, found: list[FloatArray]) -> list[FloatArray]:
+        """Let the spare joints go where the segment's end needs them, the hand standing still."""
+        for _ in range(_MOST_SETTLING_STEPS):
+            q = found[-1]
+            wanted = np.clip(q, self._end_lower, self._end_upper)
+            wanted = wanted if self._goal is None else self._goal
+            if abs(wanted - q).max() <= _SETTLED:
+                break
+            preferred = q + np.clip(wanted - q, -_LARGEST_PULL, _LARGEST_PULL)
+            solution = self._solve_with(1.0, q, preferred)
+            if self._is_off(solution, 1.0) or abs(solution.q - q).max() <= _SETTLED:
+                break
+            found.append(solution.q)
+        self._require_hand_over(found[-1])
+        found[-1] = np.clip(found[-1], self._end_lower, self._end_upper)
+        return found
+
+    def _solve(self, share: float, seed: FloatArray, last: FloatArray) -> PositionSolution:
+        wanted = last
+        if self._wanted is not None:
+            wanted = (1 - share) * self._wanted[0] + share * self._wanted[1]
+        below = np.maximum(self._end_lower - self._begin, 0.0)
+        above = np.maximum(self._begin - self._end_upper, 0.0)
+        lower = self._end_lower - (1 - share) * below
+        upper = self._end_upper + (1 - share) * above
+        wanted = np.clip(wanted, lower, upper)
+        solution = self._solve_with(share, seed, wanted)
+        if abs(solution.q - last).max() <= _LARGEST_JOINT_STEP:
+            return solution
+        # Too far at once, however short the step: spare joints have to go there by and by.
+        pull = np.clip(wanted - last, -_LARGEST_PULL, _LARGEST_PULL)
+        return self._solve_with(share, seed, last + pull)
+
+    def _solve_with(
+        self, share: float, seed: FloatArray, preferred: FloatArray
+    ) -> PositionSolution:
+        robot, point = self._problem.robot, self._point(share)
+        wanted = None if self._turn is None else self._turn.wanted(share, point)
+        return solve_position(robot, point, seed, self._lower, self._upper, preferred, wanted)
+
+    @staticmethod
+    def _extrapolated(share: float, shares: list[float], found: list[FloatArray]) -> FloatArray:
+        if len(found) < 2:
+            return found[-1]
+        ratio = (share - shares[-1]) / (shares[-1] - shares[-2])
+        return found[-1] + ratio * (found[-1] - found[-2])
+
+    def _point(self, share: float) -> FloatArray:
+        return (1 - share) * self._ends[0] + share * self._ends[1]
+
+    def _is_off(self, solution: PositionSolution, share: float) -> bool:
+        if self._turn is not None and self._turn.off_segment(solution.q, share) is not None:
+            return True
+        return self._is_away(solution, share)
+
+    def _is_away(self, solution: PositionSolution, share: float) -> bool:
+        radius = self._problem.tube.effective_radius
+        is_last = self._segment + 1 == len(radius)
+        if share == 1.0 and is_last and self._goal is None:
+            return solution.error > _OPEN_GOAL_TOLERANCE
+        meeting = share == 1.0 and not is_last
+        allowed = radius[self._segment : self._segment + 1 + meeting].min()
+        return solution.error > _ALLOWED_RADIUS_SHARE * allowed
+
+    def _give_up(self, share: float, q: FloatArray, solution: PositionSolution) -> None:
+        point = self._point(share)
+        place = Place(segment=self._segment, position=as_position(point))
+        where = f"{100 * share:.1f} % along {place}"
+        jump = abs(solution.q - q)
+        joint = self._problem.robot.joint_names[int(jump.argmax())]
+        jumps = f"'{joint}' would have to jump by {jump.max():.3f} rad"
+        if self._turn is not None and self._could_go_on(share, q):
+            off = self._turn.off_segment(solution.q, share)
+            why = jumps if off is None else turned_off(solution)
+            reason = explain_turn(self._problem, self._segment if off is None else off, why)
+        elif self._is_off(solution, share):
+            reason = explain_error(self._problem, point, q, self._segment, solution)
+        else:
+            reason = (
+                f"no continuous branch: {jumps}; move the reference points or free the joint signs"
+            )
+        raise Infeasible(PlanStatus.UNREACHABLE, f"{where}: {reason}", place)
+
+    def _could_go_on(self, share: float, q: FloatArray) -> bool:
+        """Return whether a configuration could go on if the hand might be turned at will."""
+        robot, point = self._problem.robot, self._point(share)
+        solution = solve_position(robot, point, q, self._lower, self._upper)
+        jump = abs(solution.q - q).max()
+        return jump <= _LARGEST_JOINT_STEP and not self._is_away(solution, share)
+
+    def _require_hand_over(self, q: FloatArray) -> None:
+        """Raise unless a configuration at the segment's end is one that the next one allows."""
+        outside = np.maximum(self._end_lower - q, q - self._end_upper)
+        worst = int(outside.argmax())
+        if outside[worst] <= 10 * _SETTLED:
+            return
+        joint = self._problem.robot.joint_names[worst]
+        place = Place(joint=joint, segment=self._segment, position=as_position(self._ends[1]))
+        raise Infeasible(
+            PlanStatus.UNREACHABLE,
+            f"at the end of segment {self._segment} '{joint}' is at {q[worst]:.4f} rad, but the "
+            f"joint signs on both sides of the hand-over ask for [{self._end_lower[worst]:g}, "
+            f"{self._end_upper[worst]:g}]; move the reference point or change the signs",
+            place,
+        )
+
+
+def explain_error(
+    problem: PlanningProblem,
+    point: FloatArray,
+    seed: FloatArray,
+    segment: int,
+    solution: PositionSolution,
+) -> str:
+    """Say which condition keeps the hand from a point, by dropping one after the other."""
+    robot, limits = problem.robot, problem.robot.limits
+    short = f"the hand gets no nearer than {solution.error:.4g} m"
+    free = np.full(robot.joint_count, np.inf)
+    without_limits = solve_position(robot, point, seed, -free, free)
+    if without_limits.error > 1e-6:
+        return f"{short}: out of the arm's reach ({without_limits.error:.4g} m short)"
+    lower, upper = problem.joint_lower[segment], problem.joint_upper[segment]
+    at_bound = (solution.q <= lower) | (solution.q >= upper)
+    held = [name for name, is_held in zip(robot.joint_names, at_bound, strict=True) if is_held]
+    if not held:
+        return f"{short} without a jump of the joints: a singular configuration is in the way"
+    bounds = f"(at their bounds: {', '.join(held)})"
+    without_signs = solve_position(robot, point, seed, limits.lower_position, limits.upper_position)
+    if without_signs.error > 1e-6:
+        return f"{short}: position limits are in the way {bounds}"
+    return f"{short} with the joint signs of segment {segment} {bounds}"
+
+
+def explain_turn(problem: PlanningProblem, segment: int, why: str) -> str:
+    """Say that only the rotation tolerance keeps the hand from a point, why, and what to do."""
+    rotation = problem.tube.rotation
+    bounds = [np.inf] if rotation is None else rotation.bounds[segment].tolist()
+    asked = f"{bounds[-1]:.3g}"
+    if bounds[-1] == np.inf:
+        asked = f"[{', '.join(f'{bound:.3g}' for bound in bounds[:3])}]"
+    return (
+        f"the rotation tolerance of segment {segment}, {asked} rad, is in the way: {why}; widen "
+        f"tube.rotation_tolerance[{segment}], change tube.orientations or move the reference points"
+    )
+
+
+def turned_off(solution: PositionSolution) -> str:
+    """Say how near to its reference the hand can be turned."""
+    return (
+        f"the hand can be turned no nearer than {solution.rotation_error:.3g} rad to its reference "
+        "orientation, and a tenth of the tolerance is kept to plan with"
+    )
+
+
+def as_position(point: FloatArray) -> tuple[float, float, float]:
+    """Return a point (3,) as a tuple of floats."""
+    x, y, z = (float(value) for value in point)
+    return x, y, z

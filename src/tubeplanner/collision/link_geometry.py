@@ -1,0 +1,92 @@
+"""Collision shapes of a robot's links: its URDF geometry, covered by convex shapes.
+
+yourdfpy reads the URDF's geometry; it is imported when first needed.
+"""
+
+import io
+import logging
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from tubeplanner.collision.convex_shape import ConvexShape, box, cylinder, sphere
+from tubeplanner.collision.mesh_cover import cover_mesh, load_mesh
+from tubeplanner.errors import RobotError
+from tubeplanner.resources import find_mesh
+from tubeplanner.robot.robot_model import RobotModel
+
+
+def link_shapes(robot: RobotModel) -> dict[str, list[ConvexShape]]:
+    """Return the convex shapes of every link that has collision geometry.
+
+    Returns:
+        By link name: shapes in the frame of the link's body, which together cover the link. A
+        mesh whose hull is too fat is cut into slabs along its longest axis, each slab's hull one
+        shape.
+
+    Raises:
+        RobotError: A mesh is missing or unreadable, or a geometry is of a kind no URDF has.
+    """
+    shapes: dict[str, list[ConvexShape]] = {}
+    for link in read_geometry(robot).links:
+        placement = robot.link_placement[link.name]
+        covers = [
+            shape.transformed(placement @ placement_in_link(collision))
+            for collision in link.collisions
+            for shape in _cover(robot, link.name, collision.geometry)
+        ]
+        if covers:
+            shapes[link.name] = covers
+    return shapes
+
+
+def read_geometry(robot: RobotModel) -> Any:
+    """Return links and materials of a robot's URDF, as yourdfpy has them; meshes are not loaded.
+
+    Raises:
+        RobotError: A geometry is of a kind no URDF has.
+    """
+    import yourdfpy
+
+    logging.getLogger("yourdfpy").setLevel(logging.ERROR)
+    source = robot.urdf
+    try:
+        parsed = yourdfpy.URDF.load(
+            io.BytesIO(source.xml),
+            build_scene_graph=False,
+            load_meshes=False,
+            build_collision_scene_graph=False,
+            load_collision_meshes=False,
+            filename_handler=partial(find_mesh, urdf=source.path, package_dirs=robot.package_dirs),
+        )
+    except (ValueError, IndexError, TypeError, KeyError, AttributeError) as error:
+        raise RobotError(f"{source.path}: link geometry cannot be read: {error}") from error
+    return parsed.robot
+
+
+def placement_in_link(element: Any) -> np.ndarray:
+    """Return where a collision or visual element is in its link, shape (4, 4)."""
+    return np.eye(4) if element.origin is None else element.origin
+
+
+def _cover(robot: RobotModel, link: str, geometry: Any) -> list[ConvexShape]:
+    """Return convex shapes that cover one URDF geometry, in its own frame."""
+    simple = simple_shape(geometry)
+    if simple is not None:
+        return [simple]
+    if geometry.mesh is not None:
+        path = find_mesh(geometry.mesh.filename, robot.urdf.path, robot.package_dirs)
+        return cover_mesh(load_mesh(f"link '{link}'", path, geometry.mesh.scale))
+    raise RobotError(f"{robot.urdf.path}: link '{link}' has a <collision> without a known geometry")
+
+
+def simple_shape(geometry: Any) -> ConvexShape | None:
+    """Return a URDF geometry that is no mesh as a shape, in its own frame; None if it is one."""
+    if geometry.box is not None:
+        return box(geometry.box.size)
+    if geometry.sphere is not None:
+        return sphere(geometry.sphere.radius)
+    if geometry.cylinder is not None:
+        return cylinder(geometry.cylinder.radius, geometry.cylinder.length)
+    return None

@@ -1,0 +1,106 @@
+"""Meshes covered by convex shapes. trimesh reads them; it is imported when first needed."""
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tubeplanner.collision.convex_shape import ConvexShape, convex_hull
+from tubeplanner.errors import RobotError
+
+if TYPE_CHECKING:
+    import trimesh
+
+# A mesh is cut into twice as many slabs as long as that makes its cover this much smaller.
+_WORTHWHILE_VOLUME_RATIO = 0.95
+_MOST_SLABS = 8
+
+
+def load_mesh(
+    owner: str, path: Path, scale: float | Sequence[float] | None = None
+) -> "trimesh.Trimesh":
+    """Return a mesh file's triangles.
+
+    Args:
+        owner: What messages call whom the mesh belongs to.
+        path: STL, OBJ, DAE or another format that trimesh reads.
+        scale: One factor, or one per axis.
+
+    Raises:
+        RobotError: The file is no readable mesh.
+    """
+    import trimesh
+
+    try:
+        loaded = trimesh.load(str(path), force="mesh")
+    except Exception as error:  # trimesh's readers raise whatever their formats' libraries raise
+        raise RobotError(
+            f"{owner}: mesh {path} is no readable {path.suffix[1:].upper()} file; export it "
+            f"again ({error})"
+        ) from error
+    if len(loaded.vertices) == 0 or not np.isfinite(loaded.vertices).all():
+        raise RobotError(
+            f"{owner}: mesh {path} has no vertices, or some that are not finite; export it again"
+        )
+    loaded.apply_scale(length_unit(path))
+    if scale is not None:
+        loaded.apply_scale(scale)
+    return loaded
+
+
+def length_unit(path: Path) -> float:
+    """Return the length [m] of a mesh file's unit: COLLADA states it, and trimesh leaves it out."""
+    if path.suffix.lower() != ".dae":
+        return 1.0
+    for element in ElementTree.parse(path).iter():
+        if element.tag.endswith("}unit") or element.tag == "unit":
+            return float(element.get("meter", "1"))
+    return 1.0
+
+
+def cover_mesh(mesh: "trimesh.Trimesh") -> list[ConvexShape]:
+    """Return as few slab hulls as cover a mesh closely.
+
+    The solid inside a slab lies in the hull of the surface inside that slab, because every
+    cross-section is bounded by surface.
+    """
+    cover = [convex_hull(mesh.vertices)]
+    slabs = 2
+    while slabs <= _MOST_SLABS:
+        finer = _slab_hulls(mesh, slabs)
+        if _volume(finer) > _WORTHWHILE_VOLUME_RATIO * _volume(cover):
+            break
+        cover, slabs = finer, 2 * slabs
+    return cover
+
+
+def _slab_hulls(mesh: "trimesh.Trimesh", count: int) -> list[ConvexShape]:
+    axis = int(np.argmax(mesh.extents))
+    bounds = np.linspace(mesh.bounds[0, axis], mesh.bounds[1, axis], count + 1)
+    return [
+        convex_hull(points)
+        for points in (_slab_points(mesh, axis, low, high) for low, high in pairwise(bounds))
+        if len(points)
+    ]
+
+
+def _slab_points(mesh: "trimesh.Trimesh", axis: int, low: float, high: float) -> np.ndarray:
+    """Return the mesh's vertices in a slab and where its edges enter and leave the slab."""
+    heights = mesh.vertices[:, axis]
+    points = [mesh.vertices[(low <= heights) & (heights <= high)]]
+    start, end = mesh.vertices[mesh.edges_unique].transpose(1, 0, 2)
+    for height in (low, high):
+        crossing = (start[:, axis] - height) * (end[:, axis] - height) < 0
+        a, b = start[crossing], end[crossing]
+        share = (height - a[:, axis]) / (b[:, axis] - a[:, axis])
+        points.append(a + share[:, None] * (b - a))
+    return np.vstack(points)
+
+
+def _volume(shapes: list[ConvexShape]) -> float:
+    from scipy.spatial import ConvexHull
+
+    return sum(float(ConvexHull(shape.vertices).volume) for shape in shapes)

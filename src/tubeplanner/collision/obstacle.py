@@ -1,0 +1,141 @@
+"""Named solids: obstacles that stand still in the base frame, and what the tool carries."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from tubeplanner import convex_shape
+from tubeplanner.arrays import FloatArray
+from tubeplanner.collision.convex_shape import ConvexShape
+from tubeplanner.collision.mesh_cover import cover_mesh, load_mesh
+from tubeplanner.errors import ProblemError
+
+# Lengths that make sense around an arm [m]; far outside them distances are only rounding.
+SMALLEST, FARTHEST = 1e-6, 1e4
+
+
+@dataclass(frozen=True, eq=False)
+class Obstacle:
+    """A solid that the links must keep clear of.
+
+    Attributes:
+        name: Unique among the obstacles of a problem.
+        shapes: Convex shapes in the base frame that together cover it.
+
+    The constructors of each kind raise ProblemError for a size outside 1e-6 to 1e4 m.
+    """
+
+    name: str
+    shapes: tuple[ConvexShape, ...]
+
+    @classmethod
+    def box(cls, name: str, size: Sequence[float], placement: FloatArray) -> "Obstacle":
+        """Return a box of full side lengths [m], centred in a placement (4, 4)."""
+        _require_positive(name, "box", size)
+        return cls(name, (convex_shape.box(size).transformed(placement),))
+
+    @classmethod
+    def sphere(cls, name: str, radius: float, placement: FloatArray) -> "Obstacle":
+        """Return a sphere [m], centred in a placement (4, 4)."""
+        _require_positive(name, "sphere", [radius])
+        return cls(name, (convex_shape.sphere(radius).transformed(placement),))
+
+    @classmethod
+    def cylinder(cls, name: str, radius: float, length: float, placement: FloatArray) -> "Obstacle":
+        """Return a cylinder [m] along z of a placement (4, 4), centred in it."""
+        _require_positive(name, "cylinder", [radius, length])
+        return cls(name, (convex_shape.cylinder(radius, length).transformed(placement),))
+
+    @classmethod
+    def capsule(cls, name: str, radius: float, length: float, placement: FloatArray) -> "Obstacle":
+        """Return a capsule [m] along z of a placement (4, 4); length between its caps' centres."""
+        _require_positive(name, "capsule", [radius, length])
+        return cls(name, (convex_shape.capsule(radius, length).transformed(placement),))
+
+    @classmethod
+    def mesh(
+        cls, name: str, path: str | Path, placement: FloatArray, scale: float = 1.0
+    ) -> "Obstacle":
+        """Return a solid mesh in a placement (4, 4).
+
+        It is covered by the convex hulls of at most eight slabs across its longest axis, so that a
+        hollow counts as solid unless it lies between slabs.
+
+        Raises:
+            RobotError: The file is no readable mesh.
+            ProblemError: The scale is not between 1e-6 and 1e4.
+        """
+        if not SMALLEST <= scale <= FARTHEST:
+            raise ProblemError(
+                f"obstacle '{name}': scale {scale:g}; {SMALLEST:g} to {FARTHEST:g} are accepted"
+            )
+        shapes = cover_mesh(load_mesh(f"obstacle '{name}'", Path(path), scale))
+        return cls(name, tuple(shape.transformed(placement) for shape in shapes))
+
+
+@dataclass(frozen=True, eq=False)
+class AttachedSolid:
+    """A solid that the tool carries; it must keep clear like a link.
+
+    Attributes:
+        name: Unique among links, obstacles and attached solids.
+        shapes: Convex shapes in the tool frame that together cover it.
+        touch_links: Names of links that it may touch.
+    """
+
+    name: str
+    shapes: tuple[ConvexShape, ...]
+    touch_links: tuple[str, ...] = ()
+
+
+def placement_of(
+    position: Sequence[float] = (0.0, 0.0, 0.0),
+    rpy: Sequence[float] | None = None,
+    quaternion: Sequence[float] | None = None,
+) -> FloatArray:
+    """Return a homogeneous transform, shape (4, 4).
+
+    Args:
+        position: [m].
+        rpy: Roll, pitch, yaw about fixed x, y, z [rad], as in URDF; default: no rotation.
+        quaternion: x, y, z, w instead of `rpy`; it need not have unit length.
+
+    Raises:
+        ProblemError: Both rotations are given, or the quaternion is zero.
+    """
+    if rpy is not None and quaternion is not None:
+        raise ProblemError("a placement takes rpy or quaternion, not both")
+    if len(position) != 3 or not (abs(np.array(position)) <= FARTHEST).all():
+        raise ProblemError(
+            f"position {list(position)} must be three finite numbers within {FARTHEST:g} m"
+        )
+    placement = np.eye(4)
+    placement[:3, 3] = position
+    if quaternion is not None:
+        if len(quaternion) != 4 or not 1e-9 < np.linalg.norm(quaternion) < 1e9:
+            raise ProblemError(f"quaternion {list(quaternion)} has no direction")
+        placement[:3, :3] = Rotation.from_quat(quaternion).as_matrix()
+    elif rpy is not None:
+        if len(rpy) != 3 or not np.isfinite(rpy).all():
+            raise ProblemError(f"rpy {list(rpy)} must be three finite angles")
+        placement[:3, :3] = Rotation.from_euler("xyz", rpy).as_matrix()
+    return placement
+
+
+_SIZE_COUNTS = {"box": 3, "sphere": 1, "cylinder": 2, "capsule": 2}
+
+
+def _require_positive(name: str, kind: str, values: Sequence[float]) -> None:
+    if len(values) != _SIZE_COUNTS[kind]:
+        raise ProblemError(
+            f"obstacle '{name}': {kind} takes {_SIZE_COUNTS[kind]} sizes, not {len(values)}"
+        )
+    for value in values:
+        if not SMALLEST <= value <= FARTHEST:
+            raise ProblemError(
+                f"obstacle '{name}': {kind} has size {value:g} m; {SMALLEST:g} to {FARTHEST:g} m "
+                "are accepted"
+            )

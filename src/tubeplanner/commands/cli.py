@@ -1,0 +1,317 @@
+"""The command line, and nothing else: arguments in, text and exit status out.
+
+Exit status: 0 success; 1 infeasible, or a check that failed; 2 bad input or usage; 130 interrupted.
+"""
+
+import os
+import signal
+import sys
+import time
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from tubeplanner import __version__
+from tubeplanner.commands.console import (
+    AS_JSON,
+    BAD_INPUT,
+    INFEASIBLE,
+    INTERRUPTED,
+    PATH,
+    SUCCESS,
+    empty_report,
+    fail,
+    load_timed,
+    nowhere,
+    print_json,
+    shown_progress,
+)
+from tubeplanner.commands.interrupts import interrupts_held
+from tubeplanner.commands.measure_command import measure
+from tubeplanner.commands.study_commands import compare, sweep
+from tubeplanner.commands.study_commands import plot as draw
+from tubeplanner.commands.view_command import require_page, view
+from tubeplanner.errors import OptionError, TubePlannerError
+
+if TYPE_CHECKING:
+    from tubeplanner.motion.trajectory import JointTrajectory
+    from tubeplanner.problem.problem import PlanningProblem
+    from tubeplanner.verification.certificate import Tolerance
+
+
+def run() -> None:
+    """Run the command line on the process's arguments."""
+    # A reader that stops reading ends the process as it ends every other one in a pipe.
+    if hasattr(signal, "SIGPIPE"):
+        signal.signal(signal.SIGPIPE, signal.SIG_DFL)
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # closed by the caller
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
+        # A name that the stream's encoding lacks must not undo a success.
+        getattr(sys, name).reconfigure(errors="backslashreplace")
+    warnings.simplefilter("ignore")  # a library's warnings mean nothing to a user
+    sys.exit(main(sys.argv[1:]))
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run the command line and return its exit status.
+
+    Args:
+        arguments: Without the program's name.
+    """
+    as_json = "--json" in arguments
+    try:
+        status = cli.main(list(arguments), "tubeplanner", standalone_mode=False)
+        sys.stdout.flush()
+        return int(status or SUCCESS)
+    except click.ClickException as error:
+        if as_json:
+            return fail("bad_input", error.format_message(), as_json, BAD_INPUT)
+        error.show()
+        return BAD_INPUT
+    except TubePlannerError as error:
+        return fail("bad_input", str(error), as_json, BAD_INPUT)
+    except (KeyboardInterrupt, click.Abort):
+        message = "interrupted before anything was certified"
+        return fail("interrupted", message, as_json, INTERRUPTED)
+    except Exception as error:  # the last resort: a user gets one line, never a traceback
+        kind = type(error).__name__
+        message = f"internal error, please report it with the problem file: {kind}: {error}"
+        return fail("bad_input", message, as_json, BAD_INPUT)
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="tubeplanner")
+def cli() -> None:
+    """Plan a smooth, certified motion of a robot arm whose hand stays in a tube.
+
+    PROBLEM is a problem file (YAML or JSON) or example:ROBOT/NAME for a bundled one.
+    """
+
+
+@cli.command()
+@click.argument("problem")
+@click.option("-o", "--output", type=PATH, help="Trajectory file (JSON).")
+@click.option("--csv", type=PATH, help="Samples as CSV.")
+@click.option("--ros", type=PATH, help="Samples as trajectory_msgs/JointTrajectory, YAML.")
+@click.option("--rate", type=float, default=500.0, show_default=True, help="Samples per second.")
+@click.option("--plot", type=PATH, help="Figure (PNG).")
+@click.option("--html", type=PATH, help="The motion in 3D, one page that works offline.")
+@click.option(
+    "--method", help="refinement [default], branch-and-bound, stop-at-corners or suh-bishop."
+)
+@click.option("--quality", default="balanced", show_default=True, help="fast, balanced or best.")
+@click.option("--time-limit", type=float, help="End after so many seconds with the best so far.")
+@click.option("--time-left", is_flag=True, help="Say what bang-bang motors would take on the path.")
+@AS_JSON
+def plan(
+    problem: str,
+    output: Path | None,
+    csv: Path | None,
+    ros: Path | None,
+    rate: float,
+    plot: Path | None,
+    html: Path | None,
+    method: str | None,
+    quality: str,
+    time_limit: float | None,
+    time_left: bool,
+    as_json: bool,
+) -> int:
+    """Plan PROBLEM, certify the answer, and write it where asked.
+
+    Nothing is written unless the certificate passes.
+    """
+    from tubeplanner.planning.plan_options import METHODS, PlanOptions
+    from tubeplanner.planning.planner import plan as plan_problem
+
+    options = PlanOptions(method or METHODS[0], quality, time_limit=time_limit)
+    outputs = _Outputs(output, csv, ros, rate, plot, html)
+    outputs.require_usable(problem)
+    interrupted = False
+    with shown_progress() as enter:
+        loaded, loading_time = load_timed(problem, enter)
+        outputs.require_usable(problem, loaded.robot.urdf.path)
+        result = plan_problem(loaded, options, enter)
+        if result.trajectory is not None:
+            with interrupts_held() as held:
+                said = outputs.write(loaded, result.method, result.trajectory)
+                result = replace(result, notes=(*result.notes, *said))
+                _ = result.sensitivities  # before Ctrl-C could make a success look interrupted
+            interrupted = bool(held)
+    if as_json:
+        stopped_by = "interrupt" if interrupted else result.stopped_by
+        fields = {**result.as_dict(), "loading_time": loading_time, "stopped_by": stopped_by}
+        print_json({**fields, "path_minimum": result.path_minimum if time_left else None})
+    else:
+        from tubeplanner.commands.report import plan_text
+
+        print(plan_text(loaded, result, loading_time, with_minimum=time_left))
+        for kind, path in outputs.paths() if result.succeeded else ():
+            print(f"{kind}: {path}")
+    return SUCCESS if result.succeeded else INFEASIBLE
+
+
+@cli.command()
+@click.argument("problem")
+@click.argument("trajectory", type=PATH)
+@click.option("--tolerance", help="ABS[,REL]: how far below zero margins may lie.")
+@AS_JSON
+def check(problem: str, trajectory: Path, tolerance: str | None, as_json: bool) -> int:
+    """Judge the TRAJECTORY file against PROBLEM."""
+    from tubeplanner.files.file_notes import notes_on_file
+    from tubeplanner.files.trajectory_file import read_trajectory_file
+    from tubeplanner.verification.certificate import FOREIGN_TOLERANCE, Tolerance
+    from tubeplanner.verification.verification import verify
+
+    asked = _tolerance(tolerance)
+    read = read_trajectory_file(trajectory)
+    limits = asked or (Tolerance() if read.interpolation is None else FOREIGN_TOLERANCE)
+    with shown_progress() as enter:
+        loaded, loading_time = load_timed(problem, enter)
+        enter("certificate")
+        begin = time.perf_counter()
+        certificate = verify(loaded, read.trajectory, limits)
+        certificate_time = time.perf_counter() - begin
+    failures = certificate.failures()
+    reasons = "; ".join(certificate.describe(name) for name in failures)
+    message = f"fails: {reasons}" if failures else "passes every condition"
+    notes = notes_on_file(loaded, read, failed=bool(failures))
+    if as_json:
+        status = "certificate_failed" if failures else "success"
+        where = certificate.conditions[failures[0]].where.as_dict() if failures else nowhere()
+        print_json(
+            {
+                **empty_report(status, f"the trajectory {message}", where),
+                "duration": read.trajectory.duration,
+                "certificate_time": certificate_time,
+                "loading_time": loading_time,
+                "notes": notes,
+                "certificate": certificate.as_dict(),
+            }
+        )
+    else:
+        from tubeplanner.commands.report import certificate_text
+
+        print(certificate_text(certificate))
+        print(*(f"note: {note}" for note in notes), sep="\n", end="\n" if notes else "")
+        print(f"{trajectory} ({read.trajectory.duration:.4f} s) {message}.")
+    return INFEASIBLE if failures else SUCCESS
+
+
+@cli.command()
+@AS_JSON
+def robots(as_json: bool) -> None:
+    """List the robots and problems that example: names."""
+    from tubeplanner.resources import bundled_problems, bundled_robots, example_robot_names
+
+    problems = list(bundled_problems())
+    if as_json:
+        fields = {"robots": example_robot_names(), "problems": problems}
+        print_json({**empty_report("success", "what example: names", nowhere()), **fields})
+        return
+    print("Problems (example:ROBOT/NAME):")
+    print(*(f"  example:{name}" for name in problems), sep="\n")
+    print("Robots (robot.urdf: example:NAME), from this package and from example-robot-data:")
+    bundled = bundled_robots()
+    for name in example_robot_names():
+        print(f"  example:{name}{'  (bundled)' if name in bundled else ''}")
+
+
+@cli.command()
+@click.option("--json", is_flag=True, help="For symmetry: the schema is always JSON.")
+def schema(json: bool) -> None:
+    """Print the JSON schema of the problem file."""
+    from tubeplanner.problem.problem_format import problem_schema
+
+    print_json(problem_schema(), indent=2)
+
+
+for command in (draw, sweep, compare, measure, view):
+    cli.add_command(command)
+
+
+@dataclass(frozen=True)
+class _Outputs:
+    """The files a plan was asked to write."""
+
+    trajectory: Path | None
+    csv: Path | None
+    ros: Path | None
+    rate: float
+    plot: Path | None
+    html: Path | None
+
+    def paths(self) -> list[tuple[str, Path]]:
+        """Return what was asked for: kind and path."""
+        asked = {
+            "trajectory": self.trajectory,
+            "CSV": self.csv,
+            "ROS": self.ros,
+            "plot": self.plot,
+            "view": self.html,
+        }
+        return [(kind, path) for kind, path in asked.items() if path is not None]
+
+    def require_usable(self, *inputs: str | Path) -> None:
+        """Raise if a file could not be written, before any work is done."""
+        from tubeplanner.files.output_files import require_writable
+
+        if not 0 < self.rate < float("inf"):
+            raise OptionError(f"--rate is {self.rate:g} Hz; it must be > 0 and finite")
+        if self.plot is not None and self.plot.suffix.lower() != ".png":
+            raise OptionError(
+                f"--plot {self.plot}: a PNG is written; name a file that ends in .png"
+            )
+        require_page(self.html)
+        require_writable([path for _, path in self.paths()], [Path(path) for path in inputs])
+
+    def write(
+        self, problem: "PlanningProblem", method: str, trajectory: "JointTrajectory"
+    ) -> list[str]:
+        """Write all files, or none of them; return what there is to say about them."""
+        from tubeplanner.files.export import trajectory_csv, trajectory_json, trajectory_ros
+        from tubeplanner.files.export_samples import samples_for_export
+        from tubeplanner.files.fingerprint import origin
+        from tubeplanner.files.output_files import write_files
+
+        contents: dict[Path, bytes] = {}
+        notes: list[str] = []
+        if self.trajectory:
+            text = trajectory_json(trajectory, **origin(problem, method))
+            contents[self.trajectory] = text.encode()
+        if self.csv or self.ros:
+            sampled = samples_for_export(problem, trajectory, self.rate)
+            notes += [] if sampled.note is None else [sampled.note]
+        if self.csv:
+            contents[self.csv] = trajectory_csv(problem.robot, sampled.samples).encode()
+        if self.ros:
+            contents[self.ros] = trajectory_ros(
+                problem.robot.joint_names, sampled.samples, *notes
+            ).encode()
+        if self.plot:
+            from tubeplanner.views.figure_files import figure_png
+            from tubeplanner.views.plotting import plot_trajectory
+
+            contents[self.plot] = figure_png(plot_trajectory(problem, trajectory))
+        if self.html:
+            from tubeplanner.views.viewer import view as view_scene
+
+            contents[self.html] = view_scene(problem, trajectory, names=[method]).html.encode()
+        write_files(contents)
+        return notes
+
+
+def _tolerance(text: str | None) -> "Tolerance | None":
+    from tubeplanner.verification.certificate import Tolerance
+
+    if text is None:
+        return None
+    try:
+        return Tolerance(*(float(word) for word in text.split(",")))
+    except (TypeError, ValueError):
+        raise OptionError(f"--tolerance '{text}' is not ABS or ABS,REL") from None

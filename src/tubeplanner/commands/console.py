@@ -1,0 +1,86 @@
+"""What commands share: options, exit status, progress on a terminal, JSON on standard output."""
+
+import json
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from tubeplanner.commands.interrupts import interrupts_remembered
+
+if TYPE_CHECKING:
+    from tubeplanner.problem.problem import PlanningProblem
+
+SUCCESS, INFEASIBLE, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+
+PATH = click.Path(path_type=Path, dir_okay=False)
+FOLDER = click.Path(path_type=Path, file_okay=False)
+AS_JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+
+
+def load_timed(name: str, enter: Callable[[object], None]) -> "tuple[PlanningProblem, float]":
+    """Return a problem and the time [s] that reading it took."""
+    begin = time.perf_counter()
+    enter("loading robot and collision geometry")
+    from tubeplanner.problem.problem import load_problem
+
+    return load_problem(name), time.perf_counter() - begin
+
+
+@contextmanager
+def shown_progress() -> Iterator[Callable[[object], None]]:
+    """Yield a function that shows the current stage on a terminal's standard error.
+
+    Entering a stage also raises a Ctrl-C that a library swallowed, as trimesh does when imported.
+    """
+    with interrupts_remembered() as raise_pending:
+        if not sys.stderr.isatty():
+            yield lambda progress: raise_pending()
+            return
+        from rich.console import Console
+
+        with Console(stderr=True).status("") as status:
+
+            def enter(progress: object) -> None:
+                raise_pending()
+                status.update(f"{progress} ...")
+
+            yield enter
+
+
+def fail(status: str, message: str, as_json: bool, code: int) -> int:
+    """Say why a run ends without an answer; return its exit status."""
+    if as_json:
+        print_json(empty_report(status, message, nowhere()))
+    else:
+        print(f"tubeplanner: {message}", file=sys.stderr)
+    return code
+
+
+def empty_report(status: str, message: str, where: dict[str, Any]) -> dict[str, Any]:
+    """Return the JSON object of a run, numbers still absent."""
+    numbers = ("duration", "phase1_duration", "planning_time", "certificate_time", "loading_time")
+    return {
+        "status": status,
+        "message": message,
+        "where": where,
+        **dict.fromkeys(numbers),
+        "stopped_by": None,
+        "certificate": None,
+    }
+
+
+def nowhere() -> dict[str, Any]:
+    """Return the place of what has none, as JSON values."""
+    from tubeplanner.outcome import Place
+
+    return Place().as_dict()
+
+
+def print_json(fields: dict[str, Any], indent: int | None = None) -> None:
+    """Print the one JSON object of a run."""
+    print(json.dumps(fields, allow_nan=False, indent=indent))

@@ -1,0 +1,98 @@
+"""The command that measures how wide a tube may be, and in which configurations of the arm."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from tubeplanner.commands.console import (
+    AS_JSON,
+    INFEASIBLE,
+    PATH,
+    SUCCESS,
+    empty_report,
+    load_timed,
+    nowhere,
+    print_json,
+    shown_progress,
+)
+from tubeplanner.errors import OptionError
+
+if TYPE_CHECKING:
+    from tubeplanner.measurement.measured_tube import MeasureOptions
+
+
+@click.command()
+@click.argument("problem")
+@click.option("-o", "--output", type=PATH, help="Problem file with the measured tube.")
+@click.option(
+    "--max-radius", type=float, default=0.2, show_default=True, help="No radius is larger [m]."
+)
+@click.option(
+    "--configurations", is_flag=True, help="Which signs of joints are reachable and free, instead."
+)
+@click.option("--seed", type=int, default=0, show_default=True, help="Of the random numbers.")
+@AS_JSON
+def measure(
+    problem: str,
+    output: Path | None,
+    max_radius: float,
+    configurations: bool,
+    seed: int,
+    as_json: bool,
+) -> int:
+    """Measure how wide the tube of PROBLEM may be: radii and joint ranges without a collision.
+
+    The file's own radii do not count; its joint signs and its start choose the configuration.
+    """
+    from tubeplanner.measurement.measured_tube import MeasureOptions
+
+    options = MeasureOptions(max_radius, seed=seed)
+    if configurations and output is not None:
+        raise OptionError("--configurations compares and writes no file; leave out one of them")
+    if configurations:
+        return _compare(problem, options, as_json)
+    return _measure(problem, options, output, as_json)
+
+
+def _measure(problem: str, options: "MeasureOptions", output: Path | None, as_json: bool) -> int:
+    from tubeplanner.files.output_files import require_writable, write_files
+    from tubeplanner.files.problem_file import with_other_tube
+    from tubeplanner.measurement.tube_measurement import measure_tube
+    from tubeplanner.resources import find_problem
+
+    outputs = [] if output is None else [output]
+    require_writable(outputs, [Path(problem)])
+    with shown_progress() as enter:
+        loaded, loading_time = load_timed(problem, enter)
+        source = find_problem(problem, Path())
+        require_writable(outputs, [source, loaded.robot.urdf.path])
+        result = measure_tube(loaded, options, enter)
+    if output is not None and result.problem is not None:
+        write_files({output: with_other_tube(source, output, result.problem.tube)})
+    if as_json:
+        fields = {**empty_report("", "", nowhere()), **result.as_dict()}
+        print_json({**fields, "loading_time": loading_time})
+    else:
+        from tubeplanner.commands.report import measurement_text
+
+        print(measurement_text(loaded, result, loading_time))
+        if output is not None and result.succeeded:
+            print(f"problem: {output}")
+    return SUCCESS if result.succeeded else INFEASIBLE
+
+
+def _compare(problem: str, options: "MeasureOptions", as_json: bool) -> int:
+    from tubeplanner.measurement.sign_patterns import survey_patterns
+
+    with shown_progress() as enter:
+        loaded, loading_time = load_timed(problem, enter)
+        survey = survey_patterns(loaded, options, enter)
+    if as_json:
+        fields = {**empty_report("", "", nowhere()), **survey.as_dict()}
+        print_json({**fields, "loading_time": loading_time})
+    else:
+        from tubeplanner.commands.report import patterns_text
+
+        print(patterns_text(loaded, survey))
+    return SUCCESS if survey.suggested is not None else INFEASIBLE

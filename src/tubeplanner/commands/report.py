@@ -1,0 +1,196 @@
+"""Plans and certificates as text for a terminal."""
+
+import sys
+from dataclasses import replace
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from tubeplanner.measurement.measured_tube import SegmentMeasurement, TubeMeasurement
+from tubeplanner.measurement.sign_patterns import PatternSurvey
+from tubeplanner.planning.plan_result import PlanResult
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.studies.comparison import Comparison
+from tubeplanner.studies.tolerance_sweep import SweepResult
+from tubeplanner.verification.certificate import RELATIVE, Certificate, Condition
+
+_WIDTH_OF_A_FILE = 160  # [characters]
+# Rounding errors of the machine are shown as what they are: nothing.
+_NOTHING = 1e-10
+_PRICES = 3
+
+
+def plan_text(
+    problem: PlanningProblem, result: PlanResult, loading_time: float, *, with_minimum: bool = False
+) -> str:
+    """Return what came of planning, in lines.
+
+    Args:
+        problem: What was asked.
+        result: What came of it.
+        loading_time: [s].
+        with_minimum: Whether to say how fast the path could be run by motors that switch at once.
+    """
+    robot = problem.robot
+    lines = [
+        f"{problem.name}: {robot.name}, {robot.joint_count} joints to {robot.tool_frame}",
+        f"loaded in {loading_time:.2f} s, planned in {result.planning_time:.2f} s "
+        f"(certificate {result.certificate_time:.2f} s), method {result.method}",
+    ]
+    if result.search is not None:
+        lines.append(f"branch and bound: {result.search}")
+    if result.phase_two is not None:
+        lines.append(f"phase 2, from {result.phase1_duration:.4f} s: {result.phase_two}")
+    if result.certificate is not None:
+        lines.append(certificate_text(result.certificate))
+    lines.append(f"{result.status}: {result.message}")
+    dearest = [str(price) for price in result.sensitivities[:_PRICES] if price.saved > 0]
+    if dearest:
+        lines.append(f"10 % more would save: {'; '.join(dearest)}")
+    if with_minimum and result.path_minimum is not None and result.duration:
+        left = max(1 - result.path_minimum / result.duration, 0.0)
+        lines.append(
+            f"time left on this path: motors that switch at once would take "
+            f"{result.path_minimum:.4f} s, {100 * left:.1f} % less"
+        )
+    lines += [f"note: {note}" for note in result.notes]
+    place = str(result.place)
+    if place:
+        lines.append(f"where: {place}")
+    if result.stopped_by is not None:
+        lines.append(f"stopped by {result.stopped_by.replace('_', ' ')}: there may be better")
+    if problem.obstacles and not problem.collision.has_link_geometry:
+        lines.append(
+            "note: the robot has no collision geometry; the obstacles were NOT checked against it"
+        )
+    return "\n".join(lines)
+
+
+def sweep_text(result: SweepResult) -> str:
+    """Return a sweep as a table, as wide as the terminal, and the rows' messages."""
+    scaled = result.quantity != "radius"
+    table = Table(title=f"{result.problem.name}: duration against tolerance", title_justify="left")
+    for heading in ("scale" if scaled else "radius", "duration", "10 % more radius", "planned in"):
+        table.add_column(heading, justify="right")
+    table.add_column("answer")
+    for row in result.rows:
+        value = f"{row.value:g}" if scaled else f"{1000 * row.value:g} mm"
+        if row.result is None or row.duration is None:
+            table.add_row(value, "", "", "", f"{row.status}: {escape(row.message)}")
+            continue
+        saved = (
+            "" if row.elasticity is None else f"{abs(100 * row.elasticity * row.duration):.2g} ms"
+        )
+        said = f"certified, {row.result.method}" + (f"; {row.note}" if row.note else "")
+        times = (f"{row.duration:.4f} s", saved and f"saves {saved}")
+        table.add_row(value, *times, f"{row.result.planning_time:.2f} s", said)
+    return _rendered(table)
+
+
+def comparison_text(result: Comparison) -> str:
+    """Return a comparison as a table, as wide as the terminal, and the rows' messages."""
+    table = Table(title=f"{result.problem.name}: methods compared", title_justify="left")
+    table.add_column("method")
+    for heading in ("duration", "planned in"):
+        table.add_column(heading, justify="right")
+    table.add_column("certificate")
+    table.add_column("smooth")
+    for heading in ("peak jerk", "at a limit", "tube used"):
+        table.add_column(heading, justify="right")
+    for row in result.rows:
+        spent = f"{row.planning_time:.2f} s"
+        if row.duration is None or row.measures is None:
+            table.add_row(row.method, "", spent, str(row.status).replace("_", " "))
+            continue
+        measured = row.measures
+        failed = ", ".join(f"{name} {_excess(found)}" for name, found in row.failures.items())
+        verdict = f"FAILS: {failed}" if failed else "passes"
+        jerk = "unbounded" if measured.peak_jerk is None else f"{measured.peak_jerk:.2g}"
+        shares = (f"{100 * share:.0f} %" for share in (measured.at_limit, measured.tube_use))
+        duration = f"{row.duration:.4f} s"
+        table.add_row(row.method, duration, spent, verdict, measured.smoothness, jerk, *shares)
+    return "\n".join([_rendered(table), *(f"{row.method}: {row.message}" for row in result.rows)])
+
+
+def _excess(condition: Condition) -> str:
+    """Return by how much a condition is missed, with its unit."""
+    missed = -(condition.margin or 0.0)
+    percent = condition.unit == RELATIVE
+    return f"{100 * missed:.3g} %" if percent else f"{missed:.3g} {condition.unit}"
+
+
+def measurement_text(problem: PlanningProblem, result: TubeMeasurement, loading_time: float) -> str:
+    """Return a measured tube as a table of what ends each radius and range, and the counts."""
+    lines = [
+        f"{problem.name}: {problem.robot.name}, loaded in {loading_time:.2f} s, measured in "
+        f"{result.measuring_time:.1f} s"
+    ]
+    if result.succeeded:
+        table = Table(title="Measured tube", title_justify="left")
+        for heading in ("segment", "bound", "largest", "ended by"):
+            table.add_column(heading)
+        for k, segment in enumerate(result.segments):
+            for row in _measured_rows(segment):
+                table.add_row(str(k), *map(escape, row))
+            table.add_section()
+        lines.append(_rendered(table))
+        for k, segment in enumerate(result.segments):
+            lines.append(
+                f"segment {k}: {segment.samples} configurations attacked, no collision "
+                f"({segment.attacked} in all, {segment.collisions} collisions outside the tube)"
+            )
+    lines.append(f"{result.status}: {result.message}")
+    place = str(result.place)
+    return "\n".join([*lines, f"where: {place}"] if place else lines)
+
+
+def patterns_text(problem: PlanningProblem, survey: PatternSurvey) -> str:
+    """Return sign patterns as a table, and what is suggested."""
+    table = Table(title=f"{problem.name}: configurations by segment", title_justify="left")
+    for heading in ("segment", "signs", "reachable", "free", "radius up to", "why not"):
+        table.add_column(heading)
+    for row in survey.rows:
+        signs = ", ".join(f"{name} {sign}" for name, sign in row.signs.items())
+        radius = "" if row.radius is None else f"{1000 * row.radius:.0f} mm"
+        verdicts = ["yes" if holds else "no" for holds in (row.reachable, row.free)]
+        table.add_row(str(row.segment), signs, *verdicts, radius, escape(row.message))
+    return f"{_rendered(table)}\n{survey.message}"
+
+
+def _measured_rows(segment: SegmentMeasurement) -> list[tuple[str, str, str]]:
+    """Return what is bounded, by how much, and what ends it there."""
+    ended: dict[str | None, list[str]] = {}
+    for binding in segment.bindings:
+        side = "" if binding.bound == "radius" else f"{binding.bound}: "
+        place = replace(binding.place, joint=None, segment=None)
+        ended.setdefault(binding.place.joint, []).append(f"{side}{place}")
+    rows = [("radius", f"{1000 * segment.radius:.1f} mm", "; ".join(ended.get(None, [])))]
+    for name, (lower, upper) in segment.joint_ranges.items():
+        rows.append((name, f"[{lower:.3f}, {upper:.3f}]", "; ".join(ended.get(name, []))))
+    return rows
+
+
+def certificate_text(certificate: Certificate) -> str:
+    """Return a certificate as a table, as wide as the terminal."""
+    table = Table(title="Certificate", title_justify="left")
+    for heading in ("condition", "margin", "holds", "where", "coverage"):
+        table.add_column(heading, justify="right" if heading == "margin" else "left")
+    for name, condition in certificate.conditions.items():
+        if condition.margin is None:
+            table.add_row(name, "", "not asked", "", condition.coverage)
+            continue
+        shown = 0.0 if abs(condition.margin) < _NOTHING else condition.margin
+        percent = condition.unit == RELATIVE
+        margin = f"{100 * shown:.3g} %" if percent else f"{shown:.3g} {condition.unit}"
+        verdict = "yes" if condition.holds(certificate.tolerance) else "NO"
+        place = escape(str(condition.where))
+        table.add_row(name, margin, verdict, place, condition.coverage)
+    return _rendered(table)
+
+
+def _rendered(table: Table) -> str:
+    console = Console(width=None if sys.stdout.isatty() else _WIDTH_OF_A_FILE)
+    with console.capture() as capture:
+        console.print(table)
+    return capture.get().rstrip("\n")

@@ -1,0 +1,58 @@
+"""The command that shows a problem and its trajectories in 3D."""
+
+from pathlib import Path
+
+import click
+
+from tubeplanner.commands.console import (
+    AS_JSON,
+    PATH,
+    empty_report,
+    load_timed,
+    nowhere,
+    print_json,
+    shown_progress,
+)
+from tubeplanner.errors import OptionError
+
+
+@click.command()
+@click.argument("problem")
+@click.argument("trajectories", type=PATH, nargs=-1, metavar="[TRAJECTORY]...")
+@click.option("--html", type=PATH, help="Write one page that works offline; open nothing.")
+@AS_JSON
+def view(problem: str, trajectories: tuple[Path, ...], html: Path | None, as_json: bool) -> None:
+    """Show PROBLEM and TRAJECTORY files, side by side, in 3D."""
+    from tubeplanner.files.output_files import require_writable
+    from tubeplanner.files.trajectory_file import read_trajectory_file
+    from tubeplanner.views.viewer import names_of_files
+    from tubeplanner.views.viewer import view as view_scene
+
+    require_page(html)
+    if html is not None:
+        require_writable([html], [Path(problem), *trajectories])
+    motions = [read_trajectory_file(path).trajectory for path in trajectories]
+    with shown_progress() as enter:
+        loaded, _ = load_timed(problem, enter)
+        enter("scene")
+        shown = view_scene(loaded, *motions, names=names_of_files(trajectories))
+        path, opened = (html, True) if html is not None else shown.open()
+        if html is not None:
+            shown.save(html)
+    message = f"view: {path}"
+    if not opened:
+        message += " (no browser could be opened; open this file in one)"
+    if as_json:
+        print_json({**empty_report("success", message, nowhere()), "html": str(path)})
+        return
+    print(*(f"note: {note}" for note in shown.scene.notes), message, sep="\n")
+
+
+def require_page(path: Path | None) -> None:
+    """Check that a page is asked for under the name of one.
+
+    Raises:
+        OptionError: It is not.
+    """
+    if path is not None and path.suffix.lower() not in (".html", ".htm"):
+        raise OptionError(f"--html {path}: a page is written; name a file that ends in .html")

@@ -1,0 +1,1 @@
+"""Trajectories on disk: read, written whole or not at all."""

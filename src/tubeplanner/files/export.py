@@ -1,0 +1,82 @@
+"""Trajectories as text: our JSON, CSV, ROS."""
+
+import json
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from tubeplanner.files.trajectory_file import TRAJECTORY_FORMAT, TRAJECTORY_VERSION
+from tubeplanner.motion.trajectory import JointTrajectory, TrajectorySamples
+from tubeplanner.robot.robot_model import RobotModel
+
+
+def trajectory_json(trajectory: JointTrajectory, **more: Any) -> str:
+    """Return a trajectory file.
+
+    Args:
+        trajectory: What to write.
+        more: Further keys, such as `method`.
+    """
+    fields = {
+        "format": TRAJECTORY_FORMAT,
+        "version": TRAJECTORY_VERSION,
+        "joint_names": list(trajectory.joint_names),
+        "duration": trajectory.duration,
+        "breakpoints": trajectory.breakpoints.tolist(),
+        "coefficients": trajectory.coefficients.tolist(),
+        **more,
+    }
+    return json.dumps(fields, allow_nan=False) + "\n"
+
+
+def trajectory_csv(robot: RobotModel, samples: TrajectorySamples) -> str:
+    """Return samples as CSV: time, positions, velocities, accelerations, efforts.
+
+    Args:
+        robot: For the joints' names and the efforts.
+        samples: In the robot's joint order.
+    """
+    effort = robot.inverse_dynamics(samples.position, samples.velocity, samples.acceleration)
+    quantities = ("position", "velocity", "acceleration", "effort")
+    header = ["time"] + [f"{name}.{what}" for what in quantities for name in robot.joint_names]
+    table = np.column_stack(
+        [samples.time, samples.position, samples.velocity, samples.acceleration, effort]
+    )
+    rows = [",".join(map(repr, row)) for row in table.tolist()]
+    return "\n".join([",".join(header), *rows]) + "\n"
+
+
+def trajectory_ros(joint_names: Sequence[str], samples: TrajectorySamples, *comments: str) -> str:
+    """Return samples as a trajectory_msgs/JointTrajectory in YAML, without efforts.
+
+    Args:
+        joint_names: In the order of the samples.
+        samples: What to write.
+        comments: Sentences that come first, as YAML comments.
+    """
+    lines = [f"# {comment}" for comment in comments]
+    lines += ["joint_names:", *(f"- {json.dumps(name)}" for name in joint_names)]
+    lines.append("points:")
+    rows = zip(
+        samples.time.tolist(),
+        samples.position.tolist(),
+        samples.velocity.tolist(),
+        samples.acceleration.tolist(),
+        strict=True,
+    )
+    for time, position, velocity, acceleration in rows:
+        nanoseconds = round(time * 1e9)
+        lines.append(f"- positions: {_ros_list(position)}")
+        lines.append(f"  velocities: {_ros_list(velocity)}")
+        lines.append(f"  accelerations: {_ros_list(acceleration)}")
+        seconds, rest = divmod(nanoseconds, 10**9)
+        lines.append(f"  time_from_start: {{sec: {seconds}, nanosec: {rest}}}")
+    return "\n".join(lines) + "\n"
+
+
+def _ros_list(values: list[float]) -> str:
+    # YAML 1.1 readers take 1e-05 for a string: a number needs its point.
+    words = [repr(value) for value in values]
+    words = [word if "." in word else word.replace("e", ".0e") for word in words]
+    return "[" + ", ".join(words) + "]"

@@ -1,0 +1,157 @@
+"""Samples at a rate that keep the limits for whoever joins them.
+
+The acceleration of a time-optimal motion has kinks between samples, the sharpest at its ends, where
+it rises to a limit within a fraction of a period. Polynomials through samples cannot follow: they
+swing past the limit, by up to a third of it. Where they do, the motion is averaged over about a
+period to either side: a uniform cubic spline whose control points lie on the motion (Schoenberg's
+operator; de Boor, "A Practical Guide to Splines", chapter XI). Its velocities, accelerations and
+jerks are means of the motion's, so that they keep its limits, and between samples it is a cubic, so
+that joining them gives it back. It begins and ends a period late; the limits of effort, which means
+keep but nearly, are checked, and more periods are taken until they hold.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import BSpline
+
+from tubeplanner.files.trajectory_file import joined_samples
+from tubeplanner.motion.trajectory import JointTrajectory, TrajectorySamples, from_spline
+from tubeplanner.outcome import Infeasible
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.robot.robot_model import RobotModel
+from tubeplanner.verification.certificate import FOREIGN_TOLERANCE
+from tubeplanner.verification.verification import verify
+from tubeplanner.waypoint_search.time_scaling import minimum_duration
+
+# Averaging asks for that many periods; slowing down ends where the motion takes this much longer.
+_FEWEST_PERIODS, _MOST_SLOWED = 6, 2.0
+# Limits hold when the joined samples need no more than this share of their time more.
+_RUN_OVER = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class ExportSamples:
+    """Samples of a motion, for a file.
+
+    Attributes:
+        samples: One every period, the last one at their duration.
+        rate: [Hz].
+        slowed: By which share they last longer than the motion; 0 if they lie on it.
+        note: What was done to the motion, or what joining the samples breaks; None: nothing.
+    """
+
+    samples: TrajectorySamples
+    rate: float
+    slowed: float
+    note: str | None
+
+
+def samples_for_export(
+    problem: PlanningProblem, trajectory: JointTrajectory, rate: float
+) -> ExportSamples:
+    """Return samples that pass `check`: of the motion itself, averaged, or slowed down.
+
+    Args:
+        problem: What was asked.
+        trajectory: A certified answer.
+        rate: [Hz].
+
+    Returns:
+        If nothing passes, samples of the motion itself; the note says what joining them breaks.
+
+    Raises:
+        TrajectoryError: The rate is not positive, or makes too many samples.
+    """
+    samples = trajectory.sample(rate)
+    broken = _broken(problem, trajectory, samples)
+    if broken is None:
+        return ExportSamples(samples, rate, 0.0, None)
+    for how, found in _gentler(problem.robot, trajectory, rate):
+        if _broken(problem, trajectory, found) is None:
+            slowed = found.time[-1] / trajectory.duration - 1
+            note = (
+                f"CSV and ROS samples at {rate:g} Hz are {how} and last {found.time[-1]:.4f} s, "
+                f"{100 * slowed:.2g} % longer than the motion, so that the limits hold for whoever "
+                "joins them"
+            )
+            return ExportSamples(found, rate, slowed, note)
+    note = (
+        f"CSV and ROS samples at {rate:g} Hz are too few: joined by polynomials, they break the "
+        f"conditions {broken}; raise --rate"
+    )
+    return ExportSamples(samples, rate, 0.0, note)
+
+
+def _broken(
+    problem: PlanningProblem, trajectory: JointTrajectory, samples: TrajectorySamples
+) -> str | None:
+    """Return the conditions that joined samples break, None if they pass."""
+    joined = _joined(trajectory, samples)
+    return ", ".join(verify(problem, joined, FOREIGN_TOLERANCE).failures()) or None
+
+
+def _gentler(
+    robot: RobotModel, trajectory: JointTrajectory, rate: float
+) -> Iterator[tuple[str, TrajectorySamples]]:
+    """Yield samples that keep all limits when joined: averaged, then slowed down alone."""
+    averaged = _averaged(robot, trajectory, rate)
+    if averaged is not None:
+        yield "averaged over neighbouring periods", averaged
+    slowed = _slowed(robot, trajectory, rate)
+    if slowed is not None:
+        yield "slowed down", slowed
+
+
+def _averaged(
+    robot: RobotModel, trajectory: JointTrajectory, rate: float
+) -> TrajectorySamples | None:
+    """Return samples of the motion averaged, in the fewest periods that keep the limits."""
+    fewest = max(int(np.ceil(trajectory.duration * rate)), _FEWEST_PERIODS)
+    periods = fewest
+    while periods <= _MOST_SLOWED * fewest:
+        motion = _average(trajectory, periods, rate)
+        needed = _needed(robot, motion)
+        if needed <= 1 + _RUN_OVER:
+            return motion.at(np.arange(periods + 1) / rate)
+        periods += max(1, int((needed - 1) * periods))
+    return None
+
+
+def _average(trajectory: JointTrajectory, periods: int, rate: float) -> JointTrajectory:
+    """Return the uniform cubic spline whose control points lie on the motion."""
+    knots = np.arange(periods + 1) / rate
+    knots = np.concatenate([np.full(3, knots[0]), knots, np.full(3, knots[-1])])
+    means = (knots[1:-3] + knots[2:-2] + knots[3:-1]) / 3  # where control points belong (Greville)
+    # The first three are the start, the last three the goal: at rest, without acceleration.
+    share = np.clip((means * rate - 1) / (periods - 2), 0.0, 1.0)
+    control_points = trajectory.position(share * trajectory.duration)
+    return from_spline(trajectory.joint_names, BSpline(knots, control_points, 3))
+
+
+def _slowed(
+    robot: RobotModel, trajectory: JointTrajectory, rate: float
+) -> TrajectorySamples | None:
+    """Return samples on the motion, run slowly enough to keep the limits when joined."""
+    factor = 1.0
+    while factor <= _MOST_SLOWED:
+        samples = trajectory.scaled(factor).sample(rate)
+        needed = _needed(robot, _joined(trajectory, samples))
+        if needed <= 1 + _RUN_OVER:
+            return samples
+        factor *= needed
+    return None
+
+
+def _needed(robot: RobotModel, motion: JointTrajectory) -> float:
+    """Return which share of its duration a motion needs to keep the limits."""
+    try:
+        return minimum_duration(robot, motion) / motion.duration
+    except Infeasible:  # gravity alone exceeds a motor where the joined samples lead
+        return np.inf
+
+
+def _joined(trajectory: JointTrajectory, samples: TrajectorySamples) -> JointTrajectory:
+    known = (samples.position, samples.velocity, samples.acceleration)
+    return joined_samples(trajectory.joint_names, samples.time, known)

@@ -1,0 +1,52 @@
+"""What there is to say about a trajectory file, beside its certificate."""
+
+import numpy as np
+
+from tubeplanner.files.fingerprint import problem_hash, robot_hash
+from tubeplanner.files.trajectory_file import TrajectoryFile
+from tubeplanner.motion.trajectory import JointTrajectory
+from tubeplanner.problem.problem import PlanningProblem, Seed
+
+_NEAR = 1e-2  # [rad or m]: starts this close to each other are the same
+
+
+def notes_on_file(problem: PlanningProblem, file: TrajectoryFile, *, failed: bool) -> list[str]:
+    """Return sentences: how samples were read, what else the file was made for, what it may mean.
+
+    Args:
+        problem: What was asked.
+        file: Its trajectory has the problem's joints, in any order.
+        failed: Whether its certificate failed.
+    """
+    notes = []
+    if file.interpolation is not None:
+        notes.append(f"samples are joined by {file.interpolation}")
+    if file.robot_hash not in (None, robot_hash(problem.robot)):
+        notes.append("the trajectory was made for another robot, payload or limits")
+    elif file.problem_hash not in (None, problem_hash(problem)):
+        notes.append("the trajectory was made for another problem with this robot")
+    misreading = _likely_misreading(problem, file.trajectory) if failed else None
+    return notes if misreading is None else [*notes, misreading]
+
+
+def _likely_misreading(problem: PlanningProblem, trajectory: JointTrajectory) -> str | None:
+    """Return a guess why a trajectory does not start where it should; None if there is none."""
+    if isinstance(problem.start, Seed):
+        return None
+    names, revolute = problem.robot.joint_names, problem.robot.revolute
+    start, q = problem.start, trajectory.reordered(names).position(0.0)
+    if np.allclose(q, start, atol=_NEAR):
+        return None
+    radians = np.where(revolute, np.radians(q), q)
+    if np.allclose(radians, start, atol=_NEAR):
+        return "its positions look like degrees; radians are needed"
+    if np.allclose(np.sort(q), np.sort(start), atol=_NEAR):
+        order = np.argsort(np.argsort(start))
+        sources = np.argsort(q)[order]
+        swapped = [
+            f"'{names[j]}' starts where '{names[i]}' should"
+            for i, j in enumerate(sources)
+            if i != j
+        ]
+        return f"its joints look to be in another order: {', '.join(swapped)}"
+    return None

@@ -1,0 +1,1 @@
+"""Tubes measured from obstacles: radii and joint ranges in which nothing collides."""

@@ -1,0 +1,179 @@
+"""All configurations that one segment of a tube allows: joints in ranges, the hand in a capsule."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tubeplanner.arrays import BoolArray, FloatArray
+from tubeplanner.problem.problem import PlanningProblem
+
+_MOST_STEPS = 20
+_LARGEST_STEP = 0.4  # [rad or m] of any joint
+_STILL = 1e-5  # [rad or m]: joints that move less come no nearer
+_DAMPING = 1e-6  # of squared metres and radians
+# A hand this near to where it is wanted is there: a share of the radius, and of a rotation [rad].
+_NEAR_SHARE, _NEAR_TURN = 0.1, 0.01
+_INSIDE = 1e-9  # [m or rad]
+# So many of the samples are wanted at the surface of what is allowed: extremes are there.
+_AT_SURFACE = 0.5
+_WITHIN = 0.999  # of a bound is aimed at, so that rounding does not end outside
+
+
+@dataclass(frozen=True, eq=False)
+class ConfigurationSet:
+    """The configurations that a segment allows.
+
+    Attributes:
+        problem: Its arm counts, and its tube's reference points and rotations.
+        segment: Index of the segment.
+        lower: Lower joint bounds, shape (n,) [rad or m].
+        upper: Upper joint bounds, likewise.
+        radius: How far the tool centre point may be from the segment [m].
+    """
+
+    problem: PlanningProblem
+    segment: int
+    lower: FloatArray
+    upper: FloatArray
+    radius: float
+
+    def hand_distance(self, q: FloatArray) -> FloatArray:
+        """Return how far hands are from the segment, for configurations (N, n): (N,) [m]."""
+        return self._distance(self.problem.robot.tool_position(q))
+
+    def contains(self, q: FloatArray) -> BoolArray:
+        """Return which configurations (N, n) are in the set: bool, shape (N,)."""
+        rotation, hand = self.problem.robot.tool_pose(q)
+        inside = self._distance(hand) <= self.radius + _INSIDE
+        inside &= np.all((q >= self.lower - _INSIDE) & (q <= self.upper + _INSIDE), axis=1)
+        turned = self.problem.tube.rotation_margin(rotation, hand, self._alone)[:, 0]
+        return np.asarray(inside & (turned >= -_INSIDE))
+
+    def sample(self, count: int, rng: np.random.Generator) -> FloatArray:
+        """Return random configurations of the set, `count` of them at most, shape (N, n).
+
+        Joint values are drawn in their ranges, then moved until the hand is where it was drawn in
+        the capsule, turned as was drawn in the rotation tolerance; what does not get there is
+        left out.
+        """
+        q = rng.uniform(self.lower, self.upper, (count, len(self.lower)))
+        moved = self._moved(q, self._places(count, rng), self._turns(count, rng))
+        return moved[self.contains(moved)]
+
+    def back_inside(self, q: FloatArray) -> FloatArray:
+        """Return configurations (N, n) moved towards the set, none farther than needed."""
+        q = np.clip(q, self.lower, self.upper)
+        rotation, hand = self.problem.robot.tool_pose(q)
+        nearest = self.problem.tube.nearest(hand, self._alone)[:, 0]
+        distance = np.linalg.norm(hand - nearest, axis=1, keepdims=True)
+        share = np.minimum(1.0, _WITHIN * self.radius / np.maximum(distance, _INSIDE))
+        turns = None
+        if self._turn_bounds is not None:
+            tube = self.problem.tube.rotation
+            assert tube is not None
+            turns = self._bounded(tube.error(rotation, hand, self.segment))
+        return self._moved(q, nearest + share * (hand - nearest), turns, near=0.0)
+
+    def _moved(
+        self,
+        q: FloatArray,
+        places: FloatArray,
+        turns: FloatArray | None,
+        near: float = 1.0,
+    ) -> FloatArray:
+        """Return configurations (N, n) whose hands are at places (N, 3), or as near as they come.
+
+        Args:
+            q: Where to start, shape (N, n).
+            places: Where the hands are wanted, shape (N, 3) [m].
+            turns: Rotation vectors wanted against the reference, shape (N, 3) [rad]; None: any.
+            near: How near is near enough, a share of what is for samples.
+        """
+        q, live = q.copy(), np.arange(len(q))
+        close = near * np.array([_NEAR_SHARE * self.radius, _NEAR_TURN])
+        for _ in range(_MOST_STEPS):
+            wanted = None if turns is None else turns[live]
+            error, jacobian = self._task(q[live], places[live], wanted)
+            off = np.linalg.norm(error[:, :3], axis=1), np.linalg.norm(error[:, 3:], axis=1)
+            unsettled = (off[0] > close[0] + _INSIDE) | (off[1] > close[1] + _INSIDE)
+            live, error, jacobian = live[unsettled], error[unsettled], jacobian[unsettled]
+            if len(live) == 0:
+                break
+            moved = self._stepped(q[live], error, jacobian)
+            still = abs(moved - q[live]).max(axis=1) < _STILL
+            q[live] = moved
+            live = live[~still]
+        return q
+
+    def _stepped(self, q: FloatArray, error: FloatArray, jacobian: FloatArray) -> FloatArray:
+        """Return configurations after a damped step; joints at a bound are not pushed outwards."""
+        for _ in range(2):
+            gram = jacobian @ jacobian.transpose(0, 2, 1) + _DAMPING * np.eye(error.shape[1])
+            pull = np.linalg.solve(gram, error[:, :, None])
+            step = (jacobian.transpose(0, 2, 1) @ pull)[:, :, 0]
+            outward = ((q <= self.lower) & (step < 0)) | ((q >= self.upper) & (step > 0))
+            jacobian = np.where(outward[:, None], 0.0, jacobian)
+        largest = np.maximum(abs(step).max(axis=1, keepdims=True), _INSIDE)
+        return np.clip(q + step * np.minimum(1.0, _LARGEST_STEP / largest), self.lower, self.upper)
+
+    def _task(
+        self, q: FloatArray, places: FloatArray, turns: FloatArray | None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return how far hands are from where they are wanted, (N, c), and the Jacobian."""
+        rotation, hand, jacobian = self.problem.robot.tool_pose_jacobian(q)
+        error, linear = places - hand, jacobian[:, :3]
+        tube, bounds = self.problem.tube.rotation, self._turn_bounds
+        if tube is None or bounds is None or turns is None:
+            return error, linear
+        turned, spin = tube.error_jacobian(rotation, hand, jacobian, self.segment)
+        asked = np.isfinite(bounds[:3]) | np.isfinite(bounds[3])
+        error = np.hstack([error, (turns - turned)[:, asked]])
+        return error, np.concatenate([linear, spin[:, asked]], axis=1)
+
+    def _places(self, count: int, rng: np.random.Generator) -> FloatArray:
+        """Return random points of the capsule, shape (count, 3) [m]."""
+        begin, end = self.problem.tube.points[self.segment : self.segment + 2]
+        beyond = self.radius / float(np.linalg.norm(end - begin))
+        share = np.clip(rng.uniform(-beyond, 1 + beyond, count), 0.0, 1.0)[:, None]
+        return (1 - share) * begin + share * end + _WITHIN * self.radius * _in_ball(count, rng)
+
+    def _turns(self, count: int, rng: np.random.Generator) -> FloatArray | None:
+        """Return random rotation vectors within the bounds, (count, 3); None where all is free."""
+        bounds = self._turn_bounds
+        if bounds is None:
+            return None
+        if np.isfinite(bounds[3]):
+            return _WITHIN * bounds[3] * _in_ball(count, rng)
+        finite = np.where(np.isfinite(bounds[:3]), bounds[:3], 0.0)
+        return _WITHIN * finite * rng.uniform(-1, 1, (count, 3))
+
+    def _bounded(self, vectors: FloatArray) -> FloatArray:
+        """Return rotation vectors (N, 3) [rad] moved into the rotation tolerance."""
+        bounds = self._turn_bounds
+        assert bounds is not None
+        vectors = np.clip(vectors, -_WITHIN * bounds[:3], _WITHIN * bounds[:3])
+        angle = np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), _INSIDE)
+        return vectors * np.minimum(1.0, _WITHIN * bounds[3] / angle)
+
+    @property
+    def _turn_bounds(self) -> FloatArray | None:
+        """Bounds on the rotation vector's components and its length (4,), if there is any."""
+        tube = self.problem.tube.rotation
+        if tube is None or not np.isfinite(tube.bounds[self.segment]).any():
+            return None
+        return tube.bounds[self.segment]
+
+    @property
+    def _alone(self) -> slice:
+        return slice(self.segment, self.segment + 1)
+
+    def _distance(self, hand: FloatArray) -> FloatArray:
+        return np.asarray(self.problem.tube.distance(hand, self._alone)[:, 0])
+
+
+def _in_ball(count: int, rng: np.random.Generator) -> FloatArray:
+    """Return random points of the unit ball, shape (count, 3), half of them on its surface."""
+    direction = rng.normal(size=(count, 3))
+    size = rng.uniform(0, 1, count) ** (1 / 3)
+    size[rng.uniform(0, 1, count) < _AT_SURFACE] = 1.0
+    return size[:, None] * direction / np.linalg.norm(direction, axis=1, keepdims=True)

@@ -1,0 +1,88 @@
+"""How much room links have in configurations picked at random, and which way it shrinks."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.measurement.separation_bounds import separation_bounds
+from tubeplanner.problem.problem import PlanningProblem
+
+
+@dataclass(frozen=True, eq=False)
+class Room:
+    """The pair of shapes that has the least room, in N configurations.
+
+    Attributes:
+        room: Its distance beyond what is required, negative where that is broken, shape (N,) [m];
+            infinite where no pair is near.
+        pair: Its index, shape (N,).
+    """
+
+    room: FloatArray
+    pair: IntArray
+
+
+class LinkRoom:
+    """The pairs of shapes that must stay apart, and how much farther apart they are.
+
+    Attributes:
+        pairs: As indices of the checker's shapes, shape (P, 2).
+        required: Least distance of each pair, shape (P,) [m].
+    """
+
+    def __init__(self, problem: PlanningProblem, extra: float) -> None:
+        """Take the pairs of a problem; `extra` [m] is required beyond the problem's clearance."""
+        checker = problem.collision
+        self._checker, self._robot = checker, problem.robot
+        self.pairs = np.concatenate([checker.obstacle_pairs, checker.link_pairs])
+        counts = [len(checker.obstacle_pairs), len(checker.link_pairs)]
+        self.required = np.repeat([problem.clearance, 0.0], counts) + extra
+
+    def least(self, q: FloatArray, near: float) -> Room:
+        """Return the least room in configurations (N, n), as far as it is below `near` [m].
+
+        Room that there is may be given as less than it is; where there is none, it is exact for
+        the pair that is named, and others may have even less.
+        """
+        rotation, position = self._robot.body_poses(q)
+        bound = self._checker.sphere_distances(rotation, position, self.pairs) - self.required
+        for k in np.flatnonzero((bound < near).any(axis=0)):
+            rows = np.flatnonzero(bound[:, k] < near)
+            first, second = (self._checker.shapes[index] for index in self.pairs[k])
+            enough = near + self.required[k]
+            apart = separation_bounds(first, second, rotation[rows], position[rows], enough)
+            bound[rows, k] = apart - self.required[k]
+        bound[bound >= near] = np.inf
+        for row in np.flatnonzero((bound < 0).any(axis=1)):
+            for k in bound[row].argsort():
+                if bound[row, k] >= 0:
+                    break
+                pairs = self.pairs[k][None]
+                distance = self._checker.distances(rotation[row], position[row], pairs)[0]
+                bound[row, k] = distance - self.required[k]
+                if bound[row, k] < 0:
+                    bound[row, np.arange(len(self.pairs)) != k] = np.inf
+                    break
+        pair = bound.argmin(axis=1)
+        return Room(bound[np.arange(len(q)), pair], pair)
+
+    def of_pairs(self, q: FloatArray, pair: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Return the room of one pair in each of N configurations, and its derivative.
+
+        Args:
+            q: Shape (N, n).
+            pair: Which pair, shape (N,).
+
+        Returns:
+            Room (N,) [m] and its derivative by the joints (N, n) [m/rad or 1].
+        """
+        rotation, position = self._robot.body_poses(q)
+        shapes = self._checker.shapes
+        closest = self._checker.closest_points(rotation, position, self.pairs[pair])
+        slope = np.zeros_like(q)
+        for sign, column, point in ((-1, 0, closest.first), (1, 1, closest.second)):
+            body = np.array([shapes[i].body for i in self.pairs[pair, column]], dtype=np.int64)
+            moved = self._robot.point_jacobian(rotation, position, body, point)
+            slope += sign * np.einsum("ni,nij->nj", closest.direction, moved)
+        return closest.distance - self.required[pair], slope

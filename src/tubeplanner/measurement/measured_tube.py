@@ -1,0 +1,133 @@
+"""What measuring a tube is asked for, and what it says: radii, ranges, and what ends them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.errors import OptionError
+from tubeplanner.outcome import Place, PlanStatus
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.tube.tube import JointRange
+
+
+@dataclass(frozen=True)
+class MeasureOptions:
+    """How to measure.
+
+    Attributes:
+        max_radius: No segment gets a larger radius [m].
+        samples: How many configurations of a segment the last attack draws, which must find
+            nothing. Time is in proportion.
+        seed: Of the random numbers: the same seed gives the same tube.
+    """
+
+    max_radius: float = 0.2
+    samples: int = 12_000
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if not 0 < self.max_radius < np.inf:
+            raise OptionError(f"max_radius is {self.max_radius:g} m; it must be > 0 and finite")
+        if not self.samples >= 1:
+            raise OptionError(f"samples is {self.samples}; it must be >= 1")
+        if not self.seed >= 0:
+            raise OptionError(f"seed is {self.seed}; it must be >= 0")
+
+
+@dataclass(frozen=True, eq=False)
+class Binding:
+    """What keeps a radius or one side of a joint range from being larger.
+
+    Attributes:
+        bound: "radius", or "lower" or "upper" side of the joint's range.
+        place: Links and obstacle that come too close, the joint, and where the hand is then.
+        configuration: In which they do, shape (n,) [rad or m].
+    """
+
+    bound: str
+    place: Place
+    configuration: FloatArray
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the fields as JSON values."""
+        place = self.place.as_dict()
+        return {"bound": self.bound, **place, "configuration": self.configuration.tolist()}
+
+
+@dataclass(frozen=True, eq=False)
+class SegmentMeasurement:
+    """The largest set found for one segment.
+
+    Attributes:
+        radius: Of the tube, the tool radius included [m].
+        joint_ranges: By joint name [rad or m]; joints that need no range are left out.
+        bindings: What ends the set, one entry per bound that something ends.
+        samples: How many configurations the last attack drew; it found no collision.
+        attacked: How many all attacks drew.
+        collisions: How many collisions they found, all outside the set now.
+        least_room: The least distance beyond what is required that the last attack found [m]; None
+            if nothing came near.
+    """
+
+    radius: float
+    joint_ranges: Mapping[str, JointRange]
+    bindings: tuple[Binding, ...]
+    samples: int
+    attacked: int
+    collisions: int
+    least_room: float | None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the fields as JSON values; sides of ranges without an end are null."""
+        ranges = {
+            name: [bound if np.isfinite(bound) else None for bound in pair]
+            for name, pair in self.joint_ranges.items()
+        }
+        return {
+            "radius": self.radius,
+            "joint_ranges": ranges,
+            "bindings": [binding.as_dict() for binding in self.bindings],
+            "samples": self.samples,
+            "attacked": self.attacked,
+            "collisions": self.collisions,
+            "least_room": self.least_room,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class TubeMeasurement:
+    """What came of measuring a tube.
+
+    Attributes:
+        status: Success, or why there is no tube.
+        message: One sentence.
+        place: Where, if there is no tube.
+        segments: One per segment; empty unless successful.
+        problem: What was asked, with the measured tube; None unless successful.
+        measuring_time: Wall time from the loaded problem [s].
+    """
+
+    status: PlanStatus
+    message: str
+    place: Place
+    segments: tuple[SegmentMeasurement, ...] = ()
+    problem: PlanningProblem | None = None
+    measuring_time: float = 0.0
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether there is a measured tube."""
+        return self.status is PlanStatus.SUCCESS
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the fields of the command line's JSON, but for loading_time."""
+        return {
+            "status": str(self.status),
+            "message": self.message,
+            "where": self.place.as_dict(),
+            "measuring_time": self.measuring_time,
+            "segments": [segment.as_dict() for segment in self.segments],
+        }

@@ -1,0 +1,246 @@
+"""The largest set of one segment in which an attack finds no collision.
+
+The set is the product of a capsule around the segment and a range for every joint; it holds the
+branch along the centre line. Collisions that attacks find are kept as points, and the set is the
+largest box that leaves them all out; it is attacked again until nothing is found. (Shrinking by
+counterexamples is the idea of IRIS-NP: Petersen & Tedrake, "Growing convex collision-free regions
+in configuration space using nonlinear programming", ICRA 2023.)
+"""
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.measurement.configuration_set import ConfigurationSet
+from tubeplanner.measurement.largest_box import Box, BoxSearch
+from tubeplanner.measurement.link_room import LinkRoom
+from tubeplanner.measurement.set_attack import Attack, attack
+from tubeplanner.problem.problem import PlanningProblem
+
+# The set reaches this far beyond what the branch itself needs [m], [rad or m]; where it is free,
+# its ranges reach the farther one.
+_LEAST_RADIUS, _LEAST_RANGE = 1e-3, 1e-3
+WANTED_RANGE = 0.05
+_WIDEST_RANGE = 0.8  # [rad or m]: how far ranges may reach beyond the branch
+# Where nothing says how much of a range is needed, more than this counts nothing; else, more than
+# what is needed and a little [rad or m].
+_ENOUGH_RANGE, _SPARE_RANGE = 0.3, 0.1
+# What the logarithm of the radius counts, where that of every side of a range counts 1.
+_RADIUS_WORTH = 8.0
+# How far the set ends before a collision [m], [rad or m]: so that attacks come to an end.
+_MARGIN_RADIUS, _MARGIN_RANGE = 1e-3, 1e-2
+_FIRST_SAMPLES = 2000
+_FIRST_SHARE = 8  # of the last attack's samples: the first attack has so many times fewer
+_MOST_ROUNDS = 200
+# So many collisions of an attack are moved to the edge of what collides, by so many bisections.
+_MOST_MOVED, _BISECTIONS = 48, 8
+_DECIMALS = 4  # of the numbers written to files
+
+
+# Lower and upper joint bounds, shape (n,) each [rad or m].
+JointBounds: TypeAlias = tuple[FloatArray, FloatArray]
+
+
+@dataclass(frozen=True, eq=False)
+class Blocked:
+    """Even the branch's own surroundings collide.
+
+    Attributes:
+        q: A configuration without room, shape (n,).
+        pair: The pair of shapes that is too close.
+        room: How much room it has [m], negative.
+    """
+
+    q: FloatArray
+    pair: int
+    room: float
+
+
+@dataclass(frozen=True, eq=False)
+class SegmentSearch:
+    """What was found for one segment.
+
+    Attributes:
+        allowed: The set.
+        box: How far it reaches beyond the branch, in which direction, and what ends it there.
+        q: Collisions that were found on the way, shape (B, n); what a box calls its blockers.
+        pair: The pair of shapes that is too close in each, shape (B,).
+        last: The attack that found nothing.
+        samples: How many configurations all attacks looked at.
+    """
+
+    allowed: ConfigurationSet
+    box: Box
+    q: FloatArray
+    pair: IntArray
+    last: Attack
+    samples: int
+
+
+class CollisionBoxes:
+    """Boxes around a branch that leave out the collisions known so far.
+
+    Directions are the radius, the lower sides of the n joints, and their upper sides.
+    """
+
+    def __init__(
+        self,
+        problem: PlanningProblem,
+        segment: int,
+        branch: FloatArray,
+        core: JointBounds,
+        outer: JointBounds,
+        room: LinkRoom,
+    ) -> None:
+        """Begin with no collision known.
+
+        Args:
+            problem: What is asked; its radius is the largest that the set may have.
+            segment: Index of the segment.
+            branch: Configurations along it, shape (P, n).
+            core: Of what the set must hold.
+            outer: Of what it may hold.
+            room: Of the links.
+        """
+        self._problem, self._segment, self._branch = problem, segment, branch
+        self._room = room
+        lower, upper = self._outer_lower, self._outer_upper = outer
+        self._lower, self._upper = core
+        radius = float(problem.tube.effective_radius[segment])
+        hand = ConfigurationSet(problem, segment, lower, upper, radius).hand_distance(branch)
+        self.radius = min(radius, float(_up(hand.max() + _LEAST_RADIUS)))
+        self.widest = np.concatenate(
+            [
+                [radius - self.radius],
+                np.minimum(self._lower - lower, _WIDEST_RANGE),
+                np.minimum(upper - self._upper, _WIDEST_RANGE),
+            ]
+        )
+        # Collisions known, the pairs that collide, how far they are beyond the core.
+        self.q = np.zeros((0, branch.shape[1]))
+        self.pair = np.zeros(0, dtype=np.int64)
+        self.beyond = np.zeros((0, len(self.widest)))
+
+    def allowed(self, extent: FloatArray) -> ConfigurationSet:
+        """Return the set that reaches by extents (1 + 2n,) beyond the branch, in round numbers."""
+        below, above = extent[1:].reshape(2, -1)
+        lower = np.minimum(_up(self._lower - below), self._lower)
+        upper = np.maximum(_down(self._upper + above), self._upper)
+        # A bound that the problem has anyway stays as it is.
+        lower = np.where(below >= self._lower - self._outer_lower, self._outer_lower, lower)
+        upper = np.where(above >= self._outer_upper - self._upper, self._outer_upper, upper)
+        radius = max(float(_down(self.radius + extent[0])), self.radius)
+        return ConfigurationSet(self._problem, self._segment, lower, upper, radius)
+
+    def needed(self, q: FloatArray) -> FloatArray:
+        """Return how far configurations (N, n) reach beyond the core, shape (1 + 2n,)."""
+        return np.asarray(np.maximum(self._beyond_core(q).max(axis=0, initial=0.0), 0.0))
+
+    def learn(self, q: FloatArray, pair: IntArray) -> None:
+        """Take note of collisions, shapes (C, n) and (C,)."""
+        share = self._beyond_core(q) / np.maximum(self.widest, _LEAST_RANGE)
+        nearest = np.argsort(share.max(axis=1))[:_MOST_MOVED]
+        q = q.copy()
+        q[nearest] = self._edge(q[nearest], pair[nearest])
+        self.q, self.pair = np.concatenate([self.q, q]), np.concatenate([self.pair, pair])
+        self.beyond = np.concatenate([self.beyond, self._beyond_core(q)])
+
+    def _beyond_core(self, q: FloatArray) -> FloatArray:
+        core = ConfigurationSet(self._problem, self._segment, self._lower, self._upper, 0.0)
+        hand = core.hand_distance(q)[:, None]
+        return np.hstack([hand - self.radius, self._lower - q, q - self._upper])
+
+    def _edge(self, q: FloatArray, pair: IntArray) -> FloatArray:
+        """Return the first collisions on straight ways from the branch to collisions (N, n)."""
+        apart = np.linalg.norm(q[:, None] - self._branch, axis=2)
+        begin = self._branch[apart.argmin(axis=1)]
+        free, hit = np.zeros((len(q), 1)), np.ones((len(q), 1))
+        for _ in range(_BISECTIONS):
+            share = (free + hit) / 2
+            room, _ = self._room.of_pairs(begin + share * (q - begin), pair)
+            collides = (room < 0)[:, None]
+            free, hit = np.where(collides, free, share), np.where(collides, share, hit)
+        return begin + hit * (q - begin)
+
+
+def range_core(
+    problem: PlanningProblem, segment: int, branch: FloatArray, beyond: float = _LEAST_RANGE
+) -> JointBounds:
+    """Return joint bounds that hold a branch (P, n) and a little more."""
+    lower = np.maximum(_down(branch.min(axis=0) - beyond), problem.joint_lower[segment])
+    upper = np.minimum(_up(branch.max(axis=0) + beyond), problem.joint_upper[segment])
+    return lower, upper
+
+
+def search_segment(
+    boxes: CollisionBoxes,
+    room: LinkRoom,
+    samples: int,
+    rng: np.random.Generator,
+    needed: FloatArray | None = None,
+) -> SegmentSearch | Blocked:
+    """Return the largest set found around a branch, or a collision that leaves none.
+
+    Args:
+        boxes: Around the branch; they learn the collisions that are found.
+        room: Of the links.
+        samples: How many configurations the attack draws that must find nothing.
+        rng: Random numbers.
+        needed: How far a fast motion reaches in each direction, shape (1 + 2n,); None: not known.
+    """
+    search, budget = _box_search(boxes, needed, rng), samples // _FIRST_SHARE + 1
+    if len(boxes.q) == 0:
+        found = attack(boxes.allowed(np.zeros_like(boxes.widest)), room, budget, rng)
+        if not found.failed:
+            return _blocked(found, room)
+        q = boxes.allowed(boxes.widest).sample(_FIRST_SAMPLES, rng)
+        least = room.least(q, 0.0)
+        boxes.learn(q[least.room < 0], least.pair[least.room < 0])
+    total = 0
+    for _ in range(_MOST_ROUNDS):
+        box = search.best(boxes.beyond)
+        allowed = boxes.allowed(box.extent)
+        found = attack(allowed, room, budget, rng)
+        total += found.samples
+        while found.failed and budget < samples:
+            budget = min(2 * budget, samples)
+            found = attack(allowed, room, budget, rng)
+            total += found.samples
+        if found.failed:
+            return SegmentSearch(allowed, box, boxes.q, boxes.pair, found, total)
+        boxes.learn(found.q, found.pair)
+    return _blocked(found, room)
+
+
+def _box_search(
+    boxes: CollisionBoxes, needed: FloatArray | None, rng: np.random.Generator
+) -> BoxSearch:
+    widest = boxes.widest
+    sides = np.ones(len(widest) - 1)
+    enough = _ENOUGH_RANGE * sides if needed is None else needed[1:] + _SPARE_RANGE
+    return BoxSearch(
+        widest,
+        margin=np.concatenate([[_MARGIN_RADIUS], _MARGIN_RANGE * sides]),
+        worth=np.concatenate([[_RADIUS_WORTH], sides]),
+        enough=np.minimum(widest, np.concatenate([widest[:1], enough])),
+        already=np.concatenate([[boxes.radius], WANTED_RANGE * sides]),
+        rng=rng,
+    )
+
+
+def _blocked(found: Attack, room: LinkRoom) -> Blocked:
+    depth, _ = room.of_pairs(found.q, found.pair)
+    worst = int(depth.argmin())
+    return Blocked(found.q[worst], int(found.pair[worst]), float(depth[worst]))
+
+
+def _down(values: FloatArray) -> FloatArray:
+    """Return the next round numbers below values."""
+    return np.asarray(np.round(np.floor(values * 10.0**_DECIMALS) / 10.0**_DECIMALS, _DECIMALS))
+
+
+def _up(values: FloatArray) -> FloatArray:
+    """Return the next round numbers above values."""
+    return -_down(-values)

@@ -1,0 +1,98 @@
+"""The search for collisions in a set of configurations: random ones, and downhill from those."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.measurement.configuration_set import ConfigurationSet
+from tubeplanner.measurement.link_room import LinkRoom
+
+# Samples with less room than this [m] are worth going downhill from.
+_NEAR = 0.03
+_STARTS_PER_PAIR = 4
+_DESCENT_STEPS = 12
+_LARGEST_STEP = 0.15  # [rad or m] of all joints together
+_FLAT = 1e-6  # [m/rad or 1]: a room that changes less does not change
+_AIM = 2e-3  # [m] of overlap that a step of the descent goes for
+_FEWEST, _MOST = 1024, 4096  # samples at once
+_ENOUGH = 48  # collisions that end an attack
+
+
+@dataclass(frozen=True, eq=False)
+class Attack:
+    """What an attack on a set found.
+
+    Attributes:
+        q: Configurations without enough room, shape (C, n); none of them: the attack failed.
+        pair: The pair of shapes that is too close in each, shape (C,).
+        least_room: The least room that was seen [m]; infinite if no pair came near.
+        samples: How many configurations were looked at.
+    """
+
+    q: FloatArray
+    pair: IntArray
+    least_room: float
+    samples: int
+
+    @property
+    def failed(self) -> bool:
+        """Whether no collision was found."""
+        return len(self.q) == 0
+
+
+def attack(
+    allowed: ConfigurationSet, room: LinkRoom, samples: int, rng: np.random.Generator
+) -> Attack:
+    """Look for configurations of a set in which links have no room.
+
+    It goes on, with more samples at a time, until some are found or the budget is spent.
+
+    Args:
+        allowed: The set.
+        room: Of the links.
+        samples: How many configurations to draw.
+        rng: Random numbers.
+    """
+    hits: list[tuple[FloatArray, IntArray]] = []
+    least, drawn, tried, count = np.inf, 0, 0, _FEWEST
+    while tried < samples and sum(len(q) for q, _ in hits) < _ENOUGH:
+        count = min(count, samples - tried)
+        tried += count
+        q = allowed.sample(count, rng)
+        found = room.least(q, _NEAR)
+        drawn += len(q)
+        hits.append((q[found.room < 0], found.pair[found.room < 0]))
+        starts = _starts(found.room, found.pair)
+        q, pair, lowest = _descended(allowed, room, q[starts], found.pair[starts])
+        hits.append((q[lowest < 0], pair[lowest < 0]))
+        least = min(least, found.room.min(initial=np.inf), lowest.min(initial=np.inf))
+        count = min(2 * count, _MOST)
+    q_hit, pair_hit = (np.concatenate(parts) for parts in zip(*hits, strict=True))
+    return Attack(q_hit, pair_hit, float(least), drawn)
+
+
+def _starts(room: FloatArray, pair: IntArray) -> IntArray:
+    """Return the samples from which to go downhill: for every pair, those with the least room."""
+    order = np.argsort(room)
+    order = order[(room[order] >= 0) & np.isfinite(room[order])]
+    chosen = [order[pair[order] == k][:_STARTS_PER_PAIR] for k in np.unique(pair[order])]
+    return np.concatenate([np.zeros(0, dtype=np.int64), *chosen])
+
+
+def _descended(
+    allowed: ConfigurationSet, room: LinkRoom, q: FloatArray, pair: IntArray
+) -> tuple[FloatArray, IntArray, FloatArray]:
+    """Return where the room of pairs (N,) is least near configurations (N, n), and that room."""
+    best, lowest = q.copy(), np.full(len(q), np.inf)
+    slope, reach = np.zeros_like(q), np.full(len(q), _LARGEST_STEP)
+    for _ in range(_DESCENT_STEPS if len(q) else 0):
+        found, found_slope = room.of_pairs(q, pair)
+        better = allowed.contains(q) & (found < lowest)
+        best[better], lowest[better] = q[better], found[better]
+        slope[better] = found_slope[better]
+        reach = np.where(better, reach, reach / 2)
+        size = np.maximum(np.linalg.norm(slope, axis=1), _FLAT)
+        length = np.minimum((np.maximum(lowest, 0.0) + _AIM) / size, reach)
+        q = allowed.back_inside(best - (length / size)[:, None] * slope)
+    return best, pair, lowest

@@ -1,0 +1,169 @@
+"""Which configurations of an arm are reachable and free along each segment of a tube.
+
+A configuration is told by the signs of the joints that fold: elbow up or down, and what is like it.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.branches.reference_branch import SpareJoints, reference_branch
+from tubeplanner.errors import ProblemError
+from tubeplanner.measurement.folding_joints import folding_joints
+from tubeplanner.measurement.measured_tube import MeasureOptions
+from tubeplanner.measurement.tube_measurement import Surroundings
+from tubeplanner.outcome import Infeasible, PlanStatus
+from tubeplanner.problem.problem import PlanningProblem, Seed
+from tubeplanner.progress import Progress, ProgressCallback
+from tubeplanner.tube.tube import Tube
+
+_SEEDS = 12  # configurations from which a branch is looked for
+_FREE_BRANCHES = 2  # so many free branches are measured; the best counts
+
+
+@dataclass(frozen=True, eq=False)
+class PatternRow:
+    """One sign pattern in one segment.
+
+    Attributes:
+        segment: Index of the segment.
+        signs: "+" or "-" by joint name.
+        reachable: Whether the arm can follow the centre line with these signs.
+        free: Whether it can without a collision.
+        radius: The best radius found, as far as a rough measurement tells [m]; None unless free.
+        message: Why not, where it is not free.
+    """
+
+    segment: int
+    signs: Mapping[str, str]
+    reachable: bool
+    free: bool
+    radius: float | None
+    message: str
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the fields as JSON values."""
+        return {**vars(self), "signs": dict(self.signs)}
+
+
+@dataclass(frozen=True, eq=False)
+class PatternSurvey:
+    """Sign patterns of all segments.
+
+    Attributes:
+        rows: One for every segment and pattern.
+        suggested: The pattern, the same in all segments, whose smallest radius is largest; None if
+            none is free in all of them.
+    """
+
+    rows: tuple[PatternRow, ...]
+    suggested: Mapping[str, str] | None
+
+    @property
+    def message(self) -> str:
+        """What is suggested, in one sentence."""
+        if self.suggested is None:
+            return "no sign pattern is free in all segments"
+        if not self.suggested:
+            return "no joint of this arm folds: there are no signs to choose"
+        signs = ", ".join(f'{name}: "{sign}"' for name, sign in self.suggested.items())
+        return f"suggested joint_signs: {{{signs}}}"
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the fields of the command line's JSON, but for loading_time."""
+        found = self.suggested is not None
+        return {
+            "status": str(PlanStatus.SUCCESS if found else PlanStatus.TUBE_BLOCKED),
+            "message": self.message,
+            "suggested": None if self.suggested is None else dict(self.suggested),
+            "configurations": [row.as_dict() for row in self.rows],
+        }
+
+
+def survey_patterns(
+    problem: PlanningProblem,
+    options: MeasureOptions | None = None,
+    progress: ProgressCallback | None = None,
+) -> PatternSurvey:
+    """Find out which sign patterns are reachable and free in each segment of a tube.
+
+    The file's own signs of folding joints do not count, nor do its start and goal; its ranges of
+    other joints do.
+
+    Args:
+        problem: What is asked.
+        options: How to measure.
+        progress: Called as each pattern begins.
+    """
+    options = options or MeasureOptions()
+    names = [problem.robot.joint_names[joint] for joint in folding_joints(problem.robot)]
+    patterns = [dict(zip(names, signs, strict=True)) for signs in product("+-", repeat=len(names))]
+    rows = []
+    for k in range(problem.tube.segment_count):
+        for number, signs in enumerate(patterns, start=1):
+            if progress is not None:
+                progress(Progress(f"segment {k}: sign pattern {number} of {len(patterns)}"))
+            rows.append(_row(problem, k, signs, options))
+    return PatternSurvey(tuple(rows), _suggested(rows, patterns))
+
+
+def _suggested(rows: list[PatternRow], patterns: list[dict[str, str]]) -> Mapping[str, str] | None:
+    def least(signs: Mapping[str, str]) -> float:
+        return min(row.radius or 0.0 for row in rows if row.signs == signs)
+
+    best = max(patterns, key=least)
+    return best if least(best) > 0 else None
+
+
+def _row(
+    problem: PlanningProblem, k: int, signs: Mapping[str, str], options: MeasureOptions
+) -> PatternRow:
+    reachable, why, radii = False, "", []
+    for alone in _posed(problem, k, signs, options):
+        try:
+            branch = reference_branch(alone, SpareJoints.AS_NEEDED)
+            reachable = True
+            found = Surroundings(alone, branch, options).first_search(0)
+            radii.append(found.allowed.radius + problem.tube.tool_radius)
+        except Infeasible as reason:
+            if reachable or not why:
+                why = str(reason)
+        if len(radii) == _FREE_BRANCHES:
+            break
+    radius = max(radii, default=None)
+    return PatternRow(k, signs, reachable, bool(radii), radius, "" if radii else why)
+
+
+def _posed(
+    problem: PlanningProblem, k: int, signs: Mapping[str, str], options: MeasureOptions
+) -> Iterator[PlanningProblem]:
+    """Yield the problem of one segment alone, with a pattern's signs, from random seeds."""
+    tube, rng = problem.tube, np.random.default_rng([options.seed, k])
+    quaternions, tolerance = tube.orientations, tube.rotation_tolerance
+    try:
+        alone = problem.along(
+            Tube(
+                tube.points[k : k + 2],
+                options.max_radius,
+                tool_radius=tube.tool_radius,
+                joint_signs={**tube.joint_ranges[k], **signs},
+                orientations=None if quaternions is None else quaternions[k : k + 2],
+                rotation_tolerance=None if tolerance is None else [tolerance[k]],
+            ),
+            Seed(problem.robot.limits.clip(np.zeros(problem.robot.joint_count))),
+        )
+    except ProblemError:  # the position limits leave no value with such a sign
+        return
+    lower, upper = _one_turn(alone.joint_lower[0], alone.joint_upper[0])
+    for _ in range(_SEEDS):
+        yield problem.along(alone.tube, Seed(rng.uniform(lower, upper)))
+
+
+def _one_turn(lower: FloatArray, upper: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return joint bounds narrowed to one turn about zero, as far as they have it."""
+    low = np.maximum(lower, np.minimum(-np.pi, upper - 2 * np.pi))
+    return low, np.minimum(upper, low + 2 * np.pi)

@@ -1,0 +1,319 @@
+"""How wide a tube may be: radii and joint ranges inside which no part of the robot collides."""
+
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.branches.known_branches import KnownBranches
+from tubeplanner.branches.reference_branch import ReferenceBranch, spare_joint_rules
+from tubeplanner.branches.segment_walk import as_position
+from tubeplanner.errors import OptionError
+from tubeplanner.measurement.folding_joints import is_determined, sign_bounds
+from tubeplanner.measurement.link_room import LinkRoom
+from tubeplanner.measurement.measured_tube import (
+    Binding,
+    MeasureOptions,
+    SegmentMeasurement,
+    TubeMeasurement,
+)
+from tubeplanner.measurement.segment_measurement import (
+    WANTED_RANGE,
+    Blocked,
+    CollisionBoxes,
+    SegmentSearch,
+    range_core,
+    search_segment,
+)
+from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.planning.plan_options import PlanOptions
+from tubeplanner.planning.planner import plan
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.progress import PlanningClock, Progress, ProgressCallback
+from tubeplanner.tube.tube import JointRange, Tube
+
+# Room asked for beside the clearance [m], unless the branch itself has less: what a later attack
+# may find beyond what was found here.
+_EXTRA_ROOM = 1e-3
+_ROUNDING = 1e-9
+_ROUGH_SHARE = 8  # of the samples: a rough measurement has so many times fewer
+_LOOKS_PER_PIECE = 10
+_LONGEST_STEP = 0.02  # [rad or m] between configurations at which the branch is looked at
+
+
+def measure_tube(
+    problem: PlanningProblem,
+    options: MeasureOptions | None = None,
+    progress: ProgressCallback | None = None,
+) -> TubeMeasurement:
+    """Measure how wide a problem's tube may be.
+
+    For every segment: the largest radius and joint ranges around the branch along the centre line
+    such that in all configurations with the hand in that capsule and the joints in those ranges
+    everything keeps clear, as far as an attack of many configurations can tell. The problem's own
+    radii do not count; its joint signs do.
+
+    Args:
+        problem: What is asked.
+        options: How to measure.
+        progress: Called as each stage begins.
+
+    Returns:
+        The tube, or why there is none: the branch along the centre line, or its surroundings,
+        collide.
+
+    Raises:
+        OptionError: The largest radius is not above the tool radius.
+        ProblemError: The start or the goal is farther from the tube than the largest radius.
+    """
+    options = options or MeasureOptions()
+    tube = problem.tube
+    if options.max_radius <= tube.tool_radius:
+        raise OptionError(
+            f"max_radius is {options.max_radius:g} m; it must be above the tool radius, "
+            f"{tube.tool_radius:g} m"
+        )
+    clock = PlanningClock(None, progress)
+    widest = problem.with_tube(tube.with_radius(options.max_radius))
+    try:
+        segments = _segments_of_some_branch(widest, options, clock)
+    except Infeasible as reason:
+        return TubeMeasurement(
+            reason.status, str(reason), reason.place, measuring_time=clock.elapsed
+        )
+    ranges = [segment.joint_ranges for segment in segments]
+    measured = problem.with_tube(_tube(tube, [segment.radius for segment in segments], ranges))
+    radii = ", ".join(f"{1000 * segment.radius:.1f}" for segment in segments)
+    message = f"no collision found within radii of {radii} mm and the joint ranges"
+    return TubeMeasurement(PlanStatus.SUCCESS, message, Place(), segments, measured, clock.elapsed)
+
+
+def _tube(tube: Tube, radii: list[float], ranges: list[Mapping[str, JointRange]]) -> Tube:
+    return Tube(
+        tube.points,
+        radii,
+        tool_radius=tube.tool_radius,
+        joint_signs=ranges,
+        visit=tube.visit,
+        orientations=tube.orientations,
+        rotation_tolerance=tube.rotation_tolerance,
+    )
+
+
+def _segments_of_some_branch(
+    problem: PlanningProblem, options: MeasureOptions, clock: PlanningClock
+) -> tuple[SegmentMeasurement, ...]:
+    """Return what was measured around the first branch that has room around it.
+
+    Raises:
+        Infeasible: None has; the reason is that of the first one.
+    """
+    branches, first = KnownBranches(problem, clock), None
+    for rule in spare_joint_rules(problem):
+        try:
+            return _segments(problem, branches.along(rule), options, clock)
+        except Infeasible as reason:
+            first = first or reason
+    assert first is not None
+    raise first
+
+
+def _segments(
+    problem: PlanningProblem,
+    branch: ReferenceBranch,
+    options: MeasureOptions,
+    clock: PlanningClock,
+) -> tuple[SegmentMeasurement, ...]:
+    """Return what was measured around a branch.
+
+    A first, rough measurement says what radii there are; a fast motion within them, what joint
+    ranges it needs; a second one trades radii for those.
+
+    Raises:
+        Infeasible: Status tube_blocked.
+    """
+    around = Surroundings(problem, branch, options)
+    rough = []
+    for k in range(around.count):
+        clock.announce(Progress(f"measuring segment {k} of {around.count}"))
+        rough.append(around.first_search(k))
+    clock.announce(Progress("a fast motion, to see which ranges it needs"))
+    radii = [found.allowed.radius + problem.tube.tool_radius for found in rough]
+    needs = around.needs_of_motion(radii)
+    final = []
+    for k in range(around.count):
+        clock.announce(Progress(f"measuring segment {k} of {around.count} again"))
+        final.append(around.described(k, around.second_search(k, needs[k])))
+    return tuple(final)
+
+
+class Surroundings:
+    """The surroundings of a branch, and what searches learn of them.
+
+    Attributes:
+        count: Number of segments.
+    """
+
+    def __init__(
+        self, problem: PlanningProblem, branch: ReferenceBranch, options: MeasureOptions
+    ) -> None:
+        """Look along the branch.
+
+        Args:
+            problem: What is asked; its radii are the largest wanted.
+            branch: Along the centre line.
+            options: How to measure.
+
+        Raises:
+            Infeasible: Status tube_blocked: the branch itself collides.
+        """
+        self._problem, self._samples = problem, options.samples
+        self._branch = [_dense(q) for q in branch.segments]
+        self.count = len(self._branch)
+        room = LinkRoom(problem, 0.0)
+        least = min(_require_room(problem, room, k, q) for k, q in enumerate(self._branch))
+        self._room = LinkRoom(problem, min(_EXTRA_ROOM, least / 2))
+        self._rngs = [np.random.default_rng([options.seed, k]) for k in range(self.count)]
+        self._boxes: dict[int, CollisionBoxes] = {}
+
+    def first_search(self, k: int) -> SegmentSearch:
+        """Return what a rough search finds for a segment.
+
+        Signs are tried before ranges, and wider surroundings before narrow ones.
+
+        Raises:
+            Infeasible: Status tube_blocked: not even the branch's own ranges are free.
+        """
+        problem, branch = self._problem, self._branch[k]
+        whole = (problem.joint_lower[k], problem.joint_upper[k])
+        tried = [
+            (range_core(problem, k, branch, WANTED_RANGE), whole),
+            (range_core(problem, k, branch), whole),
+        ]
+        if is_determined(problem.robot):
+            signs = sign_bounds(problem, k, branch)
+            tried.insert(0, (signs, signs))
+        for core, outer in tried:
+            self._boxes[k] = CollisionBoxes(problem, k, branch, core, outer, self._room)
+            samples = self._samples // _ROUGH_SHARE + 1
+            found = search_segment(self._boxes[k], self._room, samples, self._rngs[k])
+            if isinstance(found, SegmentSearch):
+                return found
+        return self._unless_blocked(k, found)
+
+    def needs_of_motion(self, radii: list[float]) -> list[FloatArray | None]:
+        """Return how far a fast motion reaches beyond the branch, by segment; None: no motion."""
+        problem = self._problem.with_tube(self._problem.tube.with_radius(radii))
+        trajectory = plan(problem, PlanOptions(quality="fast")).trajectory
+        if trajectory is None:
+            return [None] * self.count
+        q = trajectory.per_piece(_LOOKS_PER_PIECE).position
+        nearest = problem.tube.distance(problem.robot.tool_position(q)).argmin(axis=1)
+        return [self._boxes[k].needed(q[nearest == k]) for k in range(self.count)]
+
+    def second_search(self, k: int, needed: FloatArray | None) -> SegmentSearch:
+        """Return what a thorough search finds, with the collisions known from the first.
+
+        Raises:
+            Infeasible: Status tube_blocked: attacks come to no end.
+        """
+        rng = self._rngs[k]
+        found = search_segment(self._boxes[k], self._room, self._samples, rng, needed)
+        return self._unless_blocked(k, found)
+
+    def described(self, k: int, found: SegmentSearch) -> SegmentMeasurement:
+        """Return what a search found, in the terms of a tube."""
+        least = found.last.least_room
+        return SegmentMeasurement(
+            radius=found.allowed.radius + self._problem.tube.tool_radius,
+            joint_ranges=_ranges(self._problem, found),
+            bindings=_bindings(self._problem, k, found, self._room),
+            samples=found.last.samples,
+            attacked=found.samples,
+            collisions=len(found.q),
+            least_room=least if np.isfinite(least) else None,
+        )
+
+    def _unless_blocked(self, k: int, found: SegmentSearch | Blocked) -> SegmentSearch:
+        if isinstance(found, SegmentSearch):
+            return found
+        place = _place(self._problem, k, found.q, self._room.pairs[found.pair])
+        message = (
+            f"there is no room around the branch in segment {k}: within its own joint ranges "
+            f"{place}, {-1000 * found.room:.1f} mm too close; split the segment by another "
+            "reference point, or move it"
+        )
+        raise Infeasible(PlanStatus.TUBE_BLOCKED, message, place)
+
+
+def _dense(q: FloatArray) -> FloatArray:
+    """Return configurations (P, n) with others between them, evenly, so that steps are short."""
+    parts = [q[:1]]
+    for begin, end in pairwise(q):
+        steps = max(1, int(np.ceil(abs(end - begin).max() / _LONGEST_STEP)))
+        share = np.linspace(0, 1, steps + 1)[1:, None]
+        parts.append((1 - share) * begin + share * end)
+    return np.concatenate(parts)
+
+
+def _require_room(problem: PlanningProblem, room: LinkRoom, k: int, q: FloatArray) -> float:
+    """Return the least room along a branch's segment, at most what is asked for anyway [m].
+
+    Raises:
+        Infeasible: Status tube_blocked: there is none.
+    """
+    found = room.least(q, 2 * _EXTRA_ROOM)
+    worst = int(found.room.argmin())
+    least = min(float(found.room[worst]), 2 * _EXTRA_ROOM)
+    if least <= 0:
+        place = _place(problem, k, q[worst], room.pairs[found.pair[worst]])
+        message = (
+            f"the arm collides on the centre line of segment {k}: {place}, {-1000 * least:.1f} mm "
+            "too close; move the reference points or choose another configuration"
+        )
+        raise Infeasible(PlanStatus.TUBE_BLOCKED, message, place)
+    return least
+
+
+def _ranges(problem: PlanningProblem, found: SegmentSearch) -> dict[str, JointRange]:
+    """Return the ranges that say more than the position limits, by joint name; signs as such."""
+    limits, ranges = problem.robot.limits, {}
+    for joint, name in enumerate(problem.robot.joint_names):
+        lower, upper = float(found.allowed.lower[joint]), float(found.allowed.upper[joint])
+        from_lowest = lower <= limits.lower_position[joint]
+        to_highest = upper >= limits.upper_position[joint]
+        if problem.robot.revolute[joint] and upper - lower >= 2 * np.pi - _ROUNDING:
+            continue  # every angle
+        if from_lowest and upper == 0:
+            ranges[name] = (-np.inf, 0.0)
+        elif to_highest and lower == 0:
+            ranges[name] = (0.0, np.inf)
+        elif not (from_lowest and to_highest):
+            ranges[name] = (lower, upper)
+    return ranges
+
+
+def _bindings(
+    problem: PlanningProblem, k: int, found: SegmentSearch, room: LinkRoom
+) -> tuple[Binding, ...]:
+    names = problem.robot.joint_names
+    bounds = [("radius", None), *(("lower", n) for n in names), *(("upper", n) for n in names)]
+    return tuple(
+        Binding(
+            bound,
+            _place(problem, k, found.q[blocker], room.pairs[found.pair[blocker]], joint),
+            found.q[blocker],
+        )
+        for (bound, joint), blocker in zip(bounds, found.box.blocker, strict=True)
+        if blocker >= 0
+    )
+
+
+def _place(
+    problem: PlanningProblem, k: int, q: FloatArray, pair: Any, joint: str | None = None
+) -> Place:
+    links, obstacle = problem.collision.owners(pair)
+    hand = as_position(problem.robot.tool_position(q[None])[0])
+    return Place(joint=joint, segment=k, links=links, obstacle=obstacle, position=hand)

@@ -1,0 +1,45 @@
+"""How fast the path of a motion could be run by motors that switch at once."""
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from tubeplanner.baselines.switching_law import switching_law
+from tubeplanner.motion.trajectory import JointTrajectory
+from tubeplanner.robot.robot_model import RobotModel
+
+_GRID_POINTS = 1600
+# Points of the path nearer to each other than this share of its length are one: rounding errors
+# between them would look like curvature.
+_APART = 1e-6
+
+
+def path_minimum(robot: RobotModel, trajectory: JointTrajectory) -> float | None:
+    """Return the least time [s] in which the path of a motion can be run, from rest to rest.
+
+    Under the limits of velocity, acceleration and effort; jerk, and so smoothness, is not asked
+    for. Judged at 1,600 points of the path: good to about 0.1 %.
+
+    Args:
+        robot: The arm.
+        trajectory: Whose path is meant, in the robot's group order.
+
+    Returns:
+        The time, or None if the solver finds none.
+    """
+    path = _by_length(trajectory)
+    law = switching_law(robot, path, path.breakpoints, at_both_ends=False)
+    return None if law is None else law.duration
+
+
+def _by_length(trajectory: JointTrajectory) -> JointTrajectory:
+    """Return the path over the way in joint space, from 0 to 1.
+
+    Its points are equal times apart, so that they are close together wherever the motion rests:
+    there the path begins, ends, or has a corner.
+    """
+    q = trajectory.position(np.linspace(0, trajectory.duration, _GRID_POINTS))
+    steps = np.linalg.norm(np.diff(q, axis=0), axis=1)
+    way = np.concatenate([[0.0], np.cumsum(steps)]) / steps.sum()
+    _, apart = np.unique(np.floor(way / _APART), return_index=True)
+    spline = CubicSpline(way[apart] / way[apart[-1]], q[apart])
+    return JointTrajectory(trajectory.joint_names, spline.x, spline.c)

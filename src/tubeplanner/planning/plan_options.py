@@ -1,0 +1,78 @@
+"""How to plan: method, quality and budgets."""
+
+from dataclasses import dataclass, field
+
+from tubeplanner.errors import OptionError, unknown_name
+from tubeplanner.suh_bishop.suh_bishop import SuhBishopOptions
+
+REFINEMENT, BRANCH_AND_BOUND = "refinement", "branch-and-bound"
+STOP_AT_CORNERS, SUH_BISHOP = "stop-at-corners", "suh-bishop"
+METHODS = (REFINEMENT, BRANCH_AND_BOUND, STOP_AT_CORNERS, SUH_BISHOP)
+
+
+@dataclass(frozen=True)
+class Quality:
+    """How much refinement does.
+
+    Attributes:
+        knots: About how many knot intervals it begins with, and into how many parts they are then
+            divided, time after time; once for every pair, from the most natural start.
+        every_start: Whether other starts are tried too, though there is a certified motion.
+    """
+
+    knots: tuple[tuple[int, tuple[int, ...]], ...]
+    every_start: bool = False
+
+
+QUALITIES = {
+    "fast": Quality(((8, (4,)),)),
+    "balanced": Quality(((8, (3, 3)),)),
+    "best": Quality(((8, (3, 3)), (8, (3, 4))), every_start=True),
+}
+
+_FEWEST_CANDIDATES, _MOST_CANDIDATES = 2, 1000
+
+
+@dataclass(frozen=True)
+class PlanOptions:
+    """How to plan.
+
+    Attributes:
+        method: "refinement": path and speed optimised together; the next one where that is not
+            certified. "branch-and-bound": the fastest motion through points of the reference path
+            that cuts its corners inside the tube; the next one where it finds nothing faster.
+            "stop-at-corners": along the reference path, resting at every reference point.
+            "suh-bishop": both phases as published in 1988; no other method where they find nothing.
+        quality: Of refinement. "fast": few knots, half to three quarters of the time, motions
+            about 1 % slower. "balanced". "best": also with more knots and from every start there
+            is, three to eight times the time.
+        candidate_points: From how many points on the reference path, start and goal included,
+            branch and bound chooses. More take longer, exponentially in the worst case, and give
+            other motions, not always faster ones.
+        node_budget: After how many nodes branch and bound ends with the best it has; the result
+            says so.
+        suh_bishop: How phase 2 of "suh-bishop" is done.
+        time_limit: Wall time after which planning ends with the best it has [s]; None: never.
+    """
+
+    method: str = METHODS[0]
+    quality: str = "balanced"
+    candidate_points: int = 30
+    node_budget: int = 10_000
+    suh_bishop: SuhBishopOptions = field(default_factory=SuhBishopOptions)
+    time_limit: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.method not in METHODS:
+            raise OptionError(unknown_name("method", self.method, METHODS))
+        if self.quality not in QUALITIES:
+            raise OptionError(unknown_name("quality", self.quality, QUALITIES))
+        if not _FEWEST_CANDIDATES <= self.candidate_points <= _MOST_CANDIDATES:
+            raise OptionError(
+                f"candidate_points is {self.candidate_points}; {_FEWEST_CANDIDATES} to "
+                f"{_MOST_CANDIDATES} are accepted"
+            )
+        if not self.node_budget >= 1:
+            raise OptionError(f"node_budget is {self.node_budget}; it must be >= 1")
+        if self.time_limit is not None and not self.time_limit > 0:
+            raise OptionError(f"time_limit is {self.time_limit:g} s; it must be > 0")

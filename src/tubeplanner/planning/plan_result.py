@@ -1,0 +1,167 @@
+"""What came of planning: a certified trajectory, or the reason why there is none."""
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from functools import cached_property, partial
+from typing import Any
+
+import numpy as np
+
+from tubeplanner.motion.trajectory import JointTrajectory
+from tubeplanner.outcome import Place, PlanStatus
+from tubeplanner.planning.path_minimum import path_minimum
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.progress import PlanningClock, StoppedBy
+from tubeplanner.refinement.sensitivities import Sensitivity
+from tubeplanner.suh_bishop.suh_bishop import PhaseTwoStatistics
+from tubeplanner.verification.certificate import Certificate
+from tubeplanner.verification.refusal import refusal
+from tubeplanner.verification.verification import verify
+from tubeplanner.waypoint_search.branch_and_bound import SearchStatistics
+
+# A reference point that the hand passes farther away than this is pointed out.
+_FAR_IN_RADII = 3.0
+_LOOKS_PER_PIECE = 20
+
+
+def _no_path() -> None:
+    return None
+
+
+@dataclass(frozen=True, eq=False)
+class PlanResult:
+    """What came of planning.
+
+    Attributes:
+        status: Success means that the certificate passed.
+        message: One sentence: the answer, or why there is none.
+        place: Where, if there is no answer.
+        method: What made the answer: one of `METHODS`.
+        trajectory: The answer; None unless successful.
+        certificate: Of the answer, or of the best attempt; None if there was none.
+        planning_time: Wall time from the loaded problem to the certified result [s].
+        certificate_time: The part of it that the answer's certificate took [s].
+        search: What branch and bound did; None if it did not run.
+        phase_two: What "suh-bishop" did after that; None if it did not.
+        stopped_by: "time_limit" or "interrupt" if that ended planning early; None otherwise.
+        sensitivities: What every limit costs, the dearest first; computed when first asked for.
+            Empty unless the answer is refinement's.
+        notes: What else is worth knowing about the answer.
+        path_minimum: The least time [s] in which motors that switch at once could run the answer's
+            path; computed when first asked for. None if there is no answer.
+    """
+
+    status: PlanStatus
+    message: str
+    place: Place
+    method: str
+    trajectory: JointTrajectory | None = None
+    certificate: Certificate | None = None
+    planning_time: float = 0.0
+    certificate_time: float = 0.0
+    search: SearchStatistics | None = None
+    phase_two: PhaseTwoStatistics | None = None
+    stopped_by: StoppedBy | None = None
+    notes: tuple[str, ...] = ()
+    _prices: Callable[[], tuple[Sensitivity, ...]] = tuple
+    _path_minimum: Callable[[], float | None] = _no_path
+
+    @cached_property
+    def sensitivities(self) -> tuple[Sensitivity, ...]:
+        """What every limit costs, the dearest first."""
+        return self._prices()
+
+    @cached_property
+    def path_minimum(self) -> float | None:
+        """The least time for the answer's path [s], by motors that switch at once."""
+        return self._path_minimum()
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether there is a certified trajectory."""
+        return self.status is PlanStatus.SUCCESS
+
+    @property
+    def duration(self) -> float | None:
+        """Duration of the trajectory [s], None if there is none."""
+        return None if self.trajectory is None else self.trajectory.duration
+
+    @property
+    def phase1_duration(self) -> float | None:
+        """Duration of what branch and bound found [s], None if it found nothing faster."""
+        return None if self.search is None else self.search.best_duration
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the fields of the command line's JSON, but for loading_time and path_minimum."""
+        return {
+            "status": str(self.status),
+            "message": self.message,
+            "where": self.place.as_dict(),
+            "duration": self.duration,
+            "phase1_duration": self.phase1_duration,
+            "planning_time": self.planning_time,
+            "certificate_time": self.certificate_time,
+            "stopped_by": self.stopped_by,
+            "method": self.method,
+            "notes": list(self.notes),
+            "sensitivities": [asdict(price) for price in self.sensitivities],
+            "search": None if self.search is None else self.search.as_dict(),
+            "phase_two": None if self.phase_two is None else self.phase_two.as_dict(),
+            "certificate": None if self.certificate is None else self.certificate.as_dict(),
+        }
+
+
+def certified_result(
+    problem: PlanningProblem, trajectory: JointTrajectory, method: str, clock: PlanningClock
+) -> PlanResult:
+    """Return the result of a method that made a trajectory: success if its certificate passes."""
+    begin = clock.elapsed
+    certificate = verify(problem, trajectory)
+    return judged_result(problem, trajectory, certificate, clock.elapsed - begin, method)
+
+
+def judged_result(
+    problem: PlanningProblem,
+    trajectory: JointTrajectory,
+    certificate: Certificate,
+    certificate_time: float,
+    method: str,
+) -> PlanResult:
+    """Return the result of a method whose trajectory has its certificate, passed or not."""
+    reason = refusal(problem, certificate)
+    if reason is not None:
+        return PlanResult(
+            reason.status,
+            str(reason),
+            reason.place,
+            method,
+            certificate=certificate,
+            certificate_time=certificate_time,
+        )
+    return PlanResult(
+        PlanStatus.SUCCESS,
+        _success_message(problem, trajectory),
+        Place(),
+        method,
+        trajectory,
+        certificate,
+        certificate_time=certificate_time,
+        _path_minimum=partial(path_minimum, problem.robot, trajectory),
+    )
+
+
+def _success_message(problem: PlanningProblem, trajectory: JointTrajectory) -> str:
+    """Return what is to be said about a certified motion."""
+    message = f"certified motion of {trajectory.duration:.4f} s"
+    if problem.goal is None:
+        q = ", ".join(f"{value:.4f}" for value in trajectory.position(trajectory.duration))
+        message += f"; the goal was left open and became [{q}]"
+    hand = problem.robot.tool_position(trajectory.per_piece(_LOOKS_PER_PIECE).position)
+    distance = np.linalg.norm(hand[:, None] - problem.tube.points, axis=2).min(axis=0)
+    reach = _FAR_IN_RADII * problem.tube.radius.max()
+    for point in np.flatnonzero(distance > reach):
+        message += (
+            f"; it passes reference point {point} at {distance[point]:.3g} m: the capsules beside "
+            "that point overlap elsewhere"
+        )
+    return message

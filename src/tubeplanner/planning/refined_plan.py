@@ -1,0 +1,180 @@
+"""Planning by refinement: the second phase of the paper, from the reference branch."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from tubeplanner.branches.known_branches import KnownBranches
+from tubeplanner.branches.reference_branch import ReferenceBranch, spare_joint_rules
+from tubeplanner.motion.trajectory import JointTrajectory
+from tubeplanner.outcome import Infeasible, PlanStatus
+from tubeplanner.planning.plan_options import QUALITIES, REFINEMENT, PlanOptions, Quality
+from tubeplanner.planning.plan_result import PlanResult, certified_result
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.progress import PlanningClock, Progress
+from tubeplanner.refinement.phase_spline import PhasedMotion
+from tubeplanner.refinement.refinement import Refinement
+from tubeplanner.refinement.sensitivities import price_list
+from tubeplanner.refinement.spline_start import starting_spline
+from tubeplanner.waypoint_search.time_scaling import scaled_to_limits
+
+# How often a certificate's objections are handed back to refinement.
+_MOST_OBJECTIONS = 5
+# Where the segments need more knots than the quality has, there are at most this many times more.
+_MOST_KNOTS_SHARE = 1.5
+
+
+def refined_plan(
+    problem: PlanningProblem, branches: KnownBranches, options: PlanOptions, clock: PlanningClock
+) -> PlanResult | None:
+    """Return the fastest certified motion that refinement finds, or why its first one is refused.
+
+    Starts are tried until one leads to a certified motion, or all of them if the quality says so.
+
+    Returns:
+        None if there was nothing to start from.
+
+    Raises:
+        KeyboardInterrupt: Before anything was certified.
+    """
+    best, quality = None, QUALITIES[options.quality]
+    for start, divisions in _starts(problem, branches, quality):
+        found = None
+        try:
+            found = _from_start(problem, start, divisions, clock)
+        except KeyboardInterrupt:
+            if best is None or not best.succeeded:
+                raise
+            clock.stopped_by = "interrupt"
+        except Infeasible as reason:  # nothing from this start, or the time limit
+            if reason.status is PlanStatus.TIME_LIMIT:
+                clock.stopped_by = "time_limit"
+        if found is not None:
+            best = found if best is None else _better(best, found)
+        answered = best is not None and best.succeeded and not quality.every_start
+        if answered or clock.stopped_by is not None:
+            break
+    return best
+
+
+def _starts(
+    problem: PlanningProblem, branches: KnownBranches, quality: Quality
+) -> Iterator[tuple[PhasedMotion, tuple[int, ...]]]:
+    """Yield motions to start from, and into how many parts their knot intervals are divided."""
+    known: list[ReferenceBranch] = []
+    for way in _ways(problem, branches):
+        try:
+            branch = way()
+        except Infeasible:
+            continue
+        if not branch.moving_segments:
+            return
+        if any(branch.is_as(other) for other in known):
+            continue
+        for intervals, divisions in quality.knots[: 1 if known else None]:
+            start = starting_spline(problem, branch, intervals)
+            yield start, _divisions(start.shape.interval_count, intervals, divisions)
+        known.append(branch)
+
+
+def _ways(
+    problem: PlanningProblem, branches: KnownBranches
+) -> Iterator[Callable[[], ReferenceBranch]]:
+    """Yield ways to begin with, the most natural first, those that need not be possible second."""
+    first, *others = spare_joint_rules(problem)
+    yield partial(branches.along, first)
+    yield branches.joint_lines
+    if problem.tube.rotation is not None:
+        yield branches.turned_at_will
+    for rule in others:
+        yield partial(branches.along, rule)
+
+
+def _divisions(count: int, wanted: int, divisions: tuple[int, ...]) -> tuple[int, ...]:
+    """Return into how many parts intervals are divided that are more than a quality wants.
+
+    Every segment has some: of many segments, the finest knots are reached by fewer divisions.
+    """
+    most = _MOST_KNOTS_SHARE * wanted * np.prod(divisions)
+    parts = list(divisions)
+    while parts and count * np.prod(parts) > most:
+        parts[0] -= 1
+        if parts[0] == 1:
+            parts.pop(0)
+    return tuple(parts)
+
+
+def _from_start(
+    problem: PlanningProblem, start: PhasedMotion, divisions: tuple[int, ...], clock: PlanningClock
+) -> PlanResult:
+    """Return what refinement makes of one start, the certificate's objections handed back to it.
+
+    Ctrl-C and the time limit leave the best so far to be certified.
+
+    Raises:
+        Infeasible: Nothing to start from, or the time limit before there was anything.
+        KeyboardInterrupt: Before there was anything.
+    """
+    knots = start.shape.interval_count * int(np.prod(divisions))
+    stage = f"refinement to {knots} knots"
+    clock.enter(stage)
+
+    def checkpoint(duration: float) -> None:
+        clock.announce(Progress(stage, best_duration=duration))
+        clock.check()
+
+    refinement = Refinement(problem, start, divisions, checkpoint)
+    work: Callable[[], bool] = refinement.run
+    for _ in range(_MOST_OBJECTIONS):
+        if not _done(work, refinement, clock):
+            break
+        motion = scaled_to_limits(problem.robot, refinement.trajectory)
+        result = certified_result(problem, motion, REFINEMENT, clock)
+        if result.succeeded or result.certificate is None or clock.stopped_by is not None:
+            break
+        work = partial(refinement.answer, result.certificate, motion.duration)
+    if not result.succeeded:
+        return result
+    prices = partial(price_list, problem, refinement, motion.duration)
+    return replace(result, notes=_notes(problem, motion), _prices=prices)
+
+
+def _notes(problem: PlanningProblem, motion: JointTrajectory) -> tuple[str, ...]:
+    """Return what the motion's jerk means, where nothing limits it."""
+    robot = problem.robot
+    peak = abs(motion.derivative_coefficients(3)).max(axis=(0, 1))
+    peak = np.where(np.isfinite(robot.limits.jerk), 0.0, peak)
+    joint = int(peak.argmax())
+    if not peak[joint] > 0:
+        return ()
+    unit = "rad/s^3" if robot.revolute[joint] else "m/s^3"
+    return (
+        f"without a jerk limit, jerk grows with the square of the knots ({len(motion.widths)}): "
+        "here up to "
+        f"{peak[joint]:.2g} {unit} ('{robot.joint_names[joint]}'); give the robot's own as "
+        "limits.jerk for a motion that a machine can follow",
+    )
+
+
+def _done(work: Callable[[], bool], refinement: Refinement, clock: PlanningClock) -> bool:
+    """Do a part of refinement, whole or until Ctrl-C or the time limit; return what it returns."""
+    try:
+        return work()
+    except KeyboardInterrupt:
+        if not refinement.has_motion:
+            raise
+        clock.stopped_by = "interrupt"
+    except Infeasible as reason:
+        if reason.status is not PlanStatus.TIME_LIMIT or not refinement.has_motion:
+            raise
+        clock.stopped_by = "time_limit"
+    return True
+
+
+def _better(known: PlanResult, found: PlanResult) -> PlanResult:
+    """Return the faster of two results that are certified, the one that is, or the first."""
+    if found.duration is None:
+        return known
+    return found if known.duration is None or found.duration < known.duration else known

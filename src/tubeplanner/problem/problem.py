@@ -1,0 +1,370 @@
+"""A planning problem: robot, tube, start, goal, obstacles; built in Python or read from a file."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, read_only
+from tubeplanner.collision.collision_checker import CollisionChecker
+from tubeplanner.collision.obstacle import FARTHEST, AttachedSolid, Obstacle, placement_of
+from tubeplanner.errors import ProblemError, RobotError, unknown_name
+from tubeplanner.problem.problem_format import (
+    AttachedFields,
+    EndpointFields,
+    JointValues,
+    ObstacleFields,
+    ProblemFields,
+    RobotFields,
+    check_problem_fields,
+    read_problem_fields,
+)
+from tubeplanner.resources import find_description, find_mesh, find_problem
+from tubeplanner.robot.joint_limits import LimitOverrides
+from tubeplanner.robot.pinocchio_model import Payload, ToolOffset
+from tubeplanner.robot.robot_model import RobotModel, load_robot
+from tubeplanner.robot.srdf import read_allowed_pairs
+from tubeplanner.tube.tube import Tube
+
+# How far outside a bound a given start or goal may be and still count as on it [rad, m].
+_INPUT_TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Seed:
+    """Ask for the inverse kinematics of a reference point, starting from a configuration.
+
+    Attributes:
+        joints: Shape (n,), group order [rad or m].
+    """
+
+    joints: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class PlanningProblem:
+    """What `plan` is asked to do.
+
+    Attributes:
+        robot: The arm.
+        tube: Where its hand may be.
+        start: Configuration (n,) [rad or m] in group order, or a map by joint name, or a Seed.
+        goal: The same for the last point; None: the configuration in which the branch ends.
+        obstacles: Solids in the base frame.
+        attached: Solids in the tool frame, carried along.
+        clearance: Least distance between any moving link and any obstacle [m].
+        self_collision: Whether links are checked against each other.
+        ignore_collisions: Pairs of names of links or obstacles that may touch.
+        name: What messages and plots call it.
+
+    Raises:
+        ProblemError: On construction, if start, goal or a seed break a limit, a sign, their
+            capsule or its rotation tolerance, the tube names a joint that is not planned, or the
+            clearance is negative.
+    """
+
+    robot: RobotModel
+    tube: Tube
+    start: FloatArray | Seed
+    goal: FloatArray | Seed | None = None
+    obstacles: Sequence[Obstacle] = ()
+    attached: Sequence[AttachedSolid] = ()
+    clearance: float = 0.0
+    self_collision: bool = True
+    ignore_collisions: Sequence[tuple[str, str]] = ()
+    name: str = "problem"
+    joint_lower: FloatArray = field(init=False)
+    joint_upper: FloatArray = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._keep_joint_bounds()
+        for end, segment in (("start", 0), ("goal", self.tube.segment_count - 1)):
+            given = getattr(self, end)
+            if given is None:
+                continue
+            if isinstance(given, Seed):
+                seed = self._configuration(f"{end}.seed", given.joints)
+                self._require_within_limits(f"{end}.seed", seed)
+                self._keep(end, Seed(seed))
+                continue
+            q = self._configuration(end, given)
+            self._require_inside(end, q, segment)
+            self._keep(end, q)
+        if not 0 <= self.clearance <= FARTHEST:
+            raise ProblemError(
+                f"clearance is {self.clearance:g} m; 0 to {FARTHEST:g} m are accepted"
+            )
+
+    @cached_property
+    def collision(self) -> CollisionChecker:
+        """The robot's links and the obstacles, ready to be checked."""
+        return CollisionChecker(
+            self.robot,
+            self.obstacles,
+            attached=self.attached,
+            self_collision=self.self_collision,
+            ignore=self.ignore_collisions,
+        )
+
+    def with_tube(self, tube: Tube) -> "PlanningProblem":
+        """Return the problem with another tube; robot and collision geometry are shared.
+
+        Raises:
+            ProblemError: As on construction: start or goal may lie outside the other tube.
+        """
+        other = replace(self, tube=tube)
+        other._keep("collision", self.collision)
+        return other
+
+    def along(self, tube: Tube, start: FloatArray | Seed) -> "PlanningProblem":
+        """Return the problem with another tube and start, the goal open.
+
+        Robot and collision geometry are shared.
+
+        Raises:
+            ProblemError: As on construction.
+        """
+        other = replace(self, tube=tube, start=start, goal=None)
+        other._keep("collision", self.collision)
+        return other
+
+    def _keep(self, name: str, value: object) -> None:
+        object.__setattr__(self, name, value)
+
+    def _keep_joint_bounds(self) -> None:
+        """Keep, per segment, the position limits cut with the tube's joint ranges: (m, n)."""
+        names, limits = self.robot.joint_names, self.robot.limits
+        for ranges in self.tube.joint_ranges:
+            for joint in ranges:
+                if joint not in names:
+                    raise ProblemError(f"tube.joint_signs: {unknown_name('joint', joint, names)}")
+        lower, upper = self.tube.ranges_of(names)
+        lower = np.maximum(lower, limits.lower_position)
+        upper = np.minimum(upper, limits.upper_position)
+        for segment, joint in np.argwhere(lower > upper):
+            raise ProblemError(
+                f"tube.joint_signs: joint '{names[joint]}' has no value left in segment {segment}: "
+                f"signs and position limits [{limits.lower_position[joint]:g}, "
+                f"{limits.upper_position[joint]:g}] ask for >= {lower[segment, joint]:g} and <= "
+                f"{upper[segment, joint]:g}"
+            )
+        self._keep("joint_lower", read_only(lower))
+        self._keep("joint_upper", read_only(upper))
+
+    def _configuration(self, end: str, values: Any) -> FloatArray:
+        """Return joint values given in group order or by name as an array (n,)."""
+        names = self.robot.joint_names
+        if isinstance(values, Mapping):
+            for name in values:
+                if name not in names:
+                    raise ProblemError(f"{end}: {unknown_name('joint', name, names)}")
+            missing = [name for name in names if name not in values]
+            if missing:
+                raise ProblemError(f"{end}: no value for joint {', '.join(missing)}")
+            values = [values[name] for name in names]
+        try:
+            q = read_only(values)
+        except (TypeError, ValueError):
+            raise ProblemError(f"{end} {values!r} must be numbers, one per joint") from None
+        if q.shape != (len(names),):
+            raise ProblemError(
+                f"{end} has {q.size} values for the {len(names)} joints {', '.join(names)}"
+            )
+        if not np.isfinite(q).all():
+            raise ProblemError(f"{end} must be finite numbers")
+        return q
+
+    def _require_within_limits(self, what: str, q: FloatArray) -> None:
+        limits = self.robot.limits
+        low, high = (
+            limits.lower_position - _INPUT_TOLERANCE,
+            limits.upper_position + _INPUT_TOLERANCE,
+        )
+        for joint in np.flatnonzero((q < low) | (q > high)):
+            raise ProblemError(
+                f"{what}: joint '{self.robot.joint_names[joint]}' at {q[joint]:g} is outside its "
+                f"position limits [{limits.lower_position[joint]:g}, "
+                f"{limits.upper_position[joint]:g}] (radians and metres are meant)"
+            )
+
+    def _require_inside(self, end: str, q: FloatArray, segment: int) -> None:
+        lower, upper = self.joint_lower[segment], self.joint_upper[segment]
+        for name, value, low, high in zip(self.robot.joint_names, q, lower, upper, strict=True):
+            if not low - _INPUT_TOLERANCE <= value <= high + _INPUT_TOLERANCE:
+                raise ProblemError(
+                    f"{end}: joint '{name}' at {value:g} is outside [{low:g}, {high:g}], its "
+                    f"position limits and joint sign in segment {segment}"
+                )
+        rotation, hand = self.robot.tool_pose(q[None])
+        margin = float(self.tube.margin(hand)[0, segment])
+        if margin < -_INPUT_TOLERANCE:
+            point = self.tube.points[segment + (end == "goal")]
+            raise ProblemError(
+                f"{end}: the hand is at {np.round(hand[0], 4).tolist()} m, {-margin:.3g} m outside "
+                f"the capsule of segment {segment} (its end point is {point.tolist()} m); move the "
+                f"{end} or the reference point"
+            )
+        self._require_turned(end, rotation, hand, segment)
+
+    def _require_turned(
+        self, end: str, rotation: FloatArray, hand: FloatArray, segment: int
+    ) -> None:
+        """Raise unless a hand is within a segment's rotation tolerance."""
+        tube = self.tube.rotation
+        if tube is None or tube.margin(rotation, hand, segment)[0] >= -_INPUT_TOLERANCE:
+            return
+        error = tube.error(rotation, hand, segment)[0]
+        turned = [*error.tolist(), float(np.linalg.norm(error))]
+        worst = int((abs(np.array(turned)) - tube.bounds[segment]).argmax())
+        about = "" if worst == 3 else f" about {'xyz'[worst]} of the reference orientation"
+        raise ProblemError(
+            f"{end}: the hand is turned by {turned[worst]:.4g} rad{about}, where the rotation "
+            f"tolerance of segment {segment} is {tube.bounds[segment, worst]:.4g} rad; turn the "
+            f"{end}, change tube.orientations[{segment + (end == 'goal')}] or widen "
+            f"tube.rotation_tolerance[{segment}]"
+        )
+
+
+def load_problem(name: str | Path, directory: str | Path = ".") -> PlanningProblem:
+    """Read a problem file, its robot and its robot's collision geometry.
+
+    Args:
+        name: A path, or `example:ROBOT/NAME` for a bundled problem.
+        directory: Where a relative path starts.
+
+    Raises:
+        ProblemError: The file contradicts its format, itself or its robot.
+        RobotError: The robot cannot be planned with.
+    """
+    path = find_problem(name, Path(directory))
+    return _build(
+        read_problem_fields(path),
+        path.parent,
+        f"{path.resolve().parent.name}/{path.stem}",
+        str(path),
+    )
+
+
+def parse_problem(
+    data: Mapping[str, Any], directory: str | Path = ".", name: str = "problem"
+) -> PlanningProblem:
+    """Build a problem from what a problem file holds, as dictionaries and lists.
+
+    Args:
+        data: The contents of a problem file.
+        directory: Where its relative paths start.
+        name: What messages and plots call it.
+
+    Raises:
+        ProblemError: As `load_problem`.
+        RobotError: As `load_problem`.
+    """
+    return _build(check_problem_fields(data, name), Path(directory), name, name)
+
+
+def _build(fields: ProblemFields, directory: Path, name: str, source: str) -> PlanningProblem:
+    try:
+        robot = _robot(fields.robot, directory)
+        problem = PlanningProblem(
+            robot=robot,
+            tube=_tube(fields),
+            start=_endpoint("start", fields.start),
+            goal=None if fields.goal is None else _endpoint("goal", fields.goal),
+            obstacles=tuple(
+                _obstacle(obstacle, directory, robot.package_dirs) for obstacle in fields.obstacles
+            ),
+            attached=tuple(
+                _attached(solid, directory, robot.package_dirs) for solid in fields.robot.attached
+            ),
+            clearance=fields.clearance,
+            self_collision=fields.collision.self_,
+            ignore_collisions=(*fields.collision.ignore, *_srdf_pairs(fields, robot, directory)),
+            name=name,
+        )
+        _ = problem.collision  # built here: planning starts from loaded geometry
+    except (ProblemError, RobotError) as error:
+        raise type(error)(f"{source}: {error}") from None
+    return problem
+
+
+def _robot(fields: RobotFields, directory: Path) -> RobotModel:
+    limits = fields.limits.model_dump()
+    payload = None if fields.payload is None else Payload(**fields.payload.model_dump())
+    return load_robot(
+        fields.urdf,
+        fields.tool_frame,
+        joints=fields.joints,
+        locked_joints=fields.locked_joints,
+        tool_offset=ToolOffset(**fields.tool_offset.model_dump()),
+        gravity=fields.gravity,
+        payload=payload,
+        limits=LimitOverrides(**limits),
+        package_dirs=fields.package_dirs,
+        directory=directory,
+    )
+
+
+def _tube(fields: ProblemFields) -> Tube:
+    return Tube(
+        fields.tube.points,
+        fields.tube.radius,
+        tool_radius=fields.tube.tool_radius,
+        joint_signs=fields.tube.joint_signs,
+        visit=fields.tube.visit,
+        orientations=fields.tube.orientations,
+        rotation_tolerance=fields.tube.rotation_tolerance,
+    )
+
+
+def _endpoint(end: str, fields: EndpointFields) -> Any:
+    if (fields.joints is None) == (fields.seed is None):
+        found = "neither" if fields.joints is None else "both"
+        raise ProblemError(f"{end} takes either joints or seed; it has {found}")
+    return _values(fields.joints) if fields.joints is not None else Seed(_values(fields.seed))
+
+
+def _values(values: JointValues | None) -> Any:
+    return values if isinstance(values, dict) else np.array(values, dtype=float)
+
+
+def _srdf_pairs(fields: ProblemFields, robot: RobotModel, directory: Path) -> list[tuple[str, str]]:
+    """Return the pairs that the SRDF allows to touch, of links that this robot has."""
+    if fields.robot.srdf is None:
+        return []
+    folders = tuple(directory / folder for folder in fields.robot.package_dirs)
+    path = find_description(fields.robot.srdf, directory, folders)
+    return [pair for pair in read_allowed_pairs(path) if set(pair) <= robot.link_body.keys()]
+
+
+def _attached(fields: AttachedFields, directory: Path, folders: tuple[Path, ...]) -> AttachedSolid:
+    solid = _obstacle(fields, directory, folders)
+    return AttachedSolid(solid.name, solid.shapes, tuple(fields.touch_links))
+
+
+def _obstacle(fields: ObstacleFields, directory: Path, folders: tuple[Path, ...]) -> Obstacle:
+    kinds = ("box", "sphere", "cylinder", "capsule", "mesh")
+    given = [kind for kind in kinds if getattr(fields, kind) is not None]
+    if len(given) != 1:
+        raise ProblemError(
+            f"obstacles: '{fields.name}' must have exactly one of {', '.join(kinds)}; "
+            f"it has {', '.join(given) or 'none'}"
+        )
+    try:
+        placement = placement_of(fields.position, fields.rpy, fields.quaternion)
+    except ProblemError as error:
+        raise ProblemError(f"obstacles: '{fields.name}': {error}") from None
+    if fields.mesh is not None:
+        try:
+            path = find_mesh(fields.mesh, directory / "the problem file", folders)
+            return Obstacle.mesh(fields.name, path, placement, fields.scale)
+        except RobotError as error:
+            raise ProblemError(f"obstacles: '{fields.name}': {error}") from None
+    if fields.scale != 1.0:
+        raise ProblemError(f"obstacles: '{fields.name}': scale belongs to a mesh alone; remove it")
+    sizes = getattr(fields, given[0])
+    if given[0] in ("cylinder", "capsule"):
+        return getattr(Obstacle, given[0])(fields.name, *sizes, placement)
+    return getattr(Obstacle, given[0])(fields.name, sizes, placement)

@@ -1,0 +1,271 @@
+"""The problem file's shape: fields, units, defaults. Other tools read it, so names never change.
+
+Here a file is only read and its shape checked; `problem` gives it meaning.
+"""
+
+import json
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeAlias
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from ruamel.yaml import YAML
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+
+from tubeplanner.errors import ProblemError
+from tubeplanner.problem.problem_faults import first_fault
+
+Finite: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Number: TypeAlias = Annotated[float, Field(strict=True)]
+Vector: TypeAlias = tuple[Finite, Finite, Finite]
+Quaternion: TypeAlias = tuple[Finite, Finite, Finite, Finite]
+JointValues: TypeAlias = list[Finite] | dict[str, Finite]
+Flag: TypeAlias = Annotated[bool, Field(strict=True)]
+
+
+def _no_flag(value: object) -> object:
+    """Refuse true and false where 1 and 0 are numbers: YAML and Python take them for equal."""
+    if isinstance(value, bool):
+        raise ValueError("true and false are no numbers")
+    return value
+
+
+def _sign_or_range(value: object) -> object:
+    """Say at once what a sign may be, rather than what each of its alternatives asks for."""
+    _no_flag(value)
+    is_range = isinstance(value, list | tuple) and len(value) == 2
+    if not is_range and value not in ("+", "-", "0", 1, -1, 0):
+        raise ValueError("it must be '+', '-', '0', 1, -1, 0 or a range [lower, upper]")
+    return value
+
+
+Sign: TypeAlias = Annotated[
+    Literal["+", "-", "0", 1, -1, 0] | tuple[Number, Number], BeforeValidator(_sign_or_range)
+]
+
+
+def _angle_or_bounds(value: object) -> object:
+    """Say at once what a bound on the rotation may be."""
+    numbers = list(value) if isinstance(value, list | tuple) else [value]
+    right = all(isinstance(n, int | float) and not isinstance(n, bool) for n in numbers)
+    if not right or (isinstance(value, list | tuple) and len(numbers) != 3):
+        raise ValueError("it must be one angle or three bounds [x, y, z] [rad], .inf where free")
+    return value
+
+
+RotationBoundField: TypeAlias = Annotated[
+    Number | tuple[Number, Number, Number], BeforeValidator(_angle_or_bounds)
+]
+Version: TypeAlias = Annotated[Literal[1], BeforeValidator(_no_flag)]
+
+_MOST_BYTES = 10_000_000
+# What the readers raise for malformed input, whatever it says of the fault.
+_READER_ERRORS = (YAMLError, ValueError, RecursionError, LookupError, TypeError, AttributeError)
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class ToolOffsetFields(_Section):
+    """The tool centre point in the tool frame."""
+
+    position: Vector = Field((0.0, 0.0, 0.0), description="[m]")
+    rpy: Vector = Field((0.0, 0.0, 0.0), description="fixed x, y, z as in URDF [rad]")
+
+
+class PayloadFields(_Section):
+    """A mass carried in the tool frame."""
+
+    mass: Finite = Field(description="[kg]")
+    com: Vector = Field((0.0, 0.0, 0.0), description="centre of mass in tool_frame [m]")
+    inertia: tuple[Finite, Finite, Finite, Finite, Finite, Finite] = Field(
+        (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        description="ixx iyy izz ixy ixz iyz about the com [kg m^2]",
+    )
+
+
+class LimitFields(_Section):
+    """Limits by joint name; they replace the URDF's. `.inf` on purpose is allowed."""
+
+    effort: dict[str, Number] = Field({}, description="[N m] or [N]")
+    velocity: dict[str, Number] = Field({}, description="[rad/s] or [m/s]")
+    position: dict[str, tuple[Number, Number]] = Field({}, description="[lower, upper] [rad, m]")
+    acceleration: dict[str, Number] = Field({}, description="[rad/s^2] or [m/s^2]")
+    jerk: dict[str, Number] = Field({}, description="[rad/s^3] or [m/s^3]")
+    scale: dict[str, Finite] = Field(
+        {}, description="factors in (0, 1] on effort, velocity, acceleration"
+    )
+
+
+class ObstacleFields(_Section):
+    """One solid; exactly one of box, sphere, cylinder, capsule, mesh."""
+
+    name: str = Field(description="unique; what messages call it")
+    box: Vector | None = Field(None, description="full side lengths [m]")
+    sphere: Finite | None = Field(None, description="radius [m]")
+    cylinder: tuple[Finite, Finite] | None = Field(None, description="radius, length along z [m]")
+    capsule: tuple[Finite, Finite] | None = Field(
+        None, description="radius, length between the centres of its caps [m]"
+    )
+    mesh: str | None = Field(None, description="file, relative to this one")
+    scale: Finite = Field(1.0, description="of a mesh")
+    position: Vector = Field((0.0, 0.0, 0.0), description="[m]")
+    rpy: Vector | None = Field(None, description="fixed x, y, z as in URDF [rad]")
+    quaternion: Quaternion | None = Field(None, description="x y z w, instead of rpy")
+
+
+class AttachedFields(ObstacleFields):
+    """One solid carried by the tool, placed in tool_frame."""
+
+    touch_links: list[str] = Field([], description="links that it may touch")
+
+
+class RobotFields(_Section):
+    """The arm."""
+
+    urdf: str = Field(description="path relative to this file, package://PKG/..., example:NAME")
+    package_dirs: list[str] = Field([], description="extra roots for package:// names")
+    srdf: str | None = Field(
+        None, description="file whose disable_collisions lists pairs of links that may touch"
+    )
+    tool_frame: str = Field(description="any URDF link")
+    tool_offset: ToolOffsetFields = Field(
+        ToolOffsetFields(), description="the tool centre point in tool_frame"
+    )
+    joints: list[str] | None = Field(None, description="planning group; default: the chain's")
+    locked_joints: dict[str, Finite] = Field({}, description="joints outside the group [rad, m]")
+    gravity: Vector = Field((0.0, 0.0, -9.81), description="base frame [m/s^2]")
+    payload: PayloadFields | None = Field(None, description="a mass carried in tool_frame")
+    attached: list[AttachedFields] = Field([], description="solids carried in tool_frame")
+    limits: LimitFields = Field(LimitFields(), description="replace and scale the URDF's limits")
+
+
+class TubeFields(_Section):
+    """Where the hand may be, and how it may be turned."""
+
+    points: list[Vector] = Field(description="m+1 reference points, base frame [m]")
+    radius: Finite | list[Finite] = Field(description="one or m path tolerances [m]")
+    tool_radius: Finite = Field(0.0, description="end effector as a sphere [m]")
+    joint_signs: dict[str, Sign] | list[dict[str, Sign]] = Field(
+        {}, description="one map or m: '+', '-', '0', 1, -1, 0, or [lower, upper] [rad, m]"
+    )
+    orientations: list[Quaternion] | None = Field(
+        None, description="of the tool centre point frame at the points, m+1 quaternions x y z w"
+    )
+    rotation_tolerance: Number | list[RotationBoundField] | None = Field(
+        None,
+        description="m angles, or triples of bounds on log(R_ref^T R), .inf where free [rad]; one "
+        "number serves for all segments",
+    )
+    visit: Literal["ordered", "any"] = Field(
+        "ordered", description="segments one after the other, or the union of their capsules"
+    )
+
+
+class EndpointFields(_Section):
+    """A configuration, or a seed for the inverse kinematics of the reference point."""
+
+    joints: JointValues | None = Field(None, description="group order or by name [rad, m]")
+    seed: JointValues | None = Field(None, description="group order or by name [rad, m]")
+
+
+class CollisionFields(_Section):
+    """What is checked."""
+
+    self_: Flag = Field(True, alias="self", description="links against links")
+    ignore: list[tuple[str, str]] = Field([], description="pairs of links or obstacles left out")
+
+
+class ProblemFields(_Section):
+    """A tubeplanner problem. SI units, radians; positions in the frame of the URDF's root link."""
+
+    model_config = ConfigDict(title="tubeplanner problem")
+
+    format: Literal["tubeplanner/problem"] = Field(
+        "tubeplanner/problem", description="what this file is"
+    )
+    version: Version = Field(1, description="of the format")
+    robot: RobotFields = Field(description="the arm, its tool and its limits")
+    tube: TubeFields = Field(description="where the hand may be, and in which configuration")
+    start: EndpointFields = Field(description="where the motion begins, at rest")
+    goal: EndpointFields | None = Field(
+        None, description="where it ends, at rest; left out: where the branch ends"
+    )
+    obstacles: list[ObstacleFields] = Field([], description="solids in the base frame")
+    clearance: Finite = Field(0.0, description="least distance of links to obstacles [m]")
+    collision: CollisionFields = Field(CollisionFields(), description="what is checked")
+
+
+def problem_schema() -> dict[str, Any]:
+    """Return the JSON schema of the problem file."""
+    return ProblemFields.model_json_schema(by_alias=True)
+
+
+def read_problem_fields(path: Path) -> ProblemFields:
+    """Read a problem file, YAML 1.2 or JSON.
+
+    Raises:
+        ProblemError: The file cannot be read, a key is unknown or doubled, a value has the wrong
+            type. The message names the file and the field.
+    """
+    return check_problem_fields(_read(path), str(path))
+
+
+def check_problem_fields(data: object, source: str) -> ProblemFields:
+    """Check the shape of a problem given as nested dictionaries and lists.
+
+    Args:
+        data: What a problem file holds.
+        source: What messages call it.
+
+    Raises:
+        ProblemError: As `read_problem_fields`.
+    """
+    if not isinstance(data, dict):
+        raise ProblemError(f"{source}: a problem is a map with robot, tube and start")
+    try:
+        return ProblemFields.model_validate(data)
+    except ValidationError as error:
+        fault = first_fault(data, error, ProblemFields)
+        raise ProblemError(f"{source}: {fault}") from None
+
+
+def _read(path: Path) -> object:
+    try:
+        with path.open("rb") as stream:
+            data = stream.read(_MOST_BYTES + 1)
+    except OSError as error:
+        raise ProblemError(f"problem file {path} cannot be read: {error.strerror}") from error
+    if len(data) > _MOST_BYTES:
+        raise ProblemError(f"problem file {path} is larger than {_MOST_BYTES // 10**6} MB")
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ProblemError(f"problem file {path} cannot be read: {error}") from error
+    try:
+        if path.suffix == ".json":
+            return json.loads(text, object_pairs_hook=_unique_keys)
+        return YAML(typ="safe", pure=True).load(text)
+    except MarkedYAMLError as error:
+        raise ProblemError(f"problem file {path} is malformed: {_yaml_reason(error)}") from error
+    except _READER_ERRORS as error:
+        reason = " ".join(str(error).split())
+        raise ProblemError(f"problem file {path} is malformed: {reason}") from error
+
+
+def _yaml_reason(error: MarkedYAMLError) -> str:
+    """Return what is wrong in a YAML file, and where, on one line."""
+    mark = error.problem_mark or error.context_mark
+    place = "" if mark is None else f"line {mark.line + 1}, column {mark.column + 1}: "
+    reason = str(error.problem or error.context).split(" with value ")[0]
+    if "\\t" in reason:
+        reason += "; use spaces"
+    return f"{place}{reason}"
+
+
+def _unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    result = dict(pairs)
+    if len(result) < len(pairs):
+        keys = [key for key, _ in pairs]
+        raise ValueError(f"the key '{max(keys, key=keys.count)}' is given twice")
+    return result

@@ -1,0 +1,119 @@
+"""Which control points of a spline an optimiser may move, and how far.
+
+Those at rest at both ends stay where they are. If the goal is open, its control points move as one,
+the hand staying where it is.
+"""
+
+import numpy as np
+from scipy import sparse
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.branches.inverse_kinematics import solve_position
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.refinement.phase_spline import DEGREE, REST_POINTS, PhaseSpline
+
+FIXED = -1
+# Directions in which the joints at the goal move the hand by less than this [m/rad] are left free.
+_LEAST_GAIN = 1e-6
+_HAND_TOLERANCE = 1e-9  # [m]
+_LOOKS, _SEED = 5, 0  # configurations looked at for spare joints
+
+
+class ControlVariables:
+    """F variables, each a configuration: the control points that may move.
+
+    Attributes:
+        column: The variable of every control point, -1 where it is fixed, shape (K,).
+        selection: What control points take of the variables, sparse, shape (K, F).
+        lower: Bounds of the variables, shape (F, n) [rad or m].
+        upper: Likewise.
+    """
+
+    def __init__(self, problem: PlanningProblem, shape: PhaseSpline) -> None:
+        """Take the problem's joint ranges and its goal, given or open."""
+        self._problem, self._shape = problem, shape
+        self._goal_moves = problem.goal is None and _has_spare_joints(problem)
+        self.column = self._columns(shape.control_point_count)
+        moving = np.flatnonzero(self.column != FIXED)
+        count = int(self.column.max()) + 1
+        self.selection = sparse.csr_matrix(
+            (np.ones(len(moving)), (moving, self.column[moving])), (len(self.column), count)
+        )
+        lower, upper = self._control_bounds()
+        self.lower, self.upper = np.full((2, count, lower.shape[1]), np.inf)
+        self.lower *= -1
+        np.maximum.at(self.lower, self.column[moving], lower[moving])
+        np.minimum.at(self.upper, self.column[moving], upper[moving])
+
+    def of(self, control_points: FloatArray) -> FloatArray:
+        """Return the variables that control points (K, n) have, shape (F, n)."""
+        _, first = np.unique(self.column, return_index=True)
+        return control_points[first[self.column[first] != FIXED]]
+
+    def change(self, step: FloatArray) -> FloatArray:
+        """Return how control points change with a step of the variables (F, n), shape (K, n)."""
+        padded = np.vstack([step, np.zeros((1, step.shape[1]))])  # the last one is that of FIXED
+        return padded[self.column]
+
+    def within_bounds(self, control_points: FloatArray) -> FloatArray:
+        """Return control points (K, n), those that may move moved into their bounds."""
+        moving = self.column != FIXED
+        inside = np.clip(self.of(control_points), self.lower, self.upper)
+        points = control_points.copy()
+        points[moving] = inside[self.column[moving]]
+        return points
+
+    def moved(self, control_points: FloatArray, step: FloatArray) -> FloatArray | None:
+        """Return control points (K, n) after a step (F, n), the hand at an open goal as it was.
+
+        Returns:
+            None if the hand cannot be kept there.
+        """
+        points = control_points + self.change(step)
+        if not self._goal_moves:
+            return points
+        robot, target = self._problem.robot, self._problem.tube.points[-1]
+        goal = solve_position(robot, target, points[-1], self.lower[-1], self.upper[-1])
+        if goal.error > _HAND_TOLERANCE:
+            return None
+        points[-REST_POINTS:] = goal.q
+        return points
+
+    def held(self, control_points: FloatArray) -> FloatArray:
+        """Return what the hand at an open goal forbids: directions of its joints, shape (r, n)."""
+        joints = control_points.shape[1]
+        if not self._goal_moves:
+            return np.zeros((0, joints))
+        _, jacobian = self._problem.robot.tool_jacobian(control_points[-1:])
+        _, gain, directions = np.linalg.svd(jacobian[0, :3], full_matrices=False)
+        return directions[gain > _LEAST_GAIN]
+
+    def _columns(self, count: int) -> IntArray:
+        column = np.arange(count) - REST_POINTS
+        column[:REST_POINTS] = column[-REST_POINTS:] = FIXED
+        if self._goal_moves:
+            column[-REST_POINTS:] = count - 2 * REST_POINTS
+        return column
+
+    def _control_bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Return joint bounds of the control points, (K, n): those of all phases they count in.
+
+        A spline lies in the hull of its control points, so the bounds hold for all t.
+        """
+        shape = (self._shape.control_point_count, self._problem.robot.joint_count)
+        lower, upper = np.full(shape, -np.inf), np.full(shape, np.inf)
+        first = 0
+        for k, shares in enumerate(self._shape.shares):
+            counting = slice(first, first + len(shares) - 1 + DEGREE)
+            lower[counting] = np.maximum(lower[counting], self._problem.joint_lower[k])
+            upper[counting] = np.minimum(upper[counting], self._problem.joint_upper[k])
+            first += len(shares) - 1
+        return lower, upper
+
+
+def _has_spare_joints(problem: PlanningProblem) -> bool:
+    """Return whether joints can move while the hand stays where it is, nearly everywhere."""
+    joints = problem.robot.joint_count
+    q = np.random.default_rng(_SEED).uniform(-1.0, 1.0, (_LOOKS, joints))
+    _, jacobian = problem.robot.tool_jacobian(q)
+    return int(np.linalg.matrix_rank(jacobian[:, :3], tol=_LEAST_GAIN).max()) < joints

@@ -1,0 +1,183 @@
+"""The linear program of one step: solved by PIQP, an interior-point method for sparse problems."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import piqp
+from scipy import sparse
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.refinement.linear_rows import Rows
+
+_ELASTIC_BOUND = 10.0
+# Tried in turn: the first is the fastest for control points in the order of time.
+_SOLVERS = (
+    piqp.KKTSolver.sparse_multistage,
+    piqp.KKTSolver.sparse_ldlt,
+    piqp.KKTSolver.sparse_ldlt_cond,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Bounds:
+    """Where the step must stay.
+
+    Attributes:
+        lower: Of the variable configurations, shape (F, n).
+        upper: Likewise.
+        gate: Largest steps of the gates, shape (gates,).
+        duration: Smallest and largest eta.
+        held: Directions in which the last variable must not move, shape (r, n).
+    """
+
+    lower: FloatArray
+    upper: FloatArray
+    gate: FloatArray
+    duration: tuple[float, float]
+    held: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """What a linear program gives.
+
+    Attributes:
+        control: Shape (F, n).
+        gate: Shape (gates,).
+        duration: eta.
+        elastic: By how much elastic rows are broken at most.
+        multipliers: Of the rows, shape (R,).
+    """
+
+    control: FloatArray
+    gate: FloatArray
+    duration: float
+    elastic: float
+    multipliers: FloatArray
+
+
+class StepProgram:
+    """A linear program with a little curvature, and its solver.
+
+    It minimises eta + penalty * elastic + gradient . dC + x . hessian . x / 2 under the rows, x
+    being all that may change: configurations, gates, eta, elastic.
+    """
+
+    def __init__(
+        self,
+        rows: Rows,
+        is_elastic: FloatArray,
+        column: IntArray,
+        bounds: Bounds,
+        hessian: sparse.csc_matrix,
+        gradient: FloatArray,
+        penalty: float,
+        tolerance: float = 1e-4,
+    ) -> None:
+        """Set it up.
+
+        Args:
+            rows: The conditions.
+            is_elastic: 1 for rows that may be broken for a price, else 0, shape (R,).
+            column: The variable of every control point, -1 where it is fixed, shape (K,).
+            bounds: Where the step must stay.
+            hessian: Over all that may change, shape (V, V).
+            gradient: Shape (F n,).
+            penalty: Price of the elastic variable.
+            tolerance: Of the solution, absolute and relative.
+        """
+        self._free = bounds.lower.shape
+        gates = len(bounds.gate)
+        self._matrix = _matrix(rows, is_elastic, column, *self._free)
+        self._hessian = hessian
+        self._linear = np.concatenate([gradient, np.zeros(gates), [1.0, penalty]])
+        self._lower = np.concatenate(
+            [bounds.lower.ravel(), -bounds.gate, [bounds.duration[0], 0.0]]
+        )
+        self._upper = np.concatenate(
+            [bounds.upper.ravel(), bounds.gate, [bounds.duration[1], _ELASTIC_BOUND]]
+        )
+        self._room, self._tolerance = rows.room, tolerance
+        self._held = self._equalities(bounds)
+        self._solver: piqp.SparseSolver | None = None
+
+    def solve(self) -> Step | None:
+        """Return the step, or None if no solver finds one."""
+        for kind in _SOLVERS:
+            solver = piqp.SparseSolver()
+            settings = solver.settings
+            settings.kkt_solver = kind
+            settings.eps_abs = settings.eps_rel = self._tolerance
+            settings.eps_duality_gap_abs = settings.eps_duality_gap_rel = self._tolerance
+            solver.setup(
+                self._hessian,
+                self._linear,
+                self._held,
+                None if self._held is None else np.zeros(self._held.shape[0]),
+                self._matrix,
+                np.full(len(self._room), -np.inf),
+                self._room,
+                self._lower,
+                self._upper,
+            )
+            step = self._solution(solver)
+            if step is not None:
+                self._solver = solver
+                return step
+        return None
+
+    def solve_again(self, room: FloatArray) -> Step | None:
+        """Return the step with other room for the rows, once there was a solution."""
+        if self._solver is None:
+            return None
+        self._solver.update(h_u=room)
+        return self._solution(self._solver)
+
+    def _equalities(self, bounds: Bounds) -> sparse.csc_matrix | None:
+        if len(bounds.held) == 0:
+            return None
+        before = sparse.csc_matrix((len(bounds.held), bounds.lower[:-1].size))
+        after = sparse.csc_matrix((len(bounds.held), len(self._linear) - bounds.lower.size))
+        return sparse.hstack([before, bounds.held, after], format="csc")
+
+    def _solution(self, solver: piqp.SparseSolver) -> Step | None:
+        status = solver.solve()
+        x = np.array(solver.result.x)
+        if status != piqp.PIQP_SOLVED or len(x) != len(self._lower) or not np.isfinite(x).all():
+            return None
+        x = np.clip(x, self._lower, self._upper)
+        free, n = self._free
+        return Step(
+            x[: free * n].reshape(free, n),
+            x[free * n : -2],
+            float(x[-2]),
+            float(x[-1]),
+            np.array(solver.result.z_u),
+        )
+
+
+def _matrix(
+    rows: Rows, is_elastic: FloatArray, column: IntArray, free: int, n: int
+) -> sparse.csc_matrix:
+    """Return the rows as a sparse matrix over configurations, gates, eta, elastic."""
+    count, weights = len(rows), rows.control.shape[1]
+    gates = rows.gate.shape[1]
+    variable = column[rows.first[:, None] + np.arange(weights)]
+    columns = (variable[:, :, None] * n + np.arange(n)).reshape(count, weights * n)
+    values = rows.control * (variable >= 0)[:, :, None]
+    extra = free * n + np.arange(gates + 2)
+    columns = np.hstack([columns, np.tile(extra, (count, 1))])
+    data = np.hstack(
+        [
+            values.reshape(count, weights * n),
+            rows.gate,
+            rows.duration[:, None],
+            -is_elastic[:, None],
+        ]
+    )
+    keep = data != 0
+    indptr = np.concatenate([[0], np.cumsum(keep.sum(axis=1))])
+    shape = (count, free * n + gates + 2)
+    matrix = sparse.csr_matrix((data[keep], columns[keep], indptr), shape=shape)
+    matrix.sum_duplicates()  # control points that move as one
+    return matrix.tocsc()

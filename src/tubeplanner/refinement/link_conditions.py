@@ -1,0 +1,235 @@
+"""Links clear of obstacles and of each other, at the samples of a motion where they come close."""
+
+from copy import copy
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.collision.collision_checker import ClosestPoints, CollisionChecker
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.refinement.linear_rows import (
+    INNER_MARGIN,
+    MERIT_TOLERANCE,
+    NO_LIMIT,
+    Rows,
+    StepSize,
+)
+from tubeplanner.refinement.phase_spline import PhasedMotion, Samples
+from tubeplanner.refinement.sampled_motion import SampledMotion, sampled
+
+# What a row calls one [m]: as a radius does for the tube.
+_UNIT = 0.05
+# Steps aim at this much more than what is required, unless start or goal have less [m].
+_INNER_MARGIN = INNER_MARGIN * _UNIT
+# Pairs that come closer than this beyond what is required are watched [m].
+_WATCHED = 0.01
+_PER_INTERVAL = 4  # samples looked at
+# Every so manieth of them is looked at first; the others know what separates a pair near by.
+_STRIDES = (64, 16, 4, 1)
+# Samples of a pair that are this near to each other, a share of their spacing, are one; those that
+# are asked for nearly always count.
+_SAME_SHARE, _SAME_SHARE_ASKED = 0.3, 1e-3
+
+
+class LinkConditions:
+    """The pairs of shapes that must stay apart, and where along the motion they are watched."""
+
+    def __init__(self, problem: PlanningProblem) -> None:
+        checker = problem.collision
+        self._problem, self._checker = problem, checker
+        self._pairs = np.concatenate([checker.obstacle_pairs, checker.link_pairs])
+        self._required = np.repeat(
+            [problem.clearance, 0.0], [len(checker.obstacle_pairs), len(checker.link_pairs)]
+        )
+        self._samples = Samples(np.zeros(0, int), np.zeros(0), np.zeros(0, int))
+        self._pair = np.zeros(0, dtype=np.int64)
+        self._aim = np.full(len(self._pairs), np.nan)
+
+    def at(self, motion: PhasedMotion) -> "EvaluatedLinks":
+        """Return the pairs that are watched, at a motion."""
+        at = sampled(motion, self._samples)
+        rotation, position = self._problem.robot.body_poses(at.position)
+        pairs = self._pairs[self._pair]
+        closest = self._checker.closest_points(rotation, position, pairs)
+        aim, required = self._aim[self._pair], self._required[self._pair]
+        # Where there is less room to aim at, there is less that may be let go of.
+        strict = MERIT_TOLERANCE * (1 - (aim - required) / _INNER_MARGIN)
+        return EvaluatedLinks(self._problem, at, pairs, aim, strict, rotation, position, closest)
+
+    def on_other_knots(self, motion: PhasedMotion, other: PhasedMotion) -> "LinkConditions":
+        """Return the same for a motion on other knots, watched where they were."""
+        moved = copy(self)
+        times = self._samples.times(motion.gates)
+        moved._samples = other.shape.samples_at(other.gates, times)
+        return moved
+
+    def look(self, motion: PhasedMotion) -> bool:
+        """Watch pairs where they come closest; return whether one is too close and was not seen."""
+        if len(self._pairs) == 0:
+            return False
+        samples = motion.shape.samples(np.arange(_PER_INTERVAL) / _PER_INTERVAL)
+        distance = self._distances(sampled(motion, samples).position)
+        room = distance - self._required
+        before = np.vstack([np.full((1, len(self._pairs)), np.inf), room[:-1]])
+        after = np.vstack([room[1:], np.full((1, len(self._pairs)), np.inf)])
+        lowest = (room < _WATCHED) & (room <= before) & (room < after)
+        sample, pair = np.nonzero(lowest)
+        at = samples.where(sample)
+        return self._watch(motion, at, pair, room[sample, pair], _SAME_SHARE)
+
+    def look_at(self, motion: PhasedMotion, samples: Samples) -> None:
+        """Watch the pairs that come close at samples."""
+        distance = self._distances(sampled(motion, samples).position)
+        sample, pair = np.nonzero(distance - self._required < _WATCHED)
+        at = samples.where(sample)
+        self._watch(motion, at, pair, np.zeros(len(pair)), _SAME_SHARE_ASKED)
+
+    def _watch(
+        self,
+        motion: PhasedMotion,
+        samples: Samples,
+        pair: IntArray,
+        room: FloatArray,
+        same_share: float,
+    ) -> bool:
+        """Watch pairs at samples that are not watched yet; return whether one is too close."""
+        gates = motion.gates
+        known, new = self._samples.times(gates), samples.times(gates)
+        spacing = np.diff(motion.shape.breakpoints(gates))[samples.interval] / _PER_INTERVAL
+        same = (pair[:, None] == self._pair) & (
+            abs(new[:, None] - known) < same_share * spacing[:, None]
+        )
+        fresh = np.flatnonzero(~same.any(axis=1))
+        self._set_aims(motion, np.unique(pair[fresh]))
+        self._samples = self._samples.and_also(samples.where(fresh))
+        self._pair = np.concatenate([self._pair, pair[fresh]])
+        too_close = room[fresh] < self._aim[pair[fresh]] - self._required[pair[fresh]]
+        return bool(too_close.any())
+
+    def _set_aims(self, motion: PhasedMotion, pairs: IntArray) -> None:
+        """Set what is aimed at: a little more than is required, where start and goal have it."""
+        pairs = pairs[np.isnan(self._aim[pairs])]
+        ends = motion.control_points[[0] if self._problem.goal is None else [0, -1]]
+        rotation, position = self._problem.robot.body_poses(ends)
+        found = [
+            self._checker.distances(*pose, self._pairs[pairs])
+            for pose in zip(rotation, position, strict=True)
+        ]
+        required = self._required[pairs]
+        there = np.min(found, axis=0) - 1e-6
+        self._aim[pairs] = np.clip(there, required, required + _INNER_MARGIN)
+
+    def _distances(self, q: FloatArray) -> FloatArray:
+        """Return distances of all pairs at configurations along a motion, shape (N, P).
+
+        Those beyond what is watched are lower bounds: from spheres, or along the direction that
+        separates the pair at a configuration near by.
+        """
+        distances = _Distances(self._checker, q, self._pairs, self._required + _WATCHED)
+        before = len(q)
+        for stride in _STRIDES:
+            samples = np.arange(0, len(q), stride)
+            distances.measure(samples[(samples % before != 0) | (before == len(q))], before)
+            before = stride
+        return distances.found
+
+
+class _Distances:
+    """Distances of P pairs at N configurations along a motion, as exact as they are near.
+
+    Attributes:
+        found: Lower bounds, exact below what matters, shape (N, P) [m].
+    """
+
+    def __init__(
+        self, checker: CollisionChecker, q: FloatArray, pairs: IntArray, matters: FloatArray
+    ) -> None:
+        self._checker, self._pairs, self._matters = checker, pairs, matters
+        self._rotation, self._position = checker.robot.body_poses(q)
+        self.found = checker.sphere_distances(self._rotation, self._position, pairs)
+        self._near = self.found < matters
+        self._direction = np.zeros((*self.found.shape, 3))
+        self._is_known = np.zeros(self.found.shape, dtype=bool)
+
+    def measure(self, samples: IntArray, stride: int) -> None:
+        """Look at some samples, after those that are multiples of a stride."""
+        row, pair = np.nonzero(self._near[samples])
+        row = samples[row]
+        last = row - row % stride
+        told = np.flatnonzero(self._is_known[last, pair])
+        self._direction[row, pair] = self._direction[last, pair]
+        self._is_known[row, pair] = True
+        at = (row[told], pair[told])
+        along = self._checker.separations_along(
+            self._rotation[at[0]], self._position[at[0]], self._pairs[at[1]], self._direction[at]
+        )
+        self.found[at] = np.maximum(self.found[at], along)
+        close = self.found[row, pair] < self._matters[pair]
+        for i in np.unique(row[close]):
+            pairs = pair[close & (row == i)]
+            self.found[i, pairs], self._direction[i, pairs] = self._checker.separations(
+                self._rotation[i], self._position[i], self._pairs[pairs]
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class EvaluatedLinks:
+    """Watched pairs of a motion, E of them, each at its own instant.
+
+    Attributes:
+        problem: What is asked.
+        at: The motion at those instants.
+        pairs: Indices of the shapes, shape (E, 2).
+        aim: Distances aimed at, shape (E,) [m].
+        strict: What the excess counts in addition, shape (E,).
+        rotation: Of all bodies, shape (E, bodies, 3, 3).
+        position: Likewise, shape (E, bodies, 3) [m].
+        closest: Where the pairs are closest.
+    """
+
+    problem: PlanningProblem
+    at: SampledMotion
+    pairs: IntArray
+    aim: FloatArray
+    strict: FloatArray
+    rotation: FloatArray
+    position: FloatArray
+    closest: ClosestPoints
+
+    @cached_property
+    def excess(self) -> FloatArray:
+        """By how much pairs are closer than they may be, in units of 5 cm, shape (E,)."""
+        return self.strict - self.room
+
+    @property
+    def room(self) -> FloatArray:
+        """By how much pairs are farther apart than is aimed at, in units of 5 cm, shape (E,)."""
+        room: FloatArray = (self.closest.distance - self.aim) / _UNIT
+        return room
+
+    def rows(self, size: StepSize | None) -> Rows:
+        """Return rows that keep the pairs apart.
+
+        Args:
+            size: Of the step; rows that it cannot break are left out. None: all rows.
+        """
+        robot, shapes = self.problem.robot, self.problem.collision.shapes
+        apart = np.zeros((len(self.pairs), robot.joint_count))
+        for sign, column, point in ((-1, 0, self.closest.first), (1, 1, self.closest.second)):
+            body = np.array([shapes[i].body for i in self.pairs[:, column]], dtype=np.int64)
+            moved = robot.point_jacobian(self.rotation, self.position, body, point)
+            apart += sign * np.einsum("ei,eij->ej", self.closest.direction, moved)
+        control, gate = self.at.chained(-apart[None, :, None] / _UNIT)
+        count = len(self.pairs)
+        rows = Rows(
+            self.at.first,
+            control[:, 0],
+            gate[:, 0],
+            np.zeros(count),
+            self.room,
+            np.full(count, NO_LIMIT),
+            np.arange(count),
+        )
+        return rows if size is None else rows.where(rows.room < rows.reach(size))

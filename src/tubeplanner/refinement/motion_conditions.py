@@ -1,0 +1,193 @@
+"""All conditions of a motion at samples, which are added as they turn out to be needed."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.refinement.limit_conditions import (
+    ACCELERATION,
+    EFFORT,
+    JERK,
+    VELOCITY,
+    EvaluatedLimits,
+    LimitConditions,
+)
+from tubeplanner.refinement.linear_rows import INNER_MARGIN, Rows, StepSize, stacked
+from tubeplanner.refinement.link_conditions import EvaluatedLinks, LinkConditions
+from tubeplanner.refinement.phase_spline import (
+    PhasedMotion,
+    PhaseSpline,
+    Places,
+    Samples,
+    VelocityHull,
+)
+from tubeplanner.refinement.rotation_conditions import EvaluatedRotation, evaluated_rotation
+from tubeplanner.refinement.tube_conditions import EvaluatedTube, evaluated_tube
+
+# Samples per knot interval. There, accelerations are straight lines and jerks constant.
+_EFFORT_SAMPLES = np.arange(2) / 2
+_RATE_SAMPLES = np.zeros(1)
+_TUBE_SAMPLES = np.arange(3) / 3
+_DENSE_SAMPLES = np.linspace(0, 1, 21)
+_HIGHER = 1.001  # peaks of the squared duration between samples that count
+
+
+@dataclass(frozen=True, eq=False)
+class Iterate:
+    """A motion and what it costs.
+
+    Attributes:
+        motion: Control points and gates.
+        squared_duration: The least T^2 that the limits allow at the samples [s^2].
+        excess: How far hand or links are beyond what is allowed to them, >= 0: of the hand in
+            radii or rotation tolerances beyond the narrowed tube, of links in units of 5 cm.
+        limits: What it was found from: efforts and rates, as far as they are limited.
+        tube: Likewise, the hand's place.
+        rotation: Likewise, the hand's rotation; None where it is free.
+        links: Likewise.
+    """
+
+    motion: PhasedMotion
+    squared_duration: float
+    excess: float
+    limits: tuple[EvaluatedLimits, ...]
+    tube: EvaluatedTube
+    rotation: EvaluatedRotation | None
+    links: EvaluatedLinks
+
+    @property
+    def hand(self) -> tuple[EvaluatedTube | EvaluatedRotation, ...]:
+        """What the tube asks of the hand."""
+        return (self.tube,) if self.rotation is None else (self.tube, self.rotation)
+
+    @property
+    def duration(self) -> float:
+        """T [s]."""
+        return float(np.sqrt(self.squared_duration))
+
+
+class MotionConditions:
+    """What motions on one knot grid must keep."""
+
+    def __init__(self, problem: PlanningProblem, shape: PhaseSpline, links: LinkConditions) -> None:
+        """Take the usual samples, and links that may be watched already."""
+        self._problem, self._shape, self._links = problem, shape, links
+        self._limits = LimitConditions(problem.robot)
+        # A gate has a sample on either side, so that the hand is in both capsules there.
+        ends = shape.phase_ends()
+        places: dict[tuple[str, ...], Places] = {
+            (EFFORT,): shape.samples(_EFFORT_SAMPLES).and_also(ends),
+            (VELOCITY,): VelocityHull(shape.control_point_count),
+            (ACCELERATION, JERK): shape.samples(_RATE_SAMPLES).and_also(ends),
+        }
+        self._limited = {kinds: at for kinds, at in places.items() if self._limits.limited(kinds)}
+        self._tube_samples = shape.samples(_TUBE_SAMPLES).and_also(ends)
+        self._dense_samples = shape.samples(_DENSE_SAMPLES)
+
+    def links_on(self, motion: PhasedMotion, other: PhasedMotion) -> LinkConditions:
+        """Return what is watched of a motion's links, for the same motion on other knots."""
+        return self._links.on_other_knots(motion, other)
+
+    @property
+    def names(self) -> list[tuple[str, int]]:
+        """Kind of every limit, and its joint or segment, in the order of their numbers."""
+        kinds = ("radius",) if self._problem.tube.rotation is None else ("radius", "rotation")
+        tolerances = [(kind, k) for kind in kinds for k in range(len(self._shape.shares))]
+        return [*self._limits.names, *tolerances]
+
+    def at(self, motion: PhasedMotion) -> Iterate:
+        """Return a motion with what it costs at the samples."""
+        return self._at(motion, self._limited, self._tube_samples)
+
+    def rows(self, current: Iterate, size: StepSize | None) -> tuple[Rows, FloatArray]:
+        """Return all rows at a motion, and 1 for those that may be broken for a price.
+
+        Args:
+            current: The motion.
+            size: Of the step; rows that it cannot break are left out. None: all rows.
+        """
+        parts = [limits.rows(current.duration, size) for limits in current.limits]
+        hard = sum(len(rows) for rows in parts)
+        parts += [*(part.rows(size) for part in current.hand), current.links.rows(size)]
+        counts = [part.row_count for part in (*current.limits, *current.hand)]
+        firsts = np.concatenate([[0], np.cumsum(counts)])
+        rows = stacked([rows.numbered_from(int(n)) for rows, n in zip(parts, firsts, strict=True)])
+        return rows, np.repeat([0.0, 1.0], [hard, len(rows) - hard])
+
+    def room(self, current: Iterate, trial: Iterate, squared_duration: float) -> FloatArray:
+        """Return the room that a trial has, by the numbers of the rows at a motion.
+
+        Args:
+            current: The motion whose rows are meant.
+            trial: Where they are looked at.
+            squared_duration: The trial's, as a multiple of the motion's.
+        """
+        rooms = [limits.room(current.duration, squared_duration) for limits in trial.limits]
+        rooms.append(current.tube.room(trial.tube))
+        if current.rotation is not None and trial.rotation is not None:
+            rooms.append(current.rotation.room(trial.rotation))
+        return np.concatenate([*rooms, trial.links.room])
+
+    def look_for_links(self, motion: PhasedMotion) -> bool:
+        """Watch links where they come close; return whether some are too close and were not."""
+        return self._links.look(motion)
+
+    def look_between_samples(self, current: Iterate) -> tuple[Iterate, bool]:
+        """Return a motion's cost between samples too, and whether samples had to be added."""
+        has_more = self.look_for_links(current.motion)
+        limited = dict(self._limited)
+        if (EFFORT,) in limited:
+            limited[EFFORT,] = self._dense_samples
+        worst = self._at(current.motion, limited, self._dense_samples)
+        if (EFFORT,) in limited:
+            floor = _HIGHER * current.squared_duration
+            higher = _peaks(worst.limits[0].squared_durations, floor)
+            self._watch_efforts(self._dense_samples.where(higher))
+            has_more |= len(higher) > 0
+        outside = np.concatenate([_peaks(part.excess, 0.0) for part in worst.hand])
+        self._tube_samples = self._tube_samples.and_also(self._dense_samples.where(outside))
+        return worst, has_more or len(outside) > 0
+
+    def add_samples(self, motion: PhasedMotion, x: float) -> None:
+        """Add samples of everything at an instant, from 0 to 1."""
+        samples = self._shape.samples_at(motion.gates, np.array([x]))
+        self._watch_efforts(samples)
+        self._tube_samples = self._tube_samples.and_also(samples)
+        self._links.look_at(motion, samples)
+
+    def _watch_efforts(self, samples: Samples) -> None:
+        known = self._limited.get((EFFORT,))
+        if isinstance(known, Samples):
+            self._limited[EFFORT,] = known.and_also(samples)
+
+    def _at(
+        self,
+        motion: PhasedMotion,
+        limited: dict[tuple[str, ...], Places],
+        tube_samples: Samples,
+    ) -> Iterate:
+        limits = tuple(self._limits.at(motion, places, kinds) for kinds, places in limited.items())
+        first = len(self._limits.names)
+        tube = evaluated_tube(self._problem, motion, tube_samples, INNER_MARGIN, first)
+        rotation = self._rotation_at(motion, tube_samples, first + self._problem.tube.segment_count)
+        links = self._links.at(motion)
+        worst = [part.excess.max(initial=0.0) for part in (tube, rotation, links) if part]
+        squared_duration = max(float(part.squared_durations.max()) for part in limits)
+        excess = float(max(worst))
+        return Iterate(motion, squared_duration, excess, limits, tube, rotation, links)
+
+    def _rotation_at(
+        self, motion: PhasedMotion, samples: Samples, first: int
+    ) -> EvaluatedRotation | None:
+        robot, rotation = self._problem.robot, self._problem.tube.rotation
+        if rotation is None:
+            return None
+        return evaluated_rotation(robot, rotation, motion, samples, INNER_MARGIN, first)
+
+
+def _peaks(values: FloatArray, floor: float) -> IntArray:
+    """Return which samples above a floor are no lower than their neighbours."""
+    padded = np.concatenate([[-np.inf], values, [-np.inf]])
+    return np.flatnonzero((values >= padded[:-2]) & (values > padded[2:]) & (values > floor))

@@ -1,0 +1,160 @@
+"""Phase 2: path and speed optimised together, from coarse to fine knots.
+
+The paper's phase 2 moves its knots along discretised gradients and doubles them (Suh & Bishop
+1988). Here, a spline over phases, one per tube segment, is shortened by sequential linear programs
+on few knots; then its knot intervals are divided, which leaves it as it is, and it is shortened
+again. Links are watched where they come close. On the finest knots, samples are added where
+anything is broken between them.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from tubeplanner.motion.trajectory import JointTrajectory, from_spline
+from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.refinement.linear_rows import MERIT_TOLERANCE
+from tubeplanner.refinement.motion_conditions import Iterate
+from tubeplanner.refinement.phase_spline import PhasedMotion
+from tubeplanner.refinement.sequential_program import SequentialProgram
+from tubeplanner.refinement.spline_start import subdivided
+from tubeplanner.verification.certificate import Certificate
+
+_FIRST_TRUST, _LATER_TRUST, _LAST_TRUST = 0.2, 0.03, 0.02  # [rad or m]
+_LEAST_LAST_TRUST = 0.002
+_GAIN, _LAST_GAIN = 5e-4, 3e-4
+_POLISH_TRUST, _POLISH_GAIN, _POLISH_STEPS = 0.01, 1e-7, 20
+_MOST_STEPS, _STEPS_PER_ROUND, _MOST_ROUNDS = 60, 3, 8
+# On coarse knots, links that came close on the way are given this much.
+_MOST_COARSE_ROUNDS, _STEPS_PER_COARSE_ROUND = 6, 10
+# The exchange of samples ends when this is all that lies between them, a share of T^2.
+_BETWEEN_SAMPLES = 0.003
+
+
+class Refinement:
+    """Refinement of one motion, and the best that it has found so far."""
+
+    def __init__(
+        self,
+        problem: PlanningProblem,
+        start: PhasedMotion,
+        divisions: tuple[int, ...],
+        checkpoint: Callable[[float], None] = lambda duration: None,
+    ) -> None:
+        """Prepare it.
+
+        Args:
+            problem: What is asked; segments are visited in order.
+            start: Where to start; its phases are the tube's segments.
+            divisions: Into how many parts every knot interval is divided, time after time.
+            checkpoint: Called with the duration [s] after every step; it may raise to end the work.
+        """
+        self._problem, self._start, self._divisions = problem, start, divisions
+        self._told = checkpoint
+        self._program = SequentialProgram(problem, start.shape, self._checkpoint)
+        self._best: Iterate | None = None
+
+    @property
+    def has_motion(self) -> bool:
+        """Whether there is a motion yet."""
+        return self._best is not None
+
+    @property
+    def trajectory(self) -> JointTrajectory:
+        """The best so far, or else the one nearest to what is allowed; it takes one second."""
+        if self._best is None:
+            raise RuntimeError("refinement has not run")
+        return from_spline(self._problem.robot.joint_names, self._best.motion.spline())
+
+    def run(self) -> bool:
+        """Refine to the finest knots; return True.
+
+        Raises:
+            Infeasible: Status no_trajectory: there was nothing to start from.
+        """
+        motion, trust = self._start, _FIRST_TRUST
+        self._program.conditions.look_for_links(motion)
+        for parts in self._divisions:
+            coarse = self._on_coarse_knots(motion, trust).motion
+            motion, trust = subdivided(coarse, parts), _LATER_TRUST
+            links = self._program.conditions.links_on(coarse, motion)
+            self._program = SequentialProgram(self._problem, motion.shape, self._checkpoint, links)
+        found = self._program.improved(self._begun(motion), trust, _GAIN, _MOST_STEPS)
+        self._exchange(found)
+        return True
+
+    def answer(self, certificate: Certificate, duration: float) -> bool:
+        """Go on with samples where a certificate objects; return whether there was anything to do.
+
+        There is not if the best motion is not inside at the samples there are.
+
+        Args:
+            certificate: Of the best motion, scaled to the limits.
+            duration: Of that motion [s].
+        """
+        places = [certificate.conditions[name].where for name in certificate.failures()]
+        times = [place.time for place in places if place.time is not None]
+        if self._best is None or self._best.excess > MERIT_TOLERANCE or not times:
+            return False
+        motion = self._best.motion
+        for time in times:
+            self._program.conditions.add_samples(motion, time / duration)
+        again = self._program.iterate(motion)
+        self._exchange(self._program.improved(again, _LAST_TRUST, _LAST_GAIN, _MOST_STEPS))
+        return True
+
+    def elasticities(self) -> dict[tuple[str, int], float]:
+        """Return d ln T / d ln p for every limit p, as `SequentialProgram.elasticities`."""
+        if self._best is None:
+            return {}
+        motion, program = self._best.motion, self._program
+        if motion.shape is not program.shape:  # ended before there was a motion on finer knots
+            program = SequentialProgram(self._problem, motion.shape, self._checkpoint)
+        program = program.without_checkpoint()
+        begin = program.iterate(motion)
+        polished = program.improved(begin, _POLISH_TRUST, _POLISH_GAIN, _POLISH_STEPS)
+        return program.elasticities(polished)
+
+    def _on_coarse_knots(self, motion: PhasedMotion, trust: float) -> Iterate:
+        """Return a motion that is about the shortest, links not yet clear between samples."""
+        found = self._program.improved(self._begun(motion), trust, _GAIN, _MOST_STEPS)
+        for _ in range(_MOST_COARSE_ROUNDS):
+            if not self._program.conditions.look_for_links(found.motion):
+                break
+            again = self._program.iterate(found.motion)
+            found = self._program.improved(again, _LATER_TRUST, _GAIN, _STEPS_PER_COARSE_ROUND)
+        return found
+
+    def _begun(self, motion: PhasedMotion) -> Iterate:
+        """Return a motion on the program's knots.
+
+        Raises:
+            Infeasible: The motors cannot hold it: there is nothing to start from.
+        """
+        iterate = self._program.iterate(motion)
+        if not np.isfinite(iterate.squared_duration):
+            message = "refinement has no motion to start from"
+            raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Place())
+        return iterate
+
+    def _exchange(self, found: Iterate) -> None:
+        """Keep the best motion between samples too, adding samples where they are missing."""
+        best = None
+        for _ in range(_MOST_ROUNDS):
+            dense, has_more = self._program.conditions.look_between_samples(found)
+            inside = dense.excess <= MERIT_TOLERANCE
+            if inside and (best is None or dense.squared_duration < best.squared_duration):
+                best = dense
+            near = dense.squared_duration < (1 + _BETWEEN_SAMPLES) * found.squared_duration
+            if inside and (near or not has_more):
+                break
+            again = self._program.iterate(found.motion)
+            trust = min(max(2 * self._program.trust, _LEAST_LAST_TRUST), _LAST_TRUST)
+            found = self._program.improved(again, trust, _LAST_GAIN, _STEPS_PER_ROUND)
+        self._best = best or found
+
+    def _checkpoint(self, iterate: Iterate) -> None:
+        if iterate.excess <= MERIT_TOLERANCE:
+            self._best = iterate
+        self._told(iterate.duration)

@@ -1,0 +1,86 @@
+"""A motion at samples, and how it changes with its control points and gates."""
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.refinement.phase_spline import PhasedMotion, PhaseSpline, Places, basis_by_gate
+
+
+@dataclass(frozen=True, eq=False)
+class SampledMotion:
+    """A spline over phases at N places.
+
+    Attributes:
+        motion: The spline.
+        places: Where it is looked at.
+        basis: Weights of the four control points that count, shape (orders, N, 4).
+        by_x: Position and derivatives by x, as many as there are weights, shape (orders, N, n).
+    """
+
+    motion: PhasedMotion
+    places: Places
+    basis: FloatArray
+    by_x: FloatArray
+
+    @property
+    def position(self) -> FloatArray:
+        """Shape (N, n)."""
+        return self.by_x[0]
+
+    @property
+    def first(self) -> IntArray:
+        """The first of the four control points that count, shape (N,)."""
+        return self.places.first
+
+    def rate(self, order: int, duration: float) -> FloatArray:
+        """Return velocity (1), acceleration (2) or jerk (3) of a run in so many seconds, (N, n)."""
+        rate: FloatArray = self.by_x[order] / duration**order
+        return rate
+
+    @cached_property
+    def by_gate(self) -> FloatArray:
+        """Derivatives of `by_x` by the inner gates, shape (gates, orders, N, n)."""
+        motion = self.motion
+        basis = basis_by_gate(self.places, motion.shape, motion.gates)
+        return np.matmul(basis[:, :, :, None], self._taken)[:, :, :, 0]
+
+    def chained(self, by_state: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return how I quantities of each sample change with control points and gates.
+
+        Args:
+            by_state: Their derivatives by position, and by its first derivatives by x, as many as
+                are given: shape (orders, N, I, n).
+
+        Returns:
+            By the four control points that count, (N, I, 4, n), and by the inner gates,
+            (N, I, gates).
+        """
+        orders = len(by_state)
+        control = np.einsum("onr,onij->nirj", self.basis[:orders], by_state)
+        gate = np.einsum("gonj,onij->nig", self.by_gate[:, :orders], by_state)
+        return control, gate
+
+    @cached_property
+    def _taken(self) -> FloatArray:
+        return _taken(self.motion, self.places)
+
+
+def sampled(motion: PhasedMotion, places: Places) -> SampledMotion:
+    """Return a motion at some places."""
+    basis = _basis(motion.shape, places, motion.gates.tobytes())
+    by_x = np.matmul(basis[:, :, None], _taken(motion, places))[:, :, 0]
+    return SampledMotion(motion, places, basis, by_x)
+
+
+@lru_cache(maxsize=8)  # gates often stay where they are; those of one phase always do
+def _basis(shape: PhaseSpline, places: Places, gates: bytes) -> FloatArray:
+    return places.basis(shape, np.frombuffer(gates))
+
+
+def _taken(motion: PhasedMotion, places: Places) -> FloatArray:
+    """Return the control points that count at each place, shape (N, 4, n)."""
+    taken: FloatArray = motion.control_points[places.first[:, None] + np.arange(4)]
+    return taken

@@ -1,0 +1,326 @@
+"""Shortening a motion on one knot grid by sequential linear programs with a trust region.
+
+Unknown are control points, gates and the squared duration. After every step the duration is made
+exact by time scaling, so that each iterate keeps all limits at its samples; tube and clearances
+are elastic.
+"""
+
+from collections.abc import Callable
+from copy import copy
+
+import numpy as np
+from scipy import sparse
+
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.refinement.control_variables import ControlVariables
+from tubeplanner.refinement.linear_program import Bounds, Step, StepProgram
+from tubeplanner.refinement.linear_rows import INNER_MARGIN, MERIT_TOLERANCE, Rows, StepSize
+from tubeplanner.refinement.link_conditions import LinkConditions
+from tubeplanner.refinement.motion_conditions import Iterate, MotionConditions
+from tubeplanner.refinement.phase_spline import DEGREE, PhasedMotion, PhaseSpline
+
+# Weights of third differences, against wiggles of joints that do not matter, and of the step.
+_SMOOTHING = 1e-5
+_PROXIMITY = 1e-3
+# Rows are given to the solver if they are this near, or a part of the trust region away.
+_NEAR, _NEAR_SHARE = 0.03, 0.03
+_MOST_LAZY_ROUNDS = 5
+_BROKEN = 1e-4
+_LEAST_TRUST, _LARGEST_TRUST = 1e-4, 1.0
+# Steps that gain less than this share of what they should are corrected.
+_GOOD_RATIO = 0.3
+_FIRST_PRICE, _LARGEST_PRICE = 3.0, 1e4
+_DURATION_STEP = (-0.5, 1.0)
+# For the multipliers: a small trust region, hardly any quadratic part, an exact solution.
+_PRICE_TRUST, _PRICE_SMOOTHING, _PRICE_TOLERANCE = 0.02, 1e-3, 1e-8
+
+
+class SequentialProgram:
+    """The optimisation of motions on one knot grid.
+
+    Attributes:
+        conditions: What the motions must keep.
+        shape: The motions' knots.
+    """
+
+    def __init__(
+        self,
+        problem: PlanningProblem,
+        shape: PhaseSpline,
+        checkpoint: Callable[[Iterate], None],
+        links: LinkConditions | None = None,
+    ) -> None:
+        """Prepare it.
+
+        Args:
+            problem: What is asked.
+            shape: The motions' knots.
+            checkpoint: Called with every iterate; it may raise to end the work.
+            links: What is watched of the links already.
+        """
+        self.conditions = MotionConditions(problem, shape, links or LinkConditions(problem))
+        self._problem, self.shape, self._checkpoint = problem, shape, checkpoint
+        self._variables = ControlVariables(problem, shape)
+        self._curvature = self._smoothing()
+        self._hessian = self._step_hessian()
+        self._price = _FIRST_PRICE
+
+    def without_checkpoint(self) -> "SequentialProgram":
+        """Return the program for use after planning: nothing is told or ends it any more."""
+        later = copy(self)
+        later._checkpoint = lambda iterate: None
+        return later
+
+    def iterate(self, motion: PhasedMotion) -> Iterate:
+        """Return a motion with its cost, its control points moved into the joints' bounds."""
+        points = self._variables.within_bounds(motion.control_points)
+        return self.conditions.at(PhasedMotion(self.shape, motion.gates, points))
+
+    def improved(
+        self, current: Iterate, trust: float, least_gain: float, most_steps: int
+    ) -> Iterate:
+        """Return a shorter motion, if there is one.
+
+        Args:
+            current: Where to start.
+            trust: First radius of the trust region [rad or m].
+            least_gain: A step that should gain less than this share of T^2 ends it, or two that do.
+            most_steps: So many steps end it too.
+        """
+        small_gains, self._trust = 0, trust
+        self._remembered = np.zeros(0, dtype=np.int64)
+        for _ in range(most_steps):
+            problem = self._linearised(current, self._trust)
+            step = problem.solve()
+            if step is None:
+                self._trust *= 0.4
+                continue
+            self._remembered = problem.added
+            trial = self._moved(current, step)
+            if trial is None:
+                self._trust *= 0.4
+                continue
+            predicted, gain = self._gains(current, trial, step)
+            if gain < _GOOD_RATIO * predicted:
+                trial, gain = self._corrected(current, problem, step, trial, gain)
+            ratio = gain / max(predicted, 1e-12)
+            if step.elastic > _BROKEN:
+                self._price = min(4 * self._price, _LARGEST_PRICE)
+            if ratio > 0.02:
+                current = trial
+                small_gains = small_gains + 1 if gain < least_gain else 0
+            self._checkpoint(current)
+            size = float(abs(step.control).max(initial=0.0))
+            self._trust = _next_trust(self._trust, ratio, size)
+            if predicted < least_gain or small_gains == 2 or self._trust < _LEAST_TRUST:
+                break
+        return current
+
+    @property
+    def trust(self) -> float:
+        """The trust region at the end of the last improvement [rad or m]."""
+        return self._trust
+
+    def elasticities(self, current: Iterate) -> dict[tuple[str, int], float]:
+        """Return d ln T / d ln p of a motion that is as short as it can be made, for every limit p.
+
+        From the multipliers of its linear program: half of what a limit's rows cost, as their
+        objective is the relative change of T^2.
+
+        Returns:
+            By ("effort", joint), likewise for velocity, acceleration and jerk, and by
+            ("radius", segment) and ("rotation", segment). None of them is positive.
+        """
+        rows, is_elastic = self.conditions.rows(current, None)
+        near = np.flatnonzero(rows.room < _NEAR)
+        step = StepProgram(
+            rows.where(near),
+            is_elastic[near],
+            self._variables.column,
+            self._bounds(current, _PRICE_TRUST, goal_moves=False),
+            self._hessian * _PRICE_SMOOTHING,
+            self._gradient(current) * _PRICE_SMOOTHING,
+            _LARGEST_PRICE,
+            _PRICE_TOLERANCE,
+        ).solve()
+        if step is None:
+            return {}
+        names, limit = self.conditions.names, rows.limit[near]
+        named = limit >= 0
+        cost = np.bincount(
+            limit[named], np.maximum(step.multipliers[named], 0.0) / 2, minlength=len(names)
+        )
+        # Rows of the tube are in radii, those of the limits in limits: the narrowing scales along.
+        tolerances = ("radius", "rotation")
+        share = np.array([1 - INNER_MARGIN if kind in tolerances else 1.0 for kind, _ in names])
+        return dict(zip(names, -cost * share, strict=True))
+
+    def _gains(self, current: Iterate, trial: Iterate, step: Step) -> tuple[float, float]:
+        """Return what a step should have gained, and what it did, in squared durations."""
+        price, before = self._price, _beyond(current.excess)
+        predicted = -step.duration + price * (before - _beyond(step.elastic))
+        duration = trial.squared_duration / current.squared_duration
+        return predicted, 1 - duration + price * (before - _beyond(trial.excess))
+
+    def _moved(self, current: Iterate, step: Step) -> Iterate | None:
+        points = self._variables.moved(current.motion.control_points, step.control)
+        if points is None:
+            return None
+        gates = current.motion.gates.copy()
+        gates[1:-1] += step.gate
+        return self.conditions.at(PhasedMotion(self.shape, gates, points))
+
+    def _corrected(
+        self, current: Iterate, linear: "_Linearised", step: Step, trial: Iterate, gain: float
+    ) -> tuple[Iterate, float]:
+        """Return a trial or, if it is better, one whose rows know how they bend towards the first.
+
+        (Second-order correction: Nocedal & Wright, "Numerical Optimization", 2006, section 18.3.)
+        """
+        room = self.conditions.room(current, trial, 1 + step.duration)
+        other = linear.solve_again(step, room)
+        if other is None:
+            return trial, gain
+        second = self._moved(current, other)
+        if second is None:
+            return trial, gain
+        _, second_gain = self._gains(current, second, other)
+        return (second, second_gain) if second_gain > gain else (trial, gain)
+
+    def _linearised(self, current: Iterate, trust: float) -> "_Linearised":
+        bounds = self._bounds(current, trust)
+        size = StepSize(trust, float(bounds.gate.max(initial=0.0)))
+        rows, is_elastic = self.conditions.rows(current, size)
+        active = (rows.room < _NEAR) | (rows.room < _NEAR_SHARE * rows.reach(size))
+        return _Linearised(
+            rows,
+            is_elastic,
+            active | np.isin(rows.index, self._remembered),
+            self._variables,
+            bounds,
+            (self._hessian, self._gradient(current)),
+            self._price,
+        )
+
+    def _bounds(self, current: Iterate, trust: float, *, goal_moves: bool = True) -> Bounds:
+        """Return where a step must stay."""
+        width = np.diff(current.motion.gates)
+        points = current.motion.control_points
+        now, joints = self._variables.of(points), points.shape[1]
+        held = self._variables.held(points)
+        return Bounds(
+            np.clip(self._variables.lower - now, -trust, 0.0),
+            np.clip(self._variables.upper - now, 0.0, trust),
+            np.minimum(0.5 * trust, 0.3 * np.minimum(width[:-1], width[1:])),
+            _DURATION_STEP,
+            held if goal_moves or len(held) == 0 else np.eye(joints),
+        )
+
+    def _gradient(self, current: Iterate) -> FloatArray:
+        """Return how the smoothing changes with the variables, shape (F n,)."""
+        gradient: FloatArray = self._curvature @ current.motion.control_points
+        return (self._variables.selection.T @ gradient).ravel()
+
+    def _step_hessian(self) -> sparse.csc_matrix:
+        """Return the curvature of a step's cost: smoothing and proximity; else next to none."""
+        joints = self._problem.robot.joint_count
+        selection = self._variables.selection
+        inner = selection.T @ self._curvature @ selection
+        inner = inner + sparse.identity(inner.shape[0]) * _PROXIMITY
+        others = len(self.shape.shares) - 1 + 2  # gates, eta, elastic
+        parts = [sparse.kron(inner, sparse.identity(joints)), sparse.identity(others) * 1e-9]
+        return sparse.block_diag(parts, format="csc")
+
+    def _smoothing(self) -> sparse.csr_matrix:
+        """Return the matrix of the squared third differences, scaled with the knots' spacing."""
+        count = self.shape.control_point_count
+        third = sparse.diags([-1.0, 3.0, -3.0, 1.0], [0, 1, 2, 3], shape=(count - 3, count))
+        weight = 2 * _SMOOTHING * self.shape.interval_count**5 / 250_000
+        return (third.T @ third).tocsr() * weight
+
+
+class _Linearised:
+    """The linear program at a motion, its rows added as they turn out to be broken."""
+
+    def __init__(
+        self,
+        rows: Rows,
+        is_elastic: FloatArray,
+        active: BoolArray,
+        variables: ControlVariables,
+        bounds: Bounds,
+        quadratic: tuple[sparse.csc_matrix, FloatArray],
+        price: float,
+    ) -> None:
+        self._rows, self._is_elastic = rows, is_elastic
+        self._near, self._active = active, active.copy()
+        self._variables, self._bounds = variables, bounds
+        self._quadratic, self._price = quadratic, price
+        self._program: StepProgram | None = None
+        self._given = np.zeros(0, dtype=np.int64)
+
+    @property
+    def added(self) -> IntArray:
+        """Numbers of the rows that were not near but turned out to be broken."""
+        return self._rows.index[self._active & ~self._near]
+
+    def solve(self) -> Step | None:
+        """Return the step, or None if there is none."""
+        step = None
+        for _ in range(_MOST_LAZY_ROUNDS):
+            self._given = np.flatnonzero(self._active)
+            self._program = StepProgram(
+                self._rows.where(self._given),
+                self._is_elastic[self._given],
+                self._variables.column,
+                self._bounds,
+                *self._quadratic,
+                self._price,
+            )
+            step = self._program.solve()
+            if step is None:
+                return None
+            broken = self._room_after(step) < -_BROKEN
+            if not (broken & ~self._active).any():
+                break
+            self._active |= broken
+        return step
+
+    def solve_again(self, step: Step, room: FloatArray) -> Step | None:
+        """Return the step of rows that are corrected by what they turned out to be after one.
+
+        Args:
+            step: The one after which they were looked at.
+            room: What they had there, by their numbers.
+        """
+        rows = self._rows
+        correction = room[rows.index] - (self._room_after(step) - self._is_elastic * step.elastic)
+        corrected = (rows.room + correction)[self._given]
+        return None if self._program is None else self._program.solve_again(corrected)
+
+    def _room_after(self, step: Step) -> FloatArray:
+        """Return the room that a step leaves to all rows, to first order."""
+        rows = self._rows
+        change = self._variables.change(step.control)
+        taken = change[rows.first[:, None] + np.arange(DEGREE + 1)]
+        used = np.einsum("rkj,rkj->r", rows.control, taken)
+        used += rows.gate @ step.gate + rows.duration * step.duration
+        room: FloatArray = rows.room - used + self._is_elastic * step.elastic
+        return room
+
+
+def _beyond(excess: float) -> float:
+    """Return how much of an excess counts."""
+    return max(excess - MERIT_TOLERANCE, 0.0)
+
+
+def _next_trust(trust: float, ratio: float, size: float) -> float:
+    """Return the trust region's next radius, by how well a step's gain was predicted."""
+    if ratio < 0.1:
+        return 0.4 * min(trust, max(size, _LEAST_TRUST))
+    if ratio < 0.3:
+        return 0.6 * trust
+    if ratio > 0.7 and size > 0.8 * trust:
+        return min(2 * trust, _LARGEST_TRUST)
+    return trust

@@ -1,0 +1,114 @@
+"""Where refinement starts: a spline along the reference branch, and one knot grid from another."""
+
+import numpy as np
+from scipy.interpolate import BSpline
+from scipy.linalg import solveh_banded
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.branches.reference_branch import ReferenceBranch
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.refinement.phase_spline import DEGREE, REST_POINTS, PhasedMotion, PhaseSpline
+
+_FEWEST_INTERVALS = 3  # of a phase, if there are several
+_FIT_POINTS_PER_INTERVAL = 5
+# Control points that the fit leaves open are drawn to the joint line by this weight.
+_DRAW = 1e-8
+# Where the hand hardly moves, joints do: this many metres of way per radian.
+_WAY_OF_A_RADIAN = 0.05
+
+
+def starting_spline(
+    problem: PlanningProblem, branch: ReferenceBranch, intervals: int
+) -> PhasedMotion:
+    """Return a spline that follows the branch with minimum jerk from end to end, past the corners.
+
+    Args:
+        problem: What is asked.
+        branch: The arm along the reference path.
+        intervals: About how many knot intervals it has.
+    """
+    q = np.concatenate(branch.segments)
+    hand = problem.robot.tool_position(q)
+    steps = np.linalg.norm(np.diff(hand, axis=0), axis=1)
+    steps += _WAY_OF_A_RADIAN * np.linalg.norm(np.diff(q, axis=0), axis=1)
+    way = np.concatenate([[0.0], np.cumsum(steps)]) / steps.sum()
+    corners = way[np.cumsum([len(segment) for segment in branch.segments]) - 1]
+    x = np.linspace(0, 1, 2001)
+    covered = x**3 * (10 - 15 * x + 6 * x**2)
+    gates = np.concatenate([[0.0], np.interp(corners[:-1], covered, x), [1.0]])
+    shape = knot_grid(gates, intervals)
+    apart = np.concatenate([[True], np.diff(way) > 0])
+    times = _fit_times(shape, gates)
+    wanted = np.interp(times, x, covered)
+    path = np.array([np.interp(wanted, way[apart], column[apart]) for column in q.T]).T
+    return _fitted(shape, gates, times, path, branch.start, branch.goal)
+
+
+def subdivided(motion: PhasedMotion, parts: int) -> PhasedMotion:
+    """Return the same motion, exactly, with every knot interval divided into several."""
+    gates, shares = motion.gates, []
+    for k, share in enumerate(motion.shape.shares):
+        width = gates[k + 1] - gates[k]
+        angle = np.arccos(1 - 2 * np.clip(gates[k] + width * share, 0.0, 1.0))
+        steps = np.arange(len(angle) * parts - parts + 1) / parts
+        x = (1 - np.cos(np.interp(steps, np.arange(len(angle)), angle))) / 2
+        finer = (x - gates[k]) / width
+        finer[::parts] = share
+        shares.append(finer)
+    shape = PhaseSpline(tuple(shares))
+    times = _fit_times(shape, gates)
+    ends = motion.control_points[[0, -1]]
+    return _fitted(shape, gates, times, motion.spline()(times), *ends)
+
+
+def knot_grid(gates: FloatArray, intervals: int) -> PhaseSpline:
+    """Return knots clustered at both ends of the motion, as Chebyshev points are.
+
+    There a motion at rest begins to move, and its acceleration needs the finest steps.
+    """
+    angle = np.arccos(1 - 2 * gates)
+    shares = []
+    for k in range(len(gates) - 1):
+        fewest = _FEWEST_INTERVALS if len(gates) > 2 else 1
+        count = max(fewest, round(intervals * (angle[k + 1] - angle[k]) / np.pi))
+        x = (1 - np.cos(np.linspace(angle[k], angle[k + 1], count + 1))) / 2
+        share = (x - gates[k]) / (gates[k + 1] - gates[k])
+        share[0], share[-1] = 0.0, 1.0
+        shares.append(share)
+    return PhaseSpline(tuple(shares))
+
+
+def _fit_times(shape: PhaseSpline, gates: FloatArray) -> FloatArray:
+    """Return times inside every knot interval."""
+    breakpoints = shape.breakpoints(gates)
+    local = (np.arange(_FIT_POINTS_PER_INTERVAL) + 0.5) / _FIT_POINTS_PER_INTERVAL
+    times: FloatArray = breakpoints[:-1, None] + np.diff(breakpoints)[:, None] * local
+    return times.ravel()
+
+
+def _fitted(
+    shape: PhaseSpline,
+    gates: FloatArray,
+    times: FloatArray,
+    path: FloatArray,
+    start: FloatArray,
+    goal: FloatArray,
+) -> PhasedMotion:
+    """Return the least-squares spline through configurations (N, n), at rest at its ends."""
+    count = shape.control_point_count
+    design = BSpline.design_matrix(times, shape.knots(gates), DEGREE)
+    inner = slice(REST_POINTS, count - REST_POINTS)
+    line = start + np.linspace(0, 1, count)[:, None] * (goal - start)
+    points = line.copy()
+    points[:REST_POINTS], points[-REST_POINTS:] = start, goal
+    fixed = points.copy()
+    fixed[inner] = 0.0
+    # Normal equations, as a band: well conditioned, and nothing for threads to wait for.
+    squared = (design.T @ design).tocsr()[inner, inner]
+    bands = np.zeros((DEGREE + 1, count - 2 * REST_POINTS))
+    for k in range(min(DEGREE + 1, bands.shape[1])):
+        bands[k, : bands.shape[1] - k] = squared.diagonal(-k)
+    bands[0] += _DRAW
+    wanted = (design.T @ (path - design @ fixed))[inner] + _DRAW * line[inner]
+    points[inner] = solveh_banded(bands, wanted, lower=True)
+    return PhasedMotion(shape, gates, points)

@@ -1,0 +1,148 @@
+"""Limits of the planned joints: the URDF's, replaced and scaled by the problem's."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, read_only
+from tubeplanner.errors import RobotError, unknown_name
+from tubeplanner.robot.urdf import UrdfDescription, UrdfJoint
+
+_LEAST, _MOST = 1e-6, 1e9  # limits that make sense, in SI units
+_SCALABLE = ("effort", "velocity", "acceleration")
+
+
+@dataclass(frozen=True)
+class LimitOverrides:
+    """What a problem says about limits, by joint name.
+
+    Attributes:
+        effort: Replaces the URDF's effort limit [N m or N]; inf on purpose is allowed.
+        velocity: Replaces the URDF's velocity limit [rad/s or m/s]; inf on purpose is allowed.
+        position: Replaces the URDF's (lower, upper) position limits [rad or m].
+        acceleration: Acceleration limit [rad/s^2 or m/s^2]; a URDF has none.
+        jerk: Jerk limit [rad/s^3 or m/s^3]; a URDF has none.
+        scale: Commissioning factors (0, 1] on "effort", "velocity" and "acceleration".
+    """
+
+    effort: Mapping[str, float] = field(default_factory=dict)
+    velocity: Mapping[str, float] = field(default_factory=dict)
+    position: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    acceleration: Mapping[str, float] = field(default_factory=dict)
+    jerk: Mapping[str, float] = field(default_factory=dict)
+    scale: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for quantity in (*_SCALABLE, "jerk"):
+            for name, value in getattr(self, quantity).items():
+                if not (_LEAST <= value <= _MOST or value == np.inf):
+                    raise RobotError(
+                        f"robot.limits.{quantity}: joint '{name}' at {value:g}; give a number from "
+                        f"{_LEAST:g} to {_MOST:g}, or .inf for none"
+                    )
+        for name, factor in self.scale.items():
+            if name not in _SCALABLE:
+                raise RobotError(f"robot.limits.scale: {unknown_name('quantity', name, _SCALABLE)}")
+            if not 0 < factor <= 1:
+                raise RobotError(f"robot.limits.scale: {name} at {factor:g} must be in (0, 1]")
+
+
+@dataclass(frozen=True, eq=False)
+class JointLimits:
+    """Limits of n joints, in group order; inf where there is none.
+
+    Attributes:
+        lower_position: Shape (n,) [rad or m].
+        upper_position: Shape (n,) [rad or m].
+        velocity: Shape (n,) [rad/s or m/s].
+        effort: Shape (n,) [N m or N].
+        acceleration: Shape (n,) [rad/s^2 or m/s^2].
+        jerk: Shape (n,) [rad/s^3 or m/s^3].
+    """
+
+    lower_position: FloatArray
+    upper_position: FloatArray
+    velocity: FloatArray
+    effort: FloatArray
+    acceleration: FloatArray
+    jerk: FloatArray
+
+    def clip(self, q: FloatArray) -> FloatArray:
+        """Return configurations of shape (..., n) moved into the position limits."""
+        return np.clip(q, self.lower_position, self.upper_position)
+
+
+def resolve_limits(
+    description: UrdfDescription, joint_names: Sequence[str], overrides: LimitOverrides
+) -> JointLimits:
+    """Return the limits of the joints of a planning group.
+
+    Raises:
+        RobotError: A limit is missing, zero, negative or reversed and not replaced, a joint has no
+            finite limit that bounds its speed, or an override names a joint outside the group.
+    """
+    for quantity in ("effort", "velocity", "position", "acceleration", "jerk"):
+        for name in getattr(overrides, quantity):
+            if name not in joint_names:
+                raise RobotError(
+                    f"robot.limits.{quantity}: {unknown_name('joint', name, joint_names)}"
+                )
+    joints = [description.joints[name] for name in joint_names]
+    positions = np.array([_position(description, joint, overrides) for joint in joints])
+    values = {
+        "effort": [_required(description, joint, "effort", overrides.effort) for joint in joints],
+        "velocity": [
+            _required(description, joint, "velocity", overrides.velocity) for joint in joints
+        ],
+        "acceleration": [overrides.acceleration.get(name, np.inf) for name in joint_names],
+        "jerk": [overrides.jerk.get(name, np.inf) for name in joint_names],
+    }
+    scaled = {
+        quantity: read_only(np.array(row) * overrides.scale.get(quantity, 1.0))
+        for quantity, row in values.items()
+    }
+    bounded = np.array([scaled[quantity] for quantity in _SCALABLE])
+    for name, column in zip(joint_names, bounded.T, strict=True):
+        if not np.isfinite(column).any():
+            raise RobotError(
+                f"joint '{name}' has no finite limit among effort, velocity and acceleration, so "
+                "its speed is unbounded; give one in robot.limits"
+            )
+    return JointLimits(read_only(positions[:, 0]), read_only(positions[:, 1]), **scaled)
+
+
+def _position(
+    description: UrdfDescription, joint: UrdfJoint, overrides: LimitOverrides
+) -> tuple[float, float]:
+    lower, upper = overrides.position.get(joint.name, (joint.lower, joint.upper))
+    if joint.type == "prismatic" and not np.isfinite([lower, upper]).all():
+        raise RobotError(
+            f"{description.path}: joint '{joint.name}' slides without end, position limits "
+            f"[{lower:g}, {upper:g}]; give finite ones in robot.limits.position"
+        )
+    if not lower < upper:
+        source = (
+            "robot.limits.position" if joint.name in overrides.position else str(description.path)
+        )
+        raise RobotError(
+            f"{source}: joint '{joint.name}' has position limits [{lower:g}, {upper:g}], an empty "
+            "range; give them in robot.limits.position"
+        )
+    return lower, upper
+
+
+def _required(
+    description: UrdfDescription, joint: UrdfJoint, quantity: str, override: Mapping[str, float]
+) -> float:
+    """Return a limit that a URDF should have: positive and finite, or given by the problem."""
+    if joint.name in override:
+        return override[joint.name]
+    value: float | None = getattr(joint, quantity)
+    if value is None or not 0 < value < np.inf:
+        found = "none" if value is None else f"{value:g}"
+        raise RobotError(
+            f"{description.path}: joint '{joint.name}' has {quantity} limit {found}; "
+            f"give a positive one in robot.limits.{quantity}, or .inf if there is none"
+        )
+    return value

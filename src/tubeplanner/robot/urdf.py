@@ -1,0 +1,289 @@
+"""A URDF read strictly: structure, joints and limits, before any library sees it.
+
+The libraries accept much broken URDF in silence, or reject it without saying why. Here every fault
+is named. Limits are read here and only here; what Pinocchio gets is a plain kinematic copy.
+"""
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from tubeplanner.errors import RobotError, unknown_name
+from tubeplanner.robot.urdf_link import require_sound_link
+from tubeplanner.robot.urdf_values import (
+    read_child,
+    read_name,
+    read_number,
+    read_numbers,
+    require_origin,
+)
+
+MOVABLE_TYPES = ("revolute", "continuous", "prismatic")
+# A planar or floating joint carries a mobile base, which stands still while its arm moves.
+_STANDING_TYPES = ("planar", "floating")
+_JOINT_TYPES = (*MOVABLE_TYPES, "fixed", *_STANDING_TYPES)
+_XACRO = "{http://www.ros.org/wiki/xacro}"
+_MOST_BYTES = 50_000_000
+# Tags that Pinocchio's kinematic copy does not need; meshes are read by `link_geometry`.
+_NOT_KINEMATIC = ("visual", "collision")
+
+
+@dataclass(frozen=True)
+class Mimic:
+    """A joint's rule to follow another: value = multiplier * master + offset."""
+
+    master: str
+    multiplier: float
+    offset: float
+
+
+@dataclass(frozen=True)
+class UrdfJoint:
+    """One joint as the URDF gives it.
+
+    Attributes:
+        name: The joint's name.
+        type: One of revolute, continuous, prismatic, fixed, planar, floating.
+        parent: Name of the parent link.
+        child: Name of the child link.
+        lower: Lower position limit [rad or m], -inf where continuous.
+        upper: Upper position limit [rad or m], inf where continuous.
+        effort: Effort limit [N m or N], None where the URDF gives none.
+        velocity: Velocity limit [rad/s or m/s], None where the URDF gives none.
+        mimic: The rule by which the joint follows another, if any.
+    """
+
+    name: str
+    type: str
+    parent: str
+    child: str
+    lower: float
+    upper: float
+    effort: float | None
+    velocity: float | None
+    mimic: Mimic | None
+
+
+@dataclass(frozen=True)
+class UrdfDescription:
+    """A robot description that passed the structural checks.
+
+    Attributes:
+        path: The file it was read from.
+        name: The robot's name.
+        links: Names of all links.
+        joints: All joints by name, in the order of the file.
+        xml: The contents of the file.
+    """
+
+    path: Path
+    name: str
+    links: tuple[str, ...]
+    joints: dict[str, UrdfJoint]
+    xml: bytes
+
+    def chain(self, link: str) -> list[str]:
+        """Return the names of the movable joints from the root to a link, in chain order.
+
+        Raises:
+            RobotError: There is no such link.
+        """
+        if link not in self.links:
+            raise RobotError(f"{self.path}: {unknown_name('link', link, self.links)}")
+        by_child = {joint.child: joint for joint in self.joints.values()}
+        names: list[str] = []
+        while link in by_child:
+            joint = by_child[link]
+            if joint.type in MOVABLE_TYPES:
+                names.insert(0, joint.name)
+            link = joint.parent
+        return names
+
+    def movable(self) -> list[str]:
+        """Return the names of all joints that can move."""
+        return [name for name, joint in self.joints.items() if joint.type in MOVABLE_TYPES]
+
+    def kinematic_xml(self) -> str:
+        """Return the XML for Pinocchio: geometry removed, every limit a finite placeholder.
+
+        Continuous joints become revolute, so that a configuration is a plain vector (nq = nv);
+        planar and floating joints become fixed. The true limits stay in `joints`. Links and joints
+        are renamed by `link_id` and `joint_id`, because Pinocchio confuses equal names.
+        """
+        root = ElementTree.fromstring(self.xml)
+        plain = ElementTree.Element("robot", name=self.name)
+        for link in root.findall("link"):
+            for tag in _NOT_KINEMATIC:
+                for element in link.findall(tag):
+                    link.remove(element)
+            link.set("name", link_id(str(link.get("name"))))
+            plain.append(link)
+        for joint in root.findall("joint"):
+            self._plain_joint(joint)
+            plain.append(joint)
+        return ElementTree.tostring(plain, encoding="unicode")
+
+    @staticmethod
+    def _plain_joint(element: ElementTree.Element) -> None:
+        element.set("name", joint_id(str(element.get("name"))))
+        for end in ("parent", "child"):
+            for link in element.findall(end):
+                link.set("link", link_id(str(link.get("link"))))
+        if element.get("type") in _STANDING_TYPES:
+            element.set("type", "fixed")
+        if element.get("type") == "continuous":
+            element.set("type", "revolute")
+        for tag in ("limit", "mimic", "safety_controller", "calibration"):
+            for child in element.findall(tag):
+                element.remove(child)
+        if element.get("type") == "fixed":
+            return
+        placeholder = {"effort": "1", "velocity": "1", "lower": "-1", "upper": "1"}
+        ElementTree.SubElement(element, "limit", placeholder)
+
+
+def link_id(name: str) -> str:
+    """Return the name that a link has in `kinematic_xml`."""
+    return f"link:{name}"
+
+
+def joint_id(name: str) -> str:
+    """Return the name that a joint has in `kinematic_xml`."""
+    return f"joint:{name}"
+
+
+def read_urdf(path: Path) -> UrdfDescription:
+    """Read a URDF and check its structure.
+
+    Args:
+        path: The file.
+
+    Returns:
+        The description; its limits are as written, not yet judged.
+
+    Raises:
+        RobotError: The XML is malformed, a name is doubled or missing, the links are no tree, an
+            inertia or a size is impossible, or a number cannot be read. The message names the file
+            and the element.
+    """
+    xml = _read_bytes(path)
+    try:
+        root = ElementTree.fromstring(xml)
+    except (ElementTree.ParseError, LookupError, ValueError) as error:
+        raise RobotError(f"{path} cannot be read as URDF: {error}") from error
+    _require_robot(path, root)
+    links = [read_name(str(path), element, "name") for element in root.findall("link")]
+    joints = [_read_joint(path, element) for element in root.findall("joint")]
+    _require_unique(path, "link", links)
+    _require_unique(path, "joint", [joint.name for joint in joints])
+    _require_tree(path, links, joints)
+    for name, element in zip(links, root.findall("link"), strict=True):
+        require_sound_link(f"{path}: link '{name}'", element)
+    by_name = {joint.name: joint for joint in joints}
+    return UrdfDescription(path, root.get("name", path.stem), tuple(links), by_name, xml)
+
+
+def _read_bytes(path: Path) -> bytes:
+    try:
+        if path.stat().st_size > _MOST_BYTES:
+            raise RobotError(f"{path} is larger than {_MOST_BYTES // 10**6} MB: no URDF is")
+        xml = path.read_bytes()
+    except OSError as error:
+        raise RobotError(f"{path} cannot be read: {error.strerror}") from error
+    if b"<!ENTITY" in xml:
+        raise RobotError(f"{path} declares XML entities, which are not expanded; write them out")
+    return xml
+
+
+def _require_robot(path: Path, root: ElementTree.Element) -> None:
+    if root.tag != "robot":
+        raise RobotError(f"{path}: the root element is <{root.tag}>, not <robot>")
+    for element in root.iter():
+        if str(element.tag).startswith(_XACRO):
+            tag = str(element.tag).removeprefix(_XACRO)
+            raise RobotError(
+                f"{path} holds <xacro:{tag}>: it must be expanded first, by "
+                f"xacro {path.name} > {path.name.split('.')[0]}.expanded.urdf"
+            )
+
+
+def _read_joint(path: Path, element: ElementTree.Element) -> UrdfJoint:
+    name = read_name(str(path), element, "name")
+    where = f"{path}: joint '{name}'"
+    kind = read_name(where, element, "type")
+    if kind not in _JOINT_TYPES:
+        raise RobotError(f"{where}: {unknown_name('type', kind, _JOINT_TYPES)}")
+    require_origin(where, element)
+    if kind in MOVABLE_TYPES:  # others carry meaningless axes in the wild
+        _require_axis(where, element.find("axis"))
+    limit = element.find("limit")
+    lower, upper = read_number(where, limit, "lower"), read_number(where, limit, "upper")
+    return UrdfJoint(
+        name=name,
+        type=kind,
+        parent=read_name(where, read_child(where, element, "parent"), "link"),
+        child=read_name(where, read_child(where, element, "child"), "link"),
+        lower=-np.inf if kind == "continuous" else (lower or 0.0),
+        upper=np.inf if kind == "continuous" else (upper or 0.0),
+        effort=read_number(where, limit, "effort"),
+        velocity=read_number(where, limit, "velocity"),
+        mimic=_read_mimic(where, element.find("mimic")),
+    )
+
+
+def _read_mimic(where: str, element: ElementTree.Element | None) -> Mimic | None:
+    if element is None:
+        return None
+    multiplier = read_number(where, element, "multiplier")
+    offset = read_number(where, element, "offset")
+    master = read_name(where, element, "joint")
+    return Mimic(master, 1.0 if multiplier is None else multiplier, offset or 0.0)
+
+
+def _require_axis(where: str, element: ElementTree.Element | None) -> None:
+    if element is None:
+        return
+    if not np.linalg.norm(read_numbers(where, element, "xyz", 3)) > 1e-6:
+        raise RobotError(f'{where}: <axis> xyz="{element.get("xyz")}" is no direction')
+
+
+def _require_unique(path: Path, kind: str, names: list[str]) -> None:
+    doubled = sorted({name for name in names if names.count(name) > 1})
+    if doubled:
+        raise RobotError(
+            f"{path}: {kind} '{doubled[0]}' is defined {names.count(doubled[0])} times"
+        )
+
+
+def _require_tree(path: Path, links: list[str], joints: list[UrdfJoint]) -> None:
+    """Raise unless the links form one tree: known ends, one parent each, one root, no loop."""
+    parents: dict[str, str] = {}
+    for joint in joints:
+        for end in (joint.parent, joint.child):
+            if end not in links:
+                raise RobotError(
+                    f"{path}: joint '{joint.name}': {unknown_name('link', end, links)}"
+                )
+        if joint.child in parents:
+            raise RobotError(f"{path}: link '{joint.child}' is the child of more than one joint")
+        parents[joint.child] = joint.parent
+    roots = [link for link in links if link not in parents]
+    if len(roots) != 1:
+        raise RobotError(
+            f"{path}: the links must hang from one root; roots found: {roots or 'none'}"
+        )
+    for link in links:
+        if sum(1 for _ in _ancestors(link, parents, len(links))) > len(links):
+            raise RobotError(f"{path}: the links form a loop through '{link}'")
+
+
+def _ancestors(link: str, parents: dict[str, str], limit: int) -> Iterator[str]:
+    """Yield a link's ancestors, one more than `limit` of them if they go round in a loop."""
+    for _ in range(limit + 1):
+        if link not in parents:
+            return
+        link = parents[link]
+        yield link

@@ -1,0 +1,68 @@
+"""What a URDF's link must look like: inertia that a body can have, geometry with a size."""
+
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from tubeplanner.errors import RobotError
+from tubeplanner.robot.urdf_values import read_child, read_name, read_numbers, require_origin
+
+_INERTIA = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+# The lengths that give each shape its size, and how many numbers each takes.
+_SIZES = {
+    "box": {"size": 3},
+    "sphere": {"radius": 1},
+    "cylinder": {"radius": 1, "length": 1},
+    "mesh": {},
+}
+# How negative a principal moment may be, by rounding in exported files: share of the largest, and
+# [kg m^2].
+_INERTIA_SHARE, _INERTIA_TOLERANCE = 1e-3, 1e-6
+
+
+def require_sound_link(where: str, link: Element) -> None:
+    """Raise unless a link's inertia and collision geometry can be used.
+
+    Args:
+        where: What messages call the link.
+        link: The <link> element.
+
+    Raises:
+        RobotError: An inertia or a size is missing, negative or no number; the message says which.
+    """
+    if link.find("inertial") is not None:
+        _require_inertia(where, read_child(where, link, "inertial"))
+    for collision in link.findall("collision"):
+        require_origin(f"{where}: <collision>", collision)
+        _require_geometry(where, read_child(f"{where}: a <collision>", collision, "geometry"))
+
+
+def _require_inertia(where: str, inertial: Element) -> None:
+    require_origin(f"{where}: <inertial>", inertial)
+    mass = read_numbers(where, read_child(f"{where}: <inertial>", inertial, "mass"), "value", 1)[0]
+    if mass < 0:
+        raise RobotError(f"{where}: mass {mass:g} kg must be >= 0")
+    inertia = read_child(f"{where}: <inertial>", inertial, "inertia")
+    xx, yy, zz, xy, xz, yz = (read_numbers(where, inertia, key, 1)[0] for key in _INERTIA)
+    moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    if moments[0] < -max(_INERTIA_SHARE * moments[-1], _INERTIA_TOLERANCE):
+        raise RobotError(
+            f"{where}: the inertia has a principal moment of {moments[0]:.3g} kg m^2; no body has "
+            "a negative one"
+        )
+
+
+def _require_geometry(where: str, geometry: Element) -> None:
+    shapes = list(geometry)
+    if len(shapes) != 1 or shapes[0].tag not in _SIZES:
+        found = ", ".join(f"<{shape.tag}>" for shape in shapes) or "nothing"
+        known = ", ".join(f"<{tag}>" for tag in _SIZES)
+        raise RobotError(f"{where}: a <geometry> holds {found}; it must hold one of {known}")
+    shape = shapes[0]
+    for key, count in _SIZES[shape.tag].items():
+        if not (read_numbers(where, shape, key, count) > 0).all():
+            raise RobotError(f'{where}: <{shape.tag}> {key}="{shape.get(key)}" must be > 0 m')
+    if shape.tag == "mesh":
+        read_name(where, shape, "filename")
+        if shape.get("scale") is not None and not read_numbers(where, shape, "scale", 3).all():
+            raise RobotError(f'{where}: <mesh> scale="{shape.get("scale")}" must not be 0')

@@ -1,0 +1,211 @@
+"""The duration against the tolerance: one problem planned at several radii.
+
+Every radius is planned afresh, exactly as `plan` would: a start from the neighbour's motion could
+end in another local optimum, and a row must not depend on the rows beside it.
+"""
+
+import csv
+import io
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tubeplanner.errors import OptionError, ProblemError
+from tubeplanner.outcome import PlanStatus
+from tubeplanner.planning.plan_options import PlanOptions
+from tubeplanner.planning.plan_result import PlanResult
+from tubeplanner.planning.planner import plan
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.progress import Progress
+from tubeplanner.refinement.sensitivities import Sensitivity
+from tubeplanner.tube.tube import Tube
+
+_SAME = 1e-3  # durations nearer to each other (relative) do not differ
+
+
+@dataclass(frozen=True, eq=False)
+class SweepRow:
+    """One tolerance, and what came of planning with it.
+
+    Attributes:
+        value: The radius of all segments [m], or the factor by which all radii are scaled.
+        problem: The problem with that tolerance; None where it cannot be posed.
+        result: What came of planning; None where it cannot be posed.
+        message: One sentence: the answer, or why there is none.
+        elasticity: d ln T / d ln radius of all segments together, from the price list: the share by
+            which the duration falls, per share by which the tolerance grows; None if not known.
+        note: What else is worth knowing about the answer; None: nothing.
+    """
+
+    value: float
+    problem: PlanningProblem | None
+    result: PlanResult | None
+    message: str
+    elasticity: float | None = None
+    note: str | None = None
+
+    @property
+    def status(self) -> PlanStatus:
+        """How planning ended; bad_input where the problem cannot be posed."""
+        return PlanStatus.BAD_INPUT if self.result is None else self.result.status
+
+    @property
+    def duration(self) -> float | None:
+        """Duration of the certified motion [s]; None if there is none."""
+        return None if self.result is None else self.result.duration
+
+    @property
+    def slope(self) -> float | None:
+        """What the duration changes by per unit of `value` [s/m, or s]; None if not known."""
+        if self.elasticity is None or self.duration is None:
+            return None
+        return self.elasticity * self.duration / self.value
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the row as JSON values."""
+        radius = None if self.problem is None else self.problem.tube.radius.tolist()
+        return {
+            "value": self.value,
+            "radii": radius,
+            "status": str(self.status),
+            "duration": self.duration,
+            "elasticity": self.elasticity,
+            "slope": self.slope,
+            "method": None if self.result is None else self.result.method,
+            "planning_time": None if self.result is None else self.result.planning_time,
+            "message": self.message,
+            "note": self.note,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class SweepResult:
+    """The duration against the tolerance.
+
+    Attributes:
+        problem: What was asked.
+        quantity: "radius" [m] or "radius_scale".
+        rows: One per tolerance, the narrowest first.
+    """
+
+    problem: PlanningProblem
+    quantity: str
+    rows: tuple[SweepRow, ...]
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether any tolerance has a certified motion."""
+        return any(row.duration is not None for row in self.rows)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the sweep as JSON values."""
+        rows = [row.as_dict() for row in self.rows]
+        return {"problem": self.problem.name, "quantity": self.quantity, "rows": rows}
+
+    def csv(self) -> str:
+        """Return the rows as CSV; `radii` has one number per segment [m], spaces between them."""
+        stream = io.StringIO()
+        first, *others = SweepRow(1.0, None, None, "").as_dict()
+        writer = csv.DictWriter(stream, [self.quantity, *others], lineterminator="\n")
+        writer.writeheader()
+        for row in self.rows:
+            fields = row.as_dict()
+            radii = " ".join(repr(value) for value in fields["radii"] or ())
+            value = fields.pop(first)
+            writer.writerow({self.quantity: value, **fields, "radii": radii})
+        return stream.getvalue()
+
+
+def sweep(
+    problem: PlanningProblem,
+    radii: Sequence[float] | None = None,
+    *,
+    scales: Sequence[float] | None = None,
+    options: PlanOptions | None = None,
+    progress: Callable[[object], None] | None = None,
+) -> SweepResult:
+    """Plan a problem at several tolerances, each afresh.
+
+    Args:
+        problem: What is asked, but for the radii.
+        radii: Path tolerances, each for all segments [m]; either these or `scales`.
+        scales: Factors for the problem's own radii.
+        options: How to plan.
+        progress: Called as `plan` does, what it says naming the tolerance.
+
+    Returns:
+        A row for every tolerance, the narrowest first. A tolerance that cannot be planned has the
+        reason in its row.
+
+    Raises:
+        OptionError: Not exactly one of radii and scales is given, or one is not positive.
+        KeyboardInterrupt: Ctrl-C.
+    """
+    if (radii is None) == (scales is None):
+        raise OptionError("sweep takes either radii or scales")
+    quantity, given = ("radius", radii) if scales is None else ("radius_scale", scales)
+    values = _values(quantity, given or ())
+    rows: list[SweepRow] = []
+    for number, value in enumerate(values, start=1):
+
+        def told(what: Progress, where: str = f"{number} of {len(values)}") -> None:
+            if progress is not None:
+                progress(f"tolerance {where}: {what}")
+
+        rows.append(_row(problem, quantity, value, options, told, rows))
+    return SweepResult(problem, quantity, tuple(rows))
+
+
+def _values(quantity: str, given: Sequence[float]) -> list[float]:
+    values = sorted({float(value) for value in given})
+    if not values:
+        raise OptionError(f"{quantity}: give at least one number")
+    for value in values:
+        if not 0 < value < np.inf:
+            raise OptionError(f"{quantity} is {value:g}; it must be > 0 and finite")
+    return values
+
+
+def _row(
+    problem: PlanningProblem,
+    quantity: str,
+    value: float,
+    options: PlanOptions | None,
+    progress: Callable[[Progress], None],
+    narrower: Sequence[SweepRow],
+) -> SweepRow:
+    tube = problem.tube
+    radius = np.full(tube.segment_count, value) if quantity == "radius" else value * tube.radius
+    try:
+        posed = problem.with_tube(tube.with_radius(radius))
+    except ProblemError as error:
+        return SweepRow(value, None, None, str(error))
+    result = plan(posed, options, progress)
+    if result.stopped_by == "interrupt":
+        raise KeyboardInterrupt
+    prices = [_by_whole_radius(price, posed.tube) for price in result.sensitivities]
+    elasticity = sum(prices) + 0.0 if prices else None  # + 0.0: no minus in front of zero
+    faster = [row for row in narrower if _is_faster(row, result)]
+    note = None
+    if faster:
+        note = (
+            f"slower than the motion at {quantity} {faster[-1].value:g}, which keeps to this tube "
+            "too: another local optimum"
+        )
+    return SweepRow(value, posed, result, result.message, elasticity, note)
+
+
+def _by_whole_radius(price: Sensitivity, tube: Tube) -> float:
+    """Return a price by the radius, of which the tool radius is a part; nothing for joints."""
+    if price.limit != "radius" or price.segment is None:
+        return 0.0
+    k = price.segment
+    return float(price.elasticity * tube.radius[k] / tube.effective_radius[k])
+
+
+def _is_faster(row: SweepRow, result: PlanResult) -> bool:
+    if row.duration is None or result.duration is None:
+        return False
+    return row.duration < (1 - _SAME) * result.duration

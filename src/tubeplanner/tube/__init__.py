@@ -1,0 +1,1 @@
+"""Where the hand may be, and how it may be turned: pure geometry."""

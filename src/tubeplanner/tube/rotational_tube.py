@@ -1,0 +1,216 @@
+"""The tube's rotational part: how the hand may be turned along each segment. Pure geometry.
+
+Between two reference points the reference orientation turns about one axis, the short way round,
+in proportion to the way: R_ref(u) = R_A exp(u log(R_A^T R_B)). A hand is held against the
+reference at the point of the segment nearest to it (Suh & Bishop 1988, equations 4 to 7; digest:
+the deviation at the matched lambda). How far it is off is the rotation vector log(R_ref^T R), its
+components along the axes of the reference. Rotations and positions are in the base frame.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from tubeplanner.arrays import FloatArray, IntArray, read_only
+from tubeplanner.errors import ProblemError
+from tubeplanner.tube.rotations import inverse_right_jacobian, rotation_matrix, rotation_vector
+
+# One angle [rad], or bounds on the three components [rad].
+RotationBound: TypeAlias = float | tuple[float, float, float]
+Segment: TypeAlias = int | IntArray
+
+_UNIT_TOLERANCE = 1e-3  # how far a quaternion's length may be from one
+_HALF_TURN_TOLERANCE = 1e-6  # [rad]: nearer to 180 degrees the short way round is a coin toss
+
+
+@dataclass(frozen=True, eq=False)
+class RotationalTube:
+    """Reference orientations and how far the hand may be turned away from them.
+
+    Wherever a `segment` is asked for, it is one index or an array of one per sample.
+
+    Attributes:
+        begin: Orientation at the start of each segment, shape (m, 3, 3).
+        turn: Rotation vector from there to its end, in the frame of `begin`, shape (m, 3) [rad].
+        bounds: On |x|, |y|, |z| of the rotation vector and on its length, the angle; infinite where
+            free, shape (m, 4) [rad].
+        points: Reference points, shape (m+1, 3) [m].
+    """
+
+    begin: FloatArray
+    turn: FloatArray
+    bounds: FloatArray
+    points: FloatArray
+
+    @property
+    def is_bounded(self) -> bool:
+        """Whether any rotation is bounded at all."""
+        return bool(np.isfinite(self.bounds).any())
+
+    def projection(self, hand: FloatArray, segment: Segment) -> FloatArray:
+        """Return where along a segment's line the point nearest to hands (N, 3) is: u, (N,).
+
+        0 at the segment's start and 1 at its end; outside [0, 1] the nearest point is that end.
+        """
+        start = self.points[:-1][segment]
+        along = self.points[1:][segment] - start
+        return np.sum((hand - start) * along, axis=-1) / np.sum(along**2, axis=-1)
+
+    def reference(self, hand: FloatArray, segment: Segment) -> FloatArray:
+        """Return the reference orientation of hands (N, 3) [m], shape (N, 3, 3)."""
+        return self.reference_at(np.clip(self.projection(hand, segment), 0.0, 1.0), segment)
+
+    def reference_at(self, share: FloatArray, segment: Segment) -> FloatArray:
+        """Return the reference orientation after shares (N,) of a segment, shape (N, 3, 3)."""
+        return self.begin[segment] @ rotation_matrix(share[:, None] * self.turn[segment])
+
+    def error(self, rotation: FloatArray, hand: FloatArray, segment: Segment) -> FloatArray:
+        """Return log(R_ref^T R), in the frame of the reference, shape (N, 3) [rad].
+
+        Args:
+            rotation: Orientation R of the hand, shape (N, 3, 3).
+            hand: Its position, shape (N, 3) [m].
+            segment: Which segment it is in.
+        """
+        return rotation_vector(self._relative(rotation, hand, segment))
+
+    def error_jacobian(
+        self, rotation: FloatArray, hand: FloatArray, jacobian: FloatArray, segment: Segment
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the error and its derivative by the joints.
+
+        With v = log(E), E = R_ref^T R: dv/dt = J(v) (w - E^T turn du/dt), w being the hand's
+        angular velocity in its own frame and J the inverse right Jacobian of SO(3). Where the
+        nearest point passes an end of the segment the derivative jumps: the one inside is given.
+
+        Args:
+            rotation: Shape (N, 3, 3).
+            hand: Shape (N, 3) [m].
+            jacobian: Of the hand in the base frame, linear rows first, shape (N, 6, n).
+            segment: Which segment it is in.
+
+        Returns:
+            Error (N, 3) [rad] and derivative (N, 3, n).
+        """
+        relative = self._relative(rotation, hand, segment)
+        error = rotation_vector(relative)
+        projection = self.projection(hand, segment)
+        moves = ((projection >= 0) & (projection <= 1))[:, None]
+        along = self.points[1:][segment] - self.points[:-1][segment]
+        gradient = moves * along / np.sum(along**2, axis=-1, keepdims=True)
+        share_rate = np.einsum("ni,nij->nj", gradient, jacobian[:, :3])
+        turned = np.einsum("nji,nj->ni", relative, np.broadcast_to(self.turn[segment], hand.shape))
+        spin = rotation.transpose(0, 2, 1) @ jacobian[:, 3:]
+        spin -= turned[:, :, None] * share_rate[:, None]
+        return error, inverse_right_jacobian(error) @ spin
+
+    def margin(self, rotation: FloatArray, hand: FloatArray, segment: Segment) -> FloatArray:
+        """Return how far inside a segment's bounds hands are turned, shape (N,) [rad].
+
+        The least of bound - |component| and bound - angle; infinite where all is free.
+        """
+        return self.margin_of(self.error(rotation, hand, segment), segment)
+
+    def margin_of(self, error: FloatArray, segment: Segment) -> FloatArray:
+        """Return the margin of rotation vectors (N, 3), shape (N,) [rad]."""
+        angle = np.linalg.norm(error, axis=1, keepdims=True)
+        return (self.bounds[segment] - np.hstack([abs(error), angle])).min(axis=1)
+
+    def _relative(self, rotation: FloatArray, hand: FloatArray, segment: Segment) -> FloatArray:
+        return self.reference(hand, segment).transpose(0, 2, 1) @ rotation
+
+
+def rotational_tube(
+    points: FloatArray, orientations: FloatArray, tolerance: Sequence[RotationBound]
+) -> RotationalTube:
+    """Return the rotational part of a tube.
+
+    Args:
+        points: Reference points, shape (m+1, 3) [m].
+        orientations: Unit quaternions x y z w, shape (m+1, 4).
+        tolerance: Per segment one angle, or bounds on the three components [rad].
+
+    Raises:
+        ProblemError: Neighbouring orientations are 180 degrees apart.
+    """
+    matrices = Rotation.from_quat(orientations).as_matrix()
+    turn = rotation_vector(matrices[:-1].transpose(0, 2, 1) @ matrices[1:])
+    for k, angle in enumerate(np.linalg.norm(turn, axis=1)):
+        if angle > np.pi - _HALF_TURN_TOLERANCE:
+            raise ProblemError(
+                f"tube.orientations: from point {k} to {k + 1} the hand turns by 180 degrees, so "
+                "that which way round is not determined; add a reference point between them"
+            )
+    bounds = np.full((len(tolerance), 4), np.inf)
+    for k, bound in enumerate(tolerance):
+        if isinstance(bound, tuple):
+            bounds[k, :3] = bound
+        else:
+            bounds[k, 3] = bound
+    return RotationalTube(read_only(matrices[:-1]), read_only(turn), read_only(bounds), points)
+
+
+def unit_quaternions(orientations: Any, point_count: int) -> FloatArray:
+    """Return orientations as unit quaternions x y z w, shape (m+1, 4).
+
+    Raises:
+        ProblemError: They are not as many as points, no numbers, or not of length one.
+    """
+    try:
+        quaternions = np.array(orientations, dtype=np.float64)
+    except (TypeError, ValueError):
+        quaternions = np.zeros(0)
+    if quaternions.ndim != 2 or quaternions.shape[1] != 4:
+        raise ProblemError(
+            f"tube.orientations: {orientations} is no list of quaternions [x, y, z, w]"
+        )
+    if len(quaternions) != point_count:
+        raise ProblemError(
+            f"tube.orientations has {len(quaternions)} quaternions for {point_count} reference "
+            "points; give one each"
+        )
+    lengths = np.linalg.norm(quaternions, axis=1)
+    for k, length in enumerate(lengths):
+        if not abs(length - 1) <= _UNIT_TOLERANCE:
+            raise ProblemError(
+                f"tube.orientations[{k}] {quaternions[k].tolist()} has the length {length:.4g}; a "
+                "rotation is a quaternion [x, y, z, w] of length 1: divide it by its length"
+            )
+    return read_only(quaternions / lengths[:, None])
+
+
+def rotation_bounds(tolerance: Any, segment_count: int) -> tuple[RotationBound, ...]:
+    """Return a rotation tolerance per segment: an angle, or bounds on three components [rad].
+
+    Raises:
+        ProblemError: They are not as many as segments (one number serves for all), or an entry is
+            neither a positive number nor three of them.
+    """
+    entries = [tolerance] * segment_count if np.isscalar(tolerance) else list(tolerance)
+    if len(entries) != segment_count:
+        raise ProblemError(
+            f"tube.rotation_tolerance has {len(entries)} entries for {segment_count} segments; "
+            "give one angle for all, or an angle or three bounds each"
+        )
+    return tuple(_bound(f"tube.rotation_tolerance[{k}]", entry) for k, entry in enumerate(entries))
+
+
+def _bound(name: str, entry: Any) -> RotationBound:
+    try:
+        values = np.array(entry, dtype=np.float64)
+    except (TypeError, ValueError):
+        values = np.zeros(0)
+    if values.shape not in ((), (3,)) or isinstance(entry, bool | str):
+        raise ProblemError(
+            f"{name} is {entry!r}; it must be one angle or bounds [x, y, z] on the components of "
+            "the rotation vector [rad], .inf where free"
+        )
+    if not (values > 0).all():
+        raise ProblemError(f"{name} is {entry!r} rad; it must be > 0, .inf where free")
+    if values.ndim == 0:
+        return float(values)
+    x, y, z = values.tolist()
+    return x, y, z

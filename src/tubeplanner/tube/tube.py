@@ -1,0 +1,296 @@
+"""The tube: where the hand may be, how turned, and in which arm configuration. Pure geometry.
+
+Segment k joins reference points k and k+1; its capsule is all points within the path tolerance of
+it (Suh & Bishop 1988, section on the tube model; digest: F_j). All positions are in the base
+frame.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, read_only
+from tubeplanner.errors import ProblemError, unknown_name
+from tubeplanner.tube.rotational_tube import (
+    RotationalTube,
+    RotationBound,
+    rotation_bounds,
+    rotational_tube,
+    unit_quaternions,
+)
+
+JointRange: TypeAlias = tuple[float, float]
+# "+", "-", "0", 1, -1, 0 or a range of two numbers
+JointSign: TypeAlias = Any
+
+_SIGNS: dict[str | int, JointRange] = {
+    "+": (0.0, np.inf),
+    "-": (-np.inf, 0.0),
+    "0": (-np.inf, np.inf),
+    1: (0.0, np.inf),
+    -1: (-np.inf, 0.0),
+    0: (-np.inf, np.inf),
+}
+_ALL = slice(None)
+_FARTHEST = 1e4  # [m]
+_SHORTEST = 1e-6  # [m]: reference points nearer to each other are the same
+VISITS = ("ordered", "any")
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class Tube:
+    """Reference points, a tolerance per segment, and joint ranges per segment.
+
+    Attributes:
+        points: Reference points, shape (m+1, 3) [m].
+        radius: Path tolerances, shape (m,) [m].
+        tool_radius: The hand as a sphere [m]; every effective radius is smaller by it.
+        joint_ranges: Per segment, by joint name: [lower, upper] that must hold in it [rad or m].
+        visit: "ordered": segments one after the other, with hand-overs in both capsules; "any":
+            the union of all capsules.
+        orientations: Of the hand at the reference points, unit quaternions x y z w, shape (m+1, 4);
+            None: it may be turned at will.
+        rotation_tolerance: Per segment one angle, or bounds on the three components of
+            log(R_ref^T R) [rad]; None: as above.
+        rotation: The same as geometry; None: as above.
+    """
+
+    points: FloatArray
+    radius: FloatArray
+    tool_radius: float
+    joint_ranges: tuple[Mapping[str, JointRange], ...]
+    visit: Literal["ordered", "any"]
+    orientations: FloatArray | None
+    rotation_tolerance: tuple[RotationBound, ...] | None
+    rotation: RotationalTube | None
+
+    def __init__(
+        self,
+        points: Sequence[Sequence[float]] | FloatArray,
+        radius: float | Sequence[float] | FloatArray,
+        *,
+        tool_radius: float = 0.0,
+        joint_signs: Mapping[str, JointSign] | Sequence[Mapping[str, JointSign]] | None = None,
+        visit: Literal["ordered", "any"] = "ordered",
+        orientations: Sequence[Sequence[float]] | FloatArray | None = None,
+        rotation_tolerance: float | Sequence[float | Sequence[float]] | None = None,
+    ) -> None:
+        """Check and keep the tube.
+
+        Args:
+            points: m+1 reference points, shape (m+1, 3) [m].
+            radius: One tolerance for all segments, or m of them [m].
+            tool_radius: The hand as a sphere [m].
+            joint_signs: One map for all segments, or m maps, from joint name to "+" (>= 0),
+                "-" (<= 0), "0" (free), the numbers 1, -1, 0, or a range [lower, upper] [rad or m].
+            visit: "ordered" or "any".
+            orientations: m+1 quaternions x y z w of the tool centre point frame at the reference
+                points; between them it turns about one axis, the short way round.
+            rotation_tolerance: m entries, each one angle by which the hand may be turned away, or
+                bounds on the components of the rotation vector log(R_ref^T R), infinite where
+                free; one number serves for all segments [rad].
+
+        Raises:
+            ProblemError: A count, a number or a sign is wrong; the message names it.
+        """
+        corners = _points(points)
+        segments = len(corners) - 1
+        _set(self, "points", corners)
+        _set(self, "radius", _radii(radius, segments))
+        _set(self, "tool_radius", float(tool_radius))
+        _set(self, "joint_ranges", _ranges(joint_signs or {}, segments, visit))
+        _set(self, "visit", visit)
+        self._keep_rotation(orientations, rotation_tolerance)
+        if visit not in VISITS:
+            raise ProblemError(f"tube.visit: {unknown_name('value', str(visit), VISITS)}")
+        if not 0 <= self.tool_radius < self.radius.min():
+            raise ProblemError(
+                f"tube.tool_radius {self.tool_radius:g} m must be >= 0 and below the smallest "
+                f"radius, {self.radius.min():g} m"
+            )
+
+    def _keep_rotation(self, orientations: object, tolerance: object) -> None:
+        for field in ("orientations", "rotation_tolerance", "rotation"):
+            _set(self, field, None)
+        if orientations is None and tolerance is None:
+            return
+        if orientations is None or tolerance is None:
+            missing = "orientations" if orientations is None else "rotation_tolerance"
+            given = "rotation_tolerance" if orientations is None else "orientations"
+            remedy = (
+                "a quaternion [x, y, z, w] for every reference point"
+                if orientations is None
+                else "an angle or three bounds [rad] for every segment"
+            )
+            raise ProblemError(
+                f"tube.{given} is given without tube.{missing}; give {remedy}, or leave both out"
+            )
+        quaternions = unit_quaternions(orientations, len(self.points))
+        bounds = rotation_bounds(tolerance, self.segment_count)
+        rotation = rotational_tube(self.points, quaternions, bounds)
+        _set(self, "orientations", quaternions)
+        _set(self, "rotation_tolerance", bounds)
+        _set(self, "rotation", rotation if rotation.is_bounded else None)
+
+    def with_radius(self, radius: float | Sequence[float] | FloatArray) -> "Tube":
+        """Return the tube with another tolerance, or m others [m].
+
+        Raises:
+            ProblemError: A radius is not positive, or not above the tool radius.
+        """
+        return Tube(
+            self.points,
+            radius,
+            tool_radius=self.tool_radius,
+            joint_signs=self.joint_ranges,
+            visit=self.visit,
+            orientations=self.orientations,
+            rotation_tolerance=self.rotation_tolerance,
+        )
+
+    @property
+    def segment_count(self) -> int:
+        """Number m of segments."""
+        return len(self.radius)
+
+    @property
+    def effective_radius(self) -> FloatArray:
+        """How far the tool centre point may stray, shape (m,) [m]."""
+        return self.radius - self.tool_radius
+
+    def distance(self, p: FloatArray, segments: slice = _ALL) -> FloatArray:
+        """Return distances of points (N, 3) to some segments (of m, all), shape (N, m) [m]."""
+        return np.linalg.norm(p[:, None] - self.nearest(p, segments), axis=2)
+
+    def margin(self, p: FloatArray, segments: slice = _ALL) -> FloatArray:
+        """Return how far inside some capsules (of m, all) points (N, 3) lie, shape (N, m) [m]."""
+        return self.effective_radius[segments] - self.distance(p, segments)
+
+    def nearest(self, p: FloatArray, segments: slice = _ALL) -> FloatArray:
+        """Return the points of some segments (of m, all) nearest to points (N, 3): (N, m, 3)."""
+        start, along = self.points[:-1][segments], np.diff(self.points, axis=0)[segments]
+        squared = np.einsum("mi,mi->m", along, along)
+        projection = np.einsum("nmi,mi->nm", p[:, None] - start, along)
+        share = np.clip(projection / squared, 0.0, 1.0)
+        return start + share[:, :, None] * along
+
+    def rotation_margin(
+        self, rotation: FloatArray, p: FloatArray, segments: slice = _ALL
+    ) -> FloatArray:
+        """Return how far inside the rotation tolerances of some segments (of m, all) hands are.
+
+        Args:
+            rotation: Orientations of the hand, shape (N, 3, 3).
+            p: Its positions, shape (N, 3) [m].
+            segments: Which segments.
+
+        Returns:
+            Shape (N, m) [rad], infinite where a segment leaves the rotation free.
+        """
+        asked = range(self.segment_count)[segments]
+        margin = np.full((len(p), len(asked)), np.inf)
+        for column, k in enumerate(asked):
+            if self.rotation is not None and np.isfinite(self.rotation.bounds[k]).any():
+                margin[:, column] = self.rotation.margin(rotation, p, k)
+        return margin
+
+    def ranges_of(self, joint_names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+        """Return lower and upper joint ranges of all segments, each (m, n) [rad or m]."""
+        free = (-np.inf, np.inf)
+        rows = [[ranges.get(name, free) for name in joint_names] for ranges in self.joint_ranges]
+        table = np.array(rows).reshape(self.segment_count, len(joint_names), 2)
+        return table[:, :, 0], table[:, :, 1]
+
+
+def sign_of(bounds: JointRange) -> str | None:
+    """Return the sign that says the same as a range: "+", "-" or "0"; None if none does."""
+    return next((str(sign) for sign, same in _SIGNS.items() if same == bounds), None)
+
+
+def _set(tube: Tube, name: str, value: object) -> None:
+    object.__setattr__(tube, name, value)
+
+
+def _points(points: Sequence[Sequence[float]] | FloatArray) -> FloatArray:
+    try:
+        corners = read_only(points)
+    except (TypeError, ValueError):
+        raise ProblemError(f"tube.points: {points} is no list of points [x, y, z]") from None
+    if corners.ndim != 2 or corners.shape[0] < 2 or corners.shape[1] != 3:
+        raise ProblemError(
+            f"tube.points has shape {corners.shape}; at least two points [x, y, z] are needed"
+        )
+    if not (abs(corners) <= _FARTHEST).all():
+        raise ProblemError(f"tube.points must be finite numbers within {_FARTHEST:g} m")
+    for k, length in enumerate(np.linalg.norm(np.diff(corners, axis=0), axis=1)):
+        if not length >= _SHORTEST:
+            raise ProblemError(f"tube.points: points {k} and {k + 1} are the same; remove one")
+    return corners
+
+
+def _radii(radius: float | Sequence[float] | FloatArray, segments: int) -> FloatArray:
+    try:
+        radii = np.array(radius, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ProblemError(f"tube.radius {radius!r} is no number or list of numbers") from None
+    if radii.ndim == 0:
+        radii = np.full(segments, float(radii))
+    if radii.shape != (segments,):
+        raise ProblemError(
+            f"tube.radius has {radii.size} values for {segments} segments; give one, or one each"
+        )
+    for k, value in enumerate(radii):
+        if not 0 < value <= _FARTHEST:
+            raise ProblemError(
+                f"tube.radius[{k}] is {value:g} m; it must be > 0 and at most {_FARTHEST:g} m"
+            )
+    return read_only(radii)
+
+
+def _ranges(
+    joint_signs: Mapping[str, JointSign] | Sequence[Mapping[str, JointSign]],
+    segments: int,
+    visit: str,
+) -> tuple[Mapping[str, JointRange], ...]:
+    if isinstance(joint_signs, Mapping):
+        maps: list[Mapping[str, JointSign]] = [joint_signs] * segments
+    else:
+        maps = list(joint_signs)
+    if len(maps) != segments:
+        raise ProblemError(
+            f"tube.joint_signs has {len(maps)} maps for {segments} segments; give one, or one each"
+        )
+    ranges = tuple(
+        {name: _range(f"tube.joint_signs: joint '{name}'", sign) for name, sign in row.items()}
+        for row in maps
+    )
+    for k, (before, after) in enumerate(pairwise(ranges) if visit == "ordered" else ()):
+        _require_hand_over(k, before, after)
+    return ranges
+
+
+def _range(where: str, sign: JointSign) -> JointRange:
+    if np.ndim(sign) == 0 and not isinstance(sign, bool) and sign in _SIGNS:
+        return _SIGNS[sign]
+    if not isinstance(sign, str) and np.shape(sign) == (2,):
+        lower, upper = (float(bound) for bound in sign)
+        if lower <= upper:
+            return lower, upper
+        raise ProblemError(f"{where}: the range [{lower:g}, {upper:g}] is reversed or no number")
+    raise ProblemError(f"{where}: {sign!r} is none of '+', '-', '0', 1, -1, 0, [lower, upper]")
+
+
+def _require_hand_over(
+    k: int, before: Mapping[str, JointRange], after: Mapping[str, JointRange]
+) -> None:
+    for name in before.keys() & after.keys():
+        lower = max(before[name][0], after[name][0])
+        upper = min(before[name][1], after[name][1])
+        if lower > upper:
+            raise ProblemError(
+                f"tube.joint_signs: joint '{name}' has the range {list(before[name])} in segment "
+                f"{k} and {list(after[name])} in segment {k + 1}, which do not meet"
+            )

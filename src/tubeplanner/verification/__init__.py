@@ -1,0 +1,1 @@
+"""The judge: shares no code with what makes the motions that it judges."""

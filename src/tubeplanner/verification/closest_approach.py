@@ -1,0 +1,201 @@
+"""The least distance of shapes along a whole trajectory, for all t and not only at samples.
+
+On a time interval the distance of a pair cannot fall below its value at the middle by more than
+the joints' travel allows. Intervals that could still hold the minimum are halved until none is
+left. The joints' travel is bounded by Bernstein coefficients. A direction that separates a pair
+does so in the neighbourhood too, so that most intervals need no exact distance.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray
+from tubeplanner.collision.collision_checker import CollisionChecker
+from tubeplanner.motion.bernstein import bernstein_coefficients
+from tubeplanner.motion.trajectory import JointTrajectory
+
+# The minimum is bracketed to this share of its distance from the required clearance, or to this
+# length [m] where it nearly touches it.
+_RELATIVE_RESOLUTION = 0.02
+_RESOLUTION = 5e-7
+# Intervals this short [s] are not halved: their bound counts as it stands.
+_SHORTEST_INTERVAL = 1e-7
+# After so many intervals, or so many times those it starts with, no more are halved: far beyond
+# what any sensible motion needs. Their bounds count as they stand, so that the answer stays safe.
+_MOST_INTERVALS = 3_000_000
+_MOST_ROUNDS = 8
+_BATCH = 64  # distances evaluated before intervals are judged anew
+
+
+@dataclass(frozen=True)
+class ClosestApproach:
+    """Where a set of pairs comes nearest.
+
+    Attributes:
+        lower_bound: No distance falls below it at any time [m].
+        distance: The least distance that was found [m].
+        time: When [s].
+        pair: Indices of the two shapes.
+        intervals: How many pairs and intervals were looked at.
+    """
+
+    lower_bound: float
+    distance: float
+    time: float
+    pair: tuple[int, int]
+    intervals: int
+
+
+def closest_approach(
+    checker: CollisionChecker,
+    trajectory: JointTrajectory,
+    pairs: IntArray,
+    required: float,
+) -> ClosestApproach | None:
+    """Return the closest approach of some pairs along a trajectory.
+
+    Args:
+        checker: The geometry.
+        trajectory: In the group order of the checker's robot.
+        pairs: Shape (P, 2), from the checker.
+        required: Distance that must be kept [m]; the nearer the minimum is to it, the finer it is
+            resolved.
+
+    Returns:
+        The closest approach, or None if there are no pairs.
+    """
+    if len(pairs) == 0:
+        return None
+    search = _Search(checker, trajectory, pairs, required)
+    search.halve_until_settled()
+    first, second = (int(index) for index in pairs[search.pair])
+    return ClosestApproach(
+        min(search.lower_bound, search.distance),
+        search.distance,
+        search.time,
+        (first, second),
+        search.intervals,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Pairs on intervals that are still in question, all halved equally often.
+
+    Attributes:
+        node: Which interval, as piece * 2^level + number within the piece, shape (R,).
+        pair: Which pair, shape (R,).
+        direction: Along which the pair was last found apart, shape (R, 3).
+        level: How often the pieces have been halved.
+    """
+
+    node: IntArray
+    pair: IntArray
+    direction: FloatArray
+    level: int
+
+    def halves(self, split: BoolArray) -> "_Rows":
+        """Return both halves of some rows."""
+        node = np.repeat(2 * self.node[split], 2)
+        node[1::2] += 1
+        direction = np.repeat(self.direction[split], 2, axis=0)
+        return _Rows(node, np.repeat(self.pair[split], 2), direction, self.level + 1)
+
+
+class _Search:
+    """The intervals still in question, and the least distance yet."""
+
+    def __init__(
+        self,
+        checker: CollisionChecker,
+        trajectory: JointTrajectory,
+        pairs: IntArray,
+        required: float,
+    ) -> None:
+        self._checker, self._trajectory, self._pairs = checker, trajectory, pairs
+        self._required = required
+        self._weights = checker.motion_weights(pairs)
+        self.distance, self.time, self.pair = np.inf, 0.0, 0
+        self.lower_bound = np.inf
+        self.intervals = 0
+
+    def halve_until_settled(self) -> None:
+        """Look at every pair on every piece, halve what may hold the minimum, and so on."""
+        rows = self._beginning()
+        most = max(_MOST_INTERVALS, _MOST_ROUNDS * len(rows.node))
+        while len(rows.node):
+            self.intervals += len(rows.node)
+            lower = self._lower_bounds(rows)
+            width = self._trajectory.widths[rows.node >> rows.level] / 2**rows.level
+            undecided = lower < self._settled_above()
+            final = undecided & ((width < _SHORTEST_INTERVAL) | (self.intervals > most))
+            settled = lower[~undecided | final]
+            self.lower_bound = min(self.lower_bound, float(settled.min(initial=np.inf)))
+            rows = rows.halves(undecided & ~final)
+
+    def _beginning(self) -> _Rows:
+        """Return all pairs on all pieces, with the directions that separate them at the start."""
+        rotation, position = self._checker.robot.body_poses(self._trajectory.position(np.zeros(1)))
+        distance, direction = self._checker.separations(rotation[0], position[0], self._pairs)
+        count, pieces = len(self._pairs), len(self._trajectory.widths)
+        pair = np.tile(np.arange(count), pieces)
+        self._remember(distance, np.zeros(count), np.arange(count))
+        return _Rows(np.repeat(np.arange(pieces), count), pair, direction[pair], 0)
+
+    def _settled_above(self) -> float:
+        """Return the lower bound above which an interval cannot change the answer [m]."""
+        gap = abs(self.distance - self._required)
+        return self.distance - max(_RESOLUTION, _RELATIVE_RESOLUTION * gap)
+
+    def _lower_bounds(self, rows: _Rows) -> FloatArray:
+        """Return lower bounds of the rows' distances on their intervals [m], shape (R,).
+
+        From bounding spheres; where these do not settle it, along the known directions; where
+        neither does, exactly, and the directions are brought up to date.
+        """
+        nodes, interval = np.unique(rows.node, return_inverse=True)
+        middle, travel, time = self._middles(nodes, rows.level)
+        rotation, position = self._checker.robot.body_poses(middle)
+        motion = np.einsum("rn,rn->r", self._weights[rows.pair], travel[interval])
+        spheres = self._checker.sphere_distances(rotation, position, self._pairs)
+        lower = spheres[interval, rows.pair] - motion
+        near = np.flatnonzero(lower < self._settled_above())
+        along = self._checker.separations_along(
+            rotation[interval[near]],
+            position[interval[near]],
+            self._pairs[rows.pair[near]],
+            rows.direction[near],
+        )
+        lower[near] = np.maximum(lower[near], along - motion[near])
+        order = near[np.argsort(lower[near], kind="stable")]
+        for first in range(0, len(order), _BATCH):
+            batch = order[first : first + _BATCH]
+            batch = batch[lower[batch] < self._settled_above()]
+            if len(batch) == 0:
+                break
+            distance = np.empty(len(batch))
+            for i in np.unique(interval[batch]):
+                here = np.flatnonzero(interval[batch] == i)
+                distance[here], rows.direction[batch[here]] = self._checker.separations(
+                    rotation[i], position[i], self._pairs[rows.pair[batch[here]]]
+                )
+            self._remember(distance, time[interval[batch]], rows.pair[batch])
+            lower[batch] = np.maximum(lower[batch], distance - motion[batch])
+        return lower
+
+    def _middles(self, node: IntArray, level: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return mid-interval configurations, the farthest joints get from them, and times."""
+        piece = node >> level
+        width = self._trajectory.widths[piece] / 2**level
+        start = (node - (piece << level)) * width
+        hull = bernstein_coefficients(self._trajectory.coefficients[:, piece], start, width)
+        time = self._trajectory.breakpoints[piece] + start + width / 2
+        middle = self._trajectory.position(time)
+        return middle, abs(hull - middle).max(axis=0), time
+
+    def _remember(self, distance: FloatArray, time: FloatArray, pair: IntArray) -> None:
+        least = int(distance.argmin())
+        if distance[least] < self.distance:
+            self.distance = float(distance[least])
+            self.time, self.pair = float(time[least]), int(pair[least])

@@ -1,0 +1,68 @@
+"""Why a motion or a configuration is refused, in words and with its place."""
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.verification.certificate import Certificate, Tolerance
+
+
+def refusal(problem: PlanningProblem, certificate: Certificate) -> Infeasible | None:
+    """Return why a certificate refuses a motion, or None if it passed."""
+    failures = certificate.failures()
+    if not failures:
+        return None
+    blocked = [name for name in failures if name in ("obstacles", "self_collision")]
+    if blocked:
+        condition = certificate.conditions[blocked[0]]
+        place, margin = condition.where, condition.margin or 0.0
+        when = f"at t = {place.time or 0.0:.3f} s"
+        return _blocked(problem, place, margin, when)
+    lines = "; ".join(certificate.describe(name) for name in failures)
+    place = certificate.conditions[failures[0]].where
+    message = f"the trajectory fails its certificate: {lines}"
+    return Infeasible(PlanStatus.CERTIFICATE_FAILED, message, place)
+
+
+def require_free(problem: PlanningProblem, name: str, q: FloatArray) -> None:
+    """Check that a configuration (n,) is not itself in collision or too near to an obstacle.
+
+    Args:
+        problem: What is asked.
+        name: What the configuration is called: start or goal.
+        q: Shape (n,).
+
+    Raises:
+        Infeasible: Status tube_blocked.
+    """
+    checker = problem.collision
+    rotation, position = problem.robot.body_poses(q[None])
+    for pairs, required in ((checker.obstacle_pairs, problem.clearance), (checker.link_pairs, 0.0)):
+        if len(pairs) == 0:
+            continue
+        distance = checker.distances(rotation[0], position[0], pairs)
+        worst = int(distance.argmin())
+        if distance[worst] < required - Tolerance().absolute:
+            links, obstacle = checker.owners(pairs[worst])
+            place = Place(links=links, obstacle=obstacle)
+            margin = float(distance[worst]) - required
+            raise _blocked(problem, place, margin, f"in the {name} configuration")
+
+
+def _blocked(problem: PlanningProblem, place: Place, margin: float, when: str) -> Infeasible:
+    """Say which links are where, and how deep or how near."""
+    links = place.links or ()
+    if place.obstacle is None:
+        message = (
+            f"{' and '.join(links)} overlap by {-1000 * margin:.1f} mm {when}; choose another "
+            "configuration, or list the pair in collision.ignore if it may touch"
+        )
+        return Infeasible(PlanStatus.TUBE_BLOCKED, message, place)
+    distance = 1000 * (margin + problem.clearance)
+    near = f"comes within {distance:.1f} mm of"
+    deed = near if distance > 0 else f"reaches {-distance:.1f} mm into"
+    wanted = f" (clearance {1000 * problem.clearance:g} mm)" if problem.clearance else ""
+    message = (
+        f"'{links[0]}' {deed} '{place.obstacle}'{wanted} {when}; move the reference points or "
+        "choose another configuration"
+    )
+    return Infeasible(PlanStatus.TUBE_BLOCKED, message, place)

@@ -1,0 +1,217 @@
+"""Which tube segment a motion is in when, and how far inside its capsule, for all t."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.motion.bernstein import bernstein_coefficients
+from tubeplanner.motion.trajectory import JointTrajectory
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.tube.tube import Tube
+from tubeplanner.verification.enclosure import Enclosure
+from tubeplanner.verification.hand_overs import best_hand_overs
+
+# Samples that hand-overs are looked for at; where they are is then refined between samples.
+_LEAST_SAMPLES = 2000
+_LEAST_SAMPLES_PER_PIECE = 20
+_HAND_OVER_TOLERANCE = 1e-10  # [s]
+# The least margin is bracketed to this share of itself, or to this length [m] near zero.
+_RELATIVE_RESOLUTION = 0.02
+_RESOLUTION = 2e-7
+_SHORTEST = 2.0**-40  # of an interval
+_MOST_ROWS = 1_000_000
+
+
+@dataclass(frozen=True)
+class Visit:
+    """One tube segment's share of a motion.
+
+    Attributes:
+        segment: Index of the segment.
+        begin: [s].
+        end: [s].
+    """
+
+    segment: int
+    begin: float
+    end: float
+
+
+@dataclass(frozen=True)
+class LeastMargin:
+    """Where the hand comes nearest to a bound, on its place or its rotation, or farthest out.
+
+    Attributes:
+        lower_bound: The margin never falls below it [m or rad].
+        attained: The least margin that was found [m or rad].
+        time: When [s].
+        segment: In which segment.
+        intervals: How many intervals were looked at.
+    """
+
+    lower_bound: float
+    attained: float
+    time: float
+    segment: int
+    intervals: int
+
+
+def tube_visits(
+    problem: PlanningProblem,
+    trajectory: JointTrajectory,
+    hand: Enclosure,
+    rotation: Enclosure | None = None,
+) -> list[Visit]:
+    """Return visits that cover the whole motion, one after the other.
+
+    Hand-overs are chosen to leave the largest margins of hand, rotation and joint ranges. If the
+    tube is to be visited in order, every segment is visited once; else, as often as needed.
+
+    Args:
+        problem: What is asked.
+        trajectory: The motion.
+        hand: Its hand's position.
+        rotation: Its hand's rotation matrix; needed where the tube bounds the rotation.
+    """
+    fit = _Fit(problem, trajectory, hand, rotation)
+    time = fit.sample_times()
+    values = fit.at(time)
+    if problem.tube.visit == "ordered":
+        samples = best_hand_overs(values)
+        # The nearest other times: at a breakpoint two samples share one.
+        before = np.searchsorted(time, time[samples], "left") - 1
+        after = np.searchsorted(time, time[samples], "right")
+        around = list(zip(np.maximum(before, 0), np.minimum(after, len(time) - 1), strict=True))
+        segments = np.arange(problem.tube.segment_count)
+    else:
+        best = values.argmax(axis=1)
+        changes = np.flatnonzero(np.diff(best))
+        around = [(i, i + 1) for i in changes]
+        segments = best[np.append(changes, len(best) - 1)]
+    times = [
+        fit.best_time(pair, time[low], time[high])
+        for pair, (low, high) in zip(pairwise(segments.tolist()), around, strict=True)
+    ]
+    # Refined on their own, hand-overs that share an instant could swap.
+    times = np.maximum.accumulate([0.0, *times, trajectory.duration]).tolist()
+    return [
+        Visit(segment, begin, end)
+        for segment, (begin, end) in zip(segments.tolist(), pairwise(times), strict=True)
+    ]
+
+
+def least_margin(tube: Tube, hand: Enclosure, visits: list[Visit]) -> LeastMargin:
+    """Return how far inside the capsules the hand stays during its visits, for all t.
+
+    A polynomial lies in the hull of its Bernstein coefficients, and the distance to a segment is
+    convex: on an interval, it is nowhere larger than at the farthest of them. Intervals that could
+    hold the least margin are halved; the bound's excess falls to a quarter each time.
+    """
+    interval, start, width, segment = visited_parts(hand, visits)
+    attained, time, worst_segment = np.inf, 0.0, 0
+    lower_bound, count = np.inf, 0
+    radius = tube.effective_radius
+    while len(interval):
+        count += len(interval)
+        hull = bernstein_coefficients(hand.coefficients[:, interval], start, width)
+        margin = radius[segment] - _distances(tube, hull, segment)
+        ends = margin[[0, -1]]
+        end, row = np.unravel_index(int(ends.argmin()), ends.shape)
+        if ends[end, row] < attained:
+            attained, worst_segment = float(ends[end, row]), int(segment[row])
+            local = start[row] + (width[row] if end else 0.0)
+            time = float(hand.start[interval[row]] + local * hand.width[interval[row]])
+        lower = margin.min(axis=0) - hand.error[interval, 0]
+        resolution = max(_RESOLUTION, _RELATIVE_RESOLUTION * abs(attained))
+        split = (lower < attained - resolution - hand.error[interval, 0]) & (width > _SHORTEST)
+        split &= count < _MOST_ROWS
+        lower_bound = min(lower_bound, float(lower[~split].min(initial=np.inf)))
+        interval, segment = np.repeat(interval[split], 2), np.repeat(segment[split], 2)
+        width = np.repeat(width[split] / 2, 2)
+        start = np.repeat(start[split], 2)
+        start[1::2] += width[1::2]
+    return LeastMargin(lower_bound, attained, time, worst_segment, count)
+
+
+def visited_parts(
+    hand: Enclosure, visits: list[Visit]
+) -> tuple[IntArray, FloatArray, FloatArray, IntArray]:
+    """Return every part of an interval that a visit covers: interval, start, width, segment."""
+    ends = hand.start + hand.width
+    parts = []
+    for visit in visits:
+        covered = np.flatnonzero((ends >= visit.begin) & (hand.start <= visit.end))
+        low = np.clip((visit.begin - hand.start[covered]) / hand.width[covered], 0.0, 1.0)
+        high = np.clip((visit.end - hand.start[covered]) / hand.width[covered], 0.0, 1.0)
+        parts.append((covered, low, high - low, np.full(len(covered), visit.segment)))
+    interval, start, width, segment = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return interval, start, width, segment
+
+
+def _distances(tube: Tube, points: FloatArray, segment: IntArray) -> FloatArray:
+    """Return the distances of points (N, R, 3) to one segment per column, (R,): shape (N, R)."""
+    begin, end = tube.points[:-1][segment], tube.points[1:][segment]
+    along = end - begin
+    share = np.einsum("nri,ri->nr", points - begin, along) / np.einsum("ri,ri->r", along, along)
+    nearest = begin + np.clip(share, 0.0, 1.0)[:, :, None] * along
+    return np.linalg.norm(points - nearest, axis=2)
+
+
+class _Fit:
+    """How well a motion keeps each segment's conditions at any time: hand and joint ranges."""
+
+    def __init__(
+        self,
+        problem: PlanningProblem,
+        trajectory: JointTrajectory,
+        hand: Enclosure,
+        rotation: Enclosure | None,
+    ) -> None:
+        self._tube, self._trajectory = problem.tube, trajectory
+        self._hand, self._rotation = hand, rotation
+        self._lower, self._upper = problem.tube.ranges_of(problem.robot.joint_names)
+
+    def sample_times(self) -> FloatArray:
+        pieces = len(self._trajectory.widths)
+        count = max(_LEAST_SAMPLES_PER_PIECE, -(-_LEAST_SAMPLES // pieces))
+        return self._trajectory.per_piece(count).time
+
+    def at(self, time: FloatArray, segments: Sequence[int] | None = None) -> FloatArray:
+        """Return the least of the hand's, its rotation's and the joints' margins.
+
+        Args:
+            time: Shape (N,) [s].
+            segments: Which m segments; default: all.
+
+        Returns:
+            Shape (N, m).
+        """
+        wanted = range(self._tube.segment_count) if segments is None else segments
+        columns = list(wanted)
+        q, hand = self._trajectory.position(time), self._hand.at(time)
+        lower, upper = self._lower[columns], self._upper[columns]
+        room = np.minimum(q[:, None] - lower, upper - q[:, None]).min(axis=2)
+        margin = np.minimum(self._tube.margin(hand)[:, columns], room)
+        if self._rotation is not None:
+            rotation = self._rotation.at(time).reshape(-1, 3, 3)
+            for column, k in enumerate(columns):
+                turned = self._tube.rotation_margin(rotation, hand, slice(k, k + 1))[:, 0]
+                margin[:, column] = np.minimum(margin[:, column], turned)
+        return margin
+
+    def best_time(self, pair: tuple[int, int], low: float, high: float) -> float:
+        """Return when, between two times, the worse of two segments' margins is largest."""
+
+        def lost(t: float) -> float:
+            return -float(self.at(np.array([t]), pair).min())
+
+        candidates = [low, high]
+        if high > low:
+            options = {"xatol": _HAND_OVER_TOLERANCE}
+            found = minimize_scalar(lost, bounds=(low, high), method="bounded", options=options)
+            candidates.append(float(found.x))
+        return min(candidates, key=lost)

@@ -1,0 +1,322 @@
+"""The independent judge: does a trajectory do what the problem asks?
+
+It uses robot, tube, collision geometry and the trajectory's polynomials, and nothing of the code
+that made the trajectory.
+"""
+
+from functools import cached_property
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.motion.bernstein import maxima
+from tubeplanner.motion.trajectory import JointTrajectory
+from tubeplanner.outcome import Place
+from tubeplanner.problem.problem import PlanningProblem, Seed
+from tubeplanner.verification.certificate import (
+    FOR_ALL_TIMES,
+    RELATIVE,
+    Certificate,
+    Condition,
+    Tolerance,
+)
+from tubeplanner.verification.closest_approach import closest_approach
+from tubeplanner.verification.enclosure import (
+    EnclosedPose,
+    Enclosure,
+    enclosed_efforts,
+    enclosed_hand,
+    enclosed_pose,
+)
+from tubeplanner.verification.rotation_visits import least_rotation_margin
+from tubeplanner.verification.tube_visits import Visit, least_margin, tube_visits
+
+_STILL_SHARE = 1e-6  # a joint slower than this share of the fastest counts as standing still
+# How closely efforts [share of their limits] and hand [m] are enclosed: what is left of the
+# certificate's tolerance is for those who plan.
+_EFFORT_ENCLOSURE = 1e-8
+_HAND_ENCLOSURE = 1e-7
+# Where the rotation is judged too: an error of the hand is one of its reference orientation.
+_POSE_ENCLOSURE, _ROTATION_ENCLOSURE = 1e-8, 1e-9
+# Bounds farther apart than this, absolute [m] and as a share of the margin, are left undecided.
+_UNDECIDED_LENGTH, _UNDECIDED_SHARE = 1e-6, 0.05
+
+
+def verify(
+    problem: PlanningProblem,
+    trajectory: JointTrajectory,
+    tolerance: Tolerance | None = None,
+) -> Certificate:
+    """Judge a trajectory.
+
+    Args:
+        problem: What was asked.
+        trajectory: Of the problem's joints, in any order.
+        tolerance: How far below zero margins may lie; default: 1e-6 m, rad and relative.
+
+    Raises:
+        TrajectoryError: The trajectory moves other joints than the problem's.
+    """
+    tolerance = tolerance or Tolerance()
+    judge = _Judge(problem, trajectory.reordered(problem.robot.joint_names), tolerance)
+    conditions = {
+        "position": judge.position(),
+        "velocity": judge.derivative(1, problem.robot.limits.velocity),
+        "acceleration": judge.derivative(2, problem.robot.limits.acceleration),
+        "jerk": judge.derivative(3, problem.robot.limits.jerk),
+        "effort": judge.effort(),
+        "tube": judge.tube(),
+        "joint_signs": judge.joint_signs(),
+        "rotation": judge.rotation(),
+        "start": judge.endpoint(0),
+        "goal": judge.endpoint(-1),
+        "rest": judge.rest(),
+        "continuity": judge.continuity(),
+        "obstacles": judge.obstacles(),
+        "self_collision": judge.self_collision(),
+    }
+    return Certificate(conditions, tolerance)
+
+
+class _Judge:
+    """Computes each condition of one trajectory."""
+
+    def __init__(
+        self, problem: PlanningProblem, trajectory: JointTrajectory, tolerance: Tolerance
+    ) -> None:
+        self._problem, self._trajectory, self._tolerance = problem, trajectory, tolerance
+        self._robot, self._tube = problem.robot, problem.tube
+
+    def position(self) -> Condition:
+        """Position limits, exactly."""
+        limits = self._robot.limits
+        margin, place = self._range_margin(
+            self._trajectory, limits.lower_position, limits.upper_position
+        )
+        if margin is None:
+            return Condition(None, "rad", Place(), "no joint has position limits")
+        return Condition(margin, self._unit_at(place), place, FOR_ALL_TIMES)
+
+    def derivative(self, order: int, limit: FloatArray) -> Condition:
+        """A limit on velocity, acceleration or jerk, exactly."""
+        bounded = np.flatnonzero(np.isfinite(limit))
+        if len(bounded) == 0:
+            return Condition(None, RELATIVE, Place(), "no joint has this limit")
+        used = self._trajectory.derivative_coefficients(order)[:, :, bounded] / limit[bounded]
+        peak, time, column = _highest(np.concatenate([used, -used], axis=2), self._trajectory)
+        joint = self._robot.joint_names[bounded[column % len(bounded)]]
+        return Condition(1 - peak, RELATIVE, Place(time=time, joint=joint), FOR_ALL_TIMES)
+
+    def effort(self) -> Condition:
+        """Effort limits, by polynomials that enclose the efforts."""
+        limit = self._robot.limits.effort
+        bounded = np.flatnonzero(np.isfinite(limit))
+        if len(bounded) == 0:
+            return Condition(None, RELATIVE, Place(), "no joint has this limit")
+        efforts = enclosed_efforts(self._robot, self._trajectory, _EFFORT_ENCLOSURE * limit)
+        used = efforts.coefficients[:, :, bounded] / limit[bounded]
+        both = np.concatenate([used, -used], axis=2)
+        error = efforts.error[:, bounded].max(axis=0) / limit[bounded]
+        extrema = maxima(both, np.ones_like(efforts.width))
+        peaks = extrema.value + np.tile(error, 2)
+        worst = int(peaks.argmax())
+        interval = extrema.piece[worst]
+        time = efforts.start[interval] + extrema.local_time[worst] * efforts.width[interval]
+        joint = self._robot.joint_names[bounded[worst % len(bounded)]]
+        coverage = FOR_ALL_TIMES
+        if error[worst % len(bounded)] > _EFFORT_ENCLOSURE:
+            coverage = _undecided(1 - float(extrema.value[worst]), RELATIVE)
+        place = Place(time=float(time), joint=joint)
+        return Condition(1 - float(peaks[worst]), RELATIVE, place, coverage)
+
+    def tube(self) -> Condition:
+        """The hand in the tube, segment by segment or in their union."""
+        least = least_margin(self._tube, self._hand, self._visits)
+        place = Place(time=least.time, segment=least.segment)
+        return Condition(
+            least.lower_bound, "m", place, _bracketed(least.lower_bound, least.attained, "m")
+        )
+
+    def rotation(self) -> Condition:
+        """The hand's orientation against the reference, segment by segment."""
+        if self._tube.rotation is None or self._pose is None:
+            return Condition(None, "rad", Place(), "the hand's orientation is free")
+        least = least_rotation_margin(self._tube.rotation, self._pose, self._visits)
+        if least is None:
+            return Condition(None, "rad", Place(), "free in every segment visited")
+        place = Place(time=least.time, segment=least.segment)
+        coverage = _bracketed(least.lower_bound, least.attained, "rad")
+        return Condition(least.lower_bound, "rad", place, coverage)
+
+    def joint_signs(self) -> Condition:
+        """Joint ranges of the segments, exactly between the hand-overs."""
+        lower, upper = self._tube.ranges_of(self._robot.joint_names)
+        found = []
+        for visit in self._visits:
+            part = self._trajectory.between(visit.begin, visit.end)
+            margin, place = self._range_margin(part, lower[visit.segment], upper[visit.segment])
+            if margin is not None:
+                time = visit.begin + (place.time or 0.0)
+                found.append((margin, Place(time, place.joint, visit.segment)))
+        if not found:
+            return Condition(None, "rad", Place(), "no segment has joint signs")
+        margin, place = min(found, key=lambda item: item[0])
+        return Condition(margin, self._unit_at(place), place, FOR_ALL_TIMES)
+
+    def endpoint(self, index: int) -> Condition:
+        """Start (0) or goal (-1): the given configuration, or else the reference point."""
+        given = self._problem.start if index == 0 else self._problem.goal
+        time = 0.0 if index == 0 else self._trajectory.duration
+        q = self._trajectory.position(time)
+        if given is None or isinstance(given, Seed):
+            hand = self._robot.tool_position(q[None])[0]
+            error = float(np.linalg.norm(hand - self._tube.points[index]))
+            return Condition(0.0 - error, "m", Place(time=time), "hand at the reference point")
+        joint = int(abs(q - given).argmax())
+        place = Place(time=time, joint=self._robot.joint_names[joint])
+        return Condition(0.0 - float(abs(q - given).max()), self._unit(joint), place, FOR_ALL_TIMES)
+
+    def rest(self) -> Condition:
+        """Velocity and acceleration at both ends, relative to their largest values."""
+        worst, place = 0.0, Place()
+        for order in (1, 2):
+            values = self._piece_ends(order)
+            ends = np.array([values[0, 0], values[1, -1]])
+            share = abs(ends) / self._largest[order]
+            if share.max() > worst:
+                end, joint = np.unravel_index(int(share.argmax()), share.shape)
+                time = float(self._trajectory.breakpoints[-end])
+                worst = float(share.max())
+                place = Place(time=time, joint=self._robot.joint_names[joint])
+        return Condition(0.0 - worst, RELATIVE, place, FOR_ALL_TIMES)
+
+    def continuity(self) -> Condition:
+        """Jumps of position, or of velocity and acceleration relative to their largest values.
+
+        The one reported is the worst, each measured by its own tolerance.
+        """
+        found = [Condition(0.0, RELATIVE, Place(), FOR_ALL_TIMES)]
+        for order in range(3):
+            values = self._piece_ends(order)
+            jumps = abs(values[0, 1:] - values[1, :-1])
+            if jumps.size == 0:
+                continue
+            if order > 0:
+                jumps = jumps / self._largest[order]
+            at, joint = np.unravel_index(int(jumps.argmax()), jumps.shape)
+            time = float(self._trajectory.breakpoints[at + 1])
+            place = Place(time=time, joint=self._robot.joint_names[joint])
+            unit = self._unit(int(joint)) if order == 0 else RELATIVE
+            found.append(Condition(0.0 - float(jumps.max()), unit, place, FOR_ALL_TIMES))
+        return min(found, key=self._in_tolerances)
+
+    def _in_tolerances(self, condition: Condition) -> float:
+        """Return a margin as a multiple of the tolerance that it is judged by."""
+        return (condition.margin or 0.0) / max(self._tolerance.of(condition.unit), 1e-300)
+
+    def _unit_at(self, place: Place) -> str:
+        """Return the unit of the position of the joint that a place names."""
+        return self._unit(self._robot.joint_names.index(place.joint or ""))
+
+    def _unit(self, joint: int) -> str:
+        """Return the unit of a joint's position."""
+        return "rad" if self._robot.revolute[joint] else "m"
+
+    def obstacles(self) -> Condition:
+        """Links against obstacles, for all t."""
+        pairs = self._problem.collision.obstacle_pairs
+        return self._clearance(pairs, self._problem.clearance, "no link can meet an obstacle")
+
+    def self_collision(self) -> Condition:
+        """Links against links, for all t."""
+        pairs = self._problem.collision.link_pairs
+        return self._clearance(pairs, 0.0, "no pair of links is checked")
+
+    def _clearance(self, pairs: np.ndarray, required: float, not_asked: str) -> Condition:
+        checker = self._problem.collision
+        nearest = closest_approach(checker, self._trajectory, pairs, required)
+        if nearest is None:
+            if not checker.has_link_geometry:
+                not_asked = "the robot has no collision geometry: nothing could be checked"
+            return Condition(None, "m", Place(), not_asked)
+        links, obstacle = checker.owners(nearest.pair)
+        place = Place(time=nearest.time, links=links, obstacle=obstacle)
+        margin, attained = nearest.lower_bound - required, nearest.distance - required
+        return Condition(margin, "m", place, _bracketed(margin, attained, "m"))
+
+    @cached_property
+    def _pose(self) -> EnclosedPose | None:
+        """The hand's path and orientation, if that is asked for."""
+        if self._tube.rotation is None:
+            return None
+        return enclosed_pose(self._robot, self._trajectory, _POSE_ENCLOSURE, _ROTATION_ENCLOSURE)
+
+    @cached_property
+    def _hand(self) -> Enclosure:
+        """The hand's path."""
+        if self._pose is not None:
+            return self._pose.hand
+        return enclosed_hand(self._robot, self._trajectory, _HAND_ENCLOSURE)
+
+    @cached_property
+    def _visits(self) -> list[Visit]:
+        """The trajectory's share of each segment that it visits."""
+        rotation = None if self._pose is None else self._pose.rotation
+        return tube_visits(self._problem, self._trajectory, self._hand, rotation)
+
+    def _range_margin(
+        self, trajectory: JointTrajectory, lower: FloatArray, upper: FloatArray
+    ) -> tuple[float | None, Place]:
+        """Return the least room between joints and a range over a trajectory, exactly."""
+        used, joints = [], []
+        for sign, bound in ((1.0, upper), (-1.0, -lower)):
+            bounded = np.flatnonzero(np.isfinite(bound))
+            over = sign * trajectory.coefficients[:, :, bounded]
+            over[-1] -= bound[bounded]
+            used.append(over)
+            joints += bounded.tolist()
+        if not joints:
+            return None, Place()
+        peak, time, column = _highest(np.concatenate(used, axis=2), trajectory)
+        return -peak, Place(time=time, joint=self._robot.joint_names[joints[column]])
+
+    def _piece_ends(self, order: int) -> FloatArray:
+        """Return a derivative at the start and the end of every piece, shape (2, pieces, n)."""
+        coefficients = self._trajectory.derivative_coefficients(order)
+        powers = np.arange(len(coefficients) - 1, -1, -1)
+        widths = self._trajectory.widths[None, :] ** powers[:, None]
+        return np.array([coefficients[-1], np.einsum("kpn,kp->pn", coefficients, widths)])
+
+    @cached_property
+    def _largest(self) -> list[FloatArray]:
+        """The largest magnitudes of position, velocity and acceleration per joint, each (n,).
+
+        A joint that all but stands still is measured by the others: its own rounding errors are
+        no motion that could jump.
+        """
+        found = []
+        for order in range(3):
+            coefficients = self._trajectory.derivative_coefficients(order)
+            both = np.concatenate([coefficients, -coefficients], axis=2)
+            largest = maxima(both, self._trajectory.widths).value.reshape(2, -1).max(axis=0)
+            overall = float(largest.max())
+            found.append(np.maximum(largest, _STILL_SHARE * overall if overall > 0 else 1.0))
+        return found
+
+
+def _highest(coefficients: FloatArray, trajectory: JointTrajectory) -> tuple[float, float, int]:
+    """Return the largest value of several polynomials, its time [s] and which one has it."""
+    extrema = maxima(coefficients, trajectory.widths)
+    column = int(extrema.value.argmax())
+    start = trajectory.breakpoints[extrema.piece[column]]
+    return float(extrema.value[column]), float(start + extrema.local_time[column]), column
+
+
+def _bracketed(lower: float, attained: float, unit: str) -> str:
+    """Say that a margin is known for all t, unless its bounds are far apart."""
+    allowed = max(_UNDECIDED_LENGTH, _UNDECIDED_SHARE * abs(attained))
+    return FOR_ALL_TIMES if lower >= attained - allowed else _undecided(attained, unit)
+
+
+def _undecided(attained: float, unit: str) -> str:
+    return f"for all t, undecided: the margin found is {attained:.3g} {unit}"

@@ -1,0 +1,1 @@
+"""Figures and pages. They take a problem and motions, never a solver's object."""

@@ -1,0 +1,224 @@
+"""The panels of a trajectory's figure: a quantity over time, its limits, the tube's segments."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.motion.trajectory import JointTrajectory, TrajectorySamples
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.views.palette import LINE_COLORS, segment_color
+from tubeplanner.waypoint_search.time_scaling import scaling_factor
+from tubeplanner.waypoint_search.tube_membership import current_segments, tube_use
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+# Dashes tell lines apart in grey print.
+_DASHES: tuple[Any, ...] = ("-", (0, (6, 1.5)), (0, (2, 1)), (0, (6, 1.5, 1.5, 1.5)), (0, (1, 1)))
+LIMIT: dict[str, Any] = {"color": "#444444", "linewidth": 1.0, "linestyle": (0, (4, 3))}
+_MAIN: dict[str, Any] = {"color": "#D55E00", "linewidth": 1.6}
+_SAMPLES, _FEWEST_PER_PIECE = 800, 4
+_HIGHEST_FACTOR = 3.0  # more than so many times faster is drawn as that
+_MOST_LABELS = 8
+_LONG_LABEL, _SHORT_LABEL = 0.2, 0.1  # shares of the duration that a label needs
+_MARGIN = 0.08
+
+
+@dataclass(frozen=True, eq=False)
+class MotionCurves:
+    """What there is to draw of a motion, at N samples, both sides of every breakpoint.
+
+    Attributes:
+        problem: What was asked.
+        samples: Times, positions, velocities, accelerations.
+        effort: Shape (N, n) [N m or N].
+        hand: Shape (N, 3) [m].
+        speed: Of the hand, shape (N,) [m/s].
+        factor: How many times faster each sample could be run, shape (N,).
+        segment: The tube segment each sample is counted to, shape (N,).
+        tube_use: The hand's distance from the segment as a share of its radius, shape (N,).
+        rotation_use: The same of the rotation tolerance; None where none is asked.
+    """
+
+    problem: PlanningProblem
+    samples: TrajectorySamples
+    effort: FloatArray
+    hand: FloatArray
+    speed: FloatArray
+    factor: FloatArray
+    segment: IntArray
+    tube_use: FloatArray
+    rotation_use: FloatArray | None
+
+    @property
+    def visits(self) -> list[tuple[int, float, float]]:
+        """The visits of segments in turn: segment, begin and end [s]."""
+        time, segment = self.samples.time, self.segment
+        ends = [0, *(np.flatnonzero(np.diff(segment)) + 1).tolist(), len(time) - 1]
+        return [(int(segment[a]), float(time[a]), float(time[b])) for a, b in pairwise(ends)]
+
+
+def motion_curves(problem: PlanningProblem, trajectory: JointTrajectory) -> MotionCurves:
+    """Return what there is to draw of a trajectory of the problem's joints, in their order."""
+    robot, tube = problem.robot, problem.tube
+    pieces = len(trajectory.widths)
+    samples = trajectory.per_piece(max(_FEWEST_PER_PIECE, _SAMPLES // pieces))
+    q, v, a = samples.position, samples.velocity, samples.acceleration
+    rotation, hand, jacobian = robot.tool_pose_jacobian(q)
+    segment = current_segments(problem, q)
+    turned = None
+    if tube.rotation is not None:
+        error = tube.rotation.error(rotation, hand, segment)
+        angle = np.linalg.norm(error, axis=1, keepdims=True)
+        turned = (np.hstack([abs(error), angle]) / tube.rotation.bounds[segment]).max(axis=1)
+    return MotionCurves(
+        problem,
+        samples,
+        robot.inverse_dynamics(q, v, a),
+        hand,
+        np.linalg.norm(np.einsum("nij,nj->ni", jacobian[:, :3], v), axis=1),
+        scaling_factor(robot, q, v, a).min(axis=1),
+        segment,
+        tube_use(problem, hand, segment),
+        turned,
+    )
+
+
+def line_style(number: int) -> dict[str, Any]:
+    """Return colour and dashes of the line of a joint or of a case."""
+    dashes = _DASHES[number % len(_DASHES)]
+    return {"color": LINE_COLORS[number % len(LINE_COLORS)], "linewidth": 1.5, "linestyle": dashes}
+
+
+def draw_positions(axis: "Axes", curves: MotionCurves) -> None:
+    """Draw positions and, in each joint's colour, those of their bounds that are near."""
+    problem, samples = curves.problem, curves.samples
+    for j, name in enumerate(problem.robot.joint_names):
+        axis.plot(samples.time, samples.position[:, j], label=name, **line_style(j))
+    low, high = samples.position.min(), samples.position.max()
+    room = _MARGIN * max(high - low, 1e-3)
+    axis.set_ylim(low - room, high + room)
+    for j in range(problem.robot.joint_count):
+        for bounds in (problem.joint_lower, problem.joint_upper):
+            limit = bounds[curves.segment, j]
+            if ((limit > low - room) & (limit < high + room)).any():
+                color = LINE_COLORS[j % len(LINE_COLORS)]
+                axis.plot(samples.time, limit, **{**LIMIT, "color": color})
+    axis.set_ylabel(f"position [{_unit(problem, 'rad', 'm')}]")
+    above: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.06), "ncols": 4}
+    axis.legend(**above, fontsize=8, frameon=False, handlelength=3.5)
+
+
+def draw_velocities(axis: "Axes", curves: MotionCurves) -> None:
+    """Draw velocities against their limits."""
+    robot = curves.problem.robot
+    unit = _unit(curves.problem, "rad/s", "m/s")
+    _draw_shares(axis, curves, curves.samples.velocity, robot.limits.velocity, "velocity", unit)
+
+
+def draw_efforts(axis: "Axes", curves: MotionCurves) -> None:
+    """Draw efforts against their limits."""
+    robot = curves.problem.robot
+    unit = _unit(curves.problem, "N m", "N")
+    _draw_shares(axis, curves, curves.effort, robot.limits.effort, "effort", unit)
+
+
+def draw_factor(
+    axis: "Axes", curves: MotionCurves, label: str | None = None, number: int = 0
+) -> None:
+    """Draw how many times faster each instant could be run, over the share of the duration.
+
+    Args:
+        axis: Where; several motions may share it.
+        curves: The motion.
+        label: In a legend; None: the only motion here, and the axis explains itself.
+        number: Of the line, for colour and dashes.
+    """
+    time = curves.samples.time
+    shown = np.minimum(curves.factor, _HIGHEST_FACTOR)
+    axis.plot(time / time[-1], shown, label=label, **line_style(number))
+    axis.axhline(1.0, **LIMIT)
+    axis.set_xlim(0.0, 1.0)
+    # The ends, where all is at rest, tell nothing; what lies between them sets the scale.
+    usual = max(1.1 * float(np.quantile(shown, 0.97)), 1.2)
+    axis.set_ylim(0.9, min(usual, 1.05 * _HIGHEST_FACTOR) if label is None else None)
+    axis.set_xlabel("share of the duration, t / T [-]")
+    axis.set_ylabel("b(t), times faster [-]")
+    if label is None:
+        said = "1: a motor, velocity or acceleration is at its limit"
+        axis.set_title(said, fontsize=8, loc="right")
+    axis.grid(alpha=0.25)
+
+
+def draw_speed(axis: "Axes", curves: MotionCurves) -> None:
+    """Draw the speed of the hand."""
+    axis.plot(curves.samples.time, curves.speed, **_MAIN)
+    axis.set_ylim(0.0, 1.1 * curves.speed.max())
+    axis.set_ylabel("hand speed [m/s]")
+
+
+def draw_tube_use(axis: "Axes", curves: MotionCurves) -> None:
+    """Draw the distance to the segment the hand is in as a share of its radius; rotation too."""
+    axis.plot(curves.samples.time, 100 * curves.tube_use, label="distance / radius", **_MAIN)
+    if curves.rotation_use is not None:
+        style = line_style(3)
+        turned = 100 * curves.rotation_use
+        axis.plot(curves.samples.time, turned, label="turned / rotation tolerance", **style)
+    axis.axhline(100.0, **LIMIT)
+    axis.set_ylim(0.0, 130.0)
+    axis.set_ylabel("use of the tube [% of tolerance]")
+    axis.legend(fontsize=8, loc="upper center", ncols=2)
+
+
+def mark_segments(axis: "Axes", curves: MotionCurves, *, labels: bool = False) -> None:
+    """Shade a panel over time by the segments that the hand is in, and name them if asked."""
+    visits = curves.visits
+    for segment, begin, end in visits:
+        axis.axvspan(begin, end, color=segment_color(segment), alpha=0.10, linewidth=0, zorder=0)
+        if begin > 0:
+            axis.axvline(begin, color="#888888", linewidth=0.8, linestyle=":")
+        if labels and len(visits) <= _MOST_LABELS:
+            radius = 1000 * curves.problem.tube.effective_radius[segment]
+            share = (end - begin) / curves.samples.time[-1]
+            name = f"segment {segment}" if share > _LONG_LABEL else str(segment)
+            axis.text(
+                (begin + end) / 2,
+                1.01,
+                f"{name}: {radius:.3g} mm" if share > _SHORT_LABEL else name,
+                transform=axis.get_xaxis_transform(),
+                ha="center",
+                fontsize=7,
+            )
+    axis.set_xlim(0.0, curves.samples.time[-1])
+    axis.set_xlabel("time [s]")
+    axis.grid(alpha=0.25)
+
+
+def _draw_shares(
+    axis: "Axes",
+    curves: MotionCurves,
+    values: FloatArray,
+    limit: FloatArray,
+    quantity: str,
+    unit: str,
+) -> None:
+    """Draw values as percent of their limits, or in their unit where a joint has no limit."""
+    limited = bool(np.isfinite(limit).all())
+    shown = 100 * values / limit if limited else values
+    for j in range(values.shape[1]):
+        axis.plot(curves.samples.time, shown[:, j], **line_style(j))
+    if limited:
+        for bound in (-100, 100):
+            axis.axhline(bound, **LIMIT)
+        axis.set_ylim(-112, 112)
+        axis.set_ylabel(f"{quantity} [% of limit]")
+        return
+    axis.set_ylabel(f"{quantity} [{unit}]")
+    axis.set_title(f"not every joint has a {quantity} limit", fontsize=8, loc="right")
+
+
+def _unit(problem: PlanningProblem, turning: str, sliding: str) -> str:
+    return turning if problem.robot.revolute.all() else f"{turning}, {sliding}"

@@ -1,0 +1,136 @@
+"""The figure of a trajectory: against the limits of its joints, and in its tube."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.collision.convex_shape import ConvexShape
+from tubeplanner.motion.trajectory import JointTrajectory
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.views.figure_files import new_figure, saved
+from tubeplanner.views.palette import OBSTACLE_COLOR, REFERENCE_COLOR, segment_color
+from tubeplanner.views.panels import (
+    draw_efforts,
+    draw_factor,
+    draw_positions,
+    draw_speed,
+    draw_tube_use,
+    draw_velocities,
+    mark_segments,
+    motion_curves,
+)
+from tubeplanner.views.surface import capsule_grid
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def plot_trajectory(
+    problem: PlanningProblem, trajectory: JointTrajectory, path: str | Path | None = None
+) -> "Figure":
+    """Draw a trajectory against limits and tube, the tube's segments marked.
+
+    Positions, velocities and efforts with their limits; how many times faster each instant could be
+    run, `b(t)`; the hand's path in the tube, its speed, and the share of the tolerance it uses.
+
+    Args:
+        problem: What was asked.
+        trajectory: Of the problem's joints, in any order.
+        path: Where to save the figure as PNG; None: nowhere.
+
+    Returns:
+        The figure.
+
+    Raises:
+        OutputError: The file could not be written.
+    """
+    trajectory = trajectory.reordered(problem.robot.joint_names)
+    curves = motion_curves(problem, trajectory)
+    figure = new_figure(12.5, 10.8)
+    figure.suptitle(f"{problem.name}: {trajectory.duration:.4f} s", fontsize=13)
+    grid = figure.add_gridspec(4, 2, width_ratios=(1.15, 1))
+    position, velocity, effort = (figure.add_subplot(grid[row, 0]) for row in range(3))
+    hand_axis = figure.add_subplot(grid[:2, 1], projection="3d")
+    use, factor, speed = (figure.add_subplot(grid[place]) for place in ((2, 1), (3, 0), (3, 1)))
+    draw_positions(position, curves)
+    draw_velocities(velocity, curves)
+    draw_efforts(effort, curves)
+    draw_tube_use(use, curves)
+    draw_speed(speed, curves)
+    draw_factor(factor, curves)
+    for axis in (position, velocity, effort, use, speed):
+        mark_segments(axis, curves, labels=axis in (position, use))
+    _draw_hand(hand_axis, problem, curves.hand)
+    low, high = _draw_arm(hand_axis, problem, curves.samples.position[[0, -1]])
+    _frame(hand_axis, problem, low, high)
+    return saved(figure, path)
+
+
+def _draw_hand(axis: Any, problem: PlanningProblem, hand: FloatArray) -> None:
+    tube = problem.tube
+    for k in range(tube.segment_count):
+        color = segment_color(k)
+        surface = capsule_grid(tube.points[k], tube.points[k + 1], tube.effective_radius[k])
+        axis.plot_surface(*surface, color=color, alpha=0.18, linewidth=0, shade=False)
+    for obstacle in problem.obstacles:
+        for shape in obstacle.shapes:
+            _draw_shape(axis, shape, OBSTACLE_COLOR, 0.2)
+    axis.plot(*tube.points.T, color=REFERENCE_COLOR, linewidth=1, linestyle="--", label="reference")
+    axis.plot(*hand.T, color="#D55E00", linewidth=2.2, label="hand")
+    axis.scatter(*hand[0], color="#009E73", s=30, label="start")
+    axis.scatter(*hand[-1], color="#000000", s=30, label="goal")
+    axis.legend(fontsize=8, loc="upper left")
+    axis.set_xlabel("x [m]")
+    axis.set_ylabel("y [m]")
+    axis.set_zlabel("z [m]")
+
+
+def _draw_arm(axis: Any, problem: PlanningProblem, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Draw the links at some configurations; return the corners of the space they take [m]."""
+    rotation, position = problem.robot.body_poses(q)
+    obstacles = {obstacle.name for obstacle in problem.obstacles}
+    corners = []
+    for body_shape in problem.collision.shapes:
+        if body_shape.owner in obstacles:
+            continue
+        for i in range(len(q)):
+            placement = np.eye(4)
+            placement[:3, :3] = rotation[i, body_shape.body]
+            placement[:3, 3] = position[i, body_shape.body]
+            shape = body_shape.shape.transformed(placement)
+            _draw_shape(axis, shape, "#0072B2", 0.08)
+            corners.append(shape.vertices)
+    points = np.vstack(corners) if corners else problem.tube.points
+    return points.min(axis=0), points.max(axis=0)
+
+
+def _frame(axis: Any, problem: PlanningProblem, low: FloatArray, high: FloatArray) -> None:
+    """Show tube and arm whole, in equal scale; a flat tube is seen from above."""
+    from matplotlib.ticker import MaxNLocator
+
+    reach = problem.tube.radius.max()
+    low = np.minimum(low, problem.tube.points.min(axis=0) - reach)
+    high = np.maximum(high, problem.tube.points.max(axis=0) + reach)
+    axis.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+    axis.set_box_aspect(high - low)
+    for coordinate in (axis.xaxis, axis.yaxis, axis.zaxis):
+        coordinate.set_major_locator(MaxNLocator(4))
+    flat = np.ptp(problem.tube.points[:, 2]) < 1e-9
+    axis.view_init(elev=90 if flat else 22, azim=-90 if flat else -55)
+    if flat:
+        axis.set_proj_type("ortho")
+        axis.set_zticks([])
+        axis.set_zlabel("")
+
+
+def _draw_shape(axis: Any, shape: ConvexShape, color: str, alpha: float) -> None:
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    if len(shape.vertices) <= 2:
+        surface = capsule_grid(shape.vertices[0], shape.vertices[-1], shape.radius)
+        axis.plot_surface(*surface, color=color, alpha=alpha, linewidth=0)
+        return
+    triangles = shape.vertices[shape.faces]
+    axis.add_collection3d(Poly3DCollection(triangles, facecolor=color, alpha=alpha))

@@ -1,0 +1,347 @@
+"""What is shown of a problem and its motions: surfaces, colours, where they move; no viewer yet.
+
+Everything is in the base frame, in m and s. Several motions stand side by side, each with its own
+arm and tube, and start together.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from itertools import pairwise
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.branches.reference_branch import end_configuration
+from tubeplanner.collision.convex_shape import ConvexShape, convex_hull
+from tubeplanner.errors import TrajectoryError
+from tubeplanner.motion.trajectory import JointTrajectory
+from tubeplanner.outcome import Infeasible
+from tubeplanner.problem.problem import PlanningProblem, Seed
+from tubeplanner.views.link_visuals import LinkPart, link_parts
+from tubeplanner.views.palette import (
+    OBSTACLE_COLOR,
+    REFERENCE_COLOR,
+    rgb,
+    segment_color,
+    speed_colors,
+)
+from tubeplanner.views.surface import (
+    Surface,
+    coarse_hull_points,
+    dashes,
+    directions,
+    hull_surface,
+    joined,
+    pipe,
+    shape_surface,
+    tube_surfaces,
+)
+from tubeplanner.views.viewpoint import best_direction, floor_grid, outline
+
+# Triangles of all arms together: what makes a file that can be mailed.
+_MOST_FACES = 60_000
+_FRAMES_PER_SECOND, _FEWEST_FRAMES, _MOST_FRAMES = 200, 80, 240
+_SWEEP_STEPS = 24
+_BALL_POINTS = 150
+_LOOKS = (0.1, 0.5, 0.9)  # of the way through a motion: when the arm should not hide the path
+_GAP = 0.15  # between motions side by side, of the width of one
+CARRIED_COLOR = "#B58863"
+SWEPT_COLOR = "#7A6FAF"
+_POINT_COLOR = "#111111"
+
+
+class Layer(StrEnum):
+    """What is shown or hidden together."""
+
+    ARM = "arm"
+    CARRIED = "carried"
+    TUBE = "tube"
+    REFERENCE = "reference"
+    HAND = "hand"
+    OBSTACLES = "obstacles"
+    SWEPT = "swept"
+
+
+@dataclass(frozen=True, eq=False)
+class Item:
+    """A surface of one material.
+
+    Attributes:
+        layer: What it belongs to.
+        motion: Index of the motion that it stands with.
+        name: Unique among the items of a layer and motion.
+        surface: In the frame of the body that carries it, else in the base frame.
+        color: Red, green, blue from 0 to 1, shape (3,), or of every vertex, (V, 3).
+        opacity: 1 is solid.
+        body: The body that carries it; 0 stands still.
+        is_smooth: Whether it is shaded as round where its triangles share vertices.
+    """
+
+    layer: Layer
+    motion: int
+    name: str
+    surface: Surface
+    color: FloatArray
+    opacity: float = 1.0
+    body: int = 0
+    is_smooth: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Where the bodies are at T times; one time stands for an arm at rest.
+
+    Attributes:
+        name: What it is called.
+        time: Shape (T,), from 0 to the duration [s].
+        rotation: Of all bodies, shape (T, bodies, 3, 3).
+        position: Of all bodies, shape (T, bodies, 3) [m].
+        hand: Tool centre point, shape (T, 3) [m].
+        speed: Of the hand, shape (T,) [m/s].
+    """
+
+    name: str
+    time: FloatArray
+    rotation: FloatArray
+    position: FloatArray
+    hand: FloatArray
+    speed: FloatArray
+
+    @property
+    def duration(self) -> float:
+        """Duration [s]; 0 at rest."""
+        return float(self.time[-1])
+
+    def placement(self, step: int, body: int) -> FloatArray:
+        """Return where a body is at one of the times, shape (4, 4)."""
+        placement = np.eye(4)
+        placement[:3, :3] = self.rotation[step, body]
+        placement[:3, 3] = self.position[step, body]
+        return placement
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """All there is to see.
+
+    Attributes:
+        problem: What is shown.
+        motions: At least one; of no duration if no trajectory was given.
+        items: Surfaces.
+        offset: From each motion to the next, shape (3,) [m].
+        direction: From the scene to whoever looks at it, unit vector (3,).
+        outline: Points that a picture must hold, offsets included, shape (P, 3) [m].
+        floor: Edges of a grid under all, shape (E, 2, 3) [m].
+        floor_step: Length of one [m].
+        top: Where a motion's name goes, its offset left out, shape (3,) [m].
+        notes: What else is worth knowing.
+    """
+
+    problem: PlanningProblem
+    motions: tuple[Motion, ...]
+    items: tuple[Item, ...]
+    offset: FloatArray
+    direction: FloatArray
+    outline: FloatArray
+    floor: FloatArray
+    floor_step: float
+    top: FloatArray
+    notes: tuple[str, ...]
+
+    @property
+    def peak_speed(self) -> float:
+        """Highest speed of any hand [m/s]."""
+        return max(float(motion.speed.max()) for motion in self.motions)
+
+    @property
+    def duration(self) -> float:
+        """Of the longest motion [s]."""
+        return max(motion.duration for motion in self.motions)
+
+
+def build_scene(problem: PlanningProblem, trajectories: Mapping[str, JointTrajectory]) -> Scene:
+    """Return what is to be shown of a problem and some motions, by name.
+
+    Without a motion the arm rests at the start.
+
+    Raises:
+        TrajectoryError: A trajectory moves other joints than the problem's; it is named.
+        RobotError: The robot's geometry is of a kind no URDF has.
+    """
+    notes: list[str] = []
+    motions = tuple(_motion(problem, *pair) for pair in trajectories.items())
+    if not motions:
+        motions = (_at_rest(problem, notes),)
+    parts, said = link_parts(problem.robot, _MOST_FACES // len(motions))
+    hulls = _hulls(problem, parts)
+    tube = tube_surfaces(problem.tube)
+    swept = [_swept(motion, hulls) for motion in motions]
+    standing = [points for body, points in hulls if body == 0]
+    points = np.vstack([*(s.vertices for s in [*swept, *tube]), *standing])
+    size = float(np.ptp(points, axis=0).max())
+    solids = [shape for obstacle in problem.obstacles for shape in obstacle.shapes]
+    path = np.vstack([motions[0].hand, problem.tube.points])
+    arms = [_moving_shapes(motions[0], share, hulls) for share in _LOOKS]
+    direction = best_direction(path, solids, arms)
+    # Side by side as seen from there: along x or y, whichever lies more across the view.
+    across = int(abs(direction[0]) > abs(direction[1]))
+    offset = np.eye(3)[across] * np.ptp(points[:, across]) * (1 + _GAP)
+    fastest = max(float(motion.speed.max()) for motion in motions)
+    items: list[Item] = []
+    for i, motion in enumerate(motions):
+        items += _arm(i, parts) + _carried(i, problem)
+        items += _surroundings(i, problem, tube, size)
+        items += _hand(i, motion, problem, size, fastest)
+        if motion.duration > 0:
+            items.append(Item(Layer.SWEPT, i, "links", swept[i], rgb(SWEPT_COLOR), 0.22))
+    sides = outline(points)
+    held = np.vstack([sides + i * offset for i in range(len(motions))])
+    top = np.append((sides.min(axis=0) + sides.max(axis=0))[:2] / 2, sides[:, 2].max())
+    return Scene(
+        problem,
+        motions,
+        tuple(items),
+        offset,
+        direction,
+        held,
+        *floor_grid(held),
+        top,
+        tuple([*notes, *said]),
+    )
+
+
+def _motion(problem: PlanningProblem, name: str, trajectory: JointTrajectory) -> Motion:
+    try:
+        ordered = trajectory.reordered(problem.robot.joint_names)
+    except TrajectoryError as error:
+        raise TrajectoryError(f"{name}: {error}") from error
+    wanted = int(np.ceil(_FRAMES_PER_SECOND * trajectory.duration))
+    frames = min(max(wanted, _FEWEST_FRAMES), _MOST_FRAMES)
+    time = np.linspace(0.0, trajectory.duration, frames)
+    q, velocity = ordered.position(time), ordered.velocity(time)
+    return _posed(problem, name, time, q, velocity)
+
+
+def _at_rest(problem: PlanningProblem, notes: list[str]) -> Motion:
+    """Return the arm at its start; at the seed, with a note, if that does not lead there."""
+    try:
+        q = end_configuration(problem, problem.start, 0)
+    except Infeasible as error:
+        notes.append(f"the arm is drawn at the seed: {error}")
+        q = problem.start.joints if isinstance(problem.start, Seed) else problem.start
+    return _posed(problem, "start", np.zeros(1), q[None], np.zeros((1, len(q))))
+
+
+def _posed(
+    problem: PlanningProblem, name: str, time: FloatArray, q: FloatArray, velocity: FloatArray
+) -> Motion:
+    rotation, position = problem.robot.body_poses(q)
+    hand, jacobian = problem.robot.tool_jacobian(q)
+    speed = np.linalg.norm(np.einsum("tij,tj->ti", jacobian[:, :3], velocity), axis=1)
+    return Motion(name, time, rotation, position, hand, speed)
+
+
+def _hulls(problem: PlanningProblem, parts: list[LinkPart]) -> list[tuple[int, FloatArray]]:
+    """Return points whose hull holds each link and carried solid nearly, with its body."""
+    points: dict[str, list[FloatArray]] = {}
+    bodies = {part.link: part.body for part in parts}
+    for part in parts:
+        points.setdefault(part.link, []).append(part.surface.vertices)
+    for body, name, surface in _carried_surfaces(problem):
+        bodies[name] = body
+        points.setdefault(name, []).append(surface.vertices)
+    return [(bodies[name], coarse_hull_points(np.vstack(found))) for name, found in points.items()]
+
+
+def _carried_surfaces(problem: PlanningProblem) -> list[tuple[int, str, Surface]]:
+    robot = problem.robot
+    body, placement = robot.link_body[robot.tool_frame], robot.link_placement[robot.tool_frame]
+    return [
+        (body, solid.name, joined(shape_surface(s) for s in solid.shapes).moved(placement))
+        for solid in problem.attached
+    ]
+
+
+def _swept(motion: Motion, hulls: list[tuple[int, FloatArray]]) -> Surface:
+    """Return the space that moving links take: hulls of each in one pose and the next."""
+    steps = np.unique(np.linspace(0, len(motion.time) - 1, _SWEEP_STEPS).round().astype(int))
+    pieces = []
+    for body, points in hulls:
+        if body == 0:
+            continue
+        placements = [motion.placement(step, body) for step in steps]
+        poses = [points @ placement[:3, :3].T + placement[:3, 3] for placement in placements]
+        pairs = pairwise(poses) if len(poses) > 1 else [(poses[0],)]
+        pieces += [hull_surface(np.vstack(pair)) for pair in pairs]
+    return joined(pieces)
+
+
+def _moving_shapes(
+    motion: Motion, share: float, hulls: list[tuple[int, FloatArray]]
+) -> list[ConvexShape]:
+    """Return hulls of the moving links after a share of a motion, in the base frame."""
+    step = round(share * (len(motion.time) - 1))
+    return [
+        convex_hull(points).transformed(motion.placement(step, body))
+        for body, points in hulls
+        if body > 0
+    ]
+
+
+def _arm(motion: int, parts: list[LinkPart]) -> list[Item]:
+    return [
+        Item(
+            Layer.ARM, motion, f"{part.link}/{i}", part.surface, np.array(part.color), 1, part.body
+        )
+        for i, part in enumerate(parts)
+    ]
+
+
+def _carried(motion: int, problem: PlanningProblem) -> list[Item]:
+    color = rgb(CARRIED_COLOR)
+    return [
+        Item(Layer.CARRIED, motion, name, surface, color, 0.85, body, is_smooth=False)
+        for body, name, surface in _carried_surfaces(problem)
+    ]
+
+
+def _surroundings(
+    motion: int, problem: PlanningProblem, tube: list[Surface], size: float
+) -> list[Item]:
+    """Return tube, reference path and obstacles; `size` is that of the scene [m]."""
+    items = [
+        Item(Layer.TUBE, motion, f"segment_{k}", surface, rgb(segment_color(k)), 0.3)
+        for k, surface in enumerate(tube)
+    ]
+    thickness = _thickness(problem, size)
+    line = dashes(problem.tube.points, 0.45 * thickness, 10 * thickness)
+    items.append(Item(Layer.REFERENCE, motion, "path", line, rgb(REFERENCE_COLOR)))
+    for obstacle in problem.obstacles:
+        surface = joined(shape_surface(shape) for shape in obstacle.shapes)
+        color = rgb(OBSTACLE_COLOR)
+        items.append(
+            Item(Layer.OBSTACLES, motion, obstacle.name, surface, color, 0.55, is_smooth=False)
+        )
+    return items
+
+
+def _hand(
+    i: int, motion: Motion, problem: PlanningProblem, size: float, fastest: float
+) -> list[Item]:
+    """Return the hand's path, coloured by its speed, and a point where the hand is."""
+    thickness, robot = _thickness(problem, size), problem.robot
+    body = robot.link_body[robot.tool_frame]
+    center = (motion.hand[0] - motion.position[0, body]) @ motion.rotation[0, body]
+    point = hull_surface(center + 1.8 * thickness * directions(_BALL_POINTS))
+    items = [Item(Layer.HAND, i, "point", point, rgb(_POINT_COLOR), 1.0, body)]
+    surface, owner = pipe(motion.hand, thickness)
+    if len(owner):
+        share = motion.speed[owner] / (fastest or 1.0)
+        items.append(Item(Layer.HAND, i, "path", surface, speed_colors(share)))
+    return items
+
+
+def _thickness(problem: PlanningProblem, size: float) -> float:
+    """Return the radius of drawn lines [m]: thin in the tube, thick enough to be seen."""
+    return float(np.clip(0.12 * problem.tube.effective_radius.min(), 0.002 * size, 0.004 * size))

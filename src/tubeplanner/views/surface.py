@@ -1,0 +1,204 @@
+"""Surfaces to look at: triangles of convex shapes, of the tube, of lines with a thickness.
+
+What is drawn here judges nothing: round things become polyhedra inside them.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.collision.convex_shape import ConvexShape, convex_hull
+from tubeplanner.tube.tube import Tube
+
+_ROUND_POINTS = 320  # on a whole sphere
+_COARSE_POINTS = 48  # on a hull that is only a shadow of what it stands for
+_PIPE_SIDES = 10
+_MOST_TUBE_SIDES, _FEWEST_TUBE_SIDES = 48, 16
+_CAP_RINGS, _STRAIGHT_RINGS = 13, 24
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """Triangles.
+
+    Attributes:
+        vertices: Shape (V, 3) [m].
+        faces: Vertex indices, outward, shape (F, 3).
+    """
+
+    vertices: FloatArray
+    faces: IntArray
+
+    def moved(self, placement: FloatArray) -> "Surface":
+        """Return the surface moved by a homogeneous transform, shape (4, 4)."""
+        return Surface(self.vertices @ placement[:3, :3].T + placement[:3, 3], self.faces)
+
+
+def joined(surfaces: Iterable[Surface]) -> Surface:
+    """Return several surfaces as one."""
+    vertices, faces, count = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)], 0
+    for surface in surfaces:
+        vertices.append(surface.vertices)
+        faces.append(surface.faces + count)
+        count += len(surface.vertices)
+    return Surface(np.vstack(vertices), np.vstack(faces))
+
+
+def shape_surface(shape: ConvexShape) -> Surface:
+    """Return the surface of a convex shape, its own growth included."""
+    if shape.radius == 0:
+        return Surface(shape.vertices, shape.faces)
+    return hull_surface(shape_points(shape))
+
+
+def shape_points(shape: ConvexShape) -> FloatArray:
+    """Return points (N, 3) [m] whose hull is the shape."""
+    if shape.radius == 0:
+        return shape.vertices
+    sphere = shape.radius * directions(_ROUND_POINTS)
+    return (shape.vertices[:, None] + sphere).reshape(-1, 3)
+
+
+def hull_surface(points: FloatArray) -> Surface:
+    """Return the hull of points (N, 3)."""
+    hull = convex_hull(points)
+    return Surface(hull.vertices, hull.faces)
+
+
+def coarse_hull_points(points: FloatArray) -> FloatArray:
+    """Return the few of points (N, 3) that reach farthest in some direction."""
+    if len(points) <= _COARSE_POINTS:
+        return points
+    return points[np.unique((points @ directions(_COARSE_POINTS).T).argmax(axis=0))]
+
+
+def directions(count: int) -> FloatArray:
+    """Return unit vectors spread evenly over the sphere, shape (count, 3)."""
+    z = 1 - (2 * np.arange(count) + 1) / count
+    turn = np.arange(count) * np.pi * (3 - np.sqrt(5))  # the golden angle
+    ring = np.sqrt(1 - z**2)
+    return np.column_stack([ring * np.cos(turn), ring * np.sin(turn), z])
+
+
+def tube_surfaces(tube: Tube) -> list[Surface]:
+    """Return the outside of a tube, one part per segment.
+
+    Of every capsule only what lies outside all others is kept, so that the parts make one skin:
+    walls inside would show through a translucent one.
+    """
+    sides = int(np.clip(240 // tube.segment_count, _FEWEST_TUBE_SIDES, _MOST_TUBE_SIDES))
+    parts = []
+    for k in range(tube.segment_count):
+        start, end, radius = tube.points[k], tube.points[k + 1], tube.effective_radius[k]
+        capsule = grid_surface(np.stack(capsule_grid(start, end, radius, sides=sides), axis=-1))
+        others = np.delete(np.arange(tube.segment_count), k)
+        if len(others) == 0:
+            return [capsule]
+        # Where two segments of one radius meet, both have the same sphere: the first keeps it.
+        tie = 1e-6 * radius * np.sign(others - k)
+        outside = (tie - tube.margin(capsule.vertices)[:, others]).min(axis=1)
+        parts.append(clipped(capsule, outside))
+    return parts
+
+
+def capsule_grid(
+    start: FloatArray, end: FloatArray, radius: float, *, sides: int = 24
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return x, y, z grids of a capsule's surface [m], each (sides+1, rings)."""
+    along = end - start
+    length = float(np.linalg.norm(along))
+    z, x = _axes(along)
+    cap = np.linspace(0, np.pi / 2, _CAP_RINGS)
+    straight = np.linspace(0, length, _STRAIGHT_RINGS + 2)[1:-1]
+    height = np.concatenate(
+        [-radius * np.cos(cap), straight, length + radius * np.cos(cap[::-1])],
+    )
+    ring = radius * np.concatenate([np.sin(cap), np.ones(len(straight)), np.sin(cap[::-1])])
+    turn = np.linspace(0, 2 * np.pi, sides + 1)[:, None, None]
+    radial = np.cos(turn) * x + np.sin(turn) * np.cross(z, x)
+    points = start + height[:, None] * z + ring[:, None] * radial
+    return points[..., 0], points[..., 1], points[..., 2]
+
+
+def grid_surface(grid: FloatArray) -> Surface:
+    """Return the surface through a grid of points, shape (A, B, 3)."""
+    index = np.arange(grid.shape[0] * grid.shape[1]).reshape(grid.shape[:2])
+    a, b, c, d = index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]
+    faces = [np.stack(corners, axis=-1).reshape(-1, 3) for corners in ((a, b, c), (a, c, d))]
+    return Surface(grid.reshape(-1, 3), np.vstack(faces))
+
+
+def clipped(surface: Surface, value: FloatArray) -> Surface:
+    """Return the part of a surface where a function, given at its vertices (V,), is >= 0."""
+    kept = value[surface.faces] >= 0
+    faces, vertices, count = [surface.faces[kept.all(axis=1)]], [surface.vertices], len(value)
+    for corners in (1, 2):
+        cut = kept.sum(axis=1) == corners
+        lone = (kept[cut] == (corners == 1)).argmax(axis=1)  # the corner alone on its side
+        turned = (lone[:, None] + np.arange(3)) % 3
+        a, b, c = np.take_along_axis(surface.faces[cut], turned, axis=1).T
+        for end in (b, c):
+            share = value[a] / (value[a] - value[end])
+            way = surface.vertices[end] - surface.vertices[a]
+            vertices.append(surface.vertices[a] + share[:, None] * way)
+        ab, ac = count + np.arange(len(a)), count + len(a) + np.arange(len(a))
+        count += 2 * len(a)
+        triangles = [(a, ab, ac)] if corners == 1 else [(ab, b, c), (ab, c, ac)]
+        faces += [np.column_stack(triangle) for triangle in triangles]
+    return _without_unused(Surface(np.vstack(vertices), np.vstack(faces)))
+
+
+def _without_unused(surface: Surface) -> Surface:
+    used, faces = np.unique(surface.faces, return_inverse=True)
+    return Surface(surface.vertices[used], faces.reshape(-1, 3))
+
+
+def pipe(points: FloatArray, radius: float) -> tuple[Surface, IntArray]:
+    """Return a line through points (N, 3) with a thickness [m], since viewers draw lines thin.
+
+    Returns:
+        The surface and, of each of its vertices, the point that it belongs to. Points that do not
+        differ from the one before are left out; what has no length has no surface.
+    """
+    moves = np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-3 * radius
+    kept = np.flatnonzero(np.concatenate([[True], moves]))
+    if len(kept) < 2:
+        return Surface(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)), kept[:0]
+    line = points[kept]
+    tangent = np.gradient(line, axis=0)
+    turn = np.linspace(0, 2 * np.pi, _PIPE_SIDES + 1)[:, None]
+    side = _axes(tangent[0])[1]
+    rings = []
+    for point, along in zip(line, tangent, strict=True):
+        z, fallback = _axes(along)
+        side = side - (side @ z) * z  # carried along, so that the rings do not twist
+        norm = float(np.linalg.norm(side))
+        side = side / norm if norm > 1e-6 else fallback
+        rings.append(point + radius * (np.cos(turn) * side + np.sin(turn) * np.cross(z, side)))
+    # The ends are closed by rings without width.
+    ends = np.tile(line[[0, -1]][:, None], (1, _PIPE_SIDES + 1, 1))
+    grid = np.concatenate([ends[:1], np.array(rings), ends[1:]])
+    owner = np.concatenate([kept[:1], kept, kept[-1:]])
+    return grid_surface(grid[:, ::-1]), np.repeat(owner, _PIPE_SIDES + 1)
+
+
+def dashes(points: FloatArray, radius: float, period: float) -> Surface:
+    """Return a polyline through points (N, 3) as dashes of a thickness and period [m]."""
+    parts = []
+    for start, end in pairwise(points):
+        count = max(1, round(float(np.linalg.norm(end - start)) / period))
+        for first in (np.arange(count) + 0.2) / count:
+            ends = np.array([first, first + 0.6 / count])[:, None]
+            parts.append(pipe(start + ends * (end - start), radius)[0])
+    return joined(parts)
+
+
+def _axes(along: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return a vector's direction (upwards if it has none) and one across it, each (3,)."""
+    length = float(np.linalg.norm(along))
+    z = along / length if length > 0 else np.array([0.0, 0.0, 1.0])
+    x = np.cross(z, np.eye(3)[int(np.argmin(abs(z)))])
+    return z, x / np.linalg.norm(x)

@@ -1,0 +1,171 @@
+"""The first answer: along the reference branch, stopping at each corner.
+
+Every segment is a rest-to-rest motion along the branch, as a quintic B-spline whose first and last
+three control points coincide, so that velocity and acceleration vanish exactly at its ends. Later
+planners start from it and must beat it.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.interpolate import BSpline, CubicSpline
+from scipy.linalg import solve
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.branches.reference_branch import ReferenceBranch
+from tubeplanner.motion.trajectory import JointTrajectory, concatenate, from_spline
+from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.waypoint_search.time_scaling import estimated_duration, scaled_to_limits
+
+_DEGREE = 5
+# Configurations nearer to their neighbour than this share of the largest step carry no direction.
+_LEAST_STEP_SHARE = 1e-4
+_REST_POINTS = 3  # equal control points at an end put velocity and acceleration there to zero
+_FEWEST_INTERVALS = 16
+_MOST_INTERVALS = 128
+_FIT_POINTS_PER_INTERVAL = 8
+# The fit may use this share of radius and rotation bound; the rest is left to who improves on it.
+_FIT_SHARE = 0.1
+_ON_THE_WALL = 5e-7  # [m or rad]
+# Shares of the time spent speeding up, and as much slowing down: the fastest is kept.
+_RAMP_SHARES = (0.5, 0.4, 0.3, 0.2, 0.15, 0.1)
+
+
+def stop_at_corners(
+    problem: PlanningProblem,
+    branch: ReferenceBranch,
+    checkpoint: Callable[[], None] = lambda: None,
+) -> JointTrajectory:
+    """Return the fastest of a family of motions that rest at every reference point.
+
+    Args:
+        problem: What is asked.
+        branch: The arm along the reference path.
+        checkpoint: Called before every segment; it may raise to end the work.
+
+    Raises:
+        Infeasible: Gravity exceeds a motor's effort, or no spline follows the branch in the tube.
+    """
+    moving = branch.moving_segments
+    if not moving:
+        raise Infeasible(
+            PlanStatus.NO_TRAJECTORY, "the start is the goal: there is nothing to move", Place()
+        )
+    motions = []
+    for k in moving:
+        checkpoint()
+        motions.append(_fastest(problem, branch, k))
+    return concatenate(motions)
+
+
+def _fastest(problem: PlanningProblem, branch: ReferenceBranch, segment: int) -> JointTrajectory:
+    shapes = [_follow(problem, branch, segment, ramp) for ramp in _RAMP_SHARES]
+    fastest = min(shapes, key=lambda shape: estimated_duration(problem.robot, shape))
+    return scaled_to_limits(problem.robot, fastest)
+
+
+def _follow(
+    problem: PlanningProblem, branch: ReferenceBranch, segment: int, ramp: float
+) -> JointTrajectory:
+    """Return the segment in one second, with as few knots as follow the branch closely."""
+    q = branch.segments[segment]
+    available = _least_margins(problem, q, segment)
+    close = available - _FIT_SHARE * _bounds(problem, segment)
+    # Where the branch itself touches the wall, or leaves it by a rounding error, so may the fit.
+    inside = np.minimum(available, 0.0) - _ON_THE_WALL
+    intervals, margin = _FEWEST_INTERVALS, np.array(-np.inf)
+    while intervals <= _MOST_INTERVALS:
+        shape = _fit(problem, q, segment, ramp, intervals)
+        samples = shape.per_piece(_FIT_POINTS_PER_INTERVAL).position
+        margin = _least_margins(problem, samples, segment)
+        if (margin > np.maximum(close, inside)).all():
+            return shape
+        intervals *= 2
+    if (margin > inside).all():  # not close to the branch, which has a sharp bend; but in the tube
+        return shape
+    worst = int((inside - margin).argmax())
+    unit, remedy = (("m", "the radius"), ("rad", "the rotation tolerance"))[worst]
+    raise Infeasible(
+        PlanStatus.NO_TRAJECTORY,
+        f"segment {segment}: a spline of {_MOST_INTERVALS} pieces that follows the inverse "
+        f"kinematics leaves the tube by {-margin[worst]:.3g} {unit}; widen {remedy}",
+        Place(segment=segment),
+    )
+
+
+def _least_margins(problem: PlanningProblem, q: FloatArray, segment: int) -> FloatArray:
+    """Return the least room of the hand [m] and, if it is bounded, of its rotation [rad]."""
+    rotation, hand = problem.robot.tool_pose(q)
+    only = slice(segment, segment + 1)
+    margins = [problem.tube.margin(hand, only).min()]
+    if len(_bounds(problem, segment)) > 1:
+        margins.append(problem.tube.rotation_margin(rotation, hand, only).min())
+    return np.array(margins)
+
+
+def _bounds(problem: PlanningProblem, segment: int) -> FloatArray:
+    """Return the radius [m] and, if there is one, the tightest bound on the rotation [rad]."""
+    tube = problem.tube
+    tightest = np.inf if tube.rotation is None else tube.rotation.bounds[segment].min()
+    bounds = np.array([tube.effective_radius[segment], tightest])
+    return bounds[np.isfinite(bounds)]
+
+
+def _fit(
+    problem: PlanningProblem, q: FloatArray, segment: int, ramp: float, intervals: int
+) -> JointTrajectory:
+    """Return the least-squares spline of one second along the configurations q, shape (P, n).
+
+    Control points are moved into the segment's joint bounds, which then hold for all t: a spline
+    lies in the hull of its control points.
+    """
+    breakpoints = (1 - np.cos(np.pi * np.arange(intervals + 1) / intervals)) / 2
+    knots = np.concatenate([np.zeros(_DEGREE), breakpoints, np.ones(_DEGREE)])
+    times = _between(breakpoints, _FIT_POINTS_PER_INTERVAL)
+    wanted = _along(q)(_ramped(times, ramp))
+    design = BSpline.design_matrix(times, knots, _DEGREE).toarray()
+    control_points = np.empty((design.shape[1], q.shape[1]))
+    control_points[:_REST_POINTS], control_points[-_REST_POINTS:] = q[0], q[-1]
+    inner = slice(_REST_POINTS, -_REST_POINTS)
+    fixed = design[:, :_REST_POINTS].sum(axis=1)[:, None] * q[0]
+    fixed = fixed + design[:, -_REST_POINTS:].sum(axis=1)[:, None] * q[-1]
+    # Normal equations: well conditioned, and small enough to need no threads.
+    matrix = design[:, inner].T @ design[:, inner]
+    solution = solve(matrix, design[:, inner].T @ (wanted - fixed), assume_a="pos")
+    lower, upper = problem.joint_lower[segment], problem.joint_upper[segment]
+    control_points[inner] = np.clip(solution, lower, upper)
+    return from_spline(problem.robot.joint_names, BSpline(knots, control_points, _DEGREE))
+
+
+def _between(breakpoints: FloatArray, count: int) -> FloatArray:
+    """Return `count` times in every interval, none on its ends."""
+    local = (np.arange(count) + 0.5) / count
+    return (breakpoints[:-1, None] + local * np.diff(breakpoints)[:, None]).ravel()
+
+
+def _along(q: FloatArray) -> CubicSpline:
+    """Return the curve through configurations (P, n) over its own length, from 0 to 1.
+
+    Joint-space length rather than the hand's: where the arm is stretched, joints move while the
+    hand hardly does.
+    """
+    lengths = np.linalg.norm(np.diff(q, axis=0), axis=1)
+    apart = lengths > _LEAST_STEP_SHARE * lengths.max()
+    kept = np.concatenate([[True], apart[:-1], [True]])
+    kept[-2] &= apart[-1] or len(q) == 2
+    way = np.cumsum(np.linalg.norm(np.diff(q[kept], axis=0), axis=1))
+    return CubicSpline(np.concatenate([[0.0], way / way[-1]]), q[kept])
+
+
+def _ramped(u: FloatArray, ramp: float) -> FloatArray:
+    """Return the way covered at times u in [0, 1]: speed up, cruise, slow down.
+
+    While speeding up for a share `ramp` of the time, speed follows the smoothstep 3x^2 - 2x^3, so
+    acceleration starts and ends at zero.
+    """
+    top_speed = 1 / (1 - ramp)
+    x = np.clip(np.minimum(u, 1 - u) / ramp, 0.0, 1.0)
+    ramped = top_speed * ramp * (x**3 - x**4 / 2)  # way within one ramp
+    cruised = top_speed * np.maximum(np.minimum(u, 1 - u) - ramp, 0.0)
+    return np.where(u <= 0.5, ramped + cruised, 1 - ramped - cruised)

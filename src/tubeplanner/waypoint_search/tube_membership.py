@@ -1,0 +1,165 @@
+"""Whether configurations, and whole motions, keep to the tube: hand, its rotation, joint ranges.
+
+Segments are visited in order, and at a hand-over both sides must hold; with `visit: any` some
+segment must hold at every instant.
+"""
+
+import numpy as np
+
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray
+from tubeplanner.motion.trajectory import JointTrajectory
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.tube.tube import Tube
+from tubeplanner.verification.hand_overs import best_hand_overs
+
+_SAMPLES_PER_PIECE = 65
+_LARGEST_STEP = 0.25  # of the reference path, from one sample to the next
+
+
+def membership_margin(problem: PlanningProblem, q: FloatArray) -> FloatArray:
+    """Return how well configurations (N, n) keep each segment's conditions.
+
+    Returns:
+        Shape (N, m): the least of the hand's distance from the capsule's wall [m], of its
+        rotation's from the bound [rad] and of the joints' distances from the ends of their ranges
+        [rad or m]; negative outside.
+    """
+    rotation, position = problem.robot.tool_pose(q)
+    hand = problem.tube.margin(position)
+    if problem.tube.rotation is not None:
+        hand = np.minimum(hand, problem.tube.rotation_margin(rotation, position))
+    room = np.minimum(q[:, None] - problem.joint_lower, problem.joint_upper - q[:, None])
+    return np.minimum(hand, room.min(axis=2))
+
+
+def current_segments(problem: PlanningProblem, q: FloatArray) -> IntArray:
+    """Return the segment that each of N configurations of a motion, in order, is counted to: (N,).
+
+    Hand-overs are where they leave the largest margin.
+    """
+    margin = membership_margin(problem, q)
+    if problem.tube.visit == "any":
+        return margin.argmax(axis=1)
+    return np.searchsorted(best_hand_overs(margin), np.arange(len(q)), side="left")
+
+
+def tube_use(problem: PlanningProblem, hand: FloatArray, segment: IntArray) -> FloatArray:
+    """Return the distances of hands (N, 3) from their segments (N,) as shares of the radius: (N,).
+
+    0 on the segment, 1 on the capsule's wall.
+    """
+    distance = problem.tube.distance(hand)[np.arange(len(hand)), segment]
+    return distance / problem.tube.effective_radius[segment]
+
+
+def passable_segments(tube: Tube) -> BoolArray:
+    """Return which segments a hand may pass whole between two samples: bool, shape (m,).
+
+    Between the hand-overs at its ends it travels at least the segment's length less twice the
+    radius; samples are far less than a quarter of the reference path apart.
+    """
+    length = np.linalg.norm(np.diff(tube.points, axis=0), axis=1)
+    return length <= 2 * tube.effective_radius + _LARGEST_STEP * length.sum()
+
+
+def segments_reached(
+    inside: BoolArray, segments: BoolArray, passable: BoolArray, *, ordered: bool
+) -> BoolArray:
+    """Return the segments in which a motion may be at each of S samples.
+
+    Samples see no hand-over that happens between them, so that one is taken to be possible
+    wherever neighbouring samples lie in neighbouring segments, or have passable ones between them.
+
+    Args:
+        inside: Whether each sample of N motions is inside each segment: bool, shape (N, S, m).
+        segments: In which segments each motion may begin: bool, shape (N, m).
+        passable: Which segments may be passed between two samples: bool, shape (m,).
+        ordered: Whether segments are visited in order.
+
+    Returns:
+        Bool, shape (N, S, m); all False from the first sample on that is in no segment that can be
+        reached.
+    """
+    reached = inside.copy()
+    if not ordered:
+        reached &= np.logical_and.accumulate(np.any(inside, axis=2), axis=1)[:, :, None]
+        return reached
+    for s in range(inside.shape[1]):
+        reached[:, s] = _following(segments, inside[:, s], passable)
+        segments = reached[:, s]
+    return reached
+
+
+def _following(segments: BoolArray, now: BoolArray, passable: BoolArray) -> BoolArray:
+    """Return the segments (N, m) that may follow some, of those the next sample is in."""
+    following = segments & now
+    before = segments[:, 0]  # that may have been reached before the next sample
+    for k in range(1, now.shape[1]):
+        following[:, k] |= now[:, k] & (before | following[:, k - 1])
+        before = segments[:, k] | (before & passable[k])
+    return following
+
+
+def first_departure(
+    problem: PlanningProblem, trajectory: JointTrajectory, tolerance: float
+) -> int | None:
+    """Return the first polynomial piece in which a motion leaves the tube; None if none does.
+
+    Margins are taken at 65 samples per piece; valleys between samples are estimated by parabolas.
+    What happens at hand-overs between samples is not seen: too lenient, never too strict.
+
+    Args:
+        problem: What is asked.
+        trajectory: Of the problem's joints.
+        tolerance: How far below zero margins may lie [m or rad].
+    """
+    q = trajectory.per_piece(_SAMPLES_PER_PIECE).position
+    inside = (_with_valleys(membership_margin(problem, q)) >= -tolerance)[None]
+    ordered = problem.tube.visit == "ordered"
+    begin = np.arange(inside.shape[2])[None] == 0 if ordered else np.ones_like(inside[:, 0])
+    reached = segments_reached(inside, begin, passable_segments(problem.tube), ordered=ordered)[0]
+    outside = ~reached.any(axis=1)
+    outside[-1] |= ordered and not reached[-1, -1]  # not arrived in the last segment
+    if not outside.any():
+        return None
+    return int(outside.argmax()) // _SAMPLES_PER_PIECE
+
+
+def worst_membership(problem: PlanningProblem, trajectory: JointTrajectory) -> float:
+    """Return how well a motion keeps to the tube where it does so worst [m or rad].
+
+    Margins are taken as for `first_departure`, and where the hand passes from nearer to one segment
+    to nearer to the next; a hand-over needs one of these samples inside both. Too strict by less
+    than a micrometre, as a rule.
+    """
+    samples = trajectory.per_piece(_SAMPLES_PER_PIECE)
+    margin = membership_margin(problem, samples.position)
+    lowered = _with_valleys(margin)
+    if problem.tube.visit == "any" or problem.tube.segment_count == 1:
+        return float(lowered.max(axis=1).min())
+    after, time = _changes(samples.time, margin)
+    between = membership_margin(problem, trajectory.position(time))
+    margin = np.insert(lowered, after, between, axis=0)
+    ends = [0, *best_hand_overs(margin), len(margin) - 1]
+    visits = zip(ends, ends[1:], margin.T, strict=False)
+    return min(float(inside[begin : end + 1].min()) for begin, end, inside in visits)
+
+
+def _changes(time: FloatArray, margin: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Return where neighbouring segments fit equally well: the sample after each, and the time."""
+    nearer = np.diff(margin, axis=1)
+    before = np.flatnonzero((nearer[:-1] * nearer[1:] < 0).any(axis=1))
+    column = (nearer[before] * nearer[before + 1]).argmin(axis=1)
+    begin, end = nearer[before, column], nearer[before + 1, column]
+    return before + 1, time[before] + (time[before + 1] - time[before]) * begin / (begin - end)
+
+
+def _with_valleys(values: FloatArray) -> FloatArray:
+    """Return samples of smooth functions, (N, m), the lowest lowered to the valley beside them."""
+    before, at, after = values[:-2], values[1:-1], values[2:]
+    slope, bend = (after - before) / 2, before - 2 * at + after
+    is_valley = (at <= before) & (at <= after) & (bend > 0)
+    depth = np.divide(slope**2, 2 * bend, out=np.zeros_like(at), where=is_valley)
+    lowered = values.copy()
+    lowered[1:-1] -= depth
+    return lowered
