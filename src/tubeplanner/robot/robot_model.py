@@ -259,7 +259,7 @@ class RobotModel:
 
     @cached_property
     def joint_moves_body(self) -> np.ndarray:
-        """Whether a joint moves a body: bool, shape (bodies, n)."""
+        """Whether a joint moves a body, bool of shape (bodies, n)."""
         moves = np.zeros((self.body_count, self.joint_count), dtype=bool)
         for body in range(1, self.body_count):
             for joint in self._supports(body):
@@ -268,7 +268,7 @@ class RobotModel:
 
     @cached_property
     def revolute(self) -> np.ndarray:
-        """Whether a joint turns (rather than slides): bool, shape (n,)."""
+        """Whether a joint turns (rather than slides), bool of shape (n,)."""
         kinds = [self.urdf.joints[name].type != "prismatic" for name in self.joint_names]
         return np.array(kinds)
 
@@ -302,7 +302,7 @@ class RobotModel:
 
     @cached_property
     def body_offsets(self) -> FloatArray:
-        """Distance of each body's origin from that of its parent, joints at zero: (bodies,) [m]."""
+        """Distance of each body's origin from its parent's, joints at zero, shape (bodies,) [m]."""
         placements = [self._model.jointPlacements[body] for body in range(self.body_count)]
         return read_only([np.linalg.norm(placement.translation) for placement in placements])
 
