@@ -22,7 +22,7 @@ extensions = [
     "sphinx.ext.napoleon",
     "sphinx_click",
 ]
-exclude_patterns = ["README.md"]
+default_role = "literal"
 nitpicky = True
 # Types of libraries, and those of our own that are only met as attributes.
 nitpick_ignore_regex = [

@@ -45,6 +45,7 @@ def _section(section: dict[str, Any], title: str, paths: dict[str, list[str]]) -
         default = "required" if name in required else _default(field)
         meaning = field["description"]
         units = " or ".join(_UNIT.findall(meaning)).replace(",", " or")
+        units = units.replace("^2", "²").replace("^3", "³")
         meaning = _UNIT.sub("", meaning).replace(" ;", ";").removesuffix("or ").strip()
         cells = (f"`{name}`", _type(field, paths), units, default, meaning)
         rows.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
