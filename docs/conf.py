@@ -9,6 +9,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 import tubeplanner
 from problem_fields import problem_fields
+from reading_order import reading_order
 from tubeplanner.problem.problem_format import problem_schema
 
 project = "tubeplanner"
@@ -54,9 +55,10 @@ for name in tubeplanner.__all__:
         public.__module__ = "tubeplanner"
 
 
-def _write_problem_fields(app: object, page: str, source: list[str]) -> None:
-    """Put the fields of the problem file where a page asks for them."""
+def _write_generated(app: object, page: str, source: list[str]) -> None:
+    """Put what is made from the sources where a page asks for it."""
     source[0] = source[0].replace("{{ problem_fields }}", problem_fields(problem_schema()))
+    source[0] = source[0].replace("{{ reading_order }}", reading_order())
 
 
 def _shorten_arrays(
@@ -75,5 +77,5 @@ _ARRAY = re.compile(r"~?(?:numpy\.)?ndarray\[.*?dtype\[~?(?:numpy\.)?(\w+?)(?:64
 
 def setup(app: Any) -> None:
     """Connect what is generated."""
-    app.connect("source-read", _write_problem_fields)
+    app.connect("source-read", _write_generated)
     app.connect("autodoc-process-signature", _shorten_arrays)

@@ -88,21 +88,20 @@ def test_a_page_runs_and_prints_what_it_shows(page, tmp_path, monkeypatch):
 
 def commands():
     for page, text in ALL_PAGES.items():
-        for line in re.findall(r"^(?:\$ )?tubeplanner (.*)$", text, re.M):
+        for line in re.findall(r"^(?:\$ )?tubeplanner (\w.*)$", text, re.M):
             yield pytest.param(line, id=f"{page}: {line}")
 
 
 @pytest.mark.parametrize("line", list(commands()))
 def test_a_command_can_be_given(line):
     words = shlex.split(line.partition(" > ")[0], comments=True)
-    name, command, rest = cli.resolve_command(cli.make_context("tubeplanner", [*words]), words)
-    assert command.make_context(name, rest).params
+    cli.commands[words[0]].make_context(words[0], words[1:])
 
 
 def test_what_a_page_shows_is_compared():
     page = "```python\nprint('0.504 s in 3 steps')\n```\n\n```text\n0.{}s in ...\n```\n"
     run_page(page.format("501 "))
-    with pytest.raises(AssertionError, match="but this is printed\n0.504 s in 3 steps"):
+    with pytest.raises(AssertionError, match=r"0\.52 s in(.|\n)*0\.504 s in 3"):
         run_page(page.format("52 "))
 
 
