@@ -36,9 +36,8 @@ html_theme = "furo"
 html_title = f"tubeplanner {release}"
 html_theme_options = {"navigation_with_keys": True}
 html_static_path = ["static"]
-html_css_files = ["tables.css"]
+html_css_files = ["style.css"]
 
-myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
 
 autodoc_member_order = "bysource"

@@ -90,9 +90,7 @@ class LimitFields(_Section):
     effort: dict[str, Number] = Field({}, description="either way [N m] or [N]")
     velocity: dict[str, Number] = Field({}, description="either way [rad/s] or [m/s]")
     position: dict[str, tuple[Number, Number]] = Field({}, description="[lower, upper] [rad, m]")
-    acceleration: dict[str, Number] = Field(
-        {}, description="default: none [rad/s^2] or [m/s^2]"
-    )
+    acceleration: dict[str, Number] = Field({}, description="default: none [rad/s^2] or [m/s^2]")
     jerk: dict[str, Number] = Field({}, description="default: none [rad/s^3] or [m/s^3]")
     scale: dict[str, Finite] = Field(
         {}, description="factors in (0, 1] on effort, velocity, acceleration"
