@@ -1,6 +1,5 @@
 """How Sphinx builds these pages: `make docs`."""
 
-import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -22,6 +21,7 @@ extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
     "sphinx_click",
+    "public_names",
 ]
 default_role = "literal"
 nitpicky = True
@@ -44,14 +44,9 @@ autodoc_member_order = "bysource"
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
 autodoc_preserve_defaults = True
+napoleon_attr_annotations = False
 napoleon_use_ivar = True
 python_maximum_signature_line_length = 88
-
-# A public name is documented, and linked to, under the name by which it is imported.
-for name in tubeplanner.__all__:
-    public = getattr(tubeplanner, name)
-    if hasattr(public, "__module__"):
-        public.__module__ = "tubeplanner"
 
 
 def _write_generated(app: object, page: str, source: list[str]) -> None:
@@ -60,21 +55,6 @@ def _write_generated(app: object, page: str, source: list[str]) -> None:
     source[0] = source[0].replace("{{ reading_order }}", reading_order())
 
 
-def _shorten_arrays(
-    app: object, what: str, name: str, item: object, options: object, *signature: str | None
-) -> tuple[str | None, ...]:
-    """Write arrays as the sources do: the alias has been replaced by what it stands for."""
-    return tuple(text and _ARRAY.sub(_array_name, text) for text in signature)
-
-
-def _array_name(match: re.Match[str]) -> str:
-    return f"{match.group(1).capitalize()}Array"
-
-
-_ARRAY = re.compile(r"~?(?:numpy\.)?ndarray\[.*?dtype\[~?(?:numpy\.)?(\w+?)(?:64|_)?\]\]")
-
-
 def setup(app: Any) -> None:
-    """Connect what is generated."""
+    """Connect to Sphinx."""
     app.connect("source-read", _write_generated)
-    app.connect("autodoc-process-signature", _shorten_arrays)

@@ -46,15 +46,15 @@ def session_of(block):
     return re.findall(r"^\$ (.*)\n((?:(?!\$ ).*\n)*)", block, re.M)
 
 
-def run_page(text):
+def run_page(text, page="page"):
     """Run the blocks of a page from top to bottom, as a reader would."""
     names, printed = {}, ""
     for not_run, language, block in BLOCK.findall(text):
         if not_run:
-            compile(block, "page", "exec")
+            compile(block, page, "exec")
         elif language == "python":
             with redirect_stdout(StringIO()) as stream:
-                exec(compile(block, "page", "exec"), names)
+                exec(compile(block, page, "exec"), names)
             printed = stream.getvalue()
         elif language == "text":
             require_same(printed, block)
@@ -83,7 +83,7 @@ def sections(fields):
 @pytest.mark.parametrize("page", [page for page, text in PAGES.items() if BLOCK.search(text)])
 def test_a_page_runs_and_prints_what_it_shows(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    run_page(PAGES[page])
+    run_page(PAGES[page], page)
 
 
 def commands():
