@@ -1,5 +1,6 @@
 """What the pages in docs/ show is run: Python, commands, problem files, and what they print."""
 
+import json
 import re
 import shlex
 from contextlib import redirect_stdout
@@ -41,11 +42,6 @@ def require_same(printed, text):
     assert same, f"the page shows\n{text}\nbut this is printed\n{printed}"
 
 
-def session_of(block):
-    """Return the commands of a console block, each with what it prints."""
-    return re.findall(r"^\$ (.*)\n((?:(?!\$ ).*\n)*)", block, re.M)
-
-
 def run_page(text, page="page"):
     """Run the blocks of a page from top to bottom, as a reader would."""
     names, printed = {}, ""
@@ -60,11 +56,20 @@ def run_page(text, page="page"):
             require_same(printed, block)
         elif language == "yaml":
             keep_problem(block)
+        elif language == "json":
+            json.loads(block)
         elif language == "console":
-            for command, output in session_of(block):
-                with redirect_stdout(StringIO()) as stream:
-                    main(shlex.split(command, comments=True)[1:])
-                require_same(stream.getvalue(), output)
+            run_session(block)
+        else:
+            assert language == "sh", f"{page}: nothing is done with blocks of '{language}'"
+
+
+def run_session(block):
+    """Run the commands of a console block; compare what they print."""
+    for command, output in re.findall(r"^\$ (.*)\n((?:(?!\$ ).*\n)*)", block, re.M):
+        with redirect_stdout(StringIO()) as stream:
+            main(shlex.split(command, comments=True)[1:])
+        require_same(stream.getvalue(), output)
 
 
 def keep_problem(block):
@@ -86,16 +91,26 @@ def test_a_page_runs_and_prints_what_it_shows(page, tmp_path, monkeypatch):
     run_page(PAGES[page], page)
 
 
-def commands():
-    for page, text in ALL_PAGES.items():
-        for line in re.findall(r"^(?:\$ )?tubeplanner (\w.*)$", text, re.M):
-            yield pytest.param(line, id=f"{page}: {line}")
+def lines_of(program):
+    """Return what stands after a program's name on every line that runs it."""
+    return [
+        pytest.param(line, id=f"{page}: {line}")
+        for page, text in ALL_PAGES.items()
+        for line in re.findall(rf"^(?:\$ )?{program} (\w.*)$", text, re.M)
+    ]
 
 
-@pytest.mark.parametrize("line", list(commands()))
+@pytest.mark.parametrize("line", lines_of("tubeplanner"))
 def test_a_command_can_be_given(line):
     words = shlex.split(line.partition(" > ")[0], comments=True)
     cli.commands[words[0]].make_context(words[0], words[1:])
+
+
+@pytest.mark.parametrize("line", lines_of("python"))
+def test_a_script_exists_and_knows_its_options(line):
+    script, *words = shlex.split(line, comments=True)
+    source = (ROOT / script).read_text()
+    assert all(f'"{word}"' in source for word in words if word.startswith("--"))
 
 
 def test_what_a_page_shows_is_compared():
