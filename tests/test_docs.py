@@ -92,11 +92,12 @@ def test_a_page_runs_and_prints_what_it_shows(page, tmp_path, monkeypatch):
 
 
 def lines_of(program):
-    """Return what stands after a program's name on every line that runs it."""
+    """Return the arguments of every run of a program, on a line of its own or in a sentence."""
+    whole, inline = rf"^(?:\$ )?{program} (\w.*)$", rf"`{program} (\w+ [^`]+)`"
     return [
         pytest.param(line, id=f"{page}: {line}")
         for page, text in ALL_PAGES.items()
-        for line in re.findall(rf"^(?:\$ )?{program} (\w.*)$", text, re.M)
+        for line in re.findall(whole, text, re.M) + re.findall(inline, text)
     ]
 
 
