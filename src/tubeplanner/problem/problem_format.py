@@ -189,7 +189,7 @@ class ProblemFields(_Section):
     tube: TubeFields = Field(description="where the hand may be, and in which configuration")
     start: EndpointFields = Field(description="where the motion begins, at rest")
     goal: EndpointFields | None = Field(
-        None, description="where it ends, at rest; left out: where the branch ends"
+        None, description="where it ends, at rest; left out: in any configuration"
     )
     obstacles: list[ObstacleFields] = Field([], description="solids in the base frame")
     clearance: Finite = Field(0.0, description="least distance of links to obstacles [m]")
