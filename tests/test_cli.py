@@ -171,7 +171,7 @@ def test_an_interrupt_before_anything_is_certified_exits_with_130(run, run_json,
 def test_an_interrupt_while_a_certified_answer_is_written_loses_nothing(
     run_json, monkeypatch, tmp_path
 ):
-    from tubeplanner import output_files
+    from tubeplanner.files import output_files
 
     write = output_files.write_files
 
@@ -190,7 +190,7 @@ def test_an_interrupt_while_a_certified_answer_is_written_loses_nothing(
 
 def test_an_interrupt_that_a_library_swallows_still_counts(run_json, monkeypatch):
     """trimesh catches everything while it imports; here, loading does."""
-    from tubeplanner import problem
+    from tubeplanner.problem import problem
 
     load = problem.load_problem
 

@@ -6,6 +6,11 @@ points). Units are SI and radians; positions are in the frame of the URDF's root
     problem = load_problem("example:ur5/over_the_wall")
     result = plan(problem)
 
+Data flows one way, through folders that import only those above them: `robot`, `collision`, `tube`,
+`problem`, `motion`, `verification`, `branches`, `waypoint_search` (phase 1), `suh_bishop` (phase 2
+as published), `refinement` (phase 2), `baselines`, `planning`, `measurement`, `tube_sources`,
+`studies`, `files`, `views`, `commands`.
+
 Names are loaded on first use, so that `import tubeplanner` stays quick.
 """
 
@@ -76,10 +81,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOMES = {
-    "branch_and_bound": ("SearchStatistics",),
-    "certificate": ("Certificate", "Condition", "Tolerance"),
-    "comparison": ("Comparison", "ComparisonRow", "compare"),
-    "comparison_plot": ("plot_comparison",),
+    "collision.obstacle": ("AttachedSolid", "Obstacle", "placement_of"),
     "errors": (
         "OptionError",
         "OutputError",
@@ -88,31 +90,34 @@ _HOMES = {
         "TrajectoryError",
         "TubePlannerError",
     ),
-    "joint_limits": ("LimitOverrides",),
-    "motion_measures": ("MotionMeasures",),
-    "measured_tube": ("MeasureOptions", "SegmentMeasurement", "TubeMeasurement"),
-    "obstacle": ("AttachedSolid", "Obstacle", "placement_of"),
+    "files.trajectory_file": ("read_trajectory",),
+    "measurement.measured_tube": ("MeasureOptions", "SegmentMeasurement", "TubeMeasurement"),
+    "measurement.sign_patterns": ("PatternSurvey", "survey_patterns"),
+    "measurement.tube_measurement": ("measure_tube",),
+    "motion.trajectory": ("JointTrajectory",),
     "outcome": ("Place", "PlanStatus"),
-    "plan_options": ("PlanOptions",),
-    "plan_result": ("PlanResult",),
-    "planner": ("plan",),
-    "pinocchio_model": ("Payload", "ToolOffset"),
-    "plotting": ("plot_trajectory",),
-    "problem": ("PlanningProblem", "Seed", "load_problem", "parse_problem"),
+    "planning.plan_options": ("PlanOptions",),
+    "planning.plan_result": ("PlanResult",),
+    "planning.planner": ("plan",),
+    "problem.problem": ("PlanningProblem", "Seed", "load_problem", "parse_problem"),
     "progress": ("Progress",),
-    "robot": ("RobotModel", "load_robot"),
-    "sensitivities": ("Sensitivity",),
-    "sign_patterns": ("PatternSurvey", "survey_patterns"),
-    "study_plots": ("plot_convergence", "plot_sweep"),
-    "tolerance_sweep": ("SweepResult", "SweepRow", "sweep"),
-    "trajectory": ("JointTrajectory",),
-    "trajectory_file": ("read_trajectory",),
-    "tube": ("Tube",),
-    "tube_measurement": ("measure_tube",),
-    "verification": ("verify",),
-    "viewer": ("View", "view"),
-    "waypoint_interpolation": ("quartic_spline", "sequential_quartics"),
-    "zones": ("ZonedPath", "tube_from_zones", "zones_of_tube"),
+    "refinement.sensitivities": ("Sensitivity",),
+    "robot.joint_limits": ("LimitOverrides",),
+    "robot.pinocchio_model": ("Payload", "ToolOffset"),
+    "robot.robot_model": ("RobotModel", "load_robot"),
+    "studies.comparison": ("Comparison", "ComparisonRow", "compare"),
+    "studies.motion_measures": ("MotionMeasures",),
+    "studies.tolerance_sweep": ("SweepResult", "SweepRow", "sweep"),
+    "tube.tube": ("Tube",),
+    "tube_sources.zones": ("ZonedPath", "tube_from_zones", "zones_of_tube"),
+    "verification.certificate": ("Certificate", "Condition", "Tolerance"),
+    "verification.verification": ("verify",),
+    "views.comparison_plot": ("plot_comparison",),
+    "views.plotting": ("plot_trajectory",),
+    "views.study_plots": ("plot_convergence", "plot_sweep"),
+    "views.viewer": ("View", "view"),
+    "waypoint_search.branch_and_bound": ("SearchStatistics",),
+    "waypoint_search.waypoint_interpolation": ("quartic_spline", "sequential_quartics"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tubeplanner import convex_shape
 from tubeplanner.arrays import FloatArray
+from tubeplanner.collision import convex_shape
 from tubeplanner.collision.convex_shape import ConvexShape
 from tubeplanner.collision.mesh_cover import cover_mesh, load_mesh
 from tubeplanner.errors import ProblemError
