@@ -12,6 +12,7 @@ from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, Progress
 from tubeplanner.suh_bishop.knot_motion import KnotMotion
 from tubeplanner.suh_bishop.suh_bishop import SuhBishop
+from tubeplanner.verification.certificate import Certificate
 from tubeplanner.waypoint_search.branch_and_bound import BranchAndBound
 from tubeplanner.waypoint_search.candidate_waypoints import candidate_waypoints
 from tubeplanner.waypoint_search.time_scaling import scaled_to_limits
@@ -70,9 +71,8 @@ def _along(
         scaled_to_limits(problem.robot, sequential_quartics(problem.robot.joint_names, waypoints))
         return replace(_nothing_found(search, options, clock), search=search.statistics)
     knots = waypoints[list(search.best_waypoints)]
-    phase_two = _phase_two(
-        problem, KnotMotion(knots, sequential_quartics, search.best), search, options, clock
-    )
+    motion = KnotMotion(knots, sequential_quartics, search.best)
+    phase_two = _phase_two(problem, motion, search.certificate, options, clock)
     certificate_time = phase_two.certificate_time or search.certificate_time
     result = judged_result(
         problem, phase_two.best.trajectory, phase_two.certificate, certificate_time, SUH_BISHOP
@@ -87,19 +87,18 @@ def _along(
 def _phase_two(
     problem: PlanningProblem,
     motion: KnotMotion,
-    search: BranchAndBound,
+    certificate: Certificate,
     options: PlanOptions,
     clock: PlanningClock,
 ) -> SuhBishop:
     """Return phase 2, done whole or until the time limit or Ctrl-C."""
-    assert search.certificate is not None
 
     def checkpoint() -> None:
         now = phase_two.statistics
         clock.announce(Progress("moving knots", now.nodes, None, phase_two.best.duration))
         clock.check()
 
-    phase_two = SuhBishop(problem, motion, search.certificate, options.suh_bishop, checkpoint)
+    phase_two = SuhBishop(problem, motion, certificate, options.suh_bishop, checkpoint)
     if clock.stopped_by is None:
         try:
             phase_two.run()

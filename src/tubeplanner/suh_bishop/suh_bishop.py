@@ -129,7 +129,7 @@ class SuhBishop:
     Attributes:
         best: The fastest certified motion so far.
         certificate: Its certificate.
-        certificate_time: How long that took [s].
+        certificate_time: How long that took [s]; 0 as long as it is phase 1's.
     """
 
     def __init__(
