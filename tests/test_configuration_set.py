@@ -6,7 +6,7 @@ import pytest
 from tubeplanner import load_problem
 from tubeplanner.measurement.configuration_set import ConfigurationSet
 from tubeplanner.measurement.folding_joints import folding_joints, is_determined
-from tubeplanner.measurement.largest_box import BoxSearch
+from tubeplanner.measurement.largest_box import Box, BoxSearch
 from tubeplanner.measurement.link_room import LinkRoom
 
 
@@ -63,9 +63,10 @@ def test_a_box_leaves_all_points_out_and_cannot_grow():
     beyond = rng.uniform(-1, 1, (400, 4))
     beyond = beyond[beyond.max(axis=1) > 0.2]
     ones = np.ones(4)
-    search = BoxSearch(ones, 1e-9 * ones, ones, ones, 0.05 * ones, rng)
+    widest = Box(ones, np.full(4, -1))
+    search = BoxSearch(1e-9 * ones, ones, ones, 0.05 * ones, rng)
     for count in (50, 200, len(beyond)):
-        box = search.best(beyond[:count])
+        box = search.best(beyond[:count], widest)
         assert not (beyond[:count] <= box.extent).all(axis=1).any()
         for direction, blocker in enumerate(box.blocker):
             wider = box.extent.copy()

@@ -14,6 +14,7 @@ from tubeplanner.arrays import FloatArray, IntArray
 _FIRST_SPREAD, _CALMING, _LEAST_SPREAD = 0.8, 0.95, 0.3
 # Margins grow from search to search: the box shrinks until no point is left to be found.
 _MARGIN_GROWTH = 1.05
+_NO_SPEED = 1e-12
 _FIRST_DRAWS, _LATER_DRAWS = 200, 60
 
 
@@ -35,7 +36,6 @@ class BoxSearch:
 
     def __init__(
         self,
-        widest: FloatArray,
         margin: FloatArray,
         worth: FloatArray,
         enough: FloatArray,
@@ -45,30 +45,32 @@ class BoxSearch:
         """Say what is wanted, in each of c directions.
 
         Args:
-            widest: How far a box may reach, shape (c,).
-            margin: How far it stays away from the point that ends it, as far as there is room.
+            margin: How far a box stays away from the point that ends it, as far as there is room,
+                shape (c,); it grows from search to search.
             worth: What the logarithm of each size counts.
             enough: Extents beyond which more counts nothing.
             already: What an extent adds to, to make a size; positive.
             rng: Random numbers: boxes differ by how fast they grow in which direction.
         """
-        self._widest, self._margin = widest, margin
-        self._worth, self._enough, self._already, self._rng = worth, enough, already, rng
+        self._margin, self._rng = margin, rng
+        self._worth, self._enough, self._already = worth, enough, already
         self._speed = enough
         self._draws, self._spread = _FIRST_DRAWS, _FIRST_SPREAD
 
-    def best(self, beyond: FloatArray) -> Box:
+    def best(self, beyond: FloatArray, within: Box) -> Box:
         """Return the best box found that leaves out points.
 
         Args:
             beyond: How far points lie beyond the core in each direction, shape (B, c); at least
                 one entry of each is positive.
+            within: The box must lie in this one; where it reaches as far, what ends that one ends
+                it.
         """
-        beyond = beyond[(beyond <= self._widest).all(axis=1)]
-        best = self._grown(beyond, self._speed)
+        inside = np.flatnonzero((beyond <= within.extent).all(axis=1))
+        best = self._grown(beyond, inside, within, self._speed)
         for _ in range(self._draws):
-            speed = self._speed * np.exp(self._spread * self._rng.normal(size=len(self._widest)))
-            box = self._grown(beyond, speed)
+            speed = self._speed * np.exp(self._spread * self._rng.normal(size=len(self._speed)))
+            box = self._grown(beyond, inside, within, speed)
             if self._value(box) > self._value(best):
                 best, self._speed = box, speed
         self._margin = _MARGIN_GROWTH * self._margin
@@ -79,13 +81,18 @@ class BoxSearch:
         sizes = self._already + np.minimum(box.extent, self._enough)
         return float(self._worth @ np.log(sizes))
 
-    def _grown(self, beyond: FloatArray, speed: FloatArray) -> Box:
-        """Return the box that grows at some speed (c,) in each direction until points stop it."""
-        extent, blocker = self._widest.copy(), np.full(len(self._widest), -1)
-        speed = np.maximum(speed, 1e-12)
-        left = np.arange(len(beyond))
+    def _grown(self, beyond: FloatArray, left: IntArray, within: Box, speed: FloatArray) -> Box:
+        """Return the box that grows at some speed (c,) in each direction until points stop it.
+
+        Args:
+            beyond: As for `best`.
+            left: Which points count.
+            within: As for `best`.
+            speed: Shape (c,).
+        """
+        extent, blocker = within.extent.copy(), within.blocker.copy()
         # When a point is reached in each direction; it is inside once it is in all of them.
-        time = np.maximum(beyond[left], 0.0) / speed
+        time = np.maximum(beyond[left], 0.0) / np.maximum(speed, _NO_SPEED)
         while len(left):
             row = int(time.max(axis=1).argmin())
             direction = int(time[row].argmax())

@@ -33,6 +33,8 @@ _RADIUS_WORTH = 8.0
 _MARGIN_RADIUS, _MARGIN_RANGE = 1e-3, 1e-2
 _FIRST_SAMPLES = 2000
 _FIRST_SHARE = 8  # of the last attack's samples: the first attack has so many times fewer
+# After so many attacks, or one that failed, the set shrinks only: where it was, most is known.
+_FREE_ROUNDS = 25
 _MOST_ROUNDS = 200
 # So many collisions of an attack are moved to the edge of what collides, by so many bisections.
 _MOST_MOVED, _BISECTIONS = 48, 8
@@ -123,6 +125,11 @@ class CollisionBoxes:
         self.pair = np.zeros(0, dtype=np.int64)
         self.beyond = np.zeros((0, len(self.widest)))
 
+    @property
+    def widest_box(self) -> Box:
+        """The box that nothing ends."""
+        return Box(self.widest, np.full(len(self.widest), -1))
+
     def allowed(self, extent: FloatArray) -> ConfigurationSet:
         """Return the set that reaches by extents (1 + 2n,) beyond the branch, in round numbers."""
         below, above = extent[1:].reshape(2, -1)
@@ -198,9 +205,9 @@ def search_segment(
         q = boxes.allowed(boxes.widest).sample(_FIRST_SAMPLES, rng)
         least = room.least(q, 0.0)
         boxes.learn(q[least.room < 0], least.pair[least.room < 0])
-    total = 0
-    for _ in range(_MOST_ROUNDS):
-        box = search.best(boxes.beyond)
+    total, within = 0, boxes.widest_box
+    for number in range(_MOST_ROUNDS):
+        box = search.best(boxes.beyond, within)
         allowed = boxes.allowed(box.extent)
         found = attack(allowed, room, budget, rng)
         total += found.samples
@@ -208,9 +215,12 @@ def search_segment(
             budget = min(2 * budget, samples)
             found = attack(allowed, room, budget, rng)
             total += found.samples
+            within = box
         if found.failed:
             return SegmentSearch(allowed, box, boxes.q, boxes.pair, found, total)
         boxes.learn(found.q, found.pair)
+        if number >= _FREE_ROUNDS:
+            within = box
     return _blocked(found, room)
 
 
@@ -221,7 +231,6 @@ def _box_search(
     sides = np.ones(len(widest) - 1)
     enough = _ENOUGH_RANGE * sides if needed is None else needed[1:] + _SPARE_RANGE
     return BoxSearch(
-        widest,
         margin=np.concatenate([[_MARGIN_RADIUS], _MARGIN_RANGE * sides]),
         worth=np.concatenate([[_RADIUS_WORTH], sides]),
         enough=np.minimum(widest, np.concatenate([widest[:1], enough])),

@@ -61,8 +61,8 @@ def measure_tube(
         progress: Called as each stage begins.
 
     Returns:
-        The tube, or why there is none: the branch along the centre line, or its surroundings,
-        collide.
+        The tube, or why there is none. (The branch along the centre line, or its surroundings,
+        collide.)
 
     Raises:
         OptionError: The largest radius is not above the tool radius.

@@ -147,7 +147,7 @@ def tube_from_zones(
         joint_signs: As for `Tube`, in all segments.
 
     Returns:
-        A tube with three reference points at every corner that has a zone z: the corner itself and
+        A tube with three reference points at every corner that has a zone z, the corner itself and
         one z/4 before and behind it. Beside the corner the radius is 3/4 z, elsewhere `accuracy`.
 
     Raises:
@@ -191,7 +191,7 @@ def zones_of_tube(tube: Tube, controller: str) -> ZonedPath:
         controller: One of `CONTROLLERS`.
 
     Returns:
-        Points and zones; a name or a multiple of 1 um (Fanuc: 1 mm) at or below the largest.
+        Points and zones; a name or a multiple of 1 um (of 1 mm for Fanuc) at or below the largest.
 
     Raises:
         ProblemError: There is no such controller.
