@@ -8,12 +8,12 @@ import pytest
 
 from test_time_scaling import ANGLE, PEAK_JERK, quintic
 from tubeplanner import JointTrajectory, OptionError, PlanOptions, Tube, compare, load_problem
-from tubeplanner import comparison as module
 from tubeplanner.baselines.baselines import BASELINES, judged_baseline
 from tubeplanner.files.trajectory_file import read_trajectory
 from tubeplanner.motion.trajectory import concatenate
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.planning.plan_options import METHODS
+from tubeplanner.studies import comparison as module
 from tubeplanner.studies.motion_measures import motion_measures, smoothness_class
 
 PROBLEM = "example:two_link/paper_5_50mm"
