@@ -138,6 +138,9 @@ ORDER = {
         "tolerance_sweep",
         "motion_measures",
         "comparison",
+        "printed_results",
+        "reproduction",
+        "reproduction_page",
     ),
     "files": (
         "problem_file",
@@ -159,6 +162,7 @@ ORDER = {
         "plotting",
         "study_plots",
         "comparison_plot",
+        "reproduction_figures",
         "scene",
         "viewer",
     ),
@@ -169,6 +173,7 @@ ORDER = {
         "view_command",
         "study_commands",
         "measure_command",
+        "reproduce_command",
         "cli",
     ),
 }
@@ -184,6 +189,7 @@ KNOWS = {
         "views.figure_files",
         "views.panels",
         "views.plotting",
+        "views.reproduction_figures",
         "views.study_plots",
     },
     "meshcat": {"views.viewer"},
@@ -191,6 +197,7 @@ KNOWS = {
     "click": {
         "commands.console",
         "commands.measure_command",
+        "commands.reproduce_command",
         "commands.study_commands",
         "commands.view_command",
         "commands.cli",

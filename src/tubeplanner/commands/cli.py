@@ -32,6 +32,7 @@ from tubeplanner.commands.console import (
 )
 from tubeplanner.commands.interrupts import interrupts_held
 from tubeplanner.commands.measure_command import measure
+from tubeplanner.commands.reproduce_command import reproduce
 from tubeplanner.commands.study_commands import compare, sweep
 from tubeplanner.commands.study_commands import plot as draw
 from tubeplanner.commands.view_command import require_page, view
@@ -231,7 +232,7 @@ def schema(json: bool) -> None:
     print_json(problem_schema(), indent=2)
 
 
-for command in (draw, sweep, compare, measure, view):
+for command in (draw, sweep, compare, measure, view, reproduce):
     cli.add_command(command)
 
 
