@@ -164,6 +164,15 @@ class CollisionBoxes:
         self.q, self.pair = np.concatenate([self.q, q]), np.concatenate([self.pair, pair])
         self.beyond = np.concatenate([self.beyond, self._beyond_core(q)])
 
+    def blocked(self) -> Blocked | None:
+        """Return a collision that no box leaves out, if there is one."""
+        inside = np.flatnonzero((self.beyond <= 0).all(axis=1))
+        if len(inside) == 0:
+            return None
+        depth, _ = self._room.of_pairs(self.q[inside], self.pair[inside])
+        worst = int(inside[depth.argmin()])
+        return Blocked(self.q[worst], int(self.pair[worst]), float(depth.min()))
+
     def _beyond_core(self, q: FloatArray) -> FloatArray:
         core = ConfigurationSet(self._problem, self._segment, self._lower, self._upper, 0.0)
         hand = core.hand_distance(q)[:, None]
@@ -220,6 +229,9 @@ def search_segment(
         boxes.learn(q[least.room < 0], least.pair[least.room < 0])
     total, within = 0, within or Box(boxes.widest, np.full(len(boxes.widest), -1))
     for number in range(_MOST_ROUNDS):
+        blocked = boxes.blocked()
+        if blocked is not None:
+            return blocked
         box = search.best(boxes.beyond, within)
         allowed = boxes.allowed(box.extent)
         found = attack(allowed, room, budget, rng)
