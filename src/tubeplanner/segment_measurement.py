@@ -84,7 +84,7 @@ class SegmentSearch:
         q: Collisions that were found on the way, shape (B, n); what a box calls its blockers.
         pair: The pair of shapes that is too close in each, shape (B,).
         last: The attack that found nothing.
-        samples: How many configurations all attacks looked at.
+        samples: How many configurations the attacks of this search looked at.
     """
 
     allowed: ConfigurationSet
