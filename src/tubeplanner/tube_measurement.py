@@ -143,13 +143,12 @@ def _segments(around: "Surroundings", clock: PlanningClock) -> tuple[SegmentMeas
         clock.announce(Progress(f"measuring segment {k} of {around.count}"))
         rough.append(around.first_search(k))
     needs = around.needs_of_motion([found.allowed.radius for found in rough])
-    best, fastest = rough, np.inf
+    trades = [rough]
     for worth in _RADIUS_WORTHS:
         clock.announce(Progress(f"radii that count {worth:g} times as much as a joint's range"))
-        traded = [around.search(k, Wish(needs[k], worth)) for k in segments]
-        duration = around.duration(traded)
-        if duration < fastest or best is rough:
-            best, fastest = traded, duration
+        trades.append([around.search(k, Wish(needs[k], worth)) for k in segments])
+    clock.announce(Progress("fast motions, to compare them"))
+    best = min(trades, key=around.duration)
     final = []
     for k in segments:
         clock.announce(Progress(f"attacking segment {k} of {around.count}"))
