@@ -87,7 +87,7 @@ def test_a_measured_tube_is_planned_and_faster(post):
 def test_a_random_attack_finds_nothing_but_would_in_a_wider_tube(post):
     _, result = post
     measured = result.problem
-    wider = measured.with_tube(measured.tube.with_radius(1.5 * measured.tube.radius[:2].max()))
+    wider = measured.with_tube(measured.tube.with_radius(2 * measured.tube.radius[:2].max()))
     rng = np.random.default_rng(7)
     for k in range(3):
         assert random_attack(measured, k, 1000, rng).collisions == 0

@@ -137,8 +137,8 @@ def measurement_text(problem: PlanningProblem, result: TubeMeasurement, loading_
         lines.append(_rendered(table))
         for k, segment in enumerate(result.segments):
             lines.append(
-                f"segment {k}: {segment.samples} configurations attacked, no collision "
-                f"({segment.attacked} in all, {segment.collisions} collisions outside the tube)"
+                f"segment {k}: {segment.samples} random configurations, no collision "
+                f"({segment.collisions} collisions found outside the tube)"
             )
     lines.append(f"{result.status}: {result.message}")
     place = str(result.place)

@@ -27,8 +27,6 @@ _WIDEST_RANGE = 0.8  # [rad or m]: how far ranges may reach beyond the branch
 # Where nothing says how much of a range is needed, more than this counts nothing; else, more than
 # what is needed and a little [rad or m].
 _ENOUGH_RANGE, _SPARE_RANGE = 0.3, 0.1
-# What the logarithm of the radius counts, where that of every side of a range counts 1.
-_RADIUS_WORTH = 8.0
 # How far the set ends before a collision [m], [rad or m]: so that attacks come to an end.
 _MARGIN_RADIUS, _MARGIN_RANGE = 1e-3, 1e-2
 _FIRST_SAMPLES = 2000
@@ -43,6 +41,21 @@ _DECIMALS = 4  # of the numbers written to files
 
 # Lower and upper joint bounds, shape (n,) each [rad or m].
 JointBounds: TypeAlias = tuple[FloatArray, FloatArray]
+
+
+@dataclass(frozen=True, eq=False)
+class Wish:
+    """What a set should be like.
+
+    Attributes:
+        needed: How far a fast motion reaches beyond the branch in each direction, shape (1 + 2n,);
+            None: not known.
+        radius_worth: What the logarithm of the radius counts, where that of every side of a range
+            counts 1.
+    """
+
+    needed: FloatArray | None = None
+    radius_worth: float = 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,14 +80,16 @@ class SegmentSearch:
     Attributes:
         allowed: The set.
         box: How far it reaches beyond the branch, in which direction, and what ends it there.
+        wish: What it should be like.
         q: Collisions that were found on the way, shape (B, n); what a box calls its blockers.
         pair: The pair of shapes that is too close in each, shape (B,).
         last: The attack that found nothing.
-        samples: How many configurations all attacks looked at.
+        samples: How many configurations the attacks of this search looked at.
     """
 
     allowed: ConfigurationSet
     box: Box
+    wish: Wish
     q: FloatArray
     pair: IntArray
     last: Attack
@@ -125,11 +140,6 @@ class CollisionBoxes:
         self.pair = np.zeros(0, dtype=np.int64)
         self.beyond = np.zeros((0, len(self.widest)))
 
-    @property
-    def widest_box(self) -> Box:
-        """The box that nothing ends."""
-        return Box(self.widest, np.full(len(self.widest), -1))
-
     def allowed(self, extent: FloatArray) -> ConfigurationSet:
         """Return the set that reaches by extents (1 + 2n,) beyond the branch, in round numbers."""
         below, above = extent[1:].reshape(2, -1)
@@ -153,6 +163,15 @@ class CollisionBoxes:
         q[nearest] = self._edge(q[nearest], pair[nearest])
         self.q, self.pair = np.concatenate([self.q, q]), np.concatenate([self.pair, pair])
         self.beyond = np.concatenate([self.beyond, self._beyond_core(q)])
+
+    def blocked(self) -> Blocked | None:
+        """Return a collision that no box leaves out, if there is one."""
+        inside = np.flatnonzero((self.beyond <= 0).all(axis=1))
+        if len(inside) == 0:
+            return None
+        depth, _ = self._room.of_pairs(self.q[inside], self.pair[inside])
+        worst = int(inside[depth.argmin()])
+        return Blocked(self.q[worst], int(self.pair[worst]), float(depth.min()))
 
     def _beyond_core(self, q: FloatArray) -> FloatArray:
         core = ConfigurationSet(self._problem, self._segment, self._lower, self._upper, 0.0)
@@ -186,7 +205,8 @@ def search_segment(
     room: LinkRoom,
     samples: int,
     rng: np.random.Generator,
-    needed: FloatArray | None = None,
+    wish: Wish | None = None,
+    within: Box | None = None,
 ) -> SegmentSearch | Blocked:
     """Return the largest set found around a branch, or a collision that leaves none.
 
@@ -195,9 +215,11 @@ def search_segment(
         room: Of the links.
         samples: How many configurations the attack draws that must find nothing.
         rng: Random numbers.
-        needed: How far a fast motion reaches in each direction, shape (1 + 2n,); None: not known.
+        wish: What the set should be like; default: radii count, ranges a little.
+        within: A box that the set must lie in; default: none.
     """
-    search, budget = _box_search(boxes, needed, rng), samples // _FIRST_SHARE + 1
+    wish = wish or Wish()
+    search, budget = _box_search(boxes, wish, rng), samples // _FIRST_SHARE + 1
     if len(boxes.q) == 0:
         found = attack(boxes.allowed(np.zeros_like(boxes.widest)), room, budget, rng)
         if not found.failed:
@@ -205,8 +227,11 @@ def search_segment(
         q = boxes.allowed(boxes.widest).sample(_FIRST_SAMPLES, rng)
         least = room.least(q, 0.0)
         boxes.learn(q[least.room < 0], least.pair[least.room < 0])
-    total, within = 0, boxes.widest_box
+    total, within = 0, within or Box(boxes.widest, np.full(len(boxes.widest), -1))
     for number in range(_MOST_ROUNDS):
+        blocked = boxes.blocked()
+        if blocked is not None:
+            return blocked
         box = search.best(boxes.beyond, within)
         allowed = boxes.allowed(box.extent)
         found = attack(allowed, room, budget, rng)
@@ -217,23 +242,20 @@ def search_segment(
             total += found.samples
             within = box
         if found.failed:
-            return SegmentSearch(allowed, box, boxes.q, boxes.pair, found, total)
+            return SegmentSearch(allowed, box, wish, boxes.q, boxes.pair, found, total)
         boxes.learn(found.q, found.pair)
         if number >= _FREE_ROUNDS:
             within = box
     return _blocked(found, room)
 
 
-def _box_search(
-    boxes: CollisionBoxes, needed: FloatArray | None, rng: np.random.Generator
-) -> BoxSearch:
-    widest = boxes.widest
-    sides = np.ones(len(widest) - 1)
-    enough = _ENOUGH_RANGE * sides if needed is None else needed[1:] + _SPARE_RANGE
+def _box_search(boxes: CollisionBoxes, wish: Wish, rng: np.random.Generator) -> BoxSearch:
+    sides = np.ones(len(boxes.widest) - 1)
+    ranges = _ENOUGH_RANGE * sides if wish.needed is None else wish.needed[1:] + _SPARE_RANGE
     return BoxSearch(
         margin=np.concatenate([[_MARGIN_RADIUS], _MARGIN_RANGE * sides]),
-        worth=np.concatenate([[_RADIUS_WORTH], sides]),
-        enough=np.minimum(widest, np.concatenate([widest[:1], enough])),
+        worth=np.concatenate([[wish.radius_worth], sides]),
+        enough=np.minimum(boxes.widest, np.concatenate([boxes.widest[:1], ranges])),
         already=np.concatenate([[boxes.radius], WANTED_RANGE * sides]),
         rng=rng,
     )

@@ -1,6 +1,6 @@
 """How wide a tube may be: radii and joint ranges inside which no part of the robot collides."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -24,6 +24,7 @@ from tubeplanner.measurement.segment_measurement import (
     Blocked,
     CollisionBoxes,
     SegmentSearch,
+    Wish,
     range_core,
     search_segment,
 )
@@ -34,10 +35,11 @@ from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, Progress, ProgressCallback
 from tubeplanner.tube.tube import JointRange, Tube
 
-# Room asked for beside the clearance [m], unless the branch itself has less: what a later attack
-# may find beyond what was found here.
-_EXTRA_ROOM = 1e-3
+# Room asked for beside the clearance [m], for what later attacks may find beyond what was found
+# here: the second where the first leaves nothing around the branch.
+EXTRA_ROOMS = (1e-3, 1e-4)
 _ROUNDING = 1e-9
+_RADIUS_WORTHS = (2.0, 4.0, 8.0)  # trades of radii for joint ranges that are tried
 _ROUGH_SHARE = 8  # of the samples: a rough measurement has so many times fewer
 _LOOKS_PER_PIECE = 10
 _LONGEST_STEP = 0.02  # [rad or m] between configurations at which the branch is looked at
@@ -90,7 +92,7 @@ def measure_tube(
     return TubeMeasurement(PlanStatus.SUCCESS, message, Place(), segments, measured, clock.elapsed)
 
 
-def _tube(tube: Tube, radii: list[float], ranges: list[Mapping[str, JointRange]]) -> Tube:
+def _tube(tube: Tube, radii: Sequence[float], ranges: Sequence[Mapping[str, JointRange]]) -> Tube:
     return Tube(
         tube.points,
         radii,
@@ -113,39 +115,44 @@ def _segments_of_some_branch(
     branches, first = KnownBranches(problem, clock), None
     for rule in spare_joint_rules(problem):
         try:
-            return _segments(problem, branches.along(rule), options, clock)
+            branch = branches.along(rule)
         except Infeasible as reason:
             first = first or reason
+            continue
+        for extra in EXTRA_ROOMS:
+            try:
+                return _segments(Surroundings(problem, branch, options, extra), clock)
+            except Infeasible as reason:
+                first = first or reason
     assert first is not None
     raise first
 
 
-def _segments(
-    problem: PlanningProblem,
-    branch: ReferenceBranch,
-    options: MeasureOptions,
-    clock: PlanningClock,
-) -> tuple[SegmentMeasurement, ...]:
+def _segments(around: "Surroundings", clock: PlanningClock) -> tuple[SegmentMeasurement, ...]:
     """Return what was measured around a branch.
 
-    A first, rough measurement says what radii there are; a fast motion within them, what joint
-    ranges it needs; a second one trades radii for those.
+    A first, rough measurement says what radii there are; a fast motion within them, which joint
+    ranges it needs. Several trades of radii for those are planned in, the fastest is attacked
+    thoroughly.
 
     Raises:
         Infeasible: Status tube_blocked.
     """
-    around = Surroundings(problem, branch, options)
-    rough = []
-    for k in range(around.count):
+    segments, rough = range(around.count), []
+    for k in segments:
         clock.announce(Progress(f"measuring segment {k} of {around.count}"))
         rough.append(around.first_search(k))
-    clock.announce(Progress("a fast motion, to see which ranges it needs"))
-    radii = [found.allowed.radius + problem.tube.tool_radius for found in rough]
-    needs = around.needs_of_motion(radii)
+    needs = around.needs_of_motion([found.allowed.radius for found in rough])
+    trades = [rough]
+    for worth in _RADIUS_WORTHS:
+        clock.announce(Progress(f"radii that count {worth:g} times as much as a joint's range"))
+        trades.append([around.search(k, Wish(needs[k], worth)) for k in segments])
+    clock.announce(Progress("fast motions, to compare them"))
+    best = min(trades, key=around.duration)
     final = []
-    for k in range(around.count):
-        clock.announce(Progress(f"measuring segment {k} of {around.count} again"))
-        final.append(around.described(k, around.second_search(k, needs[k])))
+    for k in segments:
+        clock.announce(Progress(f"attacking segment {k} of {around.count}"))
+        final.append(around.described(k, around.attacked(k, best[k])))
     return tuple(final)
 
 
@@ -157,7 +164,11 @@ class Surroundings:
     """
 
     def __init__(
-        self, problem: PlanningProblem, branch: ReferenceBranch, options: MeasureOptions
+        self,
+        problem: PlanningProblem,
+        branch: ReferenceBranch,
+        options: MeasureOptions,
+        extra: float = EXTRA_ROOMS[0],
     ) -> None:
         """Look along the branch.
 
@@ -165,16 +176,18 @@ class Surroundings:
             problem: What is asked; its radii are the largest wanted.
             branch: Along the centre line.
             options: How to measure.
+            extra: Room asked for beside the clearance, unless the branch has less [m].
 
         Raises:
             Infeasible: Status tube_blocked: the branch itself collides.
         """
         self._problem, self._samples = problem, options.samples
+        self._rough = options.samples // _ROUGH_SHARE + 1
         self._branch = [_dense(q) for q in branch.segments]
         self.count = len(self._branch)
         room = LinkRoom(problem, 0.0)
         least = min(_require_room(problem, room, k, q) for k, q in enumerate(self._branch))
-        self._room = LinkRoom(problem, min(_EXTRA_ROOM, least / 2))
+        self._room = LinkRoom(problem, min(extra, least / 2))
         self._rngs = [np.random.default_rng([options.seed, k]) for k in range(self.count)]
         self._boxes: dict[int, CollisionBoxes] = {}
 
@@ -197,15 +210,19 @@ class Surroundings:
             tried.insert(0, (signs, signs))
         for core, outer in tried:
             self._boxes[k] = CollisionBoxes(problem, k, branch, core, outer, self._room)
-            samples = self._samples // _ROUGH_SHARE + 1
-            found = search_segment(self._boxes[k], self._room, samples, self._rngs[k])
+            found = search_segment(self._boxes[k], self._room, self._rough, self._rngs[k])
             if isinstance(found, SegmentSearch):
                 return found
         return self._unless_blocked(k, found)
 
     def needs_of_motion(self, radii: list[float]) -> list[FloatArray | None]:
-        """Return how far a fast motion reaches beyond the branch, by segment; None: no motion."""
-        problem = self._problem.with_tube(self._problem.tube.with_radius(radii))
+        """Return how far a fast motion reaches beyond the branch, by segment; None: no motion.
+
+        Args:
+            radii: How far its hand may be from the segments [m].
+        """
+        tube = self._problem.tube
+        problem = self._problem.with_tube(tube.with_radius(tube.tool_radius + np.array(radii)))
         trajectory = plan(problem, PlanOptions(quality="fast")).trajectory
         if trajectory is None:
             return [None] * self.count
@@ -213,15 +230,32 @@ class Surroundings:
         nearest = problem.tube.distance(problem.robot.tool_position(q)).argmin(axis=1)
         return [self._boxes[k].needed(q[nearest == k]) for k in range(self.count)]
 
-    def second_search(self, k: int, needed: FloatArray | None) -> SegmentSearch:
-        """Return what a thorough search finds, with the collisions known from the first.
+    def search(self, k: int, wish: Wish) -> SegmentSearch:
+        """Return what a rough search finds, with the collisions known so far.
 
         Raises:
             Infeasible: Status tube_blocked: attacks come to no end.
         """
-        rng = self._rngs[k]
-        found = search_segment(self._boxes[k], self._room, self._samples, rng, needed)
+        found = search_segment(self._boxes[k], self._room, self._rough, self._rngs[k], wish)
         return self._unless_blocked(k, found)
+
+    def duration(self, found: list[SegmentSearch]) -> float:
+        """Return how long a motion within sets takes [s]; infinite where none is found."""
+        radii = [each.allowed.radius + self._problem.tube.tool_radius for each in found]
+        ranges = [_ranges(self._problem, each) for each in found]
+        measured = self._problem.with_tube(_tube(self._problem.tube, radii, ranges))
+        duration = plan(measured, PlanOptions(quality="fast")).duration
+        return np.inf if duration is None else duration
+
+    def attacked(self, k: int, found: SegmentSearch) -> SegmentSearch:
+        """Return the largest set within one that a thorough attack leaves.
+
+        Raises:
+            Infeasible: Status tube_blocked: attacks come to no end.
+        """
+        boxes, room, rng = self._boxes[k], self._room, self._rngs[k]
+        last = search_segment(boxes, room, self._samples, rng, found.wish, found.box)
+        return self._unless_blocked(k, last)
 
     def described(self, k: int, found: SegmentSearch) -> SegmentMeasurement:
         """Return what a search found, in the terms of a tube."""
@@ -264,9 +298,9 @@ def _require_room(problem: PlanningProblem, room: LinkRoom, k: int, q: FloatArra
     Raises:
         Infeasible: Status tube_blocked: there is none.
     """
-    found = room.least(q, 2 * _EXTRA_ROOM)
+    found = room.least(q, 2 * EXTRA_ROOMS[0])
     worst = int(found.room.argmin())
-    least = min(float(found.room[worst]), 2 * _EXTRA_ROOM)
+    least = min(float(found.room[worst]), 2 * EXTRA_ROOMS[0])
     if least <= 0:
         place = _place(problem, k, q[worst], room.pairs[found.pair[worst]])
         message = (
