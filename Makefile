@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PROBLEM ?= example:ur5/over_the_wall
 
-.PHONY: demo test lint notebooks wheel clean
+.PHONY: demo test lint notebooks docs wheel clean
 
 demo: $(VENV)/.installed
 	mkdir -p output
@@ -15,8 +15,8 @@ test: $(VENV)/.installed-test lint
 	$(BIN)/python -m pytest
 
 lint: $(VENV)/.installed-test
-	$(BIN)/ruff check src tests benchmarks notebooks
-	$(BIN)/ruff format --check src tests benchmarks notebooks
+	$(BIN)/ruff check src tests benchmarks notebooks docs
+	$(BIN)/ruff format --check src tests benchmarks notebooks docs
 	$(BIN)/mypy
 
 # Every notebook runs from its first cell to its last, and becomes a page in output/notebooks.
@@ -27,6 +27,11 @@ notebooks: $(VENV)/.installed-notebooks
 		$(BIN)/jupytext --quiet --to ipynb --output $$target.ipynb $$source && \
 		$(BIN)/jupyter-nbconvert --log-level ERROR --execute --to html $$target.ipynb || exit 1; \
 	done
+
+# Pages in output/docs; a name or a link that leads nowhere ends the build.
+docs: $(VENV)/.installed-docs
+	rm -rf output/docs
+	$(BIN)/python -m sphinx --quiet --fail-on-warning --keep-going docs output/docs
 
 # The built wheel alone, away from the checkout, must list and plan the bundled problems.
 wheel: $(VENV)/.installed
@@ -52,4 +57,8 @@ $(VENV)/.installed-test: pyproject.toml $(VENV)/.installed
 
 $(VENV)/.installed-notebooks: pyproject.toml $(VENV)/.installed
 	$(BIN)/python -m pip install --quiet --editable '.[notebooks]'
+	touch $@
+
+$(VENV)/.installed-docs: pyproject.toml $(VENV)/.installed
+	$(BIN)/python -m pip install --quiet --editable '.[docs]'
 	touch $@

@@ -33,7 +33,7 @@ class SymbolicArm:
         """Read the arm's geometry and masses, and compare both with the arm itself."""
         # Public properties hold norms of them only; what is read here is checked below.
         self._robot, self._model = robot, robot._model
-        self._axes = _joint_axes(self._model)
+        self._axes = joint_axes(self._model)
         self._require_agreement()
 
     def tool_position(self, q: ca.SX) -> ca.SX:
@@ -126,7 +126,7 @@ class SymbolicArm:
             assert abs(found - wanted).max() <= AGREEMENT * max(1.0, abs(wanted).max())
 
 
-def _joint_axes(model: pin.Model) -> dict[int, np.ndarray]:
+def joint_axes(model: pin.Model) -> dict[int, np.ndarray]:
     """Return every joint's axis in the frame of the body that it moves."""
     data = model.createData()
     pin.computeJointJacobians(model, data, np.zeros(model.nq))

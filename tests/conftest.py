@@ -3,7 +3,15 @@
 import numpy as np
 import pytest
 
-from tubeplanner import LimitOverrides, PlanOptions, load_problem, load_robot, plan
+from tubeplanner import (
+    LimitOverrides,
+    PlanningProblem,
+    PlanOptions,
+    Tube,
+    load_problem,
+    load_robot,
+    plan,
+)
 from tubeplanner.commands.cli import main
 
 
@@ -28,6 +36,22 @@ def panda():
 @pytest.fixture(scope="session", params=["two_link", "ur5", "panda"])
 def robot(request):
     return request.getfixturevalue(request.param)
+
+
+@pytest.fixture(scope="session")
+def slider(tmp_path_factory):
+    """A mass of 2 kg on a rail, pushed by at most 10 N over 0.6 m from rest to rest."""
+    folder = tmp_path_factory.mktemp("slider")
+    (folder / "slider.urdf").write_text(
+        """<robot name="slider"><link name="rail"/>
+        <link name="cart"><inertial><mass value="2"/>
+          <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+        <joint name="slide" type="prismatic"><parent link="rail"/><child link="cart"/>
+          <axis xyz="1 0 0"/><limit lower="-1" upper="1" effort="10" velocity="100"/></joint>
+        </robot>"""
+    )
+    robot = load_robot("slider.urdf", "cart", directory=folder)
+    return PlanningProblem(robot, Tube([[0, 0, 0], [0.6, 0, 0]], 0.1), np.zeros(1), name="slider")
 
 
 PROBLEMS = (

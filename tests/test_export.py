@@ -22,7 +22,7 @@ def test_a_trajectory_file_reads_back_to_the_last_bit(planned, tmp_path):
     _, result = planned(UR5)
     path = tmp_path / "t.json"
     path.write_text(trajectory_json(result.trajectory, method="stop-at-corners"))
-    again = read_trajectory(path)
+    again = read_trajectory(str(path))
     np.testing.assert_array_equal(again.coefficients, result.trajectory.coefficients)
     np.testing.assert_array_equal(again.breakpoints, result.trajectory.breakpoints)
     assert again.joint_names == result.trajectory.joint_names

@@ -3,11 +3,9 @@
 import re
 from pathlib import Path
 
-import pytest
 from ruamel.yaml import YAML
 
 from tubeplanner import parse_problem, plan
-from tubeplanner.commands.cli import cli
 
 README = (Path(__file__).parents[1] / "README.md").read_text()
 
@@ -25,14 +23,6 @@ def test_the_ten_lines_run(capsys):
 
 def test_the_problem_file_is_planned():
     assert plan(parse_problem(YAML(typ="safe", pure=True).load(block("yaml")))).succeeded
-
-
-@pytest.mark.parametrize("line", re.findall(r"^tubeplanner (.*)$", README, re.M))
-def test_the_commands_and_options_exist(line):
-    words = line.split("#")[0].split()
-    command = cli.commands[words[0]]
-    known = {name for parameter in command.params for name in parameter.opts}
-    assert {word for word in words if word.startswith("-")} <= known
 
 
 def test_links_lead_to_files():

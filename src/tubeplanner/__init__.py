@@ -6,9 +6,10 @@ points). Units are SI and radians; positions are in the frame of the URDF's root
     problem = load_problem("example:ur5/over_the_wall")
     result = plan(problem)
 
-Data flows one way, through folders that import only those above them: `robot`, `collision`,
-`tube`, `problem`, `motion`, `verification`, `branches`, `waypoint_search` (phase 1), `refinement`
-(phase 2), `planning`, `studies`, `tube_sources`, `files`, `views`, `commands`.
+Data flows one way, through folders that import only those above them: `robot`, `collision`, `tube`,
+`problem`, `motion`, `verification`, `branches`, `waypoint_search` (phase 1), `suh_bishop` (phase 2
+as published), `refinement` (phase 2), `baselines`, `planning`, `measurement`, `tube_sources`,
+`studies`, `files`, `views`, `commands`.
 
 Names are loaded on first use, so that `import tubeplanner` stays quick.
 """
@@ -27,6 +28,12 @@ if TYPE_CHECKING:
     from tubeplanner.errors import TrajectoryError as TrajectoryError
     from tubeplanner.errors import TubePlannerError as TubePlannerError
     from tubeplanner.files.trajectory_file import read_trajectory as read_trajectory
+    from tubeplanner.measurement.measured_tube import MeasureOptions as MeasureOptions
+    from tubeplanner.measurement.measured_tube import SegmentMeasurement as SegmentMeasurement
+    from tubeplanner.measurement.measured_tube import TubeMeasurement as TubeMeasurement
+    from tubeplanner.measurement.sign_patterns import PatternSurvey as PatternSurvey
+    from tubeplanner.measurement.sign_patterns import survey_patterns as survey_patterns
+    from tubeplanner.measurement.tube_measurement import measure_tube as measure_tube
     from tubeplanner.motion.trajectory import JointTrajectory as JointTrajectory
     from tubeplanner.outcome import Place as Place
     from tubeplanner.outcome import PlanStatus as PlanStatus
@@ -44,26 +51,28 @@ if TYPE_CHECKING:
     from tubeplanner.robot.pinocchio_model import ToolOffset as ToolOffset
     from tubeplanner.robot.robot_model import RobotModel as RobotModel
     from tubeplanner.robot.robot_model import load_robot as load_robot
+    from tubeplanner.studies.comparison import Comparison as Comparison
+    from tubeplanner.studies.comparison import ComparisonRow as ComparisonRow
+    from tubeplanner.studies.comparison import compare as compare
+    from tubeplanner.studies.motion_measures import MotionMeasures as MotionMeasures
     from tubeplanner.studies.tolerance_sweep import SweepResult as SweepResult
     from tubeplanner.studies.tolerance_sweep import SweepRow as SweepRow
     from tubeplanner.studies.tolerance_sweep import sweep as sweep
     from tubeplanner.tube.tube import Tube as Tube
-    from tubeplanner.measurement.measured_tube import MeasureOptions as MeasureOptions
-    from tubeplanner.measurement.measured_tube import SegmentMeasurement as SegmentMeasurement
-    from tubeplanner.measurement.measured_tube import TubeMeasurement as TubeMeasurement
     from tubeplanner.tube_sources.route import find_route as find_route
     from tubeplanner.tube_sources.route_candidates import RouteOptions as RouteOptions
-    from tubeplanner.measurement.sign_patterns import PatternSurvey as PatternSurvey
-    from tubeplanner.measurement.sign_patterns import survey_patterns as survey_patterns
     from tubeplanner.tube_sources.teach import TeachOptions as TeachOptions
     from tubeplanner.tube_sources.teach import teach as teach
     from tubeplanner.tube_sources.trail import joint_trail as joint_trail
     from tubeplanner.tube_sources.tube_answer import TubeAnswer as TubeAnswer
-    from tubeplanner.measurement.tube_measurement import measure_tube as measure_tube
+    from tubeplanner.tube_sources.zones import ZonedPath as ZonedPath
+    from tubeplanner.tube_sources.zones import tube_from_zones as tube_from_zones
+    from tubeplanner.tube_sources.zones import zones_of_tube as zones_of_tube
     from tubeplanner.verification.certificate import Certificate as Certificate
     from tubeplanner.verification.certificate import Condition as Condition
     from tubeplanner.verification.certificate import Tolerance as Tolerance
     from tubeplanner.verification.verification import verify as verify
+    from tubeplanner.views.comparison_plot import plot_comparison as plot_comparison
     from tubeplanner.views.plotting import plot_trajectory as plot_trajectory
     from tubeplanner.views.study_plots import plot_convergence as plot_convergence
     from tubeplanner.views.study_plots import plot_sweep as plot_sweep
@@ -78,8 +87,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOMES = {
-    "waypoint_search.branch_and_bound": ("SearchStatistics",),
-    "verification.certificate": ("Certificate", "Condition", "Tolerance"),
+    "collision.obstacle": ("AttachedSolid", "Obstacle", "placement_of"),
     "errors": (
         "OptionError",
         "OutputError",
@@ -88,33 +96,38 @@ _HOMES = {
         "TrajectoryError",
         "TubePlannerError",
     ),
-    "robot.joint_limits": ("LimitOverrides",),
-    "collision.obstacle": ("AttachedSolid", "Obstacle", "placement_of"),
+    "files.trajectory_file": ("read_trajectory",),
+    "measurement.measured_tube": ("MeasureOptions", "SegmentMeasurement", "TubeMeasurement"),
+    "measurement.sign_patterns": ("PatternSurvey", "survey_patterns"),
+    "measurement.tube_measurement": ("measure_tube",),
+    "motion.trajectory": ("JointTrajectory",),
     "outcome": ("Place", "PlanStatus"),
     "planning.plan_options": ("PlanOptions",),
     "planning.plan_result": ("PlanResult",),
     "planning.planner": ("plan",),
-    "robot.pinocchio_model": ("Payload", "ToolOffset"),
-    "views.plotting": ("plot_trajectory",),
     "problem.problem": ("PlanningProblem", "Seed", "load_problem", "parse_problem"),
     "progress": ("Progress",),
-    "robot.robot_model": ("RobotModel", "load_robot"),
     "refinement.sensitivities": ("Sensitivity",),
-    "views.study_plots": ("plot_convergence", "plot_sweep"),
+    "robot.joint_limits": ("LimitOverrides",),
+    "robot.pinocchio_model": ("Payload", "ToolOffset"),
+    "robot.robot_model": ("RobotModel", "load_robot"),
+    "studies.comparison": ("Comparison", "ComparisonRow", "compare"),
+    "studies.motion_measures": ("MotionMeasures",),
     "studies.tolerance_sweep": ("SweepResult", "SweepRow", "sweep"),
-    "motion.trajectory": ("JointTrajectory",),
-    "files.trajectory_file": ("read_trajectory",),
     "tube.tube": ("Tube",),
-    "measurement.measured_tube": ("MeasureOptions", "SegmentMeasurement", "TubeMeasurement"),
     "tube_sources.route": ("find_route",),
     "tube_sources.route_candidates": ("RouteOptions",),
-    "measurement.sign_patterns": ("PatternSurvey", "survey_patterns"),
     "tube_sources.teach": ("TeachOptions", "teach"),
     "tube_sources.trail": ("joint_trail",),
     "tube_sources.tube_answer": ("TubeAnswer",),
-    "measurement.tube_measurement": ("measure_tube",),
+    "tube_sources.zones": ("ZonedPath", "tube_from_zones", "zones_of_tube"),
+    "verification.certificate": ("Certificate", "Condition", "Tolerance"),
     "verification.verification": ("verify",),
+    "views.comparison_plot": ("plot_comparison",),
+    "views.plotting": ("plot_trajectory",),
+    "views.study_plots": ("plot_convergence", "plot_sweep"),
     "views.viewer": ("View", "view"),
+    "waypoint_search.branch_and_bound": ("SearchStatistics",),
     "waypoint_search.waypoint_interpolation": ("quartic_spline", "sequential_quartics"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}

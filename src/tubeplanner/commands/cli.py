@@ -32,8 +32,9 @@ from tubeplanner.commands.console import (
 )
 from tubeplanner.commands.interrupts import interrupts_held
 from tubeplanner.commands.measure_command import measure
+from tubeplanner.commands.reproduce_command import reproduce
+from tubeplanner.commands.study_commands import compare, sweep
 from tubeplanner.commands.study_commands import plot as draw
-from tubeplanner.commands.study_commands import sweep
 from tubeplanner.commands.tube_commands import route, teach
 from tubeplanner.commands.view_command import require_page, view
 from tubeplanner.errors import OptionError, TubePlannerError
@@ -102,7 +103,9 @@ def cli() -> None:
 @click.option("--rate", type=float, default=500.0, show_default=True, help="Samples per second.")
 @click.option("--plot", type=PATH, help="Figure (PNG).")
 @click.option("--html", type=PATH, help="The motion in 3D, one page that works offline.")
-@click.option("--method", help="refinement [default], branch-and-bound or stop-at-corners.")
+@click.option(
+    "--method", help="refinement [default], branch-and-bound, stop-at-corners or suh-bishop."
+)
 @click.option("--quality", default="balanced", show_default=True, help="fast, balanced or best.")
 @click.option("--time-limit", type=float, help="End after so many seconds with the best so far.")
 @click.option("--time-left", is_flag=True, help="Say what bang-bang motors would take on the path.")
@@ -230,7 +233,7 @@ def schema(json: bool) -> None:
     print_json(problem_schema(), indent=2)
 
 
-for command in (draw, measure, route, sweep, teach, view):
+for command in (draw, sweep, compare, measure, teach, route, view, reproduce):
     cli.add_command(command)
 
 
@@ -275,20 +278,14 @@ class _Outputs:
         """Write all files, or none of them; return what there is to say about them."""
         from tubeplanner.files.export import trajectory_csv, trajectory_json, trajectory_ros
         from tubeplanner.files.export_samples import samples_for_export
-        from tubeplanner.files.fingerprint import problem_hash, robot_hash
+        from tubeplanner.files.fingerprint import origin
         from tubeplanner.files.output_files import write_files
 
         contents: dict[Path, bytes] = {}
         notes: list[str] = []
         if self.trajectory:
-            more = {
-                "method": method,
-                "tubeplanner_version": __version__,
-                "problem": problem.name,
-                "problem_hash": problem_hash(problem),
-                "robot_hash": robot_hash(problem.robot),
-            }
-            contents[self.trajectory] = trajectory_json(trajectory, **more).encode()
+            text = trajectory_json(trajectory, **origin(problem, method))
+            contents[self.trajectory] = text.encode()
         if self.csv or self.ros:
             sampled = samples_for_export(problem, trajectory, self.rate)
             notes += [] if sampled.note is None else [sampled.note]

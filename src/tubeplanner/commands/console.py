@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 SUCCESS, INFEASIBLE, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 PATH = click.Path(path_type=Path, dir_okay=False)
+FOLDER = click.Path(path_type=Path, file_okay=False)
 AS_JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 
 

@@ -58,8 +58,8 @@ def measure(
 def _measure(problem: str, options: "MeasureOptions", output: Path | None, as_json: bool) -> int:
     from tubeplanner.files.output_files import require_writable, write_files
     from tubeplanner.files.problem_file import with_other_tube
-    from tubeplanner.resources import find_problem
     from tubeplanner.measurement.tube_measurement import measure_tube
+    from tubeplanner.resources import find_problem
 
     outputs = [] if output is None else [output]
     require_writable(outputs, [Path(problem)])

@@ -7,13 +7,14 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from tubeplanner.planning.plan_result import PlanResult
-from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.studies.tolerance_sweep import SweepResult
 from tubeplanner.measurement.measured_tube import SegmentMeasurement, TubeMeasurement
 from tubeplanner.measurement.sign_patterns import PatternSurvey
+from tubeplanner.planning.plan_result import PlanResult
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.studies.comparison import Comparison
+from tubeplanner.studies.tolerance_sweep import SweepResult
 from tubeplanner.tube_sources.tube_answer import TubeAnswer
-from tubeplanner.verification.certificate import RELATIVE, Certificate
+from tubeplanner.verification.certificate import RELATIVE, Certificate, Condition
 
 _WIDTH_OF_A_FILE = 160  # [characters]
 # Rounding errors of the machine are shown as what they are: nothing.
@@ -40,6 +41,8 @@ def plan_text(
     ]
     if result.search is not None:
         lines.append(f"branch and bound: {result.search}")
+    if result.phase_two is not None:
+        lines.append(f"phase 2, from {result.phase1_duration:.4f} s: {result.phase_two}")
     if result.certificate is not None:
         lines.append(certificate_text(result.certificate))
     lines.append(f"{result.status}: {result.message}")
@@ -86,6 +89,38 @@ def sweep_text(result: SweepResult) -> str:
     return _rendered(table)
 
 
+def comparison_text(result: Comparison) -> str:
+    """Return a comparison as a table, as wide as the terminal, and the rows' messages."""
+    table = Table(title=f"{result.problem.name}: methods compared", title_justify="left")
+    table.add_column("method")
+    for heading in ("duration", "planned in"):
+        table.add_column(heading, justify="right")
+    table.add_column("certificate")
+    table.add_column("smooth")
+    for heading in ("peak jerk", "at a limit", "tube used"):
+        table.add_column(heading, justify="right")
+    for row in result.rows:
+        spent = f"{row.planning_time:.2f} s"
+        if row.duration is None or row.measures is None:
+            table.add_row(row.method, "", spent, str(row.status).replace("_", " "))
+            continue
+        measured = row.measures
+        failed = ", ".join(f"{name} {_excess(found)}" for name, found in row.failures.items())
+        verdict = f"FAILS: {failed}" if failed else "passes"
+        jerk = "unbounded" if measured.peak_jerk is None else f"{measured.peak_jerk:.2g}"
+        shares = (f"{100 * share:.0f} %" for share in (measured.at_limit, measured.tube_use))
+        duration = f"{row.duration:.4f} s"
+        table.add_row(row.method, duration, spent, verdict, measured.smoothness, jerk, *shares)
+    return "\n".join([_rendered(table), *(f"{row.method}: {row.message}" for row in result.rows)])
+
+
+def _excess(condition: Condition) -> str:
+    """Return by how much a condition is missed, with its unit."""
+    missed = -(condition.margin or 0.0)
+    percent = condition.unit == RELATIVE
+    return f"{100 * missed:.3g} %" if percent else f"{missed:.3g} {condition.unit}"
+
+
 def measurement_text(problem: PlanningProblem, result: TubeMeasurement, loading_time: float) -> str:
     """Return a measured tube as a table of what ends each radius and range, and the counts."""
     lines = [
@@ -103,8 +138,8 @@ def measurement_text(problem: PlanningProblem, result: TubeMeasurement, loading_
         lines.append(_rendered(table))
         for k, segment in enumerate(result.segments):
             lines.append(
-                f"segment {k}: {segment.samples} configurations attacked, no collision "
-                f"({segment.attacked} in all, {segment.collisions} collisions outside the tube)"
+                f"segment {k}: {segment.samples} random configurations, no collision "
+                f"({segment.collisions} collisions found outside the tube)"
             )
     lines.append(f"{result.status}: {result.message}")
     place = str(result.place)

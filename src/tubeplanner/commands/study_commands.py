@@ -1,4 +1,4 @@
-"""The commands that look at plans: figures of a trajectory, and sweeps over the tolerance."""
+"""The commands that look at plans: figures, sweeps over the tolerance, methods compared."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -7,6 +7,7 @@ import click
 
 from tubeplanner.commands.console import (
     AS_JSON,
+    FOLDER,
     INFEASIBLE,
     PATH,
     SUCCESS,
@@ -19,6 +20,7 @@ from tubeplanner.commands.console import (
 from tubeplanner.errors import OptionError
 
 if TYPE_CHECKING:
+    from tubeplanner.studies.comparison import Comparison
     from tubeplanner.studies.tolerance_sweep import SweepResult
 
 
@@ -111,18 +113,110 @@ def sweep(
     return SUCCESS if result.succeeded else INFEASIBLE
 
 
-def _write_sweep(result: "SweepResult", output: Path | None, figure: Path | None) -> None:
+@click.command()
+@click.argument("problem")
+@click.option("--methods", help="Such as refinement,bang-bang  [default: all].")
+@click.option("-o", "--output", type=PATH, help="Table (CSV or JSON, by its ending).")
+@click.option("--plot", "figure", type=PATH, help="Figure (PNG).")
+@click.option(
+    "--trajectories", type=FOLDER, help="Folder for every motion (JSON), certified or not."
+)
+@click.option("--quality", default="balanced", show_default=True, help="fast, balanced or best.")
+@AS_JSON
+def compare(
+    problem: str,
+    methods: str | None,
+    output: Path | None,
+    figure: Path | None,
+    trajectories: Path | None,
+    quality: str,
+    as_json: bool,
+) -> int:
+    """Let every method answer PROBLEM, and the schemes that Suh & Bishop compared with.
+
+    Exit status 0 if any of them has a certified motion; the others say what they break.
+    """
+    from tubeplanner.files.output_files import require_writable
+    from tubeplanner.planning.plan_options import PlanOptions
+    from tubeplanner.studies.comparison import compare as compare_methods
+
+    options = PlanOptions(quality=quality)
+    names = None if methods is None else [name.strip() for name in methods.split(",")]
+    outputs = [path for path in (output, figure) if path is not None]
+    _require_ending(output, "-o", (".csv", ".json"))
+    _require_ending(figure, "--plot", (".png",))
+    require_writable(outputs, [Path(problem)])
+    if trajectories is not None:
+        require_writable([trajectories / "motion.json" if trajectories.is_dir() else trajectories])
+    with shown_progress() as enter:
+        loaded, loading_time = load_timed(problem, enter)
+        require_writable(outputs, [loaded.robot.urdf.path])
+        result = compare_methods(loaded, names, options=options, progress=enter)
+        outputs += _write_comparison(result, output, figure, trajectories)
+    certified = sum(row.certified for row in result.rows)
+    message = f"{certified} of {len(result.rows)} certified"
+    if as_json:
+        report = empty_report("success" if certified else "no_trajectory", message, nowhere())
+        print_json({**report, "loading_time": loading_time, **result.as_dict()})
+    else:
+        from tubeplanner.commands.report import comparison_text
+
+        print(comparison_text(result))
+        print(*(f"{path}" for path in outputs), sep="\n", end="\n" if outputs else "")
+    return SUCCESS if certified else INFEASIBLE
+
+
+def _write_comparison(
+    result: "Comparison", output: Path | None, figure: Path | None, folder: Path | None
+) -> list[Path]:
+    """Write what was asked for, all of it or nothing; return the paths of the trajectories."""
+    from tubeplanner.files.output_files import write_files
+    from tubeplanner.views.comparison_plot import plot_comparison
+    from tubeplanner.views.figure_files import figure_png
+
+    contents: dict[Path, bytes] = {}
+    if output is not None:
+        contents[output] = _table(result, output)
+    if figure is not None:
+        contents[figure] = figure_png(plot_comparison(result))
+    motions = {} if folder is None else _motion_files(result, folder)
+    write_files({**contents, **motions})
+    return list(motions)
+
+
+def _motion_files(result: "Comparison", folder: Path) -> dict[Path, bytes]:
+    """Return every motion as a trajectory file that says whether it is certified."""
+    from tubeplanner.files.export import trajectory_json
+    from tubeplanner.files.fingerprint import origin
+    from tubeplanner.files.output_files import make_folder
+
+    make_folder(folder)
+    files = {}
+    for row in result.rows:
+        if row.trajectory is not None:
+            verdict = {"certified": row.certified, "failures": row.as_dict()["failures"]}
+            more = {**origin(result.problem, row.answered_by or row.method), **verdict}
+            files[folder / f"{row.method}.json"] = trajectory_json(row.trajectory, **more).encode()
+    return files
+
+
+def _table(result: "Comparison | SweepResult", path: Path) -> bytes:
+    """Return a table as its file holds it: CSV or JSON, by the ending."""
     import json
 
+    if path.suffix.lower() == ".csv":
+        return result.csv().encode()
+    return (json.dumps(result.as_dict(), allow_nan=False) + "\n").encode()
+
+
+def _write_sweep(result: "SweepResult", output: Path | None, figure: Path | None) -> None:
     from tubeplanner.files.output_files import write_files
     from tubeplanner.views.figure_files import figure_png
     from tubeplanner.views.study_plots import plot_sweep
 
     contents: dict[Path, bytes] = {}
     if output is not None:
-        table = output.suffix.lower() == ".csv"
-        text = result.csv() if table else json.dumps(result.as_dict(), allow_nan=False) + "\n"
-        contents[output] = text.encode()
+        contents[output] = _table(result, output)
     if figure is not None:
         contents[figure] = figure_png(plot_sweep(result))
     write_files(contents)

@@ -6,9 +6,11 @@ nine digits, so that another machine or library version gives the same hash.
 
 import hashlib
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 
+from tubeplanner import __version__
 from tubeplanner.collision.convex_shape import ConvexShape
 from tubeplanner.problem.problem import PlanningProblem, Seed
 from tubeplanner.robot.robot_model import RobotModel
@@ -58,6 +60,17 @@ def _robot_parts(robot: RobotModel) -> list[object]:
 def _shape_parts(shape: ConvexShape) -> list[object]:
     """Return what a shape is, whatever the order of its vertices."""
     return [np.sort(shape.vertices, axis=0), shape.radius]
+
+
+def origin(problem: PlanningProblem, method: str) -> dict[str, Any]:
+    """Return what a trajectory file says of where it comes from, as JSON values."""
+    return {
+        "method": method,
+        "tubeplanner_version": __version__,
+        "problem": problem.name,
+        "problem_hash": problem_hash(problem),
+        "robot_hash": robot_hash(problem.robot),
+    }
 
 
 def _hash(parts: Iterable[object]) -> str:

@@ -37,6 +37,18 @@ def require_writable(outputs: Sequence[Path], inputs: Sequence[Path] = ()) -> No
             raise OutputError(f"output {path}: the folder {target.parent} cannot be written to")
 
 
+def make_folder(folder: Path) -> None:
+    """Make a folder, unless it is there, in one that is.
+
+    Raises:
+        OutputError: It cannot be made.
+    """
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"folder {folder} could not be made: {error.strerror}") from error
+
+
 def write_files(contents: Mapping[Path, bytes]) -> None:
     """Replace files by new contents; a link's target is replaced, not the link.
 

@@ -45,7 +45,7 @@ class TrajectoryFile:
     robot_hash: str | None = None
 
 
-def read_trajectory(path: Path) -> JointTrajectory:
+def read_trajectory(path: str | Path) -> JointTrajectory:
     """Read a trajectory from a file, as `read_trajectory_file` does.
 
     Raises:
@@ -54,7 +54,7 @@ def read_trajectory(path: Path) -> JointTrajectory:
     return read_trajectory_file(path).trajectory
 
 
-def read_trajectory_file(path: Path) -> TrajectoryFile:
+def read_trajectory_file(path: str | Path) -> TrajectoryFile:
     """Read a trajectory file: `.json` (ours), `.csv`, or `.yaml` / `.yml` (ROS).
 
     CSV has a header: `time` and, for every joint, `JOINT.position` and, if at hand for all of them,
@@ -64,6 +64,7 @@ def read_trajectory_file(path: Path) -> TrajectoryFile:
     Raises:
         TrajectoryError: It cannot be read, is no trajectory file, or contradicts itself.
     """
+    path = Path(path)
     readers = {".json": _read_json, ".csv": _read_csv, ".yaml": _read_ros, ".yml": _read_ros}
     read = readers.get(path.suffix.lower(), _read_json)
     try:

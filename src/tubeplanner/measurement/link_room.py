@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
-from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.measurement.separation_bounds import separation_bounds
+from tubeplanner.problem.problem import PlanningProblem
 
 
 @dataclass(frozen=True, eq=False)

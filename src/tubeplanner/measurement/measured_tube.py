@@ -66,8 +66,8 @@ class SegmentMeasurement:
         joint_ranges: By joint name [rad or m]; joints that need no range are left out.
         bindings: What ends the set, one entry per bound that something ends.
         samples: How many configurations the last attack drew; it found no collision.
-        attacked: How many all attacks drew.
-        collisions: How many collisions they found, all outside the set now.
+        attacked: How many the attacks drew by which the set became what it is.
+        collisions: How many collisions were found since the search began, all outside the set now.
         least_room: The least distance beyond what is required that the last attack found [m]; None
             if nothing came near.
     """

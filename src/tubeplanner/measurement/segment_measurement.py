@@ -13,11 +13,11 @@ from typing import TypeAlias
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
-from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.measurement.configuration_set import ConfigurationSet
 from tubeplanner.measurement.largest_box import Box, BoxSearch
 from tubeplanner.measurement.link_room import LinkRoom
 from tubeplanner.measurement.set_attack import Attack, attack
+from tubeplanner.problem.problem import PlanningProblem
 
 # The set reaches this far beyond what the branch itself needs [m], [rad or m]; where it is free,
 # its ranges reach the farther one.
@@ -84,7 +84,7 @@ class SegmentSearch:
         q: Collisions that were found on the way, shape (B, n); what a box calls its blockers.
         pair: The pair of shapes that is too close in each, shape (B,).
         last: The attack that found nothing.
-        samples: How many configurations all attacks looked at.
+        samples: How many configurations the attacks of this search looked at.
     """
 
     allowed: ConfigurationSet
@@ -164,6 +164,15 @@ class CollisionBoxes:
         self.q, self.pair = np.concatenate([self.q, q]), np.concatenate([self.pair, pair])
         self.beyond = np.concatenate([self.beyond, self._beyond_core(q)])
 
+    def blocked(self) -> Blocked | None:
+        """Return a collision that no box leaves out, if there is one."""
+        inside = np.flatnonzero((self.beyond <= 0).all(axis=1))
+        if len(inside) == 0:
+            return None
+        depth, _ = self._room.of_pairs(self.q[inside], self.pair[inside])
+        worst = int(inside[depth.argmin()])
+        return Blocked(self.q[worst], int(self.pair[worst]), float(depth.min()))
+
     def _beyond_core(self, q: FloatArray) -> FloatArray:
         core = ConfigurationSet(self._problem, self._segment, self._lower, self._upper, 0.0)
         hand = core.hand_distance(q)[:, None]
@@ -220,6 +229,9 @@ def search_segment(
         boxes.learn(q[least.room < 0], least.pair[least.room < 0])
     total, within = 0, within or Box(boxes.widest, np.full(len(boxes.widest), -1))
     for number in range(_MOST_ROUNDS):
+        blocked = boxes.blocked()
+        if blocked is not None:
+            return blocked
         box = search.best(boxes.beyond, within)
         allowed = boxes.allowed(box.extent)
         found = attack(allowed, room, budget, rng)

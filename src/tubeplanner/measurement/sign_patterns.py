@@ -4,7 +4,7 @@ A configuration is told by the signs of the joints that fold: elbow up or down, 
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any
 
@@ -13,15 +13,19 @@ import numpy as np
 from tubeplanner.arrays import FloatArray
 from tubeplanner.branches.reference_branch import SpareJoints, reference_branch
 from tubeplanner.errors import ProblemError
+from tubeplanner.measurement.configuration_set import ConfigurationSet
+from tubeplanner.measurement.folding_joints import folding_joints
+from tubeplanner.measurement.link_room import LinkRoom
+from tubeplanner.measurement.measured_tube import MeasureOptions
+from tubeplanner.measurement.tube_measurement import Surroundings
 from tubeplanner.outcome import Infeasible, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem, Seed
 from tubeplanner.progress import Progress, ProgressCallback
 from tubeplanner.tube.tube import Tube
-from tubeplanner.measurement.folding_joints import folding_joints
-from tubeplanner.measurement.measured_tube import MeasureOptions
-from tubeplanner.measurement.tube_measurement import Surroundings
 
-_SEEDS = 12  # configurations from which a branch is looked for
+_SEEDS = 24  # configurations from which a branch is looked for, of so many samples
+_SAMPLES = 600
+_NEAR_LINE = 0.01  # [m]
 _FREE_BRANCHES = 2  # so many free branches are measured; the best counts
 
 
@@ -131,7 +135,7 @@ def _row(
             radii.append(found.allowed.radius + problem.tube.tool_radius)
         except Infeasible as reason:
             if reachable or not why:
-                why = str(reason)
+                why = f"{reason.status}: {replace(reason.place, segment=k)}"
         if len(radii) == _FREE_BRANCHES:
             break
     radius = max(radii, default=None)
@@ -141,7 +145,10 @@ def _row(
 def _posed(
     problem: PlanningProblem, k: int, signs: Mapping[str, str], options: MeasureOptions
 ) -> Iterator[PlanningProblem]:
-    """Yield the problem of one segment alone, with a pattern's signs, from random seeds."""
+    """Yield the problem of one segment alone, with a pattern's signs, from random seeds.
+
+    Seeds are near the centre line; those that are free come first.
+    """
     tube, rng = problem.tube, np.random.default_rng([options.seed, k])
     quaternions, tolerance = tube.orientations, tube.rotation_tolerance
     try:
@@ -159,8 +166,11 @@ def _posed(
     except ProblemError:  # the position limits leave no value with such a sign
         return
     lower, upper = _one_turn(alone.joint_lower[0], alone.joint_upper[0])
-    for _ in range(_SEEDS):
-        yield problem.along(alone.tube, Seed(rng.uniform(lower, upper)))
+    q = ConfigurationSet(alone, 0, lower, upper, _NEAR_LINE).sample(_SAMPLES, rng)
+    free = LinkRoom(alone, 0.0).least(q, 0.0).room > 0
+    order = np.argsort(~free, kind="stable")  # the free ones first
+    for seed in q[order[:_SEEDS]]:
+        yield problem.along(alone.tube, Seed(seed))
 
 
 def _one_turn(lower: FloatArray, upper: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -11,12 +11,6 @@ from tubeplanner.branches.known_branches import KnownBranches
 from tubeplanner.branches.reference_branch import ReferenceBranch, spare_joint_rules
 from tubeplanner.branches.segment_walk import as_position
 from tubeplanner.errors import OptionError
-from tubeplanner.outcome import Infeasible, Place, PlanStatus
-from tubeplanner.planning.plan_options import PlanOptions
-from tubeplanner.planning.planner import plan
-from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.progress import PlanningClock, Progress, ProgressCallback
-from tubeplanner.tube.tube import JointRange, Tube
 from tubeplanner.measurement.folding_joints import is_determined, sign_bounds
 from tubeplanner.measurement.link_room import LinkRoom
 from tubeplanner.measurement.measured_tube import (
@@ -34,6 +28,12 @@ from tubeplanner.measurement.segment_measurement import (
     range_core,
     search_segment,
 )
+from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.planning.plan_options import PlanOptions
+from tubeplanner.planning.planner import plan
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.progress import PlanningClock, Progress, ProgressCallback
+from tubeplanner.tube.tube import JointRange, Tube
 
 # Room asked for beside the clearance [m], for what later attacks may find beyond what was found
 # here: the second where the first leaves nothing around the branch.
@@ -63,8 +63,8 @@ def measure_tube(
         progress: Called as each stage begins.
 
     Returns:
-        The tube, or why there is none: the branch along the centre line, or its surroundings,
-        collide.
+        The tube, or why there is none. (The branch along the centre line, or its surroundings,
+        collide.)
 
     Raises:
         OptionError: The largest radius is not above the tool radius.
@@ -143,13 +143,12 @@ def _segments(around: "Surroundings", clock: PlanningClock) -> tuple[SegmentMeas
         clock.announce(Progress(f"measuring segment {k} of {around.count}"))
         rough.append(around.first_search(k))
     needs = around.needs_of_motion([found.allowed.radius for found in rough])
-    best, fastest = rough, np.inf
+    trades = [rough]
     for worth in _RADIUS_WORTHS:
         clock.announce(Progress(f"radii that count {worth:g} times as much as a joint's range"))
-        traded = [around.search(k, Wish(needs[k], worth)) for k in segments]
-        duration = around.duration(traded)
-        if duration < fastest or best is rough:
-            best, fastest = traded, duration
+        trades.append([around.search(k, Wish(needs[k], worth)) for k in segments])
+    clock.announce(Progress("fast motions, to compare them"))
+    best = min(trades, key=around.duration)
     final = []
     for k in segments:
         clock.announce(Progress(f"attacking segment {k} of {around.count}"))

@@ -1,12 +1,13 @@
 """How to plan: method, quality and budgets."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from tubeplanner.errors import OptionError, unknown_name
+from tubeplanner.suh_bishop.suh_bishop import SuhBishopOptions
 
 REFINEMENT, BRANCH_AND_BOUND = "refinement", "branch-and-bound"
-STOP_AT_CORNERS = "stop-at-corners"
-METHODS = (REFINEMENT, BRANCH_AND_BOUND, STOP_AT_CORNERS)
+STOP_AT_CORNERS, SUH_BISHOP = "stop-at-corners", "suh-bishop"
+METHODS = (REFINEMENT, BRANCH_AND_BOUND, STOP_AT_CORNERS, SUH_BISHOP)
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,7 @@ class PlanOptions:
             certified. "branch-and-bound": the fastest motion through points of the reference path
             that cuts its corners inside the tube; the next one where it finds nothing faster.
             "stop-at-corners": along the reference path, resting at every reference point.
+            "suh-bishop": both phases as published in 1988; no other method where they find nothing.
         quality: Of refinement. "fast": few knots, half to three quarters of the time, motions
             about 1 % slower. "balanced". "best": also with more knots and from every start there
             is, three to eight times the time.
@@ -49,6 +51,7 @@ class PlanOptions:
             other motions, not always faster ones.
         node_budget: After how many nodes branch and bound ends with the best it has; the result
             says so.
+        suh_bishop: How phase 2 of "suh-bishop" is done.
         time_limit: Wall time after which planning ends with the best it has [s]; None: never.
     """
 
@@ -56,6 +59,7 @@ class PlanOptions:
     quality: str = "balanced"
     candidate_points: int = 30
     node_budget: int = 10_000
+    suh_bishop: SuhBishopOptions = field(default_factory=SuhBishopOptions)
     time_limit: float | None = None
 
     def __post_init__(self) -> None:

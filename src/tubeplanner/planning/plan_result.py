@@ -13,6 +13,7 @@ from tubeplanner.planning.path_minimum import path_minimum
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, StoppedBy
 from tubeplanner.refinement.sensitivities import Sensitivity
+from tubeplanner.suh_bishop.suh_bishop import PhaseTwoStatistics
 from tubeplanner.verification.certificate import Certificate
 from tubeplanner.verification.refusal import refusal
 from tubeplanner.verification.verification import verify
@@ -41,6 +42,7 @@ class PlanResult:
         planning_time: Wall time from the loaded problem to the certified result [s].
         certificate_time: The part of it that the answer's certificate took [s].
         search: What branch and bound did; None if it did not run.
+        phase_two: What "suh-bishop" did after that; None if it did not.
         stopped_by: "time_limit" or "interrupt" if that ended planning early; None otherwise.
         sensitivities: What every limit costs, the dearest first; computed when first asked for.
             Empty unless the answer is refinement's.
@@ -58,6 +60,7 @@ class PlanResult:
     planning_time: float = 0.0
     certificate_time: float = 0.0
     search: SearchStatistics | None = None
+    phase_two: PhaseTwoStatistics | None = None
     stopped_by: StoppedBy | None = None
     notes: tuple[str, ...] = ()
     _prices: Callable[[], tuple[Sensitivity, ...]] = tuple
@@ -103,6 +106,7 @@ class PlanResult:
             "notes": list(self.notes),
             "sensitivities": [asdict(price) for price in self.sensitivities],
             "search": None if self.search is None else self.search.as_dict(),
+            "phase_two": None if self.phase_two is None else self.phase_two.as_dict(),
             "certificate": None if self.certificate is None else self.certificate.as_dict(),
         }
 

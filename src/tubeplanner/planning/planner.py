@@ -4,11 +4,12 @@ from dataclasses import replace
 
 from tubeplanner.branches.known_branches import KnownBranches
 from tubeplanner.outcome import PlanStatus
-from tubeplanner.planning.plan_options import REFINEMENT, STOP_AT_CORNERS, PlanOptions
+from tubeplanner.planning.plan_options import REFINEMENT, STOP_AT_CORNERS, SUH_BISHOP, PlanOptions
 from tubeplanner.planning.plan_result import PlanResult
 from tubeplanner.planning.refined_plan import refined_plan
 from tubeplanner.planning.searched_plan import searched_plan
 from tubeplanner.planning.stopping_plan import stopping_plan
+from tubeplanner.planning.suh_bishop_plan import suh_bishop_plan
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, ProgressCallback
 
@@ -41,6 +42,8 @@ def plan(
 def _planned(problem: PlanningProblem, options: PlanOptions, clock: PlanningClock) -> PlanResult:
     """Return the answer of the first method in question that has one."""
     branches = KnownBranches(problem, clock)
+    if options.method == SUH_BISHOP:
+        return suh_bishop_plan(problem, branches, options, clock)
     refines = options.method == REFINEMENT and problem.tube.visit == "ordered"
     # Under a time limit, a motion that stops at corners is there first, in case nothing else is.
     corners = refined = None

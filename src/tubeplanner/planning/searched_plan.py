@@ -36,7 +36,7 @@ def searched_plan(
             node_budget=options.node_budget,
             checkpoint=clock.check,
         )
-        _run(search, known, clock)
+        run_search(search, known.duration, clock)
     except KeyboardInterrupt:
         if not known.succeeded and (search is None or search.best is None):
             raise
@@ -46,15 +46,21 @@ def searched_plan(
     return _better(problem, known, search, options, clock)
 
 
-def _run(search: BranchAndBound, known: PlanResult, clock: PlanningClock) -> None:
-    """Search until there is nothing better, or until time or budget end."""
+def run_search(search: BranchAndBound, known: float | None, clock: PlanningClock) -> None:
+    """Search until there is nothing better, or until time or budget end.
+
+    Args:
+        search: Its best motion is the answer.
+        known: Duration of the best motion known before [s].
+        clock: Told how far the search has come; says what stopped it.
+    """
     while not search.finished:
         if clock.remaining <= 0:
             clock.stopped_by = "time_limit"
             return
         search.expand()
         now = search.statistics
-        best = now.best_duration or known.duration
+        best = now.best_duration or known
         clock.announce(Progress("branch and bound", now.nodes, now.lower_bound, best))
 
 

@@ -52,7 +52,8 @@ class PlanningProblem:
         robot: The arm.
         tube: Where its hand may be.
         start: Configuration (n,) [rad or m] in group order, or a map by joint name, or a Seed.
-        goal: The same for the last point; None: the configuration in which the branch ends.
+        goal: The same for the last point; None: whichever configuration the answer ends in, the
+            hand at the last point.
         obstacles: Solids in the base frame.
         attached: Solids in the tool frame, carried along.
         clearance: Least distance between any moving link and any obstacle [m].

@@ -70,14 +70,14 @@ class _Section(BaseModel):
 class ToolOffsetFields(_Section):
     """The tool centre point in the tool frame."""
 
-    position: Vector = Field((0.0, 0.0, 0.0), description="[m]")
+    position: Vector = Field((0.0, 0.0, 0.0), description="where it is in tool_frame [m]")
     rpy: Vector = Field((0.0, 0.0, 0.0), description="fixed x, y, z as in URDF [rad]")
 
 
 class PayloadFields(_Section):
     """A mass carried in the tool frame."""
 
-    mass: Finite = Field(description="[kg]")
+    mass: Finite = Field(description="what is carried [kg]")
     com: Vector = Field((0.0, 0.0, 0.0), description="centre of mass in tool_frame [m]")
     inertia: tuple[Finite, Finite, Finite, Finite, Finite, Finite] = Field(
         (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
@@ -88,11 +88,11 @@ class PayloadFields(_Section):
 class LimitFields(_Section):
     """Limits by joint name; they replace the URDF's. `.inf` on purpose is allowed."""
 
-    effort: dict[str, Number] = Field({}, description="[N m] or [N]")
-    velocity: dict[str, Number] = Field({}, description="[rad/s] or [m/s]")
+    effort: dict[str, Number] = Field({}, description="either way [N m] or [N]")
+    velocity: dict[str, Number] = Field({}, description="either way [rad/s] or [m/s]")
     position: dict[str, tuple[Number, Number]] = Field({}, description="[lower, upper] [rad, m]")
-    acceleration: dict[str, Number] = Field({}, description="[rad/s^2] or [m/s^2]")
-    jerk: dict[str, Number] = Field({}, description="[rad/s^3] or [m/s^3]")
+    acceleration: dict[str, Number] = Field({}, description="default: none [rad/s^2] or [m/s^2]")
+    jerk: dict[str, Number] = Field({}, description="default: none [rad/s^3] or [m/s^3]")
     scale: dict[str, Finite] = Field(
         {}, description="factors in (0, 1] on effort, velocity, acceleration"
     )
@@ -110,7 +110,7 @@ class ObstacleFields(_Section):
     )
     mesh: str | None = Field(None, description="file, relative to this one")
     scale: Finite = Field(1.0, description="of a mesh")
-    position: Vector = Field((0.0, 0.0, 0.0), description="[m]")
+    position: Vector = Field((0.0, 0.0, 0.0), description="of its centre, or the mesh's origin [m]")
     rpy: Vector | None = Field(None, description="fixed x, y, z as in URDF [rad]")
     quaternion: Quaternion | None = Field(None, description="x y z w, instead of rpy")
 
@@ -196,7 +196,7 @@ class ProblemFields(_Section):
     )
     start: EndpointFields = Field(description="where the motion begins, at rest")
     goal: EndpointFields | None = Field(
-        None, description="where it ends, at rest; left out: where the branch ends"
+        None, description="where it ends, at rest; left out: in any configuration"
     )
     obstacles: list[ObstacleFields] = Field([], description="solids in the base frame")
     clearance: Finite = Field(0.0, description="least distance of links to obstacles [m]")

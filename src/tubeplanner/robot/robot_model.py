@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from tubeplanner.arrays import FloatArray, IntArray, read_only
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray, read_only
 from tubeplanner.errors import RobotError
 from tubeplanner.resources import find_description
 from tubeplanner.robot.joint_limits import JointLimits, LimitOverrides, resolve_limits
@@ -259,8 +259,8 @@ class RobotModel:
         return by_group[0], by_group[1], by_group[2]
 
     @cached_property
-    def joint_moves_body(self) -> np.ndarray:
-        """Whether a joint moves a body: bool, shape (bodies, n)."""
+    def joint_moves_body(self) -> BoolArray:
+        """Whether a joint moves a body, shape (bodies, n)."""
         moves = np.zeros((self.body_count, self.joint_count), dtype=bool)
         for body in range(1, self.body_count):
             for joint in self._supports(body):
@@ -268,8 +268,8 @@ class RobotModel:
         return moves
 
     @cached_property
-    def revolute(self) -> np.ndarray:
-        """Whether a joint turns (rather than slides): bool, shape (n,)."""
+    def revolute(self) -> BoolArray:
+        """Whether a joint turns (rather than slides), shape (n,)."""
         kinds = [self.urdf.joints[name].type != "prismatic" for name in self.joint_names]
         return np.array(kinds)
 
@@ -303,7 +303,7 @@ class RobotModel:
 
     @cached_property
     def body_offsets(self) -> FloatArray:
-        """Distance of each body's origin from that of its parent, joints at zero: (bodies,) [m]."""
+        """Distance of each body's origin from its parent's, joints at zero, shape (bodies,) [m]."""
         placements = [self._model.jointPlacements[body] for body in range(self.body_count)]
         return read_only([np.linalg.norm(placement.translation) for placement in placements])
 

@@ -1,1 +1,1 @@
-"""Where tubes come from: measured among obstacles, from a recorded trail, from start and goal."""
+"""Tubes from what users have: zones of a controller, a trail, start and goal."""

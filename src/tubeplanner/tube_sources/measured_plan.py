@@ -9,15 +9,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tubeplanner.measurement.measured_tube import MeasureOptions
+from tubeplanner.measurement.tube_measurement import measure_tube
 from tubeplanner.outcome import Infeasible, PlanStatus
 from tubeplanner.planning.plan_result import PlanResult
 from tubeplanner.planning.planner import plan
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.tube_sources.free_space import FreeSpace
 from tubeplanner.tube_sources.hand_corners import HandCorners, with_another_corner
-from tubeplanner.measurement.measured_tube import MeasureOptions
 from tubeplanner.tube_sources.reference_tube import reference_tube
-from tubeplanner.measurement.tube_measurement import measure_tube
 
 _MOST_PARTINGS = 4
 

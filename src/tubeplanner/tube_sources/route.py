@@ -9,6 +9,7 @@ from collections.abc import Callable
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import ProblemError
+from tubeplanner.measurement.measured_tube import MeasureOptions
 from tubeplanner.outcome import Infeasible
 from tubeplanner.planning.plan_options import PlanOptions
 from tubeplanner.planning.planner import plan
@@ -16,7 +17,6 @@ from tubeplanner.problem.problem import PlanningProblem, Seed
 from tubeplanner.tube_sources.goal_configurations import goal_configurations
 from tubeplanner.tube_sources.joint_route import require_ompl
 from tubeplanner.tube_sources.measured_plan import MeasuredPlan, in_tube, measured_plan
-from tubeplanner.measurement.measured_tube import MeasureOptions
 from tubeplanner.tube_sources.route_candidates import (
     RouteCandidate,
     RouteOptions,

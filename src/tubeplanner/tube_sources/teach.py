@@ -8,12 +8,12 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import OptionError
+from tubeplanner.measurement.measured_tube import MeasureOptions
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.tube_sources.free_space import FreeSpace
 from tubeplanner.tube_sources.hand_corners import HandCorners, hand_corners
 from tubeplanner.tube_sources.measured_plan import MeasuredPlan, measured_plan
-from tubeplanner.measurement.measured_tube import MeasureOptions
 from tubeplanner.tube_sources.trail import moving_part, without_ways_back
 from tubeplanner.tube_sources.tube_answer import TubeAnswer, answer_of
 from tubeplanner.verification.refusal import require_free

@@ -62,7 +62,8 @@ class Condition:
         margin: How much is left: negative where violated, None where not asked.
         unit: "m", "rad" or "relative".
         where: Where the margin is smallest.
-        coverage: "for all t", or how many samples and how dense.
+        coverage: "for all t", and whether that is undecided because bounds stayed apart; or why
+            there is no margin, or what was compared.
     """
 
     margin: float | None

@@ -11,7 +11,7 @@ from tubeplanner.motion.trajectory import JointTrajectory, TrajectorySamples
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.views.palette import LINE_COLORS, segment_color
 from tubeplanner.waypoint_search.time_scaling import scaling_factor
-from tubeplanner.waypoint_search.tube_membership import current_segments
+from tubeplanner.waypoint_search.tube_membership import current_segments, tube_use
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -69,7 +69,6 @@ def motion_curves(problem: PlanningProblem, trajectory: JointTrajectory) -> Moti
     q, v, a = samples.position, samples.velocity, samples.acceleration
     rotation, hand, jacobian = robot.tool_pose_jacobian(q)
     segment = current_segments(problem, q)
-    distance = tube.distance(hand)[np.arange(len(hand)), segment]
     turned = None
     if tube.rotation is not None:
         error = tube.rotation.error(rotation, hand, segment)
@@ -83,7 +82,7 @@ def motion_curves(problem: PlanningProblem, trajectory: JointTrajectory) -> Moti
         np.linalg.norm(np.einsum("nij,nj->ni", jacobian[:, :3], v), axis=1),
         scaling_factor(robot, q, v, a).min(axis=1),
         segment,
-        distance / tube.effective_radius[segment],
+        tube_use(problem, hand, segment),
         turned,
     )
 

@@ -56,7 +56,7 @@ class View:
 
     @cached_property
     def html(self) -> str:
-        """The page, complete: it can be mailed and opened without a network."""
+        """The complete page; it can be mailed and opened without a network."""
         return _page(self.scene)
 
     def save(self, path: str | Path) -> None:

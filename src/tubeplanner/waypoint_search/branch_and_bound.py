@@ -177,7 +177,7 @@ class BranchAndBound:
         self._nodes += len(nodes)
         for batch in (self._last_segments(nodes), self._inner_segments(nodes)):
             self._children += len(batch)
-            survivors = self._rules.surviving(batch, self._upper_bound)
+            survivors = self._rules.clear(self._rules.surviving(batch, self._upper_bound))
             if batch.complete:
                 self._try_motions(nodes, survivors)
             else:
@@ -233,6 +233,8 @@ class BranchAndBound:
             parent=parent,
             waypoints=np.column_stack([ends, after]),
             built=np.array([len(node.waypoints) for node in nodes])[parent] - 2 + new,
+            # Not yet at the goal: at least one more to the next waypoint, and one from there.
+            remaining=np.full(len(parent), 0 if new == 2 else 2),
             coefficients=coefficients.transpose(2, 0, 1, 3),
             factor=np.array([node.factor for node in nodes])[parent],
             tube_segments=np.array([node.tube_segments for node in nodes])[parent],

@@ -6,6 +6,7 @@ are measured.
 """
 
 from collections.abc import Callable
+from copy import copy
 
 import numpy as np
 
@@ -52,6 +53,21 @@ class LinkClearance:
         self._weights = checker.motion_weights(self._pairs)
         self._distance, self._direction = distance[:, near], direction[:, near]
 
+    def around(self, q: FloatArray, nearest: IntArray) -> "LinkClearance":
+        """Return the clearance around other configurations, without measuring everything anew.
+
+        Args:
+            q: Shape (P, n), each near a known one.
+            nearest: Which one, shape (P,).
+        """
+        other = copy(self)
+        travel = abs(q - self._waypoints[nearest])
+        other._distance = self._distance[nearest] - travel @ self._weights.T
+        other._direction = self._direction[nearest]
+        other._waypoints = q
+        other.free_waypoints = self.is_free(q, nearest)
+        return other
+
     def is_free(self, q: FloatArray, waypoint: IntArray) -> BoolArray:
         """Return whether configurations are free: bool, shape (N,).
 
@@ -59,6 +75,8 @@ class LinkClearance:
             q: Shape (N, n).
             waypoint: For each, the index of a waypoint near it, shape (N,).
         """
+        if len(self._pairs) == 0:
+            return np.ones(len(q), dtype=bool)
         travel = abs(q - self._waypoints[waypoint])
         lower = self._distance[waypoint] - travel @ self._weights.T
         free = np.ones(len(q), dtype=bool)

@@ -41,6 +41,7 @@ class SegmentBatch:
         parent: Which motion is continued, shape (C,).
         waypoints: Where the first new segment begins and ends, and the waypoint after it: (C, 3).
         built: How many segments there are, the new ones included, shape (C,).
+        remaining: How many more there must be at least, shape (C,): the paper's nu.
         coefficients: Of the new segments, shape (C, 5, L, n), highest power first.
         factor: How much faster the motion so far can be run, shape (C,).
         tube_segments: In which tube segments the hand may be at the start: bool, shape (C, m).
@@ -50,6 +51,7 @@ class SegmentBatch:
     parent: IntArray
     waypoints: IntArray
     built: IntArray
+    remaining: IntArray
     coefficients: FloatArray
     factor: FloatArray
     tube_segments: BoolArray
@@ -86,17 +88,25 @@ class SegmentRules:
         problem: PlanningProblem,
         waypoints: FloatArray,
         checkpoint: Callable[[], None] = lambda: None,
+        clearance: LinkClearance | None = None,
     ) -> None:
-        """Prepare the tests for waypoints of shape (M, n); the checkpoint may raise to end that."""
+        """Prepare the tests.
+
+        Args:
+            problem: What is asked.
+            waypoints: Shape (M, n).
+            checkpoint: Called while clearances are measured; it may raise to end that.
+            clearance: Around the waypoints, if it is known.
+        """
         self._problem = problem
-        self._clearance = LinkClearance(problem, waypoints, checkpoint)
+        self._clearance = clearance or LinkClearance(problem, waypoints, checkpoint)
         self._least_times = _least_times(problem, waypoints)
         self._passable = passable_segments(problem.tube)
         self.cuts = {"joint_limits": 0, "duration": 0, "tube": 0, "collision": 0}
         self.free_waypoints = self._clearance.free_waypoints
 
     def surviving(self, batch: SegmentBatch, upper_bound: float) -> SegmentBatch:
-        """Return the continuations that no rule cuts.
+        """Return the continuations that no rule cuts; `clear` is left, which takes longest.
 
         Args:
             batch: What to test; nothing of it tested yet.
@@ -117,7 +127,10 @@ class SegmentRules:
         batch = replace(batch, tube_segments=self._reached(batch))
         # A complete motion must have arrived in the last segment, another one somewhere.
         wanted = slice(-1, None) if batch.complete else slice(None)
-        batch = self._cut("tube", batch, np.any(batch.tube_segments[:, wanted], axis=1))
+        return self._cut("tube", batch, np.any(batch.tube_segments[:, wanted], axis=1))
+
+    def clear(self, batch: SegmentBatch) -> SegmentBatch:
+        """Return the continuations whose links are clear between the waypoints too."""
         return self._cut("collision", batch, self._free(batch))
 
     def lower_bound(self, batch: SegmentBatch) -> FloatArray:
@@ -125,8 +138,9 @@ class SegmentRules:
 
         The segments built take `built / B`, B being the motion's factor. A motion that is not
         complete has at least two more, to the next waypoint and on to the goal; each takes at least
-        1 / B and what the velocity limits ask for. (Suh & Bishop 1988, FR-3: LB = eta1 + eta2 +
-        eta3, with B taken over the whole new segment, where eta2 cannot exceed its share of 1 / B.)
+        1 / B, and together what the velocity limits ask for. (Suh & Bishop 1988, FR-3: LB = eta1 +
+        eta2 + eta3, with B taken over the whole new segment, where eta2 cannot exceed its share of
+        1 / B.)
         """
         with np.errstate(divide="ignore"):
             interval = 1 / batch.factor
@@ -135,7 +149,7 @@ class SegmentRules:
             return bound
         _, following, after = batch.waypoints.T
         bound += np.maximum(self._least_times[following, after], interval)
-        return bound + np.maximum(self._least_times[after, -1], interval)
+        return bound + np.maximum(self._least_times[after, -1], (batch.remaining - 1) * interval)
 
     def _cut(self, rule: str, batch: SegmentBatch, keep: BoolArray) -> SegmentBatch:
         self.cuts[rule] += int(len(keep) - keep.sum())

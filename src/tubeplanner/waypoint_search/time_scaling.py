@@ -57,16 +57,23 @@ def effort_factor_of(limit: FloatArray, tau: FloatArray, gravity: FloatArray) ->
     return np.sqrt(_ratio(room, abs(motion)), out=np.zeros_like(tau), where=holds)
 
 
-def minimum_duration(robot: RobotModel, trajectory: JointTrajectory) -> float:
+def minimum_duration(
+    robot: RobotModel, trajectory: JointTrajectory, *, with_jerk: bool = True
+) -> float:
     """Return the shortest duration [s] of a trajectory's shape under all limits of the robot.
 
     Velocity, acceleration and jerk are exact for all t; effort is the highest of its peaks, found
     from 24 samples per polynomial piece and refined around the highest ones.
 
+    Args:
+        robot: The arm.
+        trajectory: The shape.
+        with_jerk: Whether limits of jerk count; not where the acceleration jumps anyway.
+
     Raises:
         Infeasible: Status gravity_exceeds_effort.
     """
-    polynomial = _polynomial_factor(robot, trajectory, _exact_peaks)
+    polynomial = _polynomial_factor(robot, trajectory, _exact_peaks, with_jerk=with_jerk)
     factor = min(polynomial, _least_effort_factor(robot, trajectory))
     return trajectory.duration / factor * (1 + _SAFETY)
 
@@ -84,24 +91,31 @@ def estimated_duration(robot: RobotModel, trajectory: JointTrajectory) -> float:
     return trajectory.duration / min(_polynomial_factor(robot, trajectory, _hull_peaks), effort)
 
 
-def scaled_to_limits(robot: RobotModel, trajectory: JointTrajectory) -> JointTrajectory:
+def scaled_to_limits(
+    robot: RobotModel, trajectory: JointTrajectory, *, with_jerk: bool = True
+) -> JointTrajectory:
     """Return the trajectory's shape, run in its `minimum_duration`.
 
     Raises:
         Infeasible: Status gravity_exceeds_effort.
     """
-    return trajectory.scaled(minimum_duration(robot, trajectory) / trajectory.duration)
+    duration = minimum_duration(robot, trajectory, with_jerk=with_jerk)
+    return trajectory.scaled(duration / trajectory.duration)
 
 
 def _polynomial_factor(
     robot: RobotModel,
     trajectory: JointTrajectory,
     peaks: Callable[[FloatArray, FloatArray], FloatArray],
+    *,
+    with_jerk: bool = True,
 ) -> float:
     """Return the largest b that velocity, acceleration and jerk limits allow."""
     limits = robot.limits
-    factor = np.inf
-    for order, limit in ((1, limits.velocity), (2, limits.acceleration), (3, limits.jerk)):
+    factor, asked = np.inf, [(1, limits.velocity), (2, limits.acceleration)]
+    if with_jerk:
+        asked.append((3, limits.jerk))
+    for order, limit in asked:
         bounded = np.isfinite(limit)
         if not bounded.any():
             continue

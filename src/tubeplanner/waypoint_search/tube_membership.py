@@ -43,6 +43,15 @@ def current_segments(problem: PlanningProblem, q: FloatArray) -> IntArray:
     return np.searchsorted(best_hand_overs(margin), np.arange(len(q)), side="left")
 
 
+def tube_use(problem: PlanningProblem, hand: FloatArray, segment: IntArray) -> FloatArray:
+    """Return the distances of hands (N, 3) from their segments (N,) as shares of the radius: (N,).
+
+    0 on the segment, 1 on the capsule's wall.
+    """
+    distance = problem.tube.distance(hand)[np.arange(len(hand)), segment]
+    return distance / problem.tube.effective_radius[segment]
+
+
 def passable_segments(tube: Tube) -> BoolArray:
     """Return which segments a hand may pass whole between two samples: bool, shape (m,).
 
@@ -114,6 +123,35 @@ def first_departure(
     if not outside.any():
         return None
     return int(outside.argmax()) // _SAMPLES_PER_PIECE
+
+
+def worst_membership(problem: PlanningProblem, trajectory: JointTrajectory) -> float:
+    """Return how well a motion keeps to the tube where it does so worst [m or rad].
+
+    Margins are taken as for `first_departure`, and where the hand passes from nearer to one segment
+    to nearer to the next; a hand-over needs one of these samples inside both. Too strict by less
+    than a micrometre, as a rule.
+    """
+    samples = trajectory.per_piece(_SAMPLES_PER_PIECE)
+    margin = membership_margin(problem, samples.position)
+    lowered = _with_valleys(margin)
+    if problem.tube.visit == "any" or problem.tube.segment_count == 1:
+        return float(lowered.max(axis=1).min())
+    after, time = _changes(samples.time, margin)
+    between = membership_margin(problem, trajectory.position(time))
+    margin = np.insert(lowered, after, between, axis=0)
+    ends = [0, *best_hand_overs(margin), len(margin) - 1]
+    visits = zip(ends, ends[1:], margin.T, strict=False)
+    return min(float(inside[begin : end + 1].min()) for begin, end, inside in visits)
+
+
+def _changes(time: FloatArray, margin: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Return where neighbouring segments fit equally well: the sample after each, and the time."""
+    nearer = np.diff(margin, axis=1)
+    before = np.flatnonzero((nearer[:-1] * nearer[1:] < 0).any(axis=1))
+    column = (nearer[before] * nearer[before + 1]).argmin(axis=1)
+    begin, end = nearer[before, column], nearer[before + 1, column]
+    return before + 1, time[before] + (time[before + 1] - time[before]) * begin / (begin - end)
 
 
 def _with_valleys(values: FloatArray) -> FloatArray:

@@ -1,0 +1,60 @@
+"""How Sphinx builds these pages: `make docs`."""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+import tubeplanner
+from problem_fields import problem_fields
+from reading_order import reading_order
+from tubeplanner.problem.problem_format import problem_schema
+
+project = "tubeplanner"
+author = "The tubeplanner authors"
+copyright = author
+release = tubeplanner.__version__
+
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "sphinx_click",
+    "public_names",
+]
+default_role = "literal"
+nitpicky = True
+# Types of libraries, and those of our own that are only met as attributes.
+nitpick_ignore_regex = [
+    ("py:class", r"(collections|matplotlib|numpy|pathlib|pinocchio|scipy)\..*"),
+    ("py:class", r"tubeplanner\.\w+\.\w.*"),
+    ("py:class", "(Float|Int|Bool)Array|Figure"),
+]
+
+html_theme = "furo"
+html_title = f"tubeplanner {release}"
+html_theme_options = {"navigation_with_keys": True}
+html_static_path = ["static"]
+html_css_files = ["style.css"]
+
+myst_heading_anchors = 3
+
+autodoc_member_order = "bysource"
+autodoc_typehints = "signature"
+autodoc_typehints_format = "short"
+autodoc_preserve_defaults = True
+napoleon_attr_annotations = False
+napoleon_use_ivar = True
+python_maximum_signature_line_length = 88
+
+
+def _write_generated(app: object, page: str, source: list[str]) -> None:
+    """Put what is made from the sources where a page asks for it."""
+    source[0] = source[0].replace("{{ problem_fields }}", problem_fields(problem_schema()))
+    source[0] = source[0].replace("{{ reading_order }}", reading_order())
+
+
+def setup(app: Any) -> None:
+    """Connect to Sphinx."""
+    app.connect("source-read", _write_generated)

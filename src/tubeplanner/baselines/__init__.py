@@ -1,0 +1,1 @@
+"""The schemes that tubes are compared with: lines, bang-bang, arcs, joint lines."""

@@ -1,0 +1,169 @@
+"""The schemes that Suh & Bishop (1988) compare with, each as an ordinary trajectory.
+
+What a scheme breaks is for `verify` to say: most of them are not smooth, and none of them knows of
+links and obstacles.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from tubeplanner.baselines.bounded_deviation import bounded_deviation
+from tubeplanner.baselines.conventional_lines import (
+    PAPER,
+    conventional_motion,
+    largest_trapezoidal_speed,
+)
+from tubeplanner.baselines.fixed_path_bang_bang import bang_bang_laws, bang_bang_motion
+from tubeplanner.baselines.hand_path import HandPath, hand_paths
+from tubeplanner.baselines.smoothed_bang_bang import smoothed_motion
+from tubeplanner.branches.known_branches import KnownBranches
+from tubeplanner.branches.reference_branch import ReferenceBranch, spare_joint_rules
+from tubeplanner.motion.trajectory import JointTrajectory
+from tubeplanner.outcome import Infeasible
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.progress import PlanningClock, ProgressCallback
+from tubeplanner.verification.certificate import Certificate
+from tubeplanner.verification.verification import verify
+
+# Into how many intervals the run of every segment is averaged: the fastest is kept. The finest is
+# about as fine as refinement's knots.
+_SMOOTHED_INTERVALS = (64, 32, 16)
+# What a scheme whose acceleration jumps cannot keep.
+_SMOOTHNESS = {"rest", "continuity", "jerk"}
+
+
+@dataclass(frozen=True, eq=False)
+class Baseline:
+    """What a scheme makes of a problem.
+
+    Attributes:
+        trajectory: The motion.
+        note: What else is worth knowing about it.
+    """
+
+    trajectory: JointTrajectory
+    note: str
+
+
+def conventional(problem: PlanningProblem, branch: ReferenceBranch) -> Baseline:
+    """Straight lines of the hand at trapezoidal speed, as fast as the limits allow, with stops."""
+    lines = hand_paths(problem, branch, arcs=False)
+    speed = largest_trapezoidal_speed(problem.robot, lines)
+    by_paper = sum(PAPER.duration(line.curve.length) for line in lines)
+    note = (
+        f"{speed.speed:.3g} m/s, {speed.acceleration:.3g} m/s^2; {by_paper:.2f} s at the paper's "
+        f"{PAPER.speed:g} m/s, {PAPER.acceleration:g} m/s^2"
+    )
+    return Baseline(conventional_motion(problem.robot, lines, speed), note)
+
+
+def bang_bang(problem: PlanningProblem, branch: ReferenceBranch) -> Baseline:
+    """The least time for the hand's straight lines, with stops, by motors that switch at once."""
+    return _switched(problem, hand_paths(problem, branch, arcs=False), "")
+
+
+def arc_corners(problem: PlanningProblem, branch: ReferenceBranch) -> Baseline:
+    """The same with corners cut by arcs inside the tube, without stops."""
+    paths = hand_paths(problem, branch, arcs=True)
+    return _switched(problem, paths, _arcs_note(paths))
+
+
+def smoothed_bang_bang(problem: PlanningProblem, branch: ReferenceBranch) -> Baseline:
+    """Bang-bang on straight lines, with stops, averaged until it is C2 and starts at rest."""
+    return _smoothed(problem, hand_paths(problem, branch, arcs=False))
+
+
+def smoothed_arc_corners(problem: PlanningProblem, branch: ReferenceBranch) -> Baseline:
+    """The same with corners cut by arcs inside the tube, without stops."""
+    return _smoothed(problem, hand_paths(problem, branch, arcs=True))
+
+
+def taylor(problem: PlanningProblem, branch: ReferenceBranch) -> Baseline:
+    """Joint lines within the tolerance of the hand's lines, joined by quadratic transitions."""
+    found = bounded_deviation(problem, hand_paths(problem, branch, arcs=False))
+    return Baseline(found.trajectory, f"{found.knots} knots")
+
+
+BASELINES: Mapping[str, Callable[[PlanningProblem, ReferenceBranch], Baseline]] = MappingProxyType(
+    {
+        "conventional": conventional,
+        "bang-bang": bang_bang,
+        "smoothed-bang-bang": smoothed_bang_bang,
+        "arc-corners": arc_corners,
+        "smoothed-arc-corners": smoothed_arc_corners,
+        "bounded-deviation": taylor,
+    }
+)
+
+
+def judged_baseline(
+    problem: PlanningProblem, name: str, progress: ProgressCallback | None = None
+) -> tuple[Baseline, Certificate]:
+    """Return what a scheme makes of a problem, and its certificate, passed or not.
+
+    Rules for spare joints are tried in turn until nothing but smoothness is broken; if something
+    always is, the first motion there is counts.
+
+    Args:
+        problem: What is asked.
+        name: One of `BASELINES`.
+        progress: Called as each stage begins.
+
+    Raises:
+        Infeasible: The scheme has no answer; the reason is that of the most natural rule.
+    """
+    branches = KnownBranches(problem, PlanningClock(None, progress))
+    first: tuple[Baseline, Certificate] | None = None
+    reasons: list[Infeasible] = []
+    for rule in spare_joint_rules(problem):
+        try:
+            made = BASELINES[name](problem, branches.along(rule))
+        except Infeasible as reason:
+            reasons.append(reason)
+            continue
+        certificate = verify(problem, made.trajectory)
+        if set(certificate.failures()) <= _SMOOTHNESS:
+            return made, certificate
+        first = first or (made, certificate)
+    if first is None:
+        raise reasons[0]
+    return first
+
+
+def _switched(problem: PlanningProblem, paths: list[HandPath], arcs: str) -> Baseline:
+    laws = bang_bang_laws(problem.robot, paths)
+    motion, slowed = bang_bang_motion(problem.robot, paths, laws)
+    note = f"{arcs}slowed by {100 * slowed:.2g} % for what lies between TOPP-RA's grid points"
+    return Baseline(motion, note)
+
+
+def _smoothed(problem: PlanningProblem, paths: list[HandPath]) -> Baseline:
+    """Return the fastest of the smoothed motions; the note says what smoothness costs."""
+    laws = bang_bang_laws(problem.robot, paths)
+    switched, _ = bang_bang_motion(problem.robot, paths, laws)
+    found = {
+        count: smoothed_motion(
+            problem.robot, paths, laws, [count * (1 + _arc_count(path)) for path in paths]
+        )
+        for count in _SMOOTHED_INTERVALS
+    }
+    best = min(found, key=lambda count: found[count].duration)
+    costs = ", ".join(
+        f"{100 * (motion.duration / switched.duration - 1):.2g} % with {count}"
+        for count, motion in found.items()
+    )
+    note = f"{best} intervals per segment; smoothness costs {costs}"
+    return Baseline(found[best], note)
+
+
+def _arcs_note(paths: list[HandPath]) -> str:
+    curvature = [path.curve.curvature for path in paths]
+    radii = [1 / c for part in curvature for c in part if c > 0]
+    if not radii:
+        return ""
+    return f"arcs of {', '.join(f'{1000 * radius:.3g}' for radius in radii)} mm radius; "
+
+
+def _arc_count(path: HandPath) -> int:
+    return int((path.curve.curvature > 0).sum())

@@ -1,0 +1,137 @@
+"""Taylor's bounded deviation: lines in joint space whose hand stays near the lines of the hand.
+
+Knots are added at the middle of the hand's way between two knots until the joint line between them
+deviates by no more than the tolerance; the arm runs from knot to knot at constant joint velocities,
+with a transition of constant acceleration around each of them. (Taylor, "Planning and execution of
+straight line manipulator trajectories", IBM J. Research and Development 23(4), 1979.)
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.baselines.hand_path import HandPath, ways_along_line
+from tubeplanner.motion.trajectory import JointTrajectory
+from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.robot.robot_model import RobotModel
+from tubeplanner.waypoint_search.time_scaling import scaled_to_limits, scaling_factor
+from tubeplanner.waypoint_search.tube_membership import first_departure
+
+_MOST_ROUNDS = 10  # of adding knots
+_PROBES = np.linspace(0.0, 1.0, 9)[1:-1]  # of every joint line
+# How much of the shorter neighbour the half of a transition takes: the fastest is kept.
+_TRANSITION_SHARES = (0.49, 0.4, 0.3, 0.2, 0.1)
+# Intervals are shortened by what their own limits leave, over and over.
+_TIMING_ROUNDS, _TIMING_POWER, _LOOKS_PER_PIECE = 40, 0.5, 8
+_ON_THE_WALL = 1e-6  # [m or rad]
+
+
+@dataclass(frozen=True, eq=False)
+class BoundedDeviation:
+    """A motion by Taylor's scheme.
+
+    Attributes:
+        trajectory: Parabolas and lines, C1, at the limits but for those of jerk.
+        knots: How many.
+    """
+
+    trajectory: JointTrajectory
+    knots: int
+
+
+def bounded_deviation(problem: PlanningProblem, lines: list[HandPath]) -> BoundedDeviation:
+    """Return the fastest motion by Taylor's scheme that stays in the tube, or else the fastest.
+
+    His time for an interval comes from velocity limits alone; here intervals take as long as the
+    limits of effort, velocity and acceleration ask for around them.
+
+    Args:
+        problem: What is asked; its radii are the tolerances.
+        lines: The arm along the hand's lines, one for every segment in which it moves.
+
+    Raises:
+        Infeasible: Gravity exceeds a motor's effort, or knots do not end the deviation.
+    """
+    robot, radius = problem.robot, problem.tube.effective_radius
+    parts = [lines[0].joints.position(0.0)[None]]
+    parts += [_knots(robot, line, float(radius[line.segment]))[1:] for line in lines]
+    knots = np.concatenate(parts)
+    found = [_fastest(robot, knots, share) for share in _TRANSITION_SHARES]
+    inside = [motion for motion in found if first_departure(problem, motion, _ON_THE_WALL) is None]
+    fastest = min(inside or found, key=lambda motion: motion.duration)
+    return BoundedDeviation(fastest, len(knots))
+
+
+def _knots(robot: RobotModel, line: HandPath, tolerance: float) -> FloatArray:
+    """Return configurations (K, n) on a line of the hand whose joint lines stay near it."""
+    distances = np.array([0.0, line.curve.length])
+    for _ in range(_MOST_ROUNDS):
+        knots = line.joints.position(ways_along_line(robot, line, distances))
+        off = np.flatnonzero(_deviation(robot, line, knots) > tolerance)
+        if len(off) == 0:
+            return knots
+        middle = (distances[off] + distances[off + 1]) / 2
+        distances = np.insert(distances, off + 1, middle)
+    raise Infeasible(
+        PlanStatus.NO_TRAJECTORY,
+        f"segment {line.segment}: joint lines between {len(knots)} knots still leave the hand's "
+        f"line by more than {tolerance:g} m: a singular configuration is in the way; move the "
+        "reference points",
+        Place(segment=line.segment),
+    )
+
+
+def _deviation(robot: RobotModel, line: HandPath, knots: FloatArray) -> FloatArray:
+    """Return how far joint lines lead the hand from its line, shape (K-1,) [m]."""
+    steps = np.diff(knots, axis=0)
+    probes = knots[:-1, None] + _PROBES[:, None] * steps[:, None]
+    offset = robot.tool_position(probes.reshape(-1, knots.shape[1])) - line.curve.start[0]
+    ahead = line.curve.direction[0]
+    along = np.clip(offset @ ahead, 0.0, line.curve.length)
+    off = np.linalg.norm(offset - along[:, None] * ahead, axis=1)
+    return off.reshape(len(steps), -1).max(axis=1)
+
+
+def _fastest(robot: RobotModel, knots: FloatArray, share: float) -> JointTrajectory:
+    """Return the fastest motion that the timing rounds find, scaled to the limits."""
+    times = np.linalg.norm(np.diff(knots, axis=0), axis=1)
+    best, shortest = times, np.inf
+    for _ in range(_TIMING_ROUNDS):
+        room = _room(robot, _motion(robot.joint_names, knots, times, share), len(times))
+        if times.sum() / room.min() < shortest:
+            best, shortest = times / room.min(), times.sum() / room.min()
+        times = times / room**_TIMING_POWER
+    motion = _motion(robot.joint_names, knots, best, share)
+    return scaled_to_limits(robot, motion, with_jerk=False)
+
+
+def _room(robot: RobotModel, motion: JointTrajectory, intervals: int) -> FloatArray:
+    """Return how many times faster the limits allow each interval to be run, shape (K-1,)."""
+    samples = motion.per_piece(_LOOKS_PER_PIECE)
+    factor = scaling_factor(robot, samples.position, samples.velocity, samples.acceleration)
+    pieces = factor.min(axis=1).reshape(-1, _LOOKS_PER_PIECE).min(axis=1)
+    # Pieces alternate: a transition, the line after it, the next transition.
+    return np.minimum(np.minimum(pieces[:-2:2], pieces[1:-1:2]), pieces[2::2])
+
+
+def _motion(
+    joint_names: tuple[str, ...], knots: FloatArray, times: FloatArray, share: float
+) -> JointTrajectory:
+    """Return the motion that takes times (K-1,) [s] from knot to knot (K, n)."""
+    still = np.zeros((1, knots.shape[1]))
+    velocity = np.concatenate([still, np.diff(knots, axis=0) / times[:, None], still])
+    before, after = np.append(np.inf, times), np.append(times, np.inf)
+    half = share * np.minimum(before, after)  # of the transitions
+    acceleration = np.zeros((2 * len(knots) - 1, knots.shape[1]))
+    acceleration[::2] = np.diff(velocity, axis=0) / (2 * half[:, None])
+    begin_velocity = np.empty_like(acceleration)
+    begin_velocity[::2], begin_velocity[1::2] = velocity[:-1], velocity[1:-1]
+    widths = np.empty(len(acceleration))
+    widths[::2], widths[1::2] = 2 * half, times - half[:-1] - half[1:]
+    steps = begin_velocity * widths[:, None] + acceleration * widths[:, None] ** 2 / 2
+    position = knots[0] + np.concatenate([still, np.cumsum(steps[:-1], axis=0)])
+    breakpoints = np.concatenate([[0.0], np.cumsum(widths)])
+    rows = np.array([acceleration / 2, begin_velocity, position])
+    return JointTrajectory(joint_names, breakpoints, rows)

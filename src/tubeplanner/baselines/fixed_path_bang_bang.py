@@ -1,0 +1,73 @@
+"""Bang-bang control on given paths: the least time in which the arm can run them, rest to rest.
+
+At every instant some motor or velocity is at its limit, and motors switch at once: the acceleration
+jumps. (Bobrow, Dubowsky & Gibson, "Time-optimal control of robotic manipulators along specified
+paths", 1985; Shin & McKay, 1985.)
+"""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.baselines.hand_path import HandPath
+from tubeplanner.baselines.switching_law import switching_law
+from tubeplanner.baselines.time_law import run_along
+from tubeplanner.motion.trajectory import JointTrajectory, concatenate
+from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.robot.robot_model import RobotModel
+from tubeplanner.waypoint_search.time_scaling import minimum_duration
+
+# Steps between the points where limits are judged: of a whole path, and of each line or arc in it.
+_PATH_STEPS, _PIECE_STEPS = 800, 400
+
+
+def bang_bang_laws(robot: RobotModel, paths: Sequence[HandPath]) -> list[JointTrajectory]:
+    """Return the way over time in which each path is run fastest, from rest to rest.
+
+    Raises:
+        Infeasible: Gravity exceeds a motor's effort, or no law is found.
+    """
+    return [_law(robot, path) for path in paths]
+
+
+def bang_bang_motion(
+    robot: RobotModel, paths: Sequence[HandPath], laws: Sequence[JointTrajectory]
+) -> tuple[JointTrajectory, float]:
+    """Return the motion that runs paths by their laws, polynomials of degree 6, slowed into limits.
+
+    The laws keep the limits at points of their paths; all are slowed by the share by which limits
+    are exceeded in between. Limits of jerk are left out, since the acceleration jumps.
+
+    Returns:
+        The motion, and the share by which it is slowed.
+    """
+    runs = [run_along(path.joints, law) for path, law in zip(paths, laws, strict=True)]
+    motion = concatenate(runs)
+    share = minimum_duration(robot, motion, with_jerk=False) / motion.duration
+    return motion.scaled(share), share - 1
+
+
+def _law(robot: RobotModel, path: HandPath) -> JointTrajectory:
+    law = switching_law(robot, path.joints, _grid(path))
+    if law is None:
+        raise Infeasible(
+            PlanStatus.NO_TRAJECTORY,
+            f"segment {path.segment}: TOPP-RA finds no speed at which the arm can run the hand's "
+            "curve from rest to rest; move the reference points",
+            Place(segment=path.segment),
+        )
+    return law
+
+
+def _grid(path: HandPath) -> FloatArray:
+    """Return ways (N,) from the path's start to its end, all breakpoints among them."""
+    breakpoints, length = path.joints.breakpoints, path.joints.duration
+    least = max(_PATH_STEPS, _PIECE_STEPS * len(path.curve.start))
+    counts = np.ceil(least * path.joints.widths / length).astype(int)
+    parts = [
+        np.linspace(begin, end, count, endpoint=False)
+        for (begin, end), count in zip(pairwise(breakpoints), counts, strict=True)
+    ]
+    return np.append(np.concatenate(parts), length)

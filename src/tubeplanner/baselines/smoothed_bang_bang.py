@@ -1,0 +1,84 @@
+"""Bang-bang control made smooth: the same path, run by an average of its law.
+
+The average is C2 and begins and ends at rest without acceleration. Where that breaks a limit, the
+law takes more time before it is averaged again; what is left is slowed as a whole. Finer averages
+cost less, without a bound: what smoothness costs depends on the jerk that is allowed.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.ndimage import minimum_filter1d
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.baselines.hand_path import HandPath
+from tubeplanner.baselines.time_law import averaged_law, run_along
+from tubeplanner.motion.trajectory import JointTrajectory, concatenate
+from tubeplanner.robot.robot_model import RobotModel
+from tubeplanner.waypoint_search.time_scaling import (
+    estimated_duration,
+    scaled_to_limits,
+    scaling_factor,
+)
+
+_ROUNDS = 8
+_LOOKS = 8  # at the limits, per interval
+# What one look asks for is given to the intervals beside it, too, in steps.
+_WINDOW, _POWER, _LARGEST_GAIN = 2 * _LOOKS + 1, 0.6, 1.2
+
+
+def smoothed_motion(
+    robot: RobotModel,
+    paths: Sequence[HandPath],
+    laws: Sequence[JointTrajectory],
+    intervals: Sequence[int],
+) -> JointTrajectory:
+    """Return the motion that runs paths by averaged laws: C2, degree 9, each path at its limits.
+
+    Args:
+        robot: The arm.
+        paths: From rest to rest.
+        laws: Their `bang_bang_laws`.
+        intervals: For every path, into how many intervals its law is averaged.
+    """
+    runs = zip(paths, laws, intervals, strict=True)
+    return concatenate([_smoothed(robot, path.joints, law, count) for path, law, count in runs])
+
+
+def _smoothed(
+    robot: RobotModel, path: JointTrajectory, law: JointTrajectory, intervals: int
+) -> JointTrajectory:
+    """Return the fastest motion of all rounds, slowed until it keeps the limits."""
+    factor, shortest, best = np.ones(len(law.widths)), np.inf, path
+    for _ in range(_ROUNDS):
+        smooth = averaged_law(_stretched(law, factor), intervals)
+        motion = run_along(path, smooth)
+        duration = estimated_duration(robot, motion)
+        if duration < shortest:
+            shortest, best = duration, motion
+        room = _room(robot, motion, smooth, law, _LOOKS * intervals)
+        factor = factor / np.minimum(room, _LARGEST_GAIN) ** _POWER
+    return scaled_to_limits(robot, best)
+
+
+def _stretched(law: JointTrajectory, factor: FloatArray) -> JointTrajectory:
+    """Return a law whose pieces take so many times longer, (pieces,)."""
+    powers = np.arange(len(law.coefficients) - 1, -1, -1)
+    times = np.concatenate([[0.0], np.cumsum(factor * law.widths)])
+    rows = law.coefficients / (factor ** powers[:, None])[:, :, None]
+    return JointTrajectory(law.joint_names, times, rows)
+
+
+def _room(
+    robot: RobotModel,
+    motion: JointTrajectory,
+    smooth: JointTrajectory,
+    law: JointTrajectory,
+    looks: int,
+) -> FloatArray:
+    """Return how many times faster the limits allow a motion to be run where a law's pieces are."""
+    samples = motion.at(np.linspace(0, motion.duration, looks + 1))
+    factor = scaling_factor(robot, samples.position, samples.velocity, samples.acceleration)
+    least = minimum_filter1d(factor.min(axis=1), _WINDOW)
+    middle = law.position((law.breakpoints[:-1] + law.breakpoints[1:]) / 2)[:, 0]
+    return np.interp(middle, smooth.position(samples.time)[:, 0], least)

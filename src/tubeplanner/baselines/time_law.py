@@ -1,0 +1,102 @@
+"""Paths run by time laws: polynomials put into polynomials, exactly.
+
+A path is kept as the motion that runs it at unit speed, a time law as the motion of one joint, the
+way along the path.
+"""
+
+import numpy as np
+from scipy.interpolate import BSpline, PPoly
+from scipy.optimize import elementwise
+from scipy.special import factorial
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.motion.trajectory import JointTrajectory, from_spline
+
+_SAME_TIME = 1e-9  # of the duration: pieces shorter than this are none
+_DEGREE = 3
+
+
+def run_along(path: JointTrajectory, law: JointTrajectory) -> JointTrajectory:
+    """Return the motion that runs a path by a time law.
+
+    Args:
+        path: Over the way, from 0 to its length.
+        law: The way over time, from 0 to the same length, never falling.
+
+    Returns:
+        The composition, exactly; its degree is the product of both degrees.
+    """
+    reached = times_at(law, path.breakpoints[1:-1])
+    nearest = abs(reached[:, None] - law.breakpoints).min(axis=1)
+    times = np.append(law.breakpoints, reached[nearest > _SAME_TIME * law.duration])
+    times = np.sort(times)
+    times = times[np.append(True, np.diff(times) > _SAME_TIME * law.duration)]
+    times[-1] = law.duration
+    middle = law.position((times[:-1] + times[1:]) / 2)[:, 0]
+    piece = np.clip(np.searchsorted(path.breakpoints, middle) - 1, 0, len(path.widths) - 1)
+    return JointTrajectory(path.joint_names, times, _composed(path, _restarted(law, times), piece))
+
+
+def times_at(law: JointTrajectory, way: FloatArray) -> FloatArray:
+    """Return the times [s] at which a law that never falls reaches ways (N,)."""
+    if len(way) == 0:
+        return np.zeros(0)
+    way = np.clip(way, law.position(0.0), law.position(law.duration))
+    ends = (np.zeros(len(way)), np.full(len(way), law.duration))
+    found = elementwise.find_root(lambda t, way: law.position(t)[:, 0] - way, ends, args=(way,))
+    return found.x
+
+
+def averaged_law(law: JointTrajectory, intervals: int) -> JointTrajectory:
+    """Return a law averaged over neighbouring intervals: a C2 cubic spline that never falls.
+
+    Its control points lie on the law (Schoenberg's operator; de Boor, "A Practical Guide to
+    Splines", chapter XI), the first three at its start and the last three at its end, so that it
+    begins and ends at rest and without acceleration.
+
+    Args:
+        law: The way over time.
+        intervals: How many equal ones, at least 3; they last as long as the law.
+    """
+    knots = np.linspace(0.0, 1.0, intervals + 1)
+    knots = np.concatenate([np.zeros(_DEGREE), knots, np.ones(_DEGREE)])
+    means = (knots[1:-3] + knots[2:-2] + knots[3:-1]) / _DEGREE  # where control points belong
+    first, last = means[2], means[-3]
+    share = np.clip((means - first) / (last - first), 0.0, 1.0)
+    control_points = law.position(share * law.duration)
+    duration = law.duration / (last - first)  # the law's own speed in between
+    return from_spline(law.joint_names, BSpline(knots * duration, control_points, _DEGREE))
+
+
+def _restarted(law: JointTrajectory, times: FloatArray) -> FloatArray:
+    """Return the law's coefficients (degree+1, P) in pieces between other times, (P+1,)."""
+    polynomial = PPoly(law.coefficients[:, :, 0], law.breakpoints)
+    powers = np.arange(len(law.coefficients) - 1, -1, -1)
+    # Looked up at the middles, developed about the starts: no piece is mistaken for its neighbour.
+    half = np.diff(times) / 2
+    rows = np.array([polynomial.derivative(p)(times[:-1] + half) / factorial(p) for p in powers])
+    return _shifted(rows, -half)
+
+
+def _shifted(rows: FloatArray, by: FloatArray) -> FloatArray:
+    """Return polynomials (degree+1, P), highest power first, in local time moved by (P,)."""
+    shifted = rows.copy()
+    for last in range(len(rows), 1, -1):  # repeated synthetic division
+        for k in range(1, last):
+            shifted[k] += by * shifted[k - 1]
+    return shifted
+
+
+def _composed(path: JointTrajectory, law: FloatArray, piece: IntArray) -> FloatArray:
+    """Return a path's pieces (P,) with polynomials (r+1, P) put in: (degree*r+1, P, n)."""
+    way = law.copy()
+    way[-1] -= path.breakpoints[piece]
+    rows = path.coefficients[:, piece]
+    result = rows[:1]
+    for row in rows[1:]:
+        product = np.zeros((len(result) + len(way) - 1, *row.shape))
+        for power, factor in enumerate(way):
+            product[power : power + len(result)] += factor[:, None] * result
+        product[-1] += row
+        result = product
+    return result

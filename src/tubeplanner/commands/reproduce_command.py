@@ -1,0 +1,57 @@
+"""The command that remakes the tables and figures of the paper."""
+
+from pathlib import Path
+
+import click
+
+from tubeplanner.commands.console import (
+    AS_JSON,
+    FOLDER,
+    SUCCESS,
+    empty_report,
+    nowhere,
+    print_json,
+    shown_progress,
+)
+
+PAGE = "the_paper.md"
+
+
+@click.command()
+@click.option(
+    "-o",
+    "--output",
+    type=FOLDER,
+    default=Path("the_paper"),
+    show_default=True,
+    help="Folder for the page and its figures.",
+)
+@AS_JSON
+def reproduce(output: Path, as_json: bool) -> int:
+    """Plan what Suh & Bishop (1988) tabulate: their tables and figures beside the printed values.
+
+    By the method as published and by the default one. It takes some minutes.
+    """
+    from tubeplanner.files.output_files import make_folder, require_writable, write_files
+    from tubeplanner.studies.reproduction import reproduce as reproduce_tables
+    from tubeplanner.studies.reproduction_page import reproduction_page
+    from tubeplanner.views.figure_files import figure_png
+    from tubeplanner.views.reproduction_figures import FIGURES
+
+    files = {caption: f"{name}.png" for name, (caption, _) in FIGURES.items()}
+    page = output / PAGE
+    make_folder(output)
+    require_writable([page, *(output / file for file in files.values())])
+    with shown_progress() as enter:
+        reproduction = reproduce_tables(enter)
+        enter("drawing")
+        contents = {page: reproduction_page(reproduction, files).encode()}
+        for name, (_, draw) in FIGURES.items():
+            contents[output / f"{name}.png"] = figure_png(draw(reproduction))
+        write_files(contents)
+    if as_json:
+        report = empty_report("success", f"{len(reproduction.cells)} cases", nowhere())
+        print_json({**report, **reproduction.as_dict(), "page": str(page)})
+    else:
+        print(*contents, sep="\n")
+    return SUCCESS

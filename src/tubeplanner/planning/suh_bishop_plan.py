@@ -1,0 +1,124 @@
+"""Planning by the method of Suh & Bishop (1988): both its phases, and no other method's help."""
+
+from dataclasses import replace
+
+from tubeplanner.branches.known_branches import KnownBranches
+from tubeplanner.branches.reference_branch import ReferenceBranch, spare_joint_rules
+from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.planning.plan_options import SUH_BISHOP, PlanOptions
+from tubeplanner.planning.plan_result import PlanResult, judged_result
+from tubeplanner.planning.searched_plan import run_search
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.progress import PlanningClock, Progress
+from tubeplanner.suh_bishop.knot_motion import KnotMotion
+from tubeplanner.suh_bishop.suh_bishop import SuhBishop
+from tubeplanner.verification.certificate import Certificate
+from tubeplanner.waypoint_search.branch_and_bound import BranchAndBound
+from tubeplanner.waypoint_search.candidate_waypoints import candidate_waypoints
+from tubeplanner.waypoint_search.time_scaling import scaled_to_limits
+from tubeplanner.waypoint_search.waypoint_interpolation import sequential_quartics
+
+
+def suh_bishop_plan(
+    problem: PlanningProblem, branches: KnownBranches, options: PlanOptions, clock: PlanningClock
+) -> PlanResult:
+    """Return what both phases find, or why the first one finds nothing.
+
+    Rules for spare joints are tried in turn until phase 1 has a certified motion.
+
+    Raises:
+        KeyboardInterrupt: Before anything was certified.
+    """
+    reasons = []
+    for rule in spare_joint_rules(problem):
+        try:
+            result = _along(problem, branches.along(rule), options, clock)
+        except Infeasible as reason:
+            if reason.status is PlanStatus.TIME_LIMIT:
+                clock.stopped_by = "time_limit"
+            result = PlanResult(reason.status, str(reason), reason.place, SUH_BISHOP)
+        if result.succeeded or clock.stopped_by is not None:
+            return result
+        reasons.append(result)
+    return reasons[0]
+
+
+def _along(
+    problem: PlanningProblem, branch: ReferenceBranch, options: PlanOptions, clock: PlanningClock
+) -> PlanResult:
+    """Return what both phases find along a branch.
+
+    Raises:
+        Infeasible: Nothing is to be moved, gravity is too strong for phase 1's motions, or the time
+            limit passed before it began.
+    """
+    if not branch.moving_segments:
+        message = "the start is the goal: there is nothing to move"
+        raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Place())
+    clock.enter("candidate points on the reference path")
+    waypoints = candidate_waypoints(problem, branch, options.candidate_points, clock.check)
+    search = BranchAndBound(
+        problem, waypoints, node_budget=options.node_budget, checkpoint=clock.check
+    )
+    try:
+        run_search(search, None, clock)
+    except KeyboardInterrupt:
+        if search.best is None:
+            raise
+        clock.stopped_by = "interrupt"
+    if search.best is None or search.certificate is None:
+        # Says so if gravity alone is too strong somewhere on the way.
+        scaled_to_limits(problem.robot, sequential_quartics(problem.robot.joint_names, waypoints))
+        return replace(_nothing_found(search, options, clock), search=search.statistics)
+    knots = waypoints[list(search.best_waypoints)]
+    motion = KnotMotion(knots, sequential_quartics, search.best)
+    phase_two = _phase_two(problem, motion, search.certificate, options, clock)
+    certificate_time = phase_two.certificate_time or search.certificate_time
+    result = judged_result(
+        problem, phase_two.best.trajectory, phase_two.certificate, certificate_time, SUH_BISHOP
+    )
+    statistics = phase_two.statistics
+    message = result.message
+    if statistics.budget_reached:
+        message += f"; phase 2 reached its budget of {options.suh_bishop.node_budget} nodes"
+    return replace(result, message=message, search=search.statistics, phase_two=statistics)
+
+
+def _phase_two(
+    problem: PlanningProblem,
+    motion: KnotMotion,
+    certificate: Certificate,
+    options: PlanOptions,
+    clock: PlanningClock,
+) -> SuhBishop:
+    """Return phase 2, done whole or until the time limit or Ctrl-C."""
+
+    def checkpoint() -> None:
+        now = phase_two.statistics
+        clock.announce(Progress("moving knots", now.nodes, None, phase_two.best.duration))
+        clock.check()
+
+    phase_two = SuhBishop(problem, motion, certificate, options.suh_bishop, checkpoint)
+    if clock.stopped_by is None:
+        try:
+            phase_two.run()
+        except KeyboardInterrupt:
+            clock.stopped_by = "interrupt"
+        except Infeasible:
+            clock.stopped_by = "time_limit"
+    return phase_two
+
+
+def _nothing_found(
+    search: BranchAndBound, options: PlanOptions, clock: PlanningClock
+) -> PlanResult:
+    """Say that phase 1 ended without a motion."""
+    if clock.stopped_by == "time_limit":
+        message = "the time limit passed before phase 1 found a motion"
+        return PlanResult(PlanStatus.TIME_LIMIT, message, Place(), SUH_BISHOP)
+    message = (
+        f"phase 1 found no certified motion through {options.candidate_points} points of the "
+        f"reference path ({search.statistics}); another number of candidate points, or a wider "
+        "tube, may have one"
+    )
+    return PlanResult(PlanStatus.NO_TRAJECTORY, message, Place(), SUH_BISHOP)

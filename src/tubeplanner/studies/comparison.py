@@ -1,0 +1,213 @@
+"""One problem, every method and baseline: what each makes of it, and what the certificate says."""
+
+import csv
+import io
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from tubeplanner.baselines.baselines import BASELINES, judged_baseline
+from tubeplanner.errors import OptionError, TubePlannerError, unknown_name
+from tubeplanner.motion.trajectory import JointTrajectory
+from tubeplanner.outcome import Infeasible, PlanStatus
+from tubeplanner.planning.plan_options import METHODS, PlanOptions
+from tubeplanner.planning.planner import plan
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.progress import Progress
+from tubeplanner.studies.motion_measures import MotionMeasures, motion_measures
+from tubeplanner.verification.certificate import Certificate, Condition
+from tubeplanner.verification.refusal import refusal
+
+_NO_MEASURES = {name: None for name in MotionMeasures.__dataclass_fields__}
+
+
+@dataclass(frozen=True, eq=False)
+class ComparisonRow:
+    """What one method or baseline makes of the problem.
+
+    Attributes:
+        method: Its name: one of `METHODS` or `BASELINES`.
+        status: Success if there is a certified motion; certificate_failed if the motion failed.
+        message: One sentence: what there is to know about the motion, or why there is none.
+        planning_time: Wall time, the certificate included [s].
+        trajectory: The motion; of a baseline also one that failed its certificate.
+        certificate: Of the motion, or of the best attempt; None if there was none.
+        measures: Of the motion; None if there is none.
+        answered_by: The method whose motion it is, where the one asked for had none that was
+            better; None: itself.
+    """
+
+    method: str
+    status: PlanStatus
+    message: str
+    planning_time: float
+    trajectory: JointTrajectory | None = None
+    certificate: Certificate | None = None
+    measures: MotionMeasures | None = None
+    answered_by: str | None = None
+
+    @property
+    def certified(self) -> bool:
+        """Whether there is a motion that passed its certificate."""
+        return self.status is PlanStatus.SUCCESS
+
+    @property
+    def duration(self) -> float | None:
+        """Duration of the motion [s], certified or not; None if there is none."""
+        return None if self.trajectory is None else self.trajectory.duration
+
+    @property
+    def failures(self) -> dict[str, Condition]:
+        """The conditions that the motion fails, by name."""
+        if self.trajectory is None or self.certificate is None:
+            return {}
+        return {name: self.certificate.conditions[name] for name in self.certificate.failures()}
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the row as JSON values."""
+        return {
+            "method": self.method,
+            "kind": "baseline" if self.method in BASELINES else "method",
+            "status": str(self.status),
+            "certified": self.certified,
+            "answered_by": self.answered_by,
+            "duration": self.duration,
+            "planning_time": self.planning_time,
+            "failures": {
+                name: {
+                    "margin": failed.margin,
+                    "unit": failed.unit,
+                    "where": failed.where.as_dict(),
+                }
+                for name, failed in self.failures.items()
+            },
+            **(_NO_MEASURES if self.measures is None else self.measures.as_dict()),
+            "message": self.message,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """What several methods make of one problem.
+
+    Attributes:
+        problem: What was asked.
+        rows: One per method, in the order asked for.
+    """
+
+    problem: PlanningProblem
+    rows: tuple[ComparisonRow, ...]
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether any method has a certified motion."""
+        return any(row.certified for row in self.rows)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the comparison as JSON values."""
+        return {"problem": self.problem.name, "rows": [row.as_dict() for row in self.rows]}
+
+    def csv(self) -> str:
+        """Return the rows as CSV; `failures` has NAME=MARGIN, spaces between them."""
+        stream = io.StringIO()
+        writer = csv.DictWriter(stream, list(self.rows[0].as_dict()), lineterminator="\n")
+        writer.writeheader()
+        for row in self.rows:
+            failures = " ".join(f"{name}={c.margin!r}" for name, c in row.failures.items())
+            writer.writerow({**row.as_dict(), "failures": failures})
+        return stream.getvalue()
+
+
+def compare(
+    problem: PlanningProblem,
+    methods: Sequence[str] | None = None,
+    *,
+    options: PlanOptions | None = None,
+    progress: Callable[[object], None] | None = None,
+) -> Comparison:
+    """Let several methods and baselines answer the same problem.
+
+    Args:
+        problem: What is asked.
+        methods: Names from `METHODS` and `BASELINES`; default: all of both.
+        options: How the methods plan, but for `method`.
+        progress: Called as `plan` does, what it says naming the method.
+
+    Returns:
+        A row for every method. One that has no answer says why; it never stops the others.
+
+    Raises:
+        OptionError: A name is unknown, or there is none.
+        KeyboardInterrupt: Ctrl-C.
+    """
+    rows = []
+    for name in _known(methods):
+
+        def told(what: Progress, method: str = name) -> None:
+            if progress is not None:
+                progress(f"{method}: {what}")
+
+        rows.append(_row(problem, name, options or PlanOptions(), told))
+    return Comparison(problem, tuple(rows))
+
+
+def _known(methods: Sequence[str] | None) -> list[str]:
+    known = [*METHODS, *BASELINES]
+    asked = known if methods is None else list(dict.fromkeys(methods))
+    for name in asked:
+        if name not in known:
+            raise OptionError(unknown_name("method", name, known))
+    if not asked:
+        raise OptionError("compare: give at least one method")
+    return asked
+
+
+def _row(
+    problem: PlanningProblem, name: str, options: PlanOptions, told: Callable[[Progress], None]
+) -> ComparisonRow:
+    answer = _baseline if name in BASELINES else _planned
+    begin = time.perf_counter()
+    try:
+        row = answer(problem, name, options, told)
+    except Infeasible as reason:
+        row = ComparisonRow(name, reason.status, str(reason), time.perf_counter() - begin)
+    except Exception as error:  # whatever it is, the other methods have their turn
+        ours = isinstance(error, TubePlannerError)
+        message = str(error) if ours else f"internal error, {type(error).__name__}: {error}"
+        spent = time.perf_counter() - begin
+        row = ComparisonRow(name, PlanStatus.NO_TRAJECTORY, message, spent)
+    if row.trajectory is None:
+        return row
+    told(Progress("measures"))
+    return replace(row, measures=motion_measures(problem, row.trajectory))
+
+
+def _planned(
+    problem: PlanningProblem, name: str, options: PlanOptions, told: Callable[[Progress], None]
+) -> ComparisonRow:
+    result = plan(problem, replace(options, method=name), told)
+    if result.stopped_by == "interrupt":
+        raise KeyboardInterrupt
+    other = result.method if result.succeeded and result.method != name else None
+    message = result.message if other is None else f"answered by {other}; {result.message}"
+    return ComparisonRow(
+        name,
+        result.status,
+        message,
+        result.planning_time,
+        result.trajectory,
+        result.certificate,
+        answered_by=other,
+    )
+
+
+def _baseline(
+    problem: PlanningProblem, name: str, _: PlanOptions, told: Callable[[Progress], None]
+) -> ComparisonRow:
+    begin = time.perf_counter()
+    made, certificate = judged_baseline(problem, name, told)
+    reason = refusal(problem, certificate)
+    status = PlanStatus.SUCCESS if reason is None else reason.status
+    spent = time.perf_counter() - begin
+    return ComparisonRow(name, status, made.note, spent, made.trajectory, certificate)

@@ -1,0 +1,106 @@
+"""What motions are compared by: smoothness, jerk, use of the motors and of the tube."""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.motion.bernstein import maxima
+from tubeplanner.motion.trajectory import JointTrajectory, TrajectorySamples
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.waypoint_search.tube_membership import current_segments, tube_use
+
+AT_LIMIT = 0.99  # of a limit: a motor that uses as much counts as at its limit
+_SAMPLES = 2000  # in the middles of equal times
+_SAME = 1e-6  # jumps below this share of a joint's largest value are rounding errors
+_STILL_SHARE = 1e-6  # a joint that moves less than this share of the fastest stands still
+
+
+@dataclass(frozen=True)
+class MotionMeasures:
+    """What a motion is compared by.
+
+    Attributes:
+        smoothness: "C2": position, velocity and acceleration are continuous, also at the ends,
+            where the arm rests; "C1": the acceleration jumps; "C0": the velocity does; "none".
+        peak_jerk: The largest magnitude of any joint's third derivative [rad/s^3 or m/s^3]; None
+            where the acceleration jumps: there is no bound.
+        peak_jerk_joint: Whose it is; likewise.
+        at_limit: Share of the time in which the effort, velocity or acceleration of some joint is
+            at 99 % of its limit or more.
+        tube_use: Distance of the hand from the axis of the segment it is in, as a share of that
+            segment's radius, averaged over time.
+    """
+
+    smoothness: str
+    peak_jerk: float | None
+    peak_jerk_joint: str | None
+    at_limit: float
+    tube_use: float
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the fields as JSON values."""
+        return asdict(self)
+
+
+def motion_measures(problem: PlanningProblem, trajectory: JointTrajectory) -> MotionMeasures:
+    """Measure a motion.
+
+    Smoothness and jerk are read from the polynomials; shares of time are counted at 2,000 instants.
+
+    Args:
+        problem: What was asked.
+        trajectory: Of the problem's joints, in any order.
+    """
+    trajectory = trajectory.reordered(problem.robot.joint_names)
+    smoothness = smoothness_class(trajectory)
+    peak, joint = _peak_jerk(trajectory) if smoothness == "C2" else (None, None)
+    middles = (np.arange(_SAMPLES) + 0.5) / _SAMPLES * trajectory.duration
+    samples = trajectory.at(middles)
+    hand = problem.robot.tool_position(samples.position)
+    segment = current_segments(problem, samples.position)
+    return MotionMeasures(
+        smoothness,
+        peak,
+        joint,
+        float((_limit_use(problem, samples) >= AT_LIMIT).mean()),
+        float(tube_use(problem, hand, segment).mean()),
+    )
+
+
+def smoothness_class(trajectory: JointTrajectory) -> str:
+    """Return "C2", "C1", "C0" or "none": how many derivatives have no jumps.
+
+    Jumps are measured between neighbouring pieces and, of velocity and acceleration, against the
+    rest before the start and after the end; those below 1e-6 of a joint's largest value are
+    rounding errors.
+    """
+    ends = trajectory.per_piece(2)
+    rows = (ends.position, ends.velocity, ends.acceleration)
+    largest = [abs(row).max(axis=0) for row in rows]
+    for order, (values, most) in enumerate(zip(rows, largest, strict=True)):
+        jumps = abs(values[2::2] - values[1:-1:2])
+        if order > 0:
+            jumps = np.vstack([jumps, abs(values[[0, -1]])])
+        allowed = _SAME * np.maximum(most, _STILL_SHARE * max(float(most.max()), 1e-300))
+        if (jumps > allowed).any():
+            return ("none", "C0", "C1")[order]
+    return "C2"
+
+
+def _peak_jerk(trajectory: JointTrajectory) -> tuple[float, str]:
+    """Return the largest jerk for all t, and whose it is."""
+    jerk = trajectory.derivative_coefficients(3)
+    both = np.concatenate([jerk, -jerk], axis=2)
+    peaks = maxima(both, trajectory.widths).value.reshape(2, -1).max(axis=0)
+    joint = int(peaks.argmax())
+    return float(peaks[joint]), trajectory.joint_names[joint]
+
+
+def _limit_use(problem: PlanningProblem, samples: TrajectorySamples) -> FloatArray:
+    """Return the largest share of a limit of effort, velocity or acceleration in use, (N,)."""
+    limits, v, a = problem.robot.limits, samples.velocity, samples.acceleration
+    tau = problem.robot.inverse_dynamics(samples.position, v, a)
+    used = ((tau, limits.effort), (v, limits.velocity), (a, limits.acceleration))
+    return np.hstack([abs(values) / limit for values, limit in used]).max(axis=1)

@@ -1,0 +1,130 @@
+"""The modification process: knots are moved until no direction makes the motion faster.
+
+Find the discretised gradient, search along it, repeat (Suh & Bishop 1988, phase 2). The paper does
+not give the increment: here it is halved whenever no direction helps, from coarse to fine.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.errors import OptionError
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.suh_bishop.knot_direction import best_direction
+from tubeplanner.suh_bishop.knot_motion import KnotMotion, feasible_motion
+from tubeplanner.waypoint_search.link_clearance import LinkClearance
+
+
+@dataclass(frozen=True)
+class ModificationOptions:
+    """How knots are moved; the paper gives none of these numbers.
+
+    Attributes:
+        increment: By how much a knot moves along a revolute joint's axis at first [rad].
+        linear_increment: Likewise along a prismatic joint's [m].
+        halvings: How often the increments are halved, each time that no direction helps.
+        growth: Each step of the line search goes so many times as far as the one before.
+        least_gain: What counts as help, as a share of the duration.
+        direction_nodes: After how many nodes the search for a direction ends with the best it has.
+    """
+
+    increment: float = 0.1
+    linear_increment: float = 0.03
+    halvings: int = 5
+    growth: float = 1.6
+    least_gain: float = 2e-4
+    direction_nodes: int = 200
+
+    def __post_init__(self) -> None:
+        for name in ("increment", "linear_increment"):
+            if not 0 < getattr(self, name) < np.inf:
+                raise OptionError(f"{name} is {getattr(self, name):g}; it must be > 0 and finite")
+        if not self.halvings >= 0:
+            raise OptionError(f"halvings is {self.halvings}; it must be >= 0")
+        if not 1 < self.growth < np.inf:
+            raise OptionError(f"growth is {self.growth:g}; it must be > 1 and finite")
+        if not 0 < self.least_gain < 1:
+            raise OptionError(f"least_gain is {self.least_gain:g}; it must be > 0 and < 1")
+        if not self.direction_nodes >= 1:
+            raise OptionError(f"direction_nodes is {self.direction_nodes}; it must be >= 1")
+
+
+class KnotModification:
+    """A gradient search over the knots' places.
+
+    Attributes:
+        motions: What it began with and every better motion, the last one the fastest.
+        nodes: Nodes expanded by all searches for a direction.
+        directions: How many directions were looked for.
+        proved: In how many of these searches every other direction was ruled out.
+    """
+
+    def __init__(
+        self,
+        problem: PlanningProblem,
+        motion: KnotMotion,
+        options: ModificationOptions,
+        scale: float = 1.0,
+    ) -> None:
+        """Begin with a motion; the increments are those of the options times a scale."""
+        self.motions = [motion]
+        self.nodes = self.directions = self.proved = 0
+        self._problem, self._options = problem, options
+        revolute = np.asarray(problem.robot.revolute)
+        self._increments = scale * np.where(revolute, options.increment, options.linear_increment)
+
+    def run(self, node_budget: float, checkpoint: Callable[[], None] = lambda: None) -> KnotMotion:
+        """Move the knots until no direction helps; return the fastest motion.
+
+        Args:
+            node_budget: End after about so many nodes.
+            checkpoint: Called before every search for a direction; it may raise to end the work.
+        """
+        for halving in range(self._options.halvings + 1):
+            increments = self._increments / 2**halving
+            while self.nodes < node_budget and len(self.motions[-1].knots) > 2:
+                checkpoint()
+                if not self._step(increments):
+                    break
+        return self.motions[-1]
+
+    def _step(self, increments: FloatArray) -> bool:
+        """Move the knots along the best direction; return whether it helped."""
+        motion, options = self.motions[-1], self._options
+        wanted = motion.duration * (1 - options.least_gain)
+        clearance = LinkClearance(self._problem, motion.knots)
+        direction = best_direction(
+            self._problem,
+            motion,
+            increments,
+            clearance,
+            upper_bound=wanted,
+            node_budget=options.direction_nodes,
+        )
+        self.nodes += direction.nodes
+        self.directions += 1
+        self.proved += direction.proved
+        if direction.motion is None:
+            return False
+        self.motions.append(self._farther(motion, direction.motion, clearance))
+        return True
+
+    def _farther(
+        self, motion: KnotMotion, best: KnotMotion, clearance: LinkClearance
+    ) -> KnotMotion:
+        """Return the fastest motion along a direction, in steps that grow while they help."""
+        direction, length = best.knots - motion.knots, 1.0
+        while True:
+            length *= self._options.growth
+            farther = feasible_motion(
+                self._problem,
+                motion.knots + length * direction,
+                motion.construction,
+                clearance,
+                best.duration,
+            )
+            if farther is None:
+                return best
+            best = farther

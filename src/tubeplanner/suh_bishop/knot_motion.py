@@ -1,0 +1,108 @@
+"""A motion through knots at equal times, run as fast as the limits allow (Suh & Bishop 1988).
+
+Knots are the paper's word for the waypoints that phase 2 moves.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.motion.bernstein import maxima
+from tubeplanner.motion.trajectory import JointTrajectory
+from tubeplanner.outcome import Infeasible
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.waypoint_search.link_clearance import LinkClearance
+from tubeplanner.waypoint_search.time_scaling import scaled_to_limits, scaling_factor
+from tubeplanner.waypoint_search.tube_membership import worst_membership
+
+# The polynomials through knots (K, n), linear in them: sequential quartics or the quartic spline.
+Construction: TypeAlias = Callable[[Sequence[str], FloatArray], JointTrajectory]
+
+# Half of what the certificate allows: valleys between samples are estimated [m or rad].
+_TOLERANCE = 5e-7
+_COLLISION_SAMPLES = 9  # per piece
+_LIMIT_SAMPLES = 13  # per piece, before peaks are looked for
+
+
+@dataclass(frozen=True, eq=False)
+class KnotMotion:
+    """A motion through knots.
+
+    Attributes:
+        knots: Shape (K, n) [rad or m], the first is the start, the last the goal.
+        construction: What made the polynomials between them.
+        trajectory: At the limits.
+    """
+
+    knots: FloatArray
+    construction: Construction
+    trajectory: JointTrajectory
+
+    @property
+    def duration(self) -> float:
+        """Duration [s]."""
+        return self.trajectory.duration
+
+    def at_equal_times(self, count: int) -> FloatArray:
+        """Return configurations at equal times, the first and the last knot among them: (K, n)."""
+        return self.trajectory.position(np.linspace(0.0, self.duration, count))
+
+
+def feasible_motion(
+    problem: PlanningProblem,
+    knots: FloatArray,
+    construction: Construction,
+    clearance: LinkClearance,
+    upper_bound: float = np.inf,
+) -> KnotMotion | None:
+    """Return the motion through knots, unless a test refuses it.
+
+    Position limits are judged for all t, the tube at 65 samples per piece with the valleys between
+    them, collisions at 9. The certificate judges more strictly.
+
+    Args:
+        problem: What is asked.
+        knots: Shape (K, n).
+        construction: What makes the polynomials.
+        clearance: Around K configurations near the knots.
+        upper_bound: Only a faster motion is of interest [s].
+    """
+    shape = construction(problem.robot.joint_names, knots)
+    if _least_duration(problem, shape) >= upper_bound:
+        return None
+    try:
+        trajectory = scaled_to_limits(problem.robot, shape)
+    except Infeasible:  # gravity is too strong somewhere
+        return None
+    if trajectory.duration >= upper_bound or not _within_position_limits(problem, shape):
+        return None
+    if worst_membership(problem, shape) < -_TOLERANCE or not _is_free(shape, clearance):
+        return None
+    return KnotMotion(knots, construction, trajectory)
+
+
+def _least_duration(problem: PlanningProblem, shape: JointTrajectory) -> float:
+    """Return how long the limits make a shape at its samples [s]; inf where it stands still."""
+    samples = shape.per_piece(_LIMIT_SAMPLES)
+    factor = scaling_factor(
+        problem.robot, samples.position, samples.velocity, samples.acceleration
+    ).min()
+    return shape.duration / float(factor) if 0 < factor < np.inf else np.inf
+
+
+def _within_position_limits(problem: PlanningProblem, shape: JointTrajectory) -> bool:
+    limits = problem.robot.limits
+    both = np.concatenate([shape.coefficients, -shape.coefficients], axis=2)
+    highest = maxima(both, shape.widths).value
+    limit = np.append(limits.upper_position, -limits.lower_position)
+    return bool((highest <= limit + _TOLERANCE).all())
+
+
+def _is_free(shape: JointTrajectory, clearance: LinkClearance) -> bool:
+    """Return whether samples are clear of collisions, as seen from the knots next to them."""
+    samples = shape.per_piece(_COLLISION_SAMPLES)
+    nearest = np.rint(samples.time).astype(np.int64)  # a piece lasts one second
+    return bool(clearance.is_free(samples.position, nearest).all())

@@ -1,0 +1,258 @@
+"""Phase 2 as published: knots are moved, and doubled, while that makes the motion faster.
+
+The modification process (MP) moves the knots of the motion that phase 1 found. The doubling process
+(DP) inserts a knot at the middle of every segment, and MP follows, until the gain is small (Suh &
+Bishop 1988, section on the phase 2 algorithm).
+
+Two things differ, both because sequential quartics magnify what changes at a knot by 1.6 from knot
+to knot, so that with many knots "almost the same trajectory" is a quite different one. New knots
+are joined by the 4-3-...-3-4 spline, with equal intervals and start and end conditions as before;
+and MP also begins with a few knots more or less, at equal times of the first modified motion, as
+the best number of knots is part of the question.
+"""
+
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.errors import OptionError
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.suh_bishop.knot_modification import KnotModification, ModificationOptions
+from tubeplanner.suh_bishop.knot_motion import KnotMotion, feasible_motion
+from tubeplanner.verification.certificate import Certificate
+from tubeplanner.verification.verification import verify
+from tubeplanner.waypoint_search.link_clearance import LinkClearance
+from tubeplanner.waypoint_search.waypoint_interpolation import quartic_spline
+
+_FEWEST_KNOTS = 4
+# How much of the node budget may be used up to the end of: other numbers of knots, first doubling.
+_SHARES = (0.5, 0.85)
+
+
+@dataclass(frozen=True)
+class SuhBishopOptions:
+    """How phase 2 is done; the paper gives none of these numbers.
+
+    Attributes:
+        modification: How knots are moved.
+        fewer_knots: With how many knots less than phase 1's motion MP also begins.
+        more_knots: Likewise more.
+        doubled: How many of the fastest of these are doubled; from then on, the fastest.
+        least_gain: Doubling ends when it gains less than this share of the duration.
+        most_knots: Motions are not doubled to more knots.
+        node_budget: Phase 2 ends after about so many nodes of the searches for a direction.
+    """
+
+    modification: ModificationOptions = field(default_factory=ModificationOptions)
+    fewer_knots: int = 1
+    more_knots: int = 4
+    doubled: int = 3
+    least_gain: float = 3e-3
+    most_knots: int = 34
+    node_budget: int = 40_000
+
+    def __post_init__(self) -> None:
+        for name, least in (
+            ("fewer_knots", 0),
+            ("more_knots", 0),
+            ("doubled", 1),
+            ("most_knots", 2),
+            ("node_budget", 1),
+        ):
+            if not getattr(self, name) >= least:
+                raise OptionError(f"{name} is {getattr(self, name)}; it must be >= {least}")
+        if not 0 < self.least_gain < 1:
+            raise OptionError(f"least_gain is {self.least_gain:g}; it must be > 0 and < 1")
+
+
+@dataclass(frozen=True)
+class KnotStep:
+    """One modification process, from its beginning to its end.
+
+    Attributes:
+        process: "MP" of phase 1's motion, "other knots" or "DP", the latter two followed by MP.
+        knots: How many there are.
+        begin: Duration before any knot is moved [s].
+        duration: Duration in the end [s].
+    """
+
+    process: str
+    knots: int
+    begin: float
+    duration: float
+
+
+@dataclass(frozen=True)
+class PhaseTwoStatistics:
+    """What phase 2 did.
+
+    Attributes:
+        steps: In the order in which they were done.
+        knots: Of the best motion.
+        nodes: Nodes expanded by all searches for a direction.
+        directions: How many directions were looked for.
+        proved: In how many of these searches every other direction was ruled out.
+        budget_reached: Whether the node budget ended a step: there may be better motions.
+    """
+
+    steps: tuple[KnotStep, ...]
+    knots: int
+    nodes: int
+    directions: int
+    proved: int
+    budget_reached: bool
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the statistics as JSON values."""
+        return asdict(self)
+
+    def __str__(self) -> str:
+        best, parts = np.inf, []
+        for step in self.steps:
+            if step.duration < best:
+                best = step.duration
+                parts.append(f"{step.process} to {best:.3f} s with {step.knots} knots")
+        text = (
+            f"{', '.join(parts)}; {len(self.steps)} times modified, {self.nodes} nodes for "
+            f"{self.directions} directions, {self.proved} of them proved the best"
+        )
+        return text + "; the node budget ended it" if self.budget_reached else text
+
+
+class SuhBishop:
+    """Phase 2, which may be stopped at any time.
+
+    Attributes:
+        best: The fastest certified motion so far.
+        certificate: Its certificate.
+        certificate_time: How long that took [s]; 0 as long as it is phase 1's.
+    """
+
+    def __init__(
+        self,
+        problem: PlanningProblem,
+        motion: KnotMotion,
+        certificate: Certificate,
+        options: SuhBishopOptions,
+        checkpoint: Callable[[], None] = lambda: None,
+    ) -> None:
+        """Begin with the motion that phase 1 found.
+
+        Args:
+            problem: What is asked.
+            motion: At the limits, certified.
+            certificate: Of that motion.
+            options: How to go on.
+            checkpoint: Called before every search for a direction; it may raise to end the work.
+        """
+        self.best, self.certificate, self.certificate_time = motion, certificate, 0.0
+        self._problem, self._first, self._options = problem, motion, options
+        self._checkpoint = checkpoint
+        self._steps: list[KnotStep] = []
+        self._nodes = self._directions = self._proved = 0
+        self._budget_reached = False
+
+    @property
+    def statistics(self) -> PhaseTwoStatistics:
+        """What has been done."""
+        return PhaseTwoStatistics(
+            steps=tuple(self._steps),
+            knots=len(self.best.knots),
+            nodes=self._nodes,
+            directions=self._directions,
+            proved=self._proved,
+            budget_reached=self._budget_reached,
+        )
+
+    def run(self) -> None:
+        """Move and double knots until that gains little, or the budget is used up."""
+        options = self._options
+        half, most = (round(share * options.node_budget) for share in _SHARES)
+        motions = self._modified("MP", [self._first], 1.0, half)
+        others = list(self._with_other_knots(motions[0]))
+        motions += self._modified("other knots", others, 1.0, half)
+        scale, width = 1.0, options.doubled
+        while True:
+            scale, known = scale / 2, self.best.duration
+            fastest = sorted(motions, key=lambda motion: motion.duration)[:width]
+            motions = self._modified("DP", list(self._doubled(fastest)), scale, most)
+            if not motions or self.best.duration > known * (1 - options.least_gain):
+                return
+            width, most = 1, options.node_budget
+
+    def _modified(
+        self, process: str, motions: list[KnotMotion], scale: float, budget: int
+    ) -> list[KnotMotion]:
+        """Return motions whose knots are moved, each with its share of a budget of nodes."""
+        modified = []
+        for i, motion in enumerate(motions):
+            share = (budget - self._nodes) / (len(motions) - i)
+            work = KnotModification(self._problem, motion, self._options.modification, scale)
+            try:
+                work.run(share, self._checkpoint)
+            finally:  # what is found is kept when the checkpoint ends the work, too
+                self._nodes += work.nodes
+                self._directions += work.directions
+                self._proved += work.proved
+                self._budget_reached |= work.nodes >= share
+                modified.append(self._kept(work.motions))
+                begin, duration = motion.duration, modified[-1].duration
+                self._steps.append(KnotStep(process, len(motion.knots), begin, duration))
+        return modified
+
+    def _kept(self, motions: list[KnotMotion]) -> KnotMotion:
+        """Keep the fastest certified one of ever faster motions, if it is the best yet.
+
+        Samples may miss what the certificate sees; the motions before are then tried by bisection.
+
+        Returns:
+            What to go on from: that motion, or the fastest if none is better than what is known.
+        """
+        better = [motion for motion in motions if motion.duration < self.best.duration]
+        if not better:
+            return motions[-1]
+        passed, failed, tried = -1, len(better), len(better) - 1
+        while failed - passed > 1:
+            begin = time.perf_counter()
+            certificate = verify(self._problem, better[tried].trajectory)
+            if certificate.passed:
+                passed, self.best, self.certificate = tried, better[tried], certificate
+                self.certificate_time = time.perf_counter() - begin
+            else:
+                failed = tried
+            tried = (passed + failed) // 2
+        return better[passed] if passed >= 0 else motions[0]
+
+    def _with_other_knots(self, motion: KnotMotion) -> Iterator[KnotMotion]:
+        """Yield a motion with other numbers of knots; else phase 1's, if the tube allows that."""
+        known = len(motion.knots)
+        fewest = max(known - self._options.fewer_knots, _FEWEST_KNOTS)
+        most = min(known + self._options.more_knots, self._options.most_knots)
+        for count in range(fewest, most + 1):
+            shapes = (source.at_equal_times(count) for source in (motion, self._first))
+            found = next(filter(None, map(self._spline, shapes)), None)
+            if found is not None:
+                yield found
+
+    def _doubled(self, motions: Iterable[KnotMotion]) -> Iterator[KnotMotion]:
+        """Yield motions with a knot more at the middle of every segment.
+
+        Where the tube does not allow that, doubled again: the more knots, the less is changed.
+        """
+        for motion in motions:
+            count = 2 * len(motion.knots) - 1
+            doubled = None
+            while doubled is None and count <= self._options.most_knots:
+                doubled = self._spline(motion.at_equal_times(count))
+                count = 2 * count - 1
+            if doubled is not None:
+                yield doubled
+
+    def _spline(self, knots: FloatArray) -> KnotMotion | None:
+        """Return the 4-3-...-3-4 spline through knots (K, n), if it is feasible."""
+        clearance = LinkClearance(self._problem, knots)
+        return feasible_motion(self._problem, knots, quartic_spline, clearance, np.inf)

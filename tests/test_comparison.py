@@ -1,0 +1,209 @@
+"""Methods compared: the measures against known cases, one row for each, and the command."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+from test_time_scaling import ANGLE, PEAK_JERK, quintic
+from tubeplanner import JointTrajectory, OptionError, PlanOptions, Tube, compare, load_problem
+from tubeplanner.baselines.baselines import BASELINES, judged_baseline
+from tubeplanner.files.trajectory_file import read_trajectory
+from tubeplanner.motion.trajectory import concatenate
+from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.planning.plan_options import METHODS
+from tubeplanner.studies import comparison as module
+from tubeplanner.studies.motion_measures import motion_measures, smoothness_class
+
+PROBLEM = "example:two_link/paper_5_50mm"
+KEYS = (
+    *("method", "kind", "status", "certified", "answered_by", "duration", "planning_time"),
+    *("failures", "smoothness", "peak_jerk", "peak_jerk_joint", "at_limit", "tube_use", "message"),
+)
+
+
+def push(*rows, widths):
+    """Return the motion of the slider with some accelerations, one after the other."""
+    velocity = position = 0.0
+    columns = []
+    for acceleration, width in zip(rows, widths, strict=True):
+        columns.append((acceleration / 2, velocity, position))
+        position += velocity * width + acceleration / 2 * width**2
+        velocity += acceleration * width
+    times = np.concatenate([[0.0], np.cumsum(widths)])
+    return JointTrajectory(["slide"], times, np.array(columns).T[:, :, None])
+
+
+def test_smoothness_counts_what_does_not_jump():
+    smooth = quintic()
+    assert smoothness_class(smooth) == "C2"
+    assert smoothness_class(smooth.between(0.0, 0.5)) == "C0"  # does not end at rest
+    assert smoothness_class(push(5.0, -5.0, widths=(0.2, 0.2))) == "C1"
+    away = JointTrajectory(["turn"], [0, 1], smooth.coefficients + np.eye(6)[5][:, None, None])
+    assert smoothness_class(concatenate([smooth, away.scaled(2.0)])) == "none"
+
+
+def test_shares_of_time_at_limits(slider):
+    """At 5 m/s^2 the force is at its limit, at 4.94 below 99 % of it."""
+    full = motion_measures(slider, push(5.0, -5.0, widths=(0.3, 0.3)))
+    assert (full.at_limit, full.smoothness, full.peak_jerk) == (1.0, "C1", None)
+    half = motion_measures(slider, push(5.0, -4.94, -5.06, widths=(0.3, 0.15, 0.15)))
+    assert half.at_limit == pytest.approx(0.75, abs=1e-3)
+    idle = motion_measures(slider, push(4.9, -4.9, widths=(0.3, 0.3)))
+    assert idle.at_limit == 0.0
+
+
+@pytest.mark.parametrize(
+    ("offset", "tool_radius", "expected"), [(0.03, 0.0, 0.3), (0.03, 0.04, 0.5)]
+)
+def test_a_hand_beside_the_axis_uses_its_share_of_the_tube(slider, offset, tool_radius, expected):
+    points = [[0, offset, 0], [0.6, offset, 0]]
+    beside = slider.with_tube(Tube(points, 0.1, tool_radius=tool_radius))
+    motion = push(5.0, -5.0, widths=(0.3, 0.3))
+    assert motion_measures(beside, motion).tube_use == pytest.approx(expected, abs=1e-12)
+
+
+def test_the_use_of_the_tube_is_averaged_over_time(slider):
+    """At rest half of the time on the axis, then the axis ends and the hand goes on at 1 m/s."""
+    short = slider.with_tube(Tube([[-0.5, 0, 0], [0.0, 0, 0]], 0.1))
+    motion = JointTrajectory(["slide"], [0, 0.1, 0.2], [[[0], [1.0]], [[0], [0]]])
+    assert motion_measures(short, motion).tube_use == pytest.approx(0.25, abs=1e-9)
+
+
+def test_the_peak_of_the_jerk_is_exact(slider):
+    motion = quintic(duration=2.0)
+    named = JointTrajectory(["slide"], motion.breakpoints, motion.coefficients)
+    measures = motion_measures(slider, named)
+    assert measures.peak_jerk == pytest.approx(PEAK_JERK * ANGLE / 8, rel=1e-9)
+    assert measures.peak_jerk_joint == "slide"
+
+
+@pytest.fixture(scope="module")
+def compared():
+    return compare(load_problem(PROBLEM), options=PlanOptions(quality="fast"))
+
+
+def test_every_method_and_baseline_has_its_row(compared):
+    assert [row.method for row in compared.rows] == [*METHODS, *BASELINES]
+    assert compared.succeeded
+    for row in compared.rows:
+        assert tuple(row.as_dict()) == KEYS
+        assert row.certified == row.certificate.passed
+        assert row.planning_time > 0
+        assert (row.measures.peak_jerk is None) == (row.measures.smoothness != "C2")
+    by_name = {row.method: row for row in compared.rows}
+    assert min(by_name.values(), key=lambda row: row.duration).method == "refinement"
+    assert set(by_name["bang-bang"].failures) == {"rest", "continuity"}
+    assert by_name["bang-bang"].measures.at_limit > 0.9
+    assert by_name["bang-bang"].measures.smoothness == "C1"
+    assert by_name["bang-bang"].measures.tube_use < 1e-4
+    assert by_name["stop-at-corners"].failures == {}
+    assert 0.05 < by_name["arc-corners"].measures.tube_use < by_name["refinement"].measures.tube_use
+
+
+def test_the_table_as_csv_says_what_the_dictionary_says(compared):
+    rows = list(csv.DictReader(compared.csv().splitlines()))
+    assert tuple(rows[0]) == KEYS
+    for row, fields in zip(compared.rows, rows, strict=True):
+        assert float(fields["duration"]) == row.duration
+        assert fields["failures"].count("=") == len(row.failures)
+    assert json.loads(json.dumps(compared.as_dict(), allow_nan=False))["problem"].endswith("50mm")
+
+
+def test_one_that_fails_never_stops_the_others(slider, monkeypatch):
+    def broken(problem, name, progress=None):
+        if name == "conventional":
+            raise Infeasible(PlanStatus.UNREACHABLE, "no way", Place())
+        if name == "bang-bang":
+            raise ZeroDivisionError("by zero")
+        return judged_baseline(problem, name, progress)
+
+    monkeypatch.setattr(module, "judged_baseline", broken)
+    names = ["conventional", "bang-bang", "smoothed-bang-bang", "conventional"]
+    rows = compare(slider, names).rows
+    assert [row.method for row in rows] == names[:3]
+    assert [str(row.status) for row in rows] == ["unreachable", "no_trajectory", "success"]
+    assert rows[0].message == "no way"
+    assert rows[1].message == "internal error, ZeroDivisionError: by zero"
+    assert rows[0].as_dict()["duration"] is rows[0].as_dict()["smoothness"] is None
+    assert not compare(slider, names[:2]).succeeded
+
+
+def test_ctrl_c_ends_the_comparison(slider):
+    said = []
+
+    def interrupt(what):
+        said.append(str(what))
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        compare(slider, ["bang-bang"], progress=interrupt)
+    assert said == ["bang-bang: inverse kinematics along the reference path"]
+
+
+def test_a_wrong_name_lists_those_there_are(slider):
+    with pytest.raises(OptionError, match=r"unknown method 'bang' \(did you mean .*refinement"):
+        compare(slider, ["bang"])
+    with pytest.raises(OptionError, match="give at least one method"):
+        compare(slider, [])
+
+
+def test_the_command_prints_writes_and_draws(run, tmp_path):
+    table, figure, folder = tmp_path / "c.csv", tmp_path / "c.png", tmp_path / "motions"
+    methods = "stop-at-corners,bang-bang,smoothed-bang-bang"
+    files = ("-o", table, "--plot", figure, "--trajectories", folder)
+    status, out, err = run("compare", PROBLEM, "--methods", methods, *files)
+    assert (status, err) == (0, "")
+    for words in (
+        "passes",
+        "FAILS: rest",
+        "continuity",
+        "C1",
+        "unbounded",
+        str(table),
+        str(figure),
+    ):
+        assert words in out
+    assert "bang-bang: slowed by" in out
+    assert len(table.read_text().splitlines()) == 4
+    assert figure.read_bytes().startswith(b"\x89PNG")
+    assert sorted(path.stem for path in folder.iterdir()) == sorted(methods.split(","))
+    fields = json.loads((folder / "bang-bang.json").read_text())
+    assert (fields["method"], fields["certified"]) == ("bang-bang", False)
+    assert set(fields["failures"]) == {"rest", "continuity"}
+    smooth = folder / "smoothed-bang-bang.json"
+    assert json.loads(smooth.read_text())["certified"] is True
+    assert f"{read_trajectory(smooth).duration:.4f} s" in out
+    assert run("check", PROBLEM, smooth)[0] == 0
+    assert run("check", PROBLEM, folder / "bang-bang.json")[0] == 1
+
+
+def test_the_command_as_json_and_its_exit_status(run, tmp_path):
+    path = tmp_path / "c.json"
+    status, out, _ = run("compare", PROBLEM, "--methods", "bang-bang", "-o", path, "--json")
+    fields = json.loads(out)
+    assert status == 1
+    assert (fields["status"], fields["message"]) == ("no_trajectory", "0 of 1 certified")
+    assert tuple(fields["rows"][0]) == KEYS
+    assert fields["rows"][0]["failures"]["rest"]["unit"] == "relative"
+    assert fields["rows"] == json.loads(path.read_text())["rows"]
+    status, out, _ = run("compare", PROBLEM, "--methods", "stop-at-corners", "--json")
+    assert status == 0
+    assert json.loads(out)["message"] == "1 of 1 certified"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--methods", "bobrow"), "unknown method 'bobrow'"),
+        (("-o", "t.txt"), "ends in .csv or .json"),
+        (("--plot", "t.pdf"), "ends in .png"),
+        (("--quality", "good"), "quality 'good'"),
+        (("--trajectories", "nowhere/else"), "the folder"),
+    ],
+)
+def test_wrong_usage_is_refused_by_name(arguments, message, run):
+    status, _, err = run("compare", PROBLEM, *arguments)
+    assert status == 2
+    assert message in err

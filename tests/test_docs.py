@@ -1,0 +1,144 @@
+"""What the pages in docs/ show is run: Python, commands, problem files, and what they print."""
+
+import json
+import re
+import shlex
+from contextlib import redirect_stdout
+from doctest import ELLIPSIS, NORMALIZE_WHITESPACE, OutputChecker
+from io import StringIO
+from pathlib import Path
+
+import pytest
+from ruamel.yaml import YAML
+
+import tubeplanner
+from tubeplanner.commands.cli import cli, main
+from tubeplanner.problem.problem_format import check_problem_fields, problem_schema
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+PAGES = {str(path.relative_to(ROOT)): path.read_text() for path in sorted(DOCS.rglob("*.md"))}
+ALL_PAGES = {"README.md": (ROOT / "README.md").read_text(), **PAGES}
+
+BLOCK = re.compile(r"^(<!-- not run: .* -->\n)?```(\w+)\n(.*?)^```$", re.M | re.S)
+NUMBER = re.compile(r"\d+\.\d+(e[+-]?\d+)?")
+# What a part of a problem file is completed with.
+REST = {
+    "robot": {"urdf": "example:ur5", "tool_frame": "tool0"},
+    "tube": {"points": [[0.4, 0, 0.4], [0.4, 0.2, 0.4]], "radius": 0.05},
+    "start": {"seed": [0.0] * 6},
+}
+
+
+def shown(printed):
+    """Return printed text with numbers rounded to two digits, as far as they are promised."""
+    return NUMBER.sub(lambda match: f"{float(match.group()):.2g}", printed)
+
+
+def require_same(printed, text):
+    same = OutputChecker().check_output(
+        shown(text), shown(printed), ELLIPSIS | NORMALIZE_WHITESPACE
+    )
+    assert same, f"the page shows\n{text}\nbut this is printed\n{printed}"
+
+
+def run_page(text, page="page"):
+    """Run the blocks of a page from top to bottom, as a reader would."""
+    names, printed = {}, ""
+    for not_run, language, block in BLOCK.findall(text):
+        if not_run:
+            compile(block, page, "exec")
+        elif language == "python":
+            with redirect_stdout(StringIO()) as stream:
+                exec(compile(block, page, "exec"), names)
+            printed = stream.getvalue()
+        elif language == "text":
+            require_same(printed, block)
+        elif language == "yaml":
+            keep_problem(block)
+        elif language == "json":
+            json.loads(block)
+        elif language == "console":
+            run_session(block)
+        else:
+            assert language == "sh", f"{page}: nothing is done with blocks of '{language}'"
+
+
+def run_session(block):
+    """Run the commands of a console block; compare what they print."""
+    for command, output in re.findall(r"^\$ (.*)\n((?:(?!\$ ).*\n)*)", block, re.M):
+        with redirect_stdout(StringIO()) as stream:
+            main(shlex.split(command, comments=True)[1:])
+        require_same(stream.getvalue(), output)
+
+
+def keep_problem(block):
+    """Check a problem file or a part of one; keep a whole one as problem.yaml."""
+    fields = YAML(typ="safe", pure=True).load(block)
+    whole = {name: {**REST.get(name, {}), **value} for name, value in sections(fields).items()}
+    check_problem_fields({**REST, **fields, **whole}, "the page")
+    if fields.keys() >= REST.keys():
+        Path("problem.yaml").write_text(block)
+
+
+def sections(fields):
+    return {name: value for name, value in fields.items() if isinstance(value, dict)}
+
+
+@pytest.mark.parametrize("page", [page for page, text in PAGES.items() if BLOCK.search(text)])
+def test_a_page_runs_and_prints_what_it_shows(page, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    run_page(PAGES[page], page)
+
+
+def lines_of(program):
+    """Return the arguments of every run of a program, on a line of its own or in a sentence."""
+    whole, inline = rf"^(?:\$ )?{program} (\w.*)$", rf"`{program} (\w+ [^`]+)`"
+    return [
+        pytest.param(line, id=f"{page}: {line}")
+        for page, text in ALL_PAGES.items()
+        for line in re.findall(whole, text, re.M) + re.findall(inline, text)
+    ]
+
+
+@pytest.mark.parametrize("line", lines_of("tubeplanner"))
+def test_a_command_can_be_given(line):
+    words = shlex.split(line.partition(" > ")[0], comments=True)
+    cli.commands[words[0]].make_context(words[0], words[1:])
+
+
+@pytest.mark.parametrize("line", lines_of("python"))
+def test_a_script_exists_and_knows_its_options(line):
+    script, *words = shlex.split(line, comments=True)
+    source = (ROOT / script).read_text()
+    assert all(f'"{word}"' in source for word in words if word.startswith("--"))
+
+
+def test_what_a_page_shows_is_compared():
+    page = "```python\nprint('0.504 s in 3 steps')\n```\n\n```text\n0.{}s in ...\n```\n"
+    run_page(page.format("501 "))
+    with pytest.raises(AssertionError, match=r"0\.52 s in(.|\n)*0\.504 s in 3"):
+        run_page(page.format("52 "))
+
+
+def test_every_public_name_is_documented_once():
+    page = (DOCS / "reference" / "api.md").read_text()
+    documented = re.findall(r"^\.\. auto\w+:: ([\w.]+)", page, re.M)
+    public = [name for name in documented if "." not in name]
+    assert sorted(public) == tubeplanner.__all__
+
+
+def test_every_field_of_the_problem_file_is_documented(monkeypatch):
+    monkeypatch.syspath_prepend(DOCS)
+    from problem_fields import problem_fields
+
+    schema = problem_schema()
+    page = problem_fields(schema)
+    for section in (schema, *schema["$defs"].values()):
+        assert section["description"] in page
+        assert all(page.count(f"\n| `{name}` | ") for name in section["properties"])
+    assert "\n### start · goal\n" in page
+    assert "\n| `radius` | number, or list of these | m | required | " in page
+    assert "\n| `gravity` | [3 numbers] | m/s² | `[0.0, 0.0, -9.81]` | base frame |" in page
+    assert "| [section](#field-robot.tool_offset) |" in page
+    assert "\n(field-robot.tool_offset)=\n" in page

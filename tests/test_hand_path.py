@@ -1,0 +1,151 @@
+"""Curves of the hand, the arm along them, and time laws put into paths."""
+
+import numpy as np
+import pytest
+
+from test_time_scaling import ANGLE, INERTIA, one_joint, quintic
+from tubeplanner import JointTrajectory, Tube, load_problem
+from tubeplanner.baselines.hand_curve import rounded_polyline
+from tubeplanner.baselines.hand_path import hand_paths
+from tubeplanner.baselines.switching_law import switching_law
+from tubeplanner.baselines.time_law import averaged_law, run_along, times_at
+from tubeplanner.branches.reference_branch import ReferenceBranch, SpareJoints, reference_branch
+from tubeplanner.outcome import Infeasible
+from tubeplanner.studies.motion_measures import smoothness_class
+
+BENT = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [1, 2, 0], [3, 4, 1]], dtype=float)
+
+
+def branch_of(problem):
+    return reference_branch(problem, SpareJoints.AS_NEEDED)
+
+
+def test_a_polyline_without_arcs_stops_at_every_point():
+    curves = rounded_polyline(BENT, None)
+    assert [curve.length for curve in curves] == pytest.approx([1, 1, 1, 3])
+    np.testing.assert_allclose(
+        curves[3].point(np.array([0, 1.5, 3.0])), [[1, 2, 0], [2, 3, 0.5], BENT[4]]
+    )
+
+
+def test_arcs_join_their_lines_and_touch_the_wall():
+    radius = np.array([0.02, 0.05, 0.05, 0.03])
+    (curve,) = rounded_polyline(BENT, radius)  # straight on at the third point: no stop, no arc
+    assert (curve.curvature > 0).tolist() == [False, True, False, False, True, False]
+    ways = np.linspace(0, curve.length, 20_001)
+    points = curve.point(ways)
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    np.testing.assert_allclose(steps, ways[1], rtol=1e-6)  # the way is the length
+    turn = np.diff(points, n=2, axis=0) / ways[1] ** 2
+    assert np.linalg.norm(turn, axis=1).max() == pytest.approx(curve.curvature.max(), rel=1e-4)
+    tube = Tube(BENT, radius)
+    use = (tube.distance(points) / radius).min(axis=1)
+    assert 0.99 < use.max() <= 1.0
+    assert np.linalg.norm(points[-1] - BENT[-1]) < 1e-12
+
+
+def test_of_unequal_capsules_the_wider_one_holds_more_of_the_arc():
+    """With equal radii r, an arc through a right angle has the radius r / (1 - cos 45 deg)."""
+    corner = BENT[:3]
+    (equal,) = rounded_polyline(corner, np.array([0.02, 0.02]))
+    (wider,) = rounded_polyline(corner, np.array([0.02, 0.06]))
+    assert 1 / equal.curvature[1] == pytest.approx(0.02 / (1 - np.cos(np.pi / 4)), rel=2e-3)
+    assert wider.curvature[1] < 0.7 * equal.curvature[1]
+
+
+def test_arcs_share_short_lines_and_a_way_back_is_a_stop():
+    short = np.array([[0, 0, 0], [1, 0, 0], [1, 0.1, 0], [0, 0.1, 0]])
+    (curve,) = rounded_polyline(short, np.full(3, 0.5))
+    assert curve.curvature.tolist() == pytest.approx([0, 20, 20, 0])  # half the short line each
+    back = np.array([[0, 0, 0], [1, 0, 0], [0.5, 0, 0]])
+    assert len(rounded_polyline(back, np.full(2, 0.1))) == 2
+
+
+@pytest.mark.parametrize(
+    "name", ["two_link/paper_5_10mm", "two_link/paper_2_30mm", "ur5/level_tray"]
+)
+def test_the_hand_is_on_its_lines(name):
+    problem = load_problem(f"example:{name}")
+    branch = branch_of(problem)
+    for k, path in enumerate(hand_paths(problem, branch, arcs=False)):
+        q = path.joints.position(np.linspace(0, path.joints.duration, 997))
+        hand = problem.robot.tool_position(q)
+        assert problem.tube.distance(hand)[:, k].max() < 1e-5
+        np.testing.assert_allclose(q[[0, -1]], branch.segments[k][[0, -1]], atol=1e-7)
+        unit = np.linalg.norm(
+            path.joints.velocity(np.linspace(0, path.joints.duration, 50)), axis=1
+        )
+        np.testing.assert_allclose(unit, 1.0, atol=0.02)
+
+
+def test_the_hand_on_arcs_stays_in_the_tube_and_as_level_as_the_branch():
+    problem = load_problem("example:ur5/level_tray")
+    (path,) = hand_paths(problem, branch_of(problem), arcs=True)
+    rotation, hand = problem.robot.tool_pose(
+        path.joints.position(np.linspace(0, path.joints.duration, 997))
+    )
+    inside = np.minimum(problem.tube.margin(hand), problem.tube.rotation_margin(rotation, hand))
+    assert inside.max(axis=1).min() > -1e-6
+    wanted = path.curve.point(np.linspace(0, path.curve.length, 20_000))
+    assert np.linalg.norm(hand[::50, None] - wanted, axis=2).min(axis=1).max() < 6e-5
+
+
+def test_without_a_way_there_is_a_reason():
+    problem = load_problem("example:two_link/paper_1_10mm")
+    branch = branch_of(problem)
+    still = ReferenceBranch((np.tile(branch.start, (2, 1)),))
+    with pytest.raises(Infeasible, match="the start is the goal: there is nothing to move"):
+        hand_paths(problem, still, arcs=False)
+    turned = np.vstack([branch.start, branch.start + np.array([2 * np.pi, 0.0])])
+    with pytest.raises(Infeasible, match="segment 0: joints have to move where the hand stands"):
+        hand_paths(problem, ReferenceBranch((turned,)), arcs=False)
+
+
+def test_a_law_put_into_a_path_is_exact():
+    path = JointTrajectory(
+        ["a"], [0, 0.4, 1.0], [[[1.0], [-2.0]], [[0.5], [0.7]], [[0.1], [0.5]], [[0], [0.184]]]
+    )
+    law = JointTrajectory(
+        ["way"], [0, 1.0, 2.0], [[[0.25], [-0.3]], [[0.1], [1.0]], [[0.0], [0.35]]]
+    )
+    length = law.position(2.0)[0]
+    law = JointTrajectory(["way"], law.breakpoints, law.coefficients / length)
+    motion = run_along(path, law)
+    times = np.linspace(0, 2, 401)
+    np.testing.assert_allclose(
+        motion.position(times), path.position(law.position(times)[:, 0]), atol=1e-12
+    )
+    assert motion.duration == 2.0
+    assert len(motion.coefficients) == 7
+    ways = np.array([0.0, 0.3, 0.4, 1.0])
+    np.testing.assert_allclose(law.position(times_at(law, ways))[:, 0], ways, atol=1e-12)
+
+
+@pytest.mark.parametrize("intervals", [3, 8, 50])
+def test_an_averaged_law_is_smooth_and_never_falls(intervals):
+    law = JointTrajectory(["way"], [0, 0.5, 1.0], [[[2.0], [-2.0]], [[0.0], [2.0]], [[0.0], [0.5]]])
+    smooth = averaged_law(law, intervals)
+    assert smoothness_class(law) == "C1"
+    assert smoothness_class(smooth) == "C2"
+    assert smooth.position([0.0, smooth.duration]).ravel().tolist() == pytest.approx([0, 1])
+    assert smooth.velocity(np.linspace(0, smooth.duration, 500)).min() > -1e-12
+    assert abs(smooth.acceleration(np.linspace(0, smooth.duration, 500))).max() <= 4.0 + 1e-9
+
+
+@pytest.mark.parametrize(
+    ("limits", "expected"),
+    [
+        ({"velocity": np.inf}, 2 * np.sqrt(ANGLE * INERTIA / 5)),
+        ({"velocity": 1.5, "effort": np.inf, "acceleration": 3.0}, ANGLE / 1.5 + 0.5),
+    ],
+    ids=["effort", "velocity and acceleration"],
+)
+def test_one_joint_switches_when_theory_says(tmp_path, limits, expected):
+    """A straight path at constant speed uses no effort: limits not given are still ample."""
+    robot = one_joint(tmp_path, **limits)
+    path = JointTrajectory(["turn"], [0, ANGLE], [[[1.0]], [[0.0]]])
+    law = switching_law(robot, path, np.linspace(0, ANGLE, 801))
+    assert law.duration == pytest.approx(expected, rel=2e-3)
+    assert law.position(law.duration)[0] == pytest.approx(ANGLE)
+    assert smoothness_class(law) == "C1"
+    assert smoothness_class(quintic()) == "C2"

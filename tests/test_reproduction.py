@@ -1,0 +1,95 @@
+"""The paper's tables beside ours: what is planned, what the page says, what the command writes."""
+
+import json
+
+import numpy as np
+import pytest
+
+from tubeplanner import PlanOptions, plan
+from tubeplanner.studies import reproduction as module
+from tubeplanner.studies.printed_results import NO_TUBE, TABLE_FOUR, TABLE_THREE, TABLE_TWO
+from tubeplanner.studies.reproduction import paper_problem, reproduce
+from tubeplanner.studies.reproduction_page import reproduction_page
+
+
+@pytest.fixture(scope="module")
+def reproduced():
+    """All cells, the slow published method's replaced by motions that stop at the ends."""
+
+    def quick(problem, options, progress):
+        quicker = {"suh-bishop": "stop-at-corners"}.get(options.method, options.method)
+        return plan(problem, PlanOptions(quicker, "fast"), progress)
+
+    told = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "plan", quick)
+        result = reproduce(told.append)
+    return result, told
+
+
+def test_every_printed_cell_is_planned(reproduced):
+    result, told = reproduced
+    for example, row in TABLE_TWO.items():
+        assert all((example, radius) in result.cells for radius in row.phases)
+    for table in (TABLE_THREE, TABLE_FOUR):
+        assert all((table.example, radius) in result.cells for radius in table.durations)
+    assert all(cell.default.succeeded for cell in result.cells.values())
+    assert any(str(what).startswith("example 3, no tube (") for what in told)
+
+
+def test_conventional_and_bang_bang_times_are_those_of_the_paper(reproduced):
+    paths = reproduced[0].paths
+    conventional = [paths[k].duration(module.CONVENTIONAL) for k in (1, 2, 5)]
+    assert np.round(conventional, 2).tolist() == [1.96, 1.00, 3.74]
+    assert paths[1].duration("bang-bang") == pytest.approx(TABLE_THREE.bang_bang, abs=0.005)
+    assert paths[3].duration("bang-bang") == pytest.approx(TABLE_FOUR.bang_bang, abs=0.005)
+
+
+def test_the_default_method_beats_the_printed_second_phase_everywhere(reproduced):
+    for example, row in TABLE_TWO.items():
+        for radius, (_, printed) in row.phases.items():
+            assert reproduced[0].cell(example, radius).default.duration < printed
+
+
+def test_without_a_tube_the_elbow_is_free():
+    problem = paper_problem(3, NO_TUBE)
+    assert problem.joint_lower[0, 1] < 0 < problem.joint_upper[0, 1]
+    assert paper_problem(3, 0.01).joint_upper[0, 1] == 0
+    assert problem.tube.points.tolist() == paper_problem(3, 0.01).tube.points.tolist()
+
+
+def test_the_page_has_every_cell_with_its_ratio(reproduced):
+    result, _ = reproduced
+    page = reproduction_page(result, {"Figure 3": "figure_3.png"})
+    cell = result.cell(5, 0.01)
+    line = next(line for line in page.splitlines() if line.startswith("| 5 | 10 |"))
+    ours, ratio = cell.default.duration, cell.default.duration / 1.52
+    assert line.endswith(
+        f"| 1.52 | {cell.published.duration / 1.52:.2f} | {ours:.3f} | {ratio:.2f} |"
+    )
+    assert "| - | 1.91 | - |" in line  # what stops at corners has no phase 1
+    assert "1.93 s is printed where the formula gives 1.82 s" in page
+    assert "![Figure 3](figure_3.png)" in page
+
+
+def test_the_command_writes_the_page_and_its_figures(reproduced, tmp_path, run, monkeypatch):
+    monkeypatch.setattr(module, "reproduce", lambda progress: reproduced[0])
+    code, out, _ = run("reproduce", "-o", str(tmp_path / "paper"), "--json")
+    assert code == 0
+    written = sorted(path.name for path in (tmp_path / "paper").iterdir())
+    assert written == [
+        "figure_3.png",
+        "figure_7.png",
+        "figure_8.png",
+        "figure_9.png",
+        "the_paper.md",
+    ]
+    report = json.loads(out)
+    assert len(report["cells"]) == len(reproduced[0].cells)
+    assert {cell["radius"] for cell in report["cells"]} >= {None, 0.005, 0.07}
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path, run):
+    code, _, err = run("reproduce", "-o", str(tmp_path / "no" / "folder"))
+    assert code == 2
+    assert "folder" in err and "could not be made: No such file or directory" in err
