@@ -49,7 +49,7 @@ class Wish:
 
     Attributes:
         needed: How far a fast motion reaches beyond the branch in each direction, shape (1 + 2n,);
-            None: not known.
+            a little more is enough. None: not known, and no radius is enough.
         radius_worth: What the logarithm of the radius counts, where that of every side of a range
             counts 1.
     """

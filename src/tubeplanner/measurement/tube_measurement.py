@@ -57,8 +57,9 @@ def measure_tube(
 
     For every segment: the largest radius and joint ranges around the branch along the centre line
     such that in all configurations with the hand in that capsule and the joints in those ranges
-    everything keeps clear, as far as an attack of many configurations can tell. The problem's own
-    radii do not count; its joint signs do.
+    everything keeps clear, as far as an attack of many configurations can tell. Where a radius
+    can only grow at the cost of a range, a fast motion's needs decide. The problem's own radii do
+    not count; its joint signs do.
 
     Args:
         problem: What is asked.
