@@ -24,9 +24,9 @@ from tubeplanner.problem.problem import PlanningProblem
 _LEAST_RADIUS, _LEAST_RANGE = 1e-3, 1e-3
 WANTED_RANGE = 0.05
 _WIDEST_RANGE = 0.8  # [rad or m]: how far ranges may reach beyond the branch
-# Where nothing says how much of a range is needed, more than this counts nothing; else, more than
-# what is needed and a little [rad or m].
-_ENOUGH_RANGE, _SPARE_RANGE = 0.3, 0.1
+# Where nothing says how much of a range is needed, more than this counts nothing [rad or m]; else,
+# more than what is needed and a little: [m], and [rad or m].
+_ENOUGH_RANGE, _SPARE_RADIUS, _SPARE_RANGE = 0.3, 5e-3, 0.05
 # How far the set ends before a collision [m], [rad or m]: so that attacks come to an end.
 _MARGIN_RADIUS, _MARGIN_RANGE = 1e-3, 1e-2
 _FIRST_SAMPLES = 2000
@@ -49,7 +49,7 @@ class Wish:
 
     Attributes:
         needed: How far a fast motion reaches beyond the branch in each direction, shape (1 + 2n,);
-            None: not known.
+            a little more is enough. None: not known, and no radius is enough.
         radius_worth: What the logarithm of the radius counts, where that of every side of a range
             counts 1.
     """
@@ -235,12 +235,10 @@ def search_segment(
         box = search.best(boxes.beyond, within)
         allowed = boxes.allowed(box.extent)
         found = attack(allowed, room, budget, rng)
-        total += found.samples
-        while found.failed and budget < samples:
-            budget = min(2 * budget, samples)
-            found = attack(allowed, room, budget, rng)
-            total += found.samples
+        while found.failed and found.tried < samples:
+            found = found.then(attack(allowed, room, min(found.tried, samples - found.tried), rng))
             within = box
+        total += found.samples
         if found.failed:
             return SegmentSearch(allowed, box, wish, boxes.q, boxes.pair, found, total)
         boxes.learn(found.q, found.pair)
@@ -251,11 +249,13 @@ def search_segment(
 
 def _box_search(boxes: CollisionBoxes, wish: Wish, rng: np.random.Generator) -> BoxSearch:
     sides = np.ones(len(boxes.widest) - 1)
-    ranges = _ENOUGH_RANGE * sides if wish.needed is None else wish.needed[1:] + _SPARE_RANGE
+    enough = np.concatenate([boxes.widest[:1], _ENOUGH_RANGE * sides])
+    if wish.needed is not None:
+        enough = wish.needed + np.concatenate([[_SPARE_RADIUS], _SPARE_RANGE * sides])
     return BoxSearch(
         margin=np.concatenate([[_MARGIN_RADIUS], _MARGIN_RANGE * sides]),
         worth=np.concatenate([[wish.radius_worth], sides]),
-        enough=np.minimum(boxes.widest, np.concatenate([boxes.widest[:1], ranges])),
+        enough=np.minimum(boxes.widest, enough),
         already=np.concatenate([[boxes.radius], WANTED_RANGE * sides]),
         rng=rng,
     )

@@ -28,17 +28,29 @@ class Attack:
         pair: The pair of shapes that is too close in each, shape (C,).
         least_room: The least room that was seen [m]; infinite if no pair came near.
         samples: How many configurations were looked at.
+        tried: How many were drawn; not all of them get to where they should be.
     """
 
     q: FloatArray
     pair: IntArray
     least_room: float
     samples: int
+    tried: int
 
     @property
     def failed(self) -> bool:
         """Whether no collision was found."""
         return len(self.q) == 0
+
+    def then(self, later: "Attack") -> "Attack":
+        """Return what this attack and a later one on the same set found together."""
+        return Attack(
+            np.concatenate([self.q, later.q]),
+            np.concatenate([self.pair, later.pair]),
+            min(self.least_room, later.least_room),
+            self.samples + later.samples,
+            self.tried + later.tried,
+        )
 
 
 def attack(
@@ -69,7 +81,7 @@ def attack(
         least = min(least, found.room.min(initial=np.inf), lowest.min(initial=np.inf))
         count = min(2 * count, _MOST)
     q_hit, pair_hit = (np.concatenate(parts) for parts in zip(*hits, strict=True))
-    return Attack(q_hit, pair_hit, float(least), drawn)
+    return Attack(q_hit, pair_hit, float(least), drawn, tried)
 
 
 def _starts(room: FloatArray, pair: IntArray) -> IntArray:

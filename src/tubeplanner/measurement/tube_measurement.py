@@ -30,6 +30,7 @@ from tubeplanner.measurement.segment_measurement import (
 )
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.planning.plan_options import PlanOptions
+from tubeplanner.planning.plan_result import PlanResult
 from tubeplanner.planning.planner import plan
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, Progress, ProgressCallback
@@ -39,7 +40,9 @@ from tubeplanner.tube.tube import JointRange, Tube
 # here: the second where the first leaves nothing around the branch.
 EXTRA_ROOMS = (1e-3, 1e-4)
 _ROUNDING = 1e-9
-_RADIUS_WORTHS = (2.0, 4.0, 8.0)  # trades of radii for joint ranges that are tried
+# How far a motion may leave the sets found so far, to say what it needs: [m], and [rad or m].
+_WIDENINGS = ((0.0, np.inf), (0.03, 0.3))
+_RADIUS_WORTHS = (1.0, 4.0)  # trades of radii for joint ranges that are tried, each time
 _ROUGH_SHARE = 8  # of the samples: a rough measurement has so many times fewer
 _LOOKS_PER_PIECE = 10
 _LONGEST_STEP = 0.02  # [rad or m] between configurations at which the branch is looked at
@@ -54,8 +57,9 @@ def measure_tube(
 
     For every segment: the largest radius and joint ranges around the branch along the centre line
     such that in all configurations with the hand in that capsule and the joints in those ranges
-    everything keeps clear, as far as an attack of many configurations can tell. The problem's own
-    radii do not count; its joint signs do.
+    everything keeps clear, as far as an attack of many configurations can tell. Where a radius
+    can only grow at the cost of a range, a fast motion's needs decide. The problem's own radii do
+    not count; its joint signs do.
 
     Args:
         problem: What is asked.
@@ -131,9 +135,10 @@ def _segments_of_some_branch(
 def _segments(around: "Surroundings", clock: PlanningClock) -> tuple[SegmentMeasurement, ...]:
     """Return what was measured around a branch.
 
-    A first, rough measurement says what radii there are; a fast motion within them, which joint
-    ranges it needs. Several trades of radii for those are planned in, the fastest is attacked
-    thoroughly.
+    A first, rough measurement is made without regard to motions. Then, time after time, a fast
+    motion that may leave the best sets a little says which radii and joint ranges it needs; trades
+    of one for the other are searched for and planned in. The sets of the fastest motion are
+    attacked thoroughly.
 
     Raises:
         Infeasible: Status tube_blocked.
@@ -142,13 +147,15 @@ def _segments(around: "Surroundings", clock: PlanningClock) -> tuple[SegmentMeas
     for k in segments:
         clock.announce(Progress(f"measuring segment {k} of {around.count}"))
         rough.append(around.first_search(k))
-    needs = around.needs_of_motion([found.allowed.radius for found in rough])
-    trades = [rough]
-    for worth in _RADIUS_WORTHS:
-        clock.announce(Progress(f"radii that count {worth:g} times as much as a joint's range"))
-        trades.append([around.search(k, Wish(needs[k], worth)) for k in segments])
-    clock.announce(Progress("fast motions, to compare them"))
-    best = min(trades, key=around.duration)
+    best, shortest = rough, around.duration(rough)
+    for widening in _WIDENINGS:
+        needs = around.needs_of_motion(best, *widening)
+        for worth in _RADIUS_WORTHS:
+            clock.announce(Progress(f"trading radii, worth {worth:g}, for joint ranges"))
+            trade = [around.search(k, Wish(needs[k], worth)) for k in segments]
+            duration = around.duration(trade)
+            if duration < shortest:
+                best, shortest = trade, duration
     final = []
     for k in segments:
         clock.announce(Progress(f"attacking segment {k} of {around.count}"))
@@ -215,19 +222,22 @@ class Surroundings:
                 return found
         return self._unless_blocked(k, found)
 
-    def needs_of_motion(self, radii: list[float]) -> list[FloatArray | None]:
+    def needs_of_motion(
+        self, found: list[SegmentSearch], beyond_radius: float, beyond_range: float
+    ) -> list[FloatArray | None]:
         """Return how far a fast motion reaches beyond the branch, by segment; None: no motion.
 
         Args:
-            radii: How far its hand may be from the segments [m].
+            found: Sets, which the motion may leave.
+            beyond_radius: By how much in space [m].
+            beyond_range: By how much in the joints [rad or m].
         """
-        tube = self._problem.tube
-        problem = self._problem.with_tube(tube.with_radius(tube.tool_radius + np.array(radii)))
-        trajectory = plan(problem, PlanOptions(quality="fast")).trajectory
-        if trajectory is None:
+        result = self._planned(found, beyond_radius, beyond_range)
+        if result.trajectory is None:
             return [None] * self.count
-        q = trajectory.per_piece(_LOOKS_PER_PIECE).position
-        nearest = problem.tube.distance(problem.robot.tool_position(q)).argmin(axis=1)
+        q = result.trajectory.per_piece(_LOOKS_PER_PIECE).position
+        hand = self._problem.robot.tool_position(q)
+        nearest = self._problem.tube.distance(hand).argmin(axis=1)
         return [self._boxes[k].needed(q[nearest == k]) for k in range(self.count)]
 
     def search(self, k: int, wish: Wish) -> SegmentSearch:
@@ -241,11 +251,21 @@ class Surroundings:
 
     def duration(self, found: list[SegmentSearch]) -> float:
         """Return how long a motion within sets takes [s]; infinite where none is found."""
-        radii = [each.allowed.radius + self._problem.tube.tool_radius for each in found]
-        ranges = [_ranges(self._problem, each) for each in found]
-        measured = self._problem.with_tube(_tube(self._problem.tube, radii, ranges))
-        duration = plan(measured, PlanOptions(quality="fast")).duration
+        duration = self._planned(found).duration
         return np.inf if duration is None else duration
+
+    def _planned(
+        self, found: list[SegmentSearch], beyond_radius: float = 0.0, beyond_range: float = 0.0
+    ) -> PlanResult:
+        """Return what fast planning finds within sets, or a little beyond."""
+        tube, ranges = self._problem.tube, []
+        for k, each in enumerate(found):
+            lower = np.maximum(each.allowed.lower - beyond_range, self._problem.joint_lower[k])
+            upper = np.minimum(each.allowed.upper + beyond_range, self._problem.joint_upper[k])
+            ranges.append(_ranges(self._problem, lower, upper))
+        radii = [each.allowed.radius + tube.tool_radius + beyond_radius for each in found]
+        problem = self._problem.with_tube(_tube(tube, radii, ranges))
+        return plan(problem, PlanOptions(quality="fast"))
 
     def attacked(self, k: int, found: SegmentSearch) -> SegmentSearch:
         """Return the largest set within one that a thorough attack leaves.
@@ -262,7 +282,7 @@ class Surroundings:
         least = found.last.least_room
         return SegmentMeasurement(
             radius=found.allowed.radius + self._problem.tube.tool_radius,
-            joint_ranges=_ranges(self._problem, found),
+            joint_ranges=_ranges(self._problem, found.allowed.lower, found.allowed.upper),
             bindings=_bindings(self._problem, k, found, self._room),
             samples=found.last.samples,
             attacked=found.samples,
@@ -311,11 +331,13 @@ def _require_room(problem: PlanningProblem, room: LinkRoom, k: int, q: FloatArra
     return least
 
 
-def _ranges(problem: PlanningProblem, found: SegmentSearch) -> dict[str, JointRange]:
+def _ranges(
+    problem: PlanningProblem, lower_bounds: FloatArray, upper_bounds: FloatArray
+) -> dict[str, JointRange]:
     """Return the ranges that say more than the position limits, by joint name; signs as such."""
     limits, ranges = problem.robot.limits, {}
     for joint, name in enumerate(problem.robot.joint_names):
-        lower, upper = float(found.allowed.lower[joint]), float(found.allowed.upper[joint])
+        lower, upper = float(lower_bounds[joint]), float(upper_bounds[joint])
         from_lowest = lower <= limits.lower_position[joint]
         to_highest = upper >= limits.upper_position[joint]
         if problem.robot.revolute[joint] and upper - lower >= 2 * np.pi - _ROUNDING:
