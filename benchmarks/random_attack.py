@@ -108,19 +108,39 @@ def _projected(
     rng: np.random.Generator,
     steps: int = _PROJECTIONS,
 ) -> FloatArray:
-    """Move configurations by pseudo-inverse steps until hands are at random points of a capsule."""
+    """Move configurations by pseudo-inverse steps until hands are at random points of a capsule.
+
+    Turned as a rotation tolerance allows, by random shares of it.
+    """
     begin, end = problem.tube.points[segment : segment + 2]
     radius = problem.tube.effective_radius[segment]
     offset = rng.normal(size=(len(q), 3))
     offset *= (rng.uniform(0, 1, len(q)) ** (1 / 3) / np.linalg.norm(offset, axis=1))[:, None]
     wanted = begin + rng.uniform(0, 1, (len(q), 1)) * (end - begin) + radius * offset
+    share = rng.uniform(0, 1, (len(q), 1))
     lower, upper = problem.joint_lower[segment], problem.joint_upper[segment]
     for _ in range(steps):
-        hand, jacobian = problem.robot.tool_jacobian(q)
-        inverse = np.linalg.pinv(jacobian[:, :3], rcond=1e-2)
-        step = np.clip(np.einsum("nij,nj->ni", inverse, wanted - hand), -0.3, 0.3)
+        residual, jacobian = _residual(problem, segment, q, wanted, share)
+        inverse = np.linalg.pinv(jacobian, rcond=1e-2)
+        step = np.clip(np.einsum("nij,nj->ni", inverse, residual), -0.3, 0.3)
         q = np.clip(q + step, lower, upper)
     return q
+
+
+def _residual(
+    problem: PlanningProblem, segment: int, q: FloatArray, wanted: FloatArray, share: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return what is missing to wanted points and turns, shape (N, c), and its Jacobian."""
+    rotation, hand, jacobian = problem.robot.tool_pose_jacobian(q)
+    rotational = problem.tube.rotation
+    if rotational is None:
+        return wanted - hand, jacobian[:, :3]
+    where = np.full(len(q), segment)
+    error, turning = rotational.error_jacobian(rotation, hand, jacobian, where)
+    # The last bound is that of the whole angle.
+    most = share * np.minimum(rotational.bounds[segment][:3], rotational.bounds[segment][3])
+    missing = np.clip(error, -most, most) - error
+    return np.hstack([wanted - hand, missing]), np.concatenate([jacobian[:, :3], turning], axis=1)
 
 
 def _solid(shape: object) -> object:
