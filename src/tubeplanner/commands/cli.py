@@ -78,7 +78,7 @@ def main(arguments: Sequence[str]) -> int:
     except TubePlannerError as error:
         return fail("bad_input", str(error), as_json, BAD_INPUT)
     except (KeyboardInterrupt, click.Abort):
-        message = "interrupted before anything was certified"
+        message = "interrupted before there was an answer"
         return fail("interrupted", message, as_json, INTERRUPTED)
     except Exception as error:  # the last resort: a user gets one line, never a traceback
         kind = type(error).__name__

@@ -138,8 +138,8 @@ def measurement_text(problem: PlanningProblem, result: TubeMeasurement, loading_
         lines.append(_rendered(table))
         for k, segment in enumerate(result.segments):
             lines.append(
-                f"segment {k}: {segment.samples} random configurations, no collision "
-                f"({segment.collisions} collisions found outside the tube)"
+                f"segment {k}: attacked by {segment.samples} random configurations, no collision "
+                f"(the {segment.collisions} that were found on the way are left outside)"
             )
     lines.append(f"{result.status}: {result.message}")
     place = str(result.place)

@@ -80,7 +80,7 @@ def _along(
     statistics = phase_two.statistics
     message = result.message
     if statistics.budget_reached:
-        message += f"; phase 2 reached its budget of {options.suh_bishop.node_budget} nodes"
+        message += "; searches of phase 2 ended at their shares of the node budget"
     return replace(result, message=message, search=search.statistics, phase_two=statistics)
 
 

@@ -111,6 +111,8 @@ class PhaseTwoStatistics:
         return asdict(self)
 
     def __str__(self) -> str:
+        if not self.steps:
+            return "no knot was moved"
         best, parts = np.inf, []
         for step in self.steps:
             if step.duration < best:
@@ -120,7 +122,9 @@ class PhaseTwoStatistics:
             f"{', '.join(parts)}; {len(self.steps)} times modified, {self.nodes} nodes for "
             f"{self.directions} directions, {self.proved} of them proved the best"
         )
-        return text + "; the node budget ended it" if self.budget_reached else text
+        return (
+            text + "; some ended at their share of the node budget" if self.budget_reached else text
+        )
 
 
 class SuhBishop:

@@ -14,7 +14,7 @@ from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.tube_sources.free_space import FreeSpace
 from tubeplanner.tube_sources.hand_corners import HandCorners, hand_corners
 from tubeplanner.tube_sources.measured_plan import MeasuredPlan, measured_plan
-from tubeplanner.tube_sources.trail import moving_part, without_ways_back
+from tubeplanner.tube_sources.trail import LEAST_MOVE, moving_part, without_ways_back
 from tubeplanner.tube_sources.tube_answer import TubeAnswer, answer_of
 from tubeplanner.verification.refusal import require_free
 
@@ -64,21 +64,45 @@ def teach(
     options, enter = options or TeachOptions(), progress or (lambda stage: None)
     begin = time.perf_counter()
     enter("corners of the trail")
-    moving, turns = without_ways_back(problem.robot, moving_part(trail), options.deviation)
-    notes = tuple(
+    kept = moving_part(trail)
+    moving, turns = without_ways_back(problem.robot, kept, options.deviation)
+    notes = [
+        f"left out: {len(trail) - len(kept)} of {len(trail)} samples, in which no joint moved by "
+        f"{LEAST_MOVE:g} rad or m since the one before: pauses and noise"
+    ] * (len(kept) < len(trail))
+    notes += [
         f"left out: a way out and back that turned with the hand at {np.round(turn, 3).tolist()} m "
         "(no tube can ask for it; record two trails to have the hand go there)"
         for turn in turns
-    )
+    ]
     how = MeasureOptions(options.max_radius, options.samples, options.seed)
     found: MeasuredPlan | Infeasible
     try:
         space = FreeSpace(problem, 0.0, moving[[0, -1]])
         corners = _corners(problem, space, moving, options.deviation)
         found = measured_plan(problem, space, corners, options.band, how, enter)
+        notes += _left_by_trail(found.problem, moving)
     except Infeasible as reason:
         found = reason
-    return answer_of(found, notes=notes, search_time=time.perf_counter() - begin)
+    return answer_of(found, notes=tuple(notes), search_time=time.perf_counter() - begin)
+
+
+def _left_by_trail(problem: PlanningProblem, trail: FloatArray) -> list[str]:
+    """Say so if a tube's joint ranges do not hold the trail (N, n) itself."""
+    beyond = np.maximum(problem.joint_lower - trail[:, None], trail[:, None] - problem.joint_upper)
+    inside = problem.tube.margin(problem.robot.tool_position(trail)) >= 0
+    most = np.where(inside, beyond.max(axis=2), np.inf)
+    rows = np.flatnonzero(inside.any(axis=1))
+    row = int(rows[most[rows].min(axis=1).argmax()])
+    segment = int(most[row].argmin())
+    joint = int(beyond[row, segment].argmax())
+    if beyond[row, segment, joint] <= 0:
+        return []
+    return [
+        "the measured joint ranges are those around the planner's own way along the lines; the "
+        f"trail leaves them by up to {beyond[row, segment, joint]:.2g} rad or m "
+        f"('{problem.robot.joint_names[joint]}', segment {segment})"
+    ]
 
 
 def _corners(

@@ -13,7 +13,7 @@ from tubeplanner.tube_sources.simplification import simplified
 # Joints that were recorded this far outside their limits stood at them [rad or m].
 _AT_LIMIT = 0.01
 # Samples are dropped until a joint has moved this far: pauses, duplicates, noise [rad or m].
-_LEAST_MOVE = 0.02
+LEAST_MOVE = 0.02
 # Configurations on the way out and back are the same ones [rad or m].
 _SAME_CONFIGURATION = 0.25
 _DECIMALS = 6
@@ -57,11 +57,11 @@ def moving_part(q: FloatArray) -> FloatArray:
     """
     kept = [0]
     for k in range(1, len(q)):
-        if abs(q[k] - q[kept[-1]]).max() >= _LEAST_MOVE:
+        if abs(q[k] - q[kept[-1]]).max() >= LEAST_MOVE:
             kept.append(k)
     if len(kept) < 2:
         raise TrajectoryError(
-            f"the trail does not move: no joint leaves its first value by {_LEAST_MOVE:g} rad or m "
+            f"the trail does not move: no joint leaves its first value by {LEAST_MOVE:g} rad or m "
             f"in {len(q)} samples; at least a start and a goal are needed"
         )
     if abs(q[-1] - q[kept[-1]]).max() > 0:

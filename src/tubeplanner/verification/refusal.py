@@ -5,6 +5,8 @@ from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.verification.certificate import Certificate, Tolerance
 
+_REMEDY = "move the reference points or choose another configuration"
+
 
 def refusal(problem: PlanningProblem, certificate: Certificate) -> Infeasible | None:
     """Return why a certificate refuses a motion, or None if it passed."""
@@ -45,24 +47,25 @@ def require_free(problem: PlanningProblem, name: str, q: FloatArray) -> None:
             links, obstacle = checker.owners(pairs[worst])
             place = Place(links=links, obstacle=obstacle)
             margin = float(distance[worst]) - required
-            raise _blocked(problem, place, margin, f"in the {name} configuration")
+            when = f"in the {name} configuration"
+            remedy = f"choose another {name} or move what is in the way"
+            raise _blocked(problem, place, margin, when, remedy)
 
 
-def _blocked(problem: PlanningProblem, place: Place, margin: float, when: str) -> Infeasible:
+def _blocked(
+    problem: PlanningProblem, place: Place, margin: float, when: str, remedy: str = _REMEDY
+) -> Infeasible:
     """Say which links are where, and how deep or how near."""
     links = place.links or ()
     if place.obstacle is None:
         message = (
-            f"{' and '.join(links)} overlap by {-1000 * margin:.1f} mm {when}; choose another "
-            "configuration, or list the pair in collision.ignore if it may touch"
+            f"{' and '.join(links)} overlap by {-1000 * margin:.1f} mm {when}; {remedy}, "
+            "or list the pair in collision.ignore if it may touch"
         )
         return Infeasible(PlanStatus.TUBE_BLOCKED, message, place)
     distance = 1000 * (margin + problem.clearance)
     near = f"comes within {distance:.1f} mm of"
     deed = near if distance > 0 else f"reaches {-distance:.1f} mm into"
     wanted = f" (clearance {1000 * problem.clearance:g} mm)" if problem.clearance else ""
-    message = (
-        f"'{links[0]}' {deed} '{place.obstacle}'{wanted} {when}; move the reference points or "
-        "choose another configuration"
-    )
+    message = f"'{links[0]}' {deed} '{place.obstacle}'{wanted} {when}; {remedy}"
     return Infeasible(PlanStatus.TUBE_BLOCKED, message, place)
