@@ -27,7 +27,7 @@ from tubeplanner.tube.tube import Tube
 
 _METHODS = (SUH_BISHOP, REFINEMENT)
 CONVENTIONAL = "by the paper's constants"
-_PATH_RADIUS = 0.03  # [m]: for the schemes that cut corners
+PATH_RADIUS = 0.03  # [m]: for the schemes that cut corners
 _EVERYWHERE = 10.0  # [m]: a tube that the arm cannot leave
 
 
@@ -173,7 +173,7 @@ def _cell(example: int, radius: float, progress: Callable[[Progress], None]) -> 
 
 
 def _path(example: int) -> ReproducedPath:
-    problem = paper_problem(example, _PATH_RADIUS)
+    problem = paper_problem(example, PATH_RADIUS)
     motions: dict[str, JointTrajectory | str] = {CONVENTIONAL: _conventional(problem)}
     for name in BASELINES:
         try:

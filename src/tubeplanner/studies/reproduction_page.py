@@ -12,7 +12,7 @@ from tubeplanner.studies.printed_results import (
     TABLE_TWO,
     PrintedLine,
 )
-from tubeplanner.studies.reproduction import Reproduction
+from tubeplanner.studies.reproduction import PATH_RADIUS, Reproduction
 
 _INTRODUCTION = """\
 # Suh & Bishop (1988), from our code
@@ -22,6 +22,10 @@ Systems 5(6), 497-525. The two-link arm of its Table I, horizontal plane, motors
 elbow kept on one side. The paper does not say where the masses sit: with each at the end of its
 link the bang-bang times come out. Durations are in seconds.
 
+The paper plans in two phases. Phase 1 takes points of the reference path as knots of a joint
+polynomial and finds the fastest choice by branch and bound. Phase 2 moves the knots within the tube
+and doubles them.
+
 **Published** is `--method suh-bishop`, the algorithm as printed; what the paper leaves open (the
 increments, the line search, when to stop) is ours. **Default** is `refinement`. Both are certified.
 **Ratio** is ours by printed. Made by `tubeplanner reproduce`.
@@ -30,6 +34,14 @@ increments, the line search, when to stop) is ours. **Default** is `refinement`.
 _NOT_MONOTONE = """\
 - Where a wider tube gives a slower published motion, its search ended in another local optimum: the
   narrower tube's motion keeps to the wider one too.
+"""
+
+_SCHEMES = f"""\
+The schemes that the paper compares with. Conventional: straight lines with stops at trapezoidal
+speed, by the constants of Table I or as fast as the limits allow. Bang-bang: the least time on the
+lines, by motors that switch at once; smoothed until the acceleration is continuous. Arc corners and
+Taylor's bounded deviation cut corners, within {1000 * PATH_RADIUS:.0f} mm. All but the smoothed
+ones have accelerations that jump.
 """
 
 # What a ratio can be of, and where it stands in Table II.
@@ -48,11 +60,9 @@ def reproduction_page(reproduction: Reproduction, figures: Mapping[str, str]) ->
         "## Table II: five examples\n",
         _table_two(reproduction),
         _summary(reproduction),
-        _NOT_MONOTONE
-        + _remarks(
-            f"Example {number}: {row.remark}." for number, row in TABLE_TWO.items() if row.remark
-        ),
+        _NOT_MONOTONE + _remarks(_on_examples()),
         "## The reference path itself\n",
+        _SCHEMES,
         _table_of_paths(reproduction),
         "## Table III: the line of figure 8(a)\n",
         _table_of_line(reproduction, TABLE_THREE),
@@ -65,6 +75,18 @@ def reproduction_page(reproduction: Reproduction, figures: Mapping[str, str]) ->
         *(f"![{caption}]({file})\n" for caption, file in figures.items()),
     ]
     return "\n".join(parts)
+
+
+def _on_examples() -> list[str]:
+    """Return what is to be known of the printed numbers; what is said of several, once."""
+    examples: dict[str, list[int]] = {}
+    for number, row in TABLE_TWO.items():
+        if row.remark:
+            examples.setdefault(row.remark, []).append(number)
+    return [
+        f"Example{'s' * (len(numbers) > 1)} {' and '.join(map(str, numbers))}: {remark}."
+        for remark, numbers in examples.items()
+    ]
 
 
 def _table_two(reproduction: Reproduction) -> str:
