@@ -142,6 +142,16 @@ def test_ctrl_c_ends_the_comparison(slider):
     assert said == ["bang-bang: inverse kinematics along the reference path"]
 
 
+def test_ctrl_c_keeps_the_rows_that_are_done(slider):
+    def interrupt(what):
+        if str(what).startswith("bang-bang"):
+            raise KeyboardInterrupt
+
+    result = compare(slider, ["conventional", "bang-bang"], progress=interrupt)
+    assert [row.method for row in result.rows] == ["conventional"]
+    assert result.as_dict()["stopped_by"] == "interrupt"
+
+
 def test_a_wrong_name_lists_those_there_are(slider):
     with pytest.raises(OptionError, match=r"unknown method 'bang' \(did you mean .*refinement"):
         compare(slider, ["bang"])

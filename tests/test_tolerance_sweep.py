@@ -8,7 +8,16 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from tubeplanner import OptionError, PlanningProblem, Seed, Tube, load_problem, plan, sweep
+from tubeplanner import (
+    OptionError,
+    PlanningProblem,
+    PlanOptions,
+    Seed,
+    Tube,
+    load_problem,
+    plan,
+    sweep,
+)
 
 
 @pytest.fixture(scope="module")
@@ -103,3 +112,16 @@ def test_progress_names_the_tolerance():
     sweep(load_problem("example:two_link/paper_1_30mm"), [0.01, 0.03], progress=told.append)
     assert told[0].startswith("tolerance 1 of 2: ")
     assert told[-1].startswith("tolerance 2 of 2: ")
+
+
+def test_ctrl_c_keeps_the_rows_that_are_done(two_link):
+    def interrupt(what):
+        if str(what).startswith("tolerance 2"):
+            raise KeyboardInterrupt
+
+    problem = load_problem("example:two_link/paper_1_30mm")
+    result = sweep(
+        problem, [0.03, 0.05], options=PlanOptions("stop-at-corners"), progress=interrupt
+    )
+    assert [row.value for row in result.rows] == [0.03]
+    assert result.as_dict()["stopped_by"] == "interrupt"

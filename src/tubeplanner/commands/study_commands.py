@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from tubeplanner.studies.comparison import Comparison
     from tubeplanner.studies.tolerance_sweep import SweepResult
 
+_INTERRUPTED = "; interrupted, the others were not tried"
+
 
 @click.command()
 @click.argument("problem")
@@ -102,13 +104,14 @@ def sweep(
     message = (
         f"{sum(row.duration is not None for row in result.rows)} of {len(result.rows)} planned"
     )
+    message += _INTERRUPTED if result.stopped_by else ""
     if as_json:
         report = {**empty_report(status, message, nowhere()), "loading_time": loading_time}
         print_json({**report, **result.as_dict()})
     else:
         from tubeplanner.commands.report import sweep_text
 
-        print(sweep_text(result))
+        print(sweep_text(result), message, sep="\n")
         print(*(f"{path}" for path in outputs), sep="\n", end="\n" if outputs else "")
     return SUCCESS if result.succeeded else INFEASIBLE
 
@@ -155,13 +158,14 @@ def compare(
         outputs += _write_comparison(result, output, figure, trajectories)
     certified = sum(row.certified for row in result.rows)
     message = f"{certified} of {len(result.rows)} certified"
+    message += _INTERRUPTED if result.stopped_by else ""
     if as_json:
         report = empty_report("success" if certified else "no_trajectory", message, nowhere())
         print_json({**report, "loading_time": loading_time, **result.as_dict()})
     else:
         from tubeplanner.commands.report import comparison_text
 
-        print(comparison_text(result))
+        print(comparison_text(result), message, sep="\n")
         print(*(f"{path}" for path in outputs), sep="\n", end="\n" if outputs else "")
     return SUCCESS if certified else INFEASIBLE
 

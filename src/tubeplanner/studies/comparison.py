@@ -14,7 +14,7 @@ from tubeplanner.outcome import Infeasible, PlanStatus
 from tubeplanner.planning.plan_options import METHODS, PlanOptions
 from tubeplanner.planning.planner import plan
 from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.progress import Progress
+from tubeplanner.progress import Progress, StoppedBy
 from tubeplanner.studies.motion_measures import MotionMeasures, motion_measures
 from tubeplanner.verification.certificate import Certificate, Condition
 from tubeplanner.verification.refusal import refusal
@@ -94,10 +94,12 @@ class Comparison:
     Attributes:
         problem: What was asked.
         rows: One per method, in the order asked for.
+        stopped_by: "interrupt" if Ctrl-C kept the other methods from their turn; None otherwise.
     """
 
     problem: PlanningProblem
     rows: tuple[ComparisonRow, ...]
+    stopped_by: StoppedBy | None = None
 
     @property
     def succeeded(self) -> bool:
@@ -106,7 +108,8 @@ class Comparison:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the comparison as JSON values."""
-        return {"problem": self.problem.name, "rows": [row.as_dict() for row in self.rows]}
+        rows = [row.as_dict() for row in self.rows]
+        return {"problem": self.problem.name, "stopped_by": self.stopped_by, "rows": rows}
 
     def csv(self) -> str:
         """Return the rows as CSV; `failures` has NAME=MARGIN, spaces between them."""
@@ -135,20 +138,26 @@ def compare(
         progress: Called as `plan` does, what it says naming the method.
 
     Returns:
-        A row for every method. One that has no answer says why; it never stops the others.
+        A row for every method. One that has no answer says why; it never stops the others. After
+        Ctrl-C, the rows that are done.
 
     Raises:
         OptionError: A name is unknown, or there is none.
-        KeyboardInterrupt: Ctrl-C.
+        KeyboardInterrupt: Ctrl-C before the first method was done.
     """
-    rows = []
+    rows: list[ComparisonRow] = []
     for name in _known(methods):
 
         def told(what: Progress, method: str = name) -> None:
             if progress is not None:
                 progress(f"{method}: {what}")
 
-        rows.append(_row(problem, name, options or PlanOptions(), told))
+        try:
+            rows.append(_row(problem, name, options or PlanOptions(), told))
+        except KeyboardInterrupt:
+            if not rows:
+                raise
+            return Comparison(problem, tuple(rows), "interrupt")
     return Comparison(problem, tuple(rows))
 
 

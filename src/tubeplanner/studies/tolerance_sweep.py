@@ -18,7 +18,7 @@ from tubeplanner.planning.plan_options import PlanOptions
 from tubeplanner.planning.plan_result import PlanResult
 from tubeplanner.planning.planner import plan
 from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.progress import Progress
+from tubeplanner.progress import Progress, StoppedBy
 from tubeplanner.refinement.sensitivities import Sensitivity
 from tubeplanner.tube.tube import Tube
 
@@ -88,11 +88,13 @@ class SweepResult:
         problem: What was asked.
         quantity: "radius" [m] or "radius_scale".
         rows: One per tolerance, the narrowest first.
+        stopped_by: "interrupt" if Ctrl-C kept wider tolerances from being planned; None otherwise.
     """
 
     problem: PlanningProblem
     quantity: str
     rows: tuple[SweepRow, ...]
+    stopped_by: StoppedBy | None = None
 
     @property
     def succeeded(self) -> bool:
@@ -102,7 +104,8 @@ class SweepResult:
     def as_dict(self) -> dict[str, Any]:
         """Return the sweep as JSON values."""
         rows = [row.as_dict() for row in self.rows]
-        return {"problem": self.problem.name, "quantity": self.quantity, "rows": rows}
+        told = {"problem": self.problem.name, "quantity": self.quantity}
+        return {**told, "stopped_by": self.stopped_by, "rows": rows}
 
     def csv(self) -> str:
         """Return the rows as CSV; `radii` has one number per segment [m], spaces between them."""
@@ -137,11 +140,11 @@ def sweep(
 
     Returns:
         A row for every tolerance, the narrowest first. A tolerance that cannot be planned has the
-        reason in its row.
+        reason in its row. After Ctrl-C, the rows that are done.
 
     Raises:
         OptionError: Not exactly one of radii and scales is given, or one is not positive.
-        KeyboardInterrupt: Ctrl-C.
+        KeyboardInterrupt: Ctrl-C before the first tolerance was done.
     """
     if (radii is None) == (scales is None):
         raise OptionError("sweep takes either radii or scales")
@@ -154,7 +157,12 @@ def sweep(
             if progress is not None:
                 progress(f"tolerance {where}: {what}")
 
-        rows.append(_row(problem, quantity, value, options, told, rows))
+        try:
+            rows.append(_row(problem, quantity, value, options, told, rows))
+        except KeyboardInterrupt:
+            if not rows:
+                raise
+            return SweepResult(problem, quantity, tuple(rows), "interrupt")
     return SweepResult(problem, quantity, tuple(rows))
 
 
