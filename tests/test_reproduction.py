@@ -92,4 +92,14 @@ def test_the_command_writes_the_page_and_its_figures(reproduced, tmp_path, run, 
 def test_a_folder_that_cannot_be_made_is_named(tmp_path, run):
     code, _, err = run("reproduce", "-o", str(tmp_path / "no" / "folder"))
     assert code == 2
-    assert "folder" in err and "could not be made: No such file or directory" in err
+    assert f"the folder {tmp_path / 'no'} does not exist" in err
+
+
+def test_an_interrupted_run_leaves_no_folder(tmp_path, run, monkeypatch):
+    def interrupt(progress):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(module, "reproduce", interrupt)
+    code, _, err = run("reproduce", "-o", str(tmp_path / "paper"))
+    assert code == 130 and "interrupted before there was an answer" in err
+    assert not (tmp_path / "paper").exists()

@@ -40,14 +40,15 @@ def reproduce(output: Path, as_json: bool) -> int:
 
     files = {caption: f"{name}.png" for name, (caption, _) in FIGURES.items()}
     page = output / PAGE
-    make_folder(output)
-    require_writable([page, *(output / file for file in files.values())])
+    written = [page, *(output / file for file in files.values())]
+    require_writable(written if output.is_dir() else [output])
     with shown_progress() as enter:
         reproduction = reproduce_tables(enter)
         enter("drawing")
         contents = {page: reproduction_page(reproduction, files).encode()}
         for name, (_, draw) in FIGURES.items():
             contents[output / f"{name}.png"] = figure_png(draw(reproduction))
+        make_folder(output)  # only now, so that an interrupted run leaves none behind
         write_files(contents)
     if as_json:
         report = empty_report("success", f"{len(reproduction.cells)} cases", nowhere())
