@@ -4,7 +4,7 @@
 
 A tube is made so that a solution is known to exist: a random walk of three configurations, free of
 self-collision and holdable by the motors along the straight joint lines between them; the
-reference points are the hand's positions at the three, the radius covers the walk's distance from
+reference points are the tool's positions at the three, the radius covers the walk's distance from
 the straight lines. No problem is left out because the planner fails.
 """
 
@@ -70,7 +70,7 @@ def gantry() -> RobotModel:
 def two_link() -> RobotModel:
     """Return the paper's arm, without gravity and velocity limits."""
     unlimited = LimitOverrides(velocity={"joint1": math.inf, "joint2": math.inf})
-    return load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=unlimited)
+    return load_robot("example:two_link", "tool", gravity=(0, 0, 0), limits=unlimited)
 
 
 def double_pendulum() -> RobotModel:
@@ -125,8 +125,8 @@ def random_problem(robot: RobotModel, seed: int) -> PlanningProblem:
 def _is_sound(robot: RobotModel, checker: CollisionChecker, q: np.ndarray) -> bool:
     if (abs(robot.gravity_effort(q)) > EFFORT_SHARE * robot.limits.effort).any():
         return False
-    hand = robot.tool_position(q[[0, WALK_SAMPLES - 1, -1]])
-    if np.linalg.norm(np.diff(hand, axis=0), axis=1).min() < 0.02:
+    tool = robot.tool_position(q[[0, WALK_SAMPLES - 1, -1]])
+    if np.linalg.norm(np.diff(tool, axis=0), axis=1).min() < 0.02:
         return False
     poses = robot.body_poses(q[::4])
     pairs = checker.link_pairs

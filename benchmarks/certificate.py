@@ -25,7 +25,7 @@ from tubeplanner import (
     verify,
 )
 from tubeplanner.verification.closest_approach import closest_approach
-from tubeplanner.verification.enclosure import enclosed_efforts, enclosed_hand
+from tubeplanner.verification.enclosure import enclosed_efforts, enclosed_tool
 from tubeplanner.verification.tube_visits import least_margin, tube_visits
 
 OBSTACLES = 10
@@ -60,15 +60,15 @@ def with_obstacles(problem: PlanningProblem, trajectory: JointTrajectory) -> Pla
 
 
 def intervals(problem: PlanningProblem, trajectory: JointTrajectory) -> str:
-    """Return how many intervals hand, efforts, tube, obstacles and links were looked at on."""
+    """Return how many intervals tool, efforts, tube, obstacles and links were looked at on."""
     robot, checker = problem.robot, problem.collision
-    hand = enclosed_hand(robot, trajectory, 1e-7)
+    tool = enclosed_tool(robot, trajectory, 1e-7)
     efforts = enclosed_efforts(robot, trajectory, 1e-7 * robot.limits.effort)
-    visits = tube_visits(problem, trajectory, hand)
+    visits = tube_visits(problem, trajectory, tool)
     counts = [
-        len(hand.width),
+        len(tool.width),
         len(efforts.width),
-        least_margin(problem.tube, hand, visits).intervals,
+        least_margin(problem.tube, tool, visits).intervals,
     ]
     for pairs, required in ((checker.obstacle_pairs, problem.clearance), (checker.link_pairs, 0.0)):
         nearest = closest_approach(checker, trajectory, pairs, required)
@@ -93,7 +93,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--repeats", type=int, default=9, help="of each certificate")
     options = parser.parse_args()
-    print("Intervals: hand / efforts / tube / link-obstacle pairs / link-link pairs\n")
+    print("Intervals: tool / efforts / tube / link-obstacle pairs / link-link pairs\n")
     print("| problem | method | obstacles | pairs | passes | intervals | time [ms] | of the aim |")
     print("|---|---|---|---|---|---|---|---|")
     for name in (*ARMS, "ur5/level_tray"):

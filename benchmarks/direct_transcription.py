@@ -228,7 +228,7 @@ def starts_of(
         trajectory = scaled_to_limits(problem.robot, spline)
         start = PhasedTrajectory(trajectory, motion.gates * trajectory.duration)
         along.append((f"branch {rule.name.lower()}", start))
-    if problem.robot.joint_count <= 3:  # the hand's position leaves nothing free
+    if problem.robot.joint_count <= 3:  # the tool's position leaves nothing free
         along = along[:1]
     first = along[0][1]
     chosen = [along[0], ("joint line", _mixed(first, 1.0)), ("half-way", _mixed(first, 0.5))]
@@ -248,7 +248,7 @@ def _mixed(start: PhasedTrajectory, line_share: float) -> PhasedTrajectory:
 
 
 def _perturbed(start: PhasedTrajectory, seed: int) -> PhasedTrajectory:
-    """Return a start with waves on all joints, also on those that the hand does not need."""
+    """Return a start with waves on all joints, also on those that the tool does not need."""
     rng = np.random.default_rng(seed)
     x = np.linspace(0, 1, GUESS_POINTS)
     q = start.trajectory.position(x * start.gates[-1])
@@ -263,7 +263,7 @@ def _through(start: PhasedTrajectory, q: np.ndarray) -> PhasedTrajectory:
 
 
 def ours_as_start(problem: PlanningProblem, result: PlanResult) -> PhasedTrajectory:
-    """Return the default plan with gates at the middle of where the hand may change capsules."""
+    """Return the default plan with gates at the middle of where the tool may change capsules."""
     trajectory, tube = result.trajectory, problem.tube
     times = np.linspace(0, trajectory.duration, 4001)
     margin = tube.margin(problem.robot.tool_position(trajectory.position(times)))

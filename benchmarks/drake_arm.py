@@ -157,7 +157,7 @@ def _turn(along: np.ndarray) -> np.ndarray:
 
 
 def _require_agreement(arm: DrakeArm, problem: PlanningProblem) -> None:
-    """Compare hand and efforts with ours at random states."""
+    """Compare tool and efforts with ours at random states."""
     robot, plant = problem.robot, arm.plant
     for state in np.random.default_rng(0).uniform(-1, 1, (10, 3, robot.joint_count)):
         q, v, a = state
@@ -165,9 +165,9 @@ def _require_agreement(arm: DrakeArm, problem: PlanningProblem) -> None:
         plant.SetVelocities(arm.context, v)
         effort = plant.CalcMassMatrix(arm.context) @ a + plant.CalcBiasTerm(arm.context)
         effort -= plant.CalcGravityGeneralizedForces(arm.context)
-        hand = plant.CalcPointsPositions(arm.context, arm.tool, arm.tool_point, plant.world_frame())
+        tool = plant.CalcPointsPositions(arm.context, arm.tool, arm.tool_point, plant.world_frame())
         for found, wanted in (
             (effort, robot.inverse_dynamics(q[None], v[None], a[None])[0]),
-            (hand[:, 0], robot.tool_position(q[None])[0]),
+            (tool[:, 0], robot.tool_position(q[None])[0]),
         ):
             assert abs(found - wanted).max() <= AGREEMENT * max(1.0, abs(wanted).max())

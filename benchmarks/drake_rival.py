@@ -1,7 +1,7 @@
 """Drake's KinematicTrajectoryOptimization on tube problems, for `rivals.py`.
 
 Tuned as a fair user would: a cubic B-spline of 24 control points; position and velocity limits on
-control points; efforts, tube and distances at samples. The hand's distance to each segment is
+control points; efforts, tube and distances at samples. The tool's distance to each segment is
 exact (`PointToLineDistanceConstraint`), not a box. Which segment a sample belongs to is fixed while
 SNOPT runs; it is then chosen again from the answer, and the program solved from there. What is
 broken between samples is taken into account by narrower limits in the next round. Ends are those of
@@ -141,7 +141,7 @@ def _keep_in_tube(
     gates = start.gates / start.gates[-1]
     nearest = 1 + abs(places[1:-1, None] - gates[1:-1]).argmin(axis=0)
     for index, place in enumerate(places[1:-1], 1):
-        # At a hand-over the hand is in both capsules.
+        # At a switching time the tool is in both capsules.
         segments = {int(np.searchsorted(gates[1:-1], place))}
         segments |= {k + side for k in np.flatnonzero(nearest == index) for side in (0, 1)}
         for k in segments:
@@ -151,15 +151,15 @@ def _keep_in_tube(
 
 
 def _capsule(arm: DrakeArm, line: object, radius: float, length: float) -> list[object]:
-    """Return the constraints that hold the hand in a capsule's cylinder."""
-    plant, context, hand = arm.plant, arm.context, arm.tool_point
+    """Return the constraints that hold the tool in a capsule's cylinder."""
+    plant, context, tool = arm.plant, arm.context, arm.tool_point
     free = np.full(2, np.inf)
     axis = np.array([0.0, 0.0, 1.0])
     return [
         PointToLineDistanceConstraint(
-            plant, arm.tool, hand, line, np.zeros(3), axis, 0.0, radius, context
+            plant, arm.tool, tool, line, np.zeros(3), axis, 0.0, radius, context
         ),
-        PositionConstraint(plant, line, [*-free, 0.0], [*free, length], arm.tool, hand, context),
+        PositionConstraint(plant, line, [*-free, 0.0], [*free, length], arm.tool, tool, context),
     ]
 
 
@@ -202,7 +202,7 @@ def _trajectory(
 
 
 def gates_of(problem: PlanningProblem, motion: JointTrajectory) -> np.ndarray:
-    """Return when a motion is deepest in both capsules of each hand-over."""
+    """Return when a motion is deepest in both capsules of each switching time."""
     times = np.linspace(0, motion.duration, 2001)
     margin = problem.tube.margin(problem.robot.tool_position(motion.position(times)))
     both = np.minimum(margin[:, :-1], margin[:, 1:])

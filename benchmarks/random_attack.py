@@ -48,9 +48,9 @@ def random_attack(
 
 def is_allowed(problem: PlanningProblem, segment: int, q: FloatArray) -> np.ndarray:
     """Return which configurations (N, n) a segment allows: bool, shape (N,)."""
-    rotation, hand = problem.robot.tool_pose(q)
-    inside = problem.tube.margin(hand)[:, segment] >= 0
-    inside &= problem.tube.rotation_margin(rotation, hand)[:, segment] >= 0
+    rotation, tool = problem.robot.tool_pose(q)
+    inside = problem.tube.margin(tool)[:, segment] >= 0
+    inside &= problem.tube.rotation_margin(rotation, tool)[:, segment] >= 0
     lower, upper = problem.joint_lower[segment], problem.joint_upper[segment]
     return inside & ((q >= lower) & (q <= upper)).all(axis=1)
 
@@ -108,7 +108,7 @@ def _projected(
     rng: np.random.Generator,
     steps: int = _PROJECTIONS,
 ) -> FloatArray:
-    """Move configurations by pseudo-inverse steps until hands are at random points of a capsule.
+    """Move configurations by pseudo-inverse steps until tools are at random points of a capsule.
 
     Turned as a rotation tolerance allows, by random shares of it.
     """
@@ -131,16 +131,16 @@ def _residual(
     problem: PlanningProblem, segment: int, q: FloatArray, wanted: FloatArray, share: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return what is missing to wanted points and turns, shape (N, c), and its Jacobian."""
-    rotation, hand, jacobian = problem.robot.tool_pose_jacobian(q)
+    rotation, tool, jacobian = problem.robot.tool_pose_jacobian(q)
     rotational = problem.tube.rotation
     if rotational is None:
-        return wanted - hand, jacobian[:, :3]
+        return wanted - tool, jacobian[:, :3]
     where = np.full(len(q), segment)
-    error, turning = rotational.error_jacobian(rotation, hand, jacobian, where)
+    error, turning = rotational.error_jacobian(rotation, tool, jacobian, where)
     # The last bound is that of the whole angle.
     most = share * np.minimum(rotational.bounds[segment][:3], rotational.bounds[segment][3])
     missing = np.clip(error, -most, most) - error
-    return np.hstack([wanted - hand, missing]), np.concatenate([jacobian[:, :3], turning], axis=1)
+    return np.hstack([wanted - tool, missing]), np.concatenate([jacobian[:, :3], turning], axis=1)
 
 
 def _solid(shape: object) -> object:

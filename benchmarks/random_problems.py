@@ -1,7 +1,7 @@
 """Random planning problems that have a solution: each is built around a walk of the arm.
 
 The walk, a smooth or polygonal line through random configurations, is the witness: moved along it
-slowly enough, with rests at its corners, the arm breaks nothing. The tube is laid around its hand,
+slowly enough, with rests at its corners, the arm breaks nothing. The tube is laid around its tool,
 obstacles are placed beside its links. Candidates are refused for what the walk itself does, never
 for what a planner or its inverse kinematics makes of them; `RULES` lists the reasons.
 """
@@ -35,7 +35,7 @@ SHORTEST_SEGMENT = 0.03  # [m]
 SHARPEST_TURN = math.radians(150)
 MOST_SEGMENTS = 5
 LIMIT_ROOM = 0.01  # [rad] between the walk and position limits, and from a signed joint to zero
-SMALL_ROOM = 0.002  # [m] that the hand keeps to its capsule's wall, beside 5 %
+SMALL_ROOM = 0.002  # [m] that the tool keeps to its capsule's wall, beside 5 %
 LARGEST_TOLERANCE = math.radians(60)  # of rotation
 ROWS_PER_LEG = 100
 MOST_CANDIDATES = 5000
@@ -44,9 +44,9 @@ MOST_DRAWS = 200  # of one obstacle
 LIMITS = "the walk comes within 0.01 rad of a position limit"
 GRAVITY = "holding the arm still takes more than 95 % of a motor's effort"
 SHORT = "reference points are nearer than 3 cm to each other"
-TURN = "the hand's route turns by more than 150 degrees"
-CURVED = "the hand strays by more than 15 cm from the straight line"
-TURNED = "the hand is turned by more than 60 degrees away from the reference"
+TURN = "the tool's route turns by more than 150 degrees"
+CURVED = "the tool strays by more than 15 cm from the straight line"
+TURNED = "the tool is turned by more than 60 degrees away from the reference"
 LINKS = "links come within 5 mm of each other"
 CROWDED = "no place for an obstacle was found"
 DENSE = "the check between the samples failed"
@@ -86,7 +86,7 @@ class Features:
 def two_link() -> RobotModel:
     """Return the paper's arm, without gravity and velocity limits."""
     unlimited = LimitOverrides(velocity={"joint1": math.inf, "joint2": math.inf})
-    return load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=unlimited)
+    return load_robot("example:two_link", "tool", gravity=(0, 0, 0), limits=unlimited)
 
 
 def xarm7() -> RobotModel:
@@ -196,17 +196,17 @@ def _walk(rng: np.random.Generator, robot: RobotModel, features: Features) -> np
     return np.array([np.interp(at, np.arange(legs + 1), column) for column in columns]).T
 
 
-def _gates(hand: np.ndarray, features: Features) -> tuple[int, ...]:
-    """Return the rows of the walk at which the hand's positions (P, 3) are reference points."""
+def _gates(tool: np.ndarray, features: Features) -> tuple[int, ...]:
+    """Return the rows of the walk at which the tool's positions (P, 3) are reference points."""
     if features.at_knots:
-        gates = list(range(0, len(hand), ROWS_PER_LEG))
+        gates = list(range(0, len(tool), ROWS_PER_LEG))
     else:
-        gates = [0, len(hand) - 1]
+        gates = [0, len(tool) - 1]
         while len(gates) <= features.segments:
-            off = [_off_line(hand[a : b + 1]) for a, b in pairwise(gates)]
+            off = [_off_line(tool[a : b + 1]) for a, b in pairwise(gates)]
             k = int(np.argmax([distance.max() for distance in off]))
             gates.insert(k + 1, gates[k] + max(1, int(off[k].argmax())))
-    points = hand[gates]
+    points = tool[gates]
     lines = np.diff(points, axis=0)
     lengths = np.linalg.norm(lines, axis=1)
     _require(lengths.min() >= SHORTEST_SEGMENT, SHORT)
@@ -215,11 +215,11 @@ def _gates(hand: np.ndarray, features: Features) -> tuple[int, ...]:
     return tuple(gates)
 
 
-def _off_line(hand: np.ndarray) -> np.ndarray:
+def _off_line(tool: np.ndarray) -> np.ndarray:
     """Return the distances (P,) of positions from the straight line between first and last [m]."""
-    if np.linalg.norm(hand[-1] - hand[0]) < SHORTEST_SEGMENT:
-        return np.linalg.norm(hand - hand[0], axis=1)
-    return Tube(hand[[0, -1]], 1.0).distance(hand)[:, 0]
+    if np.linalg.norm(tool[-1] - tool[0]) < SHORTEST_SEGMENT:
+        return np.linalg.norm(tool - tool[0], axis=1)
+    return Tube(tool[[0, -1]], 1.0).distance(tool)[:, 0]
 
 
 def _tube(
@@ -229,9 +229,9 @@ def _tube(
     gates: tuple[int, ...],
     features: Features,
 ) -> Tube:
-    rotation, hand = robot.tool_pose(walk)
+    rotation, tool = robot.tool_pose(walk)
     legs = [slice(a, b + 1) for a, b in pairwise(gates)]
-    needed = np.array([1.05 * _off_line(hand[leg]).max() + SMALL_ROOM for leg in legs])
+    needed = np.array([1.05 * _off_line(tool[leg]).max() + SMALL_ROOM for leg in legs])
     _require(needed.max() <= LARGEST_RADIUS, CURVED)
     drawn = np.exp(rng.uniform(*np.log([LEAST_RADIUS, LARGEST_RADIUS]), size=len(legs)))
     one_for_all = rng.random() < 0.5
@@ -239,12 +239,12 @@ def _tube(
     if one_for_all:
         radius = np.full(len(legs), max(needed.max(), drawn[0]))
     signs = _signs(rng, robot, walk, legs) if features.has_signs else None
-    points = hand[list(gates)]
+    points = tool[list(gates)]
     if not features.bounds_rotation:
         return Tube(points, radius, joint_signs=signs)
     orientations = Rotation.from_matrix(rotation[list(gates)]).as_quat()
     free = Tube(points, radius, orientations=orientations, rotation_tolerance=3.0).rotation
-    errors = [free.error(rotation[leg], hand[leg], k) for k, leg in enumerate(legs)]
+    errors = [free.error(rotation[leg], tool[leg], k) for k, leg in enumerate(legs)]
     tolerance = _rotation_tolerance(rng, errors, is_planar=robot.joint_count == 2)
     return Tube(
         points, radius, joint_signs=signs, orientations=orientations, rotation_tolerance=tolerance
@@ -256,7 +256,7 @@ def _rotation_tolerance(
 ) -> list[float | list[float]]:
     """Return bounds that rotation vectors (P, 3) per segment keep: angles, or components' bounds.
 
-    Of three components one may be free. A planar arm turns its hand about z alone.
+    Of three components one may be free. A planar arm turns its tool about z alone.
     """
     by_component = rng.random() < 0.5
     drawn = np.radians(rng.uniform(3, 30))

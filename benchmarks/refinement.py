@@ -115,11 +115,11 @@ def zigzag(name: str, segments: int) -> PlanningProblem:
     robot = base.robot
     first = reference_branch(base, spare_joint_rules(base)[0]).segments[0]
     start = first[len(first) // 2]
-    hand = robot.tool_position(start[None])[0]
-    inwards = -np.array([hand[0], hand[1], 0.0]) / np.linalg.norm(hand[:2])
+    tool = robot.tool_position(start[None])[0]
+    inwards = -np.array([tool[0], tool[1], 0.0]) / np.linalg.norm(tool[:2])
     sideways = np.array([-inwards[1], inwards[0], 0.0])
     steps = [0.10 * inwards, 0.08 * sideways, -0.10 * inwards, 0.08 * sideways]
-    points = np.cumsum([hand, *(steps[k % 4] for k in range(segments))], axis=0)
+    points = np.cumsum([tool, *(steps[k % 4] for k in range(segments))], axis=0)
     tube = Tube(points, 0.03, joint_signs=base.tube.joint_ranges[0])
     return PlanningProblem(robot, tube, start)
 

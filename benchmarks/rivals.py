@@ -3,7 +3,7 @@
     pip install '.[bench]'
     OMP_NUM_THREADS=1 python benchmarks/rivals.py [--problems NAME ...] [--markdown FILE]
 
-- TOPP-RA on the hand's straight lines with stops, and on arcs that use the tube at the corners
+- TOPP-RA on the tool's straight lines with stops, and on arcs that use the tube at the corners
   (`tubeplanner.baselines.baselines`): the fastest there is on these paths; the acceleration jumps.
 - Drake's KinematicTrajectoryOptimization (`drake_rival.py`), started from both the TOPP-RA motion
   and the reference branch.
@@ -50,7 +50,7 @@ MARKS = {
 }
 LEGEND = (
     "Ratios of durations to ours, and planning times. What the certificate objects to: a the "
-    "acceleration jumps, t the hand leaves the tube, c a collision or too little clearance, "
+    "acceleration jumps, t the tool leaves the tube, c a collision or too little clearance, "
     "l a limit."
 )
 
@@ -69,7 +69,7 @@ class Answer:
 
 
 def with_stops(problem: PlanningProblem, ends: np.ndarray) -> JointTrajectory:
-    """Return TOPP-RA's motion along the hand's lines, with stops."""
+    """Return TOPP-RA's motion along the tool's lines, with stops."""
     return judged_baseline(problem, "bang-bang")[0].trajectory
 
 

@@ -27,7 +27,7 @@ BROKEN = 1e-4  # share of a velocity or effort limit
 
 
 class SymbolicArm:
-    """Hand position and recursive Newton-Euler dynamics of an arm as CasADi expressions."""
+    """Tool position and recursive Newton-Euler dynamics of an arm as CasADi expressions."""
 
     def __init__(self, robot: RobotModel) -> None:
         """Read the arm's geometry and masses, and compare both with the arm itself."""
@@ -118,10 +118,10 @@ class SymbolicArm:
         states = rng.uniform(-2, 2, (3, 20, count))
         q, v, a = (ca.SX.sym(name, count) for name in "qva")
         own = ca.Function("own", [q, v, a], [self.inverse_dynamics(q, v, a), self.tool_position(q)])
-        efforts, hands = (np.array(rows).T for rows in own.map(20)(*(s.T for s in states)))
+        efforts, tools = (np.array(rows).T for rows in own.map(20)(*(s.T for s in states)))
         for found, wanted in (
             (efforts, self._robot.inverse_dynamics(*states)),
-            (hands, self._robot.tool_position(states[0])),
+            (tools, self._robot.tool_position(states[0])),
         ):
             assert abs(found - wanted).max() <= AGREEMENT * max(1.0, abs(wanted).max())
 
@@ -350,7 +350,7 @@ class _Block:
 class Transcription:
     """The program of one problem on one grid.
 
-    The hand of phase k stays in capsule k, at the phase's ends in those of both its neighbours.
+    The tool of phase k stays in capsule k, at the phase's ends in those of both its neighbours.
     """
 
     def __init__(
@@ -504,11 +504,11 @@ class Transcription:
         nodes = np.hstack([samples.position, *rates])
         interval, place = self._tube_at
         times = self._grid.times(durations)
-        hand = self._problem.robot.tool_position(
+        tool = self._problem.robot.tool_position(
             start.trajectory.position(times[interval] + place * np.diff(times)[interval])
         )
         phase, tube = self._grid.phase[interval], self._problem.tube
-        nearest = tube.nearest(hand)[np.arange(len(phase)), phase] - tube.points[phase]
+        nearest = tube.nearest(tool)[np.arange(len(phase)), phase] - tube.points[phase]
         along = np.diff(tube.points, axis=0)[phase]
         share = np.sum(nearest * along, axis=1) / np.sum(along**2, axis=1)
         return np.concatenate([nodes.ravel(), durations / self._unit, share])

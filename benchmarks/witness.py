@@ -20,7 +20,7 @@ class RandomCase:
         seed: What it was drawn from.
         problem: What is asked.
         witness: Configurations (P, n); straight joint lines between them.
-        gates: The rows of the witness at which the hand is at the reference points.
+        gates: The rows of the witness at which the tool is at the reference points.
     """
 
     arm: str
@@ -67,13 +67,13 @@ def _keeps_segment(case: RandomCase, k: int, parts: int) -> bool:
     """
     problem, tube = case.problem, case.problem.tube
     q = _divided(case.witness[case.gates[k] : case.gates[k + 1] + 1], parts)
-    rotation, hand = problem.robot.tool_pose(q)
+    rotation, tool = problem.robot.tool_pose(q)
     is_last = k + 1 == tube.segment_count
-    if is_last and problem.goal is None and not np.allclose(hand[-1], tube.points[-1], atol=1e-9):
+    if is_last and problem.goal is None and not np.allclose(tool[-1], tube.points[-1], atol=1e-9):
         return False
     inside = (q >= problem.joint_lower[k]).all() and (q <= problem.joint_upper[k]).all()
-    inside = inside and tube.margin(hand)[:, k].min() >= 0
-    return bool(inside and tube.rotation_margin(rotation, hand, slice(k, k + 1)).min() >= 0)
+    inside = inside and tube.margin(tool)[:, k].min() >= 0
+    return bool(inside and tube.rotation_margin(rotation, tool, slice(k, k + 1)).min() >= 0)
 
 
 def _can_be_held(problem: PlanningProblem, q: np.ndarray) -> bool:

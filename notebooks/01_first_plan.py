@@ -11,7 +11,7 @@
 # %% [markdown]
 # # A first plan
 #
-# A UR5 has to lift something over a wall. You know a rough route for its hand, and how far the hand may stray from it: 30 mm
+# A UR5 has to lift something over a wall. You know a rough route for its tool, and how far the tool may stray from it: 30 mm
 # beside the wall, 80 mm above it. That is a **tube**. tubeplanner finds the fastest smooth motion inside it that the
 # motors can produce, and proves that it keeps what was asked.
 #
@@ -30,7 +30,7 @@ from tubeplanner import plot_convergence, plot_trajectory
 # %% [markdown]
 # ## Say what is asked
 #
-# - The **robot**: its URDF, and which frame is the hand. `example:ur5` is bundled; a path to your own file works as well
+# - The **robot**: its URDF, and which frame is the tool. `example:ur5` is bundled; a path to your own file works as well
 #   (notebook 3).
 # - The **tube**: four points make three segments; each has its radius. `joint_signs` says which arm configuration is meant:
 #   elbow up.
@@ -75,7 +75,7 @@ for name, condition in result.certificate.conditions.items():
 # ## What the motion looks like
 #
 # Left: the joints against their limits, and `b(t)`, how many times faster each instant could be run. Where it is 1, some
-# motor or velocity is at its limit: there is nothing left to gain on this path. Right: the hand in its tube, how much
+# motor or velocity is at its limit: there is nothing left to gain on this path. Right: the tool in its tube, how much
 # of the tolerance it uses, and its speed. Colours behind the curves are those of the segments.
 
 # %%

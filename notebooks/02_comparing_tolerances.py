@@ -26,7 +26,7 @@ plt.rcParams.update({"figure.dpi": 100, "axes.grid": True, "grid.alpha": 0.25})
 # %% [markdown]
 # ## Minimum time against tolerance
 #
-# The hand goes straight up from (0.3, -0.5) to (0.3, 0.5) m, in a horizontal plane. Every radius is planned afresh; the grey strokes
+# The tool goes straight up from (0.3, -0.5) to (0.3, 0.5) m, in a horizontal plane. Every radius is planned afresh; the grey strokes
 # are the slopes that each plan's price list predicts, from its multipliers alone.
 
 # %%
@@ -44,7 +44,7 @@ for row in durations.rows:
 # The first millimetres are the dearest. What the paper printed for this path (on the computers of 1988): 0.90 s at 10 mm, 0.75 s at
 # 30 mm, 0.73 s at 50 mm.
 #
-# ## Where the hand goes
+# ## Where the tool goes
 #
 # It cuts to the inside of the straight line, where the arm's inertia is small, as far as the tube lets it. The scale across is
 # stretched.
@@ -55,9 +55,9 @@ shown = [row for row in durations.rows if row.value in (0.005, 0.01, 0.03, 0.05)
 for number, row in enumerate(shown):
     style = line_style(number)
     curves = motion_curves(row.problem, row.result.trajectory)
-    x = 1000 * (curves.hand[:, 0] - 0.3)
+    x = 1000 * (curves.tool[:, 0] - 0.3)
     axis.plot(
-        x, curves.hand[:, 1], label=f"{1000 * row.value:.0f} mm: {row.duration:.3f} s", **style
+        x, curves.tool[:, 1], label=f"{1000 * row.value:.0f} mm: {row.duration:.3f} s", **style
     )
     for side in (-1, 1):
         axis.axvline(side * 1000 * row.value, color=style["color"], linewidth=0.7, alpha=0.6)
@@ -65,7 +65,7 @@ axis.axvline(0, color="#444444", linestyle="--", linewidth=1)
 axis.set(
     xlabel="beside the reference [mm]",
     ylabel="y [m]",
-    title="The hand's path, and the tube's walls",
+    title="The tool's path, and the tube's walls",
 )
 axis.legend(fontsize=8, loc="center right")
 plt.show()
@@ -79,7 +79,7 @@ for number, row in enumerate(shown):
     curves = motion_curves(row.problem, row.result.trajectory)
     label = f"{1000 * row.value:.0f} mm"
     axis.plot(curves.samples.time, curves.speed, label=label, **line_style(number))
-axis.set(xlabel="time [s]", ylabel="hand speed [m/s]", ylim=(0, None))
+axis.set(xlabel="time [s]", ylabel="tool speed [m/s]", ylim=(0, None))
 axis.legend(fontsize=8)
 plt.show()
 
@@ -145,10 +145,10 @@ for number, row in enumerate((planned[0], *planned[-2:])):
     curves = motion_curves(row.problem, row.result.trajectory)
     style, label = line_style(number), f"{row.value:g} times the radii"
     left.plot(curves.samples.time, curves.speed, label=label, **style)
-    right.plot(curves.hand[:, 0], curves.hand[:, 2], **style)
+    right.plot(curves.tool[:, 0], curves.tool[:, 2], **style)
 right.plot(*shelves.tube.points[:, [0, 2]].T, color="#444444", linestyle="--", linewidth=1)
-left.set(xlabel="time [s]", ylabel="hand speed [m/s]", ylim=(0, None))
-right.set(xlabel="x [m]", ylabel="z [m]", title="The hand from the side; dashed: the reference")
+left.set(xlabel="time [s]", ylabel="tool speed [m/s]", ylim=(0, None))
+right.set(xlabel="x [m]", ylabel="z [m]", title="The tool from the side; dashed: the reference")
 right.set_aspect("equal")
 left.legend(fontsize=8)
 plt.show()

@@ -26,7 +26,7 @@ folder = Path(mkdtemp())
 # %% [markdown]
 # ## A URDF
 #
-# tubeplanner reads masses, inertias, joint limits and collision shapes. Frames of the hand need no mass. In a file of your own, look
+# tubeplanner reads masses, inertias, joint limits and collision shapes. Frames of the tool need no mass. In a file of your own, look
 # for `<limit>`: many exports leave it out or fill it with zeros.
 
 # %%

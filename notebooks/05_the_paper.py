@@ -67,7 +67,7 @@ for number, result in enumerate((published, default)):
     label = f"{result.method}: {result.duration:.3f} s"
     axes[0].plot(curves.samples.time, curves.speed, label=label, **line_style(number))
     draw_factor(axes[1], curves, label, number)
-axes[0].set(xlabel="time [s]", ylabel="hand speed [m/s]")
+axes[0].set(xlabel="time [s]", ylabel="tool speed [m/s]")
 _ = axes[0].legend()
 
 # %% [markdown]

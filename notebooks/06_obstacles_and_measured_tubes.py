@@ -11,7 +11,7 @@
 # %% [markdown]
 # # Obstacles, and tubes that are measured
 #
-# A tube says: with the hand in here, and the arm in this configuration, nothing collides. Who says that it is true? This notebook measures
+# A tube says: with the tool in here, and the arm in this configuration, nothing collides. Who says that it is true? This notebook measures
 # it, for the two-link arm, where everything can be drawn, and finds a tube where there is only a start and a goal. It takes about a
 # minute.
 
@@ -59,8 +59,8 @@ def draw_arm(axis, q, **style):
     """Draw the two links of configurations (N, 2)."""
     elbow = 0.3 * np.column_stack([np.cos(q[:, 0]), np.sin(q[:, 0])])
     both = q.sum(axis=1)
-    hand = elbow + 0.3 * np.column_stack([np.cos(both), np.sin(both)])
-    for one, other in zip(elbow, hand, strict=True):
+    tool = elbow + 0.3 * np.column_stack([np.cos(both), np.sin(both)])
+    for one, other in zip(elbow, tool, strict=True):
         axis.plot([0, one[0], other[0]], [0, one[1], other[1]], **style)
 
 
@@ -76,8 +76,8 @@ for k, segment in enumerate(measured.segments):
         print(f"   {end.bound}: {end.place}")
 
 # %% [markdown]
-# The arm has as many joints as the position of its hand needs, so the sign of the elbow is enough. What ends each radius is a configuration;
-# it touches the post while the hand is at the edge of the capsule.
+# The arm has as many joints as the position of its tool needs, so the sign of the elbow is enough. What ends each radius is a configuration;
+# it touches the post while the tool is at the edge of the capsule.
 
 # %%
 before, after = plan(written), plan(measured.problem)
@@ -86,8 +86,8 @@ for axis, problem, result in zip(axes, (written, measured.problem), (before, aft
     draw_cell(axis, problem)
     q = result.trajectory.sample(rate=40).position
     draw_arm(axis, q, color="#0072B2", linewidth=0.5)
-    hand = problem.robot.tool_position(result.trajectory.sample(rate=500).position)
-    axis.plot(*hand[:, :2].T, color="#D55E00", linewidth=2)
+    tool = problem.robot.tool_position(result.trajectory.sample(rate=500).position)
+    axis.plot(*tool[:, :2].T, color="#D55E00", linewidth=2)
     radii = ", ".join(f"{1000 * radius:.0f}" for radius in problem.tube.radius)
     axis.set_title(f"radii {radii} mm: {result.duration:.3f} s")
 for segment in measured.segments:
@@ -97,7 +97,7 @@ for segment in measured.segments:
 # %% [markdown]
 # ## Attack
 #
-# Draw configurations at random until many have their hand in the tube and the elbow where it should be, and look how near they come to the
+# Draw configurations at random until many have their tool in the tube and the elbow where it should be, and look how near they come to the
 # post. This shares nothing with the measuring but the robot and the distances.
 
 # %%
@@ -132,7 +132,7 @@ print("suggested:", survey.suggested)
 # ## From start and goal alone
 #
 # The paper leaves open where tubes come from. Here the arm reaches into one gap, has to fold to get out of it, and into another. OMPL finds
-# routes, the hand's path becomes a few reference points, and the tube around them is measured.
+# routes, the tool's path becomes a few reference points, and the tube around them is measured.
 
 # %%
 task = load_problem("example:two_link/through_the_gap", reads_tube=False)
@@ -144,6 +144,6 @@ found = answer.found
 figure, axis = plt.subplots(figsize=(7, 7), layout="constrained")
 draw_cell(axis, found.problem)
 draw_arm(axis, found.result.trajectory.sample(rate=40).position, color="#0072B2", linewidth=0.5)
-hand = found.problem.robot.tool_position(found.result.trajectory.sample(rate=500).position)
-axis.plot(*hand[:, :2].T, color="#D55E00", linewidth=2)
+tool = found.problem.robot.tool_position(found.result.trajectory.sample(rate=500).position)
+axis.plot(*tool[:, :2].T, color="#D55E00", linewidth=2)
 _ = axis.set_title(f"{len(found.problem.tube.points)} reference points: {found.duration:.3f} s")

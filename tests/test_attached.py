@@ -16,7 +16,7 @@ from tubeplanner import (
     plan,
 )
 
-# A bar that the hand holds across its way, 0.3 m long.
+# A bar that the tool holds across its way, 0.3 m long.
 BAR = Obstacle.box("bar", [0.02, 0.3, 0.02], placement_of([0, 0, 0.02])).shapes
 POST = Obstacle.cylinder("post", 0.02, 0.3, placement_of([0.42, 0.05, 0]))
 
@@ -51,10 +51,10 @@ def test_what_is_carried_must_clear_the_links_but_not_its_carrier(two_link):
 def test_it_is_placed_in_the_tool_frame(panda):
     ball = AttachedSolid("ball", Obstacle.sphere("b", 0.01, placement_of([0, 0, 0.3])).shapes)
     q = np.array([0.1, -0.3, 0.2, -2.0, 0.1, 2.0, 0.5])
-    rotation, hand = panda.tool_pose(q[None])
-    center = hand[0] + rotation[0] @ [0, 0, 0.3]
+    rotation, tool = panda.tool_pose(q[None])
+    center = tool[0] + rotation[0] @ [0, 0, 0.3]
     target = Obstacle.sphere("target", 0.02, placement_of(center + np.array([0.1, 0, 0])))
-    tube = Tube(hand[0] + np.array([[0, 0, 0], [0.02, 0, 0]]), 0.05)
+    tube = Tube(tool[0] + np.array([[0, 0, 0], [0.02, 0, 0]]), 0.05)
     checker = PlanningProblem(panda, tube, q, obstacles=[target], attached=[ball]).collision
     poses = [pose[0] for pose in panda.body_poses(q[None])]
     pair = [p for p in checker.obstacle_pairs if checker.owners(p)[0] == ("ball",)]
@@ -65,7 +65,7 @@ def test_the_file_says_the_same():
     fields = {
         "robot": {
             "urdf": "example:two_link",
-            "tool_frame": "hand",
+            "tool_frame": "tool",
             "gravity": [0, 0, 0],
             "attached": [
                 {"name": "bar", "box": [0.02, 0.3, 0.02], "position": [0, 0, 0.02]},
@@ -97,9 +97,9 @@ def test_names_must_be_unique_and_known(two_link, solid, message):
 def test_what_is_carried_is_never_excused_by_touching_always(ur5):
     """A ball so large that it is inside the forearm in every configuration."""
     q = np.array([-0.773861, -1.294184, 1.830514, -1.925057, -1.682929, 0.0])
-    hand = ur5.tool_position(q[None])[0]
+    tool = ur5.tool_position(q[None])[0]
     ball = AttachedSolid("ball", Obstacle.sphere("b", 0.25, placement_of()).shapes)
-    tube = Tube(hand + np.array([[0, 0, 0], [0, 0, 0.1]]), 0.05)
+    tube = Tube(tool + np.array([[0, 0, 0], [0, 0, 0.1]]), 0.05)
     result = plan(PlanningProblem(ur5, tube, q, attached=[ball]))
     assert result.status is PlanStatus.TUBE_BLOCKED
     assert "ball" in result.place.links

@@ -8,8 +8,8 @@ from tubeplanner import PlanningProblem, Tube, load_problem, verify
 from tubeplanner.baselines.baselines import BASELINES, judged_baseline
 from tubeplanner.baselines.conventional_lines import PAPER, TrapezoidalSpeed, conventional_motion
 from tubeplanner.baselines.fixed_path_bang_bang import bang_bang_laws
-from tubeplanner.baselines.hand_path import hand_paths
 from tubeplanner.baselines.time_law import averaged_law, run_along
+from tubeplanner.baselines.tool_path import tool_paths
 from tubeplanner.branches.reference_branch import SpareJoints, reference_branch
 from tubeplanner.outcome import Infeasible, PlanStatus
 from tubeplanner.waypoint_search.time_scaling import minimum_duration
@@ -38,7 +38,7 @@ def judged():
 def test_conventional_motions_take_what_the_paper_says(example, expected):
     """For 3 and 4 it prints 1.93 s, but its own formula gives 1.82 s on the printed points."""
     problem = load_problem(f"example:two_link/paper_{example}_30mm")
-    lines = hand_paths(problem, reference_branch(problem, SpareJoints.AS_NEEDED), arcs=False)
+    lines = tool_paths(problem, reference_branch(problem, SpareJoints.AS_NEEDED), arcs=False)
     motion = conventional_motion(problem.robot, lines, PAPER)
     lengths = np.linalg.norm(np.diff(problem.tube.points, axis=0), axis=1)
     formula = sum(
@@ -48,17 +48,17 @@ def test_conventional_motions_take_what_the_paper_says(example, expected):
     assert motion.duration == pytest.approx(expected, abs=0.005)
 
 
-def test_the_hand_runs_its_line_at_trapezoidal_speed():
+def test_the_tool_runs_its_line_at_trapezoidal_speed():
     problem = load_problem("example:two_link/paper_1_30mm")
-    lines = hand_paths(problem, reference_branch(problem, SpareJoints.AS_NEEDED), arcs=False)
+    lines = tool_paths(problem, reference_branch(problem, SpareJoints.AS_NEEDED), arcs=False)
     speed = TrapezoidalSpeed(0.8, 2.0)
     motion = conventional_motion(problem.robot, lines, speed)
     time = np.linspace(0, motion.duration, 301)
     _, jacobian = problem.robot.tool_jacobian(motion.position(time))
-    hand = np.einsum("nij,nj->ni", jacobian[:, :3], motion.velocity(time))
+    tool = np.einsum("nij,nj->ni", jacobian[:, :3], motion.velocity(time))
     wanted = np.minimum(np.minimum(2.0 * time, 0.8), 2.0 * (motion.duration - time))
-    np.testing.assert_allclose(hand[:, 1], wanted, atol=2e-3)
-    assert abs(hand[:, [0, 2]]).max() < 2e-3
+    np.testing.assert_allclose(tool[:, 1], wanted, atol=2e-3)
+    assert abs(tool[:, [0, 2]]).max() < 2e-3
     assert speed.duration(1.0) == pytest.approx(1 / 0.8 + 0.4)
     assert speed.duration(0.1) == pytest.approx(2 * np.sqrt(0.05))
 
@@ -88,7 +88,7 @@ def test_smoothness_costs_the_less_the_finer_it_is(judged, example):
 def test_a_coarse_average_slowed_as_a_whole_costs_what_the_paper_says(example, paper):
     problem = load_problem(f"example:two_link/paper_{example}_30mm")
     branch = reference_branch(problem, SpareJoints.AS_NEEDED)
-    paths = hand_paths(problem, branch, arcs=False)
+    paths = tool_paths(problem, branch, arcs=False)
     (law,) = bang_bang_laws(problem.robot, paths)
     motion = run_along(paths[0].joints, averaged_law(law, 16))
     assert minimum_duration(problem.robot, motion) == pytest.approx(paper, rel=0.05)
@@ -96,10 +96,10 @@ def test_a_coarse_average_slowed_as_a_whole_costs_what_the_paper_says(example, p
 
 @pytest.mark.parametrize("scheme", ON_LINES)
 @pytest.mark.parametrize("name", ["two_link/paper_5_10mm", "ur5/over_the_wall"])
-def test_schemes_on_lines_have_the_hand_on_them(judged, name, scheme):
+def test_schemes_on_lines_have_the_tool_on_them(judged, name, scheme):
     problem, made, certificate = judged(name, scheme)
-    hand = problem.robot.tool_position(made.trajectory.per_piece(5).position)
-    assert problem.tube.distance(hand).min(axis=1).max() < 1e-5
+    tool = problem.robot.tool_position(made.trajectory.per_piece(5).position)
+    assert problem.tube.distance(tool).min(axis=1).max() < 1e-5
     expected = set() if scheme.startswith("smoothed") else SMOOTHNESS
     assert set(certificate.failures()) == expected
 
@@ -111,8 +111,8 @@ def test_arcs_leave_the_lines_but_not_the_tube_and_save_the_stops(judged, name):
     assert set(certificate.failures()) == SMOOTHNESS
     assert made.note.startswith("arcs of ")
     assert made.trajectory.duration < 0.85 * stopping.trajectory.duration
-    hand = problem.robot.tool_position(made.trajectory.per_piece(3).position)
-    use = (problem.tube.distance(hand) / problem.tube.effective_radius).min(axis=1)
+    tool = problem.robot.tool_position(made.trajectory.per_piece(3).position)
+    use = (problem.tube.distance(tool) / problem.tube.effective_radius).min(axis=1)
     assert use.max() > 0.3
     assert certificate.conditions["tube"].margin > -1e-6
 
@@ -145,15 +145,15 @@ def test_a_pushed_mass_takes_what_theory_says(slider, scheme):
         assert made.note == "1.73 m/s, 5 m/s^2; 1.42 s at the paper's 0.75 m/s, 1.2 m/s^2"
 
 
-def test_a_hand_that_turns_cannot_follow_a_line(tmp_path):
+def test_a_tool_that_turns_cannot_follow_a_line(tmp_path):
     robot = one_joint(tmp_path)
     ends = robot.tool_position(np.array([[0.0], [1.0]]))
-    assert np.ptp(ends, axis=0).max() == 0  # the hand is on the axis
+    assert np.ptp(ends, axis=0).max() == 0  # the tool is on the axis
     problem = PlanningProblem(
         robot, Tube([[0.1, 0, 0], [0.1, 0.1, 0]], 5.0), np.array([0.0]), np.array([1.0])
     )
     for name in BASELINES:
-        with pytest.raises(Infeasible, match="segment 0: joints have to move where the hand"):
+        with pytest.raises(Infeasible, match="segment 0: joints have to move where the tool"):
             judged_baseline(problem, name)
 
 

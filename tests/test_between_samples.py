@@ -73,7 +73,7 @@ def test_an_effort_above_its_limit_for_a_tenth_of_a_millisecond(planned):
     assert condition.coverage == "for all t"
 
 
-def test_a_hand_outside_the_tube_for_a_tenth_of_a_millisecond(planned):
+def test_a_tool_outside_the_tube_for_a_tenth_of_a_millisecond(planned):
     """A radius that the motion just keeps, and a spike of 0.6 mm at its worst place."""
     problem, result = planned("two_link/paper_1_30mm", "branch-and-bound")
     least = verify(problem, result.trajectory).conditions["tube"]
@@ -89,8 +89,8 @@ def test_a_hand_outside_the_tube_for_a_tenth_of_a_millisecond(planned):
     assert begin <= worst.where.time <= begin + 2e-4
     assert worst.where.segment == least.where.segment
     for motion in (spiked, other):
-        hand = problem.robot.tool_position(sampled(motion).position)
-        assert tube.margin(hand).max(axis=1).min() > 0
+        tool = problem.robot.tool_position(sampled(motion).position)
+        assert tube.margin(tool).max(axis=1).min() > 0
 
 
 @pytest.mark.parametrize("free_by", [None, 1e-5])
@@ -100,15 +100,15 @@ def test_a_thin_plate_passed_between_two_samples(two_link, free_by):
     grain = AttachedSolid("grain", ball.shapes, touch_links=("link2",))
     motion = JointTrajectory(two_link.joint_names, [0, 0.25], [[[4.0, 0]], [[-0.5, -0.3]]])
     crossing = between_samples(motion, 0.125, 0.0)
-    hand = two_link.tool_position(motion.position(np.array([crossing, crossing + 1e-6])))
-    along = (hand[1] - hand[0]) / np.linalg.norm(hand[1] - hand[0])
+    tool = two_link.tool_position(motion.position(np.array([crossing, crossing + 1e-6])))
+    along = (tool[1] - tool[0]) / np.linalg.norm(tool[1] - tool[0])
     angle = np.arctan2(along[1], along[0])
-    outwards = hand[0] / np.linalg.norm(hand[0])
+    outwards = tool[0] / np.linalg.norm(tool[0])
     # The plate lies across the way; its inner edge just reaches the grain, or just does not.
     reach = 0.01 + 5e-5 + (free_by or -4e-5)
-    placement = placement_of(hand[0] + reach * outwards, rpy=(0, 0, angle))
+    placement = placement_of(tool[0] + reach * outwards, rpy=(0, 0, angle))
     plate = Obstacle.box("plate", [1e-4, 0.02, 0.02], placement)
-    tube = Tube(hand[0] + np.array([[-1, 0, 0], [1, 0, 0]]), 2.0)
+    tube = Tube(tool[0] + np.array([[-1, 0, 0], [1, 0, 0]]), 2.0)
     start = motion.position(0.0)
     problem = PlanningProblem(two_link, tube, start, obstacles=[plate], attached=[grain])
     checker = problem.collision

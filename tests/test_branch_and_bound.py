@@ -75,7 +75,7 @@ def limited(_):
         jerk={"joint2": 400.0},
         position={"joint2": (-2.45, 0.0)},
     )
-    robot = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=limits)
+    robot = load_robot("example:two_link", "tool", gravity=(0, 0, 0), limits=limits)
     return two_link_problem(robot)
 
 
@@ -134,7 +134,7 @@ def test_the_lower_bound_never_exceeds_what_is_found_later(two_link):
 def test_the_bound_knows_what_velocity_limits_ask_for(two_link):
     """Where a velocity limit alone decides, fewer nodes are left than without that knowledge."""
     limits = LimitOverrides(velocity={"joint1": 0.5, "joint2": 0.5})
-    slow = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=limits)
+    slow = load_robot("example:two_link", "tool", gravity=(0, 0, 0), limits=limits)
     problem = two_link_problem(slow, radius=0.1)
     search = BranchAndBound(problem, waypoints_of(problem, 16))
     search.expand()
@@ -174,7 +174,7 @@ def test_every_rule_cuts_and_is_counted(two_link):
     limits = LimitOverrides(
         velocity={"joint1": np.inf, "joint2": np.inf}, position={"joint2": (-2.45, 0.0)}
     )
-    robot = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=limits)
+    robot = load_robot("example:two_link", "tool", gravity=(0, 0, 0), limits=limits)
     search = searched(two_link_problem(robot, obstacles=[ball]), 20)
     assert search.best is not None
     cuts = search.statistics.cuts
@@ -220,7 +220,7 @@ def gap(two_link):
 
 
 @pytest.mark.parametrize(("make", "count"), [(sign_change, 9), (gap, 8)])
-def test_hand_overs_and_gaps_between_samples_are_judged_exactly(make, count, two_link):
+def test_switching_times_and_gaps_between_samples_are_judged_exactly(make, count, two_link):
     problem = make(two_link)
     motions = every_motion(problem, waypoints_of(problem, count))
     best = next((m for m in motions if verify(problem, m[0]).passed), None)
@@ -244,8 +244,8 @@ def test_a_tube_cut_into_many_segments_gives_the_same_motion(two_link):
 def test_a_start_a_hair_outside_its_sign_is_planned_from(two_link):
     """The input is accepted to 1e-6."""
     q = np.array([-0.5, 8e-7])
-    hand = two_link.tool_position(np.array([q, [0.3, -0.4]]))
-    tube = Tube(hand, 0.3, joint_signs={"joint2": "-"})
+    tool = two_link.tool_position(np.array([q, [0.3, -0.4]]))
+    tube = Tube(tool, 0.3, joint_signs={"joint2": "-"})
     exact = PlanningProblem(two_link, tube, np.array([-0.5, 0.0]))
     above = PlanningProblem(two_link, tube, q)
     assert searched(above, 12).best.duration == pytest.approx(

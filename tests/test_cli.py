@@ -40,7 +40,7 @@ def problem_file(folder: Path, **sections):
     fields = {
         "robot": {
             "urdf": "example:two_link",
-            "tool_frame": "hand",
+            "tool_frame": "tool",
             "gravity": [0, 0, 0],
             "limits": {"velocity": {"joint1": 50.0, "joint2": 50.0}},
         },
@@ -234,10 +234,10 @@ def test_obstacles_that_nothing_can_meet_are_pointed_out(run, tmp_path):
     ball = {"name": "ball", "sphere": 0.1, "position": [0.5, 0.5, 0.5]}
     q = [0.3, 0.4]
     robot = load_robot("example:asr_twodof", "Tip")
-    hand = robot.tool_position(np.array([q, [0.4, 0.4]]))
+    tool = robot.tool_position(np.array([q, [0.4, 0.4]]))
     fields = {
         "robot": {"urdf": "example:asr_twodof", "tool_frame": "Tip"},
-        "tube": {"points": hand.tolist(), "radius": 0.2},
+        "tube": {"points": tool.tolist(), "radius": 0.2},
         "start": {"joints": q},
         "goal": {"joints": [0.4, 0.4]},
         "obstacles": [ball],

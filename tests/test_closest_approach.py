@@ -61,7 +61,7 @@ def test_without_pairs_there_is_no_closest_approach(two_link):
 
 
 def crossing(two_link, gap):
-    """Return a checker and a motion in which the hand's link passes a ball at a distance."""
+    """Return a checker and a motion in which the tool's link passes a ball at a distance."""
     ball = Obstacle.sphere("ball", 0.05, placement_of([0.75 + gap, 0, 0]))
     motion = JointTrajectory(two_link.joint_names, [0, 1.0], [[[1.0, 0]], [[-0.5, 0.0]]])
     return CollisionChecker(two_link, [ball], self_collision=False), motion

@@ -57,7 +57,7 @@ def test_shares_of_time_at_limits(slider):
 @pytest.mark.parametrize(
     ("offset", "tool_radius", "expected"), [(0.03, 0.0, 0.3), (0.03, 0.04, 0.5)]
 )
-def test_a_hand_beside_the_axis_uses_its_share_of_the_tube(slider, offset, tool_radius, expected):
+def test_a_tool_beside_the_axis_uses_its_share_of_the_tube(slider, offset, tool_radius, expected):
     points = [[0, offset, 0], [0.6, offset, 0]]
     beside = slider.with_tube(Tube(points, 0.1, tool_radius=tool_radius))
     motion = push(5.0, -5.0, widths=(0.3, 0.3))
@@ -65,7 +65,7 @@ def test_a_hand_beside_the_axis_uses_its_share_of_the_tube(slider, offset, tool_
 
 
 def test_the_use_of_the_tube_is_averaged_over_time(slider):
-    """At rest half of the time on the axis, then the axis ends and the hand goes on at 1 m/s."""
+    """At rest half of the time on the axis, then the axis ends and the tool goes on at 1 m/s."""
     short = slider.with_tube(Tube([[-0.5, 0, 0], [0.0, 0, 0]], 0.1))
     motion = JointTrajectory(["slide"], [0, 0.1, 0.2], [[[0], [1.0]], [[0], [0]]])
     assert motion_measures(short, motion).tube_use == pytest.approx(0.25, abs=1e-9)

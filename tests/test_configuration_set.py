@@ -20,9 +20,9 @@ def test_samples_keep_place_ranges_and_rotation(tray):
     allowed = ConfigurationSet(tray, 0, lower, upper, 0.05)
     q = allowed.sample(300, np.random.default_rng(0))
     assert len(q) > 100
-    rotation, hand = tray.robot.tool_pose(q)
-    assert (tray.tube.distance(hand)[:, 0] <= 0.05 + 1e-9).all()
-    assert (tray.tube.rotation_margin(rotation, hand)[:, 0] >= -1e-9).all()
+    rotation, tool = tray.robot.tool_pose(q)
+    assert (tray.tube.distance(tool)[:, 0] <= 0.05 + 1e-9).all()
+    assert (tray.tube.rotation_margin(rotation, tool)[:, 0] >= -1e-9).all()
     assert ((q >= lower) & (q <= upper)).all()
     assert np.ptp(q, axis=0).min() > 0.05
     moved = allowed.back_inside(q + np.random.default_rng(1).normal(scale=0.05, size=q.shape))

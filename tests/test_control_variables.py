@@ -39,7 +39,7 @@ def test_a_step_changes_what_the_variables_stand_for(case):
     assert (change[-3:] == (step[-1] if problem.goal is None else 0)).all()
 
 
-def test_the_hand_stays_at_an_open_goal(case):
+def test_the_tool_stays_at_an_open_goal(case):
     problem, motion, variables = case
     points = motion.control_points
     step = 0.05 * np.random.default_rng(1).normal(size=variables.lower.shape)
@@ -48,14 +48,14 @@ def test_the_hand_stays_at_an_open_goal(case):
         np.testing.assert_array_equal(moved[-3:], points[-3:])
         assert len(variables.held(points)) == 0
         return
-    hand = problem.robot.tool_position(moved[-1:])[0]
-    np.testing.assert_allclose(hand, problem.tube.points[-1], atol=1e-9)
+    tool = problem.robot.tool_position(moved[-1:])[0]
+    np.testing.assert_allclose(tool, problem.tube.points[-1], atol=1e-9)
     assert abs(moved[-1] - points[-1]).max() > 0.01
     np.testing.assert_array_equal(moved[-3:], np.tile(moved[-1], (3, 1)))
     np.testing.assert_allclose(moved[3:-3], points[3:-3] + step[:-1], atol=1e-15)
 
 
-def test_directions_that_move_the_hand_at_an_open_goal_are_held(case):
+def test_directions_that_move_the_tool_at_an_open_goal_are_held(case):
     problem, motion, variables = case
     held = variables.held(motion.control_points)
     _, jacobian = problem.robot.tool_jacobian(motion.control_points[-1:])
@@ -86,12 +86,12 @@ def test_a_goal_left_open_is_where_the_motion_is_fastest():
     free, held = plan(problem), plan(fixed)
     assert free.succeeded
     assert free.duration < 0.995 * held.duration
-    hand = problem.robot.tool_position(free.trajectory.position(free.duration)[None])[0]
-    np.testing.assert_allclose(hand, problem.tube.points[-1], atol=1e-6)
+    tool = problem.robot.tool_position(free.trajectory.position(free.duration)[None])[0]
+    np.testing.assert_allclose(tool, problem.tube.points[-1], atol=1e-6)
 
 
 def test_an_open_goal_without_spare_joints_stays_where_it_is():
-    """Two joints in a plane: the hand's place leaves them nothing to choose."""
+    """Two joints in a plane: the tool's place leaves them nothing to choose."""
     problem = load_problem("example:two_link/paper_1_10mm")
     assert problem.goal is None
     branch = reference_branch(problem, spare_joint_rules(problem)[0])

@@ -40,7 +40,7 @@ def effort_by(argument):
     return case
 
 
-def hand_by_joints(robot):
+def tool_by_joints(robot):
     q, _, _ = random_motion(robot)
     return robot.tool_position, q, robot.tool_jacobian(q)[1][:, :3]
 
@@ -70,22 +70,22 @@ def points_by_joints(robot):
 
 
 def rotation_error_by_joints(share):
-    """The hand beside the middle of a segment, or beyond its end, where the reference rests."""
+    """The tool beside the middle of a segment, or beyond its end, where the reference rests."""
 
     def case(robot):
         q, _, _ = random_motion(robot)
-        rotation, hand = robot.tool_pose(q)
+        rotation, tool = robot.tool_pose(q)
         along = np.array([0.7, -0.4, 0.5])
-        points = np.array([[0, 0, 0], along]) + hand.mean(axis=0) - share * along
+        points = np.array([[0, 0, 0], along]) + tool.mean(axis=0) - share * along
         tube = Tube(points, 9.0, orientations=TURNED, rotation_tolerance=1.0).rotation
 
         def error(x):
             turned, at = robot.tool_pose(x)
-            near = tube.error(rotation, hand, 0)
+            near = tube.error(rotation, tool, 0)
             return nearest_branch(tube.error(turned, at, 0), near, np.ones(3, dtype=bool))
 
         jacobian = robot.tool_pose_jacobian(q)[2]
-        return error, q, tube.error_jacobian(rotation, hand, jacobian, 0)[1]
+        return error, q, tube.error_jacobian(rotation, tool, jacobian, 0)[1]
 
     return case
 
@@ -107,8 +107,8 @@ def trajectory_by_time(order):
 
 
 TABLE = {
-    "hand position by joints": (hand_by_joints, 1e-8),
-    "hand rotation by joints": (turn_by_joints, 1e-8),
+    "tool position by joints": (tool_by_joints, 1e-8),
+    "tool rotation by joints": (turn_by_joints, 1e-8),
     "points of bodies by joints": (points_by_joints, 1e-8),
     "rotation error by joints": (rotation_error_by_joints(0.5), 1e-7),
     "rotation error beyond the end": (rotation_error_by_joints(5.0), 1e-7),

@@ -9,8 +9,8 @@ from numpy.polynomial.chebyshev import chebpts1
 
 from tubeplanner import JointTrajectory, Payload, load_robot
 from tubeplanner.motion.bernstein import bernstein_coefficients
-from tubeplanner.verification.enclosure import _joint_bounds, enclosed_efforts, enclosed_hand
-from tubeplanner.verification.majorants import effort_majorant, hand_majorant
+from tubeplanner.verification.enclosure import _joint_bounds, enclosed_efforts, enclosed_tool
+from tubeplanner.verification.majorants import effort_majorant, tool_majorant
 
 SLIDE = """<robot name="slide"><link name="base"/>
 <link name="carriage"><inertial><origin xyz="0.1 0 0"/><mass value="3"/>
@@ -76,9 +76,9 @@ def test_no_taylor_coefficient_exceeds_its_bound(arm, seed):
     motion = random_motion(arm, seed, pieces=1, width=width)
     joints = _joint_bounds(motion, np.array([0]), np.zeros(1), np.array([width]))
     orders = range(1, 9)
-    hand = taylor_coefficients(lambda t: arm.tool_position(motion.position(t)), width, orders)
-    bound = hand_majorant(arm, joints).position[1:9, 0]
-    assert (hand <= bound[:, None] * (1 + 1e-6) + 1e-7).all()
+    tool = taylor_coefficients(lambda t: arm.tool_position(motion.position(t)), width, orders)
+    bound = tool_majorant(arm, joints).position[1:9, 0]
+    assert (tool <= bound[:, None] * (1 + 1e-6) + 1e-7).all()
 
     def efforts(t):
         return arm.inverse_dynamics(motion.position(t), motion.velocity(t), motion.acceleration(t))
@@ -105,9 +105,9 @@ def test_joint_bounds_are_those_of_the_derivatives(two_link):
 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("degree", [1, 3, 5])
-def test_the_hand_is_where_it_is_said_to_be(arm, seed, degree):
+def test_the_tool_is_where_it_is_said_to_be(arm, seed, degree):
     motion = random_motion(arm, seed, degree)
-    enclosure = enclosed_hand(arm, motion, 1e-7)
+    enclosure = enclosed_tool(arm, motion, 1e-7)
     assert enclosure.error.max() <= 1e-7
     samples = motion.per_piece(400)
     inside = np.setdiff1d(np.arange(len(samples.time)), np.arange(3) * 400 + 399)
@@ -134,14 +134,14 @@ def test_efforts_are_what_they_are_said_to_be(arm, seed, degree):
 def test_a_motion_that_no_machine_could_make_is_left_open(two_link):
     """A million radians within a piece: the error is not small, and says so."""
     wild = JointTrajectory(two_link.joint_names, [0, 1e-6], [[[1e11, 1e11]], [[0.0, 0.0]]])
-    enclosure = enclosed_hand(two_link, wild, 1e-7)
+    enclosure = enclosed_tool(two_link, wild, 1e-7)
     assert np.isfinite(enclosure.coefficients).all()
     assert enclosure.error.max() > 1e-7
 
 
-def test_the_hull_of_the_polynomials_holds_the_hand(ur5):
+def test_the_hull_of_the_polynomials_holds_the_tool(ur5):
     motion = random_motion(ur5, 3)
-    enclosure = enclosed_hand(ur5, motion, 1e-7)
+    enclosure = enclosed_tool(ur5, motion, 1e-7)
     rows = np.arange(len(enclosure.width))
     half = np.full(len(rows), 0.5)
     hull = bernstein_coefficients(enclosure.coefficients[:, rows], 0 * half, half)
@@ -172,7 +172,7 @@ def test_the_bound_is_exact_for_a_joint_that_turns_uniformly(tmp_path):
     motion = JointTrajectory(["move"], [0, 0.2], [[[speed]], [[0.0]]])
     joints = _joint_bounds(motion, np.array([0]), np.zeros(1), np.array([0.2]))
     expected = [0.4 * (0.2 * speed) ** k / factorial(k) for k in range(1, 9)]
-    np.testing.assert_allclose(hand_majorant(robot, joints).position[1:9, 0], expected, rtol=1e-12)
+    np.testing.assert_allclose(tool_majorant(robot, joints).position[1:9, 0], expected, rtol=1e-12)
 
 
 @pytest.mark.parametrize(("kind", "inertia"), [("prismatic", 2.0), ("revolute", 0.7)])
@@ -194,13 +194,13 @@ def test_the_bound_is_near_for_a_joint_that_speeds_up(tmp_path, kind, inertia):
 def test_few_intervals_are_enough(planned):
     problem, result = planned("ur5/over_the_wall", "branch-and-bound")
     robot, motion = problem.robot, result.trajectory
-    assert len(enclosed_hand(robot, motion, 1e-7).width) < 40
+    assert len(enclosed_tool(robot, motion, 1e-7).width) < 40
     assert len(enclosed_efforts(robot, motion, 1e-7 * robot.limits.effort).width) < 80
-    assert len(enclosed_hand(robot, motion, 1e-3).width) < 12
+    assert len(enclosed_tool(robot, motion, 1e-3).width) < 12
 
 
 def test_halving_ends_after_so_many_intervals(two_link, monkeypatch):
     monkeypatch.setattr("tubeplanner.verification.enclosure._MOST_INTERVALS", 40)
-    enclosure = enclosed_hand(two_link, random_motion(two_link, 0), 1e-25)
+    enclosure = enclosed_tool(two_link, random_motion(two_link, 0), 1e-25)
     assert 20 <= len(enclosure.width) < 80
     assert enclosure.error.max() > 1e-25

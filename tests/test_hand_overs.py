@@ -3,12 +3,12 @@ import itertools
 import numpy as np
 import pytest
 
-from tubeplanner.verification.hand_overs import best_hand_overs
+from tubeplanner.verification.switching_samples import best_switching_samples
 
 
-def worst_margin(margin, hand_overs):
-    """Return the worst margin of an ordered visit: a hand-over counts in both its segments."""
-    bounds = [0, *hand_overs, len(margin) - 1]
+def worst_margin(margin, switching_samples):
+    """Return the worst margin of an ordered visit: a switching time counts in both its segments."""
+    bounds = [0, *switching_samples, len(margin) - 1]
     return min(margin[a : b + 1, k].min() for k, (a, b) in enumerate(itertools.pairwise(bounds)))
 
 
@@ -19,16 +19,16 @@ def test_no_other_choice_leaves_more(seed):
     margin = np.round(rng.normal(size=(samples, segments)), 1)
     choices = itertools.combinations_with_replacement(range(samples), segments - 1)
     best = max(worst_margin(margin, choice) for choice in choices)
-    found = best_hand_overs(margin)
+    found = best_switching_samples(margin)
     assert (np.diff(found) >= 0).all()
     assert worst_margin(margin, found) == best
 
 
-def test_hand_overs_may_share_an_instant():
+def test_switching_times_may_share_an_instant():
     margin = np.array([[1.0, -1, -1], [1, 1, 1], [-1, -1, 1]])
-    assert best_hand_overs(margin).tolist() == [1, 1]
+    assert best_switching_samples(margin).tolist() == [1, 1]
 
 
 def test_of_equal_choices_the_one_deepest_in_both_segments_is_taken():
     margin = np.array([[0.1, 0.1], [0.5, 0.2], [0.5, 0.5], [0.2, 0.5], [0.1, 0.1]])
-    assert best_hand_overs(margin).tolist() == [2]
+    assert best_switching_samples(margin).tolist() == [2]

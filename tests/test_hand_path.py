@@ -1,14 +1,14 @@
-"""Curves of the hand, the arm along them, and time laws put into paths."""
+"""Curves of the tool, the arm along them, and time laws put into paths."""
 
 import numpy as np
 import pytest
 
 from test_time_scaling import ANGLE, INERTIA, one_joint, quintic
 from tubeplanner import JointTrajectory, Tube, load_problem
-from tubeplanner.baselines.hand_curve import rounded_polyline
-from tubeplanner.baselines.hand_path import hand_paths
 from tubeplanner.baselines.switching_law import switching_law
 from tubeplanner.baselines.time_law import averaged_law, run_along, times_at
+from tubeplanner.baselines.tool_curve import rounded_polyline
+from tubeplanner.baselines.tool_path import tool_paths
 from tubeplanner.branches.reference_branch import ReferenceBranch, SpareJoints, reference_branch
 from tubeplanner.outcome import Infeasible
 from tubeplanner.studies.motion_measures import smoothness_class
@@ -64,13 +64,13 @@ def test_arcs_share_short_lines_and_a_way_back_is_a_stop():
 @pytest.mark.parametrize(
     "name", ["two_link/paper_5_10mm", "two_link/paper_2_30mm", "ur5/level_tray"]
 )
-def test_the_hand_is_on_its_lines(name):
+def test_the_tool_is_on_its_lines(name):
     problem = load_problem(f"example:{name}")
     branch = branch_of(problem)
-    for k, path in enumerate(hand_paths(problem, branch, arcs=False)):
+    for k, path in enumerate(tool_paths(problem, branch, arcs=False)):
         q = path.joints.position(np.linspace(0, path.joints.duration, 997))
-        hand = problem.robot.tool_position(q)
-        assert problem.tube.distance(hand)[:, k].max() < 1e-5
+        tool = problem.robot.tool_position(q)
+        assert problem.tube.distance(tool)[:, k].max() < 1e-5
         np.testing.assert_allclose(q[[0, -1]], branch.segments[k][[0, -1]], atol=1e-7)
         unit = np.linalg.norm(
             path.joints.velocity(np.linspace(0, path.joints.duration, 50)), axis=1
@@ -78,16 +78,16 @@ def test_the_hand_is_on_its_lines(name):
         np.testing.assert_allclose(unit, 1.0, atol=0.02)
 
 
-def test_the_hand_on_arcs_stays_in_the_tube_and_as_level_as_the_branch():
+def test_the_tool_on_arcs_stays_in_the_tube_and_as_level_as_the_branch():
     problem = load_problem("example:ur5/level_tray")
-    (path,) = hand_paths(problem, branch_of(problem), arcs=True)
-    rotation, hand = problem.robot.tool_pose(
+    (path,) = tool_paths(problem, branch_of(problem), arcs=True)
+    rotation, tool = problem.robot.tool_pose(
         path.joints.position(np.linspace(0, path.joints.duration, 997))
     )
-    inside = np.minimum(problem.tube.margin(hand), problem.tube.rotation_margin(rotation, hand))
+    inside = np.minimum(problem.tube.margin(tool), problem.tube.rotation_margin(rotation, tool))
     assert inside.max(axis=1).min() > -1e-6
     wanted = path.curve.point(np.linspace(0, path.curve.length, 20_000))
-    assert np.linalg.norm(hand[::50, None] - wanted, axis=2).min(axis=1).max() < 6e-5
+    assert np.linalg.norm(tool[::50, None] - wanted, axis=2).min(axis=1).max() < 6e-5
 
 
 def test_without_a_way_there_is_a_reason():
@@ -95,10 +95,10 @@ def test_without_a_way_there_is_a_reason():
     branch = branch_of(problem)
     still = ReferenceBranch((np.tile(branch.start, (2, 1)),))
     with pytest.raises(Infeasible, match="the start is the goal: there is nothing to move"):
-        hand_paths(problem, still, arcs=False)
+        tool_paths(problem, still, arcs=False)
     turned = np.vstack([branch.start, branch.start + np.array([2 * np.pi, 0.0])])
-    with pytest.raises(Infeasible, match="segment 0: joints have to move where the hand stands"):
-        hand_paths(problem, ReferenceBranch((turned,)), arcs=False)
+    with pytest.raises(Infeasible, match="segment 0: joints have to move where the tool stands"):
+        tool_paths(problem, ReferenceBranch((turned,)), arcs=False)
 
 
 def test_a_law_put_into_a_path_is_exact():

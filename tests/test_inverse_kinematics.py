@@ -39,7 +39,7 @@ def test_out_of_reach_the_nearest_point_is_found(two_link):
 
 
 def test_bounds_hold_and_are_used(two_link):
-    """With the elbow held between -0.5 and 0 the hand can get no nearer than 0.58 m."""
+    """With the elbow held between -0.5 and 0 the tool can get no nearer than 0.58 m."""
     lower, upper = np.array([-3.0, -0.5]), np.array([3.0, 0.0])
     solution = solve_position(two_link, np.array([0.3, 0, 0]), np.zeros(2), lower, upper)
     assert solution.q[1] == -0.5
@@ -66,7 +66,7 @@ def test_without_a_preference_joints_move_little(panda):
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_stretched_arm_folds_the_way_its_bounds_allow(sign, two_link):
-    """At full stretch the hand's inward motion has no gradient in the joints."""
+    """At full stretch the tool's inward motion has no gradient in the joints."""
     lower, upper = np.sort([[0.0, 3.0 * sign], [-3.0, 3.0]], axis=1)[[0, 1]].T
     lower, upper = np.array([-3.0, lower[0]]), np.array([3.0, upper[0]])
     target = np.array([0.5, 0, 0])

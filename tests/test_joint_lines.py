@@ -14,8 +14,8 @@ def test_they_join_configurations_at_the_reference_points(name):
     problem = load_problem(f"example:{name}")
     lines = joint_lines(problem)
     corners = np.array([lines.start, *(segment[-1] for segment in lines.segments)])
-    hand = problem.robot.tool_position(corners)
-    np.testing.assert_allclose(hand[1:-1], problem.tube.points[1:-1], atol=1e-6)
+    tool = problem.robot.tool_position(corners)
+    np.testing.assert_allclose(tool[1:-1], problem.tube.points[1:-1], atol=1e-6)
     for k, segment in enumerate(lines.segments):
         np.testing.assert_allclose(segment[0], corners[k])
         np.testing.assert_allclose(np.diff(segment, n=2, axis=0), 0, atol=1e-12)
@@ -31,8 +31,8 @@ def test_they_join_configurations_at_the_reference_points(name):
 def other_elbow(two_link):
     """From one side of the stretched arm to the other: no branch goes on through it."""
     start, goal = np.array([0.0, -0.6]), np.array([-0.5, 0.6])
-    hand = two_link.tool_position(np.array([start, goal]))
-    return PlanningProblem(two_link, Tube(hand, 0.06), start, goal)
+    tool = two_link.tool_position(np.array([start, goal]))
+    return PlanningProblem(two_link, Tube(tool, 0.06), start, goal)
 
 
 def test_a_goal_on_another_branch_is_reached_through_the_stretched_arm(two_link):
@@ -50,8 +50,8 @@ def test_a_goal_on_another_branch_is_reached_through_the_stretched_arm(two_link)
 def test_an_open_goal_is_moved_out_of_a_collision(ur5):
     """The nearest goal has the forearm in a ball; another one has not."""
     start = np.array([-0.773861, -1.294184, 1.830514, -1.925057, -1.682929, 0.0])
-    hand = ur5.tool_position(start[None])[0]
-    tube = Tube(hand + np.array([[0, 0, 0], [0, 0.4, 0.1]]), 0.08, joint_signs={"elbow_joint": "+"})
+    tool = ur5.tool_position(start[None])[0]
+    tube = Tube(tool + np.array([[0, 0, 0], [0, 0.4, 0.1]]), 0.08, joint_signs={"elbow_joint": "+"})
     open_problem = PlanningProblem(ur5, tube, start)
     goal = reference_branch(open_problem, spare_joint_rules(open_problem)[0]).goal
     body = ur5.link_body["wrist_1_link"]

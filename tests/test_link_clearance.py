@@ -42,8 +42,8 @@ def test_configurations_are_judged_as_by_measuring_every_pair(name, spread, plan
 def test_waypoints_in_collision_are_known(planned, two_link):
     problem, _ = planned("two_link/around_a_post")
     waypoints = waypoints_of(problem)
-    hand = two_link.tool_position(waypoints)
-    ball = Obstacle.sphere("ball", 0.01, placement_of(hand[5]))
+    tool = two_link.tool_position(waypoints)
+    ball = Obstacle.sphere("ball", 0.01, placement_of(tool[5]))
     blocked = type(problem)(two_link, problem.tube, problem.start, obstacles=[ball])
     free = LinkClearance(blocked, waypoints).free_waypoints
     assert not free[5]

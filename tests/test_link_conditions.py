@@ -30,7 +30,7 @@ def post(x, y, size=0.03):
 def elbow(ur5):
     """Return a function that adds obstacles to a problem, its plan, and a ball at the elbow.
 
-    The ball is where the elbow passes on the fastest way; hand, start and goal are clear of it.
+    The ball is where the elbow passes on the fastest way; tool, start and goal are clear of it.
     """
     start = np.array([-0.773861, -1.294184, 1.830514, -1.925057, -1.682929, 0.0])
     points = [[0.45, -0.3, 0.2], [0.45, -0.3, 0.5], [0.45, 0.3, 0.5], [0.45, 0.3, 0.2]]
@@ -74,7 +74,7 @@ def test_obstacles_far_away_change_nothing(two_link):
 
 
 def test_a_tube_that_is_blocked_is_reported_with_links_and_depth(two_link):
-    """The hand itself cannot pass: the wall is wider than the tube."""
+    """The tool itself cannot pass: the wall is wider than the tube."""
     wall = Obstacle.box("wall", [0.5, 0.04, 0.5], placement_of([0.3, 0.0, 0.0]))
     result = plan(problem_with(two_link, wall, radius=0.03))
     assert result.status is PlanStatus.TUBE_BLOCKED

@@ -14,7 +14,7 @@ PROBLEM = """\
 # Past a post, by a robot that lies beside this folder.
 robot:
   urdf: ../arm/two_link.urdf   # ours
-  tool_frame: hand
+  tool_frame: tool
   gravity: [0, 0, 0]
   limits: {velocity: {joint1: .inf, joint2: .inf}}
 tube:
@@ -40,7 +40,7 @@ def test_measure_writes_a_file_that_plans(problem, run, tmp_path):
     target = tmp_path / "elsewhere" / "measured.yaml"
     status, out, err = run("measure", problem, "-o", target)
     assert (status, err) == (0, "")
-    for words in ("radius", "link2, to 'post', hand at [", "no collision", f"problem: {target}"):
+    for words in ("radius", "link2, to 'post', tool at [", "no collision", f"problem: {target}"):
         assert words in out
     text = target.read_text()
     for comment in ("# Past a post, by a robot", "# ours", "# straight", "# by guess"):

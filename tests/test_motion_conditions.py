@@ -22,7 +22,7 @@ EVERY_LIMIT = ("effort", "velocity", "acceleration", "jerk")
 
 def limited(robot_name):
     """Return an arm with every kind of limit."""
-    tool = {"two_link": "hand", "ur5": "tool0", "panda": "panda_hand_tcp"}[robot_name]
+    tool = {"two_link": "tool", "ur5": "tool0", "panda": "panda_hand_tcp"}[robot_name]
     plain = load_robot(f"example:{robot_name}", tool)
     names = plain.joint_names
     return load_robot(
@@ -45,11 +45,11 @@ def case(request):
         rng.uniform(-0.1, 0.15, (shape.control_point_count, robot.joint_count)), axis=0
     )
     points[:3], points[-3:] = points[0], points[-1]
-    hand = robot.tool_position(points[[0, 6, -1]])
+    tool = robot.tool_position(points[[0, 6, -1]])
     middle = robot.tool_position(points[[5]])[0] + np.array([0.0, 0.0, 0.06])
     ball = Obstacle.sphere("ball", 0.05, placement_of(middle))
     turned = Rotation.from_matrix(robot.tool_pose(points[[0, 6, -1]])[0]).as_quat()
-    tube = Tube(hand, [0.1, 0.2], orientations=turned, rotation_tolerance=[0.3, [0.2, np.inf, 0.4]])
+    tube = Tube(tool, [0.1, 0.2], orientations=turned, rotation_tolerance=[0.3, [0.2, np.inf, 0.4]])
     problem = PlanningProblem(robot, tube, points[0], obstacles=[ball], clearance=0.01)
     return problem, PhasedMotion(shape, GATES, points), shape.samples(np.array([0.2, 0.7]))
 
@@ -173,16 +173,16 @@ def test_every_limit_has_a_name_and_rows(case):
 
 
 def test_planes_hold_the_capsule_and_touch_it(case):
-    """A hand behind every plane is inside; the outward plane's room is the distance to the wall."""
+    """A tool behind every plane is inside; the outward plane's room is the distance to the wall."""
     problem, motion, samples = case
     tube = evaluated_tube(problem, motion, samples, 0.005)
     by_plane = -tube.rows(None).room.reshape(len(tube.excess), -1)
     np.testing.assert_allclose(by_plane[:, 0], tube.excess, atol=1e-9)
     assert (by_plane <= tube.excess[:, None] + 1e-9).all()
-    hand = problem.robot.tool_position(tube.at.position)
-    margin = problem.tube.margin(hand, slice(0, 2))
+    tool = problem.robot.tool_position(tube.at.position)
+    margin = problem.tube.margin(tool, slice(0, 2))
     radius = problem.tube.effective_radius[samples.phase]
-    own = margin[np.arange(len(hand)), samples.phase]
+    own = margin[np.arange(len(tool)), samples.phase]
     np.testing.assert_allclose(tube.excess - 0.005, -own / radius, atol=1e-9)
 
 

@@ -24,7 +24,7 @@ def test_one_joint_switches_once(tmp_path, limits, expected):
     assert path_minimum(robot, quintic(duration=20.0)) == pytest.approx(expected, rel=2e-3)
 
 
-def test_a_straight_line_of_the_hand_takes_what_the_literature_says(planned):
+def test_a_straight_line_of_the_tool_takes_what_the_literature_says(planned):
     """The paper's first example, along its line: 0.72 s (Suh & Bishop 1988, table III)."""
     problem, result = planned("two_link/paper_1_10mm")
     assert path_minimum(problem.robot, result.trajectory) == pytest.approx(0.72, abs=0.015)

@@ -119,8 +119,8 @@ def test_a_missed_clearance_is_named(two_link):
 
 def test_links_in_each_others_way_are_named(ur5):
     q = np.array([0, -1.2, 2.9, -1.5, -1.5, 0])
-    hand = ur5.tool_position(q[None])[0]
-    problem = PlanningProblem(ur5, Tube(hand + np.array([[0, 0, 0], [0, 0, 0.02]]), 0.1), q)
+    tool = ur5.tool_position(q[None])[0]
+    problem = PlanningProblem(ur5, Tube(tool + np.array([[0, 0, 0], [0, 0, 0.02]]), 0.1), q)
     result = plan(problem)
     assert result.status is PlanStatus.TUBE_BLOCKED
     assert "overlap by" in result.message
@@ -131,8 +131,8 @@ def test_links_in_each_others_way_are_named(ur5):
 def test_a_payload_too_heavy_is_named():
     robot = load_robot("example:ur5", "tool0", payload=Payload(mass=60.0))
     q = np.array([-0.773861, -1.294184, 1.830514, -1.925057, -1.682929, 0.0])
-    hand = robot.tool_position(q[None])[0]
-    tube = Tube(hand + np.array([[0, 0, 0], [0.1, 0, 0.1]]), 0.05)
+    tool = robot.tool_position(q[None])[0]
+    tube = Tube(tool + np.array([[0, 0, 0], [0.1, 0, 0.1]]), 0.05)
     result = plan(PlanningProblem(robot, tube, q))
     assert result.status is PlanStatus.GRAVITY_EXCEEDS_EFFORT
     assert "against gravity alone, its effort limit is" in result.message
@@ -164,19 +164,19 @@ def test_a_start_in_collision_is_named_as_such(two_link):
 
 def test_a_start_that_is_the_goal_leaves_nothing_to_plan(two_link):
     q = np.array([0.3, -1.0])
-    hand = two_link.tool_position(q[None])[0]
-    tube = Tube(hand + np.array([[0, 0, 0], [0.02, 0, 0]]), 0.05)
+    tool = two_link.tool_position(q[None])[0]
+    tube = Tube(tool + np.array([[0, 0, 0], [0.02, 0, 0]]), 0.05)
     result = plan(PlanningProblem(two_link, tube, q, q))
     assert result.status is PlanStatus.NO_TRAJECTORY
     assert result.message == "the start is the goal: there is nothing to move"
 
 
 def test_spare_joints_alone_can_be_moved(panda):
-    """Start and goal hold the hand in the same place; only the last joint turns."""
+    """Start and goal hold the tool in the same place; only the last joint turns."""
     q = np.array([0.1, -0.3, 0.2, -2.0, 0.1, 2.0, 0.5])
     goal = q + np.array([0, 0, 0, 0, 0, 0, 0.8])
-    hand = panda.tool_position(q[None])[0]
-    tube = Tube(hand + np.array([[0, 0, 0], [0.03, 0, 0]]), 0.05)
+    tool = panda.tool_position(q[None])[0]
+    tube = Tube(tool + np.array([[0, 0, 0], [0.03, 0, 0]]), 0.05)
     assert plan(PlanningProblem(panda, tube, q, goal)).succeeded
 
 
@@ -281,7 +281,7 @@ def test_limits_scaled_down_slow_the_motion_down(planned, two_link):
 
     unlimited = {"joint1": np.inf, "joint2": np.inf}
     half = LimitOverrides(velocity=unlimited, scale={"effort": 0.5})
-    weak = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=half)
+    weak = load_robot("example:two_link", "tool", gravity=(0, 0, 0), limits=half)
     strong, slow = plan(two_link_problem(two_link)), plan(two_link_problem(weak))
     assert slow.duration / strong.duration == pytest.approx(np.sqrt(2), rel=1e-6)
 
@@ -290,12 +290,12 @@ def test_limits_scaled_down_slow_the_motion_down(planned, two_link):
 def test_a_closed_loop_is_planned(two_link, given_goal):
     """Out and back: standing still would keep to both capsules."""
     q = np.array([-0.3, -1.0])
-    hand = two_link.tool_position(q[None])[0]
-    points = [hand, hand + np.array([-0.1, 0.2, 0]), hand]
+    tool = two_link.tool_position(q[None])[0]
+    points = [tool, tool + np.array([-0.1, 0.2, 0]), tool]
     tube = Tube(points, 0.02, joint_signs={"joint2": "-"})
     result = plan(PlanningProblem(two_link, tube, q, q if given_goal else None))
     assert result.succeeded
-    far = np.linalg.norm(points[1] - hand)
+    far = np.linalg.norm(points[1] - tool)
     path = two_link.tool_position(result.trajectory.per_piece(50).position)
     nearest = np.linalg.norm(path - points[1], axis=1).min()
     assert ("; it passes reference point 1 at" in result.message) == (nearest > 0.06)

@@ -32,27 +32,27 @@ def test_a_figure_shows_every_joint_against_its_limits(name, planned, tmp_path):
     path = tmp_path / "figure.png"
     figure = plot_trajectory(problem, result.trajectory, path)
     assert path.read_bytes().startswith(b"\x89PNG")
-    position, velocity, effort, hand, use, factor, speed = figure.axes
+    position, velocity, effort, tool, use, factor, speed = figure.axes
     n = problem.robot.joint_count
     labels = [text.get_text() for text in position.get_legend().get_texts()]
     assert labels == list(problem.robot.joint_names)
     visits = motion_curves(problem, result.trajectory).visits
-    hand_overs = len(visits) - 1
-    assert len(effort.lines) == n + 2 + hand_overs
+    switching_samples = len(visits) - 1
+    assert len(effort.lines) == n + 2 + switching_samples
     shares = np.array([line.get_ydata() for line in effort.lines[:n]])
     assert abs(shares).max() == pytest.approx(100, abs=3)
     limited = np.isfinite(problem.robot.limits.velocity).all()
-    assert len(velocity.lines) == n + 2 * limited + hand_overs
+    assert len(velocity.lines) == n + 2 * limited + switching_samples
     for axis in (position, velocity, effort, use, factor, speed):
         assert "[" in axis.get_ylabel()
         assert "[" in axis.get_xlabel()
     assert len(position.patches) == len(use.patches) == len(visits)
     assert colours(figure) > 1000
-    drawn = np.array(hand.lines[1].get_data_3d()).T
+    drawn = np.array(tool.lines[1].get_data_3d()).T
     inside = problem.tube.margin(drawn).max(axis=1)
     assert (inside > -1e-9).all()
     assert use.lines[0].get_ydata().max() <= 100.1
-    assert (problem.tube.rotation is not None) == (len(use.lines) - hand_overs == 3)
+    assert (problem.tube.rotation is not None) == (len(use.lines) - switching_samples == 3)
     assert speed.lines[0].get_ydata().max() > 0.1
     assert factor.lines[0].get_ydata().min() == pytest.approx(1.0, abs=1e-3)
 
@@ -63,7 +63,7 @@ def test_a_figure_that_cannot_be_written_is_an_error_of_ours(planned, tmp_path):
         plot_trajectory(problem, result.trajectory, tmp_path / "nowhere" / "figure.png")
 
 
-def test_the_tube_use_is_that_of_the_segment_the_hand_is_in(planned):
+def test_the_tube_use_is_that_of_the_segment_the_tool_is_in(planned):
     """Round a corner, the segment left behind may be the nearer one; its radius holds no more."""
     problem, result = planned("ur5/over_the_wall", "branch-and-bound")
     curves = motion_curves(problem, result.trajectory)
@@ -79,7 +79,7 @@ def test_the_rotation_tolerance_is_used_but_not_beyond(planned):
     assert 0.9 < use.max() <= 1 + 1e-5
 
 
-def test_the_hand_speed_is_the_slope_of_its_path(planned):
+def test_the_tool_speed_is_the_slope_of_its_path(planned):
     problem, result = planned("panda/between_shelves")
     curves, step = motion_curves(problem, result.trajectory), 1e-6
     time = np.clip(curves.samples.time, step, result.duration - step)

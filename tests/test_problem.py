@@ -23,9 +23,9 @@ from tubeplanner import (
 from tubeplanner.errors import ProblemError, RobotError
 from tubeplanner.resources import bundled_folder, bundled_problems
 
-# The two-link arm, stretched along x at its start, turns to y: the hand goes round the corner.
+# The two-link arm, stretched along x at its start, turns to y: the tool goes round the corner.
 LEAST = {
-    "robot": {"urdf": "example:two_link", "tool_frame": "hand", "gravity": [0, 0, 0]},
+    "robot": {"urdf": "example:two_link", "tool_frame": "tool", "gravity": [0, 0, 0]},
     "tube": {"points": [[0.6, 0, 0], [0.4, 0.4, 0], [0, 0.6, 0]], "radius": 0.1},
     "start": {"joints": [0, 0]},
 }
@@ -116,7 +116,7 @@ def test_values_follow_the_group_order_of_the_file():
         ),
         (
             {"joints": [np.pi, 0]},
-            "END: the hand is at [-0.6, 0.0, 0.0] m, DISTANCE m outside the capsule of segment K "
+            "END: the tool is at [-0.6, 0.0, 0.0] m, DISTANCE m outside the capsule of segment K "
             "(its end point is POINT m); move the END or the reference point",
         ),
     ],
@@ -139,7 +139,7 @@ def test_an_end_may_exceed_its_bounds_by_what_rounding_does():
     assert "joint 'joint2' at -1e-05" in fault(changed(**{**data, "start": {"joints": [0, -1e-5]}}))
 
 
-# About z; the hand of a stretched arm is off by 0.11 rad at the start, by pi/2 - 1 at the goal.
+# About z; the tool of a stretched arm is off by 0.11 rad at the start, by pi/2 - 1 at the goal.
 TURNING = [[0, 0, np.sin(a / 2), np.cos(a / 2)] for a in (-0.11, 0.5, 1.0)]
 
 
@@ -150,13 +150,13 @@ TURNING = [[0, 0, np.sin(a / 2), np.cos(a / 2)] for a in (-0.11, 0.5, 1.0)]
         ([[0.01, 0.01, 0.11], [np.inf, 0.01, np.inf]], None),
         (
             [0.1, 9.0],
-            "start: the hand is turned by 0.11 rad, where the rotation tolerance of segment 0 is "
+            "start: the tool is turned by 0.11 rad, where the rotation tolerance of segment 0 is "
             "0.1 rad; turn the start, change tube.orientations[0] or widen "
             "tube.rotation_tolerance[0]",
         ),
         (
             [9.0, [0.01, 0.01, 0.2]],
-            "goal: the hand is turned by 0.5708 rad about z of the reference orientation, where "
+            "goal: the tool is turned by 0.5708 rad about z of the reference orientation, where "
             "the rotation tolerance of segment 1 is 0.2 rad; turn the goal, change "
             "tube.orientations[2] or widen tube.rotation_tolerance[1]",
         ),
@@ -176,7 +176,7 @@ def test_an_end_turned_too_far_is_bad_input(tolerance, message):
 
 
 @pytest.mark.parametrize(("outside", "refused"), [(1e-7, False), (1e-5, True)])
-def test_the_hand_may_leave_the_capsule_by_what_rounding_does(outside, refused):
+def test_the_tool_may_leave_the_capsule_by_what_rounding_does(outside, refused):
     points = [[0.6 + 0.1 + outside, 0, 0], [1, 0, 0]]
     data = changed(tube__points=points)
     if refused:
@@ -243,7 +243,7 @@ def test_a_negative_clearance_is_refused(clearance):
     [
         ({"robot__urdf": "none.urdf"}, "robot description none.urdf does not exist"),
         ({"robot__urdf": "example:two_lnk"}, "(did you mean 'two_link'?)"),
-        ({"robot__tool_frame": "hnd"}, "unknown tool_frame 'hnd' (did you mean 'hand'?)"),
+        ({"robot__tool_frame": "hnd"}, "unknown tool_frame 'hnd' (did you mean 'tool'?)"),
         ({"robot__joints": ["joint1", "join2"]}, "unknown movable joint 'join2'"),
         (
             {"robot__locked_joints": {"joint9": 1}},
@@ -361,7 +361,7 @@ def test_an_obstacle_that_cannot_be_is_named(obstacle, message):
         (
             {"collision__ignore": [["link1", "wal"]]},
             "my problem: collision.ignore: unknown link or obstacle 'wal'; there is: base, link1, "
-            "link2, hand",
+            "link2, tool",
         ),
     ],
 )
@@ -401,7 +401,7 @@ def test_each_kind_of_obstacle_stands_where_the_file_puts_it():
 # --- files -------------------------------------------------------------------------------------
 
 YAML_TEXT = """\
-robot: {urdf: arms/two.urdf, tool_frame: hand, gravity: [0, 0, 0]}
+robot: {urdf: arms/two.urdf, tool_frame: tool, gravity: [0, 0, 0]}
 tube: {points: [[0.6, 0, 0], [0, 0.6, 0]], radius: 0.3}
 start: {joints: [0, 0]}
 """
@@ -459,7 +459,7 @@ def test_a_problem_without_a_tube_says_how_to_find_one(name):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"goal": None}, "goal is required: joints, or the position of the hand"),
+        ({"goal": None}, "goal is required: joints, or the position of the tool"),
         ({"start": {"seed": START}}, "start.joints is required: a seed belongs to the first point"),
         ({"goal": {"seed": GOAL}}, "goal.seed belongs to a position; give goal.position or goal"),
         (
@@ -478,7 +478,7 @@ def test_ends_that_no_route_can_join(changes, message):
         parse_problem({**LEAST, "goal": {"joints": GOAL}, **changes}, reads_tube=False)
 
 
-def test_without_its_tube_a_problem_lets_the_hand_be_anywhere():
+def test_without_its_tube_a_problem_lets_the_tool_be_anywhere():
     problem = parse_problem({**LEAST, "goal": {"position": [0, 0.5, 0]}}, reads_tube=False)
     np.testing.assert_allclose(problem.tube.points, [[0.6, 0, 0], [0, 0.5, 0]], atol=1e-9)
     assert problem.goal is None and problem.tube.radius[0] >= 1e3
@@ -513,7 +513,7 @@ def test_a_problem_built_in_python_equals_the_one_that_was_parsed():
     built = PlanningProblem(
         robot=load_robot(
             "example:two_link",
-            "hand",
+            "tool",
             gravity=(0, 0, 0),
             limits=LimitOverrides(velocity={"joint1": np.inf}),
         ),
@@ -551,7 +551,7 @@ def test_a_problem_built_in_python_equals_the_one_that_was_parsed():
         ({"start": [0.0, np.nan]}, "start must be finite numbers"),
         ({"start": Seed(np.array([np.inf, 0]))}, "start.seed must be finite numbers"),
         ({"start": Seed(np.zeros(3))}, "start.seed has 3 values for the 2 joints joint1, joint2"),
-        ({"goal": [3.0, 0.0]}, "goal: the hand is at [-0.594, 0.0847, 0.0] m"),
+        ({"goal": [3.0, 0.0]}, "goal: the tool is at [-0.594, 0.0847, 0.0] m"),
         ({"clearance": np.inf}, "clearance is inf m; 0 to 10000 m are accepted"),
         ({"clearance": np.nan}, "clearance is nan m; 0 to 10000 m are accepted"),
     ],

@@ -33,8 +33,8 @@ def test_the_branch_follows_the_reference_path_in_small_steps(name, planned):
     problem, _ = planned(name)
     branch = branch_of(problem)
     for k, q in enumerate(branch.segments):
-        hand = problem.robot.tool_position(q)
-        assert problem.tube.distance(hand)[:, k].max() < 1e-3
+        tool = problem.robot.tool_position(q)
+        assert problem.tube.distance(tool)[:, k].max() < 1e-3
         assert abs(np.diff(q, axis=0)).max() <= 0.1
         assert (q >= problem.joint_lower[k] - 1e-12).all()
         assert (q <= problem.joint_upper[k] + 1e-12).all()
@@ -72,8 +72,8 @@ def test_a_given_goal_is_met_exactly_with_spare_joints_blended(planned):
 
 def test_a_goal_on_another_branch_is_named(two_link):
     q = np.array([-0.5, 1.0])
-    hand = two_link.tool_position(q[None])[0]
-    tube = Tube([[0.3, -0.3, 0], hand], 0.03)
+    tool = two_link.tool_position(q[None])[0]
+    tube = Tube([[0.3, -0.3, 0], tool], 0.03)
     problem = PlanningProblem(two_link, tube, Seed(np.array([0.0, -1.0])), q)
     with pytest.raises(Infeasible, match="the goal lies on another branch") as caught:
         branch_of(problem)
@@ -93,8 +93,8 @@ def test_a_point_slightly_out_of_reach_is_passed_within_the_radius(two_link):
     """The middle of the line is 5 mm beyond the arm's 0.6 m; the tube is 30 mm wide."""
     problem = two_link_problem(two_link, [(0.55, -0.15), (0.605, 0.0), (0.55, 0.15)])
     branch = branch_of(problem)
-    hand = two_link.tool_position(branch.segments[0][-1:])
-    assert problem.tube.distance(hand)[0].max() == pytest.approx(0.005, abs=1e-3)
+    tool = two_link.tool_position(branch.segments[0][-1:])
+    assert problem.tube.distance(tool)[0].max() == pytest.approx(0.005, abs=1e-3)
 
 
 def test_a_stretched_start_is_left(two_link):
@@ -105,7 +105,7 @@ def test_a_stretched_start_is_left(two_link):
 
 
 def test_signs_in_the_way_are_named(two_link):
-    """The elbow must stay nearly straight, so the hand cannot come near the base."""
+    """The elbow must stay nearly straight, so the tool cannot come near the base."""
     problem = two_link_problem(
         two_link, [(0.55, 0.0), (0.3, 0.0)], signs={"joint2": [-1.0, 0]}, start=(0.3, -0.5)
     )
@@ -117,7 +117,7 @@ def test_position_limits_in_the_way_are_named():
     limits = LimitOverrides(
         velocity={"joint1": np.inf, "joint2": np.inf}, position={"joint2": (-1.0, 0.0)}
     )
-    robot = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=limits)
+    robot = load_robot("example:two_link", "tool", gravity=(0, 0, 0), limits=limits)
     problem = two_link_problem(robot, [(0.55, 0.0), (0.3, 0.0)], start=(0.3, -0.5))
     with pytest.raises(Infeasible, match=r"position limits are in the way \(.*joint2\)"):
         branch_of(problem)
@@ -132,8 +132,8 @@ def test_a_seed_that_reaches_nothing_is_named(two_link):
 def test_a_sign_may_change_where_the_joint_is_zero(ur5):
     """The wrist goes from its negative to its positive range; at the corner it must be at 0."""
     q = np.array([0.2, -1.2, 1.6, -1.8, -1.5, -0.3])
-    hand = ur5.tool_position(q[None])[0]
-    points = hand + np.array([[0, 0, 0], [0, 0.15, 0], [0, 0.15, 0.15]])
+    tool = ur5.tool_position(q[None])[0]
+    points = tool + np.array([[0, 0, 0], [0, 0.15, 0], [0, 0.15, 0.15]])
     signs = [{"wrist_3_joint": "-"}, {"wrist_3_joint": "+"}]
     problem = PlanningProblem(ur5, Tube(points, 0.05, joint_signs=signs), q)
     branch = branch_of(problem)
@@ -142,7 +142,7 @@ def test_a_sign_may_change_where_the_joint_is_zero(ur5):
 
 @pytest.mark.parametrize("rule", SpareJoints)
 def test_spare_joints_follow_their_rule(rule, planned):
-    """The Panda's last joint turns by 1 rad from start to goal, and the hand does not need it."""
+    """The Panda's last joint turns by 1 rad from start to goal, and the tool does not need it."""
     problem, _ = planned("panda/between_shelves")
     goal = problem.goal + np.array([0, 0, 0, 0, 0, 0, 1.0])
     problem = PlanningProblem(problem.robot, problem.tube, problem.start, goal)
@@ -182,7 +182,7 @@ def errors_of(problem, branch):
 
 
 @pytest.mark.parametrize("rule", [SpareJoints.AS_NEEDED, SpareJoints.HELD, SpareJoints.CENTRED])
-def test_the_hand_is_turned_as_the_reference_is(rule, planned):
+def test_the_tool_is_turned_as_the_reference_is(rule, planned):
     """In all components, or in two of them, while the reference turns by up to 1.6 rad a leg."""
     robot = planned("ur5/level_tray")[0].robot
     start = planned("ur5/level_tray")[0].start
@@ -234,7 +234,7 @@ def test_seeds_are_turned_as_the_reference_is(planned):
 
 
 def planar_problem(two_link, tolerance, angles=(0.0, 0.0)):
-    """The straight line on which the planar arm's hand turns from -1.04 by way of -0.72 to 0.14."""
+    """The straight line on which the planar arm's tool turns from -1.04 by way of -0.72 to 0.14."""
     return PlanningProblem(
         two_link,
         Tube(
@@ -258,7 +258,7 @@ ENDS = (-1.035835, 0.140170)
             [[0.1, 0.1, 0.1]],
             ENDS,
             r"% along segment 0, .*: the rotation tolerance of segment 0, \[0.1, 0.1, 0.1\] rad, "
-            r"is in the way: the hand can be turned no nearer than 0\.09.* rad to its reference "
+            r"is in the way: the tool can be turned no nearer than 0\.09.* rad to its reference "
             r"orientation, and a tenth of the tolerance is kept to plan with; widen "
             r"tube\.rotation_tolerance\[0\], change tube\.orientations or move",
         ),
@@ -266,7 +266,7 @@ ENDS = (-1.035835, 0.140170)
             0.9,
             (0.0, 0.0),
             r"start from its seed: the rotation tolerance of segment 0, 0.9 rad, is in the way: "
-            r"the hand can be turned no nearer than 1\.04 rad",
+            r"the tool can be turned no nearer than 1\.04 rad",
         ),
     ],
 )
@@ -294,7 +294,7 @@ def test_a_position_out_of_reach_is_not_blamed_on_the_rotation(two_link):
         branch_of(problem)
 
 
-def test_the_next_segments_rotation_tolerance_holds_at_the_hand_over_too(two_link):
+def test_the_next_segments_rotation_tolerance_holds_at_the_switching_time_too(two_link):
     tube = Tube(
         [[0.45, -0.3, 0], [0.45, 0, 0], [0.45, 0.3, 0]],
         0.03,

@@ -99,7 +99,7 @@ def two_link_effort(q, v, a, gravity=0.0):
     )
 
 
-def test_two_link_hand_is_where_trigonometry_puts_it(two_link):
+def test_two_link_tool_is_where_trigonometry_puts_it(two_link):
     q = random_configurations(two_link, 200)
     rotation, position = two_link.tool_pose(q)
     np.testing.assert_allclose(position, two_link_position(q), atol=1e-14)
@@ -128,7 +128,7 @@ def test_two_link_effort_is_mass_times_acceleration_plus_coriolis(two_link):
 
 
 def test_two_link_effort_in_a_vertical_plane_adds_the_weight():
-    robot = load_robot("example:two_link", "hand", gravity=(0, -9.81, 0))
+    robot = load_robot("example:two_link", "tool", gravity=(0, -9.81, 0))
     motion = random_motion(robot, 200)
     expected = two_link_effort(*motion, gravity=9.81)
     np.testing.assert_allclose(robot.inverse_dynamics(*motion), expected, atol=1e-11)
@@ -308,9 +308,9 @@ def test_a_joint_locked_by_default_stands_at_zero_or_the_nearest_limit(panda):
 def test_panda_fingers_are_locked_and_the_second_mirrors_the_first(fingers):
     robot = load_robot("example:panda", "panda_hand_tcp", locked_joints=fingers)
     assert robot.joint_names == tuple(f"panda_joint{i}" for i in range(1, 8))
-    in_hand = np.linalg.inv(robot.link_placement["panda_hand"])
-    left = (in_hand @ robot.link_placement["panda_leftfinger"])[:3, 3]
-    right = (in_hand @ robot.link_placement["panda_rightfinger"])[:3, 3]
+    in_tool_frame = np.linalg.inv(robot.link_placement["panda_hand"])
+    left = (in_tool_frame @ robot.link_placement["panda_leftfinger"])[:3, 3]
+    right = (in_tool_frame @ robot.link_placement["panda_rightfinger"])[:3, 3]
     opening = fingers.get("panda_finger_joint1", 0.0)
     np.testing.assert_allclose(left, [0, opening, 0.0584], atol=1e-9)
     np.testing.assert_allclose(right, [0, -opening, 0.0584], atol=1e-9)
@@ -408,10 +408,10 @@ def test_no_body_point_moves_further_than_the_lever_arms_allow(request, arm, whi
 
 def test_the_lever_arm_of_a_sliding_chain_counts_the_whole_travel(arm):
     robot = arm(*SLIDER)
-    hand = robot.link_body["tip"]
+    tool = robot.link_body["tip"]
     assert robot.limits.upper_position[1] == 2
     expected = [0.2 + 2 + np.hypot(0.3, 0.1), 0.0]
-    np.testing.assert_allclose(robot.lever_arm[hand, robot.revolute], expected)
+    np.testing.assert_allclose(robot.lever_arm[tool, robot.revolute], expected)
     assert robot.joint_moves_body[robot.link_body["turn"]].tolist() == [True, False, False]
     assert not robot.joint_moves_body[0].any()
 

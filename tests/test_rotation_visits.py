@@ -30,15 +30,15 @@ def wavy(robot, seed, pieces=4, width=0.1):
 
 
 def margins(robot, tube, motion, t, segment):
-    rotation, hand = robot.tool_pose(motion.position(t))
-    return tube.rotation.margin(rotation, hand, segment)
+    rotation, tool = robot.tool_pose(motion.position(t))
+    return tube.rotation.margin(rotation, tool, segment)
 
 
 def around(robot, motion, seed, tolerance, reach=0.2):
-    """Return a tube near the hand whose reference turns along; its nearest points pass the ends."""
+    """Return a tube near the tool whose reference turns along; its nearest points pass the ends."""
     rng = np.random.default_rng(seed)
-    rotation, hand = robot.tool_pose(motion.position(np.array([0.0, 0.2, 0.4])))
-    points = hand + rng.uniform(-reach, reach, (3, 3))
+    rotation, tool = robot.tool_pose(motion.position(np.array([0.0, 0.2, 0.4])))
+    points = tool + rng.uniform(-reach, reach, (3, 3))
     off = Rotation.from_rotvec(rng.normal(scale=0.4, size=(3, 3)))
     quaternions = (Rotation.from_matrix(rotation) * off).as_quat()
     return Tube(points, 9.0, orientations=quaternions, rotation_tolerance=tolerance)
@@ -95,9 +95,9 @@ def turning_wrist(ur5, tray, end):
     """Return the level start with the last joint turning at one rad/s, and a tube about it."""
     q = tray.start
     motion = JointTrajectory(ur5.joint_names, [0, end], [[[0] * 5 + [1.0]], [q]])
-    rotation, hand = ur5.tool_pose(q[None])
+    rotation, tool = ur5.tool_pose(q[None])
     tilted = Rotation.from_matrix(rotation[0]) * Rotation.from_rotvec([-0.02, 0, 0])
-    points = hand + np.array([[0, 0, 0], [0.1, 0, 0]])
+    points = tool + np.array([[0, 0, 0], [0.1, 0, 0]])
     return motion, Tube(
         points, 0.1, orientations=[tilted.as_quat()] * 2, rotation_tolerance=[[0.04, 0.04, INF]]
     )
@@ -125,9 +125,9 @@ def test_a_turn_beyond_half_a_turn_is_followed(end, planned):
 def test_half_a_turn_between_two_ends_is_seen(planned):
     """From 3 to 3.3 rad: the angle is pi in between, and at both ends less."""
     tray, _ = planned("ur5/level_tray")
-    rotation, hand = tray.robot.tool_pose(tray.start[None])
+    rotation, tool = tray.robot.tool_pose(tray.start[None])
     first = (Rotation.from_matrix(rotation[0]) * Rotation.from_rotvec([0, 0, -3.0])).as_quat()
-    points = hand + np.array([[0, 0, 0], [0.1, 0, 0]])
+    points = tool + np.array([[0, 0, 0], [0.1, 0, 0]])
     tube = Tube(points, 0.1, orientations=[first] * 2, rotation_tolerance=4.0)
     motion = JointTrajectory(tray.robot.joint_names, [0, 1.0], [[[0] * 5 + [0.3]], [tray.start]])
     visit = [Visit(0, 0.0, 1.0)]
@@ -163,8 +163,8 @@ def test_a_spike_between_two_thousand_samples_is_found(planned):
     regular = np.linspace(0, result.duration, 2001)
     when = regular[1000] + 2e-4
     motion = spiked(result.trajectory, 4, 0.07, when, 2e-5)
-    rotation, hand = problem.robot.tool_pose(motion.position(regular))
-    assert problem.tube.rotation.margin(rotation, hand, 1).min() > 0.05
+    rotation, tool = problem.robot.tool_pose(motion.position(regular))
+    assert problem.tube.rotation.margin(rotation, tool, 1).min() > 0.05
     condition = verify(problem, motion).conditions["rotation"]
     assert condition.where.time == pytest.approx(when + 1e-5, abs=1e-5)
     assert condition.where.segment == 1
@@ -177,11 +177,11 @@ def test_a_spike_between_two_thousand_samples_is_found(planned):
 
 @pytest.mark.parametrize(("slack", "passes"), [(2e-5, True), (-2e-5, False)])
 def test_a_bound_is_judged_to_hundredths_of_a_milliradian(slack, passes, planned):
-    """The largest tilt of a wavering hand, and a bound that is beside it by 2e-5 rad."""
+    """The largest tilt of a wavering tool, and a bound that is beside it by 2e-5 rad."""
     problem, result = planned("ur5/level_tray")
     motion = spiked(result.trajectory, 4, 0.03, 0.6, 0.2)
-    rotation, hand = problem.robot.tool_pose(motion.position(np.linspace(0.6, 0.8, 20_001)))
-    largest = abs(problem.tube.rotation.error(rotation, hand, 1)[:, :2]).max()
+    rotation, tool = problem.robot.tool_pose(motion.position(np.linspace(0.6, 0.8, 20_001)))
+    largest = abs(problem.tube.rotation.error(rotation, tool, 1)[:, :2]).max()
     tube = problem.tube
     bound = (largest + slack, largest + slack, INF)
     judged = Tube(
@@ -196,8 +196,8 @@ def test_a_bound_is_judged_to_hundredths_of_a_milliradian(slack, passes, planned
 
 @pytest.mark.parametrize("visit", ["ordered", "any"])
 @pytest.mark.parametrize(("bound", "left"), [(0.3, 0.0), (0.29, -0.01), (0.35, 0.05)])
-def test_the_hand_over_is_when_both_rotation_tolerances_hold(two_link, visit, bound, left):
-    """The hand's angle goes from -0.4 to 0.5; the references, far away, are at -0.3 and 0.3."""
+def test_the_switching_time_is_when_both_rotation_tolerances_hold(two_link, visit, bound, left):
+    """The tool's angle goes from -0.4 to 0.5; the references, far away, are at -0.3 and 0.3."""
     angles = [[-0.3], [0.3], [0.3]]
     quaternions = Rotation.from_euler("z", angles).as_quat()
     points = [[2, 0, 0], [3, 0, 0], [4, 0, 0]]
@@ -205,7 +205,7 @@ def test_the_hand_over_is_when_both_rotation_tolerances_hold(two_link, visit, bo
     problem = PlanningProblem(two_link, tube, Seed(np.array([0.0, -1.0])))
     motion = JointTrajectory(two_link.joint_names, [0, 1.0], [[[0.9, 0.0]], [[0.6, -1.0]]])
     pose = pose_of(two_link, motion)
-    visits = tube_visits(problem, motion, pose.hand, pose.rotation)
+    visits = tube_visits(problem, motion, pose.tool, pose.rotation)
     assert [visit.segment for visit in visits] == [0, 1]
     assert visits[0].end == pytest.approx(0.4 / 0.9, abs=1e-7)
     least = least_rotation_margin(tube.rotation, pose, visits)
@@ -246,16 +246,16 @@ def test_halving_ends_after_so_many_rows(ur5, monkeypatch):
     tube, pose = around(ur5, motion, 1, [0.5, 0.5]), pose_of(ur5, motion)
     visit = [Visit(0, 0.0, motion.duration)]
     whole = least_rotation_margin(tube.rotation, pose, visit)
-    monkeypatch.setattr("tubeplanner.verification.rotation_visits._MOST_ROWS", len(pose.hand.width))
+    monkeypatch.setattr("tubeplanner.verification.rotation_visits._MOST_ROWS", len(pose.tool.width))
     least = least_rotation_margin(tube.rotation, pose, visit)
-    assert least.intervals == len(pose.hand.width) < whole.intervals
+    assert least.intervals == len(pose.tool.width) < whole.intervals
     assert least.lower_bound < whole.lower_bound
 
 
-# Over one second: how far the boom extends, and how the hand turns, as polynomials of time, highest
+# Over one second: how far the boom extends, and how the tool turns, as polynomials of time, highest
 # power first, in shares of the reference's turn; the largest deviation between two ends that agree.
 BETWEEN_ENDS = {
-    "the hand turns": ([0, 0, 0.2], [-1.0, 1.0, 0.2], 0.25),
+    "the tool turns": ([0, 0, 0.2], [-1.0, 1.0, 0.2], 0.25),
     "the reference turns": ([-1.0, 1.0, 0.4], [0, 0, 0.4], 0.25),
     "the reference stops half-way": ([0, 1.0, 0.5], [0, 0.5, 0.5], 0.25),
     "the reference begins half-way": ([0, 1.0, -0.5], [0, 0.5, 0.0], 0.25),
@@ -264,7 +264,7 @@ BETWEEN_ENDS = {
 
 @pytest.mark.parametrize(("extended", "turned", "largest"), BETWEEN_ENDS.values(), ids=BETWEEN_ENDS)
 def test_what_happens_between_two_ends_is_bounded(extended, turned, largest, tmp_path):
-    """In closed form, for a sliding hand; so little that it is settled at the first look."""
+    """In closed form, for a sliding tool; so little that it is settled at the first look."""
     path = tmp_path / "slide.urdf"
     path.write_text(SLIDE)
     robot, turn, bound = load_robot(path, "tip"), 0.02, 1.0

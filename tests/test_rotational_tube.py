@@ -28,40 +28,40 @@ def test_the_reference_turns_about_one_axis_in_proportion_to_the_way():
     u = np.linspace(-0.5, 1.5, 41)
     beside = np.array([0.0, 0.03, 0.05])
     for k in range(2):
-        hand = tube.points[k] + u[:, None] * (tube.points[k + 1] - tube.points[k])
+        tool = tube.points[k] + u[:, None] * (tube.points[k + 1] - tube.points[k])
         expected = Slerp([0, 1], Rotation.from_quat(quaternions[k : k + 2]))(np.clip(u, 0, 1))
-        found = tube.rotation.reference(hand, k)
+        found = tube.rotation.reference(tool, k)
         np.testing.assert_allclose(found, expected.as_matrix(), atol=1e-14)
         offset = beside if k == 0 else beside[[1, 0, 2]]
-        np.testing.assert_allclose(tube.rotation.reference(hand + offset, k), found, atol=1e-14)
+        np.testing.assert_allclose(tube.rotation.reference(tool + offset, k), found, atol=1e-14)
 
 
 def test_a_segment_may_be_named_for_every_sample():
     tube = turned(CORNER, Rotation.random(3, random_state=4).as_quat(), [0.1, [0.2, INF, 0.3]])
     rng = np.random.default_rng(0)
-    hand, rotation = rng.uniform(0, 1, (20, 3)), Rotation.random(20, random_state=1).as_matrix()
+    tool, rotation = rng.uniform(0, 1, (20, 3)), Rotation.random(20, random_state=1).as_matrix()
     segment = rng.integers(0, 2, 20)
-    each = [tube.rotation.margin(rotation, hand, k) for k in range(2)]
-    found = tube.rotation.margin(rotation, hand, segment)
+    each = [tube.rotation.margin(rotation, tool, k) for k in range(2)]
+    found = tube.rotation.margin(rotation, tool, segment)
     np.testing.assert_allclose(found, np.where(segment == 0, *each), atol=1e-14)
-    np.testing.assert_allclose(tube.rotation_margin(rotation, hand), np.array(each).T, atol=1e-14)
-    part = tube.rotation_margin(rotation, hand, slice(1, 2))
+    np.testing.assert_allclose(tube.rotation_margin(rotation, tool), np.array(each).T, atol=1e-14)
+    part = tube.rotation_margin(rotation, tool, slice(1, 2))
     np.testing.assert_allclose(part[:, 0], each[1], atol=1e-14)
 
 
 def test_a_planar_arm_is_off_by_the_sum_of_its_angles(two_link):
-    """Its hand is turned by q1 + q2 about z; the reference goes from 0.2 to 1.0 rad on the way."""
+    """Its tool is turned by q1 + q2 about z; the reference goes from 0.2 to 1.0 rad on the way."""
     points = [[0.2, 0, 0], [0.5, 0, 0]]
     tube = turned(points, [about([0, 0, 1], 0.2), about([0, 0, 1], 1.0)], 0.5)
     q = np.random.default_rng(2).uniform(-1.4, 1.4, (50, 2))
-    rotation, hand = two_link.tool_pose(q)
-    u = np.clip((hand[:, 0] - 0.2) / 0.3, 0, 1)
+    rotation, tool = two_link.tool_pose(q)
+    u = np.clip((tool[:, 0] - 0.2) / 0.3, 0, 1)
     expected = q.sum(axis=1) - 0.2 - 0.8 * u
     expected = (expected + np.pi) % (2 * np.pi) - np.pi
-    error = tube.rotation.error(rotation, hand, 0)
+    error = tube.rotation.error(rotation, tool, 0)
     np.testing.assert_allclose(error[:, 2], expected, atol=1e-12)
     np.testing.assert_allclose(error[:, :2], 0, atol=1e-12)
-    margin = tube.rotation.margin(rotation, hand, 0)
+    margin = tube.rotation.margin(rotation, tool, 0)
     np.testing.assert_allclose(margin, 0.5 - abs(expected), atol=1e-12)
 
 
@@ -166,7 +166,7 @@ def test_rounded_quaternions_are_made_unit():
         (
             [STILL, [0, 1, 0, 0]],
             0.1,
-            "tube.orientations: from point 0 to 1 the hand turns by 180 degrees, so that which way "
+            "tube.orientations: from point 0 to 1 the tool turns by 180 degrees, so that which way "
             "round is not determined; add a reference point between them",
         ),
         (

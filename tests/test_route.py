@@ -11,14 +11,14 @@ from tubeplanner import RouteOptions, find_route, load_problem, parse_problem, p
 from tubeplanner.errors import OptionError
 from tubeplanner.tube_sources.free_space import FreeSpace
 from tubeplanner.tube_sources.goal_configurations import goal_configurations
-from tubeplanner.tube_sources.hand_corners import hand_corners
 from tubeplanner.tube_sources.joint_route import RouteSearch
 from tubeplanner.tube_sources.reference_tube import reference_tube
+from tubeplanner.tube_sources.tool_corners import tool_corners
 
 GAP = "example:two_link/through_the_gap"
 QUICK = RouteOptions(tries=1, samples=200)
 CELL = {
-    "robot": {"urdf": "example:two_link", "tool_frame": "hand", "gravity": [0, 0, 0]},
+    "robot": {"urdf": "example:two_link", "tool_frame": "tool", "gravity": [0, 0, 0]},
     "start": {"joints": [0, 0.5]},
     "goal": {"joints": [1.5, 0.5]},
 }
@@ -77,13 +77,13 @@ def test_the_same_seed_gives_the_same_route(searched):
 
 def test_lines_between_corners_are_straight_and_free(gap, searched):
     space, _, route = searched
-    corners = hand_corners(gap.robot, space, route)
+    corners = tool_corners(gap.robot, space, route)
     assert 3 <= len(corners.points) <= 5
     for a, b, q in zip(corners.points, corners.points[1:], corners.lines, strict=False):
-        hand = gap.robot.tool_position(q)
-        np.testing.assert_allclose(hand[[0, -1]], [a, b], atol=1e-5)
+        tool = gap.robot.tool_position(q)
+        np.testing.assert_allclose(tool[[0, -1]], [a, b], atol=1e-5)
         away = (
-            hand - a - np.clip((hand - a) @ (b - a) / ((b - a) @ (b - a)), 0, 1)[:, None] * (b - a)
+            tool - a - np.clip((tool - a) @ (b - a) / ((b - a) @ (b - a)), 0, 1)[:, None] * (b - a)
         )
         assert np.linalg.norm(away, axis=1).max() < 1e-5
         assert abs(np.diff(q, axis=0)).max() <= 0.3
@@ -92,8 +92,8 @@ def test_lines_between_corners_are_straight_and_free(gap, searched):
 
 def test_more_corners_follow_a_route_more_closely(gap, searched):
     space, _, route = searched
-    coarse = hand_corners(gap.robot, space, route)
-    fine = hand_corners(gap.robot, space, route, deviation=0.005)
+    coarse = tool_corners(gap.robot, space, route)
+    fine = tool_corners(gap.robot, space, route, deviation=0.005)
     assert len(fine.points) > len(coarse.points)
 
 
@@ -111,7 +111,7 @@ def test_room_is_the_distance_beyond_the_clearance():
     assert FreeSpace(problem, 0.1, problem.start[None]).is_free(problem.start)
 
 
-def test_a_hand_position_has_several_configurations(two_link):
+def test_a_tool_position_has_several_configurations(two_link):
     problem = cell(goal={"position": [0.3, 0.3, 0]})
     goals = goal_configurations(problem, problem.start, seed=1)
     assert {np.sign(q[1]) for q in goals} == {1.0, -1.0}
@@ -164,7 +164,7 @@ def test_no_route_is_an_answer_with_how_far_it_came():
 def test_a_goal_out_of_reach_is_named():
     answer = find_route(cell(goal={"position": [0.5, 0.5, 0]}))
     assert answer.status == "unreachable"
-    assert answer.message == "the goal is out of reach: the hand gets no nearer than 0.1071 m"
+    assert answer.message == "the goal is out of reach: the tool gets no nearer than 0.1071 m"
 
 
 def test_a_robot_without_geometry_needs_no_way_around():

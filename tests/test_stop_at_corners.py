@@ -11,7 +11,7 @@ from tubeplanner.branches.reference_branch import reference_branch, spare_joint_
 from tubeplanner.waypoint_search.stop_at_corners import stop_at_corners
 from tubeplanner.waypoint_search.time_scaling import minimum_duration
 
-# Durations of the conventional scheme of the paper, straight lines at trapezoidal hand speed with
+# Durations of the conventional scheme of the paper, straight lines at trapezoidal tool speed with
 # stops (0.75 m/s, 1.2 m/s^2), by the formula d/v + v/a or 2 sqrt(d/a).
 SPEED, ACCELERATION = 0.75, 1.2
 
@@ -36,10 +36,10 @@ def test_the_arm_rests_at_every_reference_point(name, planned):
     trajectory = result.trajectory
     t = np.linspace(0, trajectory.duration, 20_000)
     speed = abs(trajectory.velocity(t)).max(axis=1)
-    hand = problem.robot.tool_position(trajectory.position(t))
+    tool = problem.robot.tool_position(trajectory.position(t))
     for corner in problem.tube.points[1:-1]:
-        nearest = int(np.linalg.norm(hand - corner, axis=1).argmin())
-        assert np.linalg.norm(hand[nearest] - corner) < 1e-4
+        nearest = int(np.linalg.norm(tool - corner, axis=1).argmin())
+        assert np.linalg.norm(tool[nearest] - corner) < 1e-4
         around = slice(nearest - 100, nearest + 100)
         assert speed[around].min() < 1e-3 * speed.max()
 
@@ -86,12 +86,12 @@ def test_splines_follow_the_branch_within_the_rotation_tolerance(planned):
 
 
 def test_a_fit_is_held_against_the_rotation_too(planned):
-    """Its margins are those of the hand and, where that is bounded, of the rotation."""
+    """Its margins are those of the tool and, where that is bounded, of the rotation."""
     tray, _ = planned("ur5/level_tray")
     q = tray.start + np.array([[0] * 6, [0, 0, 0, 0, 0.01, 0]])
     turned = tray.tube.rotation.margin(*tray.robot.tool_pose(q), 0)
-    hand = tray.tube.margin(tray.robot.tool_position(q))[:, 0]
-    expected = [hand.min(), turned[1]]
+    tool = tray.tube.margin(tray.robot.tool_position(q))[:, 0]
+    expected = [tool.min(), turned[1]]
     np.testing.assert_allclose(stop_at_corners_module._least_margins(tray, q, 0), expected)
     free, _ = planned("ur5/over_the_wall")
     assert stop_at_corners_module._least_margins(free, free.start[None], 0).shape == (1,)

@@ -126,8 +126,8 @@ def test_a_start_in_collision_is_the_reason(two_link):
 
 def test_where_the_start_is_the_goal_there_is_nothing_to_move(two_link):
     q = np.array([-0.3, -1.0])
-    hand = two_link.tool_position(q[None])[0]
-    tube = Tube([hand, hand + np.array([0.001, 0, 0])], 0.1)
+    tool = two_link.tool_position(q[None])[0]
+    tube = Tube([tool, tool + np.array([0.001, 0, 0])], 0.1)
     problem = PlanningProblem(two_link, tube, q, q)
     result = plan(problem, OPTIONS)
     assert result.message == "the start is the goal: there is nothing to move"

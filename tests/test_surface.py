@@ -63,7 +63,7 @@ def test_a_pipe_has_its_thickness_and_remembers_its_points():
     assert set(owner) == set(range(11))
 
 
-def test_a_hand_that_stands_still_has_no_path():
+def test_a_tool_that_stands_still_has_no_path():
     surface, owner = pipe(np.zeros((5, 3)), 0.01)
     assert len(surface.faces) == len(owner) == 0
 

@@ -69,7 +69,7 @@ def test_a_tolerance_that_cannot_be_posed_or_planned_has_its_reason(two_link):
     result = sweep(problem, [0.01, 0.02 + off / 2, 0.05])
     thin, outside, fine = result.rows
     assert "tool_radius 0.02 m" in thin.message
-    assert "start: the hand is at" in outside.message
+    assert "start: the tool is at" in outside.message
     assert [str(row.status) for row in result.rows] == ["bad_input", "bad_input", "success"]
     assert fine.duration > 0
     assert thin.duration is thin.slope is None

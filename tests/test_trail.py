@@ -91,9 +91,9 @@ def test_a_way_out_and_back_is_left_out(two_link):
 def test_a_way_back_along_a_straight_line_is_left_out_too(two_link):
     """No distance from the line between start and end shows it."""
     line = np.linspace([0.3, -0.3, 0], [0.3, 0.3, 0], 80)
-    hand = np.vstack([line[:60], line[60:20:-1], line[20:]])
+    tool = np.vstack([line[:60], line[60:20:-1], line[20:]])
     q = [np.array([-0.3, 1.0])]
-    for point in hand:
+    for point in tool:
         free = np.full(2, np.inf)
         q.append(solve_position(two_link, point, q[-1], -free, free).q)
     kept, turns = without_ways_back(two_link, np.array(q[1:]), 0.03)
@@ -112,8 +112,8 @@ def test_a_trail_that_only_goes_out_and_back_is_refused(two_link):
         without_ways_back(two_link, way([0, 0.5], [0.8, 0.5], [0, 0.5]), 0.01)
 
 
-def test_a_hand_that_stands_still_is_refused(ur5):
+def test_a_tool_that_stands_still_is_refused(ur5):
     q = np.tile([0, -1, 1, -1, -1.5, 0.0], (20, 1))
     q[:, 5] = np.linspace(0, 1, 20)
-    with pytest.raises(TrajectoryError, match=r"the hand moves by .* m only"):
+    with pytest.raises(TrajectoryError, match=r"the tool moves by .* m only"):
         without_ways_back(ur5, q, 0.01)

@@ -188,7 +188,7 @@ def test_a_fault_is_named(points, radius, options, message):
     ],
     ids=["a sign change at zero", "ranges that touch", "different joints"],
 )
-def test_ranges_that_meet_across_a_hand_over_are_accepted(signs):
+def test_ranges_that_meet_across_a_switching_time_are_accepted(signs):
     assert Tube(CORNER, 0.1, joint_signs=signs).segment_count == 2
 
 

@@ -44,19 +44,19 @@ def post_in_box(frame, q, center, size):
 
 
 def largest_radius(points, tip_sign):
-    """Return how far the hand may be from a segment before a link meets the post, by a grid."""
+    """Return how far the tool may be from a segment before a link meets the post, by a grid."""
     x, y = np.meshgrid(np.arange(-0.6, 0.6, 0.001), np.arange(-0.6, 0.6, 0.001))
-    hand = np.stack([x.ravel(), y.ravel()], axis=1)
-    reach = np.linalg.norm(hand, axis=1)
-    hand, reach = hand[(reach > 0.01) & (reach < 2 * LINK)], reach[(reach > 0.01) & (reach < 0.6)]
+    tool = np.stack([x.ravel(), y.ravel()], axis=1)
+    reach = np.linalg.norm(tool, axis=1)
+    tool, reach = tool[(reach > 0.01) & (reach < 2 * LINK)], reach[(reach > 0.01) & (reach < 0.6)]
     bend = tip_sign * 2 * np.arccos(reach / (2 * LINK))
-    first = np.arctan2(hand[:, 1], hand[:, 0]) - bend / 2
+    first = np.arctan2(tool[:, 1], tool[:, 0]) - bend / 2
     elbow = LINK * np.stack([np.cos(first), np.sin(first)], axis=1)
     near = np.minimum(
-        post_in_box(np.zeros_like(hand), first, 0.15, (0.36, 0.05)),
+        post_in_box(np.zeros_like(tool), first, 0.15, (0.36, 0.05)),
         post_in_box(elbow, first + bend, 0.15, (0.34, 0.04)),
     )
-    hits = hand[near < POST_RADIUS]
+    hits = tool[near < POST_RADIUS]
     a, b = points[0, :2], points[1, :2]
     share = np.clip((hits - a) @ (b - a) / ((b - a) @ (b - a)), 0, 1)
     return np.linalg.norm(hits - a - share[:, None] * (b - a), axis=1).min()
@@ -96,7 +96,7 @@ def test_a_random_attack_finds_nothing_but_would_in_a_wider_tube(post):
 
 @pytest.fixture(scope="module")
 def beside_a_wall(ur5):
-    """Return one segment of a UR5 along a wall, its hand 10 cm away from it."""
+    """Return one segment of a UR5 along a wall, its tool 10 cm away from it."""
     tube = Tube([[0.45, -0.2, 0.4], [0.45, 0.1, 0.4]], 0.05, joint_signs={"elbow_joint": "+"})
     wall = Obstacle.box("wall", [0.6, 0.6, 0.05], placement_of([0.6, 0.0, 0.25]))
     seed = np.array([-0.9, -1.5, 1.8, -1.9, -1.6, 0.0])

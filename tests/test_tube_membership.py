@@ -21,12 +21,12 @@ def corner(two_link, **more):
     return PlanningProblem(two_link, tube, SEED)
 
 
-def test_the_margin_is_the_least_of_hand_and_joints(two_link):
+def test_the_margin_is_the_least_of_tool_and_joints(two_link):
     problem = corner(two_link)
     q = np.array([[0.9, -1.5], [0.3, -0.25], [0.3, 0.1]])
-    hand = two_link.tool_position(q)
+    tool = two_link.tool_position(q)
     margin = membership_margin(problem, q)
-    for i, (point, (_, elbow)) in enumerate(zip(hand, q, strict=True)):
+    for i, (point, (_, elbow)) in enumerate(zip(tool, q, strict=True)):
         nearest = np.array([0.4, np.clip(point[1], -0.3, 0.1), 0])
         first = 0.02 - np.linalg.norm(point - nearest)
         assert margin[i, 0] == pytest.approx(min(first, -elbow, elbow + np.pi), abs=1e-12)
@@ -37,7 +37,7 @@ def test_the_margin_is_the_least_of_hand_and_joints(two_link):
 
 INSIDE = {
     "in order": ([[1, 0], [1, 1], [0, 1]], [False, True]),
-    "hand-over between samples": ([[1, 0], [0, 1]], [False, True]),
+    "switching time between samples": ([[1, 0], [0, 1]], [False, True]),
     "still in both": ([[1, 0], [1, 1]], [True, True]),
     "never in the first": ([[0, 1], [0, 1]], [False, True]),
     "outside for a moment": ([[1, 0], [0, 0], [0, 1]], [False, False]),
@@ -135,19 +135,19 @@ def test_a_union_may_be_visited_backwards(two_link):
 
 
 def test_the_margin_knows_the_rotation(planned):
-    """The hand is well inside its capsule: how far it is turned decides."""
+    """The tool is well inside its capsule: how far it is turned decides."""
     problem, result = planned("ur5/level_tray")
     q = result.trajectory.position(np.array([0.6, 0.6, 0.6]))
     q[1, 4] += 0.04
     q[2, 4] += 0.07
-    rotation, hand = problem.robot.tool_pose(q)
-    turned = problem.tube.rotation.margin(rotation, hand, 1)
+    rotation, tool = problem.robot.tool_pose(q)
+    turned = problem.tube.rotation.margin(rotation, tool, 1)
     assert turned[1] > 0 > turned[2]
-    assert (problem.tube.margin(hand)[1:, 1] > turned[1:]).all()
+    assert (problem.tube.margin(tool)[1:, 1] > turned[1:]).all()
     np.testing.assert_allclose(membership_margin(problem, q)[1:, 1], turned[1:], atol=1e-12)
 
 
-def test_the_first_piece_that_turns_the_hand_too_far_is_named(planned):
+def test_the_first_piece_that_turns_the_tool_too_far_is_named(planned):
     problem, result = planned("ur5/level_tray")
     assert first_departure(problem, result.trajectory, 1e-6) is None
     piece = len(result.trajectory.widths) // 2

@@ -5,8 +5,8 @@ import pytest
 
 from tubeplanner import JointTrajectory, PlanningProblem, Seed, Tube
 from tubeplanner.motion.trajectory import concatenate
-from tubeplanner.verification.enclosure import enclosed_hand
-from tubeplanner.verification.hand_overs import best_hand_overs
+from tubeplanner.verification.enclosure import enclosed_tool
+from tubeplanner.verification.switching_samples import best_switching_samples
 from tubeplanner.verification.tube_visits import Visit, least_margin, tube_visits
 
 SEED = Seed(np.array([0.0, -1.0]))
@@ -29,9 +29,9 @@ def wavy(two_link, seed=0, pieces=5):
 def test_the_least_margin_is_bracketed(two_link, seed, radius):
     motion = wavy(two_link, seed)
     tube = Tube(POINTS, radius)
-    hand = enclosed_hand(two_link, motion, 1e-7)
+    tool = enclosed_tool(two_link, motion, 1e-7)
     visits = [Visit(0, 0.0, 0.23), Visit(1, 0.23, motion.duration)]
-    least = least_margin(tube, hand, visits)
+    least = least_margin(tube, tool, visits)
     t = np.linspace(0, motion.duration, 40_001)
     margin = tube.margin(two_link.tool_position(motion.position(t)))
     true = min(margin[t <= 0.23, 0].min(), margin[t >= 0.23, 1].min())
@@ -45,20 +45,20 @@ def test_the_least_margin_is_bracketed(two_link, seed, radius):
 def test_touching_the_wall_is_decided_with_few_intervals(two_link):
     """Contact without crossing it: bounds of first order would need a thousand times as many."""
     motion = wavy(two_link, 1)
-    hand = enclosed_hand(two_link, motion, 1e-7)
+    tool = enclosed_tool(two_link, motion, 1e-7)
     visit = [Visit(0, 0.0, motion.duration)]
-    wide = least_margin(Tube(POINTS, 1.0), hand, visit)
-    touching = least_margin(Tube(POINTS, 1.0 - wide.attained), hand, visit)
+    wide = least_margin(Tube(POINTS, 1.0), tool, visit)
+    touching = least_margin(Tube(POINTS, 1.0 - wide.attained), tool, visit)
     for _ in range(3):  # the wide tube resolves its margin to two per cent only
-        touching = least_margin(Tube(POINTS, 1.0 - wide.attained - touching.attained), hand, visit)
+        touching = least_margin(Tube(POINTS, 1.0 - wide.attained - touching.attained), tool, visit)
     assert -1e-6 < touching.lower_bound <= touching.attained < 1e-6
     assert touching.intervals < 1000
 
 
-def test_visits_cover_the_motion_in_order_and_hand_over_inside_both(planned):
+def test_visits_cover_the_motion_in_order_and_switching_time_inside_both(planned):
     problem, result = planned("two_link/around_a_post", "branch-and-bound")
-    hand = enclosed_hand(problem.robot, result.trajectory, 1e-7)
-    visits = tube_visits(problem, result.trajectory, hand)
+    tool = enclosed_tool(problem.robot, result.trajectory, 1e-7)
+    visits = tube_visits(problem, result.trajectory, tool)
     assert [visit.segment for visit in visits] == [0, 1, 2]
     assert visits[0].begin == 0
     assert visits[-1].end == result.duration
@@ -86,18 +86,18 @@ def test_a_union_is_visited_as_often_as_needed(two_link):
     points = [[0.45, -0.3, 0], [0.45, 0.0, 0], [0.45, 0.3, 0]]
     problem = PlanningProblem(two_link, Tube(points, 0.03, visit="any"), SEED)
     motion = there_and_back(two_link)
-    hand = enclosed_hand(two_link, motion, 1e-7)
-    visits = tube_visits(problem, motion, hand)
+    tool = enclosed_tool(two_link, motion, 1e-7)
+    visits = tube_visits(problem, motion, tool)
     assert [visit.segment for visit in visits] == [0, 1, 0]
-    assert least_margin(problem.tube, hand, visits).lower_bound > 0.02
+    assert least_margin(problem.tube, tool, visits).lower_bound > 0.02
 
 
-def test_hand_overs_that_share_an_instant_stay_in_order(two_link):
+def test_switching_times_that_share_an_instant_stay_in_order(two_link):
     """Three segments through one point: the tube doubles back on itself."""
     points = [[0.45, -0.3, 0], [0.45, 0.0, 0], [0.45, -0.01, 0], [0.45, 0.25, 0]]
     problem = PlanningProblem(two_link, Tube(points, 0.03), SEED)
     motion = there_and_back(two_link).between(0.0, 1.1)
-    visits = tube_visits(problem, motion, enclosed_hand(two_link, motion, 1e-7))
+    visits = tube_visits(problem, motion, enclosed_tool(two_link, motion, 1e-7))
     times = [visits[0].begin, *(visit.end for visit in visits)]
     assert times == sorted(times)
     assert [visit.segment for visit in visits] == [0, 1, 2]
@@ -106,78 +106,78 @@ def test_hand_overs_that_share_an_instant_stay_in_order(two_link):
 def test_a_wide_margin_is_settled_at_once(two_link):
     """Two per cent of half a metre need no halving to a fraction of a micrometre."""
     motion = wavy(two_link, 2)
-    hand = enclosed_hand(two_link, motion, 1e-7)
-    least = least_margin(Tube(POINTS, 2.0), hand, [Visit(0, 0.0, motion.duration)])
+    tool = enclosed_tool(two_link, motion, 1e-7)
+    least = least_margin(Tube(POINTS, 2.0), tool, [Visit(0, 0.0, motion.duration)])
     assert least.attained > 1.0
-    assert least.intervals < 2 * len(hand.width)
+    assert least.intervals < 2 * len(tool.width)
 
 
 def test_halving_ends_after_so_many_rows(planned, monkeypatch):
     """The bounds then count as they stand."""
     problem, result = planned("two_link/paper_1_30mm", "branch-and-bound")
-    hand = enclosed_hand(problem.robot, result.trajectory, 1e-7)
+    tool = enclosed_tool(problem.robot, result.trajectory, 1e-7)
     visit = [Visit(0, 0.0, result.duration)]
-    wide = least_margin(problem.tube, hand, visit)
+    wide = least_margin(problem.tube, tool, visit)
     touching = Tube(problem.tube.points, 0.03 - wide.attained)
-    whole = least_margin(touching, hand, visit)
-    monkeypatch.setattr("tubeplanner.verification.tube_visits._MOST_ROWS", len(hand.width))
-    least = least_margin(touching, hand, visit)
-    assert least.intervals == len(hand.width) < whole.intervals
+    whole = least_margin(touching, tool, visit)
+    monkeypatch.setattr("tubeplanner.verification.tube_visits._MOST_ROWS", len(tool.width))
+    least = least_margin(touching, tool, visit)
+    assert least.intervals == len(tool.width) < whole.intervals
     assert least.lower_bound < least.attained - 1e-6
 
 
-def test_hand_overs_are_refined_between_samples(planned):
+def test_switching_times_are_refined_between_samples(planned):
     """At the corner, a radius that leaves 10 um at the best instant, and less at all others."""
     problem, result = planned("two_link/around_a_post", "branch-and-bound")
-    hand = enclosed_hand(problem.robot, result.trajectory, 1e-7)
-    visits = tube_visits(problem, result.trajectory, hand)
-    least = least_margin(problem.tube, hand, visits)
-    at_hand_over = min(abs(least.time - visit.end) for visit in visits[:-1])
-    assert at_hand_over < 1e-6
+    tool = enclosed_tool(problem.robot, result.trajectory, 1e-7)
+    visits = tube_visits(problem, result.trajectory, tool)
+    least = least_margin(problem.tube, tool, visits)
+    at_switch = min(abs(least.time - visit.end) for visit in visits[:-1])
+    assert at_switch < 1e-6
     radius = problem.tube.radius - least.attained + 1e-5
     tight = Tube(problem.tube.points, radius, joint_signs=problem.tube.joint_ranges)
     narrow = PlanningProblem(problem.robot, tight, problem.start)
-    visits = tube_visits(narrow, result.trajectory, hand)
-    again = least_margin(tight, hand, visits)
+    visits = tube_visits(narrow, result.trajectory, tool)
+    again = least_margin(tight, tool, visits)
     assert 5e-6 < again.lower_bound <= again.attained < 1.5e-5
 
 
-def test_hand_overs_are_looked_for_at_two_thousand_samples(planned, monkeypatch):
+def test_switching_times_are_looked_for_at_two_thousand_samples(planned, monkeypatch):
     problem, result = planned("two_link/around_a_post", "branch-and-bound")
     seen = []
 
     def counting(margin):
         seen.append(margin.shape)
-        return best_hand_overs(margin)
+        return best_switching_samples(margin)
 
-    monkeypatch.setattr("tubeplanner.verification.tube_visits.best_hand_overs", counting)
-    tube_visits(problem, result.trajectory, enclosed_hand(problem.robot, result.trajectory, 1e-7))
+    monkeypatch.setattr("tubeplanner.verification.tube_visits.best_switching_samples", counting)
+    tube_visits(problem, result.trajectory, enclosed_tool(problem.robot, result.trajectory, 1e-7))
     (shape,) = seen
     assert shape[0] >= 2000
     assert shape[1] == 3
 
 
 @pytest.mark.parametrize("visit", ["ordered", "any"])
-def test_the_hand_over_is_when_the_joint_ranges_meet(two_link, visit):
+def test_the_switching_time_is_when_the_joint_ranges_meet(two_link, visit):
     """The elbow must be below -1 rad in one segment and above it in the other."""
     points = [[0.45, -0.3, 0], [0.45, 0.0, 0], [0.45, 0.3, 0]]
     signs = [{"joint2": [-3.0, -1.0]}, {"joint2": [-1.0, 0.0]}]
     tube = Tube(points, 1.0, joint_signs=signs, visit=visit)
     problem = PlanningProblem(two_link, tube, np.array([0.3, -1.5]))
     motion = JointTrajectory(two_link.joint_names, [0, 1.0], [[[0.1, 0.7]], [[0.3, -1.5]]])
-    visits = tube_visits(problem, motion, enclosed_hand(two_link, motion, 1e-7))
+    visits = tube_visits(problem, motion, enclosed_tool(two_link, motion, 1e-7))
     assert [visit.segment for visit in visits] == [0, 1]
     assert visits[0].end == pytest.approx(0.5 / 0.7, abs=2e-8)
 
 
 @pytest.mark.parametrize("shift", [-1e-4, 0.0, 1e-4])
-def test_a_breakpoint_beside_the_hand_over_does_not_hide_it(planned, shift):
+def test_a_breakpoint_beside_the_switching_time_does_not_hide_it(planned, shift):
     problem, result = planned("two_link/around_a_post", "branch-and-bound")
     motion = result.trajectory
-    hand = enclosed_hand(problem.robot, motion, 1e-7)
-    expected = tube_visits(problem, motion, hand)
+    tool = enclosed_tool(problem.robot, motion, 1e-7)
+    expected = tube_visits(problem, motion, tool)
     when = expected[0].end + shift
     cut = concatenate([motion.between(0.0, when), motion.between(when, motion.duration)])
-    visits = tube_visits(problem, cut, enclosed_hand(problem.robot, cut, 1e-7))
+    visits = tube_visits(problem, cut, enclosed_tool(problem.robot, cut, 1e-7))
     for before, after in zip(expected, visits, strict=True):
         assert after.end == pytest.approx(before.end, abs=1e-7)

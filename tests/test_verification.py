@@ -52,7 +52,7 @@ def test_two_parts_in_a_thousand_faster_is_too_fast(name, planned):
     assert -0.0045 < worst < -0.0015
 
 
-def test_a_hand_pushed_out_of_the_tube_by_a_fraction_of_a_millimetre_is_found(planned):
+def test_a_tool_pushed_out_of_the_tube_by_a_fraction_of_a_millimetre_is_found(planned):
     """A bump of the shoulder in mid-segment, and the radius that it exceeds by 0.2 mm."""
     problem, result = planned(UR5)
     trajectory, when = bumped(result.trajectory, joint=0, size=0.02)
@@ -148,8 +148,8 @@ def test_links_that_meet_are_found(ur5):
     coefficients = shape * (q1 - q0)
     coefficients[-1] = q0
     folding = JointTrajectory(ur5.joint_names, [0, 1.0], coefficients).scaled(4.0)
-    hand = ur5.tool_position(np.array([q0, q1]))
-    problem = PlanningProblem(ur5, Tube(hand, 2.0), q0, q1)
+    tool = ur5.tool_position(np.array([q0, q1]))
+    problem = PlanningProblem(ur5, Tube(tool, 2.0), q0, q1)
     certificate = verify(problem, folding)
     assert certificate.failures() == ["self_collision"]
     assert "upper_arm_link" in certificate.conditions["self_collision"].where.links
@@ -181,7 +181,7 @@ def test_position_limits_are_judged_exactly(planned):
     for slack, holds in ((-1e-5, False), (1e-5, True)):
         ranges = {"joint1": (-3.0, q[:, 0].max() + slack)}
         limits = LimitOverrides(velocity=unlimited().velocity, position=ranges)
-        robot = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=limits)
+        robot = load_robot("example:two_link", "tool", gravity=(0, 0, 0), limits=limits)
         certificate = verify(changed(problem, robot=robot), result.trajectory)
         assert ("position" not in certificate.failures()) is holds
 
@@ -194,8 +194,8 @@ def test_a_trajectory_that_skips_a_segment_fails_ordered_and_passes_any(two_link
     """A narrow U whose ends overlap: staying there is in the union, but the bend is left out."""
     q = np.array([0.3, -1.0])
     still = JointTrajectory(two_link.joint_names, [0, 1.0], q[None, None])
-    hand = two_link.tool_position(q[None])[0]
-    points = hand + np.array([[0, 0, 0], [0, -0.3, 0], [0.03, -0.3, 0], [0.03, 0, 0]])
+    tool = two_link.tool_position(q[None])[0]
+    points = tool + np.array([[0, 0, 0], [0, -0.3, 0], [0.03, -0.3, 0], [0.03, 0, 0]])
     ordered = Tube(points, 0.05)
     condition = verify(PlanningProblem(two_link, ordered, q, q), still).conditions["tube"]
     assert condition.margin == pytest.approx(0.05 - 0.3)
@@ -262,7 +262,7 @@ def test_limits_on_acceleration_and_jerk_are_judged(planned):
     for quantity, peak in zip(("acceleration", "jerk"), peaks, strict=True):
         values = {joint: 0.9 * peak for joint in problem.robot.joint_names}
         limits = LimitOverrides(velocity=unlimited().velocity, **{quantity: values})
-        robot = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=limits)
+        robot = load_robot("example:two_link", "tool", gravity=(0, 0, 0), limits=limits)
         certificate = verify(changed(problem, robot=robot), result.trajectory)
         assert certificate.failures() == [quantity]
         assert certificate.conditions[quantity].coverage == "for all t"
@@ -277,8 +277,8 @@ def test_a_wider_tolerance_forgives(planned):
 
 def test_what_is_not_asked_has_no_margin(two_link):
     q = np.array([0.3, -1.0])
-    hand = two_link.tool_position(q[None])[0]
-    tube = Tube(hand + np.array([[0, 0, 0], [0.05, 0, 0]]), 0.1)
+    tool = two_link.tool_position(q[None])[0]
+    tube = Tube(tool + np.array([[0, 0, 0], [0.05, 0, 0]]), 0.1)
     still = JointTrajectory(two_link.joint_names, [0, 1.0], q[None, None])
     problem = PlanningProblem(two_link, tube, q, q, self_collision=False)
     conditions = verify(problem, still).conditions
@@ -291,10 +291,10 @@ def test_what_is_not_asked_has_no_margin(two_link):
 
 def test_an_obstacle_is_found_whatever_its_shape(two_link):
     q = np.array([0.3, -1.0])
-    hand = two_link.tool_position(q[None])[0]
-    tube = Tube(hand + np.array([[0, 0, 0], [0.05, 0, 0]]), 0.1)
+    tool = two_link.tool_position(q[None])[0]
+    tube = Tube(tool + np.array([[0, 0, 0], [0.05, 0, 0]]), 0.1)
     still = JointTrajectory(two_link.joint_names, [0, 1.0], q[None, None])
-    there = placement_of(hand)
+    there = placement_of(tool)
     for obstacle in (
         Obstacle.box("thing", [0.02, 0.02, 0.02], there),
         Obstacle.sphere("thing", 0.02, there),
@@ -323,7 +323,7 @@ def test_two_parts_in_a_thousand_of_effort_are_found_with_joint_and_time(planned
         velocity=unlimited().velocity,
         effort={joint: 0.998 * problem.robot.limits.effort[int(tau.max(axis=0).argmax())]},
     )
-    robot = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=weak)
+    robot = load_robot("example:two_link", "tool", gravity=(0, 0, 0), limits=weak)
     certificate = verify(changed(problem, robot=robot), result.trajectory)
     assert certificate.failures() == ["effort"]
     condition = certificate.conditions["effort"]
@@ -369,7 +369,7 @@ NAMES = ("two_link/around_a_post", "ur5/over_the_wall", "ur10/onto_a_conveyor")
 def test_everything_is_decided_for_all_t(name, method, planned):
     problem, result = planned(name, method)
     for condition in verify(problem, result.trajectory).conditions.values():
-        if condition.margin is not None and condition.coverage != "hand at the reference point":
+        if condition.margin is not None and condition.coverage != "tool at the reference point":
             assert condition.coverage == "for all t"
 
 

@@ -103,18 +103,18 @@ def of_layer(scene, layer):
     return [item for item in scene.items if item.layer == layer]
 
 
-def test_the_hand_is_where_the_path_is(shown):
+def test_the_tool_is_where_the_path_is(shown):
     scene = shown("ur5/over_the_wall").scene
     motion = scene.motions[0]
-    point = next(item for item in of_layer(scene, Layer.HAND) if item.name == "point")
+    point = next(item for item in of_layer(scene, Layer.TOOL) if item.name == "point")
     for step in (0, 40, -1):
         placed = point.surface.moved(motion.placement(step, point.body)).vertices
-        assert placed.mean(axis=0) == pytest.approx(motion.hand[step], abs=1e-3)
+        assert placed.mean(axis=0) == pytest.approx(motion.tool[step], abs=1e-3)
 
 
-def test_the_speed_is_how_fast_the_hand_moves(shown):
+def test_the_speed_is_how_fast_the_tool_moves(shown):
     motion = shown("ur5/over_the_wall").scene.motions[0]
-    moved = np.linalg.norm(np.diff(motion.hand, axis=0), axis=1) / np.diff(motion.time)
+    moved = np.linalg.norm(np.diff(motion.tool, axis=0), axis=1) / np.diff(motion.time)
     between = (motion.speed[1:] + motion.speed[:-1]) / 2
     assert moved == pytest.approx(between, abs=0.03)
 
@@ -140,7 +140,7 @@ def test_the_panel_says_what_is_seen(shown):
     assert motion["lasts"] == f"{1000 * scene.duration:.0f} ms"
     labels = {layer["name"]: layer for layer in data["layers"]}
     assert "carried_box" in labels["carried"]["label"]
-    assert labels["hand"]["scale"]["ticks"][-1] == f"{scene.peak_speed:.2f} m/s"
+    assert labels["tool"]["scale"]["ticks"][-1] == f"{scene.peak_speed:.2f} m/s"
     assert labels["tube"]["entries"][0]["text"] == "segment 0: radius 30 mm"
     assert not labels["swept"]["visible"]
     assert json.loads(json.dumps(data)) == data
@@ -174,7 +174,7 @@ def test_without_a_motion_the_arm_is_at_its_start():
     problem = load_problem("example:ur5/over_the_wall")
     scene = view(problem).scene
     assert scene.duration == 0
-    assert scene.motions[0].hand[0] == pytest.approx(
+    assert scene.motions[0].tool[0] == pytest.approx(
         problem.robot.tool_position(problem.start[None])[0]
     )
     commands = recorded_commands(scene)
@@ -195,8 +195,8 @@ def test_a_seed_that_leads_nowhere_is_said():
 def test_joints_are_known_by_name(planned):
     problem, result = planned("ur5/over_the_wall")
     turned = result.trajectory.reordered(problem.robot.joint_names[::-1])
-    assert view(problem, turned).scene.motions[0].hand == pytest.approx(
-        view(problem, result.trajectory).scene.motions[0].hand
+    assert view(problem, turned).scene.motions[0].tool == pytest.approx(
+        view(problem, result.trajectory).scene.motions[0].tool
     )
 
 
@@ -216,12 +216,12 @@ def test_a_link_whose_mesh_is_missing_is_drawn_by_its_collision_geometry(tmp_pat
     looks = re.search(r"<visual>.*?</visual>", text, re.S).group(0)
     mesh = '<visual><geometry><mesh filename="gone.stl"/></geometry></visual>'
     urdf.write_text(text.replace(looks, mesh))
-    robot = tubeplanner.load_robot(urdf, "hand")
+    robot = tubeplanner.load_robot(urdf, "tool")
     problem = load_problem("example:two_link/around_a_post")
     scene = view(tubeplanner.PlanningProblem(robot, problem.tube, problem.start)).scene
     assert "gone.stl" in scene.notes[0]
     urdf.write_text(re.sub(r"<visual>.*?</visual>", "", text, flags=re.S))
-    robot = tubeplanner.load_robot(urdf, "hand")
+    robot = tubeplanner.load_robot(urdf, "tool")
     scene = view(tubeplanner.PlanningProblem(robot, problem.tube, problem.start)).scene
     assert "no visual geometry" in scene.notes[0]
     assert of_layer(scene, Layer.ARM)

@@ -1,4 +1,4 @@
-"""Smooth, certified joint motions of a robot arm whose hand stays in a tolerance tube.
+"""Smooth, certified joint motions of a robot arm whose tool stays in a tolerance tube.
 
 Letters used everywhere: N samples, K control points, n joints, m tube segments (m+1 reference
 points). Units are SI and radians; positions are in the frame of the URDF's root link.

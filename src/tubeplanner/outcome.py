@@ -29,7 +29,7 @@ class Place:
         segment: Index of the tube's segment, from 0.
         links: Names of the links.
         obstacle: Name of the obstacle.
-        position: Of the hand, base frame [m].
+        position: Of the tool, base frame [m].
     """
 
     time: float | None = None
@@ -56,7 +56,7 @@ class Place:
         if self.time is not None:
             parts.append(f"t = {self.time:.4f} s")
         if self.position is not None:
-            parts.append("hand at [" + ", ".join(f"{x:.3f}" for x in self.position) + "] m")
+            parts.append("tool at [" + ", ".join(f"{x:.3f}" for x in self.position) + "] m")
         return ", ".join(parts)
 
 

@@ -15,8 +15,8 @@ from tubeplanner.baselines.conventional_lines import (
     largest_trapezoidal_speed,
 )
 from tubeplanner.baselines.fixed_path_bang_bang import bang_bang_laws, bang_bang_motion
-from tubeplanner.baselines.hand_path import HandPath, hand_paths
 from tubeplanner.baselines.smoothed_bang_bang import smoothed_motion
+from tubeplanner.baselines.tool_path import ToolPath, tool_paths
 from tubeplanner.branches.known_branches import KnownBranches
 from tubeplanner.branches.reference_branch import ReferenceBranch, spare_joint_rules
 from tubeplanner.motion.trajectory import JointTrajectory
@@ -47,8 +47,8 @@ class Baseline:
 
 
 def conventional(problem: PlanningProblem, branch: ReferenceBranch) -> Baseline:
-    """Straight lines of the hand at trapezoidal speed, as fast as the limits allow, with stops."""
-    lines = hand_paths(problem, branch, arcs=False)
+    """Straight lines of the tool at trapezoidal speed, as fast as the limits allow, with stops."""
+    lines = tool_paths(problem, branch, arcs=False)
     speed = largest_trapezoidal_speed(problem.robot, lines)
     by_paper = sum(PAPER.duration(line.curve.length) for line in lines)
     note = (
@@ -59,29 +59,29 @@ def conventional(problem: PlanningProblem, branch: ReferenceBranch) -> Baseline:
 
 
 def bang_bang(problem: PlanningProblem, branch: ReferenceBranch) -> Baseline:
-    """The least time for the hand's straight lines, with stops, by motors that switch at once."""
-    return _switched(problem, hand_paths(problem, branch, arcs=False), "")
+    """The least time for the tool's straight lines, with stops, by motors that switch at once."""
+    return _switched(problem, tool_paths(problem, branch, arcs=False), "")
 
 
 def arc_corners(problem: PlanningProblem, branch: ReferenceBranch) -> Baseline:
     """The same with corners cut by arcs inside the tube, without stops."""
-    paths = hand_paths(problem, branch, arcs=True)
+    paths = tool_paths(problem, branch, arcs=True)
     return _switched(problem, paths, _arcs_note(paths))
 
 
 def smoothed_bang_bang(problem: PlanningProblem, branch: ReferenceBranch) -> Baseline:
     """Bang-bang on straight lines, with stops, averaged until it is C2 and starts at rest."""
-    return _smoothed(problem, hand_paths(problem, branch, arcs=False))
+    return _smoothed(problem, tool_paths(problem, branch, arcs=False))
 
 
 def smoothed_arc_corners(problem: PlanningProblem, branch: ReferenceBranch) -> Baseline:
     """The same with corners cut by arcs inside the tube, without stops."""
-    return _smoothed(problem, hand_paths(problem, branch, arcs=True))
+    return _smoothed(problem, tool_paths(problem, branch, arcs=True))
 
 
 def taylor(problem: PlanningProblem, branch: ReferenceBranch) -> Baseline:
-    """Joint lines within the tolerance of the hand's lines, joined by quadratic transitions."""
-    found = bounded_deviation(problem, hand_paths(problem, branch, arcs=False))
+    """Joint lines within the tolerance of the tool's lines, joined by quadratic transitions."""
+    found = bounded_deviation(problem, tool_paths(problem, branch, arcs=False))
     return Baseline(found.trajectory, f"{found.knots} knots")
 
 
@@ -131,14 +131,14 @@ def judged_baseline(
     return first
 
 
-def _switched(problem: PlanningProblem, paths: list[HandPath], arcs: str) -> Baseline:
+def _switched(problem: PlanningProblem, paths: list[ToolPath], arcs: str) -> Baseline:
     laws = bang_bang_laws(problem.robot, paths)
     motion, slowed = bang_bang_motion(problem.robot, paths, laws)
     note = f"{arcs}slowed by {100 * slowed:.2g} % for what lies between TOPP-RA's grid points"
     return Baseline(motion, note)
 
 
-def _smoothed(problem: PlanningProblem, paths: list[HandPath]) -> Baseline:
+def _smoothed(problem: PlanningProblem, paths: list[ToolPath]) -> Baseline:
     """Return the fastest of the smoothed motions; the note says what smoothness costs."""
     laws = bang_bang_laws(problem.robot, paths)
     switched, _ = bang_bang_motion(problem.robot, paths, laws)
@@ -157,7 +157,7 @@ def _smoothed(problem: PlanningProblem, paths: list[HandPath]) -> Baseline:
     return Baseline(found[best], note)
 
 
-def _arcs_note(paths: list[HandPath]) -> str:
+def _arcs_note(paths: list[ToolPath]) -> str:
     curvature = [path.curve.curvature for path in paths]
     radii = [1 / c for part in curvature for c in part if c > 0]
     if not radii:
@@ -165,5 +165,5 @@ def _arcs_note(paths: list[HandPath]) -> str:
     return f"arcs of {', '.join(f'{1000 * radius:.3g}' for radius in radii)} mm radius; "
 
 
-def _arc_count(path: HandPath) -> int:
+def _arc_count(path: ToolPath) -> int:
     return int((path.curve.curvature > 0).sum())

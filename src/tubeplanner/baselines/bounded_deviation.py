@@ -1,6 +1,6 @@
-"""Taylor's bounded deviation: lines in joint space whose hand stays near the lines of the hand.
+"""Taylor's bounded deviation: lines in joint space whose tool stays near the lines of the tool.
 
-Knots are added at the middle of the hand's way between two knots until the joint line between them
+Knots are added at the middle of the tool's way between two knots until the joint line between them
 deviates by no more than the tolerance; the arm runs from knot to knot at constant joint velocities,
 with a transition of constant acceleration around each of them. (Taylor, "Planning and execution of
 straight line manipulator trajectories", IBM J. Research and Development 23(4), 1979.)
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.baselines.hand_path import HandPath, ways_along_line
+from tubeplanner.baselines.tool_path import ToolPath, ways_along_line
 from tubeplanner.motion.trajectory import JointTrajectory
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem
@@ -41,7 +41,7 @@ class BoundedDeviation:
     knots: int
 
 
-def bounded_deviation(problem: PlanningProblem, lines: list[HandPath]) -> BoundedDeviation:
+def bounded_deviation(problem: PlanningProblem, lines: list[ToolPath]) -> BoundedDeviation:
     """Return the fastest motion by Taylor's scheme that stays in the tube, or else the fastest.
 
     His time for an interval comes from velocity limits alone; here intervals take as long as the
@@ -49,7 +49,7 @@ def bounded_deviation(problem: PlanningProblem, lines: list[HandPath]) -> Bounde
 
     Args:
         problem: What is asked; its radii are the tolerances.
-        lines: The arm along the hand's lines, one for every segment in which it moves.
+        lines: The arm along the tool's lines, one for every segment in which it moves.
 
     Raises:
         Infeasible: Gravity exceeds a motor's effort, or knots do not end the deviation.
@@ -64,8 +64,8 @@ def bounded_deviation(problem: PlanningProblem, lines: list[HandPath]) -> Bounde
     return BoundedDeviation(fastest, len(knots))
 
 
-def _knots(robot: RobotModel, line: HandPath, tolerance: float) -> FloatArray:
-    """Return configurations (K, n) on a line of the hand whose joint lines stay near it."""
+def _knots(robot: RobotModel, line: ToolPath, tolerance: float) -> FloatArray:
+    """Return configurations (K, n) on a line of the tool whose joint lines stay near it."""
     distances = np.array([0.0, line.curve.length])
     for _ in range(_MOST_ROUNDS):
         knots = line.joints.position(ways_along_line(robot, line, distances))
@@ -76,15 +76,15 @@ def _knots(robot: RobotModel, line: HandPath, tolerance: float) -> FloatArray:
         distances = np.insert(distances, off + 1, middle)
     raise Infeasible(
         PlanStatus.NO_TRAJECTORY,
-        f"segment {line.segment}: joint lines between {len(knots)} knots still leave the hand's "
+        f"segment {line.segment}: joint lines between {len(knots)} knots still leave the tool's "
         f"line by more than {tolerance:g} m: a singular configuration is in the way; move the "
         "reference points",
         Place(segment=line.segment),
     )
 
 
-def _deviation(robot: RobotModel, line: HandPath, knots: FloatArray) -> FloatArray:
-    """Return how far joint lines lead the hand from its line, shape (K-1,) [m]."""
+def _deviation(robot: RobotModel, line: ToolPath, knots: FloatArray) -> FloatArray:
+    """Return how far joint lines lead the tool from its line, shape (K-1,) [m]."""
     steps = np.diff(knots, axis=0)
     probes = knots[:-1, None] + _PROBES[:, None] * steps[:, None]
     offset = robot.tool_position(probes.reshape(-1, knots.shape[1])) - line.curve.start[0]

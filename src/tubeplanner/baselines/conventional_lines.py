@@ -1,6 +1,6 @@
-"""The conventional scheme: straight lines of the hand at trapezoidal speed, a stop at every corner.
+"""The conventional scheme: straight lines of the tool at trapezoidal speed, a stop at every corner.
 
-The hand speeds up at constant acceleration, cruises, and slows down at the same rate, on every line
+The tool speeds up at constant acceleration, cruises, and slows down at the same rate, on every line
 of the reference path (Suh & Bishop 1988, their standard of comparison).
 """
 
@@ -10,24 +10,24 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.baselines.hand_path import HandPath, ways_along_line
+from tubeplanner.baselines.tool_path import ToolPath, ways_along_line
 from tubeplanner.motion.trajectory import JointTrajectory, concatenate
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.waypoint_search.time_scaling import minimum_duration
 
 PAPER_SPEED, PAPER_ACCELERATION = 0.75, 1.2  # [m/s], [m/s^2]
-_TOLERANCE = 2e-6  # [m] between the hand and where it should be at that time
+_TOLERANCE = 2e-6  # [m] between the tool and where it should be at that time
 _FEWEST_NODES, _MOST_NODES = 16, 2048  # per phase of constant acceleration
 # How much of the longest line may be spent speeding up and slowing down: the fastest is taken.
 _RAMP_SHARES = np.geomspace(1.0, 0.02, 12)
-# A hand that moves less per way of the joints [m/rad] stands still: the arm is singular there.
+# A tool that moves less per way of the joints [m/rad] stands still: the arm is singular there.
 _LEAST_GAIN = 1e-3
 
 
 @dataclass(frozen=True)
 class TrapezoidalSpeed:
-    """How fast the hand runs its lines.
+    """How fast the tool runs its lines.
 
     Attributes:
         speed: The fastest [m/s].
@@ -44,7 +44,7 @@ class TrapezoidalSpeed:
         return 2 * float(np.sqrt(distance / self.acceleration))
 
     def law(self, distance: float) -> JointTrajectory:
-        """Return the way of the hand along a line of a length [m] over time: 2 or 3 parabolas."""
+        """Return the way of the tool along a line of a length [m] over time: 2 or 3 parabolas."""
         ramp = min(self.speed**2 / self.acceleration, distance) / 2  # the way of one
         top = np.sqrt(2 * ramp * self.acceleration)
         cruise = (distance - 2 * ramp) / top
@@ -54,13 +54,13 @@ class TrapezoidalSpeed:
         if cruise <= _TOLERANCE * self.duration(distance):
             del parabolas[1], durations[1]
         times = np.concatenate([[0.0], np.cumsum(durations)])
-        return JointTrajectory(("hand",), times, np.array(parabolas).T[:, :, None])
+        return JointTrajectory(("tool",), times, np.array(parabolas).T[:, :, None])
 
 
 PAPER = TrapezoidalSpeed(PAPER_SPEED, PAPER_ACCELERATION)
 
 
-def largest_trapezoidal_speed(robot: RobotModel, lines: list[HandPath]) -> TrapezoidalSpeed:
+def largest_trapezoidal_speed(robot: RobotModel, lines: list[ToolPath]) -> TrapezoidalSpeed:
     """Return the speed and acceleration, the same for all lines, that take the least time.
 
     Under the limits of velocity, acceleration and effort; limits of jerk are left out, since the
@@ -79,20 +79,20 @@ def largest_trapezoidal_speed(robot: RobotModel, lines: list[HandPath]) -> Trape
 
 
 def conventional_motion(
-    robot: RobotModel, lines: list[HandPath], speed: TrapezoidalSpeed
+    robot: RobotModel, lines: list[ToolPath], speed: TrapezoidalSpeed
 ) -> JointTrajectory:
     """Return the motion that runs lines at trapezoidal speed and stops between them.
 
-    Cubic splines over time, C2 while the acceleration of the hand is constant; the hand is within
+    Cubic splines over time, C2 while the acceleration of the tool is constant; the tool is within
     2e-6 m of where it should be at any time.
 
     Raises:
-        Infeasible: Status no_trajectory: the joints cannot follow the hand.
+        Infeasible: Status no_trajectory: the joints cannot follow the tool.
     """
     return concatenate([_run(robot, line, speed.law(line.curve.length)) for line in lines])
 
 
-def _scaled_speed(robot: RobotModel, lines: list[HandPath], ramps: float) -> TrapezoidalSpeed:
+def _scaled_speed(robot: RobotModel, lines: list[ToolPath], ramps: float) -> TrapezoidalSpeed:
     """Return the largest speed whose ramps take so much of the way [m]."""
     shape = TrapezoidalSpeed(float(np.sqrt(ramps)), 1.0)
     motion = conventional_motion(robot, lines, shape)
@@ -100,7 +100,7 @@ def _scaled_speed(robot: RobotModel, lines: list[HandPath], ramps: float) -> Tra
     return TrapezoidalSpeed(faster * shape.speed, faster**2)
 
 
-def _run(robot: RobotModel, line: HandPath, law: JointTrajectory) -> JointTrajectory:
+def _run(robot: RobotModel, line: ToolPath, law: JointTrajectory) -> JointTrajectory:
     """Return the motion along one line, in phases of constant acceleration."""
     phases = []
     for begin, end in zip(law.breakpoints[:-1], law.breakpoints[1:], strict=True):
@@ -110,7 +110,7 @@ def _run(robot: RobotModel, line: HandPath, law: JointTrajectory) -> JointTrajec
                 raise Infeasible(
                     PlanStatus.NO_TRAJECTORY,
                     f"segment {line.segment}: at trapezoidal speed, a spline of {_MOST_NODES} "
-                    f"pieces leaves the hand's place by {off:.3g} m: a singular configuration is "
+                    f"pieces leaves the tool's place by {off:.3g} m: a singular configuration is "
                     "in the way; move the reference points",
                     Place(segment=line.segment),
                 )
@@ -122,7 +122,7 @@ def _run(robot: RobotModel, line: HandPath, law: JointTrajectory) -> JointTrajec
 
 
 def _phase(
-    robot: RobotModel, line: HandPath, law: JointTrajectory, times: FloatArray
+    robot: RobotModel, line: ToolPath, law: JointTrajectory, times: FloatArray
 ) -> JointTrajectory:
     """Return a cubic spline through the configurations at times (N,), its own time from zero."""
     way = ways_along_line(robot, line, law.position(times)[:, 0])
@@ -130,7 +130,7 @@ def _phase(
     jacobian = robot.tool_jacobian(q[[0, -1]])[1][:, :3]
     gain = np.einsum("nij,nj,i->n", jacobian, ahead, line.curve.direction[0])
     speed = law.velocity(times[[0, -1]])[:, 0]
-    # Where the arm is singular, joints need not stop with the hand: their speed is the spline's.
+    # Where the arm is singular, joints need not stop with the tool: their speed is the spline's.
     ends = [
         (1, a * v / g) if g > _LEAST_GAIN else "not-a-knot"
         for a, v, g in zip(ahead, speed, gain, strict=True)
@@ -140,10 +140,10 @@ def _phase(
 
 
 def _off(
-    robot: RobotModel, line: HandPath, law: JointTrajectory, phase: JointTrajectory, begin: float
+    robot: RobotModel, line: ToolPath, law: JointTrajectory, phase: JointTrajectory, begin: float
 ) -> float:
-    """Return how far from its place a phase has the hand between the spline's points [m]."""
+    """Return how far from its place a phase has the tool between the spline's points [m]."""
     times = (phase.breakpoints[:-1] + phase.breakpoints[1:]) / 2
     wanted = line.curve.point(law.position(begin + times)[:, 0])
-    hand = robot.tool_position(phase.position(times))
-    return float(np.linalg.norm(hand - wanted, axis=1).max())
+    tool = robot.tool_position(phase.position(times))
+    return float(np.linalg.norm(tool - wanted, axis=1).max())

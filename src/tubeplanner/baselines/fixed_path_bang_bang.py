@@ -11,9 +11,9 @@ from itertools import pairwise
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.baselines.hand_path import HandPath
 from tubeplanner.baselines.switching_law import switching_law
 from tubeplanner.baselines.time_law import run_along
+from tubeplanner.baselines.tool_path import ToolPath
 from tubeplanner.motion.trajectory import JointTrajectory, concatenate
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.robot.robot_model import RobotModel
@@ -23,7 +23,7 @@ from tubeplanner.waypoint_search.time_scaling import minimum_duration
 _PATH_STEPS, _PIECE_STEPS = 800, 400
 
 
-def bang_bang_laws(robot: RobotModel, paths: Sequence[HandPath]) -> list[JointTrajectory]:
+def bang_bang_laws(robot: RobotModel, paths: Sequence[ToolPath]) -> list[JointTrajectory]:
     """Return the way over time in which each path is run fastest, from rest to rest.
 
     Raises:
@@ -33,7 +33,7 @@ def bang_bang_laws(robot: RobotModel, paths: Sequence[HandPath]) -> list[JointTr
 
 
 def bang_bang_motion(
-    robot: RobotModel, paths: Sequence[HandPath], laws: Sequence[JointTrajectory]
+    robot: RobotModel, paths: Sequence[ToolPath], laws: Sequence[JointTrajectory]
 ) -> tuple[JointTrajectory, float]:
     """Return the motion that runs paths by their laws, polynomials of degree 6, slowed into limits.
 
@@ -49,19 +49,19 @@ def bang_bang_motion(
     return motion.scaled(share), share - 1
 
 
-def _law(robot: RobotModel, path: HandPath) -> JointTrajectory:
+def _law(robot: RobotModel, path: ToolPath) -> JointTrajectory:
     law = switching_law(robot, path.joints, _grid(path))
     if law is None:
         raise Infeasible(
             PlanStatus.NO_TRAJECTORY,
-            f"segment {path.segment}: TOPP-RA finds no speed at which the arm can run the hand's "
+            f"segment {path.segment}: TOPP-RA finds no speed at which the arm can run the tool's "
             "curve from rest to rest; move the reference points",
             Place(segment=path.segment),
         )
     return law
 
 
-def _grid(path: HandPath) -> FloatArray:
+def _grid(path: ToolPath) -> FloatArray:
     """Return ways (N,) from the path's start to its end, all breakpoints among them."""
     breakpoints, length = path.joints.breakpoints, path.joints.duration
     least = max(_PATH_STEPS, _PIECE_STEPS * len(path.curve.start))

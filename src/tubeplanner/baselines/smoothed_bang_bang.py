@@ -11,8 +11,8 @@ import numpy as np
 from scipy.ndimage import minimum_filter1d
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.baselines.hand_path import HandPath
 from tubeplanner.baselines.time_law import averaged_law, run_along
+from tubeplanner.baselines.tool_path import ToolPath
 from tubeplanner.motion.trajectory import JointTrajectory, concatenate
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.waypoint_search.time_scaling import (
@@ -29,7 +29,7 @@ _WINDOW, _POWER, _LARGEST_GAIN = 2 * _LOOKS + 1, 0.6, 1.2
 
 def smoothed_motion(
     robot: RobotModel,
-    paths: Sequence[HandPath],
+    paths: Sequence[ToolPath],
     laws: Sequence[JointTrajectory],
     intervals: Sequence[int],
 ) -> JointTrajectory:

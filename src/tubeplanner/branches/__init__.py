@@ -1,1 +1,1 @@
-"""Joint-space lines whose hand follows the reference path: inverse kinematics."""
+"""Joint-space lines whose tool follows the reference path: inverse kinematics."""

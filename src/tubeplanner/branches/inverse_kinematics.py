@@ -1,4 +1,4 @@
-"""Inverse kinematics of one hand position, and of a rotation as far as asked, in joint bounds.
+"""Inverse kinematics of one tool position, and of a rotation as far as asked, in joint bounds.
 
 Damped least squares with the damping of Sugihara, "Solvability-unconcerned inverse kinematics by
 the Levenberg-Marquardt method" (IEEE T-RO 27(5), 2011): it converges at a fully stretched arm, and
@@ -21,11 +21,11 @@ _POSITION_TOLERANCE = 1e-10  # [m]
 # The last step [rad or m]: what it leaves is of its square.
 _POSTURE_TOLERANCE = 1e-6
 _MOST_ITERATIONS = 100
-# Near full stretch a joint is all but spare, and a pull on it would keep the hand from its target:
+# Near full stretch a joint is all but spare, and a pull on it would keep the tool from its target:
 # later iterations go for the target alone.
 _PULLED_ITERATIONS = 40
 _LARGEST_STEP = 0.2  # [rad or m] of any joint
-# Directions in which a joint moves the hand by less than this count as spare [m/rad].
+# Directions in which a joint moves the tool by less than this count as spare [m/rad].
 _SPARE_GAIN = 1e-4
 # A stretched arm cannot feel which way to fold: it is bent this much, one way, then the other.
 _BENDS = (0.05, -0.05)  # [rad or m], its sign alternating from joint to joint
@@ -33,7 +33,7 @@ _BENDS = (0.05, -0.05)  # [rad or m], its sign alternating from joint to joint
 
 @dataclass(frozen=True, eq=False)
 class WantedRotation:
-    """How the hand should be turned.
+    """How the tool should be turned.
 
     Attributes:
         reference: Reference orientation, shape (3, 3), base frame.
@@ -48,11 +48,11 @@ class WantedRotation:
 
 @dataclass(frozen=True, eq=False)
 class PositionSolution:
-    """The nearest the hand gets to a position.
+    """The nearest the tool gets to a position.
 
     Attributes:
         q: Configuration within the bounds, shape (n,) [rad or m].
-        error: Distance of the hand from the position [m].
+        error: Distance of the tool from the position [m].
         rotation_error: Distance of the rotation vector from the one wanted, in the components that
             count [rad].
     """
@@ -71,16 +71,16 @@ def solve_position(
     preferred: FloatArray | None = None,
     rotation: WantedRotation | None = None,
 ) -> PositionSolution:
-    """Move a configuration until the hand is at a position.
+    """Move a configuration until the tool is at a position.
 
     Args:
         robot: The arm.
-        target: Hand position, shape (3,), base frame [m].
+        target: Tool position, shape (3,), base frame [m].
         seed: Where to start, shape (n,) [rad or m].
         lower: Lower joint bounds, shape (n,).
         upper: Upper joint bounds, shape (n,).
         preferred: Where spare joints go, shape (n,); default: back to the seed.
-        rotation: How the hand should be turned there; default: at will.
+        rotation: How the tool should be turned there; default: at will.
 
     Returns:
         The solution; its errors say whether the target was reached.

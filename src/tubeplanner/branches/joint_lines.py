@@ -1,7 +1,7 @@
 """Straight lines in joint space between configurations at the reference points.
 
 Refinement may start from them where no continuous branch follows the reference path, or where a
-branch leads it to a motion that is not the fastest: the hand need not be in the tube yet.
+branch leads it to a motion that is not the fastest: the tool need not be in the tube yet.
 """
 
 from itertools import pairwise
@@ -19,7 +19,7 @@ from tubeplanner.problem.problem import PlanningProblem
 _POINTS_PER_SEGMENT = 21
 _TURNED_OFF = 1e-6  # [rad]
 _AROUND = 0.5  # [rad or m]: how far joints are moved to find another configuration
-_GOAL_TOLERANCE = 1e-7  # [m] of the hand from an open goal
+_GOAL_TOLERANCE = 1e-7  # [m] of the tool from an open goal
 
 
 def joint_lines(problem: PlanningProblem) -> ReferenceBranch:
@@ -47,7 +47,7 @@ def joint_lines(problem: PlanningProblem) -> ReferenceBranch:
 def _corner(problem: PlanningProblem, k: int, near: FloatArray) -> FloatArray:
     """Return a configuration (n,) at reference point k, near another one.
 
-    Where that has the hand turned as it must not be, others near by are looked for.
+    Where that has the tool turned as it must not be, others near by are looked for.
     """
     segments = [k - 1, min(k, problem.tube.segment_count - 1)]
     lower, upper = (
@@ -68,7 +68,7 @@ def _corner(problem: PlanningProblem, k: int, near: FloatArray) -> FloatArray:
         turned_best = [one for one in found if one.rotation_error <= least]
         best = min(turned_best, key=lambda one: float(abs(one.q - near).max()))
     if k == problem.tube.segment_count and best.error > _GOAL_TOLERANCE:
-        message = f"no goal: the hand gets no nearer than {best.error:.4g} m"
+        message = f"no goal: the tool gets no nearer than {best.error:.4g} m"
         place = Place(segment=k - 1, position=as_position(point))
         raise Infeasible(PlanStatus.UNREACHABLE, message, place)
     return best.q

@@ -19,7 +19,7 @@ _JOINT_LINES, _AT_WILL = "joint lines", "turned at will"
 
 
 class KnownBranches:
-    """Branches by the rule that moves the joints which the hand leaves free, and joint lines."""
+    """Branches by the rule that moves the joints which the tool leaves free, and joint lines."""
 
     def __init__(self, problem: PlanningProblem, clock: PlanningClock) -> None:
         self._problem, self._clock = problem, clock
@@ -36,17 +36,17 @@ class KnownBranches:
         return self._once(rule, "inverse kinematics along the reference path", search)
 
     def turned_at_will(self) -> ReferenceBranch:
-        """Return a branch whose hand need not keep the rotation tolerance.
+        """Return a branch whose tool need not keep the rotation tolerance.
 
         Raises:
             Infeasible: As for branches.
         """
         rule = spare_joint_rules(self._problem)[0]
         search = partial(reference_branch, self._problem, rule, self._clock.check, is_turned=False)
-        return self._once(_AT_WILL, "inverse kinematics of the hand's place alone", search)
+        return self._once(_AT_WILL, "inverse kinematics of the tool's place alone", search)
 
     def joint_lines(self) -> ReferenceBranch:
-        """Return joint lines between the reference points, the hand not in the tube.
+        """Return joint lines between the reference points, the tool not in the tube.
 
         Raises:
             Infeasible: As for branches.

@@ -1,6 +1,6 @@
 """The arm along the reference path: one continuous branch of the inverse kinematics.
 
-The hand goes from where the start configuration has it, through the inner reference points, to
+The tool goes from where the start configuration has it, through the inner reference points, to
 where the goal configuration has it; each leg is straight, so it stays in its capsule. Where its
 rotation is bounded, it is turned as the reference is, as far as the arm can. The joint
 ranges of each segment choose the branch, a rule moves the joints that are left free.
@@ -25,7 +25,7 @@ from tubeplanner.branches.segment_walk import (
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem, Seed
 
-_SEED_TOLERANCE = 1e-6  # [m] between the hand and the reference point of a seed
+_SEED_TOLERANCE = 1e-6  # [m] between the tool and the reference point of a seed
 # How near the branch must come to a given goal configuration to be on its branch [rad or m].
 _GOAL_TOLERANCE = 1e-6
 _SAME = 1e-6  # [rad or m]
@@ -68,7 +68,7 @@ class ReferenceBranch:
 
 
 class SpareJoints(StrEnum):
-    """What joints do that the hand's position leaves free."""
+    """What joints do that the tool's position leaves free."""
 
     AS_NEEDED = "they move as little as possible, and to the goal at the end"
     PROPORTIONAL = "they go from start to goal in proportion to the way"
@@ -99,7 +99,7 @@ def reference_branch(
 
     Args:
         problem: What is asked.
-        spare_joints: What joints do that the hand's position leaves free.
+        spare_joints: What joints do that the tool's position leaves free.
         checkpoint: Called before every segment; it may raise to end the work.
         is_turned: Whether the rotation tolerance, if there is one, is kept.
 
@@ -163,8 +163,8 @@ def end_configuration(problem: PlanningProblem, given: FloatArray | Seed, point:
     if solution.error > _SEED_TOLERANCE:
         reason = explain_error(problem, target, seed, segment, solution)
     elif problem.tube.rotation is not None:
-        rotation, hand = problem.robot.tool_pose(solution.q[None])
-        if problem.tube.rotation.margin(rotation, hand, segment)[0] < 0:
+        rotation, tool = problem.robot.tool_pose(solution.q[None])
+        if problem.tube.rotation.margin(rotation, tool, segment)[0] < 0:
             reason = explain_turn(problem, segment, turned_off(solution))
     if reason is not None:
         place = Place(segment=segment, position=as_position(target))
@@ -174,7 +174,7 @@ def end_configuration(problem: PlanningProblem, given: FloatArray | Seed, point:
 
 
 def _route(problem: PlanningProblem, start: FloatArray, goal: FloatArray | None) -> FloatArray:
-    """Return where the hand goes: the reference points, its ends where start and goal have it."""
+    """Return where the tool goes: the reference points, its ends where start and goal have it."""
     route = problem.tube.points.copy()
     route[0] = problem.robot.tool_position(start[None])[0]
     if goal is not None:

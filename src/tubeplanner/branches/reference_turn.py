@@ -1,9 +1,9 @@
-"""How the hand should be turned along one tube segment.
+"""How the tool should be turned along one tube segment.
 
-At inner reference points the hand is turned as the reference is; a given start or goal may have it
+At inner reference points the tool is turned as the reference is; a given start or goal may have it
 off by what the tolerance allows. In between, the rotation vector goes from one to the other in
 proportion to the way. Components that the segment leaves free are left to the joints, unless the
-next segment bounds them: they then come in on time for the hand-over.
+next segment bounds them: they then come in on time for the switching time.
 """
 
 import numpy as np
@@ -21,7 +21,7 @@ _KEPT_MARGIN_SHARE = 0.1
 
 
 class ReferenceTurn:
-    """The rotation wanted after every share of a segment, and whether the hand is too far off."""
+    """The rotation wanted after every share of a segment, and whether the tool is too far off."""
 
     def __init__(
         self,
@@ -48,16 +48,16 @@ class ReferenceTurn:
         self._end = np.zeros(3) if goal is None else self._vector(goal)
 
     def wanted(self, share: float, point: FloatArray) -> WantedRotation:
-        """Return how the hand should be turned at a point (3,) after a share of the way."""
+        """Return how the tool should be turned at a point (3,) after a share of the way."""
         reference = self._tube.reference(point[None], self._segment)[0]
         return WantedRotation(reference, self._vector_after(share), self._components)
 
     def off_segment(self, q: FloatArray, share: float) -> int | None:
-        """Return the segment for which a configuration (n,) has the hand turned too far, if any."""
-        rotation, hand = self._robot.tool_pose(q[None])
+        """Return the segment for which a configuration (n,) has the tool turned too far, if any."""
+        rotation, tool = self._robot.tool_pose(q[None])
         for segment in {self._segment, self._following if share == 1.0 else self._segment}:
             left = float(self._tube.margin_of(self._vector_after(share)[None], segment)[0])
-            margin = float(self._tube.margin(rotation, hand, segment)[0])
+            margin = float(self._tube.margin(rotation, tool, segment)[0])
             if margin < _KEPT_MARGIN_SHARE * left - _INPUT_TOLERANCE:
                 return segment
         return None
@@ -67,8 +67,8 @@ class ReferenceTurn:
 
     def _vector(self, q: FloatArray) -> FloatArray:
         """Return the rotation vector (3,) of a configuration (n,), free components set to zero."""
-        rotation, hand = self._robot.tool_pose(q[None])
-        return self._tube.error(rotation, hand, self._segment)[0] * self._components
+        rotation, tool = self._robot.tool_pose(q[None])
+        return self._tube.error(rotation, tool, self._segment)[0] * self._components
 
 
 def bounded_components(tube: RotationalTube, segment: int) -> BoolArray:
@@ -79,11 +79,11 @@ def bounded_components(tube: RotationalTube, segment: int) -> BoolArray:
 def wanted_at(
     problem: PlanningProblem, point: FloatArray, segment: int, near: FloatArray | None = None
 ) -> WantedRotation | None:
-    """Return how the hand should be turned at a point (3,): as the reference, or as it is near.
+    """Return how the tool should be turned at a point (3,): as the reference, or as it is near.
 
     Args:
         problem: What is asked.
-        point: Where the hand is, base frame [m].
+        point: Where the tool is, base frame [m].
         segment: In which segment.
         near: A configuration (n,) whose rotation vector is wanted; None: zero.
     """
@@ -92,7 +92,7 @@ def wanted_at(
         return None
     vector = np.zeros(3)
     if near is not None:
-        rotation, hand = problem.robot.tool_pose(near[None])
-        vector = tube.error(rotation, hand, segment)[0]
+        rotation, tool = problem.robot.tool_pose(near[None])
+        vector = tube.error(rotation, tool, segment)[0]
     reference = tube.reference(point[None], segment)[0]
     return WantedRotation(reference, vector, bounded_components(tube, segment))

@@ -14,18 +14,18 @@ _LARGEST_JOINT_STEP = 0.1  # [rad or m] between neighbouring configurations
 _LARGEST_PULL = 0.05  # [rad or m] on spare joints from one configuration to the next
 _MOST_SETTLING_STEPS = 500
 _SETTLED = 1e-9  # [rad or m]
-# Where the centre line cannot be reached, the hand may leave it by this share of the radius.
+# Where the centre line cannot be reached, the tool may leave it by this share of the radius.
 _ALLOWED_RADIUS_SHARE = 0.5
-# An open goal is a reference point, which the hand must reach this closely [m].
+# An open goal is a reference point, which the tool must reach this closely [m].
 _OPEN_GOAL_TOLERANCE = 5e-7
 
 
 class SegmentWalk:
-    """Follows a straight line of the hand from a configuration, in small joint steps.
+    """Follows a straight line of the tool from a configuration, in small joint steps.
 
     Spare joints are pulled towards where they are wanted, a little at every step; what the
-    hand-over to the next segment asks of a joint narrows in on it in time. Where that is not
-    enough, they go the rest of the way at the segment's end, the hand standing still.
+    switching time to the next segment asks of a joint narrows in on it in time. Where that is not
+    enough, they go the rest of the way at the segment's end, the tool standing still.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class SegmentWalk:
         Args:
             problem: What is asked.
             segment: Index of the tube's segment.
-            ends: Where the hand starts and ends, shape (2, 3) [m].
+            ends: Where the tool starts and ends, shape (2, 3) [m].
             begin: Configuration at the start, shape (n,).
             wanted: Where spare joints are pulled at the start and at the end, shape (2, n); None:
                 nowhere.
@@ -70,7 +70,7 @@ class SegmentWalk:
         return np.array(self._settled(self._approach()))
 
     def _approach(self) -> list[FloatArray]:
-        """Return configurations whose hand goes from the segment's start to its end."""
+        """Return configurations whose tool goes from the segment's start to its end."""
         found, shares, step = [self._begin], [0.0], _LONGEST_STEP
         while shares[-1] < 1.0:
             share = min(1.0, shares[-1] + step)
@@ -88,7 +88,7 @@ class SegmentWalk:
         return found
 
     def _settled(self, found: list[FloatArray]) -> list[FloatArray]:
-        """Let the spare joints go where the segment's end needs them, the hand standing still."""
+        """Let the spare joints go where the segment's end needs them, the tool standing still."""
         for _ in range(_MOST_SETTLING_STEPS):
             q = found[-1]
             wanted = np.clip(q, self._end_lower, self._end_upper)
@@ -100,7 +100,7 @@ class SegmentWalk:
             if self._is_off(solution, 1.0) or abs(solution.q - q).max() <= _SETTLED:
                 break
             found.append(solution.q)
-        self._require_hand_over(found[-1])
+        self._require_switch(found[-1])
         found[-1] = np.clip(found[-1], self._end_lower, self._end_upper)
         return found
 
@@ -171,13 +171,13 @@ class SegmentWalk:
         raise Infeasible(PlanStatus.UNREACHABLE, f"{where}: {reason}", place)
 
     def _could_go_on(self, share: float, q: FloatArray) -> bool:
-        """Return whether a configuration could go on if the hand might be turned at will."""
+        """Return whether a configuration could go on if the tool might be turned at will."""
         robot, point = self._problem.robot, self._point(share)
         solution = solve_position(robot, point, q, self._lower, self._upper)
         jump = abs(solution.q - q).max()
         return jump <= _LARGEST_JOINT_STEP and not self._is_away(solution, share)
 
-    def _require_hand_over(self, q: FloatArray) -> None:
+    def _require_switch(self, q: FloatArray) -> None:
         """Raise unless a configuration at the segment's end is one that the next one allows."""
         outside = np.maximum(self._end_lower - q, q - self._end_upper)
         worst = int(outside.argmax())
@@ -188,7 +188,7 @@ class SegmentWalk:
         raise Infeasible(
             PlanStatus.UNREACHABLE,
             f"at the end of segment {self._segment} '{joint}' is at {q[worst]:.4f} rad, but the "
-            f"joint signs on both sides of the hand-over ask for [{self._end_lower[worst]:g}, "
+            f"joint signs on both sides of the switching time ask for [{self._end_lower[worst]:g}, "
             f"{self._end_upper[worst]:g}]; move the reference point or change the signs",
             place,
         )
@@ -201,9 +201,9 @@ def explain_error(
     segment: int,
     solution: PositionSolution,
 ) -> str:
-    """Say which condition keeps the hand from a point, by dropping one after the other."""
+    """Say which condition keeps the tool from a point, by dropping one after the other."""
     robot, limits = problem.robot, problem.robot.limits
-    short = f"the hand gets no nearer than {solution.error:.4g} m"
+    short = f"the tool gets no nearer than {solution.error:.4g} m"
     free = np.full(robot.joint_count, np.inf)
     without_limits = solve_position(robot, point, seed, -free, free)
     if without_limits.error > 1e-6:
@@ -221,7 +221,7 @@ def explain_error(
 
 
 def explain_turn(problem: PlanningProblem, segment: int, why: str) -> str:
-    """Say that only the rotation tolerance keeps the hand from a point, why, and what to do."""
+    """Say that only the rotation tolerance keeps the tool from a point, why, and what to do."""
     rotation = problem.tube.rotation
     bounds = [np.inf] if rotation is None else rotation.bounds[segment].tolist()
     asked = f"{bounds[-1]:.3g}"
@@ -234,9 +234,9 @@ def explain_turn(problem: PlanningProblem, segment: int, why: str) -> str:
 
 
 def turned_off(solution: PositionSolution) -> str:
-    """Say how near to its reference the hand can be turned."""
+    """Say how near to its reference the tool can be turned."""
     return (
-        f"the hand can be turned no nearer than {solution.rotation_error:.3g} rad to its reference "
+        f"the tool can be turned no nearer than {solution.rotation_error:.3g} rad to its reference "
         "orientation, and a tenth of the tolerance is kept to plan with"
     )
 

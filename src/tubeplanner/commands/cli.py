@@ -89,7 +89,7 @@ def main(arguments: Sequence[str]) -> int:
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="tubeplanner")
 def cli() -> None:
-    """Plan a smooth, certified motion of a robot arm whose hand stays in a tube.
+    """Plan a smooth, certified motion of a robot arm whose tool stays in a tube.
 
     PROBLEM is a problem file (YAML or JSON) or example:ROBOT/NAME for a bundled one.
     """

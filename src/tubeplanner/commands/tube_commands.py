@@ -58,7 +58,7 @@ def route(
 ) -> int:
     """Find a tube for PROBLEM from its start, goal and obstacles alone, and plan through it.
 
-    PROBLEM needs no tube; its goal may be a hand position. The tube goes to the file of -o, which
+    PROBLEM needs no tube; its goal may be a tool position. The tube goes to the file of -o, which
     `plan` plans.
     """
     from tubeplanner.files.output_files import require_writable

@@ -58,7 +58,7 @@ def read_cell(
 def taught_problem(
     cell: Cell, read: TrajectoryFile, source: str
 ) -> tuple[PlanningProblem, FloatArray]:
-    """Return the problem from a trail's start to its end, the hand anywhere, and the trail (N, n).
+    """Return the problem from a trail's start to its end, the tool anywhere, and the trail (N, n).
 
     Args:
         cell: The robot and what stands around it.

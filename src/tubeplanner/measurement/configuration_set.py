@@ -1,4 +1,4 @@
-"""All configurations that one segment of a tube allows: joints in ranges, the hand in a capsule."""
+"""All configurations that one segment of a tube allows: joints in ranges, the tool in a capsule."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ _MOST_STEPS = 20
 _LARGEST_STEP = 0.4  # [rad or m] of any joint
 _STILL = 1e-5  # [rad or m]: joints that move less come no nearer
 _DAMPING = 1e-6  # of squared metres and radians
-# A hand this near to where it is wanted is there: a share of the radius, and of a rotation [rad].
+# A tool this near to where it is wanted is there: a share of the radius, and of a rotation [rad].
 _NEAR_SHARE, _NEAR_TURN = 0.1, 0.01
 _INSIDE = 1e-9  # [m or rad]
 # So many of the samples are wanted at the surface of what is allowed: extremes are there.
@@ -37,22 +37,22 @@ class ConfigurationSet:
     upper: FloatArray
     radius: float
 
-    def hand_distance(self, q: FloatArray) -> FloatArray:
-        """Return how far hands are from the segment, for configurations (N, n): (N,) [m]."""
+    def tool_distance(self, q: FloatArray) -> FloatArray:
+        """Return how far tools are from the segment, for configurations (N, n): (N,) [m]."""
         return self._distance(self.problem.robot.tool_position(q))
 
     def contains(self, q: FloatArray) -> BoolArray:
         """Return which configurations (N, n) are in the set: bool, shape (N,)."""
-        rotation, hand = self.problem.robot.tool_pose(q)
-        inside = self._distance(hand) <= self.radius + _INSIDE
+        rotation, tool = self.problem.robot.tool_pose(q)
+        inside = self._distance(tool) <= self.radius + _INSIDE
         inside &= np.all((q >= self.lower - _INSIDE) & (q <= self.upper + _INSIDE), axis=1)
-        turned = self.problem.tube.rotation_margin(rotation, hand, self._alone)[:, 0]
+        turned = self.problem.tube.rotation_margin(rotation, tool, self._alone)[:, 0]
         return np.asarray(inside & (turned >= -_INSIDE))
 
     def sample(self, count: int, rng: np.random.Generator) -> FloatArray:
         """Return random configurations of the set, `count` of them at most, shape (N, n).
 
-        Joint values are drawn in their ranges, then moved until the hand is where it was drawn in
+        Joint values are drawn in their ranges, then moved until the tool is where it was drawn in
         the capsule, turned as was drawn in the rotation tolerance; what does not get there is
         left out.
         """
@@ -63,16 +63,16 @@ class ConfigurationSet:
     def back_inside(self, q: FloatArray) -> FloatArray:
         """Return configurations (N, n) moved towards the set, none farther than needed."""
         q = np.clip(q, self.lower, self.upper)
-        rotation, hand = self.problem.robot.tool_pose(q)
-        nearest = self.problem.tube.nearest(hand, self._alone)[:, 0]
-        distance = np.linalg.norm(hand - nearest, axis=1, keepdims=True)
+        rotation, tool = self.problem.robot.tool_pose(q)
+        nearest = self.problem.tube.nearest(tool, self._alone)[:, 0]
+        distance = np.linalg.norm(tool - nearest, axis=1, keepdims=True)
         share = np.minimum(1.0, _WITHIN * self.radius / np.maximum(distance, _INSIDE))
         turns = None
         if self._turn_bounds is not None:
             tube = self.problem.tube.rotation
             assert tube is not None
-            turns = self._bounded(tube.error(rotation, hand, self.segment))
-        return self._moved(q, nearest + share * (hand - nearest), turns, near=0.0)
+            turns = self._bounded(tube.error(rotation, tool, self.segment))
+        return self._moved(q, nearest + share * (tool - nearest), turns, near=0.0)
 
     def _moved(
         self,
@@ -81,11 +81,11 @@ class ConfigurationSet:
         turns: FloatArray | None,
         near: float = 1.0,
     ) -> FloatArray:
-        """Return configurations (N, n) whose hands are at places (N, 3), or as near as they come.
+        """Return configurations (N, n) whose tools are at places (N, 3), or as near as they come.
 
         Args:
             q: Where to start, shape (N, n).
-            places: Where the hands are wanted, shape (N, 3) [m].
+            places: Where the tools are wanted, shape (N, 3) [m].
             turns: Rotation vectors wanted against the reference, shape (N, 3) [rad]; None: any.
             near: How near is near enough, a share of what is for samples.
         """
@@ -119,13 +119,13 @@ class ConfigurationSet:
     def _task(
         self, q: FloatArray, places: FloatArray, turns: FloatArray | None
     ) -> tuple[FloatArray, FloatArray]:
-        """Return how far hands are from where they are wanted, (N, c), and the Jacobian."""
-        rotation, hand, jacobian = self.problem.robot.tool_pose_jacobian(q)
-        error, linear = places - hand, jacobian[:, :3]
+        """Return how far tools are from where they are wanted, (N, c), and the Jacobian."""
+        rotation, tool, jacobian = self.problem.robot.tool_pose_jacobian(q)
+        error, linear = places - tool, jacobian[:, :3]
         tube, bounds = self.problem.tube.rotation, self._turn_bounds
         if tube is None or bounds is None or turns is None:
             return error, linear
-        turned, spin = tube.error_jacobian(rotation, hand, jacobian, self.segment)
+        turned, spin = tube.error_jacobian(rotation, tool, jacobian, self.segment)
         asked = np.isfinite(bounds[:3]) | np.isfinite(bounds[3])
         error = np.hstack([error, (turns - turned)[:, asked]])
         return error, np.concatenate([linear, spin[:, asked]], axis=1)
@@ -167,8 +167,8 @@ class ConfigurationSet:
     def _alone(self) -> slice:
         return slice(self.segment, self.segment + 1)
 
-    def _distance(self, hand: FloatArray) -> FloatArray:
-        return np.asarray(self.problem.tube.distance(hand, self._alone)[:, 0])
+    def _distance(self, tool: FloatArray) -> FloatArray:
+        return np.asarray(self.problem.tube.distance(tool, self._alone)[:, 0])
 
 
 def _in_ball(count: int, rng: np.random.Generator) -> FloatArray:

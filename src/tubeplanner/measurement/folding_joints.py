@@ -1,7 +1,7 @@
 """The joints whose signs tell an arm's configurations apart: elbows, and what folds like them.
 
 Where such a joint is at zero the arm is nearer to a singularity than elsewhere: there two
-configurations of the same hand meet.
+configurations of the same tool meet.
 """
 
 from functools import lru_cache
@@ -20,7 +20,7 @@ _NO_GAIN = 1e-6
 
 
 def is_determined(robot: RobotModel) -> bool:
-    """Return whether an arm has as many joints as the hand's position needs."""
+    """Return whether an arm has as many joints as the tool's position needs."""
     return _rank(robot) == robot.joint_count
 
 
@@ -65,13 +65,13 @@ def _random(robot: RobotModel) -> FloatArray:
 
 
 def _rank(robot: RobotModel) -> int:
-    """Return in how many directions the joints move the hand's position."""
+    """Return in how many directions the joints move the tool's position."""
     jacobian = robot.tool_jacobian(_random(robot))[1][:, :3]
     return int(np.median((np.linalg.svd(jacobian, compute_uv=False) > _NO_GAIN).sum(axis=1)))
 
 
 def _least_gain(robot: RobotModel, q: FloatArray) -> float:
-    """Return how little joints move the hand in the worst direction: a share, typical of (N, n).
+    """Return how little joints move the tool in the worst direction: a share, typical of (N, n).
 
     Its position alone counts if the joints do for no more, its rotation as well otherwise.
     """

@@ -43,7 +43,7 @@ class Binding:
 
     Attributes:
         bound: "radius", or "lower" or "upper" side of the joint's range.
-        place: Links and obstacle that come too close, the joint, and where the hand is then.
+        place: Links and obstacle that come too close, the joint, and where the tool is then.
         configuration: In which they do, shape (n,) [rad or m].
     """
 

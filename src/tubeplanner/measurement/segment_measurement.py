@@ -126,8 +126,8 @@ class CollisionBoxes:
         lower, upper = self._outer_lower, self._outer_upper = outer
         self._lower, self._upper = core
         radius = float(problem.tube.effective_radius[segment])
-        hand = ConfigurationSet(problem, segment, lower, upper, radius).hand_distance(branch)
-        self.radius = min(radius, float(_up(hand.max() + _LEAST_RADIUS)))
+        tool = ConfigurationSet(problem, segment, lower, upper, radius).tool_distance(branch)
+        self.radius = min(radius, float(_up(tool.max() + _LEAST_RADIUS)))
         self.widest = np.concatenate(
             [
                 [radius - self.radius],
@@ -175,8 +175,8 @@ class CollisionBoxes:
 
     def _beyond_core(self, q: FloatArray) -> FloatArray:
         core = ConfigurationSet(self._problem, self._segment, self._lower, self._upper, 0.0)
-        hand = core.hand_distance(q)[:, None]
-        return np.hstack([hand - self.radius, self._lower - q, q - self._upper])
+        tool = core.tool_distance(q)[:, None]
+        return np.hstack([tool - self.radius, self._lower - q, q - self._upper])
 
     def _edge(self, q: FloatArray, pair: IntArray) -> FloatArray:
         """Return the first collisions on straight ways from the branch to collisions (N, n)."""

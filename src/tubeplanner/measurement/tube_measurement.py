@@ -56,7 +56,7 @@ def measure_tube(
     """Measure how wide a problem's tube may be.
 
     For every segment: the largest radius and joint ranges around the branch along the centre line
-    such that in all configurations with the hand in that capsule and the joints in those ranges
+    such that in all configurations with the tool in that capsule and the joints in those ranges
     everything keeps clear, as far as an attack of many configurations can tell. Where a radius
     can only grow at the cost of a range, a fast motion's needs decide. The problem's own radii do
     not count; its joint signs do.
@@ -236,8 +236,8 @@ class Surroundings:
         if result.trajectory is None:
             return [None] * self.count
         q = result.trajectory.per_piece(_LOOKS_PER_PIECE).position
-        hand = self._problem.robot.tool_position(q)
-        nearest = self._problem.tube.distance(hand).argmin(axis=1)
+        tool = self._problem.robot.tool_position(q)
+        nearest = self._problem.tube.distance(tool).argmin(axis=1)
         return [self._boxes[k].needed(q[nearest == k]) for k in range(self.count)]
 
     def search(self, k: int, wish: Wish) -> SegmentSearch:
@@ -371,5 +371,5 @@ def _place(
     problem: PlanningProblem, k: int, q: FloatArray, pair: Any, joint: str | None = None
 ) -> Place:
     links, obstacle = problem.collision.owners(pair)
-    hand = as_position(problem.robot.tool_position(q[None])[0])
-    return Place(joint=joint, segment=k, links=links, obstacle=obstacle, position=hand)
+    tool = as_position(problem.robot.tool_position(q[None])[0])
+    return Place(joint=joint, segment=k, links=links, obstacle=obstacle, position=tool)

@@ -19,7 +19,7 @@ from tubeplanner.verification.refusal import refusal
 from tubeplanner.verification.verification import verify
 from tubeplanner.waypoint_search.branch_and_bound import SearchStatistics
 
-# A reference point that the hand passes farther away than this is pointed out.
+# A reference point that the tool passes farther away than this is pointed out.
 _FAR_IN_RADII = 3.0
 _LOOKS_PER_PIECE = 20
 
@@ -156,8 +156,8 @@ def _success_message(problem: PlanningProblem, trajectory: JointTrajectory) -> s
     if problem.goal is None:
         q = ", ".join(f"{value:.4f}" for value in trajectory.position(trajectory.duration))
         message += f"; the goal was left open and became [{q}]"
-    hand = problem.robot.tool_position(trajectory.per_piece(_LOOKS_PER_PIECE).position)
-    distance = np.linalg.norm(hand[:, None] - problem.tube.points, axis=2).min(axis=0)
+    tool = problem.robot.tool_position(trajectory.per_piece(_LOOKS_PER_PIECE).position)
+    distance = np.linalg.norm(tool[:, None] - problem.tube.points, axis=2).min(axis=0)
     reach = _FAR_IN_RADII * problem.tube.radius.max()
     for point in np.flatnonzero(distance > reach):
         message += (

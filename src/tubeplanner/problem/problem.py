@@ -50,10 +50,10 @@ class PlanningProblem:
 
     Attributes:
         robot: The arm.
-        tube: Where its hand may be.
+        tube: Where its tool may be.
         start: Configuration (n,) [rad or m] in group order, or a map by joint name, or a Seed.
         goal: The same for the last point; None: whichever configuration the answer ends in, the
-            hand at the last point.
+            tool at the last point.
         obstacles: Solids in the base frame.
         attached: Solids in the tool frame, carried along.
         clearance: Least distance between any moving link and any obstacle [m].
@@ -180,30 +180,30 @@ class PlanningProblem:
                     f"{end}: joint '{name}' at {value:g} is outside [{low:g}, {high:g}], its "
                     f"position limits and joint sign in segment {segment}"
                 )
-        rotation, hand = self.robot.tool_pose(q[None])
-        margin = float(self.tube.margin(hand)[0, segment])
+        rotation, tool = self.robot.tool_pose(q[None])
+        margin = float(self.tube.margin(tool)[0, segment])
         if margin < -_INPUT_TOLERANCE:
             point = self.tube.points[segment + (end == "goal")]
             raise ProblemError(
-                f"{end}: the hand is at {np.round(hand[0], 4).tolist()} m, {-margin:.3g} m outside "
+                f"{end}: the tool is at {np.round(tool[0], 4).tolist()} m, {-margin:.3g} m outside "
                 f"the capsule of segment {segment} (its end point is {point.tolist()} m); move the "
                 f"{end} or the reference point"
             )
-        self._require_turned(end, rotation, hand, segment)
+        self._require_turned(end, rotation, tool, segment)
 
     def _require_turned(
-        self, end: str, rotation: FloatArray, hand: FloatArray, segment: int
+        self, end: str, rotation: FloatArray, tool: FloatArray, segment: int
     ) -> None:
-        """Raise unless a hand is within a segment's rotation tolerance."""
+        """Raise unless a tool is within a segment's rotation tolerance."""
         tube = self.tube.rotation
-        if tube is None or tube.margin(rotation, hand, segment)[0] >= -_INPUT_TOLERANCE:
+        if tube is None or tube.margin(rotation, tool, segment)[0] >= -_INPUT_TOLERANCE:
             return
-        error = tube.error(rotation, hand, segment)[0]
+        error = tube.error(rotation, tool, segment)[0]
         turned = [*error.tolist(), float(np.linalg.norm(error))]
         worst = int((abs(np.array(turned)) - tube.bounds[segment]).argmax())
         about = "" if worst == 3 else f" about {'xyz'[worst]} of the reference orientation"
         raise ProblemError(
-            f"{end}: the hand is turned by {turned[worst]:.4g} rad{about}, where the rotation "
+            f"{end}: the tool is turned by {turned[worst]:.4g} rad{about}, where the rotation "
             f"tolerance of segment {segment} is {tube.bounds[segment, worst]:.4g} rad; turn the "
             f"{end}, change tube.orientations[{segment + (end == 'goal')}] or widen "
             f"tube.rotation_tolerance[{segment}]"
@@ -218,8 +218,8 @@ def load_problem(
     Args:
         name: A path, or `example:ROBOT/NAME` for a bundled problem.
         directory: Where a relative path starts.
-        reads_tube: False: whether the file has a tube or not, the hand may be anywhere, and the
-            goal may be a hand position, the tube's last point.
+        reads_tube: False: whether the file has a tube or not, the tool may be anywhere, and the
+            goal may be a tool position, the tube's last point.
 
     Raises:
         ProblemError: The file contradicts its format, itself or its robot.
@@ -327,11 +327,11 @@ def _tube(fields: ProblemFields, robot: RobotModel) -> Tube:
 
 
 def _tube_anywhere(fields: ProblemFields, robot: RobotModel) -> Tube:
-    """Return the tube that lets the hand be anywhere, from its start to its goal."""
+    """Return the tube that lets the tool be anywhere, from its start to its goal."""
     if fields.start.joints is None:
         raise ProblemError("start.joints is required: a seed belongs to the first point of a tube")
     if fields.goal is None:
-        raise ProblemError("goal is required: joints, or the position of the hand")
+        raise ProblemError("goal is required: joints, or the position of the tool")
     if fields.goal.joints is None and fields.goal.position is None:
         raise ProblemError("goal.seed belongs to a position; give goal.position or goal.joints")
     begin = configuration_of(robot, "start", _values(fields.start.joints))

@@ -142,7 +142,7 @@ class RobotFields(_Section):
 
 
 class TubeFields(_Section):
-    """Where the hand may be, and how it may be turned."""
+    """Where the tool may be, and how it may be turned."""
 
     points: list[Vector] = Field(description="m+1 reference points, base frame [m]")
     radius: Finite | list[Finite] = Field(description="one or m path tolerances [m]")
@@ -166,13 +166,13 @@ class TubeFields(_Section):
 class EndpointFields(_Section):
     """A configuration, or a seed for the inverse kinematics of the reference point.
 
-    A goal may be a hand position instead; `route` finds the configuration.
+    A goal may be a tool position instead; `route` finds the configuration.
     """
 
     joints: JointValues | None = Field(None, description="group order or by name [rad, m]")
     seed: JointValues | None = Field(None, description="group order or by name [rad, m]")
     position: Vector | None = Field(
-        None, description="of the hand, of a goal alone: `route` finds joints for it [m]"
+        None, description="of the tool, of a goal alone: `route` finds joints for it [m]"
     )
 
 
@@ -192,7 +192,7 @@ class ProblemFields(_Section):
     version: Version = Field(1, description="of the format")
     robot: RobotFields = Field(description="the arm, its tool and its limits")
     tube: TubeFields | None = Field(
-        None, description="where the hand may be, and in which configuration; `route` finds one"
+        None, description="where the tool may be, and in which configuration; `route` finds one"
     )
     start: EndpointFields = Field(description="where the motion begins, at rest")
     goal: EndpointFields | None = Field(

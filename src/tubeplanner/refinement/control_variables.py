@@ -1,7 +1,7 @@
 """Which control points of a spline an optimiser may move, and how far.
 
 Those at rest at both ends stay where they are. If the goal is open, its control points move as one,
-the hand staying where it is.
+the tool staying where it is.
 """
 
 import numpy as np
@@ -13,9 +13,9 @@ from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.refinement.phase_spline import DEGREE, REST_POINTS, PhaseSpline
 
 FIXED = -1
-# Directions in which the joints at the goal move the hand by less than this [m/rad] are left free.
+# Directions in which the joints at the goal move the tool by less than this [m/rad] are left free.
 _LEAST_GAIN = 1e-6
-_HAND_TOLERANCE = 1e-9  # [m]
+_TOOL_TOLERANCE = 1e-9  # [m]
 _LOOKS, _SEED = 5, 0  # configurations looked at for spare joints
 
 
@@ -64,23 +64,23 @@ class ControlVariables:
         return points
 
     def moved(self, control_points: FloatArray, step: FloatArray) -> FloatArray | None:
-        """Return control points (K, n) after a step (F, n), the hand at an open goal as it was.
+        """Return control points (K, n) after a step (F, n), the tool at an open goal as it was.
 
         Returns:
-            None if the hand cannot be kept there.
+            None if the tool cannot be kept there.
         """
         points = control_points + self.change(step)
         if not self._goal_moves:
             return points
         robot, target = self._problem.robot, self._problem.tube.points[-1]
         goal = solve_position(robot, target, points[-1], self.lower[-1], self.upper[-1])
-        if goal.error > _HAND_TOLERANCE:
+        if goal.error > _TOOL_TOLERANCE:
             return None
         points[-REST_POINTS:] = goal.q
         return points
 
     def held(self, control_points: FloatArray) -> FloatArray:
-        """Return what the hand at an open goal forbids: directions of its joints, shape (r, n)."""
+        """Return what the tool at an open goal forbids: directions of its joints, shape (r, n)."""
         joints = control_points.shape[1]
         if not self._goal_moves:
             return np.zeros((0, joints))
@@ -112,7 +112,7 @@ class ControlVariables:
 
 
 def _has_spare_joints(problem: PlanningProblem) -> bool:
-    """Return whether joints can move while the hand stays where it is, nearly everywhere."""
+    """Return whether joints can move while the tool stays where it is, nearly everywhere."""
     joints = problem.robot.joint_count
     q = np.random.default_rng(_SEED).uniform(-1.0, 1.0, (_LOOKS, joints))
     _, jacobian = problem.robot.tool_jacobian(q)

@@ -41,11 +41,11 @@ class Iterate:
     Attributes:
         motion: Control points and gates.
         squared_duration: The least T^2 that the limits allow at the samples [s^2].
-        excess: How far hand or links are beyond what is allowed to them, >= 0: of the hand in
+        excess: How far tool or links are beyond what is allowed to them, >= 0: of the tool in
             radii or rotation tolerances beyond the narrowed tube, of links in units of 5 cm.
         limits: What it was found from: efforts and rates, as far as they are limited.
-        tube: Likewise, the hand's place.
-        rotation: Likewise, the hand's rotation; None where it is free.
+        tube: Likewise, the tool's place.
+        rotation: Likewise, the tool's rotation; None where it is free.
         links: Likewise.
     """
 
@@ -58,8 +58,8 @@ class Iterate:
     links: EvaluatedLinks
 
     @property
-    def hand(self) -> tuple[EvaluatedTube | EvaluatedRotation, ...]:
-        """What the tube asks of the hand."""
+    def tool(self) -> tuple[EvaluatedTube | EvaluatedRotation, ...]:
+        """What the tube asks of the tool."""
         return (self.tube,) if self.rotation is None else (self.tube, self.rotation)
 
     @property
@@ -75,7 +75,7 @@ class MotionConditions:
         """Take the usual samples, and links that may be watched already."""
         self._problem, self._shape, self._links = problem, shape, links
         self._limits = LimitConditions(problem.robot)
-        # A gate has a sample on either side, so that the hand is in both capsules there.
+        # A gate has a sample on either side, so that the tool is in both capsules there.
         ends = shape.phase_ends()
         places: dict[tuple[str, ...], Places] = {
             (EFFORT,): shape.samples(_EFFORT_SAMPLES).and_also(ends),
@@ -110,8 +110,8 @@ class MotionConditions:
         """
         parts = [limits.rows(current.duration, size) for limits in current.limits]
         hard = sum(len(rows) for rows in parts)
-        parts += [*(part.rows(size) for part in current.hand), current.links.rows(size)]
-        counts = [part.row_count for part in (*current.limits, *current.hand)]
+        parts += [*(part.rows(size) for part in current.tool), current.links.rows(size)]
+        counts = [part.row_count for part in (*current.limits, *current.tool)]
         firsts = np.concatenate([[0], np.cumsum(counts)])
         rows = stacked([rows.numbered_from(int(n)) for rows, n in zip(parts, firsts, strict=True)])
         return rows, np.repeat([0.0, 1.0], [hard, len(rows) - hard])
@@ -146,7 +146,7 @@ class MotionConditions:
             higher = _peaks(worst.limits[0].squared_durations, floor)
             self._watch_efforts(self._dense_samples.where(higher))
             has_more |= len(higher) > 0
-        outside = np.concatenate([_peaks(part.excess, 0.0) for part in worst.hand])
+        outside = np.concatenate([_peaks(part.excess, 0.0) for part in worst.tool])
         self._tube_samples = self._tube_samples.and_also(self._dense_samples.where(outside))
         return worst, has_more or len(outside) > 0
 

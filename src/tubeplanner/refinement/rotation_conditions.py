@@ -1,4 +1,4 @@
-"""The hand turned no farther than its segment allows, at samples of a motion."""
+"""The tool turned no farther than its segment allows, at samples of a motion."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -23,7 +23,7 @@ class EvaluatedRotation:
 
     Attributes:
         robot: The arm.
-        tube: How the hand may be turned.
+        tube: How the tool may be turned.
         at: The motion at the samples.
         samples: Each is in the phase of its segment.
         margin: The share of the tolerances that is kept free.
@@ -39,7 +39,7 @@ class EvaluatedRotation:
 
     @cached_property
     def excess(self) -> FloatArray:
-        """How far the hand is turned beyond the narrowed tolerances, in tolerances, shape (N,)."""
+        """How far the tool is turned beyond the narrowed tolerances, in tolerances, shape (N,)."""
         angle = np.linalg.norm(self._error, axis=1, keepdims=True)
         used = np.hstack([abs(self._error), angle]) / self.tube.bounds[self.samples.phase]
         return used.max(axis=1) - (1 - self.margin)
@@ -51,8 +51,8 @@ class EvaluatedRotation:
             size: Of the step; rows that it cannot break are left out. None: all rows.
         """
         room = self.room(self).reshape(len(self.samples.phase), -1)
-        rotation, hand, jacobian = self.robot.tool_pose_jacobian(self.at.position)
-        _, by_joint = self.tube.error_jacobian(rotation, hand, jacobian, self.samples.phase)
+        rotation, tool, jacobian = self.robot.tool_pose_jacobian(self.at.position)
+        _, by_joint = self.tube.error_jacobian(rotation, tool, jacobian, self.samples.phase)
         by_plane = np.matmul(self._normals, by_joint) / self._bounds[:, :, None]
         room = np.where(np.isfinite(self._bounds), room, np.inf)
         limit = self.first_limit + self.samples.phase
@@ -71,9 +71,9 @@ class EvaluatedRotation:
 
     @cached_property
     def _error(self) -> FloatArray:
-        """Rotation vectors from the reference to the hand, shape (N, 3) [rad]."""
-        rotation, hand = self.robot.tool_pose(self.at.position)
-        return self.tube.error(rotation, hand, self.samples.phase)
+        """Rotation vectors from the reference to the tool, shape (N, 3) [rad]."""
+        rotation, tool = self.robot.tool_pose(self.at.position)
+        return self.tube.error(rotation, tool, self.samples.phase)
 
     @cached_property
     def _normals(self) -> FloatArray:

@@ -13,7 +13,7 @@ _FEWEST_INTERVALS = 3  # of a phase, if there are several
 _FIT_POINTS_PER_INTERVAL = 5
 # Control points that the fit leaves open are drawn to the joint line by this weight.
 _DRAW = 1e-8
-# Where the hand hardly moves, joints do: this many metres of way per radian.
+# Where the tool hardly moves, joints do: this many metres of way per radian.
 _WAY_OF_A_RADIAN = 0.05
 
 
@@ -28,8 +28,8 @@ def starting_spline(
         intervals: About how many knot intervals it has.
     """
     q = np.concatenate(branch.segments)
-    hand = problem.robot.tool_position(q)
-    steps = np.linalg.norm(np.diff(hand, axis=0), axis=1)
+    tool = problem.robot.tool_position(q)
+    steps = np.linalg.norm(np.diff(tool, axis=0), axis=1)
     steps += _WAY_OF_A_RADIAN * np.linalg.norm(np.diff(q, axis=0), axis=1)
     way = np.concatenate([[0.0], np.cumsum(steps)]) / steps.sum()
     corners = way[np.cumsum([len(segment) for segment in branch.segments]) - 1]

@@ -1,4 +1,4 @@
-"""The hand in the capsule of its segment, at samples of a motion."""
+"""The tool in the capsule of its segment, at samples of a motion."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -37,14 +37,14 @@ class EvaluatedTube:
 
     @cached_property
     def excess(self) -> FloatArray:
-        """How far the hand is outside the narrowed capsules, in radii, shape (N,)."""
-        away = self._hand - self._nearest
+        """How far the tool is outside the narrowed capsules, in radii, shape (N,)."""
+        away = self._tool - self._nearest
         return np.linalg.norm(away, axis=1) / self._radius - (1 - self.margin)
 
     def rows(self, size: StepSize | None) -> Rows:
-        """Return rows that keep the hand in the narrowed capsules.
+        """Return rows that keep the tool in the narrowed capsules.
 
-        A capsule is convex: the hand is inside if it is behind every supporting plane n.p <=
+        A capsule is convex: the tool is inside if it is behind every supporting plane n.p <=
         max(n.A, n.B) + r, A and B being the ends of the axis. Planes are taken about the outward
         direction, and at both caps.
 
@@ -67,13 +67,13 @@ class EvaluatedTube:
         return self._room_behind_planes(there).ravel()
 
     def _room_behind_planes(self, there: "EvaluatedTube") -> FloatArray:
-        """Return how far the hand elsewhere is behind the planes of here, in radii, (N, P)."""
+        """Return how far the tool elsewhere is behind the planes of here, in radii, (N, P)."""
         begin, end = self._axis_ends
         support = np.maximum(
             np.einsum("npi,ni->np", self._normals, begin),
             np.einsum("npi,ni->np", self._normals, end),
         )
-        used = np.einsum("npi,ni->np", self._normals, there._hand) - support
+        used = np.einsum("npi,ni->np", self._normals, there._tool) - support
         return 1 - self.margin - used / self._radius[:, None]
 
     @cached_property
@@ -81,16 +81,16 @@ class EvaluatedTube:
         """Normals of the supporting planes, shape (N, P, 3)."""
         begin, end = self._axis_ends
         axis = (end - begin) / np.linalg.norm(end - begin, axis=1)[:, None]
-        return _normals(self._hand - self._nearest, axis)
+        return _normals(self._tool - self._nearest, axis)
 
     @cached_property
-    def _hand(self) -> FloatArray:
+    def _tool(self) -> FloatArray:
         return self.problem.robot.tool_position(self.at.position)
 
     @cached_property
     def _nearest(self) -> FloatArray:
-        """The points of the segments' axes that are nearest to the hand, shape (N, 3)."""
-        nearest = self.problem.tube.nearest(self._hand)
+        """The points of the segments' axes that are nearest to the tool, shape (N, 3)."""
+        nearest = self.problem.tube.nearest(self._tool)
         return nearest[np.arange(len(nearest)), self.samples.phase]
 
     @property

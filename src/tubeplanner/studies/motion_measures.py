@@ -29,7 +29,7 @@ class MotionMeasures:
         peak_jerk_joint: Whose it is; likewise.
         at_limit: Share of the time in which the effort, velocity or acceleration of some joint is
             at 99 % of its limit or more.
-        tube_use: Distance of the hand from the axis of the segment it is in, as a share of that
+        tube_use: Distance of the tool from the axis of the segment it is in, as a share of that
             segment's radius, averaged over time.
     """
 
@@ -58,14 +58,14 @@ def motion_measures(problem: PlanningProblem, trajectory: JointTrajectory) -> Mo
     peak, joint = _peak_jerk(trajectory) if smoothness == "C2" else (None, None)
     middles = (np.arange(_SAMPLES) + 0.5) / _SAMPLES * trajectory.duration
     samples = trajectory.at(middles)
-    hand = problem.robot.tool_position(samples.position)
+    tool = problem.robot.tool_position(samples.position)
     segment = current_segments(problem, samples.position)
     return MotionMeasures(
         smoothness,
         peak,
         joint,
         float((_limit_use(problem, samples) >= AT_LIMIT).mean()),
-        float(tube_use(problem, hand, segment).mean()),
+        float(tube_use(problem, tool, segment).mean()),
     )
 
 

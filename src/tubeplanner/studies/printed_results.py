@@ -1,7 +1,7 @@
 """What Suh & Bishop (1988) printed: the numbers to be compared with, and what is wrong with them.
 
 J. Robotic Systems 5(6), 497-525; Tables II to IV. Durations are in seconds, tolerances in metres;
-`NO_TUBE` stands for a hand that may go anywhere.
+`NO_TUBE` stands for a tool that may go anywhere.
 """
 
 import math

@@ -6,7 +6,7 @@ from typing import Any
 
 from tubeplanner.baselines.baselines import BASELINES, judged_baseline
 from tubeplanner.baselines.conventional_lines import PAPER, conventional_motion
-from tubeplanner.baselines.hand_path import hand_paths
+from tubeplanner.baselines.tool_path import tool_paths
 from tubeplanner.branches.known_branches import KnownBranches
 from tubeplanner.branches.reference_branch import spare_joint_rules
 from tubeplanner.motion.trajectory import JointTrajectory
@@ -186,5 +186,5 @@ def _path(example: int) -> ReproducedPath:
 def _conventional(problem: PlanningProblem) -> JointTrajectory:
     """Return straight lines with stops at the speed and acceleration of Table I."""
     branches = KnownBranches(problem, PlanningClock(None, None))
-    lines = hand_paths(problem, branches.along(spare_joint_rules(problem)[0]), arcs=False)
+    lines = tool_paths(problem, branches.along(spare_joint_rules(problem)[0]), arcs=False)
     return conventional_motion(problem.robot, lines, PAPER)

@@ -53,7 +53,7 @@ class _Open:
         bound: No completion is faster [s], shape (P,).
         choices: Of the knots 1, 2, ...: shape (P, depth).
         factor: How much faster the segments settled can be run, shape (P,).
-        tube_segments: In which tube segments the hand may be at their end: bool, shape (P, m).
+        tube_segments: In which tube segments the tool may be at their end: bool, shape (P, m).
     """
 
     bound: FloatArray

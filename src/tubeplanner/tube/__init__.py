@@ -1,1 +1,1 @@
-"""Where the hand may be, and how it may be turned: pure geometry."""
+"""Where the tool may be, and how it may be turned: pure geometry."""

@@ -1,7 +1,7 @@
-"""The tube's rotational part: how the hand may be turned along each segment. Pure geometry.
+"""The tube's rotational part: how the tool may be turned along each segment. Pure geometry.
 
 Between two reference points the reference orientation turns about one axis, the short way round,
-in proportion to the way: R_ref(u) = R_A exp(u log(R_A^T R_B)). A hand is held against the
+in proportion to the way: R_ref(u) = R_A exp(u log(R_A^T R_B)). A tool is held against the
 reference at the point of the segment nearest to it (Suh & Bishop 1988, equations 4 to 7; digest:
 the deviation at the matched lambda). How far it is off is the rotation vector log(R_ref^T R), its
 components along the axes of the reference. Rotations and positions are in the base frame.
@@ -28,7 +28,7 @@ _HALF_TURN_TOLERANCE = 1e-6  # [rad]: nearer to 180 degrees the short way round 
 
 @dataclass(frozen=True, eq=False)
 class RotationalTube:
-    """Reference orientations and how far the hand may be turned away from them.
+    """Reference orientations and how far the tool may be turned away from them.
 
     Wherever a `segment` is asked for, it is one index or an array of one per sample.
 
@@ -50,77 +50,77 @@ class RotationalTube:
         """Whether any rotation is bounded at all."""
         return bool(np.isfinite(self.bounds).any())
 
-    def projection(self, hand: FloatArray, segment: Segment) -> FloatArray:
-        """Return where along a segment's line the point nearest to hands (N, 3) is: u, (N,).
+    def projection(self, tool: FloatArray, segment: Segment) -> FloatArray:
+        """Return where along a segment's line the point nearest to tools (N, 3) is: u, (N,).
 
         0 at the segment's start and 1 at its end; outside [0, 1] the nearest point is that end.
         """
         start = self.points[:-1][segment]
         along = self.points[1:][segment] - start
-        return np.sum((hand - start) * along, axis=-1) / np.sum(along**2, axis=-1)
+        return np.sum((tool - start) * along, axis=-1) / np.sum(along**2, axis=-1)
 
-    def reference(self, hand: FloatArray, segment: Segment) -> FloatArray:
-        """Return the reference orientation of hands (N, 3) [m], shape (N, 3, 3)."""
-        return self.reference_at(np.clip(self.projection(hand, segment), 0.0, 1.0), segment)
+    def reference(self, tool: FloatArray, segment: Segment) -> FloatArray:
+        """Return the reference orientation of tools (N, 3) [m], shape (N, 3, 3)."""
+        return self.reference_at(np.clip(self.projection(tool, segment), 0.0, 1.0), segment)
 
     def reference_at(self, share: FloatArray, segment: Segment) -> FloatArray:
         """Return the reference orientation after shares (N,) of a segment, shape (N, 3, 3)."""
         return self.begin[segment] @ rotation_matrix(share[:, None] * self.turn[segment])
 
-    def error(self, rotation: FloatArray, hand: FloatArray, segment: Segment) -> FloatArray:
+    def error(self, rotation: FloatArray, tool: FloatArray, segment: Segment) -> FloatArray:
         """Return log(R_ref^T R), in the frame of the reference, shape (N, 3) [rad].
 
         Args:
-            rotation: Orientation R of the hand, shape (N, 3, 3).
-            hand: Its position, shape (N, 3) [m].
+            rotation: Orientation R of the tool, shape (N, 3, 3).
+            tool: Its position, shape (N, 3) [m].
             segment: Which segment it is in.
         """
-        return rotation_vector(self._relative(rotation, hand, segment))
+        return rotation_vector(self._relative(rotation, tool, segment))
 
     def error_jacobian(
-        self, rotation: FloatArray, hand: FloatArray, jacobian: FloatArray, segment: Segment
+        self, rotation: FloatArray, tool: FloatArray, jacobian: FloatArray, segment: Segment
     ) -> tuple[FloatArray, FloatArray]:
         """Return the error and its derivative by the joints.
 
-        With v = log(E), E = R_ref^T R: dv/dt = J(v) (w - E^T turn du/dt), w being the hand's
+        With v = log(E), E = R_ref^T R: dv/dt = J(v) (w - E^T turn du/dt), w being the tool's
         angular velocity in its own frame and J the inverse right Jacobian of SO(3). Where the
         nearest point passes an end of the segment the derivative jumps: the one inside is given.
 
         Args:
             rotation: Shape (N, 3, 3).
-            hand: Shape (N, 3) [m].
-            jacobian: Of the hand in the base frame, linear rows first, shape (N, 6, n).
+            tool: Shape (N, 3) [m].
+            jacobian: Of the tool in the base frame, linear rows first, shape (N, 6, n).
             segment: Which segment it is in.
 
         Returns:
             Error (N, 3) [rad] and derivative (N, 3, n).
         """
-        relative = self._relative(rotation, hand, segment)
+        relative = self._relative(rotation, tool, segment)
         error = rotation_vector(relative)
-        projection = self.projection(hand, segment)
+        projection = self.projection(tool, segment)
         moves = ((projection >= 0) & (projection <= 1))[:, None]
         along = self.points[1:][segment] - self.points[:-1][segment]
         gradient = moves * along / np.sum(along**2, axis=-1, keepdims=True)
         share_rate = np.einsum("ni,nij->nj", gradient, jacobian[:, :3])
-        turned = np.einsum("nji,nj->ni", relative, np.broadcast_to(self.turn[segment], hand.shape))
+        turned = np.einsum("nji,nj->ni", relative, np.broadcast_to(self.turn[segment], tool.shape))
         spin = rotation.transpose(0, 2, 1) @ jacobian[:, 3:]
         spin -= turned[:, :, None] * share_rate[:, None]
         return error, inverse_right_jacobian(error) @ spin
 
-    def margin(self, rotation: FloatArray, hand: FloatArray, segment: Segment) -> FloatArray:
-        """Return how far inside a segment's bounds hands are turned, shape (N,) [rad].
+    def margin(self, rotation: FloatArray, tool: FloatArray, segment: Segment) -> FloatArray:
+        """Return how far inside a segment's bounds tools are turned, shape (N,) [rad].
 
         The least of bound - |component| and bound - angle; infinite where all is free.
         """
-        return self.margin_of(self.error(rotation, hand, segment), segment)
+        return self.margin_of(self.error(rotation, tool, segment), segment)
 
     def margin_of(self, error: FloatArray, segment: Segment) -> FloatArray:
         """Return the margin of rotation vectors (N, 3), shape (N,) [rad]."""
         angle = np.linalg.norm(error, axis=1, keepdims=True)
         return (self.bounds[segment] - np.hstack([abs(error), angle])).min(axis=1)
 
-    def _relative(self, rotation: FloatArray, hand: FloatArray, segment: Segment) -> FloatArray:
-        return self.reference(hand, segment).transpose(0, 2, 1) @ rotation
+    def _relative(self, rotation: FloatArray, tool: FloatArray, segment: Segment) -> FloatArray:
+        return self.reference(tool, segment).transpose(0, 2, 1) @ rotation
 
 
 def rotational_tube(
@@ -141,7 +141,7 @@ def rotational_tube(
     for k, angle in enumerate(np.linalg.norm(turn, axis=1)):
         if angle > np.pi - _HALF_TURN_TOLERANCE:
             raise ProblemError(
-                f"tube.orientations: from point {k} to {k + 1} the hand turns by 180 degrees, so "
+                f"tube.orientations: from point {k} to {k + 1} the tool turns by 180 degrees, so "
                 "that which way round is not determined; add a reference point between them"
             )
     bounds = np.full((len(tolerance), 4), np.inf)

@@ -1,4 +1,4 @@
-"""The tube: where the hand may be, how turned, and in which arm configuration. Pure geometry.
+"""The tube: where the tool may be, how turned, and in which arm configuration. Pure geometry.
 
 Segment k joins reference points k and k+1; its capsule is all points within the path tolerance of
 it (Suh & Bishop 1988, section on the tube model; digest: F_j). All positions are in the base
@@ -47,11 +47,11 @@ class Tube:
     Attributes:
         points: Reference points, shape (m+1, 3) [m].
         radius: Path tolerances, shape (m,) [m].
-        tool_radius: The hand as a sphere [m]; every effective radius is smaller by it.
+        tool_radius: The tool as a sphere [m]; every effective radius is smaller by it.
         joint_ranges: Per segment, by joint name: [lower, upper] that must hold in it [rad or m].
-        visit: "ordered": segments one after the other, with hand-overs in both capsules; "any":
-            the union of all capsules.
-        orientations: Of the hand at the reference points, unit quaternions x y z w, shape (m+1, 4);
+        visit: "ordered": segments one after the other, with switching times in both capsules;
+            "any": the union of all capsules.
+        orientations: Of the tool at the reference points, unit quaternions x y z w, shape (m+1, 4);
             None: it may be turned at will.
         rotation_tolerance: Per segment one angle, or bounds on the three components of
             log(R_ref^T R) [rad]; None: as above.
@@ -83,13 +83,13 @@ class Tube:
         Args:
             points: m+1 reference points, shape (m+1, 3) [m].
             radius: One tolerance for all segments, or m of them [m].
-            tool_radius: The hand as a sphere [m].
+            tool_radius: The tool as a sphere [m].
             joint_signs: One map for all segments, or m maps, from joint name to "+" (>= 0),
                 "-" (<= 0), "0" (free), the numbers 1, -1, 0, or a range [lower, upper] [rad or m].
             visit: "ordered" or "any".
             orientations: m+1 quaternions x y z w of the tool centre point frame at the reference
                 points; between them it turns about one axis, the short way round.
-            rotation_tolerance: m entries, each one angle by which the hand may be turned away, or
+            rotation_tolerance: m entries, each one angle by which the tool may be turned away, or
                 bounds on the components of the rotation vector log(R_ref^T R), infinite where
                 free; one number serves for all segments [rad].
 
@@ -114,7 +114,7 @@ class Tube:
 
     @classmethod
     def anywhere(cls, begin: FloatArray, end: FloatArray) -> "Tube":
-        """Return the tube from one hand position to another (3,) that keeps the hand from nowhere.
+        """Return the tube from one tool position to another (3,) that keeps the tool from nowhere.
 
         Where both are the same, the second is moved a little: a tube has a direction.
         """
@@ -190,10 +190,10 @@ class Tube:
     def rotation_margin(
         self, rotation: FloatArray, p: FloatArray, segments: slice = _ALL
     ) -> FloatArray:
-        """Return how far inside the rotation tolerances of some segments (of m, all) hands are.
+        """Return how far inside the rotation tolerances of some segments (of m, all) tools are.
 
         Args:
-            rotation: Orientations of the hand, shape (N, 3, 3).
+            rotation: Orientations of the tool, shape (N, 3, 3).
             p: Its positions, shape (N, 3) [m].
             segments: Which segments.
 
@@ -278,7 +278,7 @@ def _ranges(
         for row in maps
     )
     for k, (before, after) in enumerate(pairwise(ranges) if visit == "ordered" else ()):
-        _require_hand_over(k, before, after)
+        _require_switch(k, before, after)
     return ranges
 
 
@@ -293,7 +293,7 @@ def _range(where: str, sign: JointSign) -> JointRange:
     raise ProblemError(f"{where}: {sign!r} is none of '+', '-', '0', 1, -1, 0, [lower, upper]")
 
 
-def _require_hand_over(
+def _require_switch(
     k: int, before: Mapping[str, JointRange], after: Mapping[str, JointRange]
 ) -> None:
     for name in before.keys() & after.keys():

@@ -37,7 +37,7 @@ class FreeSpace:
         return self.lacking(q) is None
 
     def lacking(self, q: FloatArray) -> Place | None:
-        """Return links that lack room at a configuration (n,), and where the hand is; or None."""
+        """Return links that lack room at a configuration (n,), and where the tool is; or None."""
         rotation, position = self._robot.body_poses(q[None])
         wanted = self._asked + self._margin
         quick = self._checker.sphere_distances(rotation, position, self._pairs)[0] - wanted

@@ -1,4 +1,4 @@
-"""Configurations in which the motion may end: the one given, or those of a hand position."""
+"""Configurations in which the motion may end: the one given, or those of a tool position."""
 
 import numpy as np
 
@@ -22,10 +22,10 @@ def goal_configurations(problem: PlanningProblem, start: FloatArray, seed: int) 
     Args:
         problem: Its goal, or where that is open the last point of its tube.
         start: Shape (n,).
-        seed: Of random numbers, where the goal is a hand position.
+        seed: Of random numbers, where the goal is a tool position.
 
     Raises:
-        Infeasible: None is free (status tube_blocked), or the hand does not reach the goal
+        Infeasible: None is free (status tube_blocked), or the tool does not reach the goal
             (status unreachable).
     """
     if problem.goal is not None and not isinstance(problem.goal, Seed):
@@ -44,7 +44,7 @@ def goal_configurations(problem: PlanningProblem, start: FloatArray, seed: int) 
 
 
 def _reaching(problem: PlanningProblem, start: FloatArray, seed: int) -> list[FloatArray]:
-    """Return configurations that have the hand at the goal, the nearest to the start first.
+    """Return configurations that have the tool at the goal, the nearest to the start first.
 
     Raises:
         Infeasible: Status unreachable.
@@ -69,6 +69,6 @@ def _reaching(problem: PlanningProblem, start: FloatArray, seed: int) -> list[Fl
             found.append(np.round(solution.q, _DECIMALS))
     if not found:
         x, y, z = (float(value) for value in target)
-        message = f"the goal is out of reach: the hand gets no nearer than {least:.4g} m"
+        message = f"the goal is out of reach: the tool gets no nearer than {least:.4g} m"
         raise Infeasible(PlanStatus.UNREACHABLE, message, Place(position=(x, y, z)))
     return sorted(found, key=lambda q: float(abs(q - start).max()))

@@ -16,8 +16,8 @@ from tubeplanner.planning.plan_result import PlanResult
 from tubeplanner.planning.planner import plan
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.tube_sources.free_space import FreeSpace
-from tubeplanner.tube_sources.hand_corners import HandCorners, with_another_corner
 from tubeplanner.tube_sources.reference_tube import reference_tube
+from tubeplanner.tube_sources.tool_corners import ToolCorners, with_another_corner
 
 _MOST_PARTINGS = 4
 
@@ -44,7 +44,7 @@ class MeasuredPlan:
 def measured_plan(
     problem: PlanningProblem,
     space: FreeSpace,
-    corners: HandCorners,
+    corners: ToolCorners,
     band: float,
     options: MeasureOptions,
     enter: Callable[[object], None],
@@ -77,7 +77,7 @@ def measured_plan(
 
 
 def in_tube(
-    problem: PlanningProblem, corners: HandCorners, band: float, radius: float
+    problem: PlanningProblem, corners: ToolCorners, band: float, radius: float
 ) -> PlanningProblem:
     """Return a problem in the tube around corners of a route, not measured yet.
 

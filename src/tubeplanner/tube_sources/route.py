@@ -1,6 +1,6 @@
 """A tube from start, goal and obstacles alone: the question that Suh & Bishop 1988 left open.
 
-Routes are found at random; the hand's path along each becomes few reference points. The most
+Routes are found at random; the tool's path along each becomes few reference points. The most
 promising are planned, and the tube of the fastest is measured.
 """
 
@@ -43,7 +43,7 @@ def find_route(
 
     Args:
         problem: Start, goal and obstacles count; its tube does not, but for its last point where
-            the goal is left open: there the hand is to go.
+            the goal is left open: there the tool is to go.
         options: How to find it.
         progress: Called with every stage as it begins.
 

@@ -13,8 +13,8 @@ from tubeplanner.planning.planner import plan
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.tube_sources.free_space import FreeSpace
-from tubeplanner.tube_sources.hand_corners import HandCorners, hand_corners
 from tubeplanner.tube_sources.joint_route import RouteSearch
+from tubeplanner.tube_sources.tool_corners import ToolCorners, tool_corners
 
 # Room kept from obstacles beyond the clearance [m]: wide tubes are fast, narrow ways are short.
 _MARGINS = (0.03, 0.01)
@@ -53,7 +53,7 @@ class RouteOptions:
 
 @dataclass(frozen=True, eq=False)
 class RouteCandidate:
-    """A route whose hand goes straight between few reference points.
+    """A route whose tool goes straight between few reference points.
 
     Attributes:
         space: The configurations that have room.
@@ -63,7 +63,7 @@ class RouteCandidate:
     """
 
     space: FreeSpace
-    corners: HandCorners
+    corners: ToolCorners
     joint_time: float
 
 
@@ -112,7 +112,7 @@ def route_candidates(
 def _candidates(
     robot: RobotModel, space: FreeSpace, route: FloatArray | None
 ) -> list[RouteCandidate]:
-    corners = None if route is None else hand_corners(robot, space, route)
+    corners = None if route is None else tool_corners(robot, space, route)
     if corners is None:
         return []
     return [RouteCandidate(space, corners, _joint_time(robot, corners.lines))]
@@ -137,7 +137,7 @@ def _no_route(problem: PlanningProblem, search: RouteSearch, options: RouteOptio
     x, y, z = (float(value) for value in problem.robot.tool_position(search.reached[None])[0])
     message = (
         f"no route was found in {options.tries * (1 + len(_MARGINS))} tries of {options.checks} "
-        f"configurations; the last one brought the hand to [{x:.3f}, {y:.3f}, {z:.3f}] m: move "
+        f"configurations; the last one brought the tool to [{x:.3f}, {y:.3f}, {z:.3f}] m: move "
         "what is in the way, choose another goal configuration, or give it more tries or checks"
     )
     return Infeasible(PlanStatus.NO_TRAJECTORY, message, Place(position=(x, y, z)))

@@ -12,8 +12,8 @@ from tubeplanner.measurement.measured_tube import MeasureOptions
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.tube_sources.free_space import FreeSpace
-from tubeplanner.tube_sources.hand_corners import HandCorners, hand_corners
 from tubeplanner.tube_sources.measured_plan import MeasuredPlan, measured_plan
+from tubeplanner.tube_sources.tool_corners import ToolCorners, tool_corners
 from tubeplanner.tube_sources.trail import LEAST_MOVE, moving_part, without_ways_back
 from tubeplanner.tube_sources.tube_answer import TubeAnswer, answer_of
 from tubeplanner.verification.refusal import require_free
@@ -24,7 +24,7 @@ class TeachOptions:
     """How to make a tube from a trail.
 
     Attributes:
-        deviation: How far the hand of the trail may be from the lines between reference points [m].
+        deviation: How far the tool of the trail may be from the lines between reference points [m].
         band: How far joints may leave what they did in the trail's segment [rad or m].
         max_radius: No segment gets a larger radius [m].
         samples: How many configurations of a segment the last attack of measuring draws.
@@ -71,8 +71,8 @@ def teach(
         f"{LEAST_MOVE:g} rad or m since the one before: pauses and noise"
     ] * (len(kept) < len(trail))
     notes += [
-        f"left out: a way out and back that turned with the hand at {np.round(turn, 3).tolist()} m "
-        "(no tube can ask for it; record two trails to have the hand go there)"
+        f"left out: a way out and back that turned with the tool at {np.round(turn, 3).tolist()} m "
+        "(no tube can ask for it; record two trails to have the tool go there)"
         for turn in turns
     ]
     how = MeasureOptions(options.max_radius, options.samples, options.seed)
@@ -107,7 +107,7 @@ def _left_by_trail(problem: PlanningProblem, trail: FloatArray) -> list[str]:
 
 def _corners(
     problem: PlanningProblem, space: FreeSpace, trail: FloatArray, deviation: float
-) -> HandCorners:
+) -> ToolCorners:
     """Return the corners of a trail (N, n).
 
     Raises:
@@ -123,11 +123,11 @@ def _corners(
                 "clearance, or list a pair that may touch in collision.ignore"
             )
             raise Infeasible(PlanStatus.TUBE_BLOCKED, message, place)
-    corners = hand_corners(problem.robot, space, trail, deviation)
+    corners = tool_corners(problem.robot, space, trail, deviation)
     if corners is None:
         raise Infeasible(
             PlanStatus.TUBE_BLOCKED,
-            "the hand cannot follow the trail in straight lines without a collision",
+            "the tool cannot follow the trail in straight lines without a collision",
             Place(),
         )
     return corners

@@ -17,7 +17,7 @@ LEAST_MOVE = 0.02
 # Configurations on the way out and back are the same ones [rad or m].
 _SAME_CONFIGURATION = 0.25
 _DECIMALS = 6
-_LEAST_WAY = 1e-3  # [m] of the hand
+_LEAST_WAY = 1e-3  # [m] of the tool
 
 
 def joint_trail(robot: RobotModel, joint_names: Sequence[str], samples: FloatArray) -> FloatArray:
@@ -74,22 +74,22 @@ def without_ways_back(
 ) -> tuple[FloatArray, list[FloatArray]]:
     """Return a trail without what the arm went out and came back on, and where it turned.
 
-    A tube cannot keep such a detour: its capsules overlap all along, and the hand may go from one
+    A tube cannot keep such a detour: its capsules overlap all along, and the tool may go from one
     to the other anywhere.
 
     Args:
         robot: The arm.
         q: The trail, shape (N, n).
-        deviation: How near the hand comes back to where it was, to count as the same [m].
+        deviation: How near the tool comes back to where it was, to count as the same [m].
 
     Raises:
-        TrajectoryError: The whole trail goes out and back, or its hand does not move.
+        TrajectoryError: The whole trail goes out and back, or its tool does not move.
     """
     turns: list[FloatArray] = []
     joint = -1  # where what was left out last had been
     while True:
-        hand = robot.tool_position(q)
-        found = _way_back(q, hand, deviation)
+        tool = robot.tool_position(q)
+        found = _way_back(q, tool, deviation)
         if found is None:
             break
         i, j = found
@@ -99,41 +99,41 @@ def without_ways_back(
                 "and the way back as two trails"
             )
         if not i <= joint <= j:  # otherwise it is the rest of the same way
-            away = np.linalg.norm(hand[i : j + 1] - hand[i], axis=1)
-            turns.append(hand[i + int(away.argmax())])
+            away = np.linalg.norm(tool[i : j + 1] - tool[i], axis=1)
+            turns.append(tool[i + int(away.argmax())])
         joint = i
         # The ends of the trail stay as they are.
         q = np.vstack([q[:i], q[j:]]) if i > 0 else np.vstack([q[:1], q[j + 1 :]])
-    way = float(np.linalg.norm(hand - hand[0], axis=1).max())
+    way = float(np.linalg.norm(tool - tool[0], axis=1).max())
     if way < _LEAST_WAY:
         raise TrajectoryError(
-            f"the hand moves by {way:.2g} m only; a tube needs reference points that are apart"
+            f"the tool moves by {way:.2g} m only; a tube needs reference points that are apart"
         )
     return q, turns
 
 
-def _way_back(q: FloatArray, hand: FloatArray, deviation: float) -> tuple[int, int] | None:
+def _way_back(q: FloatArray, tool: FloatArray, deviation: float) -> tuple[int, int] | None:
     """Return two samples in the same configuration, out from it and straight back between them."""
-    corners = simplified(hand, deviation)
-    pairs = [_retreat(hand, a, b) for a, b in pairwise(corners)]
+    corners = simplified(tool, deviation)
+    pairs = [_retreat(tool, a, b) for a, b in pairwise(corners)]
     for a, b, c in zip(corners, corners[1:], corners[2:], strict=False):
-        out = a + int(np.linalg.norm(hand[a:b] - hand[c], axis=1).argmin())
-        back = b + 1 + int(np.linalg.norm(hand[b + 1 : c + 1] - hand[a], axis=1).argmin())
+        out = a + int(np.linalg.norm(tool[a:b] - tool[c], axis=1).argmin())
+        back = b + 1 + int(np.linalg.norm(tool[b + 1 : c + 1] - tool[a], axis=1).argmin())
         pairs += [(out, c), (a, back)]
     for i, j in pairs:
-        is_near = np.linalg.norm(hand[i] - hand[j]) <= 2 * deviation
-        is_way = np.linalg.norm(hand[i : j + 1] - hand[i], axis=1).max() > 2 * deviation
+        is_near = np.linalg.norm(tool[i] - tool[j]) <= 2 * deviation
+        is_way = np.linalg.norm(tool[i : j + 1] - tool[i], axis=1).max() > 2 * deviation
         if is_near and is_way and abs(q[i] - q[j]).max() <= _SAME_CONFIGURATION:
             return i, j
     return None
 
 
-def _retreat(hand: FloatArray, a: int, b: int) -> tuple[int, int]:
-    """Return where between two corners the hand goes back farthest, and where it was there first.
+def _retreat(tool: FloatArray, a: int, b: int) -> tuple[int, int]:
+    """Return where between two corners the tool goes back farthest, and where it was there first.
 
     On the line between the corners no distance from it tells that.
     """
-    progress = (hand[a : b + 1] - hand[a]) @ (hand[b] - hand[a])
+    progress = (tool[a : b + 1] - tool[a]) @ (tool[b] - tool[a])
     lowest = int((np.maximum.accumulate(progress) - progress).argmax())
     first = int((progress >= progress[lowest]).argmax())
     return a + first, a + lowest

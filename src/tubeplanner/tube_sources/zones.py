@@ -5,7 +5,7 @@ and is on the next line again at a point B, at most z behind R. Between them it 
 triangle A R B, whatever its rule: a parabola and an arc tangent to both lines do, and so does a
 weighted mean of both motions.
 
-From zone to tube. Off the lines the hand may be anywhere in the ball of radius z about R, and only
+From zone to tube. Off the lines the tool may be anywhere in the ball of radius z about R, and only
 there. Capsules of radius z - c about the pieces of length c on both sides of R reach exactly z far:
 they stay in the ball and touch it, whatever the angle of the corner. Up to c = z/2 they hold every
 blend: the ball on the diameter A R also holds the midpoint of A B, the angle there being right
@@ -136,14 +136,14 @@ def tube_from_zones(
     accuracy: float,
     joint_signs: Mapping[str, JointSign] | None = None,
 ) -> Tube:
-    """Return the tube in which the hand leaves the lines only inside the zones.
+    """Return the tube in which the tool leaves the lines only inside the zones.
 
     Args:
         points: Programmed points, shape (k+2, 3) [m].
         zones: Of the k inner points. "abb": "fine", "z0" to "z200"; "kuka": $APO.CDIS [mm];
             "fanuc": "FINE", "CR50" or 50 [mm]; "ur", "pilz": blend radius [m].
         controller: One of `CONTROLLERS`.
-        accuracy: How far the hand may be off the lines elsewhere, and at points without a zone [m].
+        accuracy: How far the tool may be off the lines elsewhere, and at points without a zone [m].
         joint_signs: As for `Tube`, in all segments.
 
     Returns:
@@ -183,11 +183,11 @@ def zones_of_tube(tube: Tube, controller: str) -> ZonedPath:
     """Return the largest zones with which a controller stays in the tube.
 
     Reference points without a turn are no points of the program. No zone passes the middle of a
-    line. The hand is held against the capsules of both lines of a corner; where they overlap far,
-    on a way out and back, the tube lets the hand turn round early, and so does the zone.
+    line. The tool is held against the capsules of both lines of a corner; where they overlap far,
+    on a way out and back, the tube lets the tool turn round early, and so does the zone.
 
     Args:
-        tube: Where the hand may be; rotation tolerances and joint signs do not matter here.
+        tube: Where the tool may be; rotation tolerances and joint signs do not matter here.
         controller: One of `CONTROLLERS`.
 
     Returns:

@@ -1,4 +1,4 @@
-"""Polynomials that enclose hand pose and joint efforts of a motion, for all t.
+"""Polynomials that enclose tool pose and joint efforts of a motion, for all t.
 
 On each of I intervals the quantity is interpolated at Chebyshev points. What the polynomial misses
 between them is bounded by the majorant of the next Taylor coefficient, T:
@@ -20,7 +20,7 @@ from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.motion.bernstein import bernstein_coefficients
 from tubeplanner.motion.trajectory import JointTrajectory
 from tubeplanner.robot.robot_model import RobotModel
-from tubeplanner.verification.majorants import effort_majorant, hand_majorant
+from tubeplanner.verification.majorants import effort_majorant, tool_majorant
 
 _POINTS = 8
 _NODES = (chebyshev.chebpts1(_POINTS) + 1) / 2
@@ -61,7 +61,7 @@ class Enclosure:
         return value
 
 
-def enclosed_hand(robot: RobotModel, trajectory: JointTrajectory, tolerance: float) -> Enclosure:
+def enclosed_tool(robot: RobotModel, trajectory: JointTrajectory, tolerance: float) -> Enclosure:
     """Return the tool centre point's position, c = 3 [m].
 
     Args:
@@ -71,7 +71,7 @@ def enclosed_hand(robot: RobotModel, trajectory: JointTrajectory, tolerance: flo
     """
 
     def error(joints: FloatArray, width: FloatArray) -> FloatArray:
-        return np.tile(hand_majorant(robot, joints).position[_POINTS][:, None], (1, 3))
+        return np.tile(tool_majorant(robot, joints).position[_POINTS][:, None], (1, 3))
 
     def value(q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         return robot.tool_position(q)
@@ -81,10 +81,10 @@ def enclosed_hand(robot: RobotModel, trajectory: JointTrajectory, tolerance: flo
 
 @dataclass(frozen=True, eq=False)
 class EnclosedPose:
-    """Where the hand is and how it is turned, over the same I intervals.
+    """Where the tool is and how it is turned, over the same I intervals.
 
     Attributes:
-        hand: Position of the tool centre point, c = 3 [m].
+        tool: Position of the tool centre point, c = 3 [m].
         rotation: Its rotation matrix, row by row, c = 9; every column is off by at most the error.
         speed: No part of an interval is faster, shape (I,) [m/s].
         acceleration: Bound on the norm, shape (I,) [m/s^2].
@@ -92,7 +92,7 @@ class EnclosedPose:
         spin_rate: Bound on the angular acceleration, shape (I,) [rad/s^2].
     """
 
-    hand: Enclosure
+    tool: Enclosure
     rotation: Enclosure
     speed: FloatArray
     acceleration: FloatArray
@@ -113,7 +113,7 @@ def enclosed_pose(
     """
 
     def error(joints: FloatArray, width: FloatArray) -> FloatArray:
-        majorant = hand_majorant(robot, joints)
+        majorant = tool_majorant(robot, joints)
         rows = [majorant.position[_POINTS]] * 3 + [majorant.axis[_POINTS]] * 9
         return np.stack(rows, axis=1)
 
@@ -122,15 +122,15 @@ def enclosed_pose(
         return np.hstack([position, rotation.reshape(-1, 9)])
 
     pose = _enclosed(trajectory, value, error, np.repeat([tolerance, rotation_tolerance], [3, 9]))
-    hand, rotation = (
+    tool, rotation = (
         Enclosure(pose.start, pose.width, pose.coefficients[:, :, part], pose.error[:, part])
         for part in (slice(3), slice(3, 12))
     )
     piece = np.searchsorted(trajectory.breakpoints, pose.start, "right") - 1
     local = pose.start - trajectory.breakpoints[piece]
-    rates = hand_majorant(robot, _joint_bounds(trajectory, piece, local, pose.width)[:3])
+    rates = tool_majorant(robot, _joint_bounds(trajectory, piece, local, pose.width)[:3])
     return EnclosedPose(
-        hand,
+        tool,
         rotation,
         speed=rates.position[1] / pose.width,
         acceleration=2 * rates.position[2] / pose.width**2,

@@ -1,4 +1,4 @@
-"""Bounds on the Taylor coefficients of what a motion does: hand pose and joint efforts.
+"""Bounds on the Taylor coefficients of what a motion does: tool pose and joint efforts.
 
 A motion in joint space is polynomial, what follows from it is not. Here, every vector of the
 recursive Newton-Euler algorithm is replaced by a power series whose coefficients bound the norms of
@@ -35,8 +35,8 @@ class _BodyMotion:
 
 
 @dataclass(frozen=True, eq=False)
-class HandMajorant:
-    """Bounds on the Taylor coefficients of the hand's motion, each (orders, I).
+class ToolMajorant:
+    """Bounds on the Taylor coefficients of the tool's motion, each (orders, I).
 
     Attributes:
         position: Of the tool centre point [m]; the first row has no meaning.
@@ -49,7 +49,7 @@ class HandMajorant:
     spin: FloatArray
 
 
-def hand_majorant(robot: RobotModel, joints: FloatArray) -> HandMajorant:
+def tool_majorant(robot: RobotModel, joints: FloatArray) -> ToolMajorant:
     """Return bounds on the Taylor coefficients of the tool centre point's motion.
 
     Args:
@@ -57,7 +57,7 @@ def hand_majorant(robot: RobotModel, joints: FloatArray) -> HandMajorant:
         joints: Bounds on the Taylor coefficients of the joint positions, shape (order+1, I, n).
     """
     body = _motions(robot, joints)[robot.link_body[robot.tool_frame]]
-    return HandMajorant(body.origin + robot.tool_reach * body.unit, body.unit, body.spin)
+    return ToolMajorant(body.origin + robot.tool_reach * body.unit, body.unit, body.spin)
 
 
 def effort_majorant(robot: RobotModel, joints: FloatArray, width: FloatArray) -> FloatArray:

@@ -1,7 +1,7 @@
 """How far inside the rotation tolerances a motion stays, for all t.
 
 On an interval of width w, a curve lies within w^2 / 8 max |x''| of the chord between its ends. The
-curve here is the rotation vector v of the hand against its reference, with dv/dt = J(v) s and
+curve here is the rotation vector v of the tool against its reference, with dv/dt = J(v) s and
 s = w_hand - E^T turn du/dt (see `RotationalTube.error_jacobian`), so that
 
     |v''| <= g (|w_hand'| + |turn| (|u''| + |s| |u'|)) + g g' |s|^2
@@ -65,7 +65,7 @@ class _Parts:
 def least_rotation_margin(
     tube: RotationalTube, pose: EnclosedPose, visits: list[Visit]
 ) -> LeastMargin | None:
-    """Return how far inside the rotation bounds the hand stays during its visits, for all t.
+    """Return how far inside the rotation bounds the tool stays during its visits, for all t.
 
     None if no segment visited bounds the rotation.
     """
@@ -84,7 +84,7 @@ def least_rotation_margin(
             attained, worst_segment = float(ends[end, row]), int(parts.segment[row])
             local = parts.start[row] + (parts.width[row] if end else 0.0)
             interval = parts.interval[row]
-            time = float(pose.hand.start[interval] + local * pose.hand.width[interval])
+            time = float(pose.tool.start[interval] + local * pose.tool.width[interval])
         resolution = max(_RESOLUTION, _RELATIVE_RESOLUTION * abs(attained))
         split = (lower < attained - resolution - error) & (parts.width > _SHORTEST)
         split &= count < _MOST_ROWS
@@ -95,7 +95,7 @@ def least_rotation_margin(
 
 def _first_parts(tube: RotationalTube, pose: EnclosedPose, visits: list[Visit]) -> _Parts:
     """Return every part of an interval that a visit covers."""
-    interval, start, width, segment = visited_parts(pose.hand, visits)
+    interval, start, width, segment = visited_parts(pose.tool, visits)
     ends = [_vector_at(tube, pose, interval, segment, t) for t in (start, start + width)]
     vector, share = (np.array(values) for values in zip(*ends, strict=True))
     return _Parts(interval, start, width, segment, vector, share)
@@ -137,9 +137,9 @@ def _vector_at(
     local: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
     """Return rotation vectors (R, 3) [rad] and shares of segments (R,) at times in intervals."""
-    hand = pose.hand.within(interval, local)
+    tool = pose.tool.within(interval, local)
     rotation = pose.rotation.within(interval, local).reshape(-1, 3, 3)
-    u = tube.projection(hand, segment)
+    u = tube.projection(tool, segment)
     relative = tube.reference_at(np.clip(u, 0.0, 1.0), segment).transpose(0, 2, 1) @ rotation
     return rotation_vector(relative), u
 
@@ -163,12 +163,12 @@ def _chord_distance(
         parts: Where.
         angle: The larger of the angles at the two ends, shape (R,) [rad].
     """
-    width = parts.width * pose.hand.width[parts.interval]
+    width = parts.width * pose.tool.width[parts.interval]
     along = np.diff(tube.points, axis=0)[parts.segment]
     length = np.linalg.norm(along, axis=1)
     rate, bend, off = (
         bound[parts.interval] / length
-        for bound in (pose.speed, pose.acceleration, pose.hand.error[:, 0])
+        for bound in (pose.speed, pose.acceleration, pose.tool.error[:, 0])
     )
     low, high = parts.share.min(axis=0), parts.share.max(axis=0)
     slack = bend * width**2 / 8 + 2 * off

@@ -13,12 +13,12 @@ from tubeplanner.motion.trajectory import JointTrajectory
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.tube.tube import Tube
 from tubeplanner.verification.enclosure import Enclosure
-from tubeplanner.verification.hand_overs import best_hand_overs
+from tubeplanner.verification.switching_samples import best_switching_samples
 
-# Samples that hand-overs are looked for at; where they are is then refined between samples.
+# Samples that switching times are looked for at; where they are is then refined between samples.
 _LEAST_SAMPLES = 2000
 _LEAST_SAMPLES_PER_PIECE = 20
-_HAND_OVER_TOLERANCE = 1e-10  # [s]
+_SWITCHING_TOLERANCE = 1e-10  # [s]
 # The least margin is bracketed to this share of itself, or to this length [m] near zero.
 _RELATIVE_RESOLUTION = 0.02
 _RESOLUTION = 2e-7
@@ -43,7 +43,7 @@ class Visit:
 
 @dataclass(frozen=True)
 class LeastMargin:
-    """Where the hand comes nearest to a bound, on its place or its rotation, or farthest out.
+    """Where the tool comes nearest to a bound, on its place or its rotation, or farthest out.
 
     Attributes:
         lower_bound: The margin never falls below it [m or rad].
@@ -63,25 +63,25 @@ class LeastMargin:
 def tube_visits(
     problem: PlanningProblem,
     trajectory: JointTrajectory,
-    hand: Enclosure,
+    tool: Enclosure,
     rotation: Enclosure | None = None,
 ) -> list[Visit]:
     """Return visits that cover the whole motion, one after the other.
 
-    Hand-overs are chosen to leave the largest margins of hand, rotation and joint ranges. If the
-    tube is to be visited in order, every segment is visited once; else, as often as needed.
+    Switching times are chosen to leave the largest margins of tool, rotation and joint ranges. If
+    the tube is to be visited in order, every segment is visited once; else, as often as needed.
 
     Args:
         problem: What is asked.
         trajectory: The motion.
-        hand: Its hand's position.
-        rotation: Its hand's rotation matrix; needed where the tube bounds the rotation.
+        tool: Its tool's position.
+        rotation: Its tool's rotation matrix; needed where the tube bounds the rotation.
     """
-    fit = _Fit(problem, trajectory, hand, rotation)
+    fit = _Fit(problem, trajectory, tool, rotation)
     time = fit.sample_times()
     values = fit.at(time)
     if problem.tube.visit == "ordered":
-        samples = best_hand_overs(values)
+        samples = best_switching_samples(values)
         # The nearest other times: at a breakpoint two samples share one.
         before = np.searchsorted(time, time[samples], "left") - 1
         after = np.searchsorted(time, time[samples], "right")
@@ -96,7 +96,7 @@ def tube_visits(
         fit.best_time(pair, time[low], time[high])
         for pair, (low, high) in zip(pairwise(segments.tolist()), around, strict=True)
     ]
-    # Refined on their own, hand-overs that share an instant could swap.
+    # Refined on their own, switching times that share an instant could swap.
     times = np.maximum.accumulate([0.0, *times, trajectory.duration]).tolist()
     return [
         Visit(segment, begin, end)
@@ -104,30 +104,30 @@ def tube_visits(
     ]
 
 
-def least_margin(tube: Tube, hand: Enclosure, visits: list[Visit]) -> LeastMargin:
-    """Return how far inside the capsules the hand stays during its visits, for all t.
+def least_margin(tube: Tube, tool: Enclosure, visits: list[Visit]) -> LeastMargin:
+    """Return how far inside the capsules the tool stays during its visits, for all t.
 
     A polynomial lies in the hull of its Bernstein coefficients, and the distance to a segment is
     convex: on an interval, it is nowhere larger than at the farthest of them. Intervals that could
     hold the least margin are halved; the bound's excess falls to a quarter each time.
     """
-    interval, start, width, segment = visited_parts(hand, visits)
+    interval, start, width, segment = visited_parts(tool, visits)
     attained, time, worst_segment = np.inf, 0.0, 0
     lower_bound, count = np.inf, 0
     radius = tube.effective_radius
     while len(interval):
         count += len(interval)
-        hull = bernstein_coefficients(hand.coefficients[:, interval], start, width)
+        hull = bernstein_coefficients(tool.coefficients[:, interval], start, width)
         margin = radius[segment] - _distances(tube, hull, segment)
         ends = margin[[0, -1]]
         end, row = np.unravel_index(int(ends.argmin()), ends.shape)
         if ends[end, row] < attained:
             attained, worst_segment = float(ends[end, row]), int(segment[row])
             local = start[row] + (width[row] if end else 0.0)
-            time = float(hand.start[interval[row]] + local * hand.width[interval[row]])
-        lower = margin.min(axis=0) - hand.error[interval, 0]
+            time = float(tool.start[interval[row]] + local * tool.width[interval[row]])
+        lower = margin.min(axis=0) - tool.error[interval, 0]
         resolution = max(_RESOLUTION, _RELATIVE_RESOLUTION * abs(attained))
-        split = (lower < attained - resolution - hand.error[interval, 0]) & (width > _SHORTEST)
+        split = (lower < attained - resolution - tool.error[interval, 0]) & (width > _SHORTEST)
         split &= count < _MOST_ROWS
         lower_bound = min(lower_bound, float(lower[~split].min(initial=np.inf)))
         interval, segment = np.repeat(interval[split], 2), np.repeat(segment[split], 2)
@@ -138,15 +138,15 @@ def least_margin(tube: Tube, hand: Enclosure, visits: list[Visit]) -> LeastMargi
 
 
 def visited_parts(
-    hand: Enclosure, visits: list[Visit]
+    tool: Enclosure, visits: list[Visit]
 ) -> tuple[IntArray, FloatArray, FloatArray, IntArray]:
     """Return every part of an interval that a visit covers: interval, start, width, segment."""
-    ends = hand.start + hand.width
+    ends = tool.start + tool.width
     parts = []
     for visit in visits:
-        covered = np.flatnonzero((ends >= visit.begin) & (hand.start <= visit.end))
-        low = np.clip((visit.begin - hand.start[covered]) / hand.width[covered], 0.0, 1.0)
-        high = np.clip((visit.end - hand.start[covered]) / hand.width[covered], 0.0, 1.0)
+        covered = np.flatnonzero((ends >= visit.begin) & (tool.start <= visit.end))
+        low = np.clip((visit.begin - tool.start[covered]) / tool.width[covered], 0.0, 1.0)
+        high = np.clip((visit.end - tool.start[covered]) / tool.width[covered], 0.0, 1.0)
         parts.append((covered, low, high - low, np.full(len(covered), visit.segment)))
     interval, start, width, segment = (np.concatenate(part) for part in zip(*parts, strict=True))
     return interval, start, width, segment
@@ -162,17 +162,17 @@ def _distances(tube: Tube, points: FloatArray, segment: IntArray) -> FloatArray:
 
 
 class _Fit:
-    """How well a motion keeps each segment's conditions at any time: hand and joint ranges."""
+    """How well a motion keeps each segment's conditions at any time: tool and joint ranges."""
 
     def __init__(
         self,
         problem: PlanningProblem,
         trajectory: JointTrajectory,
-        hand: Enclosure,
+        tool: Enclosure,
         rotation: Enclosure | None,
     ) -> None:
         self._tube, self._trajectory = problem.tube, trajectory
-        self._hand, self._rotation = hand, rotation
+        self._tool, self._rotation = tool, rotation
         self._lower, self._upper = problem.tube.ranges_of(problem.robot.joint_names)
 
     def sample_times(self) -> FloatArray:
@@ -181,7 +181,7 @@ class _Fit:
         return self._trajectory.per_piece(count).time
 
     def at(self, time: FloatArray, segments: Sequence[int] | None = None) -> FloatArray:
-        """Return the least of the hand's, its rotation's and the joints' margins.
+        """Return the least of the tool's, its rotation's and the joints' margins.
 
         Args:
             time: Shape (N,) [s].
@@ -192,14 +192,14 @@ class _Fit:
         """
         wanted = range(self._tube.segment_count) if segments is None else segments
         columns = list(wanted)
-        q, hand = self._trajectory.position(time), self._hand.at(time)
+        q, tool = self._trajectory.position(time), self._tool.at(time)
         lower, upper = self._lower[columns], self._upper[columns]
         room = np.minimum(q[:, None] - lower, upper - q[:, None]).min(axis=2)
-        margin = np.minimum(self._tube.margin(hand)[:, columns], room)
+        margin = np.minimum(self._tube.margin(tool)[:, columns], room)
         if self._rotation is not None:
             rotation = self._rotation.at(time).reshape(-1, 3, 3)
             for column, k in enumerate(columns):
-                turned = self._tube.rotation_margin(rotation, hand, slice(k, k + 1))[:, 0]
+                turned = self._tube.rotation_margin(rotation, tool, slice(k, k + 1))[:, 0]
                 margin[:, column] = np.minimum(margin[:, column], turned)
         return margin
 
@@ -211,7 +211,7 @@ class _Fit:
 
         candidates = [low, high]
         if high > low:
-            options = {"xatol": _HAND_OVER_TOLERANCE}
+            options = {"xatol": _SWITCHING_TOLERANCE}
             found = minimize_scalar(lost, bounds=(low, high), method="bounded", options=options)
             candidates.append(float(found.x))
         return min(candidates, key=lost)

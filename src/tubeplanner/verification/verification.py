@@ -25,18 +25,18 @@ from tubeplanner.verification.enclosure import (
     EnclosedPose,
     Enclosure,
     enclosed_efforts,
-    enclosed_hand,
     enclosed_pose,
+    enclosed_tool,
 )
 from tubeplanner.verification.rotation_visits import least_rotation_margin
 from tubeplanner.verification.tube_visits import Visit, least_margin, tube_visits
 
 _STILL_SHARE = 1e-6  # a joint slower than this share of the fastest counts as standing still
-# How closely efforts [share of their limits] and hand [m] are enclosed: what is left of the
+# How closely efforts [share of their limits] and tool [m] are enclosed: what is left of the
 # certificate's tolerance is for those who plan.
 _EFFORT_ENCLOSURE = 1e-8
-_HAND_ENCLOSURE = 1e-7
-# Where the rotation is judged too: an error of the hand is one of its reference orientation.
+_TOOL_ENCLOSURE = 1e-7
+# Where the rotation is judged too: an error of the tool is one of its reference orientation.
 _POSE_ENCLOSURE, _ROTATION_ENCLOSURE = 1e-8, 1e-9
 # Bounds farther apart than this, absolute [m] and as a share of the margin, are left undecided.
 _UNDECIDED_LENGTH, _UNDECIDED_SHARE = 1e-6, 0.05
@@ -130,17 +130,17 @@ class _Judge:
         return Condition(1 - float(peaks[worst]), RELATIVE, place, coverage)
 
     def tube(self) -> Condition:
-        """The hand in the tube, segment by segment or in their union."""
-        least = least_margin(self._tube, self._hand, self._visits)
+        """The tool in the tube, segment by segment or in their union."""
+        least = least_margin(self._tube, self._tool, self._visits)
         place = Place(time=least.time, segment=least.segment)
         return Condition(
             least.lower_bound, "m", place, _bracketed(least.lower_bound, least.attained, "m")
         )
 
     def rotation(self) -> Condition:
-        """The hand's orientation against the reference, segment by segment."""
+        """The tool's orientation against the reference, segment by segment."""
         if self._tube.rotation is None or self._pose is None:
-            return Condition(None, "rad", Place(), "the hand's orientation is free")
+            return Condition(None, "rad", Place(), "the tool's orientation is free")
         least = least_rotation_margin(self._tube.rotation, self._pose, self._visits)
         if least is None:
             return Condition(None, "rad", Place(), "free in every segment visited")
@@ -149,7 +149,7 @@ class _Judge:
         return Condition(least.lower_bound, "rad", place, coverage)
 
     def joint_signs(self) -> Condition:
-        """Joint ranges of the segments, exactly between the hand-overs."""
+        """Joint ranges of the segments, exactly between the switching times."""
         lower, upper = self._tube.ranges_of(self._robot.joint_names)
         found = []
         for visit in self._visits:
@@ -169,9 +169,9 @@ class _Judge:
         time = 0.0 if index == 0 else self._trajectory.duration
         q = self._trajectory.position(time)
         if given is None or isinstance(given, Seed):
-            hand = self._robot.tool_position(q[None])[0]
-            error = float(np.linalg.norm(hand - self._tube.points[index]))
-            return Condition(0.0 - error, "m", Place(time=time), "hand at the reference point")
+            tool = self._robot.tool_position(q[None])[0]
+            error = float(np.linalg.norm(tool - self._tube.points[index]))
+            return Condition(0.0 - error, "m", Place(time=time), "tool at the reference point")
         joint = int(abs(q - given).argmax())
         place = Place(time=time, joint=self._robot.joint_names[joint])
         return Condition(0.0 - float(abs(q - given).max()), self._unit(joint), place, FOR_ALL_TIMES)
@@ -246,23 +246,23 @@ class _Judge:
 
     @cached_property
     def _pose(self) -> EnclosedPose | None:
-        """The hand's path and orientation, if that is asked for."""
+        """The tool's path and orientation, if that is asked for."""
         if self._tube.rotation is None:
             return None
         return enclosed_pose(self._robot, self._trajectory, _POSE_ENCLOSURE, _ROTATION_ENCLOSURE)
 
     @cached_property
-    def _hand(self) -> Enclosure:
-        """The hand's path."""
+    def _tool(self) -> Enclosure:
+        """The tool's path."""
         if self._pose is not None:
-            return self._pose.hand
-        return enclosed_hand(self._robot, self._trajectory, _HAND_ENCLOSURE)
+            return self._pose.tool
+        return enclosed_tool(self._robot, self._trajectory, _TOOL_ENCLOSURE)
 
     @cached_property
     def _visits(self) -> list[Visit]:
         """The trajectory's share of each segment that it visits."""
         rotation = None if self._pose is None else self._pose.rotation
-        return tube_visits(self._problem, self._trajectory, self._hand, rotation)
+        return tube_visits(self._problem, self._trajectory, self._tool, rotation)
 
     def _range_margin(
         self, trajectory: JointTrajectory, lower: FloatArray, upper: FloatArray

@@ -1,4 +1,4 @@
-"""The figure of a comparison: durations with their certificates, and the hand's speed over time."""
+"""The figure of a comparison: durations with their certificates, and the tool's speed over time."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,7 +18,7 @@ _ROOM = 1.9  # of the longest bar: what is said beside it needs as much
 
 
 def plot_comparison(result: Comparison, path: str | Path | None = None) -> "Figure":
-    """Draw what several methods make of a problem: durations, certificates, the hand's speed.
+    """Draw what several methods make of a problem: durations, certificates, the tool's speed.
 
     Bars of motions that failed their certificate are hatched; the speeds are those of the fastest.
 
@@ -61,13 +61,13 @@ def _draw_durations(axis: "Axes", rows: list[ComparisonRow]) -> None:
 
 
 def _draw_speeds(axis: "Axes", problem: PlanningProblem, rows: list[ComparisonRow]) -> None:
-    """Draw the speed of the hand, as many motions as there are colours."""
+    """Draw the speed of the tool, as many motions as there are colours."""
     for number, row in enumerate(rows):
         if row.trajectory is not None:
             curves = motion_curves(problem, row.trajectory)
             style = line_style(number)
             axis.plot(curves.samples.time, curves.speed, label=row.method, **style)
-    axis.set(xlabel="time [s]", ylabel="hand speed [m/s]", xlim=(0, None), ylim=(0, None))
+    axis.set(xlabel="time [s]", ylabel="tool speed [m/s]", xlim=(0, None), ylim=(0, None))
     axis.grid(alpha=0.25)
     if axis.lines:
         above: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.0), "ncols": 3}

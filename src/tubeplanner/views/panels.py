@@ -35,18 +35,18 @@ class MotionCurves:
         problem: What was asked.
         samples: Times, positions, velocities, accelerations.
         effort: Shape (N, n) [N m or N].
-        hand: Shape (N, 3) [m].
-        speed: Of the hand, shape (N,) [m/s].
+        tool: Shape (N, 3) [m].
+        speed: Of the tool, shape (N,) [m/s].
         factor: How many times faster each sample could be run, shape (N,).
         segment: The tube segment each sample is counted to, shape (N,).
-        tube_use: The hand's distance from the segment as a share of its radius, shape (N,).
+        tube_use: The tool's distance from the segment as a share of its radius, shape (N,).
         rotation_use: The same of the rotation tolerance; None where none is asked.
     """
 
     problem: PlanningProblem
     samples: TrajectorySamples
     effort: FloatArray
-    hand: FloatArray
+    tool: FloatArray
     speed: FloatArray
     factor: FloatArray
     segment: IntArray
@@ -67,22 +67,22 @@ def motion_curves(problem: PlanningProblem, trajectory: JointTrajectory) -> Moti
     pieces = len(trajectory.widths)
     samples = trajectory.per_piece(max(_FEWEST_PER_PIECE, _SAMPLES // pieces))
     q, v, a = samples.position, samples.velocity, samples.acceleration
-    rotation, hand, jacobian = robot.tool_pose_jacobian(q)
+    rotation, tool, jacobian = robot.tool_pose_jacobian(q)
     segment = current_segments(problem, q)
     turned = None
     if tube.rotation is not None:
-        error = tube.rotation.error(rotation, hand, segment)
+        error = tube.rotation.error(rotation, tool, segment)
         angle = np.linalg.norm(error, axis=1, keepdims=True)
         turned = (np.hstack([abs(error), angle]) / tube.rotation.bounds[segment]).max(axis=1)
     return MotionCurves(
         problem,
         samples,
         robot.inverse_dynamics(q, v, a),
-        hand,
+        tool,
         np.linalg.norm(np.einsum("nij,nj->ni", jacobian[:, :3], v), axis=1),
         scaling_factor(robot, q, v, a).min(axis=1),
         segment,
-        tube_use(problem, hand, segment),
+        tube_use(problem, tool, segment),
         turned,
     )
 
@@ -154,14 +154,14 @@ def draw_factor(
 
 
 def draw_speed(axis: "Axes", curves: MotionCurves) -> None:
-    """Draw the speed of the hand."""
+    """Draw the speed of the tool."""
     axis.plot(curves.samples.time, curves.speed, **_MAIN)
     axis.set_ylim(0.0, 1.1 * curves.speed.max())
-    axis.set_ylabel("hand speed [m/s]")
+    axis.set_ylabel("tool speed [m/s]")
 
 
 def draw_tube_use(axis: "Axes", curves: MotionCurves) -> None:
-    """Draw the distance to the segment the hand is in as a share of its radius; rotation too."""
+    """Draw the distance to the segment the tool is in as a share of its radius; rotation too."""
     axis.plot(curves.samples.time, 100 * curves.tube_use, label="distance / radius", **_MAIN)
     if curves.rotation_use is not None:
         style = line_style(3)
@@ -174,7 +174,7 @@ def draw_tube_use(axis: "Axes", curves: MotionCurves) -> None:
 
 
 def mark_segments(axis: "Axes", curves: MotionCurves, *, labels: bool = False) -> None:
-    """Shade a panel over time by the segments that the hand is in, and name them if asked."""
+    """Shade a panel over time by the segments that the tool is in, and name them if asked."""
     visits = curves.visits
     for segment, begin, end in visits:
         axis.axvspan(begin, end, color=segment_color(segment), alpha=0.10, linewidth=0, zorder=0)

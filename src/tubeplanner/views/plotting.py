@@ -33,7 +33,7 @@ def plot_trajectory(
     """Draw a trajectory against limits and tube, the tube's segments marked.
 
     Positions, velocities and efforts with their limits; how many times faster each instant could be
-    run, `b(t)`; the hand's path in the tube, its speed, and the share of the tolerance it uses.
+    run, `b(t)`; the tool's path in the tube, its speed, and the share of the tolerance it uses.
 
     Args:
         problem: What was asked.
@@ -52,7 +52,7 @@ def plot_trajectory(
     figure.suptitle(f"{problem.name}: {trajectory.duration:.4f} s", fontsize=13)
     grid = figure.add_gridspec(4, 2, width_ratios=(1.15, 1))
     position, velocity, effort = (figure.add_subplot(grid[row, 0]) for row in range(3))
-    hand_axis = figure.add_subplot(grid[:2, 1], projection="3d")
+    tool_axis = figure.add_subplot(grid[:2, 1], projection="3d")
     use, factor, speed = (figure.add_subplot(grid[place]) for place in ((2, 1), (3, 0), (3, 1)))
     draw_positions(position, curves)
     draw_velocities(velocity, curves)
@@ -62,13 +62,13 @@ def plot_trajectory(
     draw_factor(factor, curves)
     for axis in (position, velocity, effort, use, speed):
         mark_segments(axis, curves, labels=axis in (position, use))
-    _draw_hand(hand_axis, problem, curves.hand)
-    low, high = _draw_arm(hand_axis, problem, curves.samples.position[[0, -1]])
-    _frame(hand_axis, problem, low, high)
+    _draw_tool(tool_axis, problem, curves.tool)
+    low, high = _draw_arm(tool_axis, problem, curves.samples.position[[0, -1]])
+    _frame(tool_axis, problem, low, high)
     return saved(figure, path)
 
 
-def _draw_hand(axis: Any, problem: PlanningProblem, hand: FloatArray) -> None:
+def _draw_tool(axis: Any, problem: PlanningProblem, tool: FloatArray) -> None:
     tube = problem.tube
     for k in range(tube.segment_count):
         color = segment_color(k)
@@ -78,9 +78,9 @@ def _draw_hand(axis: Any, problem: PlanningProblem, hand: FloatArray) -> None:
         for shape in obstacle.shapes:
             _draw_shape(axis, shape, OBSTACLE_COLOR, 0.2)
     axis.plot(*tube.points.T, color=REFERENCE_COLOR, linewidth=1, linestyle="--", label="reference")
-    axis.plot(*hand.T, color="#D55E00", linewidth=2.2, label="hand")
-    axis.scatter(*hand[0], color="#009E73", s=30, label="start")
-    axis.scatter(*hand[-1], color="#000000", s=30, label="goal")
+    axis.plot(*tool.T, color="#D55E00", linewidth=2.2, label="tool")
+    axis.scatter(*tool[0], color="#009E73", s=30, label="start")
+    axis.scatter(*tool[-1], color="#000000", s=30, label="goal")
     axis.legend(fontsize=8, loc="upper left")
     axis.set_xlabel("x [m]")
     axis.set_ylabel("y [m]")

@@ -54,8 +54,8 @@ def schemes_figure(reproduction: Reproduction) -> "Figure":
         drawn[title] = cell.result(method).trajectory or cell.result(method).message
     for number, (name, motion) in enumerate(drawn.items()):
         if isinstance(motion, JointTrajectory):
-            hand = motion_curves(cell.problem, motion).hand[:, :2]
-            axis.plot(*hand.T, label=f"{name}: {motion.duration:.2f} s", **line_style(number))
+            tool = motion_curves(cell.problem, motion).tool[:, :2]
+            axis.plot(*tool.T, label=f"{name}: {motion.duration:.2f} s", **line_style(number))
     axis.set_title(f"Figure 3: example {example}, tolerance {1000 * radius:.0f} mm")
     _finish_plane(axis)
     axis.set_aspect("equal")
@@ -64,9 +64,9 @@ def schemes_figure(reproduction: Reproduction) -> "Figure":
 
 
 def speeds_figure(reproduction: Reproduction) -> "Figure":
-    """Draw figure 7: the speed of the hand over time, for several tolerances."""
+    """Draw figure 7: the speed of the tool over time, for several tolerances."""
     figure = new_figure(11.0, 4.5)
-    figure.suptitle("Figure 7: speed of the hand on example 1")
+    figure.suptitle("Figure 7: speed of the tool on example 1")
     axes = figure.subplots(1, 2, sharey=True)
     for axis, (method, title) in zip(axes, METHOD_TITLES.items(), strict=True):
         for number, radius in enumerate(FIGURE_SEVEN):
@@ -83,12 +83,12 @@ def speeds_figure(reproduction: Reproduction) -> "Figure":
         axis.set(title=title, xlabel="time [s]")
         axis.grid(alpha=0.25)
         axis.legend(fontsize=8)
-    axes[0].set_ylabel("hand speed [m/s]")
+    axes[0].set_ylabel("tool speed [m/s]")
     return figure
 
 
 def line_figure(reproduction: Reproduction, table: PrintedLine, name: str) -> "Figure":
-    """Draw figure 8 or 9: hand paths, b(t) and torques for several tolerances.
+    """Draw figure 8 or 9: tool paths, b(t) and torques for several tolerances.
 
     Args:
         reproduction: All that was planned.
@@ -112,7 +112,7 @@ def line_figure(reproduction: Reproduction, table: PrintedLine, name: str) -> "F
 
 def _draw_motion(row: Sequence["Axes"], curves: MotionCurves, label: str, number: int) -> None:
     style = line_style(number)
-    row[0].plot(*curves.hand[:, :2].T, label=label, **style)
+    row[0].plot(*curves.tool[:, :2].T, label=label, **style)
     draw_factor(row[1], curves, label, number)
     for j, axis in enumerate(row[2:]):
         axis.plot(curves.samples.time, curves.effort[:, j], **style)
@@ -174,14 +174,14 @@ def _label(radius: float, curves: MotionCurves) -> str:
 
 # By file name: caption, and how it is drawn.
 FIGURES: dict[str, tuple[str, Callable[[Reproduction], "Figure"]]] = {
-    "figure_3": ("Figure 3: the hand's paths by the earlier schemes, and freer", schemes_figure),
-    "figure_7": ("Figure 7: the speed of the hand", speeds_figure),
+    "figure_3": ("Figure 3: the tool's paths by the earlier schemes, and freer", schemes_figure),
+    "figure_7": ("Figure 7: the speed of the tool", speeds_figure),
     "figure_8": (
-        "Figure 8: hand paths, b(t) and torques on the first line",
+        "Figure 8: tool paths, b(t) and torques on the first line",
         partial(line_figure, table=TABLE_THREE, name="Figure 8"),
     ),
     "figure_9": (
-        "Figure 9: hand paths, b(t) and torques on the second line",
+        "Figure 9: tool paths, b(t) and torques on the second line",
         partial(line_figure, table=TABLE_FOUR, name="Figure 9"),
     ),
 }

@@ -58,7 +58,7 @@ class Layer(StrEnum):
     CARRIED = "carried"
     TUBE = "tube"
     REFERENCE = "reference"
-    HAND = "hand"
+    TOOL = "tool"
     OBSTACLES = "obstacles"
     SWEPT = "swept"
 
@@ -97,15 +97,15 @@ class Motion:
         time: Shape (T,), from 0 to the duration [s].
         rotation: Of all bodies, shape (T, bodies, 3, 3).
         position: Of all bodies, shape (T, bodies, 3) [m].
-        hand: Tool centre point, shape (T, 3) [m].
-        speed: Of the hand, shape (T,) [m/s].
+        tool: Tool centre point, shape (T, 3) [m].
+        speed: Of the tool, shape (T,) [m/s].
     """
 
     name: str
     time: FloatArray
     rotation: FloatArray
     position: FloatArray
-    hand: FloatArray
+    tool: FloatArray
     speed: FloatArray
 
     @property
@@ -151,7 +151,7 @@ class Scene:
 
     @property
     def peak_speed(self) -> float:
-        """Highest speed of any hand [m/s]."""
+        """Highest speed of any tool [m/s]."""
         return max(float(motion.speed.max()) for motion in self.motions)
 
     @property
@@ -181,7 +181,7 @@ def build_scene(problem: PlanningProblem, trajectories: Mapping[str, JointTrajec
     points = np.vstack([*(s.vertices for s in [*swept, *tube]), *standing])
     size = float(np.ptp(points, axis=0).max())
     solids = [shape for obstacle in problem.obstacles for shape in obstacle.shapes]
-    path = np.vstack([motions[0].hand, problem.tube.points])
+    path = np.vstack([motions[0].tool, problem.tube.points])
     arms = [_moving_shapes(motions[0], share, hulls) for share in _LOOKS]
     direction = best_direction(path, solids, arms)
     # Side by side as seen from there: along x or y, whichever lies more across the view.
@@ -192,7 +192,7 @@ def build_scene(problem: PlanningProblem, trajectories: Mapping[str, JointTrajec
     for i, motion in enumerate(motions):
         items += _arm(i, parts) + _carried(i, problem)
         items += _surroundings(i, problem, tube, size)
-        items += _hand(i, motion, problem, size, fastest)
+        items += _tool(i, motion, problem, size, fastest)
         if motion.duration > 0:
             items.append(Item(Layer.SWEPT, i, "links", swept[i], rgb(SWEPT_COLOR), 0.22))
     sides = outline(points)
@@ -237,9 +237,9 @@ def _posed(
     problem: PlanningProblem, name: str, time: FloatArray, q: FloatArray, velocity: FloatArray
 ) -> Motion:
     rotation, position = problem.robot.body_poses(q)
-    hand, jacobian = problem.robot.tool_jacobian(q)
+    tool, jacobian = problem.robot.tool_jacobian(q)
     speed = np.linalg.norm(np.einsum("tij,tj->ti", jacobian[:, :3], velocity), axis=1)
-    return Motion(name, time, rotation, position, hand, speed)
+    return Motion(name, time, rotation, position, tool, speed)
 
 
 def _hulls(problem: PlanningProblem, parts: list[LinkPart]) -> list[tuple[int, FloatArray]]:
@@ -326,19 +326,19 @@ def _surroundings(
     return items
 
 
-def _hand(
+def _tool(
     i: int, motion: Motion, problem: PlanningProblem, size: float, fastest: float
 ) -> list[Item]:
-    """Return the hand's path, coloured by its speed, and a point where the hand is."""
+    """Return the tool's path, coloured by its speed, and a point where the tool is."""
     thickness, robot = _thickness(problem, size), problem.robot
     body = robot.link_body[robot.tool_frame]
-    center = (motion.hand[0] - motion.position[0, body]) @ motion.rotation[0, body]
+    center = (motion.tool[0] - motion.position[0, body]) @ motion.rotation[0, body]
     point = hull_surface(center + 1.8 * thickness * directions(_BALL_POINTS))
-    items = [Item(Layer.HAND, i, "point", point, rgb(_POINT_COLOR), 1.0, body)]
-    surface, owner = pipe(motion.hand, thickness)
+    items = [Item(Layer.TOOL, i, "point", point, rgb(_POINT_COLOR), 1.0, body)]
+    surface, owner = pipe(motion.tool, thickness)
     if len(owner):
         share = motion.speed[owner] / (fastest or 1.0)
-        items.append(Item(Layer.HAND, i, "path", surface, speed_colors(share)))
+        items.append(Item(Layer.TOOL, i, "path", surface, speed_colors(share)))
     return items
 
 

@@ -35,7 +35,7 @@ _RENDER_ORDER = {
     Layer.OBSTACLES: 1,
     Layer.TUBE: 2,
     Layer.REFERENCE: 3,
-    Layer.HAND: 4,
+    Layer.TOOL: 4,
     Layer.CARRIED: 5,
     Layer.SWEPT: 7,
 }
@@ -307,9 +307,9 @@ def _layer_data(layer: Layer, scene: Scene) -> dict[str, Any]:
     words = {
         Layer.ARM: "Arm",
         Layer.CARRIED: _listed("Carried", [solid.name for solid in problem.attached]),
-        Layer.TUBE: "Tube: the hand must stay inside",
+        Layer.TUBE: "Tube: the tool must stay inside",
         Layer.REFERENCE: "Reference path",
-        Layer.HAND: "Path of the hand, by its speed" if scene.duration > 0 else "Hand",
+        Layer.TOOL: "Path of the tool, by its speed" if scene.duration > 0 else "Tool",
         Layer.OBSTACLES: _listed("Obstacles", [obstacle.name for obstacle in problem.obstacles]),
         Layer.SWEPT: "Space the links sweep (hulls)",
     }
@@ -327,7 +327,7 @@ def _layer_data(layer: Layer, scene: Scene) -> dict[str, Any]:
     }
     if layer is Layer.REFERENCE:
         fields["dashed"] = REFERENCE_COLOR
-    if layer is Layer.HAND and scene.duration > 0:
+    if layer is Layer.TOOL and scene.duration > 0:
         top = scene.peak_speed
         ticks = ["0", f"{top / 2:.2f}", f"{top:.2f} m/s"]
         fields["scale"] = {"colors": list(SPEED_COLORS), "ticks": ticks}

@@ -1,4 +1,4 @@
-"""From where to look: a direction in which the hand's path is spread out and not hidden."""
+"""From where to look: a direction in which the tool's path is spread out and not hidden."""
 
 from collections.abc import Sequence
 
@@ -23,7 +23,7 @@ def best_direction(
     """Return the unit vector (3,) from the path towards whoever looks at it, never from below.
 
     Args:
-        path: Where the hand passes, shape (N, 3) [m].
+        path: Where the tool passes, shape (N, 3) [m].
         solids: What stands in the way of sight, in the base frame; it is taken to be translucent.
         arms: What hides the path at some times, one after the other; it is not.
     """

@@ -91,7 +91,7 @@ class _Node:
         velocity: At the last waypoint but one, shape (n,).
         acceleration: Likewise.
         factor: How much faster it can be run.
-        tube_segments: In which tube segments the hand may be there: bool, shape (m,).
+        tube_segments: In which tube segments the tool may be there: bool, shape (m,).
     """
 
     waypoints: tuple[int, ...]
@@ -292,7 +292,7 @@ class BranchAndBound:
     def _faulty_segment(self, certificate: Certificate, motion: JointTrajectory) -> int | None:
         """Return a segment that no other continuation can mend, if the certificate names one.
 
-        Another continuation may choose other hand-overs, but not other links or another union.
+        Another continuation may choose other switching times, but not other links or another union.
         """
         telling = ["obstacles", "self_collision"]
         if self._problem.tube.visit == "any":

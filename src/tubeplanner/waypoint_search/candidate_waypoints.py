@@ -10,7 +10,7 @@ from tubeplanner.branches.reference_branch import ReferenceBranch
 from tubeplanner.branches.reference_turn import wanted_at
 from tubeplanner.problem.problem import PlanningProblem
 
-_STILL = 1e-9  # [m]: a hand that moves less stands still
+_STILL = 1e-9  # [m]: a tool that moves less stands still
 # Where inverse kinematics goes farther from the branch than this, it left it [rad or m].
 _FARTHEST_FROM_BRANCH = 0.1
 
@@ -21,7 +21,7 @@ def candidate_waypoints(
     count: int,
     checkpoint: Callable[[], None] = lambda: None,
 ) -> FloatArray:
-    """Return M configurations whose hands are equally spaced along the branch.
+    """Return M configurations whose tools are equally spaced along the branch.
 
     Args:
         problem: What is asked.
@@ -30,21 +30,21 @@ def candidate_waypoints(
         checkpoint: Called before each; it may raise to end the work.
 
     Returns:
-        Shape (M, n) [rad or m]; the first is the start, the last the goal. Where the hand stands
+        Shape (M, n) [rad or m]; the first is the start, the last the goal. Where the tool stands
         still throughout, they are equally spaced in joint space.
     """
     q = np.concatenate(branch.segments)
     segment = np.repeat(
         np.arange(len(branch.segments)), [len(segment) for segment in branch.segments]
     )
-    hand = problem.robot.tool_position(q)
-    way = _travelled(hand)
+    tool = problem.robot.tool_position(q)
+    way = _travelled(tool)
     if way[-1] < _STILL:
         way = _travelled(q)
     wanted = way[-1] * np.arange(1, count - 1) / (count - 1)
     before = np.searchsorted(way, wanted, side="right") - 1
     share = ((wanted - way[before]) / (way[before + 1] - way[before]))[:, None]
-    targets = (1 - share) * hand[before] + share * hand[before + 1]
+    targets = (1 - share) * tool[before] + share * tool[before + 1]
     near = (1 - share) * q[before] + share * q[before + 1]
     inner = near.copy()
     for i, k in enumerate(segment[before]):
@@ -62,7 +62,7 @@ def _travelled(points: FloatArray) -> FloatArray:
 def _solved(
     problem: PlanningProblem, target: FloatArray, near: FloatArray, segment: int
 ) -> FloatArray:
-    """Return a configuration (n,) that has the hand at a target (3,), close to another."""
+    """Return a configuration (n,) that has the tool at a target (3,), close to another."""
     lower, upper = problem.joint_lower[segment], problem.joint_upper[segment]
     turned = wanted_at(problem, target, segment, near)
     solution = solve_position(problem.robot, target, near, lower, upper, rotation=turned)

@@ -2,7 +2,7 @@
 
 - joint_limits (FR-1): a joint leaves its position limits;
 - duration (FR-3): the lower bound on the whole duration is no better than what is known;
-- tube (FR-2): the hand leaves the tube, is turned too far there, or a joint leaves its range;
+- tube (FR-2): the tool leaves the tube, is turned too far there, or a joint leaves its range;
 - collision (FR-2): a link comes too near to an obstacle or another link.
 
 Segments are tested at a few samples, which can only be too lenient.
@@ -44,7 +44,7 @@ class SegmentBatch:
         remaining: How many more there must be at least, shape (C,): the paper's nu.
         coefficients: Of the new segments, shape (C, 5, L, n), highest power first.
         factor: How much faster the motion so far can be run, shape (C,).
-        tube_segments: In which tube segments the hand may be at the start: bool, shape (C, m).
+        tube_segments: In which tube segments the tool may be at the start: bool, shape (C, m).
         inside: In which tube segments the S samples tested so far are: bool, shape (C, S, L, m).
     """
 
@@ -186,7 +186,7 @@ class SegmentRules:
         return (margin >= -_TOLERANCE).reshape(*q.shape[:3], margin.shape[1])
 
     def _reached(self, batch: SegmentBatch) -> BoolArray:
-        """Return in which tube segments the hand may be at the end: bool, shape (C, m)."""
+        """Return in which tube segments the tool may be at the end: bool, shape (C, m)."""
         inside = batch.inside[:, _IN_ORDER].transpose(0, 2, 1, 3)
         samples = inside.shape[1] * inside.shape[2]
         inside = inside.reshape(len(batch), samples, inside.shape[-1])

@@ -95,12 +95,12 @@ def _follow(
 
 
 def _least_margins(problem: PlanningProblem, q: FloatArray, segment: int) -> FloatArray:
-    """Return the least room of the hand [m] and, if it is bounded, of its rotation [rad]."""
-    rotation, hand = problem.robot.tool_pose(q)
+    """Return the least room of the tool [m] and, if it is bounded, of its rotation [rad]."""
+    rotation, tool = problem.robot.tool_pose(q)
     only = slice(segment, segment + 1)
-    margins = [problem.tube.margin(hand, only).min()]
+    margins = [problem.tube.margin(tool, only).min()]
     if len(_bounds(problem, segment)) > 1:
-        margins.append(problem.tube.rotation_margin(rotation, hand, only).min())
+        margins.append(problem.tube.rotation_margin(rotation, tool, only).min())
     return np.array(margins)
 
 
@@ -147,8 +147,8 @@ def _between(breakpoints: FloatArray, count: int) -> FloatArray:
 def _along(q: FloatArray) -> CubicSpline:
     """Return the curve through configurations (P, n) over its own length, from 0 to 1.
 
-    Joint-space length rather than the hand's: where the arm is stretched, joints move while the
-    hand hardly does.
+    Joint-space length rather than the tool's: where the arm is stretched, joints move while the
+    tool hardly does.
     """
     lengths = np.linalg.norm(np.diff(q, axis=0), axis=1)
     apart = lengths > _LEAST_STEP_SHARE * lengths.max()

@@ -1,6 +1,6 @@
-"""Whether configurations, and whole motions, keep to the tube: hand, its rotation, joint ranges.
+"""Whether configurations, and whole motions, keep to the tube: tool, its rotation, joint ranges.
 
-Segments are visited in order, and at a hand-over both sides must hold; with `visit: any` some
+Segments are visited in order, and at a switching time both sides must hold; with `visit: any` some
 segment must hold at every instant.
 """
 
@@ -10,7 +10,7 @@ from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.motion.trajectory import JointTrajectory
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.tube.tube import Tube
-from tubeplanner.verification.hand_overs import best_hand_overs
+from tubeplanner.verification.switching_samples import best_switching_samples
 
 _SAMPLES_PER_PIECE = 65
 _LARGEST_STEP = 0.25  # of the reference path, from one sample to the next
@@ -20,42 +20,42 @@ def membership_margin(problem: PlanningProblem, q: FloatArray) -> FloatArray:
     """Return how well configurations (N, n) keep each segment's conditions.
 
     Returns:
-        Shape (N, m): the least of the hand's distance from the capsule's wall [m], of its
+        Shape (N, m): the least of the tool's distance from the capsule's wall [m], of its
         rotation's from the bound [rad] and of the joints' distances from the ends of their ranges
         [rad or m]; negative outside.
     """
     rotation, position = problem.robot.tool_pose(q)
-    hand = problem.tube.margin(position)
+    tool = problem.tube.margin(position)
     if problem.tube.rotation is not None:
-        hand = np.minimum(hand, problem.tube.rotation_margin(rotation, position))
+        tool = np.minimum(tool, problem.tube.rotation_margin(rotation, position))
     room = np.minimum(q[:, None] - problem.joint_lower, problem.joint_upper - q[:, None])
-    return np.minimum(hand, room.min(axis=2))
+    return np.minimum(tool, room.min(axis=2))
 
 
 def current_segments(problem: PlanningProblem, q: FloatArray) -> IntArray:
     """Return the segment that each of N configurations of a motion, in order, is counted to: (N,).
 
-    Hand-overs are where they leave the largest margin.
+    Switching times are where they leave the largest margin.
     """
     margin = membership_margin(problem, q)
     if problem.tube.visit == "any":
         return margin.argmax(axis=1)
-    return np.searchsorted(best_hand_overs(margin), np.arange(len(q)), side="left")
+    return np.searchsorted(best_switching_samples(margin), np.arange(len(q)), side="left")
 
 
-def tube_use(problem: PlanningProblem, hand: FloatArray, segment: IntArray) -> FloatArray:
-    """Return the distances of hands (N, 3) from their segments (N,) as shares of the radius: (N,).
+def tube_use(problem: PlanningProblem, tool: FloatArray, segment: IntArray) -> FloatArray:
+    """Return the distances of tools (N, 3) from their segments (N,) as shares of the radius: (N,).
 
     0 on the segment, 1 on the capsule's wall.
     """
-    distance = problem.tube.distance(hand)[np.arange(len(hand)), segment]
+    distance = problem.tube.distance(tool)[np.arange(len(tool)), segment]
     return distance / problem.tube.effective_radius[segment]
 
 
 def passable_segments(tube: Tube) -> BoolArray:
-    """Return which segments a hand may pass whole between two samples: bool, shape (m,).
+    """Return which segments a tool may pass whole between two samples: bool, shape (m,).
 
-    Between the hand-overs at its ends it travels at least the segment's length less twice the
+    Between the switching times at its ends it travels at least the segment's length less twice the
     radius; samples are far less than a quarter of the reference path apart.
     """
     length = np.linalg.norm(np.diff(tube.points, axis=0), axis=1)
@@ -67,7 +67,7 @@ def segments_reached(
 ) -> BoolArray:
     """Return the segments in which a motion may be at each of S samples.
 
-    Samples see no hand-over that happens between them, so that one is taken to be possible
+    Samples see no switching time that happens between them, so that one is taken to be possible
     wherever neighbouring samples lie in neighbouring segments, or have passable ones between them.
 
     Args:
@@ -106,7 +106,7 @@ def first_departure(
     """Return the first polynomial piece in which a motion leaves the tube; None if none does.
 
     Margins are taken at 65 samples per piece; valleys between samples are estimated by parabolas.
-    What happens at hand-overs between samples is not seen: too lenient, never too strict.
+    What happens at switching times between samples is not seen: too lenient, never too strict.
 
     Args:
         problem: What is asked.
@@ -128,9 +128,9 @@ def first_departure(
 def worst_membership(problem: PlanningProblem, trajectory: JointTrajectory) -> float:
     """Return how well a motion keeps to the tube where it does so worst [m or rad].
 
-    Margins are taken as for `first_departure`, and where the hand passes from nearer to one segment
-    to nearer to the next; a hand-over needs one of these samples inside both. Too strict by less
-    than a micrometre, as a rule.
+    Margins are taken as for `first_departure`, and where the tool passes from nearer to one segment
+    to nearer to the next; a switching time needs one of these samples inside both. Too strict by
+    less than a micrometre, as a rule.
     """
     samples = trajectory.per_piece(_SAMPLES_PER_PIECE)
     margin = membership_margin(problem, samples.position)
@@ -140,7 +140,7 @@ def worst_membership(problem: PlanningProblem, trajectory: JointTrajectory) -> f
     after, time = _changes(samples.time, margin)
     between = membership_margin(problem, trajectory.position(time))
     margin = np.insert(lowered, after, between, axis=0)
-    ends = [0, *best_hand_overs(margin), len(margin) - 1]
+    ends = [0, *best_switching_samples(margin), len(margin) - 1]
     visits = zip(ends, ends[1:], margin.T, strict=False)
     return min(float(inside[begin : end + 1].min()) for begin, end, inside in visits)
 

@@ -1,4 +1,4 @@
-"""The arm along a curve of its hand: a path in joint space, by inverse kinematics."""
+"""The arm along a curve of its tool: a path in joint space, by inverse kinematics."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import elementwise
 
 from tubeplanner.arrays import FloatArray, IntArray
-from tubeplanner.baselines.hand_curve import HandCurve, rounded_polyline
+from tubeplanner.baselines.tool_curve import ToolCurve, rounded_polyline
 from tubeplanner.branches.inverse_kinematics import WantedRotation, solve_position
 from tubeplanner.branches.reference_branch import ReferenceBranch
 from tubeplanner.branches.segment_walk import as_position, explain_error
@@ -16,11 +16,11 @@ from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.robot.robot_model import RobotModel
 
-CURVE_TOLERANCE = 1e-6  # [m] between the hand and its curve
+CURVE_TOLERANCE = 1e-6  # [m] between the tool and its curve
 _MOST_ROUNDS, _MOST_NODES = 12, 2000  # of halving the steps that leave the curve
 # Configurations nearer to each other than this share of the way carry rounding errors, no shape.
 _APART = 1e-5
-# A hand that moves less stands still [m]; joints that move as much meanwhile [rad or m] would have
+# A tool that moves less stands still [m]; joints that move as much meanwhile [rad or m] would have
 # to turn a sharp corner, where only a stop helps.
 _STILL, _TURNED = 1e-6, 1e-3
 _AT_END = 1e-9  # [m]
@@ -28,34 +28,34 @@ _PROBES = (0.25, 0.5, 0.75)  # of every step
 
 
 @dataclass(frozen=True, eq=False)
-class HandPath:
-    """A path in joint space whose hand is on a curve.
+class ToolPath:
+    """A path in joint space whose tool is on a curve.
 
     Attributes:
         joints: The path over the way in joint space [rad or m], which it runs at about unit speed:
             cubics, C2.
-        curve: The hand's curve.
+        curve: The tool's curve.
         segment: The tube's segment in which it begins.
     """
 
     joints: JointTrajectory
-    curve: HandCurve
+    curve: ToolCurve
     segment: int
 
 
-def hand_paths(problem: PlanningProblem, branch: ReferenceBranch, *, arcs: bool) -> list[HandPath]:
-    """Return the arm along the straight lines of the hand between a branch's corners.
+def tool_paths(problem: PlanningProblem, branch: ReferenceBranch, *, arcs: bool) -> list[ToolPath]:
+    """Return the arm along the straight lines of the tool between a branch's corners.
 
     Args:
         problem: What is asked.
         branch: The arm along the reference path.
-        arcs: Whether corners are cut by arcs inside the tube; else the hand stops there.
+        arcs: Whether corners are cut by arcs inside the tube; else the tool stops there.
 
     Returns:
         The paths from stop to stop.
 
     Raises:
-        Infeasible: There is nothing to move, or the hand cannot follow its lines and arcs.
+        Infeasible: There is nothing to move, or the tool cannot follow its lines and arcs.
     """
     route = _route(problem, branch)
     length = np.linalg.norm(np.diff(route, axis=0), axis=1)
@@ -71,8 +71,8 @@ def hand_paths(problem: PlanningProblem, branch: ReferenceBranch, *, arcs: bool)
     return [follow(problem, branch, curve) for curve in rounded_polyline(points, radius)]
 
 
-def follow(problem: PlanningProblem, branch: ReferenceBranch, curve: HandCurve) -> HandPath:
-    """Return the path, beside a branch, whose hand is within 1e-6 m of a curve.
+def follow(problem: PlanningProblem, branch: ReferenceBranch, curve: ToolCurve) -> ToolPath:
+    """Return the path, beside a branch, whose tool is within 1e-6 m of a curve.
 
     The branch's configurations are moved to the curve and joined by a cubic spline over their
     distances; steps that leave the curve are halved.
@@ -83,18 +83,18 @@ def follow(problem: PlanningProblem, branch: ReferenceBranch, curve: HandCurve) 
         curve: Lines and arcs along the polyline, or a part of it.
 
     Raises:
-        Infeasible: Status unreachable or no_trajectory: the hand cannot follow the curve.
+        Infeasible: Status unreachable or no_trajectory: the tool cannot follow the curve.
     """
     return _Follower(problem, branch, curve).path()
 
 
-def ways_along_line(robot: RobotModel, line: HandPath, distance: FloatArray) -> FloatArray:
-    """Return the ways of the joints at which the hand is so far along its line [m], (N,)."""
+def ways_along_line(robot: RobotModel, line: ToolPath, distance: FloatArray) -> FloatArray:
+    """Return the ways of the joints at which the tool is so far along its line [m], (N,)."""
     start, ahead = line.curve.start[0], line.curve.direction[0]
 
     def excess(way: FloatArray, distance: FloatArray) -> FloatArray:
-        hand = robot.tool_position(line.joints.position(way))
-        return (hand - start) @ ahead - distance
+        tool = robot.tool_position(line.joints.position(way))
+        return (tool - start) @ ahead - distance
 
     ways = np.where(distance > _AT_END, line.joints.duration, 0.0)
     inner = np.flatnonzero((distance > _AT_END) & (distance < line.curve.length - _AT_END))
@@ -105,21 +105,21 @@ def ways_along_line(robot: RobotModel, line: HandPath, distance: FloatArray) -> 
 
 
 def _route(problem: PlanningProblem, branch: ReferenceBranch) -> FloatArray:
-    """Return where a branch has the hand at the ends of its segments, shape (m+1, 3) [m]."""
+    """Return where a branch has the tool at the ends of its segments, shape (m+1, 3) [m]."""
     ends = [branch.start, *(q[-1] for q in branch.segments)]
     return problem.robot.tool_position(np.array(ends))
 
 
 class _Follower:
-    """Configurations whose hand is on a curve; a table's rows are (*configuration, hand's way)."""
+    """Configurations whose tool is on a curve; a table's rows are (*configuration, tool's way)."""
 
-    def __init__(self, problem: PlanningProblem, branch: ReferenceBranch, curve: HandCurve) -> None:
+    def __init__(self, problem: PlanningProblem, branch: ReferenceBranch, curve: ToolCurve) -> None:
         self._problem, self._branch, self._curve = problem, branch, curve
         route = _route(problem, branch)
         steps = np.linalg.norm(np.diff(route, axis=0), axis=1)
         self._route, self._before = route, np.concatenate([[0.0], np.cumsum(steps)])
 
-    def path(self) -> HandPath:
+    def path(self) -> ToolPath:
         table = _apart(self._on_curve(self._along_branch()))
         for _ in range(_MOST_ROUNDS):
             spline = _spline(table)
@@ -129,7 +129,7 @@ class _Follower:
                 names = self._problem.robot.joint_names
                 joints = JointTrajectory(names, spline.x, spline.c[:, :, :-1])
                 first = self._segment(self._curve.ways[1:2] / 2)[0]
-                return HandPath(joints, self._curve, int(first))
+                return ToolPath(joints, self._curve, int(first))
             if len(table) > _MOST_NODES:
                 break
             middle = spline((spline.x[steps] + spline.x[steps + 1]) / 2)
@@ -137,13 +137,13 @@ class _Follower:
         k = int(self._segment(table[[off.argmax()], -1])[0])
         raise Infeasible(
             PlanStatus.NO_TRAJECTORY,
-            f"segment {k}: a spline through {len(table)} configurations leaves the hand's curve by "
+            f"segment {k}: a spline through {len(table)} configurations leaves the tool's curve by "
             f"{off.max():.3g} m: a singular configuration is in the way; move the reference points",
             Place(segment=k),
         )
 
     def _along_branch(self) -> FloatArray:
-        """Return the branch's configurations beside the curve, and the hand's way on the curve."""
+        """Return the branch's configurations beside the curve, and the tool's way on the curve."""
         first, last = self._curve.polyline_ways[[0, -1]]
         rows = []
         for k, q in enumerate(self._branch.segments):
@@ -164,7 +164,7 @@ class _Follower:
         return np.searchsorted(self._before[1:-1], polyline)
 
     def _on_curve(self, table: FloatArray) -> FloatArray:
-        """Return a table whose hands are moved to the curve, not turned if that is bounded.
+        """Return a table whose tools are moved to the curve, not turned if that is bounded.
 
         Raises:
             Infeasible: Status unreachable.
@@ -185,19 +185,19 @@ class _Follower:
         return moved
 
     def _off_curve(self, spline: CubicSpline) -> FloatArray:
-        """Return how far from the curve each step of a spline leads the hand, (steps,) [m]."""
+        """Return how far from the curve each step of a spline leads the tool, (steps,) [m]."""
         x = spline.x
         ways = x[:-1, None] + np.diff(x)[:, None] * _PROBES
         probes = spline(ways.ravel())
-        hand = self._problem.robot.tool_position(probes[:, :-1])
+        tool = self._problem.robot.tool_position(probes[:, :-1])
         length = self._curve.length
         wanted = self._curve.point(np.clip(probes[:, -1], 0.0, length))
-        off = np.linalg.norm(hand - wanted, axis=1)
+        off = np.linalg.norm(tool - wanted, axis=1)
         return off.reshape(ways.shape).max(axis=1)
 
 
 def _require_moving(q: FloatArray, along: FloatArray, segment: int) -> None:
-    """Raise if joints (P, n) move on while the hand's way (P,) does not."""
+    """Raise if joints (P, n) move on while the tool's way (P,) does not."""
     turned = abs(np.diff(q, axis=0)).max(axis=1)
     if ((np.diff(along) < _STILL) & (turned > _TURNED)).any():
         raise _stands_still(segment)
@@ -206,8 +206,8 @@ def _require_moving(q: FloatArray, along: FloatArray, segment: int) -> None:
 def _stands_still(segment: int) -> Infeasible:
     return Infeasible(
         PlanStatus.NO_TRAJECTORY,
-        f"segment {segment}: joints have to move where the hand stands still, which no scheme that "
-        "is led by the hand can; leave the goal open, or give one that the hand's way leads to",
+        f"segment {segment}: joints have to move where the tool stands still, which no scheme that "
+        "is led by the tool can; leave the goal open, or give one that the tool's way leads to",
         Place(segment=segment),
     )
 

@@ -1,4 +1,4 @@
-"""Curves that the hand follows along a polyline: its lines, and arcs in place of its corners."""
+"""Curves that the tool follows along a polyline: its lines, and arcs in place of its corners."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -15,12 +15,12 @@ _KEPT_SHARE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class HandCurve:
+class ToolCurve:
     """Lines and arcs one after the other, with the same direction where they meet: P pieces.
 
     Attributes:
         start: Where each piece starts, shape (P, 3) [m].
-        direction: Of the hand there, unit vectors, shape (P, 3).
+        direction: Of the tool there, unit vectors, shape (P, 3).
         normal: Towards the centre of an arc, unit vectors, shape (P, 3); anything for a line.
         curvature: Shape (P,) [1/m], 0 for a line.
         ways: Length of the curve up to the ends of its pieces, shape (P+1,), from 0 [m].
@@ -49,13 +49,13 @@ class HandCurve:
         return self.start[piece] + ahead * self.direction[piece] + aside * self.normal[piece]
 
 
-def rounded_polyline(points: FloatArray, radius: FloatArray | None) -> list[HandCurve]:
+def rounded_polyline(points: FloatArray, radius: FloatArray | None) -> list[ToolCurve]:
     """Return a polyline whose corners are cut by arcs, as curves between stops.
 
     Args:
         points: Shape (m+1, 3) [m], neighbours apart.
         radius: How far an arc may be from the lines it joins, shape (m,) [m]; None: no arcs, the
-            hand stops at every point.
+            tool stops at every point.
 
     Returns:
         One curve from stop to stop. It stops where no arc is possible: where a line doubles back.
@@ -102,7 +102,7 @@ def _arc_radius(room: FloatArray, turn: float) -> float:
 
 def _between_stops(
     points: FloatArray, before: FloatArray, cut: FloatArray, first: int, last: int
-) -> HandCurve:
+) -> ToolCurve:
     """Return the curve from one point of a polyline to another."""
     rows: list[tuple[FloatArray, FloatArray, FloatArray, float, float, float]] = []
     for k in range(first, last):
@@ -116,7 +116,7 @@ def _between_stops(
         if left > 0:
             rows.append(_arc(points[k + 1] - left * ahead, ahead, points[k + 1 : k + 3], left))
     starts, directions, normals, curvatures, lengths, shares = zip(*rows, strict=True)
-    return HandCurve(
+    return ToolCurve(
         np.array(starts),
         np.array(directions),
         np.array(normals),

@@ -1,7 +1,7 @@
 """When a trajectory passes from one tube segment to the next.
 
-Segments are visited in order, and at a hand-over the hand is in both capsules. Of all choices of
-hand-over times the one is taken that leaves the largest worst margin.
+Segments are visited in order, and at a switching time the tool is in both capsules. Of all choices
+of switching times the one is taken that leaves the largest worst margin.
 """
 
 import numpy as np
@@ -9,7 +9,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray, IntArray
 
 
-def best_hand_overs(margin: FloatArray) -> IntArray:
+def best_switching_samples(margin: FloatArray) -> IntArray:
     """Return the samples at which an ordered visit passes on.
 
     Args:
@@ -18,26 +18,27 @@ def best_hand_overs(margin: FloatArray) -> IntArray:
 
     Returns:
         Shape (m-1,), never decreasing: sample s is counted to segment k if it lies between the
-        hand-overs k-1 and k, both included, so that a hand-over counts in both its segments.
+        switching times k-1 and k, both included, so that a switching time counts in both its
+        segments.
     """
     best = _best_margins(margin)
-    hand_overs: list[int] = []
+    switching_samples: list[int] = []
     last = len(margin) - 1
     for k in range(margin.shape[1] - 1, 0, -1):
-        last = _hand_over_before(best[:, k - 1], margin[:, k - 1], margin[:, k], last)
-        hand_overs.insert(0, last)
-    return np.array(hand_overs, dtype=np.int64)
+        last = _switch_before(best[:, k - 1], margin[:, k - 1], margin[:, k], last)
+        switching_samples.insert(0, last)
+    return np.array(switching_samples, dtype=np.int64)
 
 
 def _best_margins(margin: FloatArray) -> FloatArray:
     """Return the largest worst margin with which each sample can be in each segment, (N, m)."""
     best = [np.minimum.accumulate(margin[:, 0])]
     for k in range(1, margin.shape[1]):
-        best.append(_best_after_hand_over(best[-1], margin[:, k]))
+        best.append(_best_after_switch(best[-1], margin[:, k]))
     return np.column_stack(best)
 
 
-def _best_after_hand_over(before: FloatArray, margin: FloatArray) -> FloatArray:
+def _best_after_switch(before: FloatArray, margin: FloatArray) -> FloatArray:
     """Return the largest worst margin of being in a segment at each sample, shape (N,).
 
     The recursion `best[i] = min(margin[i], max(best[i-1], before[i]))` is a chain of clips; clips
@@ -54,10 +55,10 @@ def _best_after_hand_over(before: FloatArray, margin: FloatArray) -> FloatArray:
     return low
 
 
-def _hand_over_before(
+def _switch_before(
     best_before: FloatArray, margin_before: FloatArray, margin_after: FloatArray, last: int
 ) -> int:
-    """Return the best sample to hand over at, not after the sample `last`."""
+    """Return the best sample to tool over at, not after the sample `last`."""
     rest = np.minimum.accumulate(margin_after[last::-1])[::-1]
     worst = np.minimum(best_before[: last + 1], rest)
     candidates = np.flatnonzero(worst >= worst.max())

@@ -1,6 +1,6 @@
-"""Few reference points along a route: straight lines of the hand that the arm can follow freely.
+"""Few reference points along a route: straight lines of the tool that the arm can follow freely.
 
-Between two points of the route the hand goes straight, the other joints as the route has them.
+Between two points of the route the tool goes straight, the other joints as the route has them.
 Where links have no room on the way, a point of the route is put in between.
 """
 
@@ -16,7 +16,7 @@ from tubeplanner.tube_sources.free_space import FreeSpace
 from tubeplanner.tube_sources.simplification import farthest_from_line
 
 _ROUTE_STEP = 0.05  # [rad or m] of the joint that moves most, between samples of the route
-_LONGEST_STEP = 0.02  # [m] of the hand on a line
+_LONGEST_STEP = 0.02  # [m] of the tool on a line
 _LARGEST_JOINT_STEP = 0.3  # [rad or m] between neighbours on a line: more is another branch
 _ON_LINE = 1e-6  # [m]
 # Reference points are at least so far apart [m].
@@ -24,7 +24,7 @@ _NEAREST = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class HandCorners:
+class ToolCorners:
     """Reference points, and the arm on the straight lines between them.
 
     Attributes:
@@ -38,32 +38,32 @@ class HandCorners:
     parts: tuple[FloatArray, ...]
 
 
-def hand_corners(
+def tool_corners(
     robot: RobotModel, space: FreeSpace, route: FloatArray, deviation: float = np.inf
-) -> HandCorners | None:
-    """Return few corners of the hand's path along a route, with free straight lines between.
+) -> ToolCorners | None:
+    """Return few corners of the tool's path along a route, with free straight lines between.
 
     Args:
         robot: The arm.
         space: Which configurations are free.
         route: Corners of a route in joint space, shape (P, n).
-        deviation: How far the lines may be from the hand's path along the route [m].
+        deviation: How far the lines may be from the tool's path along the route [m].
 
     Returns:
-        None if even the route itself is not free where the hand follows straight lines.
+        None if even the route itself is not free where the tool follows straight lines.
     """
     return _Corners(robot, space, _sampled(route), deviation).found()
 
 
 def with_another_corner(
-    robot: RobotModel, space: FreeSpace, corners: HandCorners, segment: int
-) -> HandCorners | None:
+    robot: RobotModel, space: FreeSpace, corners: ToolCorners, segment: int
+) -> ToolCorners | None:
     """Return corners with one more of them, midway in a segment's part of the route.
 
     Args:
         robot: The arm.
         space: Which configurations are free.
-        corners: What `hand_corners` returned.
+        corners: What `tool_corners` returned.
         segment: Index of the segment to part.
 
     Returns:
@@ -71,7 +71,7 @@ def with_another_corner(
     """
     part = corners.parts[segment]
     middle = len(part) // 2
-    halves = [hand_corners(robot, space, half) for half in (part[: middle + 1], part[middle:])]
+    halves = [tool_corners(robot, space, half) for half in (part[: middle + 1], part[middle:])]
     before, after = halves
     if before is None or after is None:
         return None
@@ -81,7 +81,7 @@ def with_another_corner(
     lines, parts = list(corners.lines), list(corners.parts)
     lines[cut] = [*before.lines, *after.lines]
     parts[cut] = [*before.parts, *after.parts]
-    return HandCorners(points, tuple(lines), tuple(parts))
+    return ToolCorners(points, tuple(lines), tuple(parts))
 
 
 def _sampled(route: FloatArray) -> FloatArray:
@@ -94,24 +94,24 @@ def _sampled(route: FloatArray) -> FloatArray:
 
 
 class _Corners:
-    """The choice of samples (N, n) of a route whose hand positions become corners."""
+    """The choice of samples (N, n) of a route whose tool positions become corners."""
 
     def __init__(
         self, robot: RobotModel, space: FreeSpace, route: FloatArray, deviation: float
     ) -> None:
         self._robot, self._space, self._route = robot, space, route
         self._deviation = deviation
-        self._hand = robot.tool_position(route)
+        self._tool = robot.tool_position(route)
         self._known: dict[tuple[int, int], FloatArray | None] = {}
 
-    def found(self) -> HandCorners | None:
+    def found(self) -> ToolCorners | None:
         chosen = self._between(0, len(self._route) - 1)
         if chosen is None:
             return None
         chosen = self._without_spare([0, *chosen])
         found = [(self._line(i, j), self._route[i : j + 1]) for i, j in pairwise(chosen)]
         lines = tuple(line for line, _ in found if line is not None)
-        return HandCorners(self._hand[chosen], lines, tuple(part for _, part in found))
+        return ToolCorners(self._tool[chosen], lines, tuple(part for _, part in found))
 
     def _between(self, i: int, j: int) -> list[int] | None:
         """Return the corners after sample i, up to sample j."""
@@ -137,11 +137,11 @@ class _Corners:
 
     def _corner(self, i: int, j: int) -> int | None:
         """Return the sample between two others where to part their line, if there is one."""
-        farthest, distance = farthest_from_line(self._hand, i, j)
+        farthest, distance = farthest_from_line(self._tool, i, j)
         if distance > _NEAREST:
             return farthest
         middle = (i + j) // 2
-        gaps = np.linalg.norm(self._hand[[i, j]] - self._hand[middle], axis=1)
+        gaps = np.linalg.norm(self._tool[[i, j]] - self._tool[middle], axis=1)
         return middle if gaps.min() > _NEAREST else None
 
     def _line(self, i: int, j: int) -> FloatArray | None:
@@ -151,9 +151,9 @@ class _Corners:
 
     def _walked(self, i: int, j: int) -> FloatArray | None:
         """Return the arm (P, n) along the straight line between two samples, if it is free."""
-        route, ends = self._route[i : j + 1], self._hand[[i, j]]
+        route, ends = self._route[i : j + 1], self._tool[[i, j]]
         length = float(np.linalg.norm(ends[1] - ends[0]))
-        if length < _NEAREST or farthest_from_line(self._hand, i, j)[1] > self._deviation:
+        if length < _NEAREST or farthest_from_line(self._tool, i, j)[1] > self._deviation:
             return None
         count = max(len(route), int(np.ceil(length / _LONGEST_STEP)) + 1)
         shares = np.linspace(0, 1, count)
