@@ -35,8 +35,8 @@ def main(names: list[str]) -> None:
         attacks = [random_attack(result.problem, k, n, rng) for k, n in enumerate(share)]
         print(
             f"  attacked by {sum(attack.configurations for attack in attacks)} configurations: "
-            f"{sum(attack.collisions for attack in attacks)} collisions, least room "
-            f"{1000 * min(attack.least_room for attack in attacks):.2f} mm"
+            f"{sum(attack.collisions for attack in attacks)} collisions, least clearance "
+            f"{1000 * min(attack.least_clearance for attack in attacks):.2f} mm"
         )
         written, measured = plan(problem), plan(result.problem)
         print(f"  as written, radii {problem.tube.radius}: {written.message}")

@@ -22,12 +22,12 @@ class RandomAttack:
     Attributes:
         configurations: How many were looked at.
         collisions: How many of them collide.
-        least_room: The least distance beyond what is required [m].
+        least_clearance: The least distance beyond what is required [m].
     """
 
     configurations: int
     collisions: int
-    least_room: float
+    least_clearance: float
 
 
 def random_attack(
@@ -42,8 +42,8 @@ def random_attack(
         rng: Random numbers.
     """
     q = random_configurations(problem, segment, count, rng)
-    room = coal_room(problem, q)
-    return RandomAttack(len(q), int((room < 0).sum()), float(room.min()))
+    clearance = coal_clearance(problem, q)
+    return RandomAttack(len(q), int((clearance < 0).sum()), float(clearance.min()))
 
 
 def is_allowed(problem: PlanningProblem, segment: int, q: FloatArray) -> np.ndarray:
@@ -75,7 +75,7 @@ def random_configurations(
     return np.concatenate(found)[:count]
 
 
-def coal_room(problem: PlanningProblem, q: FloatArray) -> FloatArray:
+def coal_clearance(problem: PlanningProblem, q: FloatArray) -> FloatArray:
     """Return the least distance beyond what is required, by coal, for (N, n): (N,) [m]."""
     checker = problem.collision
     solids = [_solid(shape.shape) for shape in checker.shapes]
@@ -83,13 +83,13 @@ def coal_room(problem: PlanningProblem, q: FloatArray) -> FloatArray:
     pairs += [(i, j, 0.0) for i, j in checker.link_pairs]
     request = coal.DistanceRequest()
     request.enable_signed_distance = True
-    room = np.empty(len(q))
+    clearance = np.empty(len(q))
     for row, (rotation, position) in enumerate(zip(*problem.robot.body_poses(q), strict=True)):
         placed = [
             coal.Transform3s(rotation[shape.body], position[shape.body]) for shape in checker.shapes
         ]
         grown = [shape.shape.radius for shape in checker.shapes]
-        room[row] = min(
+        clearance[row] = min(
             coal.distance(
                 solids[i], placed[i], solids[j], placed[j], request, coal.DistanceResult()
             )
@@ -98,7 +98,7 @@ def coal_room(problem: PlanningProblem, q: FloatArray) -> FloatArray:
             - required
             for i, j, required in pairs
         )
-    return room
+    return clearance
 
 
 def _projected(

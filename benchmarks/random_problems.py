@@ -28,14 +28,14 @@ from tubeplanner import (
     load_robot,
 )
 from tubeplanner.collision.collision_checker import CollisionChecker
-from witness import EFFORT_SHARE, LINK_ROOM, RandomCase, keeps_apart, witness_holds
+from witness import EFFORT_SHARE, LINK_CLEARANCE, RandomCase, keeps_apart, witness_holds
 
 LEAST_RADIUS, LARGEST_RADIUS = 0.01, 0.15  # [m]
 SHORTEST_SEGMENT = 0.03  # [m]
 SHARPEST_TURN = math.radians(150)
 MOST_SEGMENTS = 5
-LIMIT_ROOM = 0.01  # [rad] between the walk and position limits, and from a signed joint to zero
-SMALL_ROOM = 0.002  # [m] that the tool keeps to its capsule's wall, beside 5 %
+LIMIT_MARGIN = 0.01  # [rad] between the walk and position limits, and from a signed joint to zero
+SMALL_MARGIN = 0.002  # [m] that the tool keeps to its capsule's wall, beside 5 %
 LARGEST_TOLERANCE = math.radians(60)  # of rotation
 ROWS_PER_LEG = 100
 MOST_CANDIDATES = 5000
@@ -153,15 +153,15 @@ def _candidate(
     """
     walk = _walk(rng, robot, features)
     limits = robot.limits
-    room = np.minimum(walk - limits.lower_position, limits.upper_position - walk)
-    _require(room.min() >= LIMIT_ROOM, LIMITS)
+    margin = np.minimum(walk - limits.lower_position, limits.upper_position - walk)
+    _require(margin.min() >= LIMIT_MARGIN, LIMITS)
     _require((abs(robot.gravity_effort(walk)) <= EFFORT_SHARE * limits.effort).all(), GRAVITY)
     gates = _gates(robot.tool_position(walk), features)
     tube = _tube(rng, robot, walk, gates, features)
     goal = walk[-1] if features.has_goal else None
     name = f"{arm}, seed {seed}"
     bare = CollisionChecker(robot)
-    _require(keeps_apart(bare, walk[::10], bare.link_pairs, LINK_ROOM), LINKS)
+    _require(keeps_apart(bare, walk[::10], bare.link_pairs, LINK_CLEARANCE), LINKS)
     around = []
     if features.has_obstacles:
         count = int(rng.integers(1, 5))
@@ -180,8 +180,8 @@ def _require(holds: bool, rule: str) -> None:
 def _walk(rng: np.random.Generator, robot: RobotModel, features: Features) -> np.ndarray:
     """Return configurations (P, n) of a random walk; rows of its knots are ROWS_PER_LEG apart."""
     limits = robot.limits
-    low = np.maximum(limits.lower_position, -np.pi) + 5 * LIMIT_ROOM
-    high = np.minimum(limits.upper_position, np.pi) - 5 * LIMIT_ROOM
+    low = np.maximum(limits.lower_position, -np.pi) + 5 * LIMIT_MARGIN
+    high = np.minimum(limits.upper_position, np.pi) - 5 * LIMIT_MARGIN
     legs = features.segments if features.at_knots else max(1, features.segments // 2)
     knots = [rng.uniform(low, high)]
     for _ in range(legs):
@@ -231,7 +231,7 @@ def _tube(
 ) -> Tube:
     rotation, tool = robot.tool_pose(walk)
     legs = [slice(a, b + 1) for a, b in pairwise(gates)]
-    needed = np.array([1.05 * _off_line(tool[leg]).max() + SMALL_ROOM for leg in legs])
+    needed = np.array([1.05 * _off_line(tool[leg]).max() + SMALL_MARGIN for leg in legs])
     _require(needed.max() <= LARGEST_RADIUS, CURVED)
     drawn = np.exp(rng.uniform(*np.log([LEAST_RADIUS, LARGEST_RADIUS]), size=len(legs)))
     one_for_all = rng.random() < 0.5
@@ -287,7 +287,7 @@ def _signs(
         signs = {}
         for joint in joints:
             column = walk[leg, joint]
-            if abs(column).min() > LIMIT_ROOM and len(set(np.sign(column))) == 1:
+            if abs(column).min() > LIMIT_MARGIN and len(set(np.sign(column))) == 1:
                 signs[robot.joint_names[joint]] = "+" if column[0] > 0 else "-"
         maps.append(signs)
     return maps

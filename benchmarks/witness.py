@@ -8,7 +8,7 @@ from tubeplanner import PlanningProblem
 from tubeplanner.collision.collision_checker import CollisionChecker
 
 EFFORT_SHARE = 0.95  # of the motors' efforts that holding still may need along the walk
-LINK_ROOM = 0.005  # [m] that links keep beyond what is asked
+LINK_CLEARANCE = 0.005  # [m] that links keep beyond what is asked
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,21 +84,23 @@ def _can_be_held(problem: PlanningProblem, q: np.ndarray) -> bool:
 
 def _keeps_clear(problem: PlanningProblem, q: np.ndarray) -> bool:
     checker = problem.collision
-    room = problem.clearance + LINK_ROOM
-    return keeps_apart(checker, q, checker.link_pairs, LINK_ROOM) and keeps_apart(
-        checker, q, checker.obstacle_pairs, room
+    clearance = problem.clearance + LINK_CLEARANCE
+    return keeps_apart(checker, q, checker.link_pairs, LINK_CLEARANCE) and keeps_apart(
+        checker, q, checker.obstacle_pairs, clearance
     )
 
 
-def keeps_apart(checker: CollisionChecker, q: np.ndarray, pairs: np.ndarray, room: float) -> bool:
+def keeps_apart(
+    checker: CollisionChecker, q: np.ndarray, pairs: np.ndarray, clearance: float
+) -> bool:
     """Return whether pairs of shapes are at least so far apart [m] in configurations (N, n)."""
     if len(pairs) == 0:
         return True
     rotation, position = checker.robot.body_poses(q)
     # Bounding spheres are enough for most.
     for k, near in enumerate(checker.sphere_distances(rotation, position, pairs)):
-        close = pairs[near < room]
-        if len(close) and checker.distances(rotation[k], position[k], close).min() < room:
+        close = pairs[near < clearance]
+        if len(close) and checker.distances(rotation[k], position[k], close).min() < clearance:
             return False
     return True
 

@@ -124,7 +124,7 @@ ORDER = {
     ),
     "measurement": (
         "separation_bounds",
-        "link_room",
+        "pair_clearance",
         "configuration_set",
         "set_attack",
         "largest_box",

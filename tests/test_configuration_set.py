@@ -7,7 +7,7 @@ from tubeplanner import load_problem
 from tubeplanner.measurement.configuration_set import ConfigurationSet
 from tubeplanner.measurement.folding_joints import folding_joints, is_determined
 from tubeplanner.measurement.largest_box import Box, BoxSearch
-from tubeplanner.measurement.link_room import LinkRoom
+from tubeplanner.measurement.pair_clearance import PairClearance
 
 
 @pytest.fixture(scope="module")
@@ -30,30 +30,32 @@ def test_samples_keep_place_ranges_and_rotation(tray):
 
 
 @pytest.mark.parametrize("name", ["ur5/over_the_wall", "panda/between_shelves"])
-def test_the_least_room_is_that_of_all_distances(name):
+def test_the_least_clearance_is_that_of_all_distances(name):
     problem = load_problem(f"example:{name}")
-    room = LinkRoom(problem, 0.0)
+    clearance = PairClearance(problem, 0.0)
     q = problem.start + np.random.default_rng(0).normal(scale=0.7, size=(60, len(problem.start)))
-    found = room.least(q, 0.02)
+    found = clearance.least(q, 0.02)
     checker = problem.collision
     poses = zip(*problem.robot.body_poses(q), strict=True)
-    exact = np.array([checker.distances(*pose, room.pairs) - room.required for pose in poses])
+    exact = np.array(
+        [checker.distances(*pose, clearance.pairs) - clearance.required for pose in poses]
+    )
     least = exact.min(axis=1)
-    assert ((found.room < 0) == (least < 0)).all()
+    assert ((found.clearance < 0) == (least < 0)).all()
     assert 5 < (least < 0).sum() < 50
     hit = least < 0
-    assert found.room[hit] == pytest.approx(exact[hit, found.pair[hit]])
-    told = np.minimum(found.room, 0.02)
+    assert found.clearance[hit] == pytest.approx(exact[hit, found.pair[hit]])
+    told = np.minimum(found.clearance, 0.02)
     assert (told[~hit] <= least[~hit] + 1e-9).all()
 
 
-def test_room_shrinks_as_its_derivative_says(tray):
-    room = LinkRoom(tray, 0.0)
+def test_clearance_shrinks_as_its_derivative_says(tray):
+    clearance = PairClearance(tray, 0.0)
     q = tray.start + np.random.default_rng(0).normal(scale=0.3, size=(20, 6))
-    pair = np.arange(20) % len(room.pairs)
-    value, slope = room.of_pairs(q, pair)
+    pair = np.arange(20) % len(clearance.pairs)
+    value, slope = clearance.of_pairs(q, pair)
     step = 1e-6 * slope
-    moved, _ = room.of_pairs(q + step, pair)
+    moved, _ = clearance.of_pairs(q + step, pair)
     predicted = np.sum(slope * step, axis=1)
     assert np.median(abs(moved - value - predicted)) < 1e-3 * np.median(predicted)
 

@@ -55,7 +55,7 @@ def case(request):
 
 
 class Kinds:
-    """The rows of one kind of condition at a motion, and their room at another."""
+    """The rows of one kind of condition at a motion, and their slack at another."""
 
     def __init__(self, kind, case):
         self.kind, (self.problem, motion, self.samples) = kind, case
@@ -79,17 +79,17 @@ class Kinds:
         here = self.at(motion)
         return here.rows(duration, size) if self.kind in LIMITS else here.rows(size)
 
-    def room(self, motion, other, duration, eta):
-        """Return the room of the rows at a motion, elsewhere."""
+    def slack(self, motion, other, duration, eta):
+        """Return the slack of the rows at a motion, elsewhere."""
         if self.kind in LIMITS:
-            return self.at(other).room(duration, 1 + eta)
+            return self.at(other).slack(duration, 1 + eta)
         if self.kind in ("tube", "rotation"):
-            return self.at(motion).room(self.at(other))
-        return self.at(other).room
+            return self.at(motion).slack(self.at(other))
+        return self.at(other).slack
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_rows_have_the_derivatives_of_their_room(case, kind):
+def test_rows_have_the_derivatives_of_their_slack(case, kind):
     """By control points, gates and the duration together, along a random direction."""
     kinds, motion, duration = Kinds(kind, case), case[1], 0.8
     rows = kinds.rows(motion, duration)
@@ -104,18 +104,18 @@ def test_rows_have_the_derivatives_of_their_room(case, kind):
     for sign in (STEP, -STEP):
         gates = GATES + sign * np.array([0, gate[0], 0])
         moved = PhasedMotion(motion.shape, gates, motion.control_points + sign * change)
-        sides.append(kinds.room(motion, moved, duration, sign * eta)[rows.index])
+        sides.append(kinds.slack(motion, moved, duration, sign * eta)[rows.index])
     numeric = -(sides[0] - sides[1]) / (2 * STEP)
     scale = abs(expected).max()
     np.testing.assert_allclose(numeric / scale, expected / scale, atol=3e-4)
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_their_room_at_the_motion_itself_is_theirs(case, kind):
+def test_their_slack_at_the_motion_itself_is_theirs(case, kind):
     kinds, motion = Kinds(kind, case), case[1]
     rows = kinds.rows(motion, 0.8)
-    there = kinds.room(motion, motion, 0.8, 0.0)
-    np.testing.assert_allclose(there[rows.index], rows.room, atol=1e-12)
+    there = kinds.slack(motion, motion, 0.8, 0.0)
+    np.testing.assert_allclose(there[rows.index], rows.slack, atol=1e-12)
     bounded = np.flatnonzero(np.isfinite(there) & (there < 1 - 0.005 - 1e-12))
     assert set(bounded.tolist()) <= set(rows.index.tolist()) <= set(range(len(there)))
 
@@ -126,21 +126,21 @@ def test_rows_left_out_cannot_be_broken_by_the_step(case, kind):
     size = StepSize(0.01, 0.005)
     every, some = kinds.rows(motion, 0.8), kinds.rows(motion, 0.8, size)
     left_out = ~np.isin(every.index, some.index)
-    assert (every.room[left_out] >= every.reach(size)[left_out]).all()
-    np.testing.assert_array_equal(every.where(~left_out).room, some.room)
+    assert (every.slack[left_out] >= every.reach(size)[left_out]).all()
+    np.testing.assert_array_equal(every.where(~left_out).slack, some.slack)
 
 
 def test_rows_know_what_the_duration_gives(case):
-    """At the duration that the limits allow, the tightest row has no room; beyond it, some."""
+    """At the duration that the limits allow, the tightest row has no slack; beyond it, some."""
     problem, motion, samples = case
     limits = LimitConditions(problem.robot).at(motion, samples, EVERY_LIMIT)
     y = float(limits.squared_durations.max())
     rows = limits.rows(np.sqrt(y), None)
-    assert rows.room.min() == pytest.approx(0.0, abs=1e-9)
+    assert rows.slack.min() == pytest.approx(0.0, abs=1e-9)
     eta = 1e-5
     later = limits.rows(np.sqrt(y * (1 + eta)), None)
-    tight = int(rows.room.argmin())
-    gained = (later.room[tight] - rows.room[tight]) / eta
+    tight = int(rows.slack.argmin())
+    gained = (later.slack[tight] - rows.slack[tight]) / eta
     assert -rows.duration[tight] == pytest.approx(gained, rel=1e-3)
 
 
@@ -173,10 +173,10 @@ def test_every_limit_has_a_name_and_rows(case):
 
 
 def test_planes_hold_the_capsule_and_touch_it(case):
-    """A tool behind every plane is inside; the outward plane's room is the distance to the wall."""
+    """A tool behind every plane is inside; the outward plane's slack is the wall's distance."""
     problem, motion, samples = case
     tube = evaluated_tube(problem, motion, samples, 0.005)
-    by_plane = -tube.rows(None).room.reshape(len(tube.excess), -1)
+    by_plane = -tube.rows(None).slack.reshape(len(tube.excess), -1)
     np.testing.assert_allclose(by_plane[:, 0], tube.excess, atol=1e-9)
     assert (by_plane <= tube.excess[:, None] + 1e-9).all()
     tool = problem.robot.tool_position(tube.at.position)
@@ -187,7 +187,7 @@ def test_planes_hold_the_capsule_and_touch_it(case):
 
 
 def test_the_rotations_rows_are_its_margin(case):
-    """The tightest row of a sample has the room that the tube's own margin says."""
+    """The tightest row of a sample has the slack that the tube's own margin says."""
     problem, motion, samples = case
     tube = problem.tube.rotation
     evaluated = evaluated_rotation(problem.robot, tube, motion, samples, 0.0, 0)
@@ -195,5 +195,5 @@ def test_the_rotations_rows_are_its_margin(case):
     used = np.hstack([abs(error), np.linalg.norm(error, axis=1, keepdims=True)])
     worst = (used / tube.bounds[samples.phase]).max(axis=1)
     np.testing.assert_allclose(evaluated.excess, worst - 1, atol=1e-12)
-    room = evaluated.room(evaluated).reshape(len(worst), -1).min(axis=1)
-    np.testing.assert_allclose(room, 1 - worst, atol=1e-12)
+    slack = evaluated.slack(evaluated).reshape(len(worst), -1).min(axis=1)
+    np.testing.assert_allclose(slack, 1 - worst, atol=1e-12)

@@ -97,17 +97,17 @@ def test_more_corners_follow_a_route_more_closely(gap, searched):
     assert len(fine.points) > len(coarse.points)
 
 
-def test_room_is_the_distance_beyond_the_clearance():
+def test_clearance_is_the_distance_beyond_what_is_asked():
     ball = [{"name": "ball", "sphere": 0.05, "position": [0.75, 0, 0.02]}]
     data = {"start": {"joints": [0, 0]}, "obstacles": ball, "clearance": 0.01}
     problem = cell(**data)
     # The second link ends 0.62 m from the base; see two_link.urdf.
     space = FreeSpace(problem, 0.0, problem.start[None])
-    assert space.room(problem.start) == pytest.approx(0.75 - 0.05 - 0.62 - 0.01, abs=1e-6)
+    assert space.clearance(problem.start) == pytest.approx(0.75 - 0.05 - 0.62 - 0.01, abs=1e-6)
     assert space.is_free(problem.start)
     wider = FreeSpace(problem, 0.1, np.array([[1.0, 0]]))
     assert wider.lacking(problem.start).obstacle == "ball"
-    # An end that has no more room itself does not ask for it.
+    # An end that has no more clearance itself does not ask for it.
     assert FreeSpace(problem, 0.1, problem.start[None]).is_free(problem.start)
 
 

@@ -90,7 +90,7 @@ def test_a_trail_through_an_obstacle_is_an_answer_with_its_place(run, tmp_path):
     status, out, _ = run(*words, "--json")
     report = json.loads(out)
     assert status == 1 and report["status"] == "tube_blocked"
-    assert report["message"].startswith("the trail itself has too little room: link")
+    assert report["message"].startswith("the trail itself has too little clearance: link")
     assert report["where"]["obstacle"] == "wall"
 
 

@@ -379,10 +379,10 @@ def test_position_and_signs_say_where_they_are_nearest_to_their_ends(planned):
     q = result.trajectory.position(t)
     certificate = verify(problem, result.trajectory)
     limits = problem.robot.limits
-    room = np.minimum(q - limits.lower_position, limits.upper_position - q)
-    sample, joint = np.unravel_index(room.argmin(), room.shape)
+    joint_margin = np.minimum(q - limits.lower_position, limits.upper_position - q)
+    sample, joint = np.unravel_index(joint_margin.argmin(), joint_margin.shape)
     position = certificate.conditions["position"]
-    assert position.margin == pytest.approx(room.min(), abs=1e-6)
+    assert position.margin == pytest.approx(joint_margin.min(), abs=1e-6)
     assert position.where.joint == problem.robot.joint_names[joint]
     assert position.where.time == pytest.approx(t[sample], abs=1e-3)
     signs = certificate.conditions["joint_signs"]

@@ -99,15 +99,17 @@ def _fastest(robot: RobotModel, knots: FloatArray, share: float) -> JointTraject
     times = np.linalg.norm(np.diff(knots, axis=0), axis=1)
     best, shortest = times, np.inf
     for _ in range(_TIMING_ROUNDS):
-        room = _room(robot, _motion(robot.joint_names, knots, times, share), len(times))
-        if times.sum() / room.min() < shortest:
-            best, shortest = times / room.min(), times.sum() / room.min()
-        times = times / room**_TIMING_POWER
+        speed_factor = _speed_factor(
+            robot, _motion(robot.joint_names, knots, times, share), len(times)
+        )
+        if times.sum() / speed_factor.min() < shortest:
+            best, shortest = times / speed_factor.min(), times.sum() / speed_factor.min()
+        times = times / speed_factor**_TIMING_POWER
     motion = _motion(robot.joint_names, knots, best, share)
     return scaled_to_limits(robot, motion, with_jerk=False)
 
 
-def _room(robot: RobotModel, motion: JointTrajectory, intervals: int) -> FloatArray:
+def _speed_factor(robot: RobotModel, motion: JointTrajectory, intervals: int) -> FloatArray:
     """Return how many times faster the limits allow each interval to be run, shape (K-1,)."""
     samples = motion.per_piece(_LOOKS_PER_PIECE)
     factor = scaling_factor(robot, samples.position, samples.velocity, samples.acceleration)

@@ -56,8 +56,8 @@ def _smoothed(
         duration = estimated_duration(robot, motion)
         if duration < shortest:
             shortest, best = duration, motion
-        room = _room(robot, motion, smooth, law, _LOOKS * intervals)
-        factor = factor / np.minimum(room, _LARGEST_GAIN) ** _POWER
+        speed_factor = _speed_factor(robot, motion, smooth, law, _LOOKS * intervals)
+        factor = factor / np.minimum(speed_factor, _LARGEST_GAIN) ** _POWER
     return scaled_to_limits(robot, best)
 
 
@@ -69,7 +69,7 @@ def _stretched(law: JointTrajectory, factor: FloatArray) -> JointTrajectory:
     return JointTrajectory(law.joint_names, times, rows)
 
 
-def _room(
+def _speed_factor(
     robot: RobotModel,
     motion: JointTrajectory,
     smooth: JointTrajectory,

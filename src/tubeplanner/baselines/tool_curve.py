@@ -69,9 +69,9 @@ def rounded_polyline(points: FloatArray, radius: FloatArray | None) -> list[Tool
     if radius is not None:
         for k in range(1, count):
             if _STRAIGHT < turn[k - 1] < np.pi - _BACK:
-                room = min(length[k - 1] / (1 + (k > 1)), length[k] / (1 + (k + 1 < count)))
+                available = min(length[k - 1] / (1 + (k > 1)), length[k] / (1 + (k + 1 < count)))
                 bends = _arc_radius((1 - _KEPT_SHARE) * radius[k - 1 : k + 1], turn[k - 1])
-                cut[k] = min(bends * np.tan(turn[k - 1] / 2), room)
+                cut[k] = min(bends * np.tan(turn[k - 1] / 2), available)
     passed = (cut[1:-1] > 0) | (turn <= _STRAIGHT) & (radius is not None)
     stops = [0, *(np.flatnonzero(~passed) + 1).tolist(), count]
     before = np.concatenate([[0.0], np.cumsum(length)])
@@ -82,7 +82,7 @@ def _angle(a: FloatArray, b: FloatArray) -> float:
     return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
 
 
-def _arc_radius(room: FloatArray, turn: float) -> float:
+def _arc_radius(allowed: FloatArray, turn: float) -> float:
     """Return the largest radius of an arc that stays near its two lines.
 
     Where an arc has turned by p, it is some multiple of its radius away from the line that it
@@ -96,8 +96,8 @@ def _arc_radius(room: FloatArray, turn: float) -> float:
             return float(1 - np.cos(p))
         return float(np.sqrt(1 + corner**2 - 2 * corner * np.cos(p - turn / 2)))  # past its end
 
-    change = brentq(lambda p: room[0] * away(turn - p) - room[1] * away(p), 0.0, turn)
-    return float(room[0] / away(change))
+    change = brentq(lambda p: allowed[0] * away(turn - p) - allowed[1] * away(p), 0.0, turn)
+    return float(allowed[0] / away(change))
 
 
 def _between_stops(

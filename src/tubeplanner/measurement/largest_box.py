@@ -45,7 +45,7 @@ class BoxSearch:
         """Say what is wanted, in each of c directions.
 
         Args:
-            margin: How far a box stays away from the point that ends it, as far as there is room,
+            margin: How far a box stays away from the point that ends it, as far as there is space,
                 shape (c,); it grows from search to search.
             worth: What the logarithm of each size counts.
             enough: Extents beyond which more counts nothing.

@@ -68,8 +68,8 @@ class SegmentMeasurement:
         samples: How many configurations the last attack drew; it found no collision.
         attacked: How many the attacks drew by which the set became what it is.
         collisions: How many collisions were found since the search began, all outside the set now.
-        least_room: The least distance beyond what is required that the last attack found [m]; None
-            if nothing came near.
+        least_clearance: The least distance beyond what is required that the last attack found [m];
+            None if nothing came near.
     """
 
     radius: float
@@ -78,7 +78,7 @@ class SegmentMeasurement:
     samples: int
     attacked: int
     collisions: int
-    least_room: float | None
+    least_clearance: float | None
 
     def as_dict(self) -> dict[str, Any]:
         """Return the fields as JSON values; sides of ranges without an end are null."""
@@ -93,7 +93,7 @@ class SegmentMeasurement:
             "samples": self.samples,
             "attacked": self.attacked,
             "collisions": self.collisions,
-            "least_room": self.least_room,
+            "least_room": self.least_clearance,
         }
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.measurement.configuration_set import ConfigurationSet
 from tubeplanner.measurement.largest_box import Box, BoxSearch
-from tubeplanner.measurement.link_room import LinkRoom
+from tubeplanner.measurement.pair_clearance import PairClearance
 from tubeplanner.measurement.set_attack import Attack, attack
 from tubeplanner.problem.problem import PlanningProblem
 
@@ -63,14 +63,14 @@ class Blocked:
     """Even the branch's own surroundings collide.
 
     Attributes:
-        q: A configuration without room, shape (n,).
+        q: A configuration in which links are too close, shape (n,).
         pair: The pair of shapes that is too close.
-        room: How much room it has [m], negative.
+        clearance: Its clearance [m], negative.
     """
 
     q: FloatArray
     pair: int
-    room: float
+    clearance: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +109,7 @@ class CollisionBoxes:
         branch: FloatArray,
         core: JointBounds,
         outer: JointBounds,
-        room: LinkRoom,
+        clearance: PairClearance,
     ) -> None:
         """Begin with no collision known.
 
@@ -119,10 +119,10 @@ class CollisionBoxes:
             branch: Configurations along it, shape (P, n).
             core: Of what the set must hold.
             outer: Of what it may hold.
-            room: Of the links.
+            clearance: Of the pairs of links.
         """
         self._problem, self._segment, self._branch = problem, segment, branch
-        self._room = room
+        self._pair_clearance = clearance
         lower, upper = self._outer_lower, self._outer_upper = outer
         self._lower, self._upper = core
         radius = float(problem.tube.effective_radius[segment])
@@ -169,7 +169,7 @@ class CollisionBoxes:
         inside = np.flatnonzero((self.beyond <= 0).all(axis=1))
         if len(inside) == 0:
             return None
-        depth, _ = self._room.of_pairs(self.q[inside], self.pair[inside])
+        depth, _ = self._pair_clearance.of_pairs(self.q[inside], self.pair[inside])
         worst = int(inside[depth.argmin()])
         return Blocked(self.q[worst], int(self.pair[worst]), float(depth.min()))
 
@@ -185,8 +185,8 @@ class CollisionBoxes:
         free, hit = np.zeros((len(q), 1)), np.ones((len(q), 1))
         for _ in range(_BISECTIONS):
             share = (free + hit) / 2
-            room, _ = self._room.of_pairs(begin + share * (q - begin), pair)
-            collides = (room < 0)[:, None]
+            clearance, _ = self._pair_clearance.of_pairs(begin + share * (q - begin), pair)
+            collides = (clearance < 0)[:, None]
             free, hit = np.where(collides, free, share), np.where(collides, share, hit)
         return begin + hit * (q - begin)
 
@@ -202,7 +202,7 @@ def range_core(
 
 def search_segment(
     boxes: CollisionBoxes,
-    room: LinkRoom,
+    clearance: PairClearance,
     samples: int,
     rng: np.random.Generator,
     wish: Wish | None = None,
@@ -212,7 +212,7 @@ def search_segment(
 
     Args:
         boxes: Around the branch; they learn the collisions that are found.
-        room: Of the links.
+        clearance: Of the pairs of links.
         samples: How many configurations the attack draws that must find nothing.
         rng: Random numbers.
         wish: What the set should be like; default: radii count, ranges a little.
@@ -221,12 +221,12 @@ def search_segment(
     wish = wish or Wish()
     search, budget = _box_search(boxes, wish, rng), samples // _FIRST_SHARE + 1
     if len(boxes.q) == 0:
-        found = attack(boxes.allowed(np.zeros_like(boxes.widest)), room, budget, rng)
+        found = attack(boxes.allowed(np.zeros_like(boxes.widest)), clearance, budget, rng)
         if not found.failed:
-            return _blocked(found, room)
+            return _blocked(found, clearance)
         q = boxes.allowed(boxes.widest).sample(_FIRST_SAMPLES, rng)
-        least = room.least(q, 0.0)
-        boxes.learn(q[least.room < 0], least.pair[least.room < 0])
+        least = clearance.least(q, 0.0)
+        boxes.learn(q[least.clearance < 0], least.pair[least.clearance < 0])
     total, within = 0, within or Box(boxes.widest, np.full(len(boxes.widest), -1))
     for number in range(_MOST_ROUNDS):
         blocked = boxes.blocked()
@@ -234,9 +234,11 @@ def search_segment(
             return blocked
         box = search.best(boxes.beyond, within)
         allowed = boxes.allowed(box.extent)
-        found = attack(allowed, room, budget, rng)
+        found = attack(allowed, clearance, budget, rng)
         while found.failed and found.tried < samples:
-            found = found.then(attack(allowed, room, min(found.tried, samples - found.tried), rng))
+            found = found.then(
+                attack(allowed, clearance, min(found.tried, samples - found.tried), rng)
+            )
             within = box
         total += found.samples
         if found.failed:
@@ -244,7 +246,7 @@ def search_segment(
         boxes.learn(found.q, found.pair)
         if number >= _FREE_ROUNDS:
             within = box
-    return _blocked(found, room)
+    return _blocked(found, clearance)
 
 
 def _box_search(boxes: CollisionBoxes, wish: Wish, rng: np.random.Generator) -> BoxSearch:
@@ -261,8 +263,8 @@ def _box_search(boxes: CollisionBoxes, wish: Wish, rng: np.random.Generator) -> 
     )
 
 
-def _blocked(found: Attack, room: LinkRoom) -> Blocked:
-    depth, _ = room.of_pairs(found.q, found.pair)
+def _blocked(found: Attack, clearance: PairClearance) -> Blocked:
+    depth, _ = clearance.of_pairs(found.q, found.pair)
     worst = int(depth.argmin())
     return Blocked(found.q[worst], int(found.pair[worst]), float(depth[worst]))
 

@@ -6,14 +6,14 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.measurement.configuration_set import ConfigurationSet
-from tubeplanner.measurement.link_room import LinkRoom
+from tubeplanner.measurement.pair_clearance import PairClearance
 
-# Samples with less room than this [m] are worth going downhill from.
+# Samples with less clearance than this [m] are worth going downhill from.
 _NEAR = 0.03
 _STARTS_PER_PAIR = 4
 _DESCENT_STEPS = 12
 _LARGEST_STEP = 0.15  # [rad or m] of all joints together
-_FLAT = 1e-6  # [m/rad or 1]: a room that changes less does not change
+_FLAT = 1e-6  # [m/rad or 1]: a clearance that changes less does not change
 _AIM = 2e-3  # [m] of overlap that a step of the descent goes for
 _FEWEST, _MOST = 1024, 4096  # samples at once
 _ENOUGH = 48  # collisions that end an attack
@@ -24,16 +24,17 @@ class Attack:
     """What an attack on a set found.
 
     Attributes:
-        q: Configurations without enough room, shape (C, n); none of them: the attack failed.
+        q: Configurations in which links are too close, shape (C, n); none of them: the attack
+            failed.
         pair: The pair of shapes that is too close in each, shape (C,).
-        least_room: The least room that was seen [m]; infinite if no pair came near.
+        least_clearance: The least clearance that was seen [m]; infinite if no pair came near.
         samples: How many configurations were looked at.
         tried: How many were drawn; not all of them get to where they should be.
     """
 
     q: FloatArray
     pair: IntArray
-    least_room: float
+    least_clearance: float
     samples: int
     tried: int
 
@@ -47,22 +48,22 @@ class Attack:
         return Attack(
             np.concatenate([self.q, later.q]),
             np.concatenate([self.pair, later.pair]),
-            min(self.least_room, later.least_room),
+            min(self.least_clearance, later.least_clearance),
             self.samples + later.samples,
             self.tried + later.tried,
         )
 
 
 def attack(
-    allowed: ConfigurationSet, room: LinkRoom, samples: int, rng: np.random.Generator
+    allowed: ConfigurationSet, clearance: PairClearance, samples: int, rng: np.random.Generator
 ) -> Attack:
-    """Look for configurations of a set in which links have no room.
+    """Look for configurations of a set in which links are too close.
 
     It goes on, with more samples at a time, until some are found or the budget is spent.
 
     Args:
         allowed: The set.
-        room: Of the links.
+        clearance: Of the pairs of links.
         samples: How many configurations to draw.
         rng: Random numbers.
     """
@@ -72,34 +73,34 @@ def attack(
         count = min(count, samples - tried)
         tried += count
         q = allowed.sample(count, rng)
-        found = room.least(q, _NEAR)
+        found = clearance.least(q, _NEAR)
         drawn += len(q)
-        hits.append((q[found.room < 0], found.pair[found.room < 0]))
-        starts = _starts(found.room, found.pair)
-        q, pair, lowest = _descended(allowed, room, q[starts], found.pair[starts])
+        hits.append((q[found.clearance < 0], found.pair[found.clearance < 0]))
+        starts = _starts(found.clearance, found.pair)
+        q, pair, lowest = _descended(allowed, clearance, q[starts], found.pair[starts])
         hits.append((q[lowest < 0], pair[lowest < 0]))
-        least = min(least, found.room.min(initial=np.inf), lowest.min(initial=np.inf))
+        least = min(least, found.clearance.min(initial=np.inf), lowest.min(initial=np.inf))
         count = min(2 * count, _MOST)
     q_hit, pair_hit = (np.concatenate(parts) for parts in zip(*hits, strict=True))
     return Attack(q_hit, pair_hit, float(least), drawn, tried)
 
 
-def _starts(room: FloatArray, pair: IntArray) -> IntArray:
-    """Return the samples from which to go downhill: for every pair, those with the least room."""
-    order = np.argsort(room)
-    order = order[(room[order] >= 0) & np.isfinite(room[order])]
+def _starts(clearance: FloatArray, pair: IntArray) -> IntArray:
+    """Return the samples from which to descend: for every pair, those with the least clearance."""
+    order = np.argsort(clearance)
+    order = order[(clearance[order] >= 0) & np.isfinite(clearance[order])]
     chosen = [order[pair[order] == k][:_STARTS_PER_PAIR] for k in np.unique(pair[order])]
     return np.concatenate([np.zeros(0, dtype=np.int64), *chosen])
 
 
 def _descended(
-    allowed: ConfigurationSet, room: LinkRoom, q: FloatArray, pair: IntArray
+    allowed: ConfigurationSet, clearance: PairClearance, q: FloatArray, pair: IntArray
 ) -> tuple[FloatArray, IntArray, FloatArray]:
-    """Return where the room of pairs (N,) is least near configurations (N, n), and that room."""
+    """Find where the clearance of pairs (N,) is least near configurations (N, n), and its value."""
     best, lowest = q.copy(), np.full(len(q), np.inf)
     slope, reach = np.zeros_like(q), np.full(len(q), _LARGEST_STEP)
     for _ in range(_DESCENT_STEPS if len(q) else 0):
-        found, found_slope = room.of_pairs(q, pair)
+        found, found_slope = clearance.of_pairs(q, pair)
         better = allowed.contains(q) & (found < lowest)
         best[better], lowest[better] = q[better], found[better]
         slope[better] = found_slope[better]

@@ -15,8 +15,8 @@ from tubeplanner.branches.reference_branch import SpareJoints, reference_branch
 from tubeplanner.errors import ProblemError
 from tubeplanner.measurement.configuration_set import ConfigurationSet
 from tubeplanner.measurement.folding_joints import folding_joints
-from tubeplanner.measurement.link_room import LinkRoom
 from tubeplanner.measurement.measured_tube import MeasureOptions
+from tubeplanner.measurement.pair_clearance import PairClearance
 from tubeplanner.measurement.tube_measurement import Surroundings
 from tubeplanner.outcome import Infeasible, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem, Seed
@@ -167,7 +167,7 @@ def _posed(
         return
     lower, upper = _one_turn(alone.joint_lower[0], alone.joint_upper[0])
     q = ConfigurationSet(alone, 0, lower, upper, _NEAR_LINE).sample(_SAMPLES, rng)
-    free = LinkRoom(alone, 0.0).least(q, 0.0).room > 0
+    free = PairClearance(alone, 0.0).least(q, 0.0).clearance > 0
     order = np.argsort(~free, kind="stable")  # the free ones first
     for seed in q[order[:_SEEDS]]:
         yield problem.along(alone.tube, Seed(seed))

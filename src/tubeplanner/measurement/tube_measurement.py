@@ -12,13 +12,13 @@ from tubeplanner.branches.reference_branch import ReferenceBranch, spare_joint_r
 from tubeplanner.branches.segment_walk import as_position
 from tubeplanner.errors import OptionError
 from tubeplanner.measurement.folding_joints import is_determined, sign_bounds
-from tubeplanner.measurement.link_room import LinkRoom
 from tubeplanner.measurement.measured_tube import (
     Binding,
     MeasureOptions,
     SegmentMeasurement,
     TubeMeasurement,
 )
+from tubeplanner.measurement.pair_clearance import PairClearance
 from tubeplanner.measurement.segment_measurement import (
     WANTED_RANGE,
     Blocked,
@@ -36,9 +36,9 @@ from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, Progress, ProgressCallback
 from tubeplanner.tube.tube import JointRange, Tube
 
-# Room asked for beside the clearance [m], for what later attacks may find beyond what was found
-# here: the second where the first leaves nothing around the branch.
-EXTRA_ROOMS = (1e-3, 1e-4)
+# Distance asked for beside the clearance [m], for what later attacks may find beyond what was
+# found here: the second where the first leaves nothing around the branch.
+EXTRA_CLEARANCES = (1e-3, 1e-4)
 _ROUNDING = 1e-9
 # How far a motion may leave the sets found so far, to say what it needs: [m], and [rad or m].
 _WIDENINGS = ((0.0, np.inf), (0.03, 0.3))
@@ -111,7 +111,7 @@ def _tube(tube: Tube, radii: Sequence[float], ranges: Sequence[Mapping[str, Join
 def _segments_of_some_branch(
     problem: PlanningProblem, options: MeasureOptions, clock: PlanningClock
 ) -> tuple[SegmentMeasurement, ...]:
-    """Return what was measured around the first branch that has room around it.
+    """Return what was measured around the first branch that has free space around it.
 
     Raises:
         Infeasible: None has; the reason is that of the first one.
@@ -123,7 +123,7 @@ def _segments_of_some_branch(
         except Infeasible as reason:
             first = first or reason
             continue
-        for extra in EXTRA_ROOMS:
+        for extra in EXTRA_CLEARANCES:
             try:
                 return _segments(Surroundings(problem, branch, options, extra), clock)
             except Infeasible as reason:
@@ -175,7 +175,7 @@ class Surroundings:
         problem: PlanningProblem,
         branch: ReferenceBranch,
         options: MeasureOptions,
-        extra: float = EXTRA_ROOMS[0],
+        extra: float = EXTRA_CLEARANCES[0],
     ) -> None:
         """Look along the branch.
 
@@ -183,7 +183,7 @@ class Surroundings:
             problem: What is asked; its radii are the largest wanted.
             branch: Along the centre line.
             options: How to measure.
-            extra: Room asked for beside the clearance, unless the branch has less [m].
+            extra: LeastClearance asked for beside the clearance, unless the branch has less [m].
 
         Raises:
             Infeasible: Status tube_blocked: the branch itself collides.
@@ -192,9 +192,11 @@ class Surroundings:
         self._rough = options.samples // _ROUGH_SHARE + 1
         self._branch = [_dense(q) for q in branch.segments]
         self.count = len(self._branch)
-        room = LinkRoom(problem, 0.0)
-        least = min(_require_room(problem, room, k, q) for k, q in enumerate(self._branch))
-        self._room = LinkRoom(problem, min(extra, least / 2))
+        clearance = PairClearance(problem, 0.0)
+        least = min(
+            _require_clearance(problem, clearance, k, q) for k, q in enumerate(self._branch)
+        )
+        self._pair_clearance = PairClearance(problem, min(extra, least / 2))
         self._rngs = [np.random.default_rng([options.seed, k]) for k in range(self.count)]
         self._boxes: dict[int, CollisionBoxes] = {}
 
@@ -216,8 +218,8 @@ class Surroundings:
             signs = sign_bounds(problem, k, branch)
             tried.insert(0, (signs, signs))
         for core, outer in tried:
-            self._boxes[k] = CollisionBoxes(problem, k, branch, core, outer, self._room)
-            found = search_segment(self._boxes[k], self._room, self._rough, self._rngs[k])
+            self._boxes[k] = CollisionBoxes(problem, k, branch, core, outer, self._pair_clearance)
+            found = search_segment(self._boxes[k], self._pair_clearance, self._rough, self._rngs[k])
             if isinstance(found, SegmentSearch):
                 return found
         return self._unless_blocked(k, found)
@@ -246,7 +248,9 @@ class Surroundings:
         Raises:
             Infeasible: Status tube_blocked: attacks come to no end.
         """
-        found = search_segment(self._boxes[k], self._room, self._rough, self._rngs[k], wish)
+        found = search_segment(
+            self._boxes[k], self._pair_clearance, self._rough, self._rngs[k], wish
+        )
         return self._unless_blocked(k, found)
 
     def duration(self, found: list[SegmentSearch]) -> float:
@@ -273,30 +277,30 @@ class Surroundings:
         Raises:
             Infeasible: Status tube_blocked: attacks come to no end.
         """
-        boxes, room, rng = self._boxes[k], self._room, self._rngs[k]
-        last = search_segment(boxes, room, self._samples, rng, found.wish, found.box)
+        boxes, clearance, rng = self._boxes[k], self._pair_clearance, self._rngs[k]
+        last = search_segment(boxes, clearance, self._samples, rng, found.wish, found.box)
         return self._unless_blocked(k, last)
 
     def described(self, k: int, found: SegmentSearch) -> SegmentMeasurement:
         """Return what a search found, in the terms of a tube."""
-        least = found.last.least_room
+        least = found.last.least_clearance
         return SegmentMeasurement(
             radius=found.allowed.radius + self._problem.tube.tool_radius,
             joint_ranges=_ranges(self._problem, found.allowed.lower, found.allowed.upper),
-            bindings=_bindings(self._problem, k, found, self._room),
+            bindings=_bindings(self._problem, k, found, self._pair_clearance),
             samples=found.last.samples,
             attacked=found.samples,
             collisions=len(found.q),
-            least_room=least if np.isfinite(least) else None,
+            least_clearance=least if np.isfinite(least) else None,
         )
 
     def _unless_blocked(self, k: int, found: SegmentSearch | Blocked) -> SegmentSearch:
         if isinstance(found, SegmentSearch):
             return found
-        place = _place(self._problem, k, found.q, self._room.pairs[found.pair])
+        place = _place(self._problem, k, found.q, self._pair_clearance.pairs[found.pair])
         message = (
-            f"there is no room around the branch in segment {k}: within its own joint ranges "
-            f"{place}, {-1000 * found.room:.1f} mm too close; split the segment by another "
+            f"there is no free space around the branch in segment {k}: within its own joint ranges "
+            f"{place}, {-1000 * found.clearance:.1f} mm too close; split the segment by another "
             "reference point, or move it"
         )
         raise Infeasible(PlanStatus.TUBE_BLOCKED, message, place)
@@ -312,17 +316,19 @@ def _dense(q: FloatArray) -> FloatArray:
     return np.concatenate(parts)
 
 
-def _require_room(problem: PlanningProblem, room: LinkRoom, k: int, q: FloatArray) -> float:
-    """Return the least room along a branch's segment, at most what is asked for anyway [m].
+def _require_clearance(
+    problem: PlanningProblem, clearance: PairClearance, k: int, q: FloatArray
+) -> float:
+    """Return the least clearance along a branch's segment, at most what is asked for anyway [m].
 
     Raises:
         Infeasible: Status tube_blocked: there is none.
     """
-    found = room.least(q, 2 * EXTRA_ROOMS[0])
-    worst = int(found.room.argmin())
-    least = min(float(found.room[worst]), 2 * EXTRA_ROOMS[0])
+    found = clearance.least(q, 2 * EXTRA_CLEARANCES[0])
+    worst = int(found.clearance.argmin())
+    least = min(float(found.clearance[worst]), 2 * EXTRA_CLEARANCES[0])
     if least <= 0:
-        place = _place(problem, k, q[worst], room.pairs[found.pair[worst]])
+        place = _place(problem, k, q[worst], clearance.pairs[found.pair[worst]])
         message = (
             f"the arm collides on the centre line of segment {k}: {place}, {-1000 * least:.1f} mm "
             "too close; move the reference points or choose another configuration"
@@ -352,14 +358,14 @@ def _ranges(
 
 
 def _bindings(
-    problem: PlanningProblem, k: int, found: SegmentSearch, room: LinkRoom
+    problem: PlanningProblem, k: int, found: SegmentSearch, clearance: PairClearance
 ) -> tuple[Binding, ...]:
     names = problem.robot.joint_names
     bounds = [("radius", None), *(("lower", n) for n in names), *(("upper", n) for n in names)]
     return tuple(
         Binding(
             bound,
-            _place(problem, k, found.q[blocker], room.pairs[found.pair[blocker]], joint),
+            _place(problem, k, found.q[blocker], clearance.pairs[found.pair[blocker]], joint),
             found.q[blocker],
         )
         for (bound, joint), blocker in zip(bounds, found.box.blocker, strict=True)

@@ -14,8 +14,8 @@ from tubeplanner.refinement.linear_rows import (
     Rows,
     StepSize,
     stacked,
-    two_sided_room,
     two_sided_rows,
+    two_sided_slack,
 )
 from tubeplanner.refinement.phase_spline import PhasedMotion, Places
 from tubeplanner.refinement.sampled_motion import SampledMotion, sampled
@@ -124,8 +124,8 @@ class EvaluatedLimits:
             count += 2 * used.size
         return stacked(parts)
 
-    def room(self, duration: float, squared_duration: float) -> FloatArray:
-        """Return the room of all rows that `rows` numbers, here, for rows made elsewhere.
+    def slack(self, duration: float, squared_duration: float) -> FloatArray:
+        """Return the slack of all rows that `rows` numbers, here, for rows made elsewhere.
 
         Args:
             duration: The duration that those were made for [s].
@@ -133,7 +133,7 @@ class EvaluatedLimits:
         """
         return np.concatenate(
             [
-                two_sided_room(*self._used(kind, joints, duration), squared_duration)
+                two_sided_slack(*self._used(kind, joints, duration), squared_duration)
                 for kind, (joints, _) in self.asked.items()
             ]
         )

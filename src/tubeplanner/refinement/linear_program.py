@@ -97,7 +97,7 @@ class StepProgram:
         self._upper = np.concatenate(
             [bounds.upper.ravel(), bounds.gate, [bounds.duration[1], _ELASTIC_BOUND]]
         )
-        self._room, self._tolerance = rows.room, tolerance
+        self._slack, self._tolerance = rows.slack, tolerance
         self._held = self._equalities(bounds)
         self._solver: piqp.SparseSolver | None = None
 
@@ -115,8 +115,8 @@ class StepProgram:
                 self._held,
                 None if self._held is None else np.zeros(self._held.shape[0]),
                 self._matrix,
-                np.full(len(self._room), -np.inf),
-                self._room,
+                np.full(len(self._slack), -np.inf),
+                self._slack,
                 self._lower,
                 self._upper,
             )
@@ -126,11 +126,11 @@ class StepProgram:
                 return step
         return None
 
-    def solve_again(self, room: FloatArray) -> Step | None:
-        """Return the step with other room for the rows, once there was a solution."""
+    def solve_again(self, slack: FloatArray) -> Step | None:
+        """Return the step with other slack for the rows, once there was a solution."""
         if self._solver is None:
             return None
-        self._solver.update(h_u=room)
+        self._solver.update(h_u=slack)
         return self._solution(self._solver)
 
     def _equalities(self, bounds: Bounds) -> sparse.csc_matrix | None:

@@ -2,7 +2,7 @@
 
 What may change are the control points C of a motion, its inner gates g, and its squared duration
 y = T^2, by the relative step eta = dy / y. A row says: control . dC + gate . dg + duration eta <=
-room.
+slack.
 """
 
 from dataclasses import dataclass, replace
@@ -11,7 +11,7 @@ import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 
-# Rows with less room than this are kept, however short the step.
+# Rows with less slack than this are kept, however short the step.
 _CLOSE = 0.3
 NO_LIMIT = -1
 # Steps aim this far inside tube and clearances, a share of a radius; the merit lets go of most of
@@ -37,7 +37,7 @@ class Rows:
         control: Shape (R, 4, n).
         gate: Shape (R, gates).
         duration: Shape (R,).
-        room: Shape (R,).
+        slack: Shape (R,).
         limit: Number of the limit that the row stands for; -1 for none, shape (R,).
         index: Number of the row among all that its conditions have, shape (R,).
     """
@@ -46,12 +46,12 @@ class Rows:
     control: FloatArray
     gate: FloatArray
     duration: FloatArray
-    room: FloatArray
+    slack: FloatArray
     limit: IntArray
     index: IntArray
 
     def __len__(self) -> int:
-        return len(self.room)
+        return len(self.slack)
 
     def where(self, keep: BoolArray | IntArray) -> "Rows":
         """Return some of the rows."""
@@ -82,7 +82,7 @@ def two_sided_rows(
 ) -> Rows:
     """Return the rows of I quantities at N samples that must stay within -1 and 1.
 
-    They are numbered by side, sample and quantity, as in `two_sided_room`.
+    They are numbered by side, sample and quantity, as in `two_sided_slack`.
 
     Args:
         first: The first control point that counts at each sample, shape (N,).
@@ -99,8 +99,8 @@ def two_sided_rows(
         reach = np.maximum(_CLOSE, _reach(control, gate, size))
     parts = []
     for side, sign in enumerate((1.0, -1.0)):
-        room = 1 - sign * used
-        sample, quantity = np.nonzero(room < reach)
+        slack = 1 - sign * used
+        sample, quantity = np.nonzero(slack < reach)
         at = (sample, quantity)
         parts.append(
             Rows(
@@ -108,7 +108,7 @@ def two_sided_rows(
                 sign * control[at],
                 sign * gate[at],
                 sign * with_side[at] - on_both,
-                room[at],
+                slack[at],
                 limit[quantity],
                 side * used.size + sample * used.shape[1] + quantity,
             )
@@ -119,7 +119,7 @@ def two_sided_rows(
 def plane_rows(
     first: IntArray,
     change: tuple[FloatArray, FloatArray],
-    room: FloatArray,
+    slack: FloatArray,
     limit: IntArray,
     size: StepSize | None,
 ) -> Rows:
@@ -128,28 +128,28 @@ def plane_rows(
     Args:
         first: The first control point that counts at each sample, shape (N,).
         change: What the planes' use changes by, with control points, (N, P, 4, n), and gates.
-        room: How far inside the planes each sample is, shape (N, P); inf where there is none.
+        slack: How far inside the planes each sample is, shape (N, P); inf where there is none.
         limit: Number of each sample's limit, shape (N,).
         size: Rows that no step of this size can break are left out; None: none.
     """
     control, gate = change
     reach = np.inf if size is None else _reach(control, gate, size)
-    sample, plane = np.nonzero(np.isfinite(room) & (room < reach))
+    sample, plane = np.nonzero(np.isfinite(slack) & (slack < reach))
     return Rows(
         first[sample],
         control[sample, plane],
         gate[sample, plane],
         np.zeros(len(sample)),
-        room[sample, plane],
+        slack[sample, plane],
         limit[sample],
-        sample * room.shape[1] + plane,
+        sample * slack.shape[1] + plane,
     )
 
 
-def two_sided_room(
+def two_sided_slack(
     used: FloatArray, duration: tuple[FloatArray, float], squared_duration: float
 ) -> FloatArray:
-    """Return the room of quantities (N, I) at another motion, by side, sample and quantity.
+    """Return the slack of quantities (N, I) at another motion, by side, sample and quantity.
 
     Args:
         used: The quantities as they would be in the old duration, shape (N, I).

@@ -54,7 +54,7 @@ class LinkConditions:
         pairs = self._pairs[self._pair]
         closest = self._checker.closest_points(rotation, position, pairs)
         aim, required = self._aim[self._pair], self._required[self._pair]
-        # Where there is less room to aim at, there is less that may be let go of.
+        # Where there is less distance to aim at, there is less that may be let go of.
         strict = MERIT_TOLERANCE * (1 - (aim - required) / _INNER_MARGIN)
         return EvaluatedLinks(self._problem, at, pairs, aim, strict, rotation, position, closest)
 
@@ -71,13 +71,13 @@ class LinkConditions:
             return False
         samples = motion.shape.samples(np.arange(_PER_INTERVAL) / _PER_INTERVAL)
         distance = self._distances(sampled(motion, samples).position)
-        room = distance - self._required
-        before = np.vstack([np.full((1, len(self._pairs)), np.inf), room[:-1]])
-        after = np.vstack([room[1:], np.full((1, len(self._pairs)), np.inf)])
-        lowest = (room < _WATCHED) & (room <= before) & (room < after)
+        clearance = distance - self._required
+        before = np.vstack([np.full((1, len(self._pairs)), np.inf), clearance[:-1]])
+        after = np.vstack([clearance[1:], np.full((1, len(self._pairs)), np.inf)])
+        lowest = (clearance < _WATCHED) & (clearance <= before) & (clearance < after)
         sample, pair = np.nonzero(lowest)
         at = samples.where(sample)
-        return self._watch(motion, at, pair, room[sample, pair], _SAME_SHARE)
+        return self._watch(motion, at, pair, clearance[sample, pair], _SAME_SHARE)
 
     def look_at(self, motion: PhasedMotion, samples: Samples) -> None:
         """Watch the pairs that come close at samples."""
@@ -91,7 +91,7 @@ class LinkConditions:
         motion: PhasedMotion,
         samples: Samples,
         pair: IntArray,
-        room: FloatArray,
+        clearance: FloatArray,
         same_share: float,
     ) -> bool:
         """Watch pairs at samples that are not watched yet; return whether one is too close."""
@@ -105,7 +105,7 @@ class LinkConditions:
         self._set_aims(motion, np.unique(pair[fresh]))
         self._samples = self._samples.and_also(samples.where(fresh))
         self._pair = np.concatenate([self._pair, pair[fresh]])
-        too_close = room[fresh] < self._aim[pair[fresh]] - self._required[pair[fresh]]
+        too_close = clearance[fresh] < self._aim[pair[fresh]] - self._required[pair[fresh]]
         return bool(too_close.any())
 
     def _set_aims(self, motion: PhasedMotion, pairs: IntArray) -> None:
@@ -201,13 +201,13 @@ class EvaluatedLinks:
     @cached_property
     def excess(self) -> FloatArray:
         """By how much pairs are closer than they may be, in units of 5 cm, shape (E,)."""
-        return self.strict - self.room
+        return self.strict - self.slack
 
     @property
-    def room(self) -> FloatArray:
+    def slack(self) -> FloatArray:
         """By how much pairs are farther apart than is aimed at, in units of 5 cm, shape (E,)."""
-        room: FloatArray = (self.closest.distance - self.aim) / _UNIT
-        return room
+        slack: FloatArray = (self.closest.distance - self.aim) / _UNIT
+        return slack
 
     def rows(self, size: StepSize | None) -> Rows:
         """Return rows that keep the pairs apart.
@@ -228,8 +228,8 @@ class EvaluatedLinks:
             control[:, 0],
             gate[:, 0],
             np.zeros(count),
-            self.room,
+            self.slack,
             np.full(count, NO_LIMIT),
             np.arange(count),
         )
-        return rows if size is None else rows.where(rows.room < rows.reach(size))
+        return rows if size is None else rows.where(rows.slack < rows.reach(size))

@@ -116,19 +116,19 @@ class MotionConditions:
         rows = stacked([rows.numbered_from(int(n)) for rows, n in zip(parts, firsts, strict=True)])
         return rows, np.repeat([0.0, 1.0], [hard, len(rows) - hard])
 
-    def room(self, current: Iterate, trial: Iterate, squared_duration: float) -> FloatArray:
-        """Return the room that a trial has, by the numbers of the rows at a motion.
+    def slack(self, current: Iterate, trial: Iterate, squared_duration: float) -> FloatArray:
+        """Return the slack that a trial has, by the numbers of the rows at a motion.
 
         Args:
             current: The motion whose rows are meant.
             trial: Where they are looked at.
             squared_duration: The trial's, as a multiple of the motion's.
         """
-        rooms = [limits.room(current.duration, squared_duration) for limits in trial.limits]
-        rooms.append(current.tube.room(trial.tube))
+        slacks = [limits.slack(current.duration, squared_duration) for limits in trial.limits]
+        slacks.append(current.tube.slack(trial.tube))
         if current.rotation is not None and trial.rotation is not None:
-            rooms.append(current.rotation.room(trial.rotation))
-        return np.concatenate([*rooms, trial.links.room])
+            slacks.append(current.rotation.slack(trial.rotation))
+        return np.concatenate([*slacks, trial.links.slack])
 
     def look_for_links(self, motion: PhasedMotion) -> bool:
         """Watch links where they come close; return whether some are too close and were not."""

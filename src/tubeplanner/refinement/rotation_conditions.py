@@ -50,24 +50,24 @@ class EvaluatedRotation:
         Args:
             size: Of the step; rows that it cannot break are left out. None: all rows.
         """
-        room = self.room(self).reshape(len(self.samples.phase), -1)
+        slack = self.slack(self).reshape(len(self.samples.phase), -1)
         rotation, tool, jacobian = self.robot.tool_pose_jacobian(self.at.position)
         _, by_joint = self.tube.error_jacobian(rotation, tool, jacobian, self.samples.phase)
         by_plane = np.matmul(self._normals, by_joint) / self._bounds[:, :, None]
-        room = np.where(np.isfinite(self._bounds), room, np.inf)
+        slack = np.where(np.isfinite(self._bounds), slack, np.inf)
         limit = self.first_limit + self.samples.phase
-        return plane_rows(self.at.first, self.at.chained(by_plane[None]), room, limit, size)
+        return plane_rows(self.at.first, self.at.chained(by_plane[None]), slack, limit, size)
 
     @property
     def row_count(self) -> int:
         """How many rows there are."""
         return int(self._bounds.size)
 
-    def room(self, there: "EvaluatedRotation") -> FloatArray:
-        """Return the room of all rows that `rows` numbers, for the same samples elsewhere."""
+    def slack(self, there: "EvaluatedRotation") -> FloatArray:
+        """Return the slack of all rows that `rows` numbers, for the same samples elsewhere."""
         used = np.einsum("npi,ni->np", self._normals, there._error) / self._bounds
-        room: FloatArray = 1 - self.margin - used
-        return room.ravel()
+        slack: FloatArray = 1 - self.margin - used
+        return slack.ravel()
 
     @cached_property
     def _error(self) -> FloatArray:

@@ -133,7 +133,7 @@ class SequentialProgram:
             ("radius", segment) and ("rotation", segment). None of them is positive.
         """
         rows, is_elastic = self.conditions.rows(current, None)
-        near = np.flatnonzero(rows.room < _NEAR)
+        near = np.flatnonzero(rows.slack < _NEAR)
         step = StepProgram(
             rows.where(near),
             is_elastic[near],
@@ -178,8 +178,8 @@ class SequentialProgram:
 
         (Second-order correction: Nocedal & Wright, "Numerical Optimization", 2006, section 18.3.)
         """
-        room = self.conditions.room(current, trial, 1 + step.duration)
-        other = linear.solve_again(step, room)
+        slack = self.conditions.slack(current, trial, 1 + step.duration)
+        other = linear.solve_again(step, slack)
         if other is None:
             return trial, gain
         second = self._moved(current, other)
@@ -192,7 +192,7 @@ class SequentialProgram:
         bounds = self._bounds(current, trust)
         size = StepSize(trust, float(bounds.gate.max(initial=0.0)))
         rows, is_elastic = self.conditions.rows(current, size)
-        active = (rows.room < _NEAR) | (rows.room < _NEAR_SHARE * rows.reach(size))
+        active = (rows.slack < _NEAR) | (rows.slack < _NEAR_SHARE * rows.reach(size))
         return _Linearised(
             rows,
             is_elastic,
@@ -281,33 +281,33 @@ class _Linearised:
             step = self._program.solve()
             if step is None:
                 return None
-            broken = self._room_after(step) < -_BROKEN
+            broken = self._slack_after(step) < -_BROKEN
             if not (broken & ~self._active).any():
                 break
             self._active |= broken
         return step
 
-    def solve_again(self, step: Step, room: FloatArray) -> Step | None:
+    def solve_again(self, step: Step, slack: FloatArray) -> Step | None:
         """Return the step of rows that are corrected by what they turned out to be after one.
 
         Args:
             step: The one after which they were looked at.
-            room: What they had there, by their numbers.
+            slack: What they had there, by their numbers.
         """
         rows = self._rows
-        correction = room[rows.index] - (self._room_after(step) - self._is_elastic * step.elastic)
-        corrected = (rows.room + correction)[self._given]
+        correction = slack[rows.index] - (self._slack_after(step) - self._is_elastic * step.elastic)
+        corrected = (rows.slack + correction)[self._given]
         return None if self._program is None else self._program.solve_again(corrected)
 
-    def _room_after(self, step: Step) -> FloatArray:
-        """Return the room that a step leaves to all rows, to first order."""
+    def _slack_after(self, step: Step) -> FloatArray:
+        """Return the slack that a step leaves to all rows, to first order."""
         rows = self._rows
         change = self._variables.change(step.control)
         taken = change[rows.first[:, None] + np.arange(DEGREE + 1)]
         used = np.einsum("rkj,rkj->r", rows.control, taken)
         used += rows.gate @ step.gate + rows.duration * step.duration
-        room: FloatArray = rows.room - used + self._is_elastic * step.elastic
-        return room
+        slack: FloatArray = rows.slack - used + self._is_elastic * step.elastic
+        return slack
 
 
 def _beyond(excess: float) -> float:

@@ -51,22 +51,22 @@ class EvaluatedTube:
         Args:
             size: Of the step; rows that it cannot break are left out. None: all rows.
         """
-        room = self._room_behind_planes(self)
+        slack = self._slack_behind_planes(self)
         linear = self.problem.robot.tool_jacobian(self.at.position)[1][:, :3]
         by_joint = np.matmul(self._normals, linear) / self._radius[:, None, None]
         limit = self.first_limit + self.samples.phase
-        return plane_rows(self.at.first, self.at.chained(by_joint[None]), room, limit, size)
+        return plane_rows(self.at.first, self.at.chained(by_joint[None]), slack, limit, size)
 
     @property
     def row_count(self) -> int:
         """How many rows there are."""
         return len(self.at.position) * _PLANES
 
-    def room(self, there: "EvaluatedTube") -> FloatArray:
-        """Return the room of all rows that `rows` numbers, for the same samples elsewhere."""
-        return self._room_behind_planes(there).ravel()
+    def slack(self, there: "EvaluatedTube") -> FloatArray:
+        """Return the slack of all rows that `rows` numbers, for the same samples elsewhere."""
+        return self._slack_behind_planes(there).ravel()
 
-    def _room_behind_planes(self, there: "EvaluatedTube") -> FloatArray:
+    def _slack_behind_planes(self, there: "EvaluatedTube") -> FloatArray:
         """Return how far the tool elsewhere is behind the planes of here, in radii, (N, P)."""
         begin, end = self._axis_ends
         support = np.maximum(

@@ -1,4 +1,4 @@
-"""Which configurations have room: links clear of obstacles and of each other, by a margin."""
+"""Which configurations are free: links clear of obstacles and of each other, by a margin."""
 
 import numpy as np
 
@@ -6,21 +6,22 @@ from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.outcome import Place
 from tubeplanner.problem.problem import PlanningProblem
 
-# Where an end of the motion has less room than the margin, this share of it is kept everywhere.
+# Where an end of the motion has less clearance than the margin, this share of it is kept
+# everywhere.
 _SHARE_AT_ENDS = 0.9
 
 
 class FreeSpace:
-    """The configurations in which links have more room than a problem asks for."""
+    """The configurations in which links are farther apart than a problem asks for."""
 
     def __init__(self, problem: PlanningProblem, margin: float, ends: FloatArray) -> None:
         """Take the pairs of a problem.
 
         Args:
             problem: Its arm, obstacles and clearance count; its tube does not.
-            margin: Room asked for beyond the clearance [m].
+            margin: Distance asked for beyond the clearance [m].
             ends: Configurations (E, n) of which at least one is asked for: pairs of shapes that
-                have less room there need not have more elsewhere.
+                are nearer there need not be farther apart elsewhere.
         """
         checker = problem.collision
         self._robot, self._checker = problem.robot, checker
@@ -29,7 +30,7 @@ class FreeSpace:
         self._asked = np.repeat([problem.clearance, 0.0], counts)
         self._margin = np.zeros(len(self._pairs))
         if margin > 0:
-            least = np.min([self._rooms(q) for q in ends], axis=0, initial=margin)
+            least = np.min([self._clearances(q) for q in ends], axis=0, initial=margin)
             self._margin = np.clip(_SHARE_AT_ENDS * least, 0.0, margin)
 
     def is_free(self, q: FloatArray) -> bool:
@@ -37,7 +38,7 @@ class FreeSpace:
         return self.lacking(q) is None
 
     def lacking(self, q: FloatArray) -> Place | None:
-        """Return links that lack room at a configuration (n,), and where the tool is; or None."""
+        """Return links too close at a configuration (n,), and where the tool is; or None."""
         rotation, position = self._robot.body_poses(q[None])
         wanted = self._asked + self._margin
         quick = self._checker.sphere_distances(rotation, position, self._pairs)[0] - wanted
@@ -48,11 +49,11 @@ class FreeSpace:
                 return self._place(q, self._pairs[k])
         return None
 
-    def room(self, q: FloatArray) -> float:
+    def clearance(self, q: FloatArray) -> float:
         """Return the least distance beyond the clearance at a configuration (n,) [m]."""
-        return float(self._rooms(q).min(initial=np.inf))
+        return float(self._clearances(q).min(initial=np.inf))
 
-    def _rooms(self, q: FloatArray) -> FloatArray:
+    def _clearances(self, q: FloatArray) -> FloatArray:
         rotation, position = self._robot.body_poses(q[None])
         return self._checker.distances(rotation[0], position[0], self._pairs) - self._asked
 

@@ -15,7 +15,7 @@ from tubeplanner.tube_sources.free_space import FreeSpace
 _STEP = 0.05  # [rad or m] between configurations that are looked at along an edge
 # How far beyond start and goals joints may go that have no nearer limit [rad or m].
 _BEYOND = np.pi
-_LEAST_SPAN = 1e-6  # [rad or m]: OMPL wants room between bounds
+_LEAST_SPAN = 1e-6  # [rad or m]: OMPL wants bounds that differ
 _SHORTENINGS = 5
 
 

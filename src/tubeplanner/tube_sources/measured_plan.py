@@ -1,6 +1,6 @@
 """The end of both ways to a tube: its radii and ranges are measured, and it is planned.
 
-Measuring goes by the planner's own branch along the reference points. Where that has no room,
+Measuring goes by the planner's own branch along the reference points. Where that is too narrow,
 though the route has, the segment gets another reference point.
 """
 
@@ -60,7 +60,7 @@ def measured_plan(
         enter: Called with every stage as it begins.
 
     Raises:
-        Infeasible: The tube has no room, or there is no certified motion in it.
+        Infeasible: The tube is too narrow, or there is no certified motion in it.
     """
     for _ in range(_MOST_PARTINGS):
         try:

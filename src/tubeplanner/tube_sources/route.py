@@ -29,7 +29,7 @@ from tubeplanner.verification.refusal import require_free
 _RADIUS_TO_COMPARE = 0.05
 _MOST_COMPARED = 4
 # A measured tube whose motion takes longer than this, times the fastest one compared, has been
-# squeezed by an obstacle: the next route may have more room.
+# squeezed by an obstacle: the next route may be wider.
 _ENOUGH = 1.3
 _MOST_MEASURED = 2
 

@@ -16,7 +16,7 @@ from tubeplanner.tube_sources.free_space import FreeSpace
 from tubeplanner.tube_sources.joint_route import RouteSearch
 from tubeplanner.tube_sources.tool_corners import ToolCorners, tool_corners
 
-# Room kept from obstacles beyond the clearance [m]: wide tubes are fast, narrow ways are short.
+# Distance kept from obstacles beyond the clearance [m]: wide tubes are fast, narrow ways are short.
 _MARGINS = (0.03, 0.01)
 _LEAST_MARGIN = 0.002  # where there is no route with more
 _SAMPLES_PER_PIECE = 10
@@ -56,7 +56,7 @@ class RouteCandidate:
     """A route whose tool goes straight between few reference points.
 
     Attributes:
-        space: The configurations that have room.
+        space: The configurations that are free.
         corners: Its reference points, and the arm between them.
         joint_time: The least time its joints take at their largest velocities [s]; joints without
             one count as if it were 1 rad/s or 1 m/s.

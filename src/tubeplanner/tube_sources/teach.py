@@ -119,7 +119,7 @@ def _corners(
         place = space.lacking(q)
         if place is not None:
             message = (
-                f"the trail itself has too little room: {place}; correct the obstacles or the "
+                f"the trail itself has too little clearance: {place}; correct the obstacles or the "
                 "clearance, or list a pair that may touch in collision.ignore"
             )
             raise Infeasible(PlanStatus.TUBE_BLOCKED, message, place)

@@ -1,7 +1,7 @@
 """Few reference points along a route: straight lines of the tool that the arm can follow freely.
 
 Between two points of the route the tool goes straight, the other joints as the route has them.
-Where links have no room on the way, a point of the route is put in between.
+Where links collide on the way, a point of the route is put in between.
 """
 
 from dataclasses import dataclass

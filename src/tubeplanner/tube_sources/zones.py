@@ -151,7 +151,7 @@ def tube_from_zones(
         one z/4 before and behind it. Beside the corner the radius is 3/4 z, elsewhere `accuracy`.
 
     Raises:
-        ProblemError: A name, count or number is wrong, a zone has no room on its lines, or the
+        ProblemError: A name, count or number is wrong, a zone has no available on its lines, or the
             accuracy is coarser than a corner; the message says which.
     """
     rules = _rules(controller)
@@ -163,7 +163,7 @@ def tube_from_zones(
             f"{len(zones)} zones for {len(corners) - 2} inner points; give one for each"
         )
     reach = [0.0, *(_reach(rules, k, zone) for k, zone in enumerate(zones, 1)), 0.0]
-    _require_room(rules, corners, reach)
+    _require_apart(rules, corners, reach)
     along = _directions(corners)
     reference: list[FloatArray] = [corners[0]]
     radius: list[float] = []
@@ -202,9 +202,9 @@ def zones_of_tube(tube: Tube, controller: str) -> ZonedPath:
     for k in range(1, len(ends) - 1):
         first, corner, last = (tube.points[end] for end in ends[k - 1 : k + 2])
         lengths = np.linalg.norm([first - corner, last - corner], axis=1)
-        room = 0.5 * float(lengths.min()) - (0.0 if rules.half else _APART)
+        available = 0.5 * float(lengths.min()) - (0.0 if rules.half else _APART)
         walls = slice(ends[k - 1], ends[k + 1])
-        zones.append(_zone(rules, _largest(tube, walls, ends[k], rules.blend, room)))
+        zones.append(_zone(rules, _largest(tube, walls, ends[k], rules.blend, available)))
     return ZonedPath(read_only(tube.points[ends]), tuple(zones))
 
 
@@ -239,7 +239,7 @@ def _reach_of_name(rules: Controller, where: str, zone: str) -> float:
     return rules.named[zone]
 
 
-def _require_room(rules: Controller, corners: FloatArray, reach: Sequence[float]) -> None:
+def _require_apart(rules: Controller, corners: FloatArray, reach: Sequence[float]) -> None:
     lengths = np.linalg.norm(np.diff(corners, axis=0), axis=1)
     for line, length in enumerate(lengths):
         ends = reach[line : line + 2]
@@ -278,17 +278,17 @@ def _directions(points: FloatArray) -> FloatArray:
     return along / np.linalg.norm(along, axis=1)[:, None]
 
 
-def _largest(tube: Tube, walls: slice, corner: int, blend: str, room: float) -> float:
+def _largest(tube: Tube, walls: slice, corner: int, blend: str, available: float) -> float:
     """Return the largest zone [m] at a reference point with blends in some capsules of a tube."""
     here = tube.points[corner]
     axes = np.array([tube.points[k] - here for k in (walls.start, walls.stop)])
     axes /= np.linalg.norm(axes, axis=1)[:, None]
     low, high = 0.0, 1.0
-    best = room
+    best = available
     for _ in range(_ZOOMS):
         share = np.linspace(low, high, _DIRECTIONS)
         ab = np.column_stack([1 - share, share])
-        ab *= _way_out(tube, walls, here, ab @ axes, room)[:, None]
+        ab *= _way_out(tube, walls, here, ab @ axes, available)[:, None]
         root = np.sqrt(ab).sum(axis=1) ** 2
         size = root if blend == "parabola" else ab.sum(axis=1)  # g(a, b)
         least, step = int(size.argmin()), float(share[1] - share[0])

@@ -194,8 +194,8 @@ class _Fit:
         columns = list(wanted)
         q, tool = self._trajectory.position(time), self._tool.at(time)
         lower, upper = self._lower[columns], self._upper[columns]
-        room = np.minimum(q[:, None] - lower, upper - q[:, None]).min(axis=2)
-        margin = np.minimum(self._tube.margin(tool)[:, columns], room)
+        joint_margin = np.minimum(q[:, None] - lower, upper - q[:, None]).min(axis=2)
+        margin = np.minimum(self._tube.margin(tool)[:, columns], joint_margin)
         if self._rotation is not None:
             rotation = self._rotation.at(time).reshape(-1, 3, 3)
             for column, k in enumerate(columns):

@@ -267,7 +267,7 @@ class _Judge:
     def _range_margin(
         self, trajectory: JointTrajectory, lower: FloatArray, upper: FloatArray
     ) -> tuple[float | None, Place]:
-        """Return the least room between joints and a range over a trajectory, exactly."""
+        """Return the least margin between joints and a range over a trajectory, exactly."""
         used, joints = [], []
         for sign, bound in ((1.0, upper), (-1.0, -lower)):
             bounded = np.flatnonzero(np.isfinite(bound))

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _OTHERS = "#888888"  # of bars whose speed is not drawn
-_ROOM = 1.9  # of the longest bar: what is said beside it needs as much
+_LABEL_SPACE = 1.9  # of the longest bar: what is said beside it needs as much
 
 
 def plot_comparison(result: Comparison, path: str | Path | None = None) -> "Figure":
@@ -56,7 +56,7 @@ def _draw_durations(axis: "Axes", rows: list[ComparisonRow]) -> None:
     axis.set_yticks(range(len(rows)), [row.method for row in rows])
     axis.invert_yaxis()
     axis.set_xticks([tick for tick in MaxNLocator(6).tick_values(0, longest) if tick <= longest])
-    axis.set(xlabel="duration [s]", xlim=(0, _ROOM * longest))
+    axis.set(xlabel="duration [s]", xlim=(0, _LABEL_SPACE * longest))
     axis.grid(alpha=0.25, axis="x")
 
 

@@ -99,12 +99,12 @@ def draw_positions(axis: "Axes", curves: MotionCurves) -> None:
     for j, name in enumerate(problem.robot.joint_names):
         axis.plot(samples.time, samples.position[:, j], label=name, **line_style(j))
     low, high = samples.position.min(), samples.position.max()
-    room = _MARGIN * max(high - low, 1e-3)
-    axis.set_ylim(low - room, high + room)
+    padding = _MARGIN * max(high - low, 1e-3)
+    axis.set_ylim(low - padding, high + padding)
     for j in range(problem.robot.joint_count):
         for bounds in (problem.joint_lower, problem.joint_upper):
             limit = bounds[curves.segment, j]
-            if ((limit > low - room) & (limit < high + room)).any():
+            if ((limit > low - padding) & (limit < high + padding)).any():
                 color = LINE_COLORS[j % len(LINE_COLORS)]
                 axis.plot(samples.time, limit, **{**LIMIT, "color": color})
     axis.set_ylabel(f"position [{_unit(problem, 'rad', 'm')}]")

@@ -95,7 +95,7 @@ def _follow(
 
 
 def _least_margins(problem: PlanningProblem, q: FloatArray, segment: int) -> FloatArray:
-    """Return the least room of the tool [m] and, if it is bounded, of its rotation [rad]."""
+    """Return the least margin of the tool [m] and, if it is bounded, of its rotation [rad]."""
     rotation, tool = problem.robot.tool_pose(q)
     only = slice(segment, segment + 1)
     margins = [problem.tube.margin(tool, only).min()]

@@ -52,9 +52,9 @@ def effort_factor(robot: RobotModel, q: FloatArray, v: FloatArray, a: FloatArray
 def effort_factor_of(limit: FloatArray, tau: FloatArray, gravity: FloatArray) -> FloatArray:
     """Return `effort_factor` where efforts, and those against gravity alone, are known."""
     motion = tau - gravity
-    room = np.where(motion >= 0, limit - gravity, limit + gravity)
+    available = np.where(motion >= 0, limit - gravity, limit + gravity)
     holds = abs(gravity) < limit
-    return np.sqrt(_ratio(room, abs(motion)), out=np.zeros_like(tau), where=holds)
+    return np.sqrt(_ratio(available, abs(motion)), out=np.zeros_like(tau), where=holds)
 
 
 def minimum_duration(
@@ -161,10 +161,12 @@ def _held_effort_factor(robot: RobotModel, samples: TrajectorySamples) -> FloatA
     return factor
 
 
-def _ratio(room: FloatArray, use: FloatArray) -> FloatArray:
-    """Return room / use, inf where nothing is used or nothing limits."""
-    room, use = np.broadcast_arrays(room, use)
-    return np.divide(room, use, out=np.full(use.shape, np.inf), where=(use > 0) & np.isfinite(room))
+def _ratio(available: FloatArray, use: FloatArray) -> FloatArray:
+    """Return available / use, inf where nothing is used or nothing limits."""
+    available, use = np.broadcast_arrays(available, use)
+    return np.divide(
+        available, use, out=np.full(use.shape, np.inf), where=(use > 0) & np.isfinite(available)
+    )
 
 
 def _gravity_exceeds_effort(robot: RobotModel, q: FloatArray) -> Infeasible:

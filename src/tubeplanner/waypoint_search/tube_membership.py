@@ -28,8 +28,8 @@ def membership_margin(problem: PlanningProblem, q: FloatArray) -> FloatArray:
     tool = problem.tube.margin(position)
     if problem.tube.rotation is not None:
         tool = np.minimum(tool, problem.tube.rotation_margin(rotation, position))
-    room = np.minimum(q[:, None] - problem.joint_lower, problem.joint_upper - q[:, None])
-    return np.minimum(tool, room.min(axis=2))
+    joint_margin = np.minimum(q[:, None] - problem.joint_lower, problem.joint_upper - q[:, None])
+    return np.minimum(tool, joint_margin.min(axis=2))
 
 
 def current_segments(problem: PlanningProblem, q: FloatArray) -> IntArray:

@@ -1,4 +1,4 @@
-"""How much room links have in configurations picked at random, and which way it shrinks."""
+"""By how much links clear what is required at random configurations, and its derivative."""
 
 from dataclasses import dataclass
 
@@ -10,20 +10,20 @@ from tubeplanner.problem.problem import PlanningProblem
 
 
 @dataclass(frozen=True, eq=False)
-class Room:
-    """The pair of shapes that has the least room, in N configurations.
+class LeastClearance:
+    """The pair of shapes with the least clearance, in N configurations.
 
     Attributes:
-        room: Its distance beyond what is required, negative where that is broken, shape (N,) [m];
-            infinite where no pair is near.
+        clearance: Its distance beyond what is required, negative where that is broken, shape (N,)
+            [m]; infinite where no pair is near.
         pair: Its index, shape (N,).
     """
 
-    room: FloatArray
+    clearance: FloatArray
     pair: IntArray
 
 
-class LinkRoom:
+class PairClearance:
     """The pairs of shapes that must stay apart, and how much farther apart they are.
 
     Attributes:
@@ -39,14 +39,14 @@ class LinkRoom:
         counts = [len(checker.obstacle_pairs), len(checker.link_pairs)]
         self.required = np.repeat([problem.clearance, 0.0], counts) + extra
 
-    def least(self, q: FloatArray, near: float) -> Room:
-        """Return the least room in configurations (N, n), as far as it is below `near` [m].
+    def least(self, q: FloatArray, near: float) -> LeastClearance:
+        """Return the least clearance in configurations (N, n), as far as it is below `near` [m].
 
-        Room that there is may be given as less than it is; where there is none, it is exact for
-        the pair that is named, and others may have even less.
+        A positive clearance may be given as less than it is; a negative one is exact for the pair
+        that is named, and others may have even less.
         """
         if len(self.pairs) == 0:
-            return Room(np.full(len(q), np.inf), np.zeros(len(q), dtype=np.int64))
+            return LeastClearance(np.full(len(q), np.inf), np.zeros(len(q), dtype=np.int64))
         rotation, position = self._robot.body_poses(q)
         bound = self._checker.sphere_distances(rotation, position, self.pairs) - self.required
         for k in np.flatnonzero((bound < near).any(axis=0)):
@@ -67,17 +67,17 @@ class LinkRoom:
                     bound[row, np.arange(len(self.pairs)) != k] = np.inf
                     break
         pair = bound.argmin(axis=1)
-        return Room(bound[np.arange(len(q)), pair], pair)
+        return LeastClearance(bound[np.arange(len(q)), pair], pair)
 
     def of_pairs(self, q: FloatArray, pair: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Return the room of one pair in each of N configurations, and its derivative.
+        """Return the clearance of one pair in each of N configurations, and its derivative.
 
         Args:
             q: Shape (N, n).
             pair: Which pair, shape (N,).
 
         Returns:
-            Room (N,) [m] and its derivative by the joints (N, n) [m/rad or 1].
+            Clearance (N,) [m] and its derivative by the joints (N, n) [m/rad or 1].
         """
         rotation, position = self._robot.body_poses(q)
         shapes = self._checker.shapes
