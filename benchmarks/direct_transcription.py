@@ -162,19 +162,25 @@ class MultiStart:
 
     def _exchanged(self, name: str, motion: PhasedTrajectory, clustered: bool) -> Iterator[Attempt]:
         """Yield a motion on the finest grid, and again with more samples."""
-        grid = phase_grid(motion.gates / motion.gates[-1], self._intervals, clustered=clustered)
+        grid = phase_grid(
+            motion.switching_times / motion.switching_times[-1],
+            self._intervals,
+            clustered=clustered,
+        )
         samples, options = regular_samples(grid), SOLVER
         for _ in range(MOST_ROUNDS):
             if self._remaining <= 0:
                 return
-            program = Transcription(self._problem, self._ends, grid, motion.gates[-1], samples)
+            program = Transcription(
+                self._problem, self._ends, grid, motion.switching_times[-1], samples
+            )
             solution = program.solved(motion, self._remaining, options)
             if not solution.converged:
                 return
             motion, options = solution.motion, AGAIN
             attempt = self._judged(motion, name)
             yield attempt
-            near = attempt.trajectory.duration <= (1 + BETWEEN_SAMPLES) * motion.gates[-1]
+            near = attempt.trajectory.duration <= (1 + BETWEEN_SAMPLES) * motion.switching_times[-1]
             missing = program.broken_between_samples(motion)
             if missing.count == 0 or (near and attempt.certified):
                 return
@@ -182,9 +188,11 @@ class MultiStart:
 
     def _coarsely(self, start: PhasedTrajectory) -> Solution:
         intervals = round(self._intervals * COARSE_INTERVALS)
-        grid = phase_grid(start.gates / start.gates[-1], intervals, clustered=True)
+        grid = phase_grid(
+            start.switching_times / start.switching_times[-1], intervals, clustered=True
+        )
         samples = regular_samples(grid)
-        program = Transcription(self._problem, self._ends, grid, start.gates[-1], samples)
+        program = Transcription(self._problem, self._ends, grid, start.switching_times[-1], samples)
         return program.solved(start, self._remaining, SOLVER)
 
     def _judged(self, motion: PhasedTrajectory, name: str) -> Attempt:
@@ -226,7 +234,7 @@ def starts_of(
         motion = starting_spline(fixed, branch, START_KNOTS)
         spline = from_spline(problem.robot.joint_names, motion.spline())
         trajectory = scaled_to_limits(problem.robot, spline)
-        start = PhasedTrajectory(trajectory, motion.gates * trajectory.duration)
+        start = PhasedTrajectory(trajectory, motion.switching_times * trajectory.duration)
         along.append((f"branch {rule.name.lower()}", start))
     if problem.robot.joint_count <= 3:  # the tool's position leaves nothing free
         along = along[:1]
@@ -242,7 +250,7 @@ def starts_of(
 def _mixed(start: PhasedTrajectory, line_share: float) -> PhasedTrajectory:
     """Return a start drawn to the straight joint line between its ends."""
     x = np.linspace(0, 1, GUESS_POINTS)
-    q = start.trajectory.position(x * start.gates[-1])
+    q = start.trajectory.position(x * start.switching_times[-1])
     line = q[0] + (x**3 * (10 - 15 * x + 6 * x**2))[:, None] * (q[-1] - q[0])
     return _through(start, (1 - line_share) * q + line_share * line)
 
@@ -251,27 +259,29 @@ def _perturbed(start: PhasedTrajectory, seed: int) -> PhasedTrajectory:
     """Return a start with waves on all joints, also on those that the tool does not need."""
     rng = np.random.default_rng(seed)
     x = np.linspace(0, 1, GUESS_POINTS)
-    q = start.trajectory.position(x * start.gates[-1])
+    q = start.trajectory.position(x * start.switching_times[-1])
     waves = np.sin(np.pi * np.outer(x, 1 + np.arange(WAVES))) * np.sin(np.pi * x)[:, None] ** 2
     return _through(start, q + WAVE * waves @ rng.standard_normal((WAVES, q.shape[1])))
 
 
 def _through(start: PhasedTrajectory, q: np.ndarray) -> PhasedTrajectory:
-    times = np.linspace(0, start.gates[-1], len(q))
+    times = np.linspace(0, start.switching_times[-1], len(q))
     spline = make_interp_spline(times, q, k=3, bc_type="clamped")
-    return PhasedTrajectory(from_spline(start.trajectory.joint_names, spline), start.gates)
+    return PhasedTrajectory(
+        from_spline(start.trajectory.joint_names, spline), start.switching_times
+    )
 
 
 def ours_as_start(problem: PlanningProblem, result: PlanResult) -> PhasedTrajectory:
-    """Return the default plan with gates at the middle of where the tool may change capsules."""
+    """Return the default plan, switching in the middle of where the tool may change capsules."""
     trajectory, tube = result.trajectory, problem.tube
     times = np.linspace(0, trajectory.duration, 4001)
     margin = tube.margin(problem.robot.tool_position(trajectory.position(times)))
-    gates = [0.0]
+    switching_times = [0.0]
     for k in range(tube.segment_count - 1):
         both = np.minimum(margin[:, k], margin[:, k + 1])
-        gates.append(float(times[both.argmax()]))
-    return PhasedTrajectory(trajectory, np.array([*gates, trajectory.duration]))
+        switching_times.append(float(times[both.argmax()]))
+    return PhasedTrajectory(trajectory, np.array([*switching_times, trajectory.duration]))
 
 
 def studied(name: str, options: argparse.Namespace) -> tuple[Study, PlanResult]:

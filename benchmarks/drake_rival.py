@@ -80,7 +80,7 @@ def _rounds(
         motion = scaled_to_limits(problem.robot, _trajectory(problem, program, result))
         certificate = verify(problem, motion)
         yield certificate.passed, motion
-        gain = start.gates[-1] / motion.duration - 1
+        gain = start.switching_times[-1] / motion.duration - 1
         if certificate.passed and index > 0 and gain < LEAST_GAIN:
             return
         holds = {
@@ -92,7 +92,7 @@ def _rounds(
             tight.radius * (1.0 if holds["tube"] else NARROWER),
             tight.clearance + (0.0 if apart else WIDER_CLEARANCE),
         )
-        start = PhasedTrajectory(motion, gates_of(problem, motion))
+        start = PhasedTrajectory(motion, switching_times_of(problem, motion))
 
 
 def _options() -> SolverOptions:
@@ -138,11 +138,11 @@ def _keep_in_tube(
     tube = problem.tube
     lengths = np.linalg.norm(np.diff(tube.points, axis=0), axis=1)
     places = np.linspace(0, 1, TUBE_SAMPLES)
-    gates = start.gates / start.gates[-1]
-    nearest = 1 + abs(places[1:-1, None] - gates[1:-1]).argmin(axis=0)
+    switching_times = start.switching_times / start.switching_times[-1]
+    nearest = 1 + abs(places[1:-1, None] - switching_times[1:-1]).argmin(axis=0)
     for index, place in enumerate(places[1:-1], 1):
         # At a switching time the tool is in both capsules.
-        segments = {int(np.searchsorted(gates[1:-1], place))}
+        segments = {int(np.searchsorted(switching_times[1:-1], place))}
         segments |= {k + side for k in np.flatnonzero(nearest == index) for side in (0, 1)}
         for k in segments:
             radius = tight.radius * tube.effective_radius[k]
@@ -201,7 +201,7 @@ def _trajectory(
     return from_spline(problem.robot.joint_names, spline)
 
 
-def gates_of(problem: PlanningProblem, motion: JointTrajectory) -> np.ndarray:
+def switching_times_of(problem: PlanningProblem, motion: JointTrajectory) -> np.ndarray:
     """Return when a motion is deepest in both capsules of each switching time."""
     times = np.linspace(0, motion.duration, 2001)
     margin = problem.tube.margin(problem.robot.tool_position(motion.position(times)))

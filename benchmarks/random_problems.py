@@ -156,8 +156,8 @@ def _candidate(
     margin = np.minimum(walk - limits.lower_position, limits.upper_position - walk)
     _require(margin.min() >= LIMIT_MARGIN, LIMITS)
     _require((abs(robot.gravity_effort(walk)) <= EFFORT_SHARE * limits.effort).all(), GRAVITY)
-    gates = _gates(robot.tool_position(walk), features)
-    tube = _tube(rng, robot, walk, gates, features)
+    switching_rows = _switching_rows(robot.tool_position(walk), features)
+    tube = _tube(rng, robot, walk, switching_rows, features)
     goal = walk[-1] if features.has_goal else None
     name = f"{arm}, seed {seed}"
     bare = CollisionChecker(robot)
@@ -169,7 +169,7 @@ def _candidate(
     problem = PlanningProblem(
         robot, tube, walk[0], goal, around, clearance=features.clearance, name=name
     )
-    return RandomCase(arm, seed, problem, walk, gates)
+    return RandomCase(arm, seed, problem, walk, switching_rows)
 
 
 def _require(holds: bool, rule: str) -> None:
@@ -196,23 +196,23 @@ def _walk(rng: np.random.Generator, robot: RobotModel, features: Features) -> np
     return np.array([np.interp(at, np.arange(legs + 1), column) for column in columns]).T
 
 
-def _gates(tool: np.ndarray, features: Features) -> tuple[int, ...]:
+def _switching_rows(tool: np.ndarray, features: Features) -> tuple[int, ...]:
     """Return the rows of the walk at which the tool's positions (P, 3) are reference points."""
     if features.at_knots:
-        gates = list(range(0, len(tool), ROWS_PER_LEG))
+        switching_rows = list(range(0, len(tool), ROWS_PER_LEG))
     else:
-        gates = [0, len(tool) - 1]
-        while len(gates) <= features.segments:
-            off = [_off_line(tool[a : b + 1]) for a, b in pairwise(gates)]
+        switching_rows = [0, len(tool) - 1]
+        while len(switching_rows) <= features.segments:
+            off = [_off_line(tool[a : b + 1]) for a, b in pairwise(switching_rows)]
             k = int(np.argmax([distance.max() for distance in off]))
-            gates.insert(k + 1, gates[k] + max(1, int(off[k].argmax())))
-    points = tool[gates]
+            switching_rows.insert(k + 1, switching_rows[k] + max(1, int(off[k].argmax())))
+    points = tool[switching_rows]
     lines = np.diff(points, axis=0)
     lengths = np.linalg.norm(lines, axis=1)
     _require(lengths.min() >= SHORTEST_SEGMENT, SHORT)
     cosines = np.sum(lines[:-1] * lines[1:], axis=1) / (lengths[:-1] * lengths[1:])
     _require(cosines.min(initial=1.0) >= math.cos(SHARPEST_TURN), TURN)
-    return tuple(gates)
+    return tuple(switching_rows)
 
 
 def _off_line(tool: np.ndarray) -> np.ndarray:
@@ -226,11 +226,11 @@ def _tube(
     rng: np.random.Generator,
     robot: RobotModel,
     walk: np.ndarray,
-    gates: tuple[int, ...],
+    switching_rows: tuple[int, ...],
     features: Features,
 ) -> Tube:
     rotation, tool = robot.tool_pose(walk)
-    legs = [slice(a, b + 1) for a, b in pairwise(gates)]
+    legs = [slice(a, b + 1) for a, b in pairwise(switching_rows)]
     needed = np.array([1.05 * _off_line(tool[leg]).max() + SMALL_MARGIN for leg in legs])
     _require(needed.max() <= LARGEST_RADIUS, CURVED)
     drawn = np.exp(rng.uniform(*np.log([LEAST_RADIUS, LARGEST_RADIUS]), size=len(legs)))
@@ -239,10 +239,10 @@ def _tube(
     if one_for_all:
         radius = np.full(len(legs), max(needed.max(), drawn[0]))
     signs = _signs(rng, robot, walk, legs) if features.has_signs else None
-    points = tool[list(gates)]
+    points = tool[list(switching_rows)]
     if not features.bounds_rotation:
         return Tube(points, radius, joint_signs=signs)
-    orientations = Rotation.from_matrix(rotation[list(gates)]).as_quat()
+    orientations = Rotation.from_matrix(rotation[list(switching_rows)]).as_quat()
     free = Tube(points, radius, orientations=orientations, rotation_tolerance=3.0).rotation
     errors = [free.error(rotation[leg], tool[leg], k) for k, leg in enumerate(legs)]
     tolerance = _rotation_tolerance(rng, errors, is_planar=robot.joint_count == 2)

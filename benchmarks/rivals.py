@@ -26,7 +26,7 @@ import numpy as np
 
 from dense_check import broken
 from direct_transcription import MultiStart, starts_of
-from drake_rival import drake_motion, gates_of
+from drake_rival import drake_motion, switching_times_of
 from transcription_program import PhasedTrajectory
 from tubeplanner import JointTrajectory, PlanningProblem, load_problem, plan, verify
 from tubeplanner.baselines.baselines import judged_baseline
@@ -82,7 +82,9 @@ def drake(problem: PlanningProblem, ends: np.ndarray) -> JointTrajectory | None:
     """Return Drake's best motion."""
     arcs = with_arcs(problem, ends)
     branch = starts_of(problem, ends, 1)[0][1]
-    return drake_motion(problem, [PhasedTrajectory(arcs, gates_of(problem, arcs)), branch])
+    return drake_motion(
+        problem, [PhasedTrajectory(arcs, switching_times_of(problem, arcs)), branch]
+    )
 
 
 def ipopt(problem: PlanningProblem, ends: np.ndarray) -> JointTrajectory | None:

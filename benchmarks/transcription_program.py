@@ -248,17 +248,19 @@ class Grid:
         return np.diff(self.phase, append=self.phase[-1] + 1) > 0
 
 
-def phase_grid(gates: np.ndarray, intervals: int, *, clustered: bool) -> Grid:
-    """Return about so many intervals for phases between gates (m+1,) from 0 to 1.
+def phase_grid(switching_times: np.ndarray, intervals: int, *, clustered: bool) -> Grid:
+    """Return about so many intervals for phases between switching times (m+1,) from 0 to 1.
 
     Args:
-        gates: Ends of the phases.
+        switching_times: Ends of the phases.
         intervals: Of all phases.
         clustered: Denser at both ends of the motion, as Chebyshev points are; else uniform.
     """
-    place = np.arccos(np.clip(1 - 2 * gates, -1, 1)) / np.pi if clustered else gates
+    place = (
+        np.arccos(np.clip(1 - 2 * switching_times, -1, 1)) / np.pi if clustered else switching_times
+    )
     phase, width = [], []
-    for k in range(len(gates) - 1):
+    for k in range(len(switching_times) - 1):
         count = max(3, round(intervals * (place[k + 1] - place[k])))
         nodes = np.linspace(place[k], place[k + 1], count + 1)
         if clustered:
@@ -314,11 +316,11 @@ class PhasedTrajectory:
 
     Attributes:
         trajectory: The motion.
-        gates: Shape (m+1,) [s], from 0 to the duration.
+        switching_times: Shape (m+1,) [s], from 0 to the duration.
     """
 
     trajectory: JointTrajectory
-    gates: np.ndarray
+    switching_times: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -498,7 +500,7 @@ class Transcription:
         )
 
     def _guess(self, start: PhasedTrajectory) -> np.ndarray:
-        durations = np.maximum(np.diff(start.gates), LEAST_PHASE)
+        durations = np.maximum(np.diff(start.switching_times), LEAST_PHASE)
         samples = start.trajectory.at(self._grid.times(durations))
         rates = [samples.velocity * self._unit, samples.acceleration * self._unit**2]
         nodes = np.hstack([samples.position, *rates])

@@ -20,14 +20,14 @@ class RandomCase:
         seed: What it was drawn from.
         problem: What is asked.
         witness: Configurations (P, n); straight joint lines between them.
-        gates: The rows of the witness at which the tool is at the reference points.
+        switching_rows: The rows of the witness at which the tool is at the reference points.
     """
 
     arm: str
     seed: int
     problem: PlanningProblem
     witness: np.ndarray
-    gates: tuple[int, ...]
+    switching_rows: tuple[int, ...]
 
 
 def witness_holds(case: RandomCase, parts: int = 4) -> bool:
@@ -50,13 +50,15 @@ def witness_holds(case: RandomCase, parts: int = 4) -> bool:
 
 def _joins_the_ends(case: RandomCase) -> bool:
     """Return whether a witness goes from start to goal, through all segments in order."""
-    problem, gates = case.problem, case.gates
+    problem, switching_rows = case.problem, case.switching_rows
     ends = ((problem.start, case.witness[0]), (problem.goal, case.witness[-1]))
     if any(given is not None and not np.array_equal(given, q) for given, q in ends):
         return False
-    has_all = len(gates) == problem.tube.segment_count + 1
+    has_all = len(switching_rows) == problem.tube.segment_count + 1
     return (
-        has_all and (gates[0], gates[-1]) == (0, len(case.witness) - 1) and min(np.diff(gates)) > 0
+        has_all
+        and (switching_rows[0], switching_rows[-1]) == (0, len(case.witness) - 1)
+        and min(np.diff(switching_rows)) > 0
     )
 
 
@@ -66,7 +68,7 @@ def _keeps_segment(case: RandomCase, k: int, parts: int) -> bool:
     It must end at the last reference point if the goal is open.
     """
     problem, tube = case.problem, case.problem.tube
-    q = _divided(case.witness[case.gates[k] : case.gates[k + 1] + 1], parts)
+    q = _divided(case.witness[case.switching_rows[k] : case.switching_rows[k + 1] + 1], parts)
     rotation, tool = problem.robot.tool_pose(q)
     is_last = k + 1 == tube.segment_count
     if is_last and problem.goal is None and not np.allclose(tool[-1], tube.points[-1], atol=1e-9):

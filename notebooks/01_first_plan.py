@@ -97,8 +97,8 @@ plot_convergence({"over the wall": steps})
 # they can be trusted).
 
 # %%
-for price in result.sensitivities[:5]:
-    print(price)
+for sensitivity in result.sensitivities[:5]:
+    print(sensitivity)
 
 # %% [markdown]
 # ## Use it

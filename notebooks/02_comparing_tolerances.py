@@ -27,7 +27,7 @@ plt.rcParams.update({"figure.dpi": 100, "axes.grid": True, "grid.alpha": 0.25})
 # ## Minimum time against tolerance
 #
 # The tool goes straight up from (0.3, -0.5) to (0.3, 0.5) m, in a horizontal plane. Every radius is planned afresh; the grey strokes
-# are the slopes that each plan's price list predicts, from its multipliers alone.
+# are the slopes that each plan's sensitivities predict, from its multipliers alone.
 
 # %%
 problem = load_problem("example:two_link/paper_1_30mm")

@@ -12,7 +12,7 @@
 # # What costs the time?
 #
 # A motion takes half a second. Would a stronger motor help, and which one? A faster gear? A wider tube? Every plan comes with a
-# **price list** that answers without planning again. This notebook reads it for two arms, then checks it by planning
+# **list of sensitivities** that answers without planning again. This notebook reads it for two arms, then checks it by planning
 # again with 10 % more. It takes about a minute.
 
 # %%
@@ -28,7 +28,7 @@ from tubeplanner.views.panels import LINE_COLORS
 plt.rcParams.update({"figure.dpi": 100, "axes.grid": True, "grid.alpha": 0.25})
 
 # %% [markdown]
-# ## Read the price list
+# ## Read the sensitivities
 #
 # Each entry is the *elasticity* d ln T / d ln limit: by which share the duration falls, per share by which the limit rises. Most
 # limits cost nothing, because something else is in the way first.
@@ -36,17 +36,17 @@ plt.rcParams.update({"figure.dpi": 100, "axes.grid": True, "grid.alpha": 0.25})
 # %%
 
 
-def name(price):
+def name(sensitivity):
     """Return what an entry is about."""
-    return f"{price.limit}, {price.joint or f'segment {price.segment}'}"
+    return f"{sensitivity.limit}, {sensitivity.joint or f'segment {sensitivity.segment}'}"
 
 
 def show(result, title, most=8):
     """Draw the dearest entries."""
-    prices = result.sensitivities[:most][::-1]
+    sensitivities = result.sensitivities[:most][::-1]
     _, axis = plt.subplots(figsize=(8, 0.4 * most + 0.9), layout="constrained")
-    saved = [1000 * price.saved for price in prices]
-    axis.barh([name(price) for price in prices], saved, color=LINE_COLORS[0])
+    saved = [1000 * sensitivity.saved for sensitivity in sensitivities]
+    axis.barh([name(sensitivity) for sensitivity in sensitivities], saved, color=LINE_COLORS[0])
     axis.set(xlabel="10 % more saves [ms]", title=f"{title}: {result.duration:.4f} s")
     plt.show()
 
@@ -72,7 +72,7 @@ show(around, "Two-link arm around a post", most=5)
 # %%
 
 
-def with_more(name_of_problem, price, more=0.1):
+def with_more(name_of_problem, sensitivity, more=0.1):
     """Return the bundled problem with one limit raised."""
     from ruamel.yaml import YAML
 
@@ -80,26 +80,30 @@ def with_more(name_of_problem, price, more=0.1):
     from tubeplanner.resources import find_problem
 
     problem = load_problem(name_of_problem)
-    if price.limit == "radius":
+    if sensitivity.limit == "radius":
         radius = problem.tube.radius.copy()
-        radius[price.segment] *= 1 + more
+        radius[sensitivity.segment] *= 1 + more
         return problem.with_tube(problem.tube.with_radius(radius))
     path = find_problem(name_of_problem, Path())
     fields = YAML(typ="safe", pure=True).load(path.read_text())
-    limit = getattr(problem.robot.limits, price.limit)
-    value = float(limit[problem.robot.joint_names.index(price.joint)])
+    limit = getattr(problem.robot.limits, sensitivity.limit)
+    value = float(limit[problem.robot.joint_names.index(sensitivity.joint)])
     limits = fields["robot"].setdefault("limits", {})
-    limits.setdefault(price.limit, {})[price.joint] = (1 + more) * value
+    limits.setdefault(sensitivity.limit, {})[sensitivity.joint] = (1 + more) * value
     return parse_problem(fields, path.parent, problem.name)
 
 
 def checked(arm, name_of_problem, result, most):
     """Return entries with what they predict and what planning again saves [ms]."""
     rows = []
-    for price in result.sensitivities[:most]:
-        again = plan(with_more(name_of_problem, price))
+    for sensitivity in result.sensitivities[:most]:
+        again = plan(with_more(name_of_problem, sensitivity))
         rows.append(
-            (f"{arm}: {name(price)}", 1000 * price.saved, 1000 * (result.duration - again.duration))
+            (
+                f"{arm}: {name(sensitivity)}",
+                1000 * sensitivity.saved,
+                1000 * (result.duration - again.duration),
+            )
         )
     return rows
 

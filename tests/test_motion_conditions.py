@@ -13,7 +13,7 @@ from tubeplanner.refinement.rotation_conditions import evaluated_rotation
 from tubeplanner.refinement.spline_start import knot_grid
 from tubeplanner.refinement.tube_conditions import evaluated_tube
 
-GATES = np.array([0.0, 0.4, 1.0])
+SWITCHING_TIMES = np.array([0.0, 0.4, 1.0])
 STEP = 1e-6
 LIMITS = ("effort", "velocity", "rates")
 KINDS = (*LIMITS, "tube", "rotation", "links")
@@ -38,7 +38,7 @@ def limited(robot_name):
 @pytest.fixture(scope="module", params=["two_link", "ur5", "panda"])
 def case(request):
     robot = limited(request.param)
-    shape = knot_grid(GATES, 10)
+    shape = knot_grid(SWITCHING_TIMES, 10)
     rng = np.random.default_rng(1)
     start = np.array([0.1, -0.3, 0.2, -2.0, 0.1, 2.0, 0.5])[: robot.joint_count]
     points = start + np.cumsum(
@@ -51,7 +51,11 @@ def case(request):
     turned = Rotation.from_matrix(robot.tool_pose(points[[0, 6, -1]])[0]).as_quat()
     tube = Tube(tool, [0.1, 0.2], orientations=turned, rotation_tolerance=[0.3, [0.2, np.inf, 0.4]])
     problem = PlanningProblem(robot, tube, points[0], obstacles=[ball], clearance=0.01)
-    return problem, PhasedMotion(shape, GATES, points), shape.samples(np.array([0.2, 0.7]))
+    return (
+        problem,
+        PhasedMotion(shape, SWITCHING_TIMES, points),
+        shape.samples(np.array([0.2, 0.7])),
+    )
 
 
 class Kinds:
@@ -60,7 +64,9 @@ class Kinds:
     def __init__(self, kind, case):
         self.kind, (self.problem, motion, self.samples) = kind, case
         self.links = LinkConditions(self.problem)
-        self.links.look_at(motion, motion.shape.samples_at(GATES, np.linspace(0.2, 0.8, 9)))
+        self.links.look_at(
+            motion, motion.shape.samples_at(SWITCHING_TIMES, np.linspace(0.2, 0.8, 9))
+        )
 
     def at(self, motion):
         if self.kind in LIMITS:
@@ -90,20 +96,24 @@ class Kinds:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_rows_have_the_derivatives_of_their_slack(case, kind):
-    """By control points, gates and the duration together, along a random direction."""
+    """By control points, switching_times and the duration together, along a random direction."""
     kinds, motion, duration = Kinds(kind, case), case[1], 0.8
     rows = kinds.rows(motion, duration)
     assert len(rows) > 0
     rng = np.random.default_rng(5)
     change = rng.normal(size=motion.control_points.shape)
     change[:3] = change[-3:] = 0.0
-    gate, eta = rng.normal(size=1), 0.7
+    switching, eta = rng.normal(size=1), 0.7
     taken = change[rows.first[:, None] + np.arange(4)]
-    expected = np.einsum("rkj,rkj->r", rows.control, taken) + rows.gate @ gate + rows.duration * eta
+    expected = (
+        np.einsum("rkj,rkj->r", rows.control, taken)
+        + rows.switching @ switching
+        + rows.duration * eta
+    )
     sides = []
     for sign in (STEP, -STEP):
-        gates = GATES + sign * np.array([0, gate[0], 0])
-        moved = PhasedMotion(motion.shape, gates, motion.control_points + sign * change)
+        switching_times = SWITCHING_TIMES + sign * np.array([0, switching[0], 0])
+        moved = PhasedMotion(motion.shape, switching_times, motion.control_points + sign * change)
         sides.append(kinds.slack(motion, moved, duration, sign * eta)[rows.index])
     numeric = -(sides[0] - sides[1]) / (2 * STEP)
     scale = abs(expected).max()

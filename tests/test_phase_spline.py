@@ -7,12 +7,12 @@ from tubeplanner.refinement.phase_spline import (
     PhasedMotion,
     PhaseSpline,
     VelocityHull,
-    basis_by_gate,
+    basis_by_switching,
 )
 from tubeplanner.refinement.sampled_motion import sampled
 from tubeplanner.refinement.spline_start import knot_grid, subdivided
 
-GATES = np.array([0.0, 0.3, 0.55, 1.0])
+SWITCHING_TIMES = np.array([0.0, 0.3, 0.55, 1.0])
 SHAPE = PhaseSpline(
     (np.array([0, 0.3, 0.5, 1.0]), np.array([0, 0.2, 1.0]), np.array([0, 0.5, 0.8, 1.0]))
 )
@@ -27,39 +27,39 @@ def control_points(seed=0, joints=2):
 def test_the_basis_is_that_of_scipys_spline():
     samples = SHAPE.samples(np.array([0.1, 0.45, 0.9]))
     points = control_points()
-    motion = sampled(PhasedMotion(SHAPE, GATES, points), samples)
-    spline = BSpline(SHAPE.knots(GATES), points, DEGREE)
-    x = GATES[samples.phase] + np.diff(GATES)[samples.phase] * samples.share
-    np.testing.assert_allclose(samples.times(GATES), x)
+    motion = sampled(PhasedMotion(SHAPE, SWITCHING_TIMES, points), samples)
+    spline = BSpline(SHAPE.knots(SWITCHING_TIMES), points, DEGREE)
+    x = SWITCHING_TIMES[samples.phase] + np.diff(SWITCHING_TIMES)[samples.phase] * samples.share
+    np.testing.assert_allclose(samples.times(SWITCHING_TIMES), x)
     for order in range(4):
         np.testing.assert_allclose(motion.by_x[order], spline(x, order), rtol=1e-9, atol=1e-9)
 
 
 def test_samples_are_found_by_their_times():
     samples = SHAPE.samples(np.array([0.1, 0.45, 0.9]))
-    found = SHAPE.samples_at(GATES, samples.times(GATES))
+    found = SHAPE.samples_at(SWITCHING_TIMES, samples.times(SWITCHING_TIMES))
     np.testing.assert_array_equal(found.phase, samples.phase)
     np.testing.assert_array_equal(found.interval, samples.interval)
     np.testing.assert_allclose(found.share, samples.share, atol=1e-12)
-    ends = SHAPE.samples_at(GATES, np.array([0.0, 1.0]))
+    ends = SHAPE.samples_at(SWITCHING_TIMES, np.array([0.0, 1.0]))
     assert ends.interval.tolist() == [0, SHAPE.interval_count - 1]
     assert ends.phase.tolist() == [0, 2]
 
 
-def test_samples_at_a_gate_belong_to_the_phases_on_both_sides():
+def test_samples_at_a_switching_time_belong_to_the_phases_on_both_sides():
     samples = SHAPE.samples(np.array([0.0, 1.0]))
-    at_gate = [
+    at_switch = [
         (int(phase), float(share))
         for phase, share in zip(samples.phase, samples.share, strict=True)
         if share in (0.0, 1.0)
     ]
-    assert at_gate == [(0, 0.0), (0, 1.0), (1, 0.0), (1, 1.0), (2, 0.0), (2, 1.0)]
+    assert at_switch == [(0, 0.0), (0, 1.0), (1, 0.0), (1, 1.0), (2, 0.0), (2, 1.0)]
 
 
 def test_the_velocity_stays_within_its_hull_and_touches_it():
     hull = VelocityHull(SHAPE.control_point_count)
     for seed in range(20):
-        motion = PhasedMotion(SHAPE, GATES, control_points(seed))
+        motion = PhasedMotion(SHAPE, SWITCHING_TIMES, control_points(seed))
         bound = sampled(motion, hull).by_x[1]
         velocity = motion.spline()(np.linspace(0, 1, 2000), 1)
         assert (velocity.max(axis=0) <= bound.max(axis=0) + 1e-12).all()
@@ -69,7 +69,7 @@ def test_the_velocity_stays_within_its_hull_and_touches_it():
 
 
 def test_it_rests_at_both_ends():
-    spline = BSpline(SHAPE.knots(GATES), control_points(), DEGREE)
+    spline = BSpline(SHAPE.knots(SWITCHING_TIMES), control_points(), DEGREE)
     for order in (1, 2):
         np.testing.assert_allclose(spline(np.array([0.0, 1.0]), order), 0, atol=1e-11)
 
@@ -79,37 +79,37 @@ def test_it_rests_at_both_ends():
     [SHAPE.samples(np.array([0.5])), VelocityHull(SHAPE.control_point_count)],
     ids=["samples", "hull"],
 )
-def test_gates_move_knots_and_samples_with_them(samples):
-    by_gate = basis_by_gate(samples, SHAPE, GATES)
+def test_switching_times_move_knots_and_samples_with_them(samples):
+    by_switching = basis_by_switching(samples, SHAPE, SWITCHING_TIMES)
     step = 1e-4
-    for column, gate in enumerate((1, 2)):
+    for column, switching in enumerate((1, 2)):
         sides = []
         for sign in (1, -1):
-            moved = GATES.copy()
-            moved[gate] += sign * step
+            moved = SWITCHING_TIMES.copy()
+            moved[switching] += sign * step
             sides.append(samples.basis(SHAPE, moved))
         expected = (sides[0] - sides[1]) / (2 * step)
         scale = np.maximum(abs(expected).max(axis=(1, 2), keepdims=True), 1e-9)
-        np.testing.assert_allclose(by_gate[column] / scale, expected / scale, atol=1e-4)
+        np.testing.assert_allclose(by_switching[column] / scale, expected / scale, atol=1e-4)
 
 
 @pytest.mark.parametrize("intervals", [8, 24, 64])
 def test_knots_cluster_at_the_ends_and_have_about_the_number_asked_for(intervals):
-    shape = knot_grid(GATES, intervals)
+    shape = knot_grid(SWITCHING_TIMES, intervals)
     assert abs(shape.interval_count - intervals) <= 2
-    width = np.diff(shape.breakpoints(GATES))
+    width = np.diff(shape.breakpoints(SWITCHING_TIMES))
     assert width[0] < 0.5 * width[len(width) // 2] > width[-1]
 
 
 @pytest.mark.parametrize("parts", [2, 3, 4])
 def test_divided_knots_hold_the_same_motion(parts):
-    shape = knot_grid(GATES, 12)
+    shape = knot_grid(SWITCHING_TIMES, 12)
     points = np.random.default_rng(0).normal(size=(shape.control_point_count, 2))
     points[:3], points[-3:] = points[0], points[-1]
-    motion = PhasedMotion(shape, GATES, points)
+    motion = PhasedMotion(shape, SWITCHING_TIMES, points)
     finer = subdivided(motion, parts)
     assert finer.shape.interval_count == parts * shape.interval_count
-    old, new = shape.breakpoints(GATES), finer.shape.breakpoints(GATES)
+    old, new = shape.breakpoints(SWITCHING_TIMES), finer.shape.breakpoints(SWITCHING_TIMES)
     np.testing.assert_allclose(new[::parts], old, atol=1e-15)
     assert (np.diff(new) > 0).all()
     x = np.linspace(0, 1, 500)

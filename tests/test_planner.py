@@ -378,7 +378,7 @@ def test_refinement_that_is_stopped_leaves_what_is_certified(two_link, stop):
 
 @pytest.mark.parametrize("steps", range(1, 40, 4))
 def test_whatever_refinement_has_when_it_is_stopped_is_an_answer(two_link, steps):
-    """Also between coarse and fine knots: with its certificate, its prices, its notes."""
+    """Also between coarse and fine knots: with its certificate, its sensitivities, its notes."""
     count = 0
 
     def interrupt(progress):

@@ -1,4 +1,4 @@
-"""The price list against planning again, and against what it must add up to."""
+"""The sensitivities against planning again, and against what it must add up to."""
 
 import numpy as np
 import pytest
@@ -43,14 +43,16 @@ def problem_with(robot=None, radius=(0.05, 0.05)):
     ],
     ids=["effort", "velocity", "acceleration", "jerk"],
 )
-def test_without_gravity_all_limits_together_have_a_known_price(limits):
+def test_without_gravity_all_limits_together_have_a_known_sensitivity(limits):
     """Twice the efforts and accelerations, four times the speed... T falls in proportion."""
-    prices = plan(problem_with(arm(**limits))).sensitivities
+    sensitivities = plan(problem_with(arm(**limits))).sensitivities
     order = {"effort": 2, "acceleration": 2, "velocity": 1, "jerk": 3, "radius": 0}
-    total = sum(order[price.limit] * price.elasticity for price in prices)
+    total = sum(order[sensitivity.limit] * sensitivity.elasticity for sensitivity in sensitivities)
     assert total == pytest.approx(-1.0, abs=1e-4)
-    assert all(price.elasticity <= 0 for price in prices)
-    assert [price.saved for price in prices] == sorted((p.saved for p in prices), reverse=True)
+    assert all(sensitivity.elasticity <= 0 for sensitivity in sensitivities)
+    assert [sensitivity.saved for sensitivity in sensitivities] == sorted(
+        (p.saved for p in sensitivities), reverse=True
+    )
 
 
 def polished(problem, motion):
@@ -59,17 +61,17 @@ def polished(problem, motion):
     return program.improved(program.iterate(motion), 0.01, 1e-8, 60).duration
 
 
-def test_prices_are_what_planning_again_finds():
+def test_sensitivities_are_what_planning_again_finds():
     problem = problem_with()
     branch = reference_branch(problem, spare_joint_rules(problem)[0])
     refined = Refinement(problem, starting_spline(problem, branch, 8), (3, 3))
     refined.run()
     motion = refined._best.motion
     duration = polished(problem, motion)
-    prices = refined.elasticities()
+    sensitivities = refined.elasticities()
     step = 0.02
     limits = problem.robot.limits.effort
-    for (limit, index), elasticity in prices.items():
+    for (limit, index), elasticity in sensitivities.items():
         found = []
         for factor in (1 + step, 1 - step):
             if limit == "radius":
@@ -84,15 +86,17 @@ def test_prices_are_what_planning_again_finds():
         assert -elasticity * duration == pytest.approx(change, rel=0.1, abs=1e-3), (limit, index)
 
 
-def test_only_refinement_has_a_price_list():
+def test_only_refinement_has_sensitivities():
     problem = load_problem("example:two_link/paper_1_30mm")
     assert plan(problem, PlanOptions("stop-at-corners")).sensitivities == ()
     result = plan(problem)
-    assert {price.limit for price in result.sensitivities} == {"effort", "radius"}
+    assert {sensitivity.limit for sensitivity in result.sensitivities} == {"effort", "radius"}
     dearest = result.sensitivities[0]
     assert dearest.joint in ("joint1", "joint2")
     assert dearest.segment is None
     assert dearest.saved == pytest.approx(-0.1 * dearest.elasticity * result.duration)
     assert str(dearest) == f"effort of {dearest.joint}: {1000 * dearest.saved:.2g} ms"
-    radius = next(price for price in result.sensitivities if price.limit == "radius")
+    radius = next(
+        sensitivity for sensitivity in result.sensitivities if sensitivity.limit == "radius"
+    )
     assert (radius.joint, radius.segment) == (None, 0)

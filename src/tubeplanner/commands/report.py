@@ -19,7 +19,7 @@ from tubeplanner.verification.certificate import RELATIVE, Certificate, Conditio
 _WIDTH_OF_A_FILE = 160  # [characters]
 # Rounding errors of the machine are shown as what they are: nothing.
 _NOTHING = 1e-10
-_PRICES = 3
+_SENSITIVITIES_SHOWN = 3
 
 
 def plan_text(
@@ -46,7 +46,11 @@ def plan_text(
     if result.certificate is not None:
         lines.append(certificate_text(result.certificate))
     lines.append(f"{result.status}: {result.message}")
-    dearest = [str(price) for price in result.sensitivities[:_PRICES] if price.saved > 0]
+    dearest = [
+        str(sensitivity)
+        for sensitivity in result.sensitivities[:_SENSITIVITIES_SHOWN]
+        if sensitivity.saved > 0
+    ]
     if dearest:
         lines.append(f"10 % more would save: {'; '.join(dearest)}")
     if with_minimum and result.path_minimum is not None and result.duration:

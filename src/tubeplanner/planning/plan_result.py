@@ -63,13 +63,13 @@ class PlanResult:
     phase_two: PhaseTwoStatistics | None = None
     stopped_by: StoppedBy | None = None
     notes: tuple[str, ...] = ()
-    _prices: Callable[[], tuple[Sensitivity, ...]] = tuple
+    _sensitivities: Callable[[], tuple[Sensitivity, ...]] = tuple
     _path_minimum: Callable[[], float | None] = _no_path
 
     @cached_property
     def sensitivities(self) -> tuple[Sensitivity, ...]:
         """What every limit costs, the dearest first."""
-        return self._prices()
+        return self._sensitivities()
 
     @cached_property
     def path_minimum(self) -> float | None:
@@ -104,7 +104,7 @@ class PlanResult:
             "stopped_by": self.stopped_by,
             "method": self.method,
             "notes": list(self.notes),
-            "sensitivities": [asdict(price) for price in self.sensitivities],
+            "sensitivities": [asdict(sensitivity) for sensitivity in self.sensitivities],
             "search": None if self.search is None else self.search.as_dict(),
             "phase_two": None if self.phase_two is None else self.phase_two.as_dict(),
             "certificate": None if self.certificate is None else self.certificate.as_dict(),

@@ -16,7 +16,7 @@ from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, Progress
 from tubeplanner.refinement.phase_spline import PhasedMotion
 from tubeplanner.refinement.refinement import Refinement
-from tubeplanner.refinement.sensitivities import price_list
+from tubeplanner.refinement.sensitivities import limit_sensitivities
 from tubeplanner.refinement.spline_start import starting_spline
 from tubeplanner.waypoint_search.time_scaling import scaled_to_limits
 
@@ -137,8 +137,8 @@ def _from_start(
         work = partial(refinement.answer, result.certificate, motion.duration)
     if not result.succeeded:
         return result
-    prices = partial(price_list, problem, refinement, motion.duration)
-    return replace(result, notes=_notes(problem, motion), _prices=prices)
+    sensitivities = partial(limit_sensitivities, problem, refinement, motion.duration)
+    return replace(result, notes=_notes(problem, motion), _sensitivities=sensitivities)
 
 
 def _notes(problem: PlanningProblem, motion: JointTrajectory) -> tuple[str, ...]:

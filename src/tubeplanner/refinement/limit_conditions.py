@@ -154,7 +154,7 @@ class EvaluatedLimits:
     def _change(
         self, kind: str, joints: IntArray, duration: float
     ) -> tuple[FloatArray, FloatArray]:
-        """Return how the used shares change with control points and gates."""
+        """Return how the used shares change with control points and switching times."""
         limit = getattr(self.robot.limits, kind)[joints]
         if kind == EFFORT:
             q, v, a = self.at.position, self.at.rate(1, duration), self.at.rate(2, duration)
@@ -169,5 +169,5 @@ class EvaluatedLimits:
         control = np.zeros((count, len(joints), self.at.basis.shape[2], n))
         by_point = scale[:, None, None] * self.at.basis[order]
         control[:, np.arange(len(joints)), :, joints] = by_point
-        gate = scale[:, None] * self.at.by_gate[:, order][:, :, joints].transpose(1, 2, 0)
-        return control, gate
+        switching = scale[:, None] * self.at.by_switching[:, order][:, :, joints].transpose(1, 2, 0)
+        return control, switching

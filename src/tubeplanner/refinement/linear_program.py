@@ -25,14 +25,14 @@ class Bounds:
     Attributes:
         lower: Of the variable configurations, shape (F, n).
         upper: Likewise.
-        gate: Largest steps of the gates, shape (gates,).
+        switching: Largest steps of the switching times, shape (m-1,).
         duration: Smallest and largest eta.
         held: Directions in which the last variable must not move, shape (r, n).
     """
 
     lower: FloatArray
     upper: FloatArray
-    gate: FloatArray
+    switching: FloatArray
     duration: tuple[float, float]
     held: FloatArray
 
@@ -43,14 +43,14 @@ class Step:
 
     Attributes:
         control: Shape (F, n).
-        gate: Shape (gates,).
+        switching: Shape (switching_times,).
         duration: eta.
         elastic: By how much elastic rows are broken at most.
         multipliers: Of the rows, shape (R,).
     """
 
     control: FloatArray
-    gate: FloatArray
+    switching: FloatArray
     duration: float
     elastic: float
     multipliers: FloatArray
@@ -60,7 +60,7 @@ class StepProgram:
     """A linear program with a little curvature, and its solver.
 
     It minimises eta + penalty * elastic + gradient . dC + x . hessian . x / 2 under the rows, x
-    being all that may change: configurations, gates, eta, elastic.
+    being all that may change: configurations, switching times, eta, elastic.
     """
 
     def __init__(
@@ -78,24 +78,24 @@ class StepProgram:
 
         Args:
             rows: The conditions.
-            is_elastic: 1 for rows that may be broken for a price, else 0, shape (R,).
+            is_elastic: 1 for rows that may be violated at a penalty, else 0, shape (R,).
             column: The variable of every control point, -1 where it is fixed, shape (K,).
             bounds: Where the step must stay.
             hessian: Over all that may change, shape (V, V).
             gradient: Shape (F n,).
-            penalty: Price of the elastic variable.
+            penalty: Weight of the elastic variable.
             tolerance: Of the solution, absolute and relative.
         """
         self._free = bounds.lower.shape
-        gates = len(bounds.gate)
+        switches = len(bounds.switching)
         self._matrix = _matrix(rows, is_elastic, column, *self._free)
         self._hessian = hessian
-        self._linear = np.concatenate([gradient, np.zeros(gates), [1.0, penalty]])
+        self._linear = np.concatenate([gradient, np.zeros(switches), [1.0, penalty]])
         self._lower = np.concatenate(
-            [bounds.lower.ravel(), -bounds.gate, [bounds.duration[0], 0.0]]
+            [bounds.lower.ravel(), -bounds.switching, [bounds.duration[0], 0.0]]
         )
         self._upper = np.concatenate(
-            [bounds.upper.ravel(), bounds.gate, [bounds.duration[1], _ELASTIC_BOUND]]
+            [bounds.upper.ravel(), bounds.switching, [bounds.duration[1], _ELASTIC_BOUND]]
         )
         self._slack, self._tolerance = rows.slack, tolerance
         self._held = self._equalities(bounds)
@@ -159,25 +159,25 @@ class StepProgram:
 def _matrix(
     rows: Rows, is_elastic: FloatArray, column: IntArray, free: int, n: int
 ) -> sparse.csc_matrix:
-    """Return the rows as a sparse matrix over configurations, gates, eta, elastic."""
+    """Return the rows as a sparse matrix over configurations, switching times, eta, elastic."""
     count, weights = len(rows), rows.control.shape[1]
-    gates = rows.gate.shape[1]
+    switches = rows.switching.shape[1]
     variable = column[rows.first[:, None] + np.arange(weights)]
     columns = (variable[:, :, None] * n + np.arange(n)).reshape(count, weights * n)
     values = rows.control * (variable >= 0)[:, :, None]
-    extra = free * n + np.arange(gates + 2)
+    extra = free * n + np.arange(switches + 2)
     columns = np.hstack([columns, np.tile(extra, (count, 1))])
     data = np.hstack(
         [
             values.reshape(count, weights * n),
-            rows.gate,
+            rows.switching,
             rows.duration[:, None],
             -is_elastic[:, None],
         ]
     )
     keep = data != 0
     indptr = np.concatenate([[0], np.cumsum(keep.sum(axis=1))])
-    shape = (count, free * n + gates + 2)
+    shape = (count, free * n + switches + 2)
     matrix = sparse.csr_matrix((data[keep], columns[keep], indptr), shape=shape)
     matrix.sum_duplicates()  # control points that move as one
     return matrix.tocsc()

@@ -1,8 +1,8 @@
 """Linear conditions on a step of the optimiser, each divided by its own limit.
 
-What may change are the control points C of a motion, its inner gates g, and its squared duration
-y = T^2, by the relative step eta = dy / y. A row says: control . dC + gate . dg + duration eta <=
-slack.
+What may change are the control points C of a motion, its inner switching times s, and its squared
+duration y = T^2, by the relative step eta = dy / y. A row says: control . dC + switching . ds +
+duration eta <= slack.
 """
 
 from dataclasses import dataclass, replace
@@ -22,10 +22,10 @@ MERIT_TOLERANCE = 0.8 * INNER_MARGIN
 
 @dataclass(frozen=True)
 class StepSize:
-    """How far a step may go: control points [rad or m] and gates."""
+    """How far a step may go: control points [rad or m] and switching times."""
 
     control: float
-    gate: float
+    switching: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +35,7 @@ class Rows:
     Attributes:
         first: The first of the four control points that count, shape (R,).
         control: Shape (R, 4, n).
-        gate: Shape (R, gates).
+        switching: Shape (R, m-1).
         duration: Shape (R,).
         slack: Shape (R,).
         limit: Number of the limit that the row stands for; -1 for none, shape (R,).
@@ -44,7 +44,7 @@ class Rows:
 
     first: IntArray
     control: FloatArray
-    gate: FloatArray
+    switching: FloatArray
     duration: FloatArray
     slack: FloatArray
     limit: IntArray
@@ -63,7 +63,7 @@ class Rows:
 
     def reach(self, size: StepSize) -> FloatArray:
         """Return how far a step can move each row, shape (R,)."""
-        return _reach(self.control, self.gate, size)
+        return _reach(self.control, self.switching, size)
 
 
 def stacked(parts: list[Rows]) -> Rows:
@@ -86,17 +86,18 @@ def two_sided_rows(
 
     Args:
         first: The first control point that counts at each sample, shape (N,).
-        change: The quantities' derivatives by control points, (N, I, 4, n), and gates, (N, I, G).
+        change: The quantities' derivatives by control points, (N, I, 4, n), and switching times,
+            (N, I, m-1).
         used: The quantities, shape (N, I).
         duration: What eta adds: as much with the sign of the side, (N, I), and less on both.
         limit: Number of each quantity's limit, shape (I,).
         size: Rows that no step of this size can break are left out; None: none.
     """
-    control, gate = change
+    control, switching = change
     with_side, on_both = duration
     reach = np.full(used.shape, np.inf)
     if size is not None:
-        reach = np.maximum(_CLOSE, _reach(control, gate, size))
+        reach = np.maximum(_CLOSE, _reach(control, switching, size))
     parts = []
     for side, sign in enumerate((1.0, -1.0)):
         slack = 1 - sign * used
@@ -106,7 +107,7 @@ def two_sided_rows(
             Rows(
                 first[sample],
                 sign * control[at],
-                sign * gate[at],
+                sign * switching[at],
                 sign * with_side[at] - on_both,
                 slack[at],
                 limit[quantity],
@@ -127,18 +128,19 @@ def plane_rows(
 
     Args:
         first: The first control point that counts at each sample, shape (N,).
-        change: What the planes' use changes by, with control points, (N, P, 4, n), and gates.
+        change: What the planes' use changes by, with control points, (N, P, 4, n), and switching
+            times.
         slack: How far inside the planes each sample is, shape (N, P); inf where there is none.
         limit: Number of each sample's limit, shape (N,).
         size: Rows that no step of this size can break are left out; None: none.
     """
-    control, gate = change
-    reach = np.inf if size is None else _reach(control, gate, size)
+    control, switching = change
+    reach = np.inf if size is None else _reach(control, switching, size)
     sample, plane = np.nonzero(np.isfinite(slack) & (slack < reach))
     return Rows(
         first[sample],
         control[sample, plane],
-        gate[sample, plane],
+        switching[sample, plane],
         np.zeros(len(sample)),
         slack[sample, plane],
         limit[sample],
@@ -162,6 +164,6 @@ def two_sided_slack(
     return np.concatenate([(scale - sign * (used + resting)).ravel() for sign in (1.0, -1.0)])
 
 
-def _reach(control: FloatArray, gate: FloatArray, size: StepSize) -> FloatArray:
+def _reach(control: FloatArray, switching: FloatArray, size: StepSize) -> FloatArray:
     reach: FloatArray = size.control * abs(control).sum(axis=(-2, -1))
-    return reach + size.gate * abs(gate).sum(axis=-1)
+    return reach + size.switching * abs(switching).sum(axis=-1)

@@ -61,8 +61,8 @@ class LinkConditions:
     def on_other_knots(self, motion: PhasedMotion, other: PhasedMotion) -> "LinkConditions":
         """Return the same for a motion on other knots, watched where they were."""
         moved = copy(self)
-        times = self._samples.times(motion.gates)
-        moved._samples = other.shape.samples_at(other.gates, times)
+        times = self._samples.times(motion.switching_times)
+        moved._samples = other.shape.samples_at(other.switching_times, times)
         return moved
 
     def look(self, motion: PhasedMotion) -> bool:
@@ -95,9 +95,11 @@ class LinkConditions:
         same_share: float,
     ) -> bool:
         """Watch pairs at samples that are not watched yet; return whether one is too close."""
-        gates = motion.gates
-        known, new = self._samples.times(gates), samples.times(gates)
-        spacing = np.diff(motion.shape.breakpoints(gates))[samples.interval] / _PER_INTERVAL
+        switching_times = motion.switching_times
+        known, new = self._samples.times(switching_times), samples.times(switching_times)
+        spacing = (
+            np.diff(motion.shape.breakpoints(switching_times))[samples.interval] / _PER_INTERVAL
+        )
         same = (pair[:, None] == self._pair) & (
             abs(new[:, None] - known) < same_share * spacing[:, None]
         )
@@ -221,12 +223,12 @@ class EvaluatedLinks:
             body = np.array([shapes[i].body for i in self.pairs[:, column]], dtype=np.int64)
             moved = robot.point_jacobian(self.rotation, self.position, body, point)
             apart += sign * np.einsum("ei,eij->ej", self.closest.direction, moved)
-        control, gate = self.at.chained(-apart[None, :, None] / _UNIT)
+        control, switching = self.at.chained(-apart[None, :, None] / _UNIT)
         count = len(self.pairs)
         rows = Rows(
             self.at.first,
             control[:, 0],
-            gate[:, 0],
+            switching[:, 0],
             np.zeros(count),
             self.slack,
             np.full(count, NO_LIMIT),

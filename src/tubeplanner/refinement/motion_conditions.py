@@ -39,7 +39,7 @@ class Iterate:
     """A motion and what it costs.
 
     Attributes:
-        motion: Control points and gates.
+        motion: Control points and switching times.
         squared_duration: The least T^2 that the limits allow at the samples [s^2].
         excess: How far tool or links are beyond what is allowed to them, >= 0: of the tool in
             radii or rotation tolerances beyond the narrowed tube, of links in units of 5 cm.
@@ -75,7 +75,7 @@ class MotionConditions:
         """Take the usual samples, and links that may be watched already."""
         self._problem, self._shape, self._links = problem, shape, links
         self._limits = LimitConditions(problem.robot)
-        # A gate has a sample on either side, so that the tool is in both capsules there.
+        # A switching time has a sample on either side, so that the tool is in both capsules there.
         ends = shape.phase_ends()
         places: dict[tuple[str, ...], Places] = {
             (EFFORT,): shape.samples(_EFFORT_SAMPLES).and_also(ends),
@@ -102,7 +102,7 @@ class MotionConditions:
         return self._at(motion, self._limited, self._tube_samples)
 
     def rows(self, current: Iterate, size: StepSize | None) -> tuple[Rows, FloatArray]:
-        """Return all rows at a motion, and 1 for those that may be broken for a price.
+        """Return all rows at a motion, and 1 for those that may be violated at a penalty.
 
         Args:
             current: The motion.
@@ -152,7 +152,7 @@ class MotionConditions:
 
     def add_samples(self, motion: PhasedMotion, x: float) -> None:
         """Add samples of everything at an instant, from 0 to 1."""
-        samples = self._shape.samples_at(motion.gates, np.array([x]))
+        samples = self._shape.samples_at(motion.switching_times, np.array([x]))
         self._watch_efforts(samples)
         self._tube_samples = self._tube_samples.and_also(samples)
         self._links.look_at(motion, samples)

@@ -1,9 +1,9 @@
 """Cubic B-splines of joint positions over phases, one per tube segment, whose ends may move.
 
-Time x runs from 0 to 1. Phase k lies between the gates k and k+1; its knots sit at fixed shares of
-it, and so do samples: when a gate moves, both move along. Joints are C2 everywhere. The first three
-control points are the start and the last three the goal, so that velocity and acceleration vanish
-exactly at both ends.
+Time x runs from 0 to 1. Phase k lies between the switching times k and k+1; its knots sit at fixed
+shares of it, and so do samples: when a switching time moves, both move along. Joints are C2
+everywhere. The first three control points are the start and the last three the goal, so that
+velocity and acceleration vanish exactly at both ends.
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from tubeplanner.arrays import FloatArray, IntArray
 
 DEGREE = 3
 REST_POINTS = 3  # equal control points at an end put velocity and acceleration there to zero
-_GATE_STEP = 1e-7
+_SWITCHING_STEP = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,9 +38,11 @@ class Samples:
         """The first of the four control points that count, shape (N,)."""
         return self.interval
 
-    def basis(self, shape: "PhaseSpline", gates: FloatArray) -> FloatArray:
+    def basis(self, shape: "PhaseSpline", switching_times: FloatArray) -> FloatArray:
         """Return what position and its derivatives take of four control points, (4, N, 4)."""
-        return _basis_functions(shape.knots(gates), self.interval + DEGREE, self.times(gates))
+        return _basis_functions(
+            shape.knots(switching_times), self.interval + DEGREE, self.times(switching_times)
+        )
 
     def and_also(self, other: "Samples") -> "Samples":
         """Return these samples and others."""
@@ -54,9 +56,11 @@ class Samples:
         """Return some of the samples."""
         return Samples(self.phase[keep], self.share[keep], self.interval[keep])
 
-    def times(self, gates: FloatArray) -> FloatArray:
-        """Return their times x for gates (m+1,), shape (N,)."""
-        times: FloatArray = gates[self.phase] + np.diff(gates)[self.phase] * self.share
+    def times(self, switching_times: FloatArray) -> FloatArray:
+        """Return their times x for switching times (m+1,), shape (N,)."""
+        times: FloatArray = (
+            switching_times[self.phase] + np.diff(switching_times)[self.phase] * self.share
+        )
         return times
 
 
@@ -80,16 +84,17 @@ class PhaseSpline:
         """Number K of control points."""
         return self.interval_count + DEGREE
 
-    def breakpoints(self, gates: FloatArray) -> FloatArray:
-        """Return all knots, without repeating those at the ends, for gates (m+1,)."""
+    def breakpoints(self, switching_times: FloatArray) -> FloatArray:
+        """Return all knots, without repeating those at the ends, for switching times (m+1,)."""
         parts = [
-            gates[k] + (gates[k + 1] - gates[k]) * share[:-1] for k, share in enumerate(self.shares)
+            switching_times[k] + (switching_times[k + 1] - switching_times[k]) * share[:-1]
+            for k, share in enumerate(self.shares)
         ]
-        return np.append(np.concatenate(parts), gates[-1])
+        return np.append(np.concatenate(parts), switching_times[-1])
 
-    def knots(self, gates: FloatArray) -> FloatArray:
-        """Return the clamped knot vector for gates (m+1,)."""
-        inner = self.breakpoints(gates)
+    def knots(self, switching_times: FloatArray) -> FloatArray:
+        """Return the clamped knot vector for switching times (m+1,)."""
+        inner = self.breakpoints(switching_times)
         return np.concatenate([np.full(DEGREE, inner[0]), inner, np.full(DEGREE, inner[-1])])
 
     def samples(self, local: FloatArray) -> Samples:
@@ -103,12 +108,14 @@ class PhaseSpline:
             count += len(width)
         return Samples(np.concatenate(phase), np.concatenate(share), np.concatenate(interval))
 
-    def samples_at(self, gates: FloatArray, x: FloatArray) -> Samples:
+    def samples_at(self, switching_times: FloatArray, x: FloatArray) -> Samples:
         """Return samples at times x from 0 to 1, shape (N,)."""
         last = self.interval_count - 1
-        interval = np.searchsorted(self.breakpoints(gates), x, side="right") - 1
-        phase = np.clip(np.searchsorted(gates, x, side="right") - 1, 0, len(gates) - 2)
-        share = (x - gates[phase]) / np.diff(gates)[phase]
+        interval = np.searchsorted(self.breakpoints(switching_times), x, side="right") - 1
+        phase = np.clip(
+            np.searchsorted(switching_times, x, side="right") - 1, 0, len(switching_times) - 2
+        )
+        share = (x - switching_times[phase]) / np.diff(switching_times)[phase]
         return Samples(phase, np.clip(share, 0.0, 1.0), np.clip(interval, 0, last))
 
     def phase_ends(self) -> Samples:
@@ -135,9 +142,9 @@ class VelocityHull:
         """The first of the four control points that count, shape (K-1,)."""
         return np.minimum(np.arange(self.count - 1), self.count - DEGREE - 1)
 
-    def basis(self, shape: "PhaseSpline", gates: FloatArray) -> FloatArray:
+    def basis(self, shape: "PhaseSpline", switching_times: FloatArray) -> FloatArray:
         """Return the weights of four control points, (2, K-1, 4): none for position."""
-        knots, number = shape.knots(gates), np.arange(self.count - 1)
+        knots, number = shape.knots(switching_times), np.arange(self.count - 1)
         weight = DEGREE / (knots[number + DEGREE + 1] - knots[number + 1])
         place = number - self.first
         basis = np.zeros((2, self.count - 1, DEGREE + 1))
@@ -148,14 +155,16 @@ class VelocityHull:
 Places: TypeAlias = Samples | VelocityHull
 
 
-def basis_by_gate(places: Places, shape: PhaseSpline, gates: FloatArray) -> FloatArray:
-    """Return the derivatives of the weights at places by the inner gates, (gates, orders, N, 4)."""
-    here = places.basis(shape, gates)
-    found = np.zeros((len(gates) - 2, *here.shape))
-    for column in range(len(gates) - 2):
-        moved = gates.copy()
-        moved[column + 1] += _GATE_STEP
-        found[column] = (places.basis(shape, moved) - here) / _GATE_STEP
+def basis_by_switching(
+    places: Places, shape: PhaseSpline, switching_times: FloatArray
+) -> FloatArray:
+    """Return the weights' derivatives by the inner switching times, (m-1, orders, N, 4)."""
+    here = places.basis(shape, switching_times)
+    found = np.zeros((len(switching_times) - 2, *here.shape))
+    for column in range(len(switching_times) - 2):
+        moved = switching_times.copy()
+        moved[column + 1] += _SWITCHING_STEP
+        found[column] = (places.basis(shape, moved) - here) / _SWITCHING_STEP
     return found
 
 
@@ -165,17 +174,17 @@ class PhasedMotion:
 
     Attributes:
         shape: Where the knots are.
-        gates: Ends of the phases in time x, from 0 to 1, shape (m+1,).
+        switching_times: Ends of the phases in time x, from 0 to 1, shape (m+1,).
         control_points: Shape (K, n).
     """
 
     shape: PhaseSpline
-    gates: FloatArray
+    switching_times: FloatArray
     control_points: FloatArray
 
     def spline(self) -> BSpline:
         """Return the spline over time x."""
-        return BSpline(self.shape.knots(self.gates), self.control_points, DEGREE)
+        return BSpline(self.shape.knots(self.switching_times), self.control_points, DEGREE)
 
 
 def _basis_functions(knots: FloatArray, span: IntArray, x: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-"""A motion at samples, and how it changes with its control points and gates."""
+"""A motion at samples, and how it changes with its control points and switching times."""
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -6,7 +6,12 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
-from tubeplanner.refinement.phase_spline import PhasedMotion, PhaseSpline, Places, basis_by_gate
+from tubeplanner.refinement.phase_spline import (
+    PhasedMotion,
+    PhaseSpline,
+    Places,
+    basis_by_switching,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,27 +46,27 @@ class SampledMotion:
         return rate
 
     @cached_property
-    def by_gate(self) -> FloatArray:
-        """Derivatives of `by_x` by the inner gates, shape (gates, orders, N, n)."""
+    def by_switching(self) -> FloatArray:
+        """Derivatives of `by_x` by the inner switching times, shape (m-1, orders, N, n)."""
         motion = self.motion
-        basis = basis_by_gate(self.places, motion.shape, motion.gates)
+        basis = basis_by_switching(self.places, motion.shape, motion.switching_times)
         return np.matmul(basis[:, :, :, None], self._taken)[:, :, :, 0]
 
     def chained(self, by_state: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return how I quantities of each sample change with control points and gates.
+        """Return how I quantities of each sample change with control points and switching times.
 
         Args:
             by_state: Their derivatives by position, and by its first derivatives by x, as many as
                 are given: shape (orders, N, I, n).
 
         Returns:
-            By the four control points that count, (N, I, 4, n), and by the inner gates,
-            (N, I, gates).
+            By the four control points that count, (N, I, 4, n), and by the inner switching times,
+            (N, I, m-1).
         """
         orders = len(by_state)
         control = np.einsum("onr,onij->nirj", self.basis[:orders], by_state)
-        gate = np.einsum("gonj,onij->nig", self.by_gate[:, :orders], by_state)
-        return control, gate
+        switching = np.einsum("gonj,onij->nig", self.by_switching[:, :orders], by_state)
+        return control, switching
 
     @cached_property
     def _taken(self) -> FloatArray:
@@ -70,14 +75,14 @@ class SampledMotion:
 
 def sampled(motion: PhasedMotion, places: Places) -> SampledMotion:
     """Return a motion at some places."""
-    basis = _basis(motion.shape, places, motion.gates.tobytes())
+    basis = _basis(motion.shape, places, motion.switching_times.tobytes())
     by_x = np.matmul(basis[:, :, None], _taken(motion, places))[:, :, 0]
     return SampledMotion(motion, places, basis, by_x)
 
 
-@lru_cache(maxsize=8)  # gates often stay where they are; those of one phase always do
-def _basis(shape: PhaseSpline, places: Places, gates: bytes) -> FloatArray:
-    return places.basis(shape, np.frombuffer(gates))
+@lru_cache(maxsize=8)  # switching times often stay where they are; those of one phase always do
+def _basis(shape: PhaseSpline, places: Places, switching_times: bytes) -> FloatArray:
+    return places.basis(shape, np.frombuffer(switching_times))
 
 
 def _taken(motion: PhasedMotion, places: Places) -> FloatArray:

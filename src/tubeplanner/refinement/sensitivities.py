@@ -1,4 +1,4 @@
-"""What each tolerance and each motor costs: the price list of a refined motion."""
+"""What each tolerance and each motor costs: the sensitivities of a refined motion."""
 
 from dataclasses import dataclass
 
@@ -33,7 +33,7 @@ class Sensitivity:
         return f"{self.limit} of {place}: {1000 * self.saved:.2g} ms"
 
 
-def price_list(
+def limit_sensitivities(
     problem: PlanningProblem, motion: Refinement, duration: float
 ) -> tuple[Sensitivity, ...]:
     """Return what every limit costs, the dearest first.
@@ -50,4 +50,4 @@ def price_list(
         segment = index if of_segment else None
         saved = -elasticity * _RISE * duration
         found.append(Sensitivity(limit, joint, segment, elasticity, saved))
-    return tuple(sorted(found, key=lambda price: -price.saved))
+    return tuple(sorted(found, key=lambda sensitivity: -sensitivity.saved))

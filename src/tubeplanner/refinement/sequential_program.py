@@ -1,8 +1,8 @@
 """Shortening a motion on one knot grid by sequential linear programs with a trust region.
 
-Unknown are control points, gates and the squared duration. After every step the duration is made
-exact by time scaling, so that each iterate keeps all limits at its samples; tube and clearances
-are elastic.
+The unknowns are the control points, the switching times and the squared duration. After every step
+the duration is made exact by time scaling, so that each iterate keeps all limits at its samples;
+tube and clearances are elastic.
 """
 
 from collections.abc import Callable
@@ -30,10 +30,10 @@ _BROKEN = 1e-4
 _LEAST_TRUST, _LARGEST_TRUST = 1e-4, 1.0
 # Steps that gain less than this share of what they should are corrected.
 _GOOD_RATIO = 0.3
-_FIRST_PRICE, _LARGEST_PRICE = 3.0, 1e4
+_FIRST_PENALTY, _MAX_PENALTY = 3.0, 1e4
 _DURATION_STEP = (-0.5, 1.0)
 # For the multipliers: a small trust region, hardly any quadratic part, an exact solution.
-_PRICE_TRUST, _PRICE_SMOOTHING, _PRICE_TOLERANCE = 0.02, 1e-3, 1e-8
+_MULTIPLIER_TRUST, _MULTIPLIER_SMOOTHING, _MULTIPLIER_TOLERANCE = 0.02, 1e-3, 1e-8
 
 
 class SequentialProgram:
@@ -64,7 +64,7 @@ class SequentialProgram:
         self._variables = ControlVariables(problem, shape)
         self._curvature = self._smoothing()
         self._hessian = self._step_hessian()
-        self._price = _FIRST_PRICE
+        self._penalty = _FIRST_PENALTY
 
     def without_checkpoint(self) -> "SequentialProgram":
         """Return the program for use after planning: nothing is told or ends it any more."""
@@ -75,7 +75,7 @@ class SequentialProgram:
     def iterate(self, motion: PhasedMotion) -> Iterate:
         """Return a motion with its cost, its control points moved into the joints' bounds."""
         points = self._variables.within_bounds(motion.control_points)
-        return self.conditions.at(PhasedMotion(self.shape, motion.gates, points))
+        return self.conditions.at(PhasedMotion(self.shape, motion.switching_times, points))
 
     def improved(
         self, current: Iterate, trust: float, least_gain: float, most_steps: int
@@ -106,7 +106,7 @@ class SequentialProgram:
                 trial, gain = self._corrected(current, problem, step, trial, gain)
             ratio = gain / max(predicted, 1e-12)
             if step.elastic > _BROKEN:
-                self._price = min(4 * self._price, _LARGEST_PRICE)
+                self._penalty = min(4 * self._penalty, _MAX_PENALTY)
             if ratio > 0.02:
                 current = trial
                 small_gains = small_gains + 1 if gain < least_gain else 0
@@ -138,11 +138,11 @@ class SequentialProgram:
             rows.where(near),
             is_elastic[near],
             self._variables.column,
-            self._bounds(current, _PRICE_TRUST, goal_moves=False),
-            self._hessian * _PRICE_SMOOTHING,
-            self._gradient(current) * _PRICE_SMOOTHING,
-            _LARGEST_PRICE,
-            _PRICE_TOLERANCE,
+            self._bounds(current, _MULTIPLIER_TRUST, goal_moves=False),
+            self._hessian * _MULTIPLIER_SMOOTHING,
+            self._gradient(current) * _MULTIPLIER_SMOOTHING,
+            _MAX_PENALTY,
+            _MULTIPLIER_TOLERANCE,
         ).solve()
         if step is None:
             return {}
@@ -158,18 +158,18 @@ class SequentialProgram:
 
     def _gains(self, current: Iterate, trial: Iterate, step: Step) -> tuple[float, float]:
         """Return what a step should have gained, and what it did, in squared durations."""
-        price, before = self._price, _beyond(current.excess)
-        predicted = -step.duration + price * (before - _beyond(step.elastic))
+        penalty, before = self._penalty, _beyond(current.excess)
+        predicted = -step.duration + penalty * (before - _beyond(step.elastic))
         duration = trial.squared_duration / current.squared_duration
-        return predicted, 1 - duration + price * (before - _beyond(trial.excess))
+        return predicted, 1 - duration + penalty * (before - _beyond(trial.excess))
 
     def _moved(self, current: Iterate, step: Step) -> Iterate | None:
         points = self._variables.moved(current.motion.control_points, step.control)
         if points is None:
             return None
-        gates = current.motion.gates.copy()
-        gates[1:-1] += step.gate
-        return self.conditions.at(PhasedMotion(self.shape, gates, points))
+        switching_times = current.motion.switching_times.copy()
+        switching_times[1:-1] += step.switching
+        return self.conditions.at(PhasedMotion(self.shape, switching_times, points))
 
     def _corrected(
         self, current: Iterate, linear: "_Linearised", step: Step, trial: Iterate, gain: float
@@ -190,7 +190,7 @@ class SequentialProgram:
 
     def _linearised(self, current: Iterate, trust: float) -> "_Linearised":
         bounds = self._bounds(current, trust)
-        size = StepSize(trust, float(bounds.gate.max(initial=0.0)))
+        size = StepSize(trust, float(bounds.switching.max(initial=0.0)))
         rows, is_elastic = self.conditions.rows(current, size)
         active = (rows.slack < _NEAR) | (rows.slack < _NEAR_SHARE * rows.reach(size))
         return _Linearised(
@@ -200,12 +200,12 @@ class SequentialProgram:
             self._variables,
             bounds,
             (self._hessian, self._gradient(current)),
-            self._price,
+            self._penalty,
         )
 
     def _bounds(self, current: Iterate, trust: float, *, goal_moves: bool = True) -> Bounds:
         """Return where a step must stay."""
-        width = np.diff(current.motion.gates)
+        width = np.diff(current.motion.switching_times)
         points = current.motion.control_points
         now, joints = self._variables.of(points), points.shape[1]
         held = self._variables.held(points)
@@ -228,7 +228,7 @@ class SequentialProgram:
         selection = self._variables.selection
         inner = selection.T @ self._curvature @ selection
         inner = inner + sparse.identity(inner.shape[0]) * _PROXIMITY
-        others = len(self.shape.shares) - 1 + 2  # gates, eta, elastic
+        others = len(self.shape.shares) - 1 + 2  # switching times, eta, elastic
         parts = [sparse.kron(inner, sparse.identity(joints)), sparse.identity(others) * 1e-9]
         return sparse.block_diag(parts, format="csc")
 
@@ -251,12 +251,12 @@ class _Linearised:
         variables: ControlVariables,
         bounds: Bounds,
         quadratic: tuple[sparse.csc_matrix, FloatArray],
-        price: float,
+        penalty: float,
     ) -> None:
         self._rows, self._is_elastic = rows, is_elastic
         self._near, self._active = active, active.copy()
         self._variables, self._bounds = variables, bounds
-        self._quadratic, self._price = quadratic, price
+        self._quadratic, self._penalty = quadratic, penalty
         self._program: StepProgram | None = None
         self._given = np.zeros(0, dtype=np.int64)
 
@@ -276,7 +276,7 @@ class _Linearised:
                 self._variables.column,
                 self._bounds,
                 *self._quadratic,
-                self._price,
+                self._penalty,
             )
             step = self._program.solve()
             if step is None:
@@ -305,7 +305,7 @@ class _Linearised:
         change = self._variables.change(step.control)
         taken = change[rows.first[:, None] + np.arange(DEGREE + 1)]
         used = np.einsum("rkj,rkj->r", rows.control, taken)
-        used += rows.gate @ step.gate + rows.duration * step.duration
+        used += rows.switching @ step.switching + rows.duration * step.duration
         slack: FloatArray = rows.slack - used + self._is_elastic * step.elastic
         return slack
 

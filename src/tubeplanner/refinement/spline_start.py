@@ -35,52 +35,52 @@ def starting_spline(
     corners = way[np.cumsum([len(segment) for segment in branch.segments]) - 1]
     x = np.linspace(0, 1, 2001)
     covered = x**3 * (10 - 15 * x + 6 * x**2)
-    gates = np.concatenate([[0.0], np.interp(corners[:-1], covered, x), [1.0]])
-    shape = knot_grid(gates, intervals)
+    switching_times = np.concatenate([[0.0], np.interp(corners[:-1], covered, x), [1.0]])
+    shape = knot_grid(switching_times, intervals)
     apart = np.concatenate([[True], np.diff(way) > 0])
-    times = _fit_times(shape, gates)
+    times = _fit_times(shape, switching_times)
     wanted = np.interp(times, x, covered)
     path = np.array([np.interp(wanted, way[apart], column[apart]) for column in q.T]).T
-    return _fitted(shape, gates, times, path, branch.start, branch.goal)
+    return _fitted(shape, switching_times, times, path, branch.start, branch.goal)
 
 
 def subdivided(motion: PhasedMotion, parts: int) -> PhasedMotion:
     """Return the same motion, exactly, with every knot interval divided into several."""
-    gates, shares = motion.gates, []
+    switching_times, shares = motion.switching_times, []
     for k, share in enumerate(motion.shape.shares):
-        width = gates[k + 1] - gates[k]
-        angle = np.arccos(1 - 2 * np.clip(gates[k] + width * share, 0.0, 1.0))
+        width = switching_times[k + 1] - switching_times[k]
+        angle = np.arccos(1 - 2 * np.clip(switching_times[k] + width * share, 0.0, 1.0))
         steps = np.arange(len(angle) * parts - parts + 1) / parts
         x = (1 - np.cos(np.interp(steps, np.arange(len(angle)), angle))) / 2
-        finer = (x - gates[k]) / width
+        finer = (x - switching_times[k]) / width
         finer[::parts] = share
         shares.append(finer)
     shape = PhaseSpline(tuple(shares))
-    times = _fit_times(shape, gates)
+    times = _fit_times(shape, switching_times)
     ends = motion.control_points[[0, -1]]
-    return _fitted(shape, gates, times, motion.spline()(times), *ends)
+    return _fitted(shape, switching_times, times, motion.spline()(times), *ends)
 
 
-def knot_grid(gates: FloatArray, intervals: int) -> PhaseSpline:
+def knot_grid(switching_times: FloatArray, intervals: int) -> PhaseSpline:
     """Return knots clustered at both ends of the motion, as Chebyshev points are.
 
     There a motion at rest begins to move, and its acceleration needs the finest steps.
     """
-    angle = np.arccos(1 - 2 * gates)
+    angle = np.arccos(1 - 2 * switching_times)
     shares = []
-    for k in range(len(gates) - 1):
-        fewest = _FEWEST_INTERVALS if len(gates) > 2 else 1
+    for k in range(len(switching_times) - 1):
+        fewest = _FEWEST_INTERVALS if len(switching_times) > 2 else 1
         count = max(fewest, round(intervals * (angle[k + 1] - angle[k]) / np.pi))
         x = (1 - np.cos(np.linspace(angle[k], angle[k + 1], count + 1))) / 2
-        share = (x - gates[k]) / (gates[k + 1] - gates[k])
+        share = (x - switching_times[k]) / (switching_times[k + 1] - switching_times[k])
         share[0], share[-1] = 0.0, 1.0
         shares.append(share)
     return PhaseSpline(tuple(shares))
 
 
-def _fit_times(shape: PhaseSpline, gates: FloatArray) -> FloatArray:
+def _fit_times(shape: PhaseSpline, switching_times: FloatArray) -> FloatArray:
     """Return times inside every knot interval."""
-    breakpoints = shape.breakpoints(gates)
+    breakpoints = shape.breakpoints(switching_times)
     local = (np.arange(_FIT_POINTS_PER_INTERVAL) + 0.5) / _FIT_POINTS_PER_INTERVAL
     times: FloatArray = breakpoints[:-1, None] + np.diff(breakpoints)[:, None] * local
     return times.ravel()
@@ -88,7 +88,7 @@ def _fit_times(shape: PhaseSpline, gates: FloatArray) -> FloatArray:
 
 def _fitted(
     shape: PhaseSpline,
-    gates: FloatArray,
+    switching_times: FloatArray,
     times: FloatArray,
     path: FloatArray,
     start: FloatArray,
@@ -96,7 +96,7 @@ def _fitted(
 ) -> PhasedMotion:
     """Return the least-squares spline through configurations (N, n), at rest at its ends."""
     count = shape.control_point_count
-    design = BSpline.design_matrix(times, shape.knots(gates), DEGREE)
+    design = BSpline.design_matrix(times, shape.knots(switching_times), DEGREE)
     inner = slice(REST_POINTS, count - REST_POINTS)
     line = start + np.linspace(0, 1, count)[:, None] * (goal - start)
     points = line.copy()
@@ -111,4 +111,4 @@ def _fitted(
     bands[0] += _DRAW
     wanted = (design.T @ (path - design @ fixed))[inner] + _DRAW * line[inner]
     points[inner] = solveh_banded(bands, wanted, lower=True)
-    return PhasedMotion(shape, gates, points)
+    return PhasedMotion(shape, switching_times, points)

@@ -34,8 +34,8 @@ class SweepRow:
         problem: The problem with that tolerance; None where it cannot be posed.
         result: What came of planning; None where it cannot be posed.
         message: One sentence: the answer, or why there is none.
-        elasticity: d ln T / d ln radius of all segments together, from the price list: the share by
-            which the duration falls, per share by which the tolerance grows; None if not known.
+        elasticity: d ln T / d ln radius of all segments together, from the sensitivities: the share
+            by which the duration falls, per share by which the tolerance grows; None if not known.
         note: What else is worth knowing about the answer; None: nothing.
     """
 
@@ -193,8 +193,12 @@ def _row(
     result = plan(posed, options, progress)
     if result.stopped_by == "interrupt":
         raise KeyboardInterrupt
-    prices = [_by_whole_radius(price, posed.tube) for price in result.sensitivities]
-    elasticity = sum(prices) + 0.0 if prices else None  # + 0.0: no minus in front of zero
+    elasticities = [
+        _by_whole_radius(sensitivity, posed.tube) for sensitivity in result.sensitivities
+    ]
+    elasticity = (
+        sum(elasticities) + 0.0 if elasticities else None
+    )  # + 0.0: no minus in front of zero
     faster = [row for row in narrower if _is_faster(row, result)]
     note = None
     if faster:
@@ -205,12 +209,12 @@ def _row(
     return SweepRow(value, posed, result, result.message, elasticity, note)
 
 
-def _by_whole_radius(price: Sensitivity, tube: Tube) -> float:
-    """Return a price by the radius, of which the tool radius is a part; nothing for joints."""
-    if price.limit != "radius" or price.segment is None:
+def _by_whole_radius(sensitivity: Sensitivity, tube: Tube) -> float:
+    """Return an elasticity by the radius, the tool radius included; nothing for joints."""
+    if sensitivity.limit != "radius" or sensitivity.segment is None:
         return 0.0
-    k = price.segment
-    return float(price.elasticity * tube.radius[k] / tube.effective_radius[k])
+    k = sensitivity.segment
+    return float(sensitivity.elasticity * tube.radius[k] / tube.effective_radius[k])
 
 
 def _is_faster(row: SweepRow, result: PlanResult) -> bool:

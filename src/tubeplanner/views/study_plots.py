@@ -48,7 +48,7 @@ def plot_convergence(
 
 
 def plot_sweep(result: SweepResult, path: str | Path | None = None) -> "Figure":
-    """Draw the duration against the tolerance, with the slope that the price list predicts.
+    """Draw the duration against the tolerance, with the slope that the sensitivities predict.
 
     Args:
         result: What `sweep` found.
@@ -108,7 +108,7 @@ def _draw_slope(
     """Draw a tangent that is straight on linear and logarithmic axes."""
     ratio = np.array([1 - half, 1, 1 + half])
     gain = np.log(ratio) if axis.get_xscale() == "log" else ratio - 1
-    said = "slope by the price list"
+    said = "slope by the sensitivities"
     known = {line.get_label() for line in axis.lines}
     axis.plot(
         value * ratio,
