@@ -31,11 +31,11 @@ from tubeplanner import (
 )
 from tubeplanner.collision.collision_checker import CollisionChecker
 
-LEAST_RADIUS = 0.03  # [m]
-LONGEST_STEP = 0.6  # [rad or m] of a joint from one configuration of the walk to the next
+MIN_RADIUS = 0.03  # [m]
+MAX_STEP = 0.6  # [rad or m] of a joint from one configuration of the walk to the next
 EFFORT_SHARE = 0.8  # of a motor's effort that holding still may need
 WALK_SAMPLES = 41
-MOST_TRIES = 20_000
+MAX_TRIES = 20_000
 
 GANTRY = """<robot name="gantry"><link name="base"/>
 <link name="carriage"><inertial><mass value="20"/>
@@ -110,16 +110,16 @@ def random_problem(robot: RobotModel, seed: int) -> PlanningProblem:
     checker = CollisionChecker(robot)
     low = np.maximum(robot.limits.lower_position, -np.pi)
     high = np.minimum(robot.limits.upper_position, low + 2 * np.pi)
-    for _ in range(MOST_TRIES):
+    for _ in range(MAX_TRIES):
         knots = [rng.uniform(low, high)]
         for _ in range(2):
-            step = rng.uniform(-LONGEST_STEP, LONGEST_STEP, len(low))
+            step = rng.uniform(-MAX_STEP, MAX_STEP, len(low))
             knots.append(np.clip(knots[-1] + step, low, high))
         share = np.linspace(0, 1, WALK_SAMPLES)[:, None]
         legs = [(1 - share) * a + share * b for a, b in pairwise(knots)]
         if _is_sound(robot, checker, np.vstack(legs)):
             return _around(robot, knots, legs, checker)
-    raise RuntimeError(f"{robot.name}: no sound walk in {MOST_TRIES} tries")
+    raise RuntimeError(f"{robot.name}: no sound walk in {MAX_TRIES} tries")
 
 
 def _is_sound(robot: RobotModel, checker: CollisionChecker, q: np.ndarray) -> bool:
@@ -142,7 +142,7 @@ def _around(
     points = robot.tool_position(np.array(knots))
     centre = Tube(points, 1.0)
     off = [centre.distance(robot.tool_position(leg))[:, k].max() for k, leg in enumerate(legs)]
-    radius = np.maximum(1.2 * np.array(off), LEAST_RADIUS)
+    radius = np.maximum(1.2 * np.array(off), MIN_RADIUS)
     return PlanningProblem(robot, Tube(points, radius), knots[0])
 
 

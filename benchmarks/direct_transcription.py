@@ -51,7 +51,7 @@ GRIDS = ("clustered", "uniform")
 COARSE_INTERVALS, COARSE_SHARE = 1 / 3, 0.5  # of the fine grids, and of the time
 FINALISTS = 3  # different local optima of the coarse grid that are solved on fine ones
 SAME = 2e-3  # durations nearer to each other (relative) are of the same local optimum
-MOST_ROUNDS = 5  # of adding samples
+MAX_ROUNDS = 5  # of adding samples
 BETWEEN_SAMPLES = 3e-4  # what scaling may still cost, relative
 GUESS_POINTS = 60  # of a start that is mixed or perturbed
 WAVES, WAVE = 3, 0.15  # of a perturbed start: number per joint and amplitude [rad or m]
@@ -168,7 +168,7 @@ class MultiStart:
             clustered=clustered,
         )
         samples, options = regular_samples(grid), SOLVER
-        for _ in range(MOST_ROUNDS):
+        for _ in range(MAX_ROUNDS):
             if self._remaining <= 0:
                 return
             program = Transcription(

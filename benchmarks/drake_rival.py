@@ -33,7 +33,7 @@ CONTROL_POINTS, ORDER = 24, 4
 INTERVALS = CONTROL_POINTS - ORDER + 1
 # All knots are among the samples: accelerations have their peaks there.
 TUBE_SAMPLES, EFFORT_SAMPLES, DISTANCE_SAMPLES = (k * INTERVALS + 1 for k in (3, 3, 2))
-ROUNDS, LEAST_GAIN = 3, 2e-3  # of choosing segments again, while a round gains so much
+ROUNDS, MIN_GAIN = 3, 2e-3  # of choosing segments again, while a round gains so much
 NARROWER = 0.98  # of radius and effort limit, every round that left the tube
 WIDER_CLEARANCE = 0.003  # [m], every round that came too close
 INFLUENCE = 0.05  # [m]: nearer pairs count
@@ -81,7 +81,7 @@ def _rounds(
         certificate = verify(problem, motion)
         yield certificate.passed, motion
         gain = start.switching_times[-1] / motion.duration - 1
-        if certificate.passed and index > 0 and gain < LEAST_GAIN:
+        if certificate.passed and index > 0 and gain < MIN_GAIN:
             return
         holds = {
             name: condition.holds(certificate.tolerance)

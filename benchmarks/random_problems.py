@@ -30,16 +30,16 @@ from tubeplanner import (
 from tubeplanner.collision.collision_checker import CollisionChecker
 from witness import EFFORT_SHARE, LINK_CLEARANCE, RandomCase, keeps_apart, witness_holds
 
-LEAST_RADIUS, LARGEST_RADIUS = 0.01, 0.15  # [m]
-SHORTEST_SEGMENT = 0.03  # [m]
+MIN_RADIUS, MAX_RADIUS = 0.01, 0.15  # [m]
+MIN_SEGMENT_LENGTH = 0.03  # [m]
 SHARPEST_TURN = math.radians(150)
-MOST_SEGMENTS = 5
+MAX_SEGMENTS = 5
 LIMIT_MARGIN = 0.01  # [rad] between the walk and position limits, and from a signed joint to zero
 SMALL_MARGIN = 0.002  # [m] that the tool keeps to its capsule's wall, beside 5 %
-LARGEST_TOLERANCE = math.radians(60)  # of rotation
+MAX_TOLERANCE = math.radians(60)  # of rotation
 ROWS_PER_LEG = 100
-MOST_CANDIDATES = 5000
-MOST_DRAWS = 200  # of one obstacle
+MAX_CANDIDATES = 5000
+MAX_DRAWS = 200  # of one obstacle
 
 LIMITS = "the walk comes within 0.01 rad of a position limit"
 GRAVITY = "holding the arm still takes more than 95 % of a motor's effort"
@@ -117,7 +117,7 @@ def random_case(
     """
     rng = np.random.default_rng([seed, zlib.crc32(arm.encode())])
     features = _features(rng, seed)
-    for _ in range(MOST_CANDIDATES):
+    for _ in range(MAX_CANDIDATES):
         try:
             case = _candidate(arm, robot, seed, rng, features)
             if not witness_holds(case):
@@ -127,12 +127,12 @@ def random_case(
                 rejections[str(rule)] += 1
             continue
         return case
-    raise RuntimeError(f"{arm}, seed {seed}: no sound walk in {MOST_CANDIDATES} candidates")
+    raise RuntimeError(f"{arm}, seed {seed}: no sound walk in {MAX_CANDIDATES} candidates")
 
 
 def _features(rng: np.random.Generator, seed: int) -> Features:
     return Features(
-        segments=int(rng.integers(1, MOST_SEGMENTS + 1)),
+        segments=int(rng.integers(1, MAX_SEGMENTS + 1)),
         smooth=bool(rng.random() < 0.5),
         at_knots=bool(rng.random() < 0.6),
         has_obstacles=seed % 2 == 1,
@@ -209,7 +209,7 @@ def _switching_rows(tool: np.ndarray, features: Features) -> tuple[int, ...]:
     points = tool[switching_rows]
     lines = np.diff(points, axis=0)
     lengths = np.linalg.norm(lines, axis=1)
-    _require(lengths.min() >= SHORTEST_SEGMENT, SHORT)
+    _require(lengths.min() >= MIN_SEGMENT_LENGTH, SHORT)
     cosines = np.sum(lines[:-1] * lines[1:], axis=1) / (lengths[:-1] * lengths[1:])
     _require(cosines.min(initial=1.0) >= math.cos(SHARPEST_TURN), TURN)
     return tuple(switching_rows)
@@ -217,7 +217,7 @@ def _switching_rows(tool: np.ndarray, features: Features) -> tuple[int, ...]:
 
 def _off_line(tool: np.ndarray) -> np.ndarray:
     """Return the distances (P,) of positions from the straight line between first and last [m]."""
-    if np.linalg.norm(tool[-1] - tool[0]) < SHORTEST_SEGMENT:
+    if np.linalg.norm(tool[-1] - tool[0]) < MIN_SEGMENT_LENGTH:
         return np.linalg.norm(tool - tool[0], axis=1)
     return Tube(tool[[0, -1]], 1.0).distance(tool)[:, 0]
 
@@ -232,8 +232,8 @@ def _tube(
     rotation, tool = robot.tool_pose(walk)
     legs = [slice(a, b + 1) for a, b in pairwise(switching_rows)]
     needed = np.array([1.05 * _off_line(tool[leg]).max() + SMALL_MARGIN for leg in legs])
-    _require(needed.max() <= LARGEST_RADIUS, CURVED)
-    drawn = np.exp(rng.uniform(*np.log([LEAST_RADIUS, LARGEST_RADIUS]), size=len(legs)))
+    _require(needed.max() <= MAX_RADIUS, CURVED)
+    drawn = np.exp(rng.uniform(*np.log([MIN_RADIUS, MAX_RADIUS]), size=len(legs)))
     one_for_all = rng.random() < 0.5
     radius = np.maximum(needed, drawn)
     if one_for_all:
@@ -264,7 +264,7 @@ def _rotation_tolerance(
     tolerance: list[float | list[float]] = []
     for error in errors:
         angle = np.linalg.norm(error, axis=1).max()
-        _require(1.15 * angle <= LARGEST_TOLERANCE, TURNED)
+        _require(1.15 * angle <= MAX_TOLERANCE, TURNED)
         if not by_component:
             tolerance.append(float(max(drawn, 1.15 * angle + 0.01)))
             continue
@@ -303,7 +303,7 @@ def _obstacle_beside(
     """
     bare = CollisionChecker(robot, self_collision=False)
     moving = [body_shape for body_shape in bare.shapes if body_shape.body > 0]
-    for _ in range(MOST_DRAWS):
+    for _ in range(MAX_DRAWS):
         row, link = int(rng.integers(len(walk))), moving[int(rng.integers(len(moving)))]
         rotation, position = robot.body_poses(walk[row : row + 1])
         centre = rotation[0, link.body] @ link.shape.center + position[0, link.body]

@@ -39,8 +39,8 @@ from witness import RandomCase, witness_holds
 COUNT = 40  # problems per arm
 STARTS = 10
 STARTING_INTERVALS = (8, 12, 16, 10, 6, 14, 20, 9, 7, 18)
-FINEST_INTERVALS = 72  # about what a start's knots are divided to: the default quality's
-MOST_OBJECTIONS = 5
+MAX_INTERVALS = 72  # about what a start's knots are divided to: the default quality's
+MAX_OBJECTIONS = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,11 +92,11 @@ def certified_duration(
 ) -> float | None:
     """Return what refinement reaches from one start [s]; None if that is not certified."""
     start = starting_spline(problem, branch, intervals)
-    parts = max(1, round((FINEST_INTERVALS / start.shape.interval_count) ** 0.5))
+    parts = max(1, round((MAX_INTERVALS / start.shape.interval_count) ** 0.5))
     refinement = Refinement(problem, start, (parts, parts) if parts > 1 else ())
     try:
         refinement.run()
-        for _ in range(MOST_OBJECTIONS):
+        for _ in range(MAX_OBJECTIONS):
             motion = scaled_to_limits(problem.robot, refinement.trajectory)
             result = certified_result(problem, motion, REFINEMENT, PlanningClock(None, None))
             if result.succeeded or result.certificate is None:

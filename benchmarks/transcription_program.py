@@ -21,7 +21,7 @@ RANGE_SAMPLES = (0.25, 0.5, 0.75)  # at the nodes, ranges are bounds on unknowns
 MOTOR_SAMPLES = (0.0, 0.5)
 TUBE_SAMPLES = (0.0, 0.25, 0.5, 0.75)
 TUBE_MARGIN = 1e-5  # [m]: kept free, so that what lies between samples stays inside too
-LEAST_PHASE = 1e-3  # [s]
+MIN_PHASE = 1e-3  # [s]
 LOOKS = 41  # per interval, for what is broken between samples
 BROKEN = 1e-4  # share of a velocity or effort limit
 
@@ -495,12 +495,12 @@ class Transcription:
         free = np.zeros(self._phases), np.full(self._phases, np.inf)
         shares = len(self._axis_shares)
         return (
-            np.concatenate([low.ravel(), free[0] + LEAST_PHASE / self._unit, np.zeros(shares)]),
+            np.concatenate([low.ravel(), free[0] + MIN_PHASE / self._unit, np.zeros(shares)]),
             np.concatenate([high.ravel(), free[1], np.ones(shares)]),
         )
 
     def _guess(self, start: PhasedTrajectory) -> np.ndarray:
-        durations = np.maximum(np.diff(start.switching_times), LEAST_PHASE)
+        durations = np.maximum(np.diff(start.switching_times), MIN_PHASE)
         samples = start.trajectory.at(self._grid.times(durations))
         rates = [samples.velocity * self._unit, samples.acceleration * self._unit**2]
         nodes = np.hstack([samples.position, *rates])

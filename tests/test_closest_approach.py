@@ -82,8 +82,8 @@ def test_halving_ends_when_there_are_too_many_intervals(two_link, monkeypatch):
     """The bounds then count as they stand."""
     checker, motion = crossing(two_link, 0.1)
     whole = closest_approach(checker, motion, checker.obstacle_pairs, 0.0)
-    monkeypatch.setattr("tubeplanner.verification.closest_approach._MOST_INTERVALS", 1)
-    monkeypatch.setattr("tubeplanner.verification.closest_approach._MOST_ROUNDS", 1)
+    monkeypatch.setattr("tubeplanner.verification.closest_approach._MAX_INTERVALS", 1)
+    monkeypatch.setattr("tubeplanner.verification.closest_approach._MAX_ROUNDS", 1)
     early = closest_approach(checker, motion, checker.obstacle_pairs, 0.0)
     assert early.intervals < whole.intervals
     assert early.lower_bound < whole.lower_bound
@@ -92,7 +92,7 @@ def test_halving_ends_when_there_are_too_many_intervals(two_link, monkeypatch):
 def test_halving_ends_at_the_shortest_interval(two_link, monkeypatch):
     checker, motion = crossing(two_link, 0.1)
     whole = closest_approach(checker, motion, checker.obstacle_pairs, 0.0)
-    monkeypatch.setattr("tubeplanner.verification.closest_approach._SHORTEST_INTERVAL", 0.2)
+    monkeypatch.setattr("tubeplanner.verification.closest_approach._MIN_INTERVAL", 0.2)
     early = closest_approach(checker, motion, checker.obstacle_pairs, 0.0)
     assert early.intervals < whole.intervals
     assert early.lower_bound < whole.lower_bound

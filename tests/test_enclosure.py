@@ -200,7 +200,7 @@ def test_few_intervals_are_enough(planned):
 
 
 def test_halving_ends_after_so_many_intervals(two_link, monkeypatch):
-    monkeypatch.setattr("tubeplanner.verification.enclosure._MOST_INTERVALS", 40)
+    monkeypatch.setattr("tubeplanner.verification.enclosure._MAX_INTERVALS", 40)
     enclosure = enclosed_tool(two_link, random_motion(two_link, 0), 1e-25)
     assert 20 <= len(enclosure.width) < 80
     assert enclosure.error.max() > 1e-25

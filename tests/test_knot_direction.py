@@ -190,7 +190,7 @@ def test_a_motion_through_an_obstacle_or_out_of_the_tube_is_refused(two_link):
         ({"linear_increment": np.inf}, "linear_increment is inf; it must be > 0 and finite"),
         ({"halvings": -1}, "halvings is -1; it must be >= 0"),
         ({"growth": 1}, "growth is 1; it must be > 1 and finite"),
-        ({"least_gain": 0}, "least_gain is 0; it must be > 0 and < 1"),
+        ({"min_gain": 0}, "min_gain is 0; it must be > 0 and < 1"),
         ({"direction_nodes": 0}, "direction_nodes is 0; it must be >= 1"),
     ],
 )

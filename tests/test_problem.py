@@ -24,7 +24,7 @@ from tubeplanner.errors import ProblemError, RobotError
 from tubeplanner.resources import bundled_folder, bundled_problems
 
 # The two-link arm, stretched along x at its start, turns to y: the tool goes round the corner.
-LEAST = {
+MINIMAL = {
     "robot": {"urdf": "example:two_link", "tool_frame": "tool", "gravity": [0, 0, 0]},
     "tube": {"points": [[0.6, 0, 0], [0.4, 0.4, 0], [0, 0.6, 0]], "radius": 0.1},
     "start": {"joints": [0, 0]},
@@ -36,7 +36,7 @@ WITHOUT_TUBE = ("two_link/through_the_gap", "ur5/past_a_wall", "panda/shelf_to_s
 
 def changed(**changes):
     """Return the least problem with values replaced; `__` stands for the dot between keys."""
-    data = copy.deepcopy(LEAST)
+    data = copy.deepcopy(MINIMAL)
     for place, value in changes.items():
         *sections, key = place.split("__")
         section = data
@@ -75,7 +75,7 @@ def test_an_end_may_be_a_seed_which_need_not_be_in_the_tube(end, given):
 
 
 def test_without_a_goal_there_is_none():
-    assert parse_problem(LEAST).goal is None
+    assert parse_problem(MINIMAL).goal is None
 
 
 def test_values_follow_the_group_order_of_the_file():
@@ -475,19 +475,19 @@ def test_a_problem_without_a_tube_says_how_to_find_one(name):
 )
 def test_ends_that_no_route_can_join(changes, message):
     with pytest.raises(ProblemError, match=re.escape(message)):
-        parse_problem({**LEAST, "goal": {"joints": GOAL}, **changes}, reads_tube=False)
+        parse_problem({**MINIMAL, "goal": {"joints": GOAL}, **changes}, reads_tube=False)
 
 
 def test_without_its_tube_a_problem_lets_the_tool_be_anywhere():
-    problem = parse_problem({**LEAST, "goal": {"position": [0, 0.5, 0]}}, reads_tube=False)
+    problem = parse_problem({**MINIMAL, "goal": {"position": [0, 0.5, 0]}}, reads_tube=False)
     np.testing.assert_allclose(problem.tube.points, [[0.6, 0, 0], [0, 0.5, 0]], atol=1e-9)
     assert problem.goal is None and problem.tube.radius[0] >= 1e3
-    still = parse_problem({**LEAST, "goal": {"joints": START}}, reads_tube=False)
+    still = parse_problem({**MINIMAL, "goal": {"joints": START}}, reads_tube=False)
     np.testing.assert_allclose(still.tube.points[0], [0.6, 0, 0], atol=1e-9)
 
 
 def test_a_goal_position_is_for_route_alone():
-    data = {**LEAST, "goal": {"position": [0, 0.6, 0]}}
+    data = {**MINIMAL, "goal": {"position": [0, 0.6, 0]}}
     with pytest.raises(
         ProblemError, match=r"goal\.position is for `tubeplanner route`, which finds"
     ):
@@ -517,7 +517,7 @@ def test_a_problem_built_in_python_equals_the_one_that_was_parsed():
             gravity=(0, 0, 0),
             limits=LimitOverrides(velocity={"joint1": np.inf}),
         ),
-        tube=Tube(LEAST["tube"]["points"], 0.1, tool_radius=0.02, joint_signs={"joint2": "+"}),
+        tube=Tube(MINIMAL["tube"]["points"], 0.1, tool_radius=0.02, joint_signs={"joint2": "+"}),
         start=np.array(START),
         goal={"joint1": GOAL[0], "joint2": GOAL[1]},
         obstacles=[Obstacle.cylinder("post", 0.03, 0.3, placement_of((0.2, 0.2, 1)))],
@@ -557,14 +557,14 @@ def test_a_problem_built_in_python_equals_the_one_that_was_parsed():
     ],
 )
 def test_a_problem_built_in_python_is_checked_at_once(two_link, options, message):
-    tube = Tube(LEAST["tube"]["points"], 0.1)
+    tube = Tube(MINIMAL["tube"]["points"], 0.1)
     with pytest.raises(ProblemError) as caught:
         PlanningProblem(two_link, tube, **{"start": START, **options})
     assert str(caught.value).startswith(message)
 
 
 def test_what_a_problem_holds_cannot_be_written_to(two_link):
-    problem = PlanningProblem(two_link, Tube(LEAST["tube"]["points"], 0.1), START)
+    problem = PlanningProblem(two_link, Tube(MINIMAL["tube"]["points"], 0.1), START)
     for array in (problem.start, problem.joint_lower, problem.joint_upper):
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 1.0

@@ -15,12 +15,12 @@ from tubeplanner.problem.problem_format import (
 )
 from tubeplanner.resources import bundled_problems
 
-LEAST = {
+MINIMAL = {
     "robot": {"urdf": "arm.urdf", "tool_frame": "tool"},
     "tube": {"points": [[0, 0, 0], [1, 0, 0]], "radius": 0.1},
     "start": {"joints": [0, 0]},
 }
-LEAST_YAML = """\
+MINIMAL_YAML = """\
 robot: {urdf: arm.urdf, tool_frame: tool}
 tube: {points: [[0, 0, 0], [1, 0, 0]], radius: 0.1}
 start: {joints: [0, 0]}
@@ -30,7 +30,7 @@ ABSENT = object()
 
 def changed(place, value):
     """Return the least problem with one value replaced, added, or taken away."""
-    data = copy.deepcopy(LEAST)
+    data = copy.deepcopy(MINIMAL)
     *sections, key = place.split(".")
     section = data
     for name in sections:
@@ -219,13 +219,13 @@ def test_numbers_outside_limits_must_be_finite(place, value):
 
 @pytest.mark.parametrize("quantity", ["effort", "velocity", "acceleration", "jerk"])
 def test_limits_may_be_infinite(tmp_path, quantity):
-    text = LEAST_YAML.replace("tool}", f"tool, limits: {{{quantity}: {{j: .inf}}}}}}")
+    text = MINIMAL_YAML.replace("tool}", f"tool, limits: {{{quantity}: {{j: .inf}}}}}}")
     limits = read(tmp_path, text).robot.limits
     assert getattr(limits, quantity) == {"j": np.inf}
 
 
 def test_position_limits_and_joint_ranges_may_be_open_on_one_side(tmp_path):
-    text = LEAST_YAML.replace("tool}", "tool, limits: {position: {j: [-.inf, 1]}}}")
+    text = MINIMAL_YAML.replace("tool}", "tool, limits: {position: {j: [-.inf, 1]}}}")
     text = text.replace("radius: 0.1", "radius: 0.1, joint_signs: {j: [0.5, .inf]}")
     fields = read(tmp_path, text)
     assert fields.robot.limits.position == {"j": (-np.inf, 1)}
@@ -243,7 +243,7 @@ def test_position_limits_and_joint_ranges_may_be_open_on_one_side(tmp_path):
 )
 def test_a_rotation_tolerance_is_angles_or_triples(tmp_path, written, value):
     more = f"radius: 0.1, orientations: [[0, 0, 0, 1]], rotation_tolerance: {written}"
-    tube = read(tmp_path, LEAST_YAML.replace("radius: 0.1", more)).tube
+    tube = read(tmp_path, MINIMAL_YAML.replace("radius: 0.1", more)).tube
     assert tube.rotation_tolerance == value
     assert tube.orientations == [(0, 0, 0, 1)]
 
@@ -267,7 +267,7 @@ def test_a_rotation_tolerance_is_angles_or_triples(tmp_path, written, value):
 )
 def test_defaults_may_be_written_out(place, default):
     assert check_problem_fields(changed(place, default), "my problem") == check_problem_fields(
-        LEAST, "my problem"
+        MINIMAL, "my problem"
     )
 
 
@@ -275,9 +275,9 @@ def test_defaults_may_be_written_out(place, default):
 
 
 def test_yaml_and_json_say_the_same(tmp_path):
-    from_yaml = read(tmp_path, LEAST_YAML)
-    assert from_yaml == read(tmp_path, json.dumps(LEAST), "p.json")
-    assert from_yaml == check_problem_fields(LEAST, "my problem")
+    from_yaml = read(tmp_path, MINIMAL_YAML)
+    assert from_yaml == read(tmp_path, json.dumps(MINIMAL), "p.json")
+    assert from_yaml == check_problem_fields(MINIMAL, "my problem")
 
 
 @pytest.mark.parametrize(
@@ -285,7 +285,7 @@ def test_yaml_and_json_say_the_same(tmp_path):
     [("1e-3", 1e-3), ("1E+1", 10.0), ("5", 5.0), (".5", 0.5), ("1_000.0", 1000.0), ("+2", 2.0)],
 )
 def test_numbers_are_read_as_people_write_them(tmp_path, written, value):
-    fields = read(tmp_path, LEAST_YAML.replace("radius: 0.1", f"radius: {written}"))
+    fields = read(tmp_path, MINIMAL_YAML.replace("radius: 0.1", f"radius: {written}"))
     assert fields.tube.radius == value
 
 
@@ -294,22 +294,22 @@ def test_numbers_are_read_as_people_write_them(tmp_path, written, value):
 )
 def test_signs_may_be_written_with_and_without_quotes(tmp_path, written, sign):
     signs = f"radius: 0.1, joint_signs: {{j: {written}}}"
-    fields = read(tmp_path, LEAST_YAML.replace("radius: 0.1", signs))
+    fields = read(tmp_path, MINIMAL_YAML.replace("radius: 0.1", signs))
     assert fields.tube.joint_signs == {"j": sign}
 
 
 def test_words_that_older_yaml_took_for_truth_values_stay_words(tmp_path):
-    fields = read(tmp_path, LEAST_YAML.replace("tool", "on"))
+    fields = read(tmp_path, MINIMAL_YAML.replace("tool", "on"))
     assert fields.robot.tool_frame == "on"
 
 
 @pytest.mark.parametrize(
     ("name", "text", "fragments"),
     [
-        ("p.yaml", LEAST_YAML + "start: {joints: [1, 1]}\n", ['duplicate key "start"', "line 4"]),
+        ("p.yaml", MINIMAL_YAML + "start: {joints: [1, 1]}\n", ['duplicate key "start"', "line 4"]),
         (
             "p.yaml",
-            LEAST_YAML.replace("[0, 0]}", "{j: 0, j: 1}}"),
+            MINIMAL_YAML.replace("[0, 0]}", "{j: 0, j: 1}}"),
             ['duplicate key "j"', "line 3"],
         ),
         ("p.json", '{"robot": {"urdf": "a", "urdf": "b"}}', ["the key 'urdf' is given twice"]),
@@ -346,7 +346,7 @@ def test_a_file_that_is_not_there_is_named(tmp_path):
 
 
 def test_a_byte_order_mark_does_no_harm(tmp_path):
-    (tmp_path / "p.yaml").write_text(LEAST_YAML, encoding="utf-8-sig")
+    (tmp_path / "p.yaml").write_text(MINIMAL_YAML, encoding="utf-8-sig")
     assert read_problem_fields(tmp_path / "p.yaml").robot.tool_frame == "tool"
 
 
@@ -357,13 +357,13 @@ def test_an_empty_file_is_no_problem(tmp_path):
 
 @pytest.mark.parametrize("literal", ["NaN", "Infinity", "-Infinity"])
 def test_json_numbers_that_are_not_finite_are_refused(tmp_path, literal):
-    text = json.dumps(LEAST).replace('"radius": 0.1', f'"radius": {literal}')
+    text = json.dumps(MINIMAL).replace('"radius": 0.1', f'"radius": {literal}')
     with pytest.raises(ProblemError, match=r"tube\.radius is .*; it must be a finite number"):
         read(tmp_path, text, "p.json")
 
 
 def test_the_fields_cannot_be_changed_after_reading():
-    fields = check_problem_fields(LEAST, "my problem")
+    fields = check_problem_fields(MINIMAL, "my problem")
     with pytest.raises(ValueError, match="frozen"):
         fields.clearance = 1.0
 

@@ -246,7 +246,7 @@ def test_halving_ends_after_so_many_rows(ur5, monkeypatch):
     tube, pose = around(ur5, motion, 1, [0.5, 0.5]), pose_of(ur5, motion)
     visit = [Visit(0, 0.0, motion.duration)]
     whole = least_rotation_margin(tube.rotation, pose, visit)
-    monkeypatch.setattr("tubeplanner.verification.rotation_visits._MOST_ROWS", len(pose.tool.width))
+    monkeypatch.setattr("tubeplanner.verification.rotation_visits._MAX_ROWS", len(pose.tool.width))
     least = least_rotation_margin(tube.rotation, pose, visit)
     assert least.intervals == len(pose.tool.width) < whole.intervals
     assert least.lower_bound < whole.lower_bound

@@ -26,7 +26,7 @@ from tubeplanner.suh_bishop.suh_bishop import SuhBishopOptions
 
 METHOD = "suh-bishop"
 # Coarse, so that tests are quick: few directions, few numbers of knots.
-QUICK = SuhBishopOptions(ModificationOptions(halvings=2), 0, 1, 1, most_knots=13, node_budget=1500)
+QUICK = SuhBishopOptions(ModificationOptions(halvings=2), 0, 1, 1, max_knots=13, node_budget=1500)
 OPTIONS = PlanOptions(METHOD, suh_bishop=QUICK)
 
 
@@ -179,9 +179,9 @@ def test_a_time_limit_that_leaves_no_time_is_the_reason(example):
     [
         ({"fewer_knots": -1}, "fewer_knots is -1; it must be >= 0"),
         ({"doubled": 0}, "doubled is 0; it must be >= 1"),
-        ({"most_knots": 1}, "most_knots is 1; it must be >= 2"),
+        ({"max_knots": 1}, "max_knots is 1; it must be >= 2"),
         ({"node_budget": 0}, "node_budget is 0; it must be >= 1"),
-        ({"least_gain": 1}, "least_gain is 1; it must be > 0 and < 1"),
+        ({"min_gain": 1}, "min_gain is 1; it must be > 0 and < 1"),
     ],
 )
 def test_options_are_checked(wrong, message):

@@ -120,7 +120,7 @@ def test_halving_ends_after_so_many_rows(planned, monkeypatch):
     wide = least_margin(problem.tube, tool, visit)
     touching = Tube(problem.tube.points, 0.03 - wide.attained)
     whole = least_margin(touching, tool, visit)
-    monkeypatch.setattr("tubeplanner.verification.tube_visits._MOST_ROWS", len(tool.width))
+    monkeypatch.setattr("tubeplanner.verification.tube_visits._MAX_ROWS", len(tool.width))
     least = least_margin(touching, tool, visit)
     assert least.intervals == len(tool.width) < whole.intervals
     assert least.lower_bound < least.attained - 1e-6

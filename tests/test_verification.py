@@ -458,7 +458,7 @@ def test_the_error_of_an_enclosure_is_taken_off_the_margin(planned, monkeypatch)
 
 def test_an_undecided_effort_tells_what_was_found(planned, monkeypatch):
     problem, result = planned("two_link/around_a_post", "branch-and-bound")
-    monkeypatch.setattr("tubeplanner.verification.enclosure._MOST_INTERVALS", 1)
+    monkeypatch.setattr("tubeplanner.verification.enclosure._MAX_INTERVALS", 1)
     condition = verify(problem, result.trajectory).conditions["effort"]
     found = float(condition.coverage.removeprefix("for all t, undecided: the margin found is ")
                   .removesuffix(" relative"))  # fmt: skip

@@ -19,7 +19,7 @@ from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.waypoint_search.time_scaling import scaled_to_limits, scaling_factor
 from tubeplanner.waypoint_search.tube_membership import first_departure
 
-_MOST_ROUNDS = 10  # of adding knots
+_MAX_ROUNDS = 10  # of adding knots
 _PROBES = np.linspace(0.0, 1.0, 9)[1:-1]  # of every joint line
 # How much of the shorter neighbour the half of a transition takes: the fastest is kept.
 _TRANSITION_SHARES = (0.49, 0.4, 0.3, 0.2, 0.1)
@@ -67,7 +67,7 @@ def bounded_deviation(problem: PlanningProblem, lines: list[ToolPath]) -> Bounde
 def _knots(robot: RobotModel, line: ToolPath, tolerance: float) -> FloatArray:
     """Return configurations (K, n) on a line of the tool whose joint lines stay near it."""
     distances = np.array([0.0, line.curve.length])
-    for _ in range(_MOST_ROUNDS):
+    for _ in range(_MAX_ROUNDS):
         knots = line.joints.position(ways_along_line(robot, line, distances))
         off = np.flatnonzero(_deviation(robot, line, knots) > tolerance)
         if len(off) == 0:

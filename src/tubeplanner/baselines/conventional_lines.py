@@ -18,11 +18,11 @@ from tubeplanner.waypoint_search.time_scaling import minimum_duration
 
 PAPER_SPEED, PAPER_ACCELERATION = 0.75, 1.2  # [m/s], [m/s^2]
 _TOLERANCE = 2e-6  # [m] between the tool and where it should be at that time
-_FEWEST_NODES, _MOST_NODES = 16, 2048  # per phase of constant acceleration
+_MIN_NODES, _MAX_NODES = 16, 2048  # per phase of constant acceleration
 # How much of the longest line may be spent speeding up and slowing down: the fastest is taken.
 _RAMP_SHARES = np.geomspace(1.0, 0.02, 12)
 # A tool that moves less per way of the joints [m/rad] stands still: the arm is singular there.
-_LEAST_GAIN = 1e-3
+_MIN_GAIN = 1e-3
 
 
 @dataclass(frozen=True)
@@ -104,12 +104,12 @@ def _run(robot: RobotModel, line: ToolPath, law: JointTrajectory) -> JointTrajec
     """Return the motion along one line, in phases of constant acceleration."""
     phases = []
     for begin, end in zip(law.breakpoints[:-1], law.breakpoints[1:], strict=True):
-        nodes, off = _FEWEST_NODES, np.inf
+        nodes, off = _MIN_NODES, np.inf
         while off > _TOLERANCE:
-            if nodes > _MOST_NODES:
+            if nodes > _MAX_NODES:
                 raise Infeasible(
                     PlanStatus.NO_TRAJECTORY,
-                    f"segment {line.segment}: at trapezoidal speed, a spline of {_MOST_NODES} "
+                    f"segment {line.segment}: at trapezoidal speed, a spline of {_MAX_NODES} "
                     f"pieces leaves the tool's place by {off:.3g} m: a singular configuration is "
                     "in the way; move the reference points",
                     Place(segment=line.segment),
@@ -132,7 +132,7 @@ def _phase(
     speed = law.velocity(times[[0, -1]])[:, 0]
     # Where the arm is singular, joints need not stop with the tool: their speed is the spline's.
     ends = [
-        (1, a * v / g) if g > _LEAST_GAIN else "not-a-knot"
+        (1, a * v / g) if g > _MIN_GAIN else "not-a-knot"
         for a, v, g in zip(ahead, speed, gain, strict=True)
     ]
     spline = CubicSpline(times - times[0], q, bc_type=tuple(ends))

@@ -24,7 +24,7 @@ from tubeplanner.waypoint_search.time_scaling import (
 _ROUNDS = 8
 _LOOKS = 8  # at the limits, per interval
 # What one look asks for is given to the intervals beside it, too, in steps.
-_WINDOW, _POWER, _LARGEST_GAIN = 2 * _LOOKS + 1, 0.6, 1.2
+_WINDOW, _POWER, _MAX_GAIN = 2 * _LOOKS + 1, 0.6, 1.2
 
 
 def smoothed_motion(
@@ -57,7 +57,7 @@ def _smoothed(
         if duration < shortest:
             shortest, best = duration, motion
         speed_factor = _speed_factor(robot, motion, smooth, law, _LOOKS * intervals)
-        factor = factor / np.minimum(speed_factor, _LARGEST_GAIN) ** _POWER
+        factor = factor / np.minimum(speed_factor, _MAX_GAIN) ** _POWER
     return scaled_to_limits(robot, best)
 
 

@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 from tubeplanner.arrays import FloatArray
 
 _STRAIGHT, _BACK = 1e-6, 1e-3  # [rad]: smaller turns need no arc, turns nearer to pi allow none
-_SHORTEST = 1e-9  # [m]
+_MIN_LENGTH = 1e-9  # [m]
 # Arcs keep away from the wall by this share of the radius: what follows them is not exact.
 _KEPT_SHARE = 1e-3
 
@@ -111,7 +111,7 @@ def _between_stops(
         ahead = line / length
         taken, left = (cut[k] if k > first else 0.0), (cut[k + 1] if k + 1 < last else 0.0)
         straight = length - taken - left
-        if straight > _SHORTEST:
+        if straight > _MIN_LENGTH:
             rows.append((points[k] + taken * ahead, ahead, ahead, 0.0, straight, straight))
         if left > 0:
             rows.append(_arc(points[k + 1] - left * ahead, ahead, points[k + 1 : k + 3], left))

@@ -17,7 +17,7 @@ from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.robot.robot_model import RobotModel
 
 CURVE_TOLERANCE = 1e-6  # [m] between the tool and its curve
-_MOST_ROUNDS, _MOST_NODES = 12, 2000  # of halving the steps that leave the curve
+_MAX_ROUNDS, _MAX_NODES = 12, 2000  # of halving the steps that leave the curve
 # Configurations nearer to each other than this share of the way carry rounding errors, no shape.
 _APART = 1e-5
 # A tool that moves less stands still [m]; joints that move as much meanwhile [rad or m] would have
@@ -121,7 +121,7 @@ class _Follower:
 
     def path(self) -> ToolPath:
         table = _apart(self._on_curve(self._along_branch()))
-        for _ in range(_MOST_ROUNDS):
+        for _ in range(_MAX_ROUNDS):
             spline = _spline(table)
             off = self._off_curve(spline)
             steps = np.flatnonzero(off > CURVE_TOLERANCE)
@@ -130,7 +130,7 @@ class _Follower:
                 joints = JointTrajectory(names, spline.x, spline.c[:, :, :-1])
                 first = self._segment(self._curve.ways[1:2] / 2)[0]
                 return ToolPath(joints, self._curve, int(first))
-            if len(table) > _MOST_NODES:
+            if len(table) > _MAX_NODES:
                 break
             middle = spline((spline.x[steps] + spline.x[steps + 1]) / 2)
             table = _apart(np.insert(table, steps + 1, self._on_curve(middle), axis=0))

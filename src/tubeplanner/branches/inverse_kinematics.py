@@ -20,11 +20,11 @@ _DAMPING = 1e-10  # added to half the squared error [m^2]
 _POSITION_TOLERANCE = 1e-10  # [m]
 # The last step [rad or m]: what it leaves is of its square.
 _POSTURE_TOLERANCE = 1e-6
-_MOST_ITERATIONS = 100
+_MAX_ITERATIONS = 100
 # Near full stretch a joint is all but spare, and a pull on it would keep the tool from its target:
 # later iterations go for the target alone.
 _PULLED_ITERATIONS = 40
-_LARGEST_STEP = 0.2  # [rad or m] of any joint
+_MAX_STEP = 0.2  # [rad or m] of any joint
 # Directions in which a joint moves the tool by less than this count as spare [m/rad].
 _SPARE_GAIN = 1e-4
 # A stretched arm cannot feel which way to fold: it is bent this much, one way, then the other.
@@ -114,7 +114,7 @@ class _Descent:
     def run(self, seed: FloatArray, preferred: FloatArray) -> PositionSolution:
         q = last = np.clip(seed, self.lower, self.upper)
         least = np.inf
-        for iteration in range(_MOST_ITERATIONS):
+        for iteration in range(_MAX_ITERATIONS):
             tasks = self._tasks(q)
             off, turned = _length(tasks[:1]), _length(tasks[1:])
             pulled = iteration < _PULLED_ITERATIONS
@@ -124,7 +124,7 @@ class _Descent:
             least, last = off, q
             pull = preferred - q if pulled else np.zeros_like(q)
             step = _step(tasks, pull, q, self.lower, self.upper)
-            step *= min(1.0, _LARGEST_STEP / max(float(abs(step).max()), 1e-300))
+            step *= min(1.0, _MAX_STEP / max(float(abs(step).max()), 1e-300))
             moved = np.clip(q + step, self.lower, self.upper) - q
             q = q + moved
             if abs(moved).max() < _POSTURE_TOLERANCE:

@@ -8,11 +8,11 @@ from tubeplanner.branches.reference_turn import ReferenceTurn
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem
 
-_LONGEST_STEP = 1 / 40  # of a segment
-_SHORTEST_STEP = 1e-5  # of a segment
-_LARGEST_JOINT_STEP = 0.1  # [rad or m] between neighbouring configurations
-_LARGEST_PULL = 0.05  # [rad or m] on spare joints from one configuration to the next
-_MOST_SETTLING_STEPS = 500
+_MAX_STEP = 1 / 40  # of a segment
+_MIN_STEP = 1e-5  # of a segment
+_MAX_JOINT_STEP = 0.1  # [rad or m] between neighbouring configurations
+_MAX_PULL = 0.05  # [rad or m] on spare joints from one configuration to the next
+_MAX_SETTLING_STEPS = 500
 _SETTLED = 1e-9  # [rad or m]
 # Where the centre line cannot be reached, the tool may leave it by this share of the radius.
 _ALLOWED_RADIUS_SHARE = 0.5
@@ -71,31 +71,31 @@ class SegmentWalk:
 
     def _approach(self) -> list[FloatArray]:
         """Return configurations whose tool goes from the segment's start to its end."""
-        found, shares, step = [self._begin], [0.0], _LONGEST_STEP
+        found, shares, step = [self._begin], [0.0], _MAX_STEP
         while shares[-1] < 1.0:
             share = min(1.0, shares[-1] + step)
             solution = self._solve(share, self._extrapolated(share, shares, found), found[-1])
             joint_step = float(abs(solution.q - found[-1]).max())
-            if self._is_off(solution, share) or joint_step > _LARGEST_JOINT_STEP:
+            if self._is_off(solution, share) or joint_step > _MAX_JOINT_STEP:
                 step /= 2
-                if step < _SHORTEST_STEP:
+                if step < _MIN_STEP:
                     self._give_up(share, found[-1], solution)
                 continue
             found.append(solution.q)
             shares.append(share)
-            if joint_step < _LARGEST_JOINT_STEP / 3:
-                step = min(2 * step, _LONGEST_STEP)
+            if joint_step < _MAX_JOINT_STEP / 3:
+                step = min(2 * step, _MAX_STEP)
         return found
 
     def _settled(self, found: list[FloatArray]) -> list[FloatArray]:
         """Let the spare joints go where the segment's end needs them, the tool standing still."""
-        for _ in range(_MOST_SETTLING_STEPS):
+        for _ in range(_MAX_SETTLING_STEPS):
             q = found[-1]
             wanted = np.clip(q, self._end_lower, self._end_upper)
             wanted = wanted if self._goal is None else self._goal
             if abs(wanted - q).max() <= _SETTLED:
                 break
-            preferred = q + np.clip(wanted - q, -_LARGEST_PULL, _LARGEST_PULL)
+            preferred = q + np.clip(wanted - q, -_MAX_PULL, _MAX_PULL)
             solution = self._solve_with(1.0, q, preferred)
             if self._is_off(solution, 1.0) or abs(solution.q - q).max() <= _SETTLED:
                 break
@@ -114,10 +114,10 @@ class SegmentWalk:
         upper = self._end_upper + (1 - share) * above
         wanted = np.clip(wanted, lower, upper)
         solution = self._solve_with(share, seed, wanted)
-        if abs(solution.q - last).max() <= _LARGEST_JOINT_STEP:
+        if abs(solution.q - last).max() <= _MAX_JOINT_STEP:
             return solution
         # Too far at once, however short the step: spare joints have to go there by and by.
-        pull = np.clip(wanted - last, -_LARGEST_PULL, _LARGEST_PULL)
+        pull = np.clip(wanted - last, -_MAX_PULL, _MAX_PULL)
         return self._solve_with(share, seed, last + pull)
 
     def _solve_with(
@@ -175,7 +175,7 @@ class SegmentWalk:
         robot, point = self._problem.robot, self._point(share)
         solution = solve_position(robot, point, q, self._lower, self._upper)
         jump = abs(solution.q - q).max()
-        return jump <= _LARGEST_JOINT_STEP and not self._is_away(solution, share)
+        return jump <= _MAX_JOINT_STEP and not self._is_away(solution, share)
 
     def _require_switch(self, q: FloatArray) -> None:
         """Raise unless a configuration at the segment's end is one that the next one allows."""

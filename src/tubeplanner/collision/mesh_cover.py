@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 # A mesh is cut into twice as many slabs as long as that makes its cover this much smaller.
 _WORTHWHILE_VOLUME_RATIO = 0.95
-_MOST_SLABS = 8
+_MAX_SLABS = 8
 
 
 def load_mesh(
@@ -69,7 +69,7 @@ def cover_mesh(mesh: "trimesh.Trimesh") -> list[ConvexShape]:
     """
     cover = [convex_hull(mesh.vertices)]
     slabs = 2
-    while slabs <= _MOST_SLABS:
+    while slabs <= _MAX_SLABS:
         finer = _slab_hulls(mesh, slabs)
         if _volume(finer) > _WORTHWHILE_VOLUME_RATIO * _volume(cover):
             break

@@ -18,7 +18,7 @@ _CORE_THICKNESS = 1e-9
 _NO_LENGTH = 1e-12  # [m]
 # A bound this far below FCL's distance [m] is improved, in at most so many steps.
 _LOOSE = 1e-5
-_MOST_IMPROVEMENTS = 40
+_MAX_IMPROVEMENTS = 40
 _REQUEST = fcl.DistanceRequest(enable_nearest_points=True, enable_signed_distance=True)
 
 
@@ -105,7 +105,7 @@ def separation(first: PlacedShape, second: PlacedShape) -> Separation:
     if length <= _NO_LENGTH:
         gap, length = np.eye(3)[0], 1.0
     best, along = -np.inf, gap
-    for _ in range(_MOST_IMPROVEMENTS):
+    for _ in range(_MAX_IMPROVEMENTS):
         direction = gap / length
         back_1, ahead_1 = first.extremes(direction)
         back_2, ahead_2 = second.extremes(direction)

@@ -26,7 +26,7 @@ from tubeplanner.verification.verification import verify
 from tubeplanner.waypoint_search.time_scaling import minimum_duration
 
 # Averaging asks for that many periods; slowing down ends where the motion takes this much longer.
-_FEWEST_PERIODS, _MOST_SLOWED = 6, 2.0
+_MIN_PERIODS, _MAX_SLOWED = 6, 2.0
 # Limits hold when the joined samples need no more than this share of their time more.
 _RUN_OVER = 1e-6
 
@@ -108,9 +108,9 @@ def _averaged(
     robot: RobotModel, trajectory: JointTrajectory, rate: float
 ) -> TrajectorySamples | None:
     """Return samples of the motion averaged, in the fewest periods that keep the limits."""
-    fewest = max(int(np.ceil(trajectory.duration * rate)), _FEWEST_PERIODS)
+    fewest = max(int(np.ceil(trajectory.duration * rate)), _MIN_PERIODS)
     periods = fewest
-    while periods <= _MOST_SLOWED * fewest:
+    while periods <= _MAX_SLOWED * fewest:
         motion = _average(trajectory, periods, rate)
         needed = _needed(robot, motion)
         if needed <= 1 + _RUN_OVER:
@@ -135,7 +135,7 @@ def _slowed(
 ) -> TrajectorySamples | None:
     """Return samples on the motion, run slowly enough to keep the limits when joined."""
     factor = 1.0
-    while factor <= _MOST_SLOWED:
+    while factor <= _MAX_SLOWED:
         samples = trajectory.scaled(factor).sample(rate)
         needed = _needed(robot, _joined(trajectory, samples))
         if needed <= 1 + _RUN_OVER:

@@ -18,7 +18,7 @@ from tubeplanner.resources import EXAMPLE_PREFIX
 from tubeplanner.tube.tube import JointRange, Tube, sign_of
 
 _PACKAGE_PREFIX = "package://"
-_LONGEST_LINE = 1000  # [characters]: lines are left as they were
+_MAX_LINE_LENGTH = 1000  # [characters]: lines are left as they were
 _ORDER = ("format", "version", "robot", "tube", "start", "goal")
 _CELL = ("obstacles", "clearance", "collision")
 
@@ -158,6 +158,6 @@ def _insert(fields: Any, key: str, value: Any) -> None:
 def _yaml() -> YAML:
     yaml = YAML()
     yaml.preserve_quotes = True
-    yaml.width = _LONGEST_LINE
+    yaml.width = _MAX_LINE_LENGTH
     yaml.indent(mapping=2, sequence=4, offset=2)
     return yaml

@@ -25,7 +25,7 @@ _QUANTITIES = ("position", "velocity", "acceleration")
 _ROS_FIELDS = dict(zip(_QUANTITIES, ("positions", "velocities", "accelerations"), strict=True))
 _SECONDS = (("sec", "nanosec"), ("secs", "nsecs"))
 # Velocities that differ from the slope of the positions by more than this factor have another unit.
-_LARGEST_UNIT_RATIO = 10.0
+_MAX_UNIT_RATIO = 10.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -266,7 +266,7 @@ def _require_same_units(time: FloatArray, tables: dict[str, FloatArray]) -> None
         if expected == 0 or given == 0:
             continue
         ratio = given / expected
-        if not 1 / _LARGEST_UNIT_RATIO < ratio < _LARGEST_UNIT_RATIO:
+        if not 1 / _MAX_UNIT_RATIO < ratio < _MAX_UNIT_RATIO:
             raise TrajectoryError(
                 f"the {derivative} is {ratio:.4g} times the slope of the {quantity} over time; are "
                 "all in radians (a factor of 57.3 tells degrees) and seconds (1000: milliseconds)?"

@@ -7,8 +7,8 @@ import numpy as np
 from tubeplanner.arrays import BoolArray, FloatArray
 from tubeplanner.problem.problem import PlanningProblem
 
-_MOST_STEPS = 20
-_LARGEST_STEP = 0.4  # [rad or m] of any joint
+_MAX_STEPS = 20
+_MAX_STEP = 0.4  # [rad or m] of any joint
 _STILL = 1e-5  # [rad or m]: joints that move less come no nearer
 _DAMPING = 1e-6  # of squared metres and radians
 # A tool this near to where it is wanted is there: a share of the radius, and of a rotation [rad].
@@ -91,7 +91,7 @@ class ConfigurationSet:
         """
         q, live = q.copy(), np.arange(len(q))
         close = near * np.array([_NEAR_SHARE * self.radius, _NEAR_TURN])
-        for _ in range(_MOST_STEPS):
+        for _ in range(_MAX_STEPS):
             wanted = None if turns is None else turns[live]
             error, jacobian = self._task(q[live], places[live], wanted)
             off = np.linalg.norm(error[:, :3], axis=1), np.linalg.norm(error[:, 3:], axis=1)
@@ -114,7 +114,7 @@ class ConfigurationSet:
             outward = ((q <= self.lower) & (step < 0)) | ((q >= self.upper) & (step > 0))
             jacobian = np.where(outward[:, None], 0.0, jacobian)
         largest = np.maximum(abs(step).max(axis=1, keepdims=True), _INSIDE)
-        return np.clip(q + step * np.minimum(1.0, _LARGEST_STEP / largest), self.lower, self.upper)
+        return np.clip(q + step * np.minimum(1.0, _MAX_STEP / largest), self.lower, self.upper)
 
     def _task(
         self, q: FloatArray, places: FloatArray, turns: FloatArray | None

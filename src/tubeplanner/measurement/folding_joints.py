@@ -32,11 +32,11 @@ def folding_joints(robot: RobotModel) -> tuple[int, ...]:
     fourth and sixth joint.
     """
     q = _random(robot)
-    usual, found = _least_gain(robot, q), []
+    usual, found = _min_gain(robot, q), []
     for joint in np.flatnonzero((q.min(axis=0) < 0) & (q.max(axis=0) > 0)):
         folded = q.copy()
         folded[:, joint] = 0.0
-        if _least_gain(robot, folded) < _FOLDED_SHARE * usual:
+        if _min_gain(robot, folded) < _FOLDED_SHARE * usual:
             found.append(int(joint))
     return tuple(found)
 
@@ -70,7 +70,7 @@ def _rank(robot: RobotModel) -> int:
     return int(np.median((np.linalg.svd(jacobian, compute_uv=False) > _NO_GAIN).sum(axis=1)))
 
 
-def _least_gain(robot: RobotModel, q: FloatArray) -> float:
+def _min_gain(robot: RobotModel, q: FloatArray) -> float:
     """Return how little joints move the tool in the worst direction: a share, typical of (N, n).
 
     Its position alone counts if the joints do for no more, its rotation as well otherwise.

@@ -11,7 +11,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray, IntArray
 
 # Of the logarithms of random speeds, and how it calms down from one search to the next.
-_FIRST_SPREAD, _CALMING, _LEAST_SPREAD = 0.8, 0.95, 0.3
+_FIRST_SPREAD, _CALMING, _MIN_SPREAD = 0.8, 0.95, 0.3
 # Margins grow from search to search: the box shrinks until no point is left to be found.
 _MARGIN_GROWTH = 1.05
 _NO_SPEED = 1e-12
@@ -74,7 +74,7 @@ class BoxSearch:
             if self._value(box) > self._value(best):
                 best, self._speed = box, speed
         self._margin = _MARGIN_GROWTH * self._margin
-        self._draws, self._spread = _LATER_DRAWS, max(self._spread * _CALMING, _LEAST_SPREAD)
+        self._draws, self._spread = _LATER_DRAWS, max(self._spread * _CALMING, _MIN_SPREAD)
         return best
 
     def _value(self, box: Box) -> float:

@@ -21,7 +21,7 @@ from tubeplanner.problem.problem import PlanningProblem
 
 # The set reaches this far beyond what the branch itself needs [m], [rad or m]; where it is free,
 # its ranges reach the farther one.
-_LEAST_RADIUS, _LEAST_RANGE = 1e-3, 1e-3
+_MIN_RADIUS, _MIN_RANGE = 1e-3, 1e-3
 WANTED_RANGE = 0.05
 _WIDEST_RANGE = 0.8  # [rad or m]: how far ranges may reach beyond the branch
 # Where nothing says how much of a range is needed, more than this counts nothing [rad or m]; else,
@@ -33,9 +33,9 @@ _FIRST_SAMPLES = 2000
 _FIRST_SHARE = 8  # of the last attack's samples: the first attack has so many times fewer
 # After so many attacks, or one that failed, the set shrinks only: where it was, most is known.
 _FREE_ROUNDS = 25
-_MOST_ROUNDS = 200
+_MAX_ROUNDS = 200
 # So many collisions of an attack are moved to the edge of what collides, by so many bisections.
-_MOST_MOVED, _BISECTIONS = 48, 8
+_MAX_MOVED, _BISECTIONS = 48, 8
 _DECIMALS = 4  # of the numbers written to files
 
 
@@ -127,7 +127,7 @@ class CollisionBoxes:
         self._lower, self._upper = core
         radius = float(problem.tube.effective_radius[segment])
         tool = ConfigurationSet(problem, segment, lower, upper, radius).tool_distance(branch)
-        self.radius = min(radius, float(_up(tool.max() + _LEAST_RADIUS)))
+        self.radius = min(radius, float(_up(tool.max() + _MIN_RADIUS)))
         self.widest = np.concatenate(
             [
                 [radius - self.radius],
@@ -157,8 +157,8 @@ class CollisionBoxes:
 
     def learn(self, q: FloatArray, pair: IntArray) -> None:
         """Take note of collisions, shapes (C, n) and (C,)."""
-        share = self._beyond_core(q) / np.maximum(self.widest, _LEAST_RANGE)
-        nearest = np.argsort(share.max(axis=1))[:_MOST_MOVED]
+        share = self._beyond_core(q) / np.maximum(self.widest, _MIN_RANGE)
+        nearest = np.argsort(share.max(axis=1))[:_MAX_MOVED]
         q = q.copy()
         q[nearest] = self._edge(q[nearest], pair[nearest])
         self.q, self.pair = np.concatenate([self.q, q]), np.concatenate([self.pair, pair])
@@ -192,7 +192,7 @@ class CollisionBoxes:
 
 
 def range_core(
-    problem: PlanningProblem, segment: int, branch: FloatArray, beyond: float = _LEAST_RANGE
+    problem: PlanningProblem, segment: int, branch: FloatArray, beyond: float = _MIN_RANGE
 ) -> JointBounds:
     """Return joint bounds that hold a branch (P, n) and a little more."""
     lower = np.maximum(_down(branch.min(axis=0) - beyond), problem.joint_lower[segment])
@@ -228,7 +228,7 @@ def search_segment(
         least = clearance.least(q, 0.0)
         boxes.learn(q[least.clearance < 0], least.pair[least.clearance < 0])
     total, within = 0, within or Box(boxes.widest, np.full(len(boxes.widest), -1))
-    for number in range(_MOST_ROUNDS):
+    for number in range(_MAX_ROUNDS):
         blocked = boxes.blocked()
         if blocked is not None:
             return blocked

@@ -7,7 +7,7 @@ from tubeplanner.collision.collision_checker import BodyShape
 
 _NO_LENGTH = 1e-9  # [m]
 # Steps towards the shortest vector between the shapes; most pairs are told apart by the second.
-_MOST_STEPS = 12
+_MAX_STEPS = 12
 
 
 def separation_bounds(
@@ -42,7 +42,7 @@ def separation_bounds(
     gap = second.shape.center - moved - turned @ first.shape.center
     bound = np.full(len(rotation), -np.inf)
     live = np.arange(len(rotation))
-    for _ in range(_MOST_STEPS):
+    for _ in range(_MAX_STEPS):
         length = np.linalg.norm(gap, axis=1)
         unsettled = (length > _NO_LENGTH) & (bound[live] < enough)
         live, gap, length = live[unsettled], gap[unsettled], length[unsettled]

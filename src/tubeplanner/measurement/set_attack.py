@@ -12,10 +12,10 @@ from tubeplanner.measurement.pair_clearance import PairClearance
 _NEAR = 0.03
 _STARTS_PER_PAIR = 4
 _DESCENT_STEPS = 12
-_LARGEST_STEP = 0.15  # [rad or m] of all joints together
+_MAX_STEP = 0.15  # [rad or m] of all joints together
 _FLAT = 1e-6  # [m/rad or 1]: a clearance that changes less does not change
 _AIM = 2e-3  # [m] of overlap that a step of the descent goes for
-_FEWEST, _MOST = 1024, 4096  # samples at once
+_MIN_SAMPLES, _MAX_SAMPLES = 1024, 4096  # samples at once
 _ENOUGH = 48  # collisions that end an attack
 
 
@@ -68,7 +68,7 @@ def attack(
         rng: Random numbers.
     """
     hits: list[tuple[FloatArray, IntArray]] = []
-    least, drawn, tried, count = np.inf, 0, 0, _FEWEST
+    least, drawn, tried, count = np.inf, 0, 0, _MIN_SAMPLES
     while tried < samples and sum(len(q) for q, _ in hits) < _ENOUGH:
         count = min(count, samples - tried)
         tried += count
@@ -80,7 +80,7 @@ def attack(
         q, pair, lowest = _descended(allowed, clearance, q[starts], found.pair[starts])
         hits.append((q[lowest < 0], pair[lowest < 0]))
         least = min(least, found.clearance.min(initial=np.inf), lowest.min(initial=np.inf))
-        count = min(2 * count, _MOST)
+        count = min(2 * count, _MAX_SAMPLES)
     q_hit, pair_hit = (np.concatenate(parts) for parts in zip(*hits, strict=True))
     return Attack(q_hit, pair_hit, float(least), drawn, tried)
 
@@ -98,7 +98,7 @@ def _descended(
 ) -> tuple[FloatArray, IntArray, FloatArray]:
     """Find where the clearance of pairs (N,) is least near configurations (N, n), and its value."""
     best, lowest = q.copy(), np.full(len(q), np.inf)
-    slope, reach = np.zeros_like(q), np.full(len(q), _LARGEST_STEP)
+    slope, reach = np.zeros_like(q), np.full(len(q), _MAX_STEP)
     for _ in range(_DESCENT_STEPS if len(q) else 0):
         found, found_slope = clearance.of_pairs(q, pair)
         better = allowed.contains(q) & (found < lowest)

@@ -45,7 +45,7 @@ _WIDENINGS = ((0.0, np.inf), (0.03, 0.3))
 _RADIUS_WORTHS = (1.0, 4.0)  # trades of radii for joint ranges that are tried, each time
 _ROUGH_SHARE = 8  # of the samples: a rough measurement has so many times fewer
 _LOOKS_PER_PIECE = 10
-_LONGEST_STEP = 0.02  # [rad or m] between configurations at which the branch is looked at
+_MAX_STEP = 0.02  # [rad or m] between configurations at which the branch is looked at
 
 
 def measure_tube(
@@ -310,7 +310,7 @@ def _dense(q: FloatArray) -> FloatArray:
     """Return configurations (P, n) with others between them, evenly, so that steps are short."""
     parts = [q[:1]]
     for begin, end in pairwise(q):
-        steps = max(1, int(np.ceil(abs(end - begin).max() / _LONGEST_STEP)))
+        steps = max(1, int(np.ceil(abs(end - begin).max() / _MAX_STEP)))
         share = np.linspace(0, 1, steps + 1)[1:, None]
         parts.append((1 - share) * begin + share * end)
     return np.concatenate(parts)

@@ -12,7 +12,7 @@ from scipy.special import comb
 from tubeplanner.arrays import FloatArray, IntArray
 
 # Halvings after which a piece is not cut further: its width is then 1e-12 of the original.
-_MOST_HALVINGS = 40
+_MAX_HALVINGS = 40
 _RESOLUTION = 1e-10  # relative to the largest value
 
 
@@ -76,7 +76,7 @@ def maxima(coefficients: FloatArray, widths: FloatArray) -> Extrema:
     start, width = np.zeros(len(piece)), widths[piece].astype(float)
     value = np.full(n, -np.inf)
     best_piece, best_time = np.zeros(n, dtype=np.int64), np.zeros(n)
-    for _ in range(_MOST_HALVINGS):
+    for _ in range(_MAX_HALVINGS):
         rows = coefficients[:, piece, column][:, :, None]
         bounds = bernstein_coefficients(rows, start, width)[:, :, 0]
         for ends, times in ((bounds[0], start), (bounds[-1], start + width)):

@@ -10,8 +10,8 @@ from scipy.special import factorial
 from tubeplanner.arrays import FloatArray, read_only
 from tubeplanner.errors import TrajectoryError
 
-_FARTHEST = 1e6  # [rad or m]
-_MOST_SAMPLES = 1_000_000
+_MAX_POSITION = 1e6  # [rad or m]
+_MAX_SAMPLES = 1_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,10 +104,10 @@ class JointTrajectory:
         """
         if not 0 < rate < np.inf:
             raise TrajectoryError(f"rate {rate:g} Hz must be > 0 and finite")
-        if self.duration * rate > _MOST_SAMPLES:
+        if self.duration * rate > _MAX_SAMPLES:
             raise TrajectoryError(
                 f"rate {rate:g} Hz makes {self.duration * rate:.3g} samples of {self.duration:.3g} "
-                f"s; at most {_MOST_SAMPLES} are made"
+                f"s; at most {_MAX_SAMPLES} are made"
             )
         regular = np.arange(int(np.ceil(self.duration * rate))) / rate
         regular = regular[regular <= self.duration - 0.5 / rate]
@@ -194,10 +194,10 @@ class JointTrajectory:
         powers = np.arange(len(c) - 1, -1, -1)
         travel = np.einsum("kpn,kp->pn", abs(c), np.diff(b) ** powers[:, None])
         piece, joint = np.unravel_index(int(travel.argmax()), travel.shape)
-        if travel[piece, joint] > _FARTHEST:
+        if travel[piece, joint] > _MAX_POSITION:
             raise TrajectoryError(
                 f"'{self.joint_names[joint]}' may reach {travel[piece, joint]:.3g} rad or m in "
-                f"piece {piece}; beyond {_FARTHEST:g} nothing can be computed"
+                f"piece {piece}; beyond {_MAX_POSITION:g} nothing can be computed"
             )
 
 

@@ -30,7 +30,7 @@ QUALITIES = {
     "best": Quality(((8, (3, 3)), (8, (3, 4))), every_start=True),
 }
 
-_FEWEST_CANDIDATES, _MOST_CANDIDATES = 2, 1000
+_MIN_CANDIDATES, _MAX_CANDIDATES = 2, 1000
 
 
 @dataclass(frozen=True)
@@ -67,10 +67,10 @@ class PlanOptions:
             raise OptionError(unknown_name("method", self.method, METHODS))
         if self.quality not in QUALITIES:
             raise OptionError(unknown_name("quality", self.quality, QUALITIES))
-        if not _FEWEST_CANDIDATES <= self.candidate_points <= _MOST_CANDIDATES:
+        if not _MIN_CANDIDATES <= self.candidate_points <= _MAX_CANDIDATES:
             raise OptionError(
-                f"candidate_points is {self.candidate_points}; {_FEWEST_CANDIDATES} to "
-                f"{_MOST_CANDIDATES} are accepted"
+                f"candidate_points is {self.candidate_points}; {_MIN_CANDIDATES} to "
+                f"{_MAX_CANDIDATES} are accepted"
             )
         if not self.node_budget >= 1:
             raise OptionError(f"node_budget is {self.node_budget}; it must be >= 1")

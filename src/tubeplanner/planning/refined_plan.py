@@ -21,9 +21,9 @@ from tubeplanner.refinement.spline_start import starting_spline
 from tubeplanner.waypoint_search.time_scaling import scaled_to_limits
 
 # How often a certificate's objections are handed back to refinement.
-_MOST_OBJECTIONS = 5
+_MAX_OBJECTIONS = 5
 # Where the segments need more knots than the quality has, there are at most this many times more.
-_MOST_KNOTS_SHARE = 1.5
+_MAX_KNOTS_SHARE = 1.5
 
 
 def refined_plan(
@@ -97,7 +97,7 @@ def _divisions(count: int, wanted: int, divisions: tuple[int, ...]) -> tuple[int
 
     Every segment has some: of many segments, the finest knots are reached by fewer divisions.
     """
-    most = _MOST_KNOTS_SHARE * wanted * np.prod(divisions)
+    most = _MAX_KNOTS_SHARE * wanted * np.prod(divisions)
     parts = list(divisions)
     while parts and count * np.prod(parts) > most:
         parts[0] -= 1
@@ -127,7 +127,7 @@ def _from_start(
 
     refinement = Refinement(problem, start, divisions, checkpoint)
     work: Callable[[], bool] = refinement.run
-    for _ in range(_MOST_OBJECTIONS):
+    for _ in range(_MAX_OBJECTIONS):
         if not _done(work, refinement, clock):
             break
         motion = scaled_to_limits(problem.robot, refinement.trajectory)

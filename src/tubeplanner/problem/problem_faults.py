@@ -20,7 +20,7 @@ _WANTED = {
     "string_type": "text",
     "tuple_type": "a list",
 }
-_LONGEST_VALUE = 60
+_MAX_VALUE_LENGTH = 60
 
 
 def first_fault(data: dict[str, Any], error: ValidationError, root: type[BaseModel]) -> str:
@@ -66,7 +66,7 @@ def _wanted(fault: Any, root: type[BaseModel]) -> str:
 
 def _shown(value: object) -> str:
     text = "empty" if value is None else repr(value)
-    return text if len(text) <= _LONGEST_VALUE else text[:_LONGEST_VALUE] + "..."
+    return text if len(text) <= _MAX_VALUE_LENGTH else text[:_MAX_VALUE_LENGTH] + "..."
 
 
 def _steps(data: object, path: _Path) -> list[int | str]:

@@ -58,7 +58,7 @@ RotationBoundField: TypeAlias = Annotated[
 Version: TypeAlias = Annotated[Literal[1], BeforeValidator(_no_flag)]
 
 PROBLEM_FORMAT: Final = "tubeplanner/problem"
-_MOST_BYTES = 10_000_000
+_MAX_BYTES = 10_000_000
 # What the readers raise for malformed input, whatever it says of the fault.
 _READER_ERRORS = (YAMLError, ValueError, RecursionError, LookupError, TypeError, AttributeError)
 
@@ -245,11 +245,11 @@ def read_document(path: Path) -> object:
     """
     try:
         with path.open("rb") as stream:
-            data = stream.read(_MOST_BYTES + 1)
+            data = stream.read(_MAX_BYTES + 1)
     except OSError as error:
         raise ProblemError(f"problem file {path} cannot be read: {error.strerror}") from error
-    if len(data) > _MOST_BYTES:
-        raise ProblemError(f"problem file {path} is larger than {_MOST_BYTES // 10**6} MB")
+    if len(data) > _MAX_BYTES:
+        raise ProblemError(f"problem file {path} is larger than {_MAX_BYTES // 10**6} MB")
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:

@@ -14,7 +14,7 @@ from tubeplanner.refinement.phase_spline import DEGREE, REST_POINTS, PhaseSpline
 
 FIXED = -1
 # Directions in which the joints at the goal move the tool by less than this [m/rad] are left free.
-_LEAST_GAIN = 1e-6
+_MIN_GAIN = 1e-6
 _TOOL_TOLERANCE = 1e-9  # [m]
 _LOOKS, _SEED = 5, 0  # configurations looked at for spare joints
 
@@ -86,7 +86,7 @@ class ControlVariables:
             return np.zeros((0, joints))
         _, jacobian = self._problem.robot.tool_jacobian(control_points[-1:])
         _, gain, directions = np.linalg.svd(jacobian[0, :3], full_matrices=False)
-        return directions[gain > _LEAST_GAIN]
+        return directions[gain > _MIN_GAIN]
 
     def _columns(self, count: int) -> IntArray:
         column = np.arange(count) - REST_POINTS
@@ -116,4 +116,4 @@ def _has_spare_joints(problem: PlanningProblem) -> bool:
     joints = problem.robot.joint_count
     q = np.random.default_rng(_SEED).uniform(-1.0, 1.0, (_LOOKS, joints))
     _, jacobian = problem.robot.tool_jacobian(q)
-    return int(np.linalg.matrix_rank(jacobian[:, :3], tol=_LEAST_GAIN).max()) < joints
+    return int(np.linalg.matrix_rank(jacobian[:, :3], tol=_MIN_GAIN).max()) < joints

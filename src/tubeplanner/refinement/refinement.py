@@ -22,12 +22,12 @@ from tubeplanner.refinement.spline_start import subdivided
 from tubeplanner.verification.certificate import Certificate
 
 _FIRST_TRUST, _LATER_TRUST, _LAST_TRUST = 0.2, 0.03, 0.02  # [rad or m]
-_LEAST_LAST_TRUST = 0.002
+_MIN_LAST_TRUST = 0.002
 _GAIN, _LAST_GAIN = 5e-4, 3e-4
 _POLISH_TRUST, _POLISH_GAIN, _POLISH_STEPS = 0.01, 1e-7, 20
-_MOST_STEPS, _STEPS_PER_ROUND, _MOST_ROUNDS = 60, 3, 8
+_MAX_STEPS, _STEPS_PER_ROUND, _MAX_ROUNDS = 60, 3, 8
 # On coarse knots, links that came close on the way are given this much.
-_MOST_COARSE_ROUNDS, _STEPS_PER_COARSE_ROUND = 6, 10
+_MAX_COARSE_ROUNDS, _STEPS_PER_COARSE_ROUND = 6, 10
 # The exchange of samples ends when this is all that lies between them, a share of T^2.
 _BETWEEN_SAMPLES = 0.003
 
@@ -80,7 +80,7 @@ class Refinement:
             motion, trust = subdivided(coarse, parts), _LATER_TRUST
             links = self._program.conditions.links_on(coarse, motion)
             self._program = SequentialProgram(self._problem, motion.shape, self._checkpoint, links)
-        found = self._program.improved(self._begun(motion), trust, _GAIN, _MOST_STEPS)
+        found = self._program.improved(self._begun(motion), trust, _GAIN, _MAX_STEPS)
         self._exchange(found)
         return True
 
@@ -101,7 +101,7 @@ class Refinement:
         for time in times:
             self._program.conditions.add_samples(motion, time / duration)
         again = self._program.iterate(motion)
-        self._exchange(self._program.improved(again, _LAST_TRUST, _LAST_GAIN, _MOST_STEPS))
+        self._exchange(self._program.improved(again, _LAST_TRUST, _LAST_GAIN, _MAX_STEPS))
         return True
 
     def elasticities(self) -> dict[tuple[str, int], float]:
@@ -118,8 +118,8 @@ class Refinement:
 
     def _on_coarse_knots(self, motion: PhasedMotion, trust: float) -> Iterate:
         """Return a motion that is about the shortest, links not yet clear between samples."""
-        found = self._program.improved(self._begun(motion), trust, _GAIN, _MOST_STEPS)
-        for _ in range(_MOST_COARSE_ROUNDS):
+        found = self._program.improved(self._begun(motion), trust, _GAIN, _MAX_STEPS)
+        for _ in range(_MAX_COARSE_ROUNDS):
             if not self._program.conditions.look_for_links(found.motion):
                 break
             again = self._program.iterate(found.motion)
@@ -141,7 +141,7 @@ class Refinement:
     def _exchange(self, found: Iterate) -> None:
         """Keep the best motion between samples too, adding samples where they are missing."""
         best = None
-        for _ in range(_MOST_ROUNDS):
+        for _ in range(_MAX_ROUNDS):
             dense, has_more = self._program.conditions.look_between_samples(found)
             inside = dense.excess <= MERIT_TOLERANCE
             if inside and (best is None or dense.squared_duration < best.squared_duration):
@@ -150,7 +150,7 @@ class Refinement:
             if inside and (near or not has_more):
                 break
             again = self._program.iterate(found.motion)
-            trust = min(max(2 * self._program.trust, _LEAST_LAST_TRUST), _LAST_TRUST)
+            trust = min(max(2 * self._program.trust, _MIN_LAST_TRUST), _LAST_TRUST)
             found = self._program.improved(again, trust, _LAST_GAIN, _STEPS_PER_ROUND)
         self._best = best or found
 

@@ -25,9 +25,9 @@ _SMOOTHING = 1e-5
 _PROXIMITY = 1e-3
 # Rows are given to the solver if they are this near, or a part of the trust region away.
 _NEAR, _NEAR_SHARE = 0.03, 0.03
-_MOST_LAZY_ROUNDS = 5
+_MAX_LAZY_ROUNDS = 5
 _BROKEN = 1e-4
-_LEAST_TRUST, _LARGEST_TRUST = 1e-4, 1.0
+_MIN_TRUST, _MAX_TRUST = 1e-4, 1.0
 # Steps that gain less than this share of what they should are corrected.
 _GOOD_RATIO = 0.3
 _FIRST_PENALTY, _MAX_PENALTY = 3.0, 1e4
@@ -77,20 +77,18 @@ class SequentialProgram:
         points = self._variables.within_bounds(motion.control_points)
         return self.conditions.at(PhasedMotion(self.shape, motion.switching_times, points))
 
-    def improved(
-        self, current: Iterate, trust: float, least_gain: float, most_steps: int
-    ) -> Iterate:
+    def improved(self, current: Iterate, trust: float, min_gain: float, max_steps: int) -> Iterate:
         """Return a shorter motion, if there is one.
 
         Args:
             current: Where to start.
             trust: First radius of the trust region [rad or m].
-            least_gain: A step that should gain less than this share of T^2 ends it, or two that do.
-            most_steps: So many steps end it too.
+            min_gain: A step that should gain less than this share of T^2 ends it, or two that do.
+            max_steps: So many steps end it too.
         """
         small_gains, self._trust = 0, trust
         self._remembered = np.zeros(0, dtype=np.int64)
-        for _ in range(most_steps):
+        for _ in range(max_steps):
             problem = self._linearised(current, self._trust)
             step = problem.solve()
             if step is None:
@@ -109,11 +107,11 @@ class SequentialProgram:
                 self._penalty = min(4 * self._penalty, _MAX_PENALTY)
             if ratio > 0.02:
                 current = trial
-                small_gains = small_gains + 1 if gain < least_gain else 0
+                small_gains = small_gains + 1 if gain < min_gain else 0
             self._checkpoint(current)
             size = float(abs(step.control).max(initial=0.0))
             self._trust = _next_trust(self._trust, ratio, size)
-            if predicted < least_gain or small_gains == 2 or self._trust < _LEAST_TRUST:
+            if predicted < min_gain or small_gains == 2 or self._trust < _MIN_TRUST:
                 break
         return current
 
@@ -268,7 +266,7 @@ class _Linearised:
     def solve(self) -> Step | None:
         """Return the step, or None if there is none."""
         step = None
-        for _ in range(_MOST_LAZY_ROUNDS):
+        for _ in range(_MAX_LAZY_ROUNDS):
             self._given = np.flatnonzero(self._active)
             self._program = StepProgram(
                 self._rows.where(self._given),
@@ -318,9 +316,9 @@ def _beyond(excess: float) -> float:
 def _next_trust(trust: float, ratio: float, size: float) -> float:
     """Return the trust region's next radius, by how well a step's gain was predicted."""
     if ratio < 0.1:
-        return 0.4 * min(trust, max(size, _LEAST_TRUST))
+        return 0.4 * min(trust, max(size, _MIN_TRUST))
     if ratio < 0.3:
         return 0.6 * trust
     if ratio > 0.7 and size > 0.8 * trust:
-        return min(2 * trust, _LARGEST_TRUST)
+        return min(2 * trust, _MAX_TRUST)
     return trust

@@ -9,7 +9,7 @@ from tubeplanner.branches.reference_branch import ReferenceBranch
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.refinement.phase_spline import DEGREE, REST_POINTS, PhasedMotion, PhaseSpline
 
-_FEWEST_INTERVALS = 3  # of a phase, if there are several
+_MIN_INTERVALS = 3  # of a phase, if there are several
 _FIT_POINTS_PER_INTERVAL = 5
 # Control points that the fit leaves open are drawn to the joint line by this weight.
 _DRAW = 1e-8
@@ -69,7 +69,7 @@ def knot_grid(switching_times: FloatArray, intervals: int) -> PhaseSpline:
     angle = np.arccos(1 - 2 * switching_times)
     shares = []
     for k in range(len(switching_times) - 1):
-        fewest = _FEWEST_INTERVALS if len(switching_times) > 2 else 1
+        fewest = _MIN_INTERVALS if len(switching_times) > 2 else 1
         count = max(fewest, round(intervals * (angle[k + 1] - angle[k]) / np.pi))
         x = (1 - np.cos(np.linspace(angle[k], angle[k + 1], count + 1))) / 2
         share = (x - switching_times[k]) / (switching_times[k + 1] - switching_times[k])

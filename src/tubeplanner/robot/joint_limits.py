@@ -9,7 +9,7 @@ from tubeplanner.arrays import FloatArray, read_only
 from tubeplanner.errors import RobotError, unknown_name
 from tubeplanner.robot.urdf import UrdfDescription, UrdfJoint
 
-_LEAST, _MOST = 1e-6, 1e9  # limits that make sense, in SI units
+_MIN_LIMIT, _MAX_LIMIT = 1e-6, 1e9  # limits that make sense, in SI units
 _SCALABLE = ("effort", "velocity", "acceleration")
 
 
@@ -36,10 +36,10 @@ class LimitOverrides:
     def __post_init__(self) -> None:
         for quantity in (*_SCALABLE, "jerk"):
             for name, value in getattr(self, quantity).items():
-                if not (_LEAST <= value <= _MOST or value == np.inf):
+                if not (_MIN_LIMIT <= value <= _MAX_LIMIT or value == np.inf):
                     raise RobotError(
                         f"robot.limits.{quantity}: joint '{name}' at {value:g}; give a number from "
-                        f"{_LEAST:g} to {_MOST:g}, or .inf for none"
+                        f"{_MIN_LIMIT:g} to {_MAX_LIMIT:g}, or .inf for none"
                     )
         for name, factor in self.scale.items():
             if name not in _SCALABLE:

@@ -26,7 +26,7 @@ MOVABLE_TYPES = ("revolute", "continuous", "prismatic")
 _STANDING_TYPES = ("planar", "floating")
 _JOINT_TYPES = (*MOVABLE_TYPES, "fixed", *_STANDING_TYPES)
 _XACRO = "{http://www.ros.org/wiki/xacro}"
-_MOST_BYTES = 50_000_000
+_MAX_BYTES = 50_000_000
 # Tags that Pinocchio's kinematic copy does not need; meshes are read by `link_geometry`.
 _NOT_KINEMATIC = ("visual", "collision")
 
@@ -188,8 +188,8 @@ def read_urdf(path: Path) -> UrdfDescription:
 
 def _read_bytes(path: Path) -> bytes:
     try:
-        if path.stat().st_size > _MOST_BYTES:
-            raise RobotError(f"{path} is larger than {_MOST_BYTES // 10**6} MB: no URDF is")
+        if path.stat().st_size > _MAX_BYTES:
+            raise RobotError(f"{path} is larger than {_MAX_BYTES // 10**6} MB: no URDF is")
         xml = path.read_bytes()
     except OSError as error:
         raise RobotError(f"{path} cannot be read: {error.strerror}") from error

@@ -26,7 +26,7 @@ class ModificationOptions:
         linear_increment: Likewise along a prismatic joint's [m].
         halvings: How often the increments are halved, each time that no direction helps.
         growth: Each step of the line search goes so many times as far as the one before.
-        least_gain: What counts as help, as a share of the duration.
+        min_gain: What counts as help, as a share of the duration.
         direction_nodes: After how many nodes the search for a direction ends with the best it has.
     """
 
@@ -34,7 +34,7 @@ class ModificationOptions:
     linear_increment: float = 0.03
     halvings: int = 5
     growth: float = 1.6
-    least_gain: float = 2e-4
+    min_gain: float = 2e-4
     direction_nodes: int = 200
 
     def __post_init__(self) -> None:
@@ -45,8 +45,8 @@ class ModificationOptions:
             raise OptionError(f"halvings is {self.halvings}; it must be >= 0")
         if not 1 < self.growth < np.inf:
             raise OptionError(f"growth is {self.growth:g}; it must be > 1 and finite")
-        if not 0 < self.least_gain < 1:
-            raise OptionError(f"least_gain is {self.least_gain:g}; it must be > 0 and < 1")
+        if not 0 < self.min_gain < 1:
+            raise OptionError(f"min_gain is {self.min_gain:g}; it must be > 0 and < 1")
         if not self.direction_nodes >= 1:
             raise OptionError(f"direction_nodes is {self.direction_nodes}; it must be >= 1")
 
@@ -93,7 +93,7 @@ class KnotModification:
     def _step(self, increments: FloatArray) -> bool:
         """Move the knots along the best direction; return whether it helped."""
         motion, options = self.motions[-1], self._options
-        wanted = motion.duration * (1 - options.least_gain)
+        wanted = motion.duration * (1 - options.min_gain)
         clearance = LinkClearance(self._problem, motion.knots)
         direction = best_direction(
             self._problem,

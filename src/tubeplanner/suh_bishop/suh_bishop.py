@@ -28,7 +28,7 @@ from tubeplanner.verification.verification import verify
 from tubeplanner.waypoint_search.link_clearance import LinkClearance
 from tubeplanner.waypoint_search.waypoint_interpolation import quartic_spline
 
-_FEWEST_KNOTS = 4
+_MIN_KNOTS = 4
 # How much of the node budget may be used up to the end of: other numbers of knots, first doubling.
 _SHARES = (0.5, 0.85)
 
@@ -42,8 +42,8 @@ class SuhBishopOptions:
         fewer_knots: With how many knots less than phase 1's motion MP also begins.
         more_knots: Likewise more.
         doubled: How many of the fastest of these are doubled; from then on, the fastest.
-        least_gain: Doubling ends when it gains less than this share of the duration.
-        most_knots: Motions are not doubled to more knots.
+        min_gain: Doubling ends when it gains less than this share of the duration.
+        max_knots: Motions are not doubled to more knots.
         node_budget: Phase 2 ends after about so many nodes of the searches for a direction.
     """
 
@@ -51,8 +51,8 @@ class SuhBishopOptions:
     fewer_knots: int = 1
     more_knots: int = 4
     doubled: int = 3
-    least_gain: float = 3e-3
-    most_knots: int = 34
+    min_gain: float = 3e-3
+    max_knots: int = 34
     node_budget: int = 40_000
 
     def __post_init__(self) -> None:
@@ -60,13 +60,13 @@ class SuhBishopOptions:
             ("fewer_knots", 0),
             ("more_knots", 0),
             ("doubled", 1),
-            ("most_knots", 2),
+            ("max_knots", 2),
             ("node_budget", 1),
         ):
             if not getattr(self, name) >= least:
                 raise OptionError(f"{name} is {getattr(self, name)}; it must be >= {least}")
-        if not 0 < self.least_gain < 1:
-            raise OptionError(f"least_gain is {self.least_gain:g}; it must be > 0 and < 1")
+        if not 0 < self.min_gain < 1:
+            raise OptionError(f"min_gain is {self.min_gain:g}; it must be > 0 and < 1")
 
 
 @dataclass(frozen=True)
@@ -184,7 +184,7 @@ class SuhBishop:
             scale, known = scale / 2, self.best.duration
             fastest = sorted(motions, key=lambda motion: motion.duration)[:width]
             motions = self._modified("DP", list(self._doubled(fastest)), scale, most)
-            if not motions or self.best.duration > known * (1 - options.least_gain):
+            if not motions or self.best.duration > known * (1 - options.min_gain):
                 return
             width, most = 1, options.node_budget
 
@@ -234,8 +234,8 @@ class SuhBishop:
     def _with_other_knots(self, motion: KnotMotion) -> Iterator[KnotMotion]:
         """Yield a motion with other numbers of knots; else phase 1's, if the tube allows that."""
         known = len(motion.knots)
-        fewest = max(known - self._options.fewer_knots, _FEWEST_KNOTS)
-        most = min(known + self._options.more_knots, self._options.most_knots)
+        fewest = max(known - self._options.fewer_knots, _MIN_KNOTS)
+        most = min(known + self._options.more_knots, self._options.max_knots)
         for count in range(fewest, most + 1):
             shapes = (source.at_equal_times(count) for source in (motion, self._first))
             found = next(filter(None, map(self._spline, shapes)), None)
@@ -250,7 +250,7 @@ class SuhBishop:
         for motion in motions:
             count = 2 * len(motion.knots) - 1
             doubled = None
-            while doubled is None and count <= self._options.most_knots:
+            while doubled is None and count <= self._options.max_knots:
                 doubled = self._spline(motion.at_equal_times(count))
                 count = 2 * count - 1
             if doubled is not None:

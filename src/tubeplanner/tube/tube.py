@@ -35,8 +35,8 @@ _SIGNS: dict[str | int, JointRange] = {
     0: (-np.inf, np.inf),
 }
 _ALL = slice(None)
-_FARTHEST = 1e4  # [m]
-_SHORTEST = 1e-6  # [m]: reference points nearer to each other are the same
+_MAX_EXTENT = 1e4  # [m]
+_MIN_LENGTH = 1e-6  # [m]: reference points nearer to each other are the same
 VISITS = ("ordered", "any")
 
 
@@ -118,9 +118,9 @@ class Tube:
 
         Where both are the same, the second is moved a little: a tube has a direction.
         """
-        is_still = np.linalg.norm(end - begin) < _SHORTEST
-        aside = np.array([0.0, 0.0, 1e3 * _SHORTEST * is_still])
-        return cls(np.vstack([begin, end + aside]), _FARTHEST)
+        is_still = np.linalg.norm(end - begin) < _MIN_LENGTH
+        aside = np.array([0.0, 0.0, 1e3 * _MIN_LENGTH * is_still])
+        return cls(np.vstack([begin, end + aside]), _MAX_EXTENT)
 
     def _keep_rotation(self, orientations: object, tolerance: object) -> None:
         for field in ("orientations", "rotation_tolerance", "rotation"):
@@ -233,10 +233,10 @@ def _points(points: Sequence[Sequence[float]] | FloatArray) -> FloatArray:
         raise ProblemError(
             f"tube.points has shape {corners.shape}; at least two points [x, y, z] are needed"
         )
-    if not (abs(corners) <= _FARTHEST).all():
-        raise ProblemError(f"tube.points must be finite numbers within {_FARTHEST:g} m")
+    if not (abs(corners) <= _MAX_EXTENT).all():
+        raise ProblemError(f"tube.points must be finite numbers within {_MAX_EXTENT:g} m")
     for k, length in enumerate(np.linalg.norm(np.diff(corners, axis=0), axis=1)):
-        if not length >= _SHORTEST:
+        if not length >= _MIN_LENGTH:
             raise ProblemError(f"tube.points: points {k} and {k + 1} are the same; remove one")
     return corners
 
@@ -253,9 +253,9 @@ def _radii(radius: float | Sequence[float] | FloatArray, segments: int) -> Float
             f"tube.radius has {radii.size} values for {segments} segments; give one, or one each"
         )
     for k, value in enumerate(radii):
-        if not 0 < value <= _FARTHEST:
+        if not 0 < value <= _MAX_EXTENT:
             raise ProblemError(
-                f"tube.radius[{k}] is {value:g} m; it must be > 0 and at most {_FARTHEST:g} m"
+                f"tube.radius[{k}] is {value:g} m; it must be > 0 and at most {_MAX_EXTENT:g} m"
             )
     return read_only(radii)
 

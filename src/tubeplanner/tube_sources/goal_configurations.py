@@ -9,7 +9,7 @@ from tubeplanner.problem.problem import PlanningProblem, Seed
 from tubeplanner.verification.refusal import require_free
 
 _DRAWS = 100
-_MOST_GOALS = 8
+_MAX_GOALS = 8
 _DECIMALS = 6
 _REACHED = 1e-6  # [m]
 _SAME = 0.1  # [rad or m] of every joint
@@ -40,7 +40,7 @@ def goal_configurations(problem: PlanningProblem, start: FloatArray, seed: int) 
             blocked = blocked or reason
     if not free and blocked is not None:
         raise blocked
-    return np.array(free[:_MOST_GOALS])
+    return np.array(free[:_MAX_GOALS])
 
 
 def _reaching(problem: PlanningProblem, start: FloatArray, seed: int) -> list[FloatArray]:

@@ -15,7 +15,7 @@ from tubeplanner.tube_sources.free_space import FreeSpace
 _STEP = 0.05  # [rad or m] between configurations that are looked at along an edge
 # How far beyond start and goals joints may go that have no nearer limit [rad or m].
 _BEYOND = np.pi
-_LEAST_SPAN = 1e-6  # [rad or m]: OMPL wants bounds that differ
+_MIN_SPAN = 1e-6  # [rad or m]: OMPL wants bounds that differ
 _SHORTENINGS = 5
 
 
@@ -73,7 +73,7 @@ class RouteSearch:
         low = np.minimum(np.maximum(lower, least - _BEYOND), least)
         high = np.maximum(np.minimum(upper, most + _BEYOND), most)
         self._states = base.RealVectorStateSpace(0)
-        for bounds in zip(low, np.maximum(high, low + _LEAST_SPAN), strict=True):
+        for bounds in zip(low, np.maximum(high, low + _MIN_SPAN), strict=True):
             self._states.addDimension(*(float(bound) for bound in bounds))
         self.checks = 0
         self.reached = start

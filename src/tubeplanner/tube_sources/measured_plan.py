@@ -19,7 +19,7 @@ from tubeplanner.tube_sources.free_space import FreeSpace
 from tubeplanner.tube_sources.reference_tube import reference_tube
 from tubeplanner.tube_sources.tool_corners import ToolCorners, with_another_corner
 
-_MOST_PARTINGS = 4
+_MAX_PARTINGS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +62,7 @@ def measured_plan(
     Raises:
         Infeasible: The tube is too narrow, or there is no certified motion in it.
     """
-    for _ in range(_MOST_PARTINGS):
+    for _ in range(_MAX_PARTINGS):
         try:
             return _measured(in_tube(problem, corners, band, options.max_radius), options, enter)
         except Infeasible as reason:

@@ -27,11 +27,11 @@ from tubeplanner.verification.refusal import require_free
 
 # Routes are compared by the motion through a tube of this radius [m].
 _RADIUS_TO_COMPARE = 0.05
-_MOST_COMPARED = 4
+_MAX_COMPARED = 4
 # A measured tube whose motion takes longer than this, times the fastest one compared, has been
 # squeezed by an obstacle: the next route may be wider.
 _ENOUGH = 1.3
-_MOST_MEASURED = 2
+_MAX_MEASURED = 2
 
 
 def find_route(
@@ -87,7 +87,7 @@ class _RouteFinder:
         routes = route_candidates(self._problem, start, goals, options, self._enter)
         best, first, measured = None, None, 0
         how = MeasureOptions(options.max_radius, options.samples, options.seed)
-        for route, enough in self._fastest_first(routes[:_MOST_COMPARED]):
+        for route, enough in self._fastest_first(routes[:_MAX_COMPARED]):
             try:
                 found = measured_plan(
                     self._problem, route.space, route.corners, options.band, how, self._enter
@@ -98,7 +98,7 @@ class _RouteFinder:
             if best is None or found.duration < best.duration:
                 best = found
             measured += 1
-            if best.duration <= enough or measured == _MOST_MEASURED:
+            if best.duration <= enough or measured == _MAX_MEASURED:
                 break
         if best is None:
             assert first is not None

@@ -18,7 +18,7 @@ from tubeplanner.tube_sources.tool_corners import ToolCorners, tool_corners
 
 # Distance kept from obstacles beyond the clearance [m]: wide tubes are fast, narrow ways are short.
 _MARGINS = (0.03, 0.01)
-_LEAST_MARGIN = 0.002  # where there is no route with more
+_MIN_MARGIN = 0.002  # where there is no route with more
 _SAMPLES_PER_PIECE = 10
 
 
@@ -91,8 +91,8 @@ def route_candidates(
     found: list[RouteCandidate] = []
     ends = np.vstack([start, goals])
     limits = problem.robot.limits
-    for margin in (*_MARGINS, _LEAST_MARGIN):
-        if found and margin == _LEAST_MARGIN:
+    for margin in (*_MARGINS, _MIN_MARGIN):
+        if found and margin == _MIN_MARGIN:
             break
         space = FreeSpace(problem, margin, ends)
         search = RouteSearch(space, start, goals, limits.lower_position, limits.upper_position)
@@ -102,7 +102,7 @@ def route_candidates(
             found += _candidates(problem.robot, space, route)
     if not found:
         raise _no_route(problem, search, options)
-    space = FreeSpace(problem, _LEAST_MARGIN, ends)
+    space = FreeSpace(problem, _MIN_MARGIN, ends)
     for margin in _MARGINS:
         enter(f"a motion without a route, {1000 * margin:g} mm from obstacles")
         found += _candidates(problem.robot, space, _motion(problem, goals[0], margin))

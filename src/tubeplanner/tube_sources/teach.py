@@ -14,7 +14,7 @@ from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.tube_sources.free_space import FreeSpace
 from tubeplanner.tube_sources.measured_plan import MeasuredPlan, measured_plan
 from tubeplanner.tube_sources.tool_corners import ToolCorners, tool_corners
-from tubeplanner.tube_sources.trail import LEAST_MOVE, moving_part, without_ways_back
+from tubeplanner.tube_sources.trail import MIN_MOVE, moving_part, without_ways_back
 from tubeplanner.tube_sources.tube_answer import TubeAnswer, answer_of
 from tubeplanner.verification.refusal import require_free
 
@@ -68,7 +68,7 @@ def teach(
     moving, turns = without_ways_back(problem.robot, kept, options.deviation)
     notes = [
         f"left out: {len(trail) - len(kept)} of {len(trail)} samples, in which no joint moved by "
-        f"{LEAST_MOVE:g} rad or m since the one before: pauses and noise"
+        f"{MIN_MOVE:g} rad or m since the one before: pauses and noise"
     ] * (len(kept) < len(trail))
     notes += [
         f"left out: a way out and back that turned with the tool at {np.round(turn, 3).tolist()} m "

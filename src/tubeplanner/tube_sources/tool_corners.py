@@ -16,11 +16,11 @@ from tubeplanner.tube_sources.free_space import FreeSpace
 from tubeplanner.tube_sources.simplification import farthest_from_line
 
 _ROUTE_STEP = 0.05  # [rad or m] of the joint that moves most, between samples of the route
-_LONGEST_STEP = 0.02  # [m] of the tool on a line
-_LARGEST_JOINT_STEP = 0.3  # [rad or m] between neighbours on a line: more is another branch
+_MAX_STEP = 0.02  # [m] of the tool on a line
+_MAX_JOINT_STEP = 0.3  # [rad or m] between neighbours on a line: more is another branch
 _ON_LINE = 1e-6  # [m]
 # Reference points are at least so far apart [m].
-_NEAREST = 1e-3
+_MIN_DISTANCE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,11 +138,11 @@ class _Corners:
     def _corner(self, i: int, j: int) -> int | None:
         """Return the sample between two others where to part their line, if there is one."""
         farthest, distance = farthest_from_line(self._tool, i, j)
-        if distance > _NEAREST:
+        if distance > _MIN_DISTANCE:
             return farthest
         middle = (i + j) // 2
         gaps = np.linalg.norm(self._tool[[i, j]] - self._tool[middle], axis=1)
-        return middle if gaps.min() > _NEAREST else None
+        return middle if gaps.min() > _MIN_DISTANCE else None
 
     def _line(self, i: int, j: int) -> FloatArray | None:
         if (i, j) not in self._known:
@@ -153,9 +153,9 @@ class _Corners:
         """Return the arm (P, n) along the straight line between two samples, if it is free."""
         route, ends = self._route[i : j + 1], self._tool[[i, j]]
         length = float(np.linalg.norm(ends[1] - ends[0]))
-        if length < _NEAREST or farthest_from_line(self._tool, i, j)[1] > self._deviation:
+        if length < _MIN_DISTANCE or farthest_from_line(self._tool, i, j)[1] > self._deviation:
             return None
-        count = max(len(route), int(np.ceil(length / _LONGEST_STEP)) + 1)
+        count = max(len(route), int(np.ceil(length / _MAX_STEP)) + 1)
         shares = np.linspace(0, 1, count)
         guides = _between_samples(route, shares * (len(route) - 1))
         found, limits = [route[0]], self._robot.limits
@@ -164,12 +164,12 @@ class _Corners:
             target = (1 - share) * ends[0] + share * ends[1]
             solution = solve_position(self._robot, target, found[-1], *bounds, guide)
             jump = abs(solution.q - found[-1]).max()
-            if solution.error > _ON_LINE or jump > _LARGEST_JOINT_STEP:
+            if solution.error > _ON_LINE or jump > _MAX_JOINT_STEP:
                 return None
             if not self._space.is_free(solution.q):
                 return None
             found.append(solution.q)
-        arrives = abs(found[-1] - route[-1]).max() < _LARGEST_JOINT_STEP
+        arrives = abs(found[-1] - route[-1]).max() < _MAX_JOINT_STEP
         return np.vstack([*found, route[-1:]]) if arrives else None
 
 

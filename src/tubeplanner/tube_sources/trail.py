@@ -13,11 +13,11 @@ from tubeplanner.tube_sources.simplification import simplified
 # Joints that were recorded this far outside their limits stood at them [rad or m].
 _AT_LIMIT = 0.01
 # Samples are dropped until a joint has moved this far: pauses, duplicates, noise [rad or m].
-LEAST_MOVE = 0.02
+MIN_MOVE = 0.02
 # Configurations on the way out and back are the same ones [rad or m].
 _SAME_CONFIGURATION = 0.25
 _DECIMALS = 6
-_LEAST_WAY = 1e-3  # [m] of the tool
+_MIN_TRAVEL = 1e-3  # [m] of the tool
 
 
 def joint_trail(robot: RobotModel, joint_names: Sequence[str], samples: FloatArray) -> FloatArray:
@@ -57,11 +57,11 @@ def moving_part(q: FloatArray) -> FloatArray:
     """
     kept = [0]
     for k in range(1, len(q)):
-        if abs(q[k] - q[kept[-1]]).max() >= LEAST_MOVE:
+        if abs(q[k] - q[kept[-1]]).max() >= MIN_MOVE:
             kept.append(k)
     if len(kept) < 2:
         raise TrajectoryError(
-            f"the trail does not move: no joint leaves its first value by {LEAST_MOVE:g} rad or m "
+            f"the trail does not move: no joint leaves its first value by {MIN_MOVE:g} rad or m "
             f"in {len(q)} samples; at least a start and a goal are needed"
         )
     if abs(q[-1] - q[kept[-1]]).max() > 0:
@@ -105,7 +105,7 @@ def without_ways_back(
         # The ends of the trail stay as they are.
         q = np.vstack([q[:i], q[j:]]) if i > 0 else np.vstack([q[:1], q[j + 1 :]])
     way = float(np.linalg.norm(tool - tool[0], axis=1).max())
-    if way < _LEAST_WAY:
+    if way < _MIN_TRAVEL:
         raise TrajectoryError(
             f"the tool moves by {way:.2g} m only; a tube needs reference points that are apart"
         )

@@ -20,11 +20,11 @@ from tubeplanner.motion.trajectory import JointTrajectory
 _RELATIVE_RESOLUTION = 0.02
 _RESOLUTION = 5e-7
 # Intervals this short [s] are not halved: their bound counts as it stands.
-_SHORTEST_INTERVAL = 1e-7
+_MIN_INTERVAL = 1e-7
 # After so many intervals, or so many times those it starts with, no more are halved: far beyond
 # what any sensible motion needs. Their bounds count as they stand, so that the answer stays safe.
-_MOST_INTERVALS = 3_000_000
-_MOST_ROUNDS = 8
+_MAX_INTERVALS = 3_000_000
+_MAX_ROUNDS = 8
 _BATCH = 64  # distances evaluated before intervals are judged anew
 
 
@@ -123,13 +123,13 @@ class _Search:
     def halve_until_settled(self) -> None:
         """Look at every pair on every piece, halve what may hold the minimum, and so on."""
         rows = self._beginning()
-        most = max(_MOST_INTERVALS, _MOST_ROUNDS * len(rows.node))
+        most = max(_MAX_INTERVALS, _MAX_ROUNDS * len(rows.node))
         while len(rows.node):
             self.intervals += len(rows.node)
             lower = self._lower_bounds(rows)
             width = self._trajectory.widths[rows.node >> rows.level] / 2**rows.level
             undecided = lower < self._settled_above()
-            final = undecided & ((width < _SHORTEST_INTERVAL) | (self.intervals > most))
+            final = undecided & ((width < _MIN_INTERVAL) | (self.intervals > most))
             settled = lower[~undecided | final]
             self.lower_bound = min(self.lower_bound, float(settled.min(initial=np.inf)))
             rows = rows.halves(undecided & ~final)

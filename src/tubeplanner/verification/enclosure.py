@@ -28,8 +28,8 @@ _NODE_PRODUCT = 2.0 / 4.0**_POINTS
 # From values at the nodes to coefficients, highest power first.
 _FIT = np.linalg.inv(np.vander(_NODES))
 # A motion that is not enclosed after so many intervals is left as it is: its errors are large.
-_MOST_INTERVALS = 200_000
-_SHORTEST = 1e-9  # [s]
+_MAX_INTERVALS = 200_000
+_MIN_LENGTH = 1e-9  # [s]
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,8 +171,8 @@ def _enclosed(
     while len(piece):
         missed = _NODE_PRODUCT * error(_joint_bounds(trajectory, piece, start, width), width)
         count += len(piece)
-        coarse = np.any(missed > tolerance, axis=1) & (width > _SHORTEST)
-        coarse &= count < _MOST_INTERVALS
+        coarse = np.any(missed > tolerance, axis=1) & (width > _MIN_LENGTH)
+        coarse &= count < _MAX_INTERVALS
         fine = ~coarse
         done.append((piece[fine], start[fine], width[fine], missed[fine]))
         piece, width = np.repeat(piece[coarse], 2), np.repeat(width[coarse] / 2, 2)

@@ -6,7 +6,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 
-_MOST_PEAKS = 24
+_MAX_PEAKS = 24
 _POINTS = 9  # per peak and zoom; every zoom narrows in by a factor of 4
 _ZOOMS = 6
 
@@ -53,4 +53,4 @@ def _peaks(value: FloatArray, floor: float) -> np.ndarray:
     padded = np.concatenate([[-np.inf], value, [-np.inf]])
     is_peak = (value >= padded[:-2]) & (value >= padded[2:]) & (value >= floor)
     peaks = np.flatnonzero(is_peak)
-    return peaks[np.argsort(-value[peaks], kind="stable")][:_MOST_PEAKS]
+    return peaks[np.argsort(-value[peaks], kind="stable")][:_MAX_PEAKS]

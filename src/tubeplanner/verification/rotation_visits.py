@@ -34,11 +34,11 @@ from tubeplanner.verification.tube_visits import LeastMargin, Visit, visited_par
 _RELATIVE_RESOLUTION = 0.02
 _RESOLUTION = 2e-7
 _ALL = np.ones(3, dtype=bool)
-_SHORTEST = 2.0**-40  # of an interval
-_MOST_ROWS = 1_000_000
+_MIN_LENGTH = 2.0**-40  # of an interval
+_MAX_ROWS = 1_000_000
 # A part in which the rotation vector could move farther than this is halved unseen [rad].
-_FARTHEST_MOVE = 0.3
-_LARGEST_GAIN = float(turning_gain(np.array(np.pi + _FARTHEST_MOVE)))
+_MAX_MOVE = 0.3
+_MAX_GAIN = float(turning_gain(np.array(np.pi + _MAX_MOVE)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,8 +86,8 @@ def least_rotation_margin(
             interval = parts.interval[row]
             time = float(pose.tool.start[interval] + local * pose.tool.width[interval])
         resolution = max(_RESOLUTION, _RELATIVE_RESOLUTION * abs(attained))
-        split = (lower < attained - resolution - error) & (parts.width > _SHORTEST)
-        split &= count < _MOST_ROWS
+        split = (lower < attained - resolution - error) & (parts.width > _MIN_LENGTH)
+        split &= count < _MAX_ROWS
         lower_bound = min(lower_bound, float(lower[~split].min(initial=np.inf)))
         parts = _halves(tube, pose, parts, split)
     return LeastMargin(lower_bound, attained, time, worst_segment, count)
@@ -177,12 +177,12 @@ def _chord_distance(
     turn = np.where(beyond, 0.0, np.linalg.norm(tube.turn, axis=1)[parts.segment])
     spin, spin_rate = pose.spin[parts.interval], pose.spin_rate[parts.interval]
     relative = spin + turn * rate
-    move = _LARGEST_GAIN * relative * width
-    farthest = np.minimum(angle + move / 2, np.pi + _FARTHEST_MOVE)
+    move = _MAX_GAIN * relative * width
+    farthest = np.minimum(angle + move / 2, np.pi + _MAX_MOVE)
     gain, gain_rate = turning_gain(farthest), turning_gain_rate(farthest)
     smooth = spin_rate + turn * (bend + relative * rate) + gain_rate * relative**2
     broken = spin_rate + gain_rate * relative * spin
     jump = turn * (high - low + bend * width**2 + 4 * off) / 2
     distance = gain * np.where(passes_end, broken * width**2 / 8 + jump, smooth * width**2 / 8)
     error = gain * (MATRIX_ERROR_GAIN * pose.rotation.error[parts.interval, 0] + turn * off)
-    return np.where(move <= _FARTHEST_MOVE, distance, np.inf), error
+    return np.where(move <= _MAX_MOVE, distance, np.inf), error

@@ -16,14 +16,14 @@ from tubeplanner.verification.enclosure import Enclosure
 from tubeplanner.verification.switching_samples import best_switching_samples
 
 # Samples that switching times are looked for at; where they are is then refined between samples.
-_LEAST_SAMPLES = 2000
-_LEAST_SAMPLES_PER_PIECE = 20
+_MIN_SAMPLES = 2000
+_MIN_SAMPLES_PER_PIECE = 20
 _SWITCHING_TOLERANCE = 1e-10  # [s]
 # The least margin is bracketed to this share of itself, or to this length [m] near zero.
 _RELATIVE_RESOLUTION = 0.02
 _RESOLUTION = 2e-7
-_SHORTEST = 2.0**-40  # of an interval
-_MOST_ROWS = 1_000_000
+_MIN_LENGTH = 2.0**-40  # of an interval
+_MAX_ROWS = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -127,8 +127,8 @@ def least_margin(tube: Tube, tool: Enclosure, visits: list[Visit]) -> LeastMargi
             time = float(tool.start[interval[row]] + local * tool.width[interval[row]])
         lower = margin.min(axis=0) - tool.error[interval, 0]
         resolution = max(_RESOLUTION, _RELATIVE_RESOLUTION * abs(attained))
-        split = (lower < attained - resolution - tool.error[interval, 0]) & (width > _SHORTEST)
-        split &= count < _MOST_ROWS
+        split = (lower < attained - resolution - tool.error[interval, 0]) & (width > _MIN_LENGTH)
+        split &= count < _MAX_ROWS
         lower_bound = min(lower_bound, float(lower[~split].min(initial=np.inf)))
         interval, segment = np.repeat(interval[split], 2), np.repeat(segment[split], 2)
         width = np.repeat(width[split] / 2, 2)
@@ -177,7 +177,7 @@ class _Fit:
 
     def sample_times(self) -> FloatArray:
         pieces = len(self._trajectory.widths)
-        count = max(_LEAST_SAMPLES_PER_PIECE, -(-_LEAST_SAMPLES // pieces))
+        count = max(_MIN_SAMPLES_PER_PIECE, -(-_MIN_SAMPLES // pieces))
         return self._trajectory.per_piece(count).time
 
     def at(self, time: FloatArray, segments: Sequence[int] | None = None) -> FloatArray:

@@ -37,7 +37,7 @@ class LinkPart:
     surface: Surface
 
 
-def link_parts(robot: RobotModel, most_faces: int) -> tuple[list[LinkPart], list[str]]:
+def link_parts(robot: RobotModel, max_faces: int) -> tuple[list[LinkPart], list[str]]:
     """Return the parts of all links, and what is to be said about them.
 
     A link whose visual geometry cannot be read is shown by its collision geometry, and so is a
@@ -45,7 +45,7 @@ def link_parts(robot: RobotModel, most_faces: int) -> tuple[list[LinkPart], list
 
     Args:
         robot: The arm.
-        most_faces: How many triangles they may have together.
+        max_faces: How many triangles they may have together.
 
     Raises:
         RobotError: A geometry is of a kind no URDF has.
@@ -71,7 +71,7 @@ def link_parts(robot: RobotModel, most_faces: int) -> tuple[list[LinkPart], list
         for name in unseen:
             found[name, _PLAIN] += [shape_surface(shape) for shape in shapes.get(name, ())]
     parts = {key: joined(surfaces) for key, surfaces in found.items() if surfaces}
-    surfaces = simplified(list(parts.values()), most_faces)
+    surfaces = simplified(list(parts.values()), max_faces)
     return [
         LinkPart(link, robot.link_body[link], color, surface)
         for (link, color), surface in zip(parts, surfaces, strict=True)

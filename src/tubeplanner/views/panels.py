@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 _DASHES: tuple[Any, ...] = ("-", (0, (6, 1.5)), (0, (2, 1)), (0, (6, 1.5, 1.5, 1.5)), (0, (1, 1)))
 LIMIT: dict[str, Any] = {"color": "#444444", "linewidth": 1.0, "linestyle": (0, (4, 3))}
 _MAIN: dict[str, Any] = {"color": "#D55E00", "linewidth": 1.6}
-_SAMPLES, _FEWEST_PER_PIECE = 800, 4
-_HIGHEST_FACTOR = 3.0  # more than so many times faster is drawn as that
-_MOST_LABELS = 8
+_SAMPLES, _MIN_PER_PIECE = 800, 4
+_MAX_FACTOR = 3.0  # more than so many times faster is drawn as that
+_MAX_LABELS = 8
 _LONG_LABEL, _SHORT_LABEL = 0.2, 0.1  # shares of the duration that a label needs
 _MARGIN = 0.08
 
@@ -65,7 +65,7 @@ def motion_curves(problem: PlanningProblem, trajectory: JointTrajectory) -> Moti
     """Return what there is to draw of a trajectory of the problem's joints, in their order."""
     robot, tube = problem.robot, problem.tube
     pieces = len(trajectory.widths)
-    samples = trajectory.per_piece(max(_FEWEST_PER_PIECE, _SAMPLES // pieces))
+    samples = trajectory.per_piece(max(_MIN_PER_PIECE, _SAMPLES // pieces))
     q, v, a = samples.position, samples.velocity, samples.acceleration
     rotation, tool, jacobian = robot.tool_pose_jacobian(q)
     segment = current_segments(problem, q)
@@ -138,13 +138,13 @@ def draw_factor(
         number: Of the line, for colour and dashes.
     """
     time = curves.samples.time
-    shown = np.minimum(curves.factor, _HIGHEST_FACTOR)
+    shown = np.minimum(curves.factor, _MAX_FACTOR)
     axis.plot(time / time[-1], shown, label=label, **line_style(number))
     axis.axhline(1.0, **LIMIT)
     axis.set_xlim(0.0, 1.0)
     # The ends, where all is at rest, tell nothing; what lies between them sets the scale.
     usual = max(1.1 * float(np.quantile(shown, 0.97)), 1.2)
-    axis.set_ylim(0.9, min(usual, 1.05 * _HIGHEST_FACTOR) if label is None else None)
+    axis.set_ylim(0.9, min(usual, 1.05 * _MAX_FACTOR) if label is None else None)
     axis.set_xlabel("share of the duration, t / T [-]")
     axis.set_ylabel("b(t), times faster [-]")
     if label is None:
@@ -180,7 +180,7 @@ def mark_segments(axis: "Axes", curves: MotionCurves, *, labels: bool = False) -
         axis.axvspan(begin, end, color=segment_color(segment), alpha=0.10, linewidth=0, zorder=0)
         if begin > 0:
             axis.axvline(begin, color="#888888", linewidth=0.8, linestyle=":")
-        if labels and len(visits) <= _MOST_LABELS:
+        if labels and len(visits) <= _MAX_LABELS:
             radius = 1000 * curves.problem.tube.effective_radius[segment]
             share = (end - begin) / curves.samples.time[-1]
             name = f"segment {segment}" if share > _LONG_LABEL else str(segment)

@@ -40,8 +40,8 @@ from tubeplanner.views.surface import (
 from tubeplanner.views.viewpoint import best_direction, floor_grid, outline
 
 # Triangles of all arms together: what makes a file that can be mailed.
-_MOST_FACES = 60_000
-_FRAMES_PER_SECOND, _FEWEST_FRAMES, _MOST_FRAMES = 200, 80, 240
+_MAX_FACES = 60_000
+_FRAMES_PER_SECOND, _MIN_FRAMES, _MAX_FRAMES = 200, 80, 240
 _SWEEP_STEPS = 24
 _BALL_POINTS = 150
 _LOOKS = (0.1, 0.5, 0.9)  # of the way through a motion: when the arm should not hide the path
@@ -173,7 +173,7 @@ def build_scene(problem: PlanningProblem, trajectories: Mapping[str, JointTrajec
     motions = tuple(_motion(problem, *pair) for pair in trajectories.items())
     if not motions:
         motions = (_at_rest(problem, notes),)
-    parts, said = link_parts(problem.robot, _MOST_FACES // len(motions))
+    parts, said = link_parts(problem.robot, _MAX_FACES // len(motions))
     hulls = _hulls(problem, parts)
     tube = tube_surfaces(problem.tube)
     swept = [_swept(motion, hulls) for motion in motions]
@@ -217,7 +217,7 @@ def _motion(problem: PlanningProblem, name: str, trajectory: JointTrajectory) ->
     except TrajectoryError as error:
         raise TrajectoryError(f"{name}: {error}") from error
     wanted = int(np.ceil(_FRAMES_PER_SECOND * trajectory.duration))
-    frames = min(max(wanted, _FEWEST_FRAMES), _MOST_FRAMES)
+    frames = min(max(wanted, _MIN_FRAMES), _MAX_FRAMES)
     time = np.linspace(0.0, trajectory.duration, frames)
     q, velocity = ordered.position(time), ordered.velocity(time)
     return _posed(problem, name, time, q, velocity)

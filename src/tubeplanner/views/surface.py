@@ -16,7 +16,7 @@ from tubeplanner.tube.tube import Tube
 _ROUND_POINTS = 320  # on a whole sphere
 _COARSE_POINTS = 48  # on a hull that is only a shadow of what it stands for
 _PIPE_SIDES = 10
-_MOST_TUBE_SIDES, _FEWEST_TUBE_SIDES = 48, 16
+_MAX_TUBE_SIDES, _MIN_TUBE_SIDES = 48, 16
 _CAP_RINGS, _STRAIGHT_RINGS = 13, 24
 
 
@@ -89,7 +89,7 @@ def tube_surfaces(tube: Tube) -> list[Surface]:
     Of every capsule only what lies outside all others is kept, so that the parts make one skin:
     walls inside would show through a translucent one.
     """
-    sides = int(np.clip(240 // tube.segment_count, _FEWEST_TUBE_SIDES, _MOST_TUBE_SIDES))
+    sides = int(np.clip(240 // tube.segment_count, _MIN_TUBE_SIDES, _MAX_TUBE_SIDES))
     parts = []
     for k in range(tube.segment_count):
         start, end, radius = tube.points[k], tube.points[k + 1], tube.effective_radius[k]

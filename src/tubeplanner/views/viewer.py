@@ -28,7 +28,7 @@ from tubeplanner.views.scene import CARRIED_COLOR, SWEPT_COLOR, Item, Layer, Sce
 
 _TEMPLATE = Path(__file__).with_name("view_page.html")
 _FRAME_HEIGHT = 560  # of the frame in a notebook [px]
-_MOST_SEGMENTS_NAMED = 6
+_MAX_SEGMENTS_NAMED = 6
 # Translucent things are drawn after solid ones, in this order.
 # The paths come after the tube, so that it does not tint their colours.
 _RENDER_ORDER = {
@@ -341,7 +341,7 @@ def _listed(kind: str, names: Sequence[str]) -> str:
 def _segment_entries(problem: PlanningProblem) -> list[dict[str, str]]:
     """Return colours and radii of the tube's segments, the first few of many."""
     radii = 1000 * problem.tube.effective_radius
-    named = range(min(len(radii), _MOST_SEGMENTS_NAMED))
+    named = range(min(len(radii), _MAX_SEGMENTS_NAMED))
     entries = [
         {"color": segment_color(k), "text": f"segment {k}: radius {radii[k]:.3g} mm"} for k in named
     ]

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 # Faces that meet at less than this look like one smooth surface [rad].
 _CREASE = 0.6
 # Vertices nearer than this are the same [m]; coarser, by this factor, until few enough are left.
-_FINEST_CELL, _COARSER = 2e-4, 1.15
+_MIN_CELL, _COARSER = 2e-4, 1.15
 
 Color = tuple[float, float, float]
 
@@ -78,22 +78,22 @@ def _encoded(color: Color | None) -> Color | None:
     return red, green, blue
 
 
-def simplified(surfaces: Sequence[Surface], most_faces: int) -> list[Surface]:
+def simplified(surfaces: Sequence[Surface], max_faces: int) -> list[Surface]:
     """Return surfaces with so few triangles together, and vertices doubled at sharp edges.
 
     Vertices in the same cell of a grid become one, in the smallest cells that suffice.
 
     Args:
         surfaces: What belongs together.
-        most_faces: How many triangles may be left.
+        max_faces: How many triangles may be left.
     """
-    cell = _FINEST_CELL
+    cell = _MIN_CELL
     while True:
         fewer = [_clustered(surface, cell) for surface in surfaces]
         count = sum(len(surface.faces) for surface in fewer)
-        if count <= most_faces:
+        if count <= max_faces:
             return [creased(surface) for surface in fewer]
-        cell *= max(_COARSER, float(np.sqrt(count / most_faces)))
+        cell *= max(_COARSER, float(np.sqrt(count / max_faces)))
 
 
 def _clustered(surface: Surface, cell: float) -> Surface:

@@ -12,7 +12,7 @@ from tubeplanner.problem.problem import PlanningProblem
 
 _STILL = 1e-9  # [m]: a tool that moves less stands still
 # Where inverse kinematics goes farther from the branch than this, it left it [rad or m].
-_FARTHEST_FROM_BRANCH = 0.1
+_MAX_BRANCH_DISTANCE = 0.1
 
 
 def candidate_waypoints(
@@ -66,4 +66,4 @@ def _solved(
     lower, upper = problem.joint_lower[segment], problem.joint_upper[segment]
     turned = wanted_at(problem, target, segment, near)
     solution = solve_position(problem.robot, target, near, lower, upper, rotation=turned)
-    return solution.q if abs(solution.q - near).max() <= _FARTHEST_FROM_BRANCH else near
+    return solution.q if abs(solution.q - near).max() <= _MAX_BRANCH_DISTANCE else near

@@ -13,7 +13,7 @@ import numpy as np
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.problem.problem import PlanningProblem
 
-_FARTHEST = 0.3  # [m]: pairs that are never nearer at a waypoint are left out
+_MAX_DISTANCE = 0.3  # [m]: pairs that are never nearer at a waypoint are left out
 _TOLERANCE = 1e-6  # [m]: what the certificate allows
 
 
@@ -48,7 +48,7 @@ class LinkClearance:
         distance = np.array([distance for distance, _ in found])
         direction = np.array([direction for _, direction in found])
         self.free_waypoints = np.all(distance >= self._required, axis=1)
-        near = distance.min(axis=0, initial=np.inf) < _FARTHEST
+        near = distance.min(axis=0, initial=np.inf) < _MAX_DISTANCE
         self._pairs, self._required = self._pairs[near], self._required[near]
         self._weights = checker.motion_weights(self._pairs)
         self._distance, self._direction = distance[:, near], direction[:, near]

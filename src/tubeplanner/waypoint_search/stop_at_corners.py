@@ -20,10 +20,10 @@ from tubeplanner.waypoint_search.time_scaling import estimated_duration, scaled_
 
 _DEGREE = 5
 # Configurations nearer to their neighbour than this share of the largest step carry no direction.
-_LEAST_STEP_SHARE = 1e-4
+_MIN_STEP_SHARE = 1e-4
 _REST_POINTS = 3  # equal control points at an end put velocity and acceleration there to zero
-_FEWEST_INTERVALS = 16
-_MOST_INTERVALS = 128
+_MIN_INTERVALS = 16
+_MAX_INTERVALS = 128
 _FIT_POINTS_PER_INTERVAL = 8
 # The fit may use this share of radius and rotation bound; the rest is left to who improves on it.
 _FIT_SHARE = 0.1
@@ -74,8 +74,8 @@ def _follow(
     close = available - _FIT_SHARE * _bounds(problem, segment)
     # Where the branch itself touches the wall, or leaves it by a rounding error, so may the fit.
     inside = np.minimum(available, 0.0) - _ON_THE_WALL
-    intervals, margin = _FEWEST_INTERVALS, np.array(-np.inf)
-    while intervals <= _MOST_INTERVALS:
+    intervals, margin = _MIN_INTERVALS, np.array(-np.inf)
+    while intervals <= _MAX_INTERVALS:
         shape = _fit(problem, q, segment, ramp, intervals)
         samples = shape.per_piece(_FIT_POINTS_PER_INTERVAL).position
         margin = _least_margins(problem, samples, segment)
@@ -88,7 +88,7 @@ def _follow(
     unit, remedy = (("m", "the radius"), ("rad", "the rotation tolerance"))[worst]
     raise Infeasible(
         PlanStatus.NO_TRAJECTORY,
-        f"segment {segment}: a spline of {_MOST_INTERVALS} pieces that follows the inverse "
+        f"segment {segment}: a spline of {_MAX_INTERVALS} pieces that follows the inverse "
         f"kinematics leaves the tube by {-margin[worst]:.3g} {unit}; widen {remedy}",
         Place(segment=segment),
     )
@@ -151,7 +151,7 @@ def _along(q: FloatArray) -> CubicSpline:
     tool hardly does.
     """
     lengths = np.linalg.norm(np.diff(q, axis=0), axis=1)
-    apart = lengths > _LEAST_STEP_SHARE * lengths.max()
+    apart = lengths > _MIN_STEP_SHARE * lengths.max()
     kept = np.concatenate([[True], apart[:-1], [True]])
     kept[-2] &= apart[-1] or len(q) == 2
     way = np.cumsum(np.linalg.norm(np.diff(q[kept], axis=0), axis=1))

@@ -13,7 +13,7 @@ from tubeplanner.tube.tube import Tube
 from tubeplanner.verification.switching_samples import best_switching_samples
 
 _SAMPLES_PER_PIECE = 65
-_LARGEST_STEP = 0.25  # of the reference path, from one sample to the next
+_MAX_STEP = 0.25  # of the reference path, from one sample to the next
 
 
 def membership_margin(problem: PlanningProblem, q: FloatArray) -> FloatArray:
@@ -59,7 +59,7 @@ def passable_segments(tube: Tube) -> BoolArray:
     radius; samples are far less than a quarter of the reference path apart.
     """
     length = np.linalg.norm(np.diff(tube.points, axis=0), axis=1)
-    return length <= 2 * tube.effective_radius + _LARGEST_STEP * length.sum()
+    return length <= 2 * tube.effective_radius + _MAX_STEP * length.sum()
 
 
 def segments_reached(
