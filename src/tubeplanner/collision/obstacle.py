@@ -14,7 +14,7 @@ from tubeplanner.collision.mesh_cover import cover_mesh, load_mesh
 from tubeplanner.errors import ProblemError
 
 # Lengths that make sense around an arm [m]; far outside them distances are only rounding.
-MIN_SIZE, MAX_COORDINATE = 1e-6, 1e4
+MIN_SIZE, MAX_SIZE = 1e-6, 1e4
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,9 +68,9 @@ class Obstacle:
             RobotError: The file is no readable mesh.
             ProblemError: The scale is not between 1e-6 and 1e4.
         """
-        if not MIN_SIZE <= scale <= MAX_COORDINATE:
+        if not MIN_SIZE <= scale <= MAX_SIZE:
             raise ProblemError(
-                f"obstacle '{name}': scale {scale:g}; {MIN_SIZE:g} to {MAX_COORDINATE:g} are accepted"
+                f"obstacle '{name}': scale {scale:g}; {MIN_SIZE:g} to {MAX_SIZE:g} are accepted"
             )
         shapes = cover_mesh(load_mesh(f"obstacle '{name}'", Path(path), scale))
         return cls(name, tuple(shape.transformed(placement) for shape in shapes))
@@ -108,9 +108,9 @@ def placement_of(
     """
     if rpy is not None and quaternion is not None:
         raise ProblemError("a placement takes rpy or quaternion, not both")
-    if len(position) != 3 or not (abs(np.array(position)) <= MAX_COORDINATE).all():
+    if len(position) != 3 or not (abs(np.array(position)) <= MAX_SIZE).all():
         raise ProblemError(
-            f"position {list(position)} must be three finite numbers within {MAX_COORDINATE:g} m"
+            f"position {list(position)} must be three finite numbers within {MAX_SIZE:g} m"
         )
     placement = np.eye(4)
     placement[:3, 3] = position
@@ -134,8 +134,8 @@ def _require_positive(name: str, kind: str, values: Sequence[float]) -> None:
             f"obstacle '{name}': {kind} takes {_SIZE_COUNTS[kind]} sizes, not {len(values)}"
         )
     for value in values:
-        if not MIN_SIZE <= value <= MAX_COORDINATE:
+        if not MIN_SIZE <= value <= MAX_SIZE:
             raise ProblemError(
-                f"obstacle '{name}': {kind} has size {value:g} m; {MIN_SIZE:g} to {MAX_COORDINATE:g} m "
+                f"obstacle '{name}': {kind} has size {value:g} m; {MIN_SIZE:g} to {MAX_SIZE:g} m "
                 "are accepted"
             )

@@ -10,7 +10,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray, read_only
 from tubeplanner.collision.collision_checker import CollisionChecker
-from tubeplanner.collision.obstacle import MAX_COORDINATE, AttachedSolid, Obstacle, placement_of
+from tubeplanner.collision.obstacle import MAX_SIZE, AttachedSolid, Obstacle, placement_of
 from tubeplanner.errors import ProblemError, RobotError, unknown_name
 from tubeplanner.problem.joint_values import configuration_of
 from tubeplanner.problem.problem_format import (
@@ -94,9 +94,9 @@ class PlanningProblem:
             q = configuration_of(self.robot, end, given)
             self._require_inside(end, q, segment)
             self._keep(end, q)
-        if not 0 <= self.clearance <= MAX_COORDINATE:
+        if not 0 <= self.clearance <= MAX_SIZE:
             raise ProblemError(
-                f"clearance is {self.clearance:g} m; 0 to {MAX_COORDINATE:g} m are accepted"
+                f"clearance is {self.clearance:g} m; 0 to {MAX_SIZE:g} m are accepted"
             )
 
     @cached_property

@@ -29,7 +29,7 @@ _NODE_PRODUCT = 2.0 / 4.0**_POINTS
 _FIT = np.linalg.inv(np.vander(_NODES))
 # A motion that is not enclosed after so many intervals is left as it is: its errors are large.
 _MAX_INTERVALS = 200_000
-_MIN_LENGTH = 1e-9  # [s]
+_MIN_WIDTH = 1e-9  # [s]
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,7 +171,7 @@ def _enclosed(
     while len(piece):
         missed = _NODE_PRODUCT * error(_joint_bounds(trajectory, piece, start, width), width)
         count += len(piece)
-        coarse = np.any(missed > tolerance, axis=1) & (width > _MIN_LENGTH)
+        coarse = np.any(missed > tolerance, axis=1) & (width > _MIN_WIDTH)
         coarse &= count < _MAX_INTERVALS
         fine = ~coarse
         done.append((piece[fine], start[fine], width[fine], missed[fine]))

@@ -34,7 +34,7 @@ from tubeplanner.verification.tube_visits import LeastMargin, Visit, visited_par
 _RELATIVE_RESOLUTION = 0.02
 _RESOLUTION = 2e-7
 _ALL = np.ones(3, dtype=bool)
-_MIN_LENGTH = 2.0**-40  # of an interval
+_MIN_WIDTH = 2.0**-40  # of an interval
 _MAX_ROWS = 1_000_000
 # A part in which the rotation vector could move farther than this is halved unseen [rad].
 _MAX_MOVE = 0.3
@@ -86,7 +86,7 @@ def least_rotation_margin(
             interval = parts.interval[row]
             time = float(pose.tool.start[interval] + local * pose.tool.width[interval])
         resolution = max(_RESOLUTION, _RELATIVE_RESOLUTION * abs(attained))
-        split = (lower < attained - resolution - error) & (parts.width > _MIN_LENGTH)
+        split = (lower < attained - resolution - error) & (parts.width > _MIN_WIDTH)
         split &= count < _MAX_ROWS
         lower_bound = min(lower_bound, float(lower[~split].min(initial=np.inf)))
         parts = _halves(tube, pose, parts, split)

@@ -22,7 +22,7 @@ _SWITCHING_TOLERANCE = 1e-10  # [s]
 # The least margin is bracketed to this share of itself, or to this length [m] near zero.
 _RELATIVE_RESOLUTION = 0.02
 _RESOLUTION = 2e-7
-_MIN_LENGTH = 2.0**-40  # of an interval
+_MIN_WIDTH = 2.0**-40  # of an interval
 _MAX_ROWS = 1_000_000
 
 
@@ -127,7 +127,7 @@ def least_margin(tube: Tube, tool: Enclosure, visits: list[Visit]) -> LeastMargi
             time = float(tool.start[interval[row]] + local * tool.width[interval[row]])
         lower = margin.min(axis=0) - tool.error[interval, 0]
         resolution = max(_RESOLUTION, _RELATIVE_RESOLUTION * abs(attained))
-        split = (lower < attained - resolution - tool.error[interval, 0]) & (width > _MIN_LENGTH)
+        split = (lower < attained - resolution - tool.error[interval, 0]) & (width > _MIN_WIDTH)
         split &= count < _MAX_ROWS
         lower_bound = min(lower_bound, float(lower[~split].min(initial=np.inf)))
         interval, segment = np.repeat(interval[split], 2), np.repeat(segment[split], 2)
