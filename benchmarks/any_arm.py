@@ -70,7 +70,7 @@ def gantry() -> RobotModel:
 def two_link() -> RobotModel:
     """Return the paper's arm, without gravity and velocity limits."""
     unlimited = LimitOverrides(velocity={"joint1": math.inf, "joint2": math.inf})
-    return load_robot("example:two_link", "tool", gravity=(0, 0, 0), limits=unlimited)
+    return load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=unlimited)
 
 
 def double_pendulum() -> RobotModel:

@@ -86,7 +86,7 @@ class Features:
 def two_link() -> RobotModel:
     """Return the paper's arm, without gravity and velocity limits."""
     unlimited = LimitOverrides(velocity={"joint1": math.inf, "joint2": math.inf})
-    return load_robot("example:two_link", "tool", gravity=(0, 0, 0), limits=unlimited)
+    return load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=unlimited)
 
 
 def xarm7() -> RobotModel:

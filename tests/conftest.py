@@ -19,7 +19,7 @@ from tubeplanner.commands.cli import main
 def two_link():
     unlimited = {"joint1": np.inf, "joint2": np.inf}
     return load_robot(
-        "example:two_link", "tool", gravity=(0, 0, 0), limits=LimitOverrides(velocity=unlimited)
+        "example:two_link", "hand", gravity=(0, 0, 0), limits=LimitOverrides(velocity=unlimited)
     )
 
 

@@ -18,7 +18,7 @@ from tubeplanner.robot.urdf import read_urdf
 BASE = {
     "robot": {
         "urdf": "example:two_link",
-        "tool_frame": "tool",
+        "tool_frame": "hand",
         "gravity": [0, 0, 0],
         "limits": {"velocity": {"joint1": 50.0, "joint2": 50.0}},
     },
@@ -48,7 +48,7 @@ VALUES = st.recursive(
     | st.integers(-(10**30), 10**30)
     | st.floats(allow_nan=True)
     | st.text(max_size=8)
-    | st.sampled_from(["+", "-", "joint1", "tool", "example:ur5", "any"]),
+    | st.sampled_from(["+", "-", "joint1", "hand", "example:ur5", "any"]),
     lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=6), inner),
     max_leaves=6,
 )

@@ -65,7 +65,7 @@ def test_the_file_says_the_same():
     fields = {
         "robot": {
             "urdf": "example:two_link",
-            "tool_frame": "tool",
+            "tool_frame": "hand",
             "gravity": [0, 0, 0],
             "attached": [
                 {"name": "bar", "box": [0.02, 0.3, 0.02], "position": [0, 0, 0.02]},

@@ -75,7 +75,7 @@ def limited(_):
         jerk={"joint2": 400.0},
         position={"joint2": (-2.45, 0.0)},
     )
-    robot = load_robot("example:two_link", "tool", gravity=(0, 0, 0), limits=limits)
+    robot = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=limits)
     return two_link_problem(robot)
 
 
@@ -134,7 +134,7 @@ def test_the_lower_bound_never_exceeds_what_is_found_later(two_link):
 def test_the_bound_knows_what_velocity_limits_ask_for(two_link):
     """Where a velocity limit alone decides, fewer nodes are left than without that knowledge."""
     limits = LimitOverrides(velocity={"joint1": 0.5, "joint2": 0.5})
-    slow = load_robot("example:two_link", "tool", gravity=(0, 0, 0), limits=limits)
+    slow = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=limits)
     problem = two_link_problem(slow, radius=0.1)
     search = BranchAndBound(problem, waypoints_of(problem, 16))
     search.expand()
@@ -174,7 +174,7 @@ def test_every_rule_cuts_and_is_counted(two_link):
     limits = LimitOverrides(
         velocity={"joint1": np.inf, "joint2": np.inf}, position={"joint2": (-2.45, 0.0)}
     )
-    robot = load_robot("example:two_link", "tool", gravity=(0, 0, 0), limits=limits)
+    robot = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=limits)
     search = searched(two_link_problem(robot, obstacles=[ball]), 20)
     assert search.best is not None
     cuts = search.statistics.cuts

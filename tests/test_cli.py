@@ -40,7 +40,7 @@ def problem_file(folder: Path, **sections):
     fields = {
         "robot": {
             "urdf": "example:two_link",
-            "tool_frame": "tool",
+            "tool_frame": "hand",
             "gravity": [0, 0, 0],
             "limits": {"velocity": {"joint1": 50.0, "joint2": 50.0}},
         },

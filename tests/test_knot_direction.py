@@ -84,7 +84,7 @@ def limited(_):
         acceleration={"joint1": 15.0},
         jerk={"joint2": 400.0},
     )
-    robot = load_robot("example:two_link", "tool", gravity=(0, 0, 0), limits=limits)
+    robot = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=limits)
     return problem_of(robot)
 
 

@@ -14,7 +14,7 @@ PROBLEM = """\
 # Past a post, by a robot that lies beside this folder.
 robot:
   urdf: ../arm/two_link.urdf   # ours
-  tool_frame: tool
+  tool_frame: hand
   gravity: [0, 0, 0]
   limits: {velocity: {joint1: .inf, joint2: .inf}}
 tube:

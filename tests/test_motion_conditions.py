@@ -22,7 +22,7 @@ EVERY_LIMIT = ("effort", "velocity", "acceleration", "jerk")
 
 def limited(robot_name):
     """Return an arm with every kind of limit."""
-    tool = {"two_link": "tool", "ur5": "tool0", "panda": "panda_hand_tcp"}[robot_name]
+    tool = {"two_link": "hand", "ur5": "tool0", "panda": "panda_hand_tcp"}[robot_name]
     plain = load_robot(f"example:{robot_name}", tool)
     names = plain.joint_names
     return load_robot(

@@ -64,7 +64,7 @@ def test_a_mesh_that_cannot_be_used_is_named(tmp_path, text, scale, error, messa
 
 def test_a_problem_finds_its_mesh_beside_its_file():
     fields = {
-        "robot": {"urdf": "example:two_link", "tool_frame": "tool", "gravity": [0, 0, 0]},
+        "robot": {"urdf": "example:two_link", "tool_frame": "hand", "gravity": [0, 0, 0]},
         "tube": {"points": [[0.3, -0.3, 0], [0.3, 0.3, 0]], "radius": 0.03},
         "start": {"seed": [0, -1]},
         "obstacles": [{"name": "part", "mesh": "part.stl", "position": [1, 1, 0]}],

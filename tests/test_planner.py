@@ -281,7 +281,7 @@ def test_limits_scaled_down_slow_the_motion_down(planned, two_link):
 
     unlimited = {"joint1": np.inf, "joint2": np.inf}
     half = LimitOverrides(velocity=unlimited, scale={"effort": 0.5})
-    weak = load_robot("example:two_link", "tool", gravity=(0, 0, 0), limits=half)
+    weak = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=half)
     strong, slow = plan(two_link_problem(two_link)), plan(two_link_problem(weak))
     assert slow.duration / strong.duration == pytest.approx(np.sqrt(2), rel=1e-6)
 

@@ -25,7 +25,7 @@ from tubeplanner.resources import bundled_folder, bundled_problems
 
 # The two-link arm, stretched along x at its start, turns to y: the tool goes round the corner.
 MINIMAL = {
-    "robot": {"urdf": "example:two_link", "tool_frame": "tool", "gravity": [0, 0, 0]},
+    "robot": {"urdf": "example:two_link", "tool_frame": "hand", "gravity": [0, 0, 0]},
     "tube": {"points": [[0.6, 0, 0], [0.4, 0.4, 0], [0, 0.6, 0]], "radius": 0.1},
     "start": {"joints": [0, 0]},
 }
@@ -243,7 +243,7 @@ def test_a_negative_clearance_is_refused(clearance):
     [
         ({"robot__urdf": "none.urdf"}, "robot description none.urdf does not exist"),
         ({"robot__urdf": "example:two_lnk"}, "(did you mean 'two_link'?)"),
-        ({"robot__tool_frame": "hnd"}, "unknown tool_frame 'hnd' (did you mean 'tool'?)"),
+        ({"robot__tool_frame": "hnd"}, "unknown tool_frame 'hnd' (did you mean 'hand'?)"),
         ({"robot__joints": ["joint1", "join2"]}, "unknown movable joint 'join2'"),
         (
             {"robot__locked_joints": {"joint9": 1}},
@@ -401,7 +401,7 @@ def test_each_kind_of_obstacle_stands_where_the_file_puts_it():
 # --- files -------------------------------------------------------------------------------------
 
 YAML_TEXT = """\
-robot: {urdf: arms/two.urdf, tool_frame: tool, gravity: [0, 0, 0]}
+robot: {urdf: arms/two.urdf, tool_frame: hand, gravity: [0, 0, 0]}
 tube: {points: [[0.6, 0, 0], [0, 0.6, 0]], radius: 0.3}
 start: {joints: [0, 0]}
 """
@@ -513,7 +513,7 @@ def test_a_problem_built_in_python_equals_the_one_that_was_parsed():
     built = PlanningProblem(
         robot=load_robot(
             "example:two_link",
-            "tool",
+            "hand",
             gravity=(0, 0, 0),
             limits=LimitOverrides(velocity={"joint1": np.inf}),
         ),

@@ -14,7 +14,7 @@ from tubeplanner.resources import bundled_folder
 TEXT = """# A cell.
 robot:
   urdf: arms/two_link.urdf  # ours
-  tool_frame: tool
+  tool_frame: hand
   gravity: [0, 0, 0]
 start: {joints: [0, 0]}
 goal: {position: [0, 0.5, 0]}
@@ -62,7 +62,7 @@ def test_comments_and_order_are_kept(cell, found):
         "# A cell.",
         "robot:",
         "  urdf: ../arms/two_link.urdf # ours",
-        "  tool_frame: tool",
+        "  tool_frame: hand",
         "  gravity: [0, 0, 0]",
         "tube:",
     ]
@@ -90,14 +90,14 @@ def test_another_tube_changes_radii_and_signs_alone(cell, found):
 
 def test_a_file_of_obstacles_needs_no_more(cell):
     (cell / "only.yaml").write_text("obstacles: [{name: ball, sphere: 0.1}]\nclearance: 0.01\n")
-    fields = new_fields("example:two_link", "tool", cell / "only.yaml")
+    fields = new_fields("example:two_link", "hand", cell / "only.yaml")
     assert list(fields) == ["format", "version", "robot", "obstacles", "clearance"]
 
 
 def test_a_file_without_obstacles_is_refused(cell):
     (cell / "none.yaml").write_text("clearance: 0.01\n")
     with pytest.raises(ProblemError, match=r"none.yaml: obstacles is required: a list of solids"):
-        new_fields("example:two_link", "tool", cell / "none.yaml")
+        new_fields("example:two_link", "hand", cell / "none.yaml")
 
 
 def test_a_malformed_file_is_refused_by_line(cell):

@@ -16,12 +16,12 @@ from tubeplanner.problem.problem_format import (
 from tubeplanner.resources import bundled_problems
 
 MINIMAL = {
-    "robot": {"urdf": "arm.urdf", "tool_frame": "tool"},
+    "robot": {"urdf": "arm.urdf", "tool_frame": "hand"},
     "tube": {"points": [[0, 0, 0], [1, 0, 0]], "radius": 0.1},
     "start": {"joints": [0, 0]},
 }
 MINIMAL_YAML = """\
-robot: {urdf: arm.urdf, tool_frame: tool}
+robot: {urdf: arm.urdf, tool_frame: hand}
 tube: {points: [[0, 0, 0], [1, 0, 0]], radius: 0.1}
 start: {joints: [0, 0]}
 """
@@ -72,7 +72,7 @@ OBSTACLE = "name, box, sphere, cylinder, capsule, mesh, scale, position, rpy, qu
     ("place", "value", "section", "key", "meant", "known"),
     [
         ("clearence", 1, "top level", "clearence", "clearance", TOP),
-        ("robot.toolframe", "tool", "robot", "toolframe", "tool_frame", ROBOT),
+        ("robot.toolframe", "hand", "robot", "toolframe", "tool_frame", ROBOT),
         ("robot.limits.velocities", {}, "robot.limits", "velocities", "velocity", LIMITS),
         ("robot.payload", {"mas": 1}, "robot.payload", "mas", "mass", "mass, com, inertia"),
         ("robot.tool_offset.rpi", [0, 0, 0], "robot.tool_offset", "rpi", "rpy", "position, rpy"),
@@ -219,13 +219,13 @@ def test_numbers_outside_limits_must_be_finite(place, value):
 
 @pytest.mark.parametrize("quantity", ["effort", "velocity", "acceleration", "jerk"])
 def test_limits_may_be_infinite(tmp_path, quantity):
-    text = MINIMAL_YAML.replace("tool}", f"tool, limits: {{{quantity}: {{j: .inf}}}}}}")
+    text = MINIMAL_YAML.replace("hand}", f"hand, limits: {{{quantity}: {{j: .inf}}}}}}")
     limits = read(tmp_path, text).robot.limits
     assert getattr(limits, quantity) == {"j": np.inf}
 
 
 def test_position_limits_and_joint_ranges_may_be_open_on_one_side(tmp_path):
-    text = MINIMAL_YAML.replace("tool}", "tool, limits: {position: {j: [-.inf, 1]}}}")
+    text = MINIMAL_YAML.replace("hand}", "hand, limits: {position: {j: [-.inf, 1]}}}")
     text = text.replace("radius: 0.1", "radius: 0.1, joint_signs: {j: [0.5, .inf]}")
     fields = read(tmp_path, text)
     assert fields.robot.limits.position == {"j": (-np.inf, 1)}
@@ -299,7 +299,7 @@ def test_signs_may_be_written_with_and_without_quotes(tmp_path, written, sign):
 
 
 def test_words_that_older_yaml_took_for_truth_values_stay_words(tmp_path):
-    fields = read(tmp_path, MINIMAL_YAML.replace("tool", "on"))
+    fields = read(tmp_path, MINIMAL_YAML.replace("hand", "on"))
     assert fields.robot.tool_frame == "on"
 
 
@@ -347,7 +347,7 @@ def test_a_file_that_is_not_there_is_named(tmp_path):
 
 def test_a_byte_order_mark_does_no_harm(tmp_path):
     (tmp_path / "p.yaml").write_text(MINIMAL_YAML, encoding="utf-8-sig")
-    assert read_problem_fields(tmp_path / "p.yaml").robot.tool_frame == "tool"
+    assert read_problem_fields(tmp_path / "p.yaml").robot.tool_frame == "hand"
 
 
 def test_an_empty_file_is_no_problem(tmp_path):

@@ -117,7 +117,7 @@ def test_position_limits_in_the_way_are_named():
     limits = LimitOverrides(
         velocity={"joint1": np.inf, "joint2": np.inf}, position={"joint2": (-1.0, 0.0)}
     )
-    robot = load_robot("example:two_link", "tool", gravity=(0, 0, 0), limits=limits)
+    robot = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=limits)
     problem = two_link_problem(robot, [(0.55, 0.0), (0.3, 0.0)], start=(0.3, -0.5))
     with pytest.raises(Infeasible, match=r"position limits are in the way \(.*joint2\)"):
         branch_of(problem)

@@ -128,7 +128,7 @@ def test_two_link_effort_is_mass_times_acceleration_plus_coriolis(two_link):
 
 
 def test_two_link_effort_in_a_vertical_plane_adds_the_weight():
-    robot = load_robot("example:two_link", "tool", gravity=(0, -9.81, 0))
+    robot = load_robot("example:two_link", "hand", gravity=(0, -9.81, 0))
     motion = random_motion(robot, 200)
     expected = two_link_effort(*motion, gravity=9.81)
     np.testing.assert_allclose(robot.inverse_dynamics(*motion), expected, atol=1e-11)

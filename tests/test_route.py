@@ -18,7 +18,7 @@ from tubeplanner.tube_sources.tool_corners import tool_corners
 GAP = "example:two_link/through_the_gap"
 QUICK = RouteOptions(tries=1, samples=200)
 CELL = {
-    "robot": {"urdf": "example:two_link", "tool_frame": "tool", "gravity": [0, 0, 0]},
+    "robot": {"urdf": "example:two_link", "tool_frame": "hand", "gravity": [0, 0, 0]},
     "start": {"joints": [0, 0.5]},
     "goal": {"joints": [1.5, 0.5]},
 }

@@ -24,7 +24,7 @@ EVERY = {"joint1": np.inf, "joint2": np.inf}
 def arm(**limits):
     limits = {"velocity": EVERY, **limits}
     overrides = LimitOverrides(**limits)
-    return load_robot("example:two_link", "tool", gravity=(0, 0, 0), limits=overrides)
+    return load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=overrides)
 
 
 def problem_with(robot=None, radius=(0.05, 0.05)):

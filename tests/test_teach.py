@@ -11,7 +11,7 @@ from tubeplanner.errors import OptionError
 
 CORNERS = np.array([[0.0, -1.2], [0.4, -1.6], [1.2, -1.6], [1.6, -0.8]])
 POST = "obstacles: [{name: post, cylinder: [0.02, 0.3], position: [0.55, 0.25, 0]}]\n"
-ROBOT = ("--urdf", "example:two_link", "--tool-frame", "tool")
+ROBOT = ("--urdf", "example:two_link", "--tool-frame", "hand")
 
 
 def recorded(path, corners, *, noise=1e-3, names=("joint2", "gripper", "joint1")):
@@ -105,7 +105,7 @@ def test_a_trail_through_an_obstacle_is_an_answer_with_its_place(run, tmp_path):
         ),
         ((*ROBOT, "--deviation", "0"), "deviation is 0; it must be > 0 and finite"),
         (("--urdf", "example:ur5", "--tool-frame", "tool0"), "the trail has no joint shoulder_pan"),
-        (("--urdf", "example:two_lnk", "--tool-frame", "tool"), "did you mean 'two_link'?"),
+        (("--urdf", "example:two_lnk", "--tool-frame", "hand"), "did you mean 'two_link'?"),
     ],
 )
 def test_bad_input_ends_with_status_2(run, tmp_path, words, message):

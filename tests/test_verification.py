@@ -181,7 +181,7 @@ def test_position_limits_are_judged_exactly(planned):
     for slack, holds in ((-1e-5, False), (1e-5, True)):
         ranges = {"joint1": (-3.0, q[:, 0].max() + slack)}
         limits = LimitOverrides(velocity=unlimited().velocity, position=ranges)
-        robot = load_robot("example:two_link", "tool", gravity=(0, 0, 0), limits=limits)
+        robot = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=limits)
         certificate = verify(changed(problem, robot=robot), result.trajectory)
         assert ("position" not in certificate.failures()) is holds
 
@@ -262,7 +262,7 @@ def test_limits_on_acceleration_and_jerk_are_judged(planned):
     for quantity, peak in zip(("acceleration", "jerk"), peaks, strict=True):
         values = {joint: 0.9 * peak for joint in problem.robot.joint_names}
         limits = LimitOverrides(velocity=unlimited().velocity, **{quantity: values})
-        robot = load_robot("example:two_link", "tool", gravity=(0, 0, 0), limits=limits)
+        robot = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=limits)
         certificate = verify(changed(problem, robot=robot), result.trajectory)
         assert certificate.failures() == [quantity]
         assert certificate.conditions[quantity].coverage == "for all t"
@@ -323,7 +323,7 @@ def test_two_parts_in_a_thousand_of_effort_are_found_with_joint_and_time(planned
         velocity=unlimited().velocity,
         effort={joint: 0.998 * problem.robot.limits.effort[int(tau.max(axis=0).argmax())]},
     )
-    robot = load_robot("example:two_link", "tool", gravity=(0, 0, 0), limits=weak)
+    robot = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=weak)
     certificate = verify(changed(problem, robot=robot), result.trajectory)
     assert certificate.failures() == ["effort"]
     condition = certificate.conditions["effort"]

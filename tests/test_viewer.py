@@ -216,12 +216,12 @@ def test_a_link_whose_mesh_is_missing_is_drawn_by_its_collision_geometry(tmp_pat
     looks = re.search(r"<visual>.*?</visual>", text, re.S).group(0)
     mesh = '<visual><geometry><mesh filename="gone.stl"/></geometry></visual>'
     urdf.write_text(text.replace(looks, mesh))
-    robot = tubeplanner.load_robot(urdf, "tool")
+    robot = tubeplanner.load_robot(urdf, "hand")
     problem = load_problem("example:two_link/around_a_post")
     scene = view(tubeplanner.PlanningProblem(robot, problem.tube, problem.start)).scene
     assert "gone.stl" in scene.notes[0]
     urdf.write_text(re.sub(r"<visual>.*?</visual>", "", text, flags=re.S))
-    robot = tubeplanner.load_robot(urdf, "tool")
+    robot = tubeplanner.load_robot(urdf, "hand")
     scene = view(tubeplanner.PlanningProblem(robot, problem.tube, problem.start)).scene
     assert "no visual geometry" in scene.notes[0]
     assert of_layer(scene, Layer.ARM)
