@@ -3,8 +3,8 @@
     python benchmarks/certificate.py [--repeats 9]
 
 Every problem is judged as it is and with ten obstacles: boxes added at random places that the
-motion does not touch. The last column is the median time as a share of what is aimed at: 50 ms for
-two joints, 200 ms for six and seven.
+trajectory does not touch. The last column is the median time as a share of what is aimed at: 50 ms
+for two joints, 200 ms for six and seven.
 """
 
 import argparse

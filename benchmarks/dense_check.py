@@ -1,4 +1,4 @@
-"""A motion judged at many samples by Pinocchio and coal, without the certificate's code."""
+"""A trajectory judged at many samples by Pinocchio and coal, without the certificate's code."""
 
 import coal
 import numpy as np

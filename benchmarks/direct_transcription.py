@@ -9,8 +9,8 @@ An independent yardstick, of the same problem without obstacles: one phase per t
 free durations, cubic splines (constant jerk in every interval), start and goal where the default
 plan has them, at rest. Every start is solved on a coarse grid; the best of them are solved again on
 two fine grids, uniform and clustered at both ends. Where a limit or the tube is broken between
-samples, samples are added; what is left is taken out by scaling the time. All motions are judged by
-the certificate.
+samples, samples are added; what is left is taken out by scaling the time. All trajectories are
+judged by the certificate.
 """
 
 import argparse
@@ -40,9 +40,9 @@ from tubeplanner import (
     verify,
 )
 from tubeplanner.branches.reference_branch import reference_branch, spare_joint_rules
-from tubeplanner.motion.trajectory import from_spline
 from tubeplanner.outcome import Infeasible
 from tubeplanner.refinement.spline_start import starting_spline
+from tubeplanner.trajectory.joint_trajectory import from_spline
 from tubeplanner.waypoint_search.time_scaling import scaled_to_limits
 
 PROBLEMS = (*(paper_example(e, r) for e in EXAMPLES for r in RADII), *ARMS)
@@ -70,10 +70,10 @@ AGAIN = {**SOLVER, "mu_init": 1e-5}  # from a solution on another grid or with f
 
 @dataclass(frozen=True, eq=False)
 class Attempt:
-    """A motion within all limits.
+    """A trajectory within all limits.
 
     Attributes:
-        trajectory: The motion, scaled to the limits.
+        trajectory: The trajectory, scaled to the limits.
         certified: Whether the certificate passes.
         origin: Which start and grid.
     """
@@ -88,7 +88,7 @@ class Study:
     """What came of one problem.
 
     Attributes:
-        best: The fastest certified motion, or any; None if there is none.
+        best: The fastest certified trajectory, or any; None if there is none.
         converged: How many starts converged on the coarse grid.
         starts: How many there were.
         seconds: Wall time.
@@ -137,12 +137,12 @@ class MultiStart:
             used += 1
             found.append((name, self._coarsely(start)))
         good = [(name, solution) for name, solution in found if solution.converged]
-        good.sort(key=lambda item: item[1].motion.trajectory.duration)
+        good.sort(key=lambda item: item[1].phased.trajectory.duration)
         different = _different(good)
         attempts = [
             attempt
             for name, solution in different[:FINALISTS]
-            for attempt in self._finely(name, solution.motion)
+            for attempt in self._finely(name, solution.phased)
         ]
         best = min(attempts, key=_rank, default=None)
         return Study(best, len(good), used, time.perf_counter() - begin, len(different))
@@ -155,15 +155,15 @@ class MultiStart:
         found = int(best is not None)
         return Study(best, found, 1, time.perf_counter() - begin, found)
 
-    def _finely(self, name: str, motion: PhasedTrajectory) -> Iterator[Attempt]:
-        """Yield the motions that a coarse one becomes on fine grids."""
+    def _finely(self, name: str, phased: PhasedTrajectory) -> Iterator[Attempt]:
+        """Yield the trajectories that a coarse one becomes on fine grids."""
         for kind in self._grids:
-            yield from self._exchanged(f"{name}, {kind}", motion, kind == "clustered")
+            yield from self._exchanged(f"{name}, {kind}", phased, kind == "clustered")
 
-    def _exchanged(self, name: str, motion: PhasedTrajectory, clustered: bool) -> Iterator[Attempt]:
-        """Yield a motion on the finest grid, and again with more samples."""
+    def _exchanged(self, name: str, phased: PhasedTrajectory, clustered: bool) -> Iterator[Attempt]:
+        """Yield a trajectory on the finest grid, and again with more samples."""
         grid = phase_grid(
-            motion.switching_times / motion.switching_times[-1],
+            phased.switching_times / phased.switching_times[-1],
             self._intervals,
             clustered=clustered,
         )
@@ -172,16 +172,16 @@ class MultiStart:
             if self._remaining <= 0:
                 return
             program = Transcription(
-                self._problem, self._ends, grid, motion.switching_times[-1], samples
+                self._problem, self._ends, grid, phased.switching_times[-1], samples
             )
-            solution = program.solved(motion, self._remaining, options)
+            solution = program.solved(phased, self._remaining, options)
             if not solution.converged:
                 return
-            motion, options = solution.motion, AGAIN
-            attempt = self._judged(motion, name)
+            phased, options = solution.phased, AGAIN
+            attempt = self._judged(phased, name)
             yield attempt
-            near = attempt.trajectory.duration <= (1 + BETWEEN_SAMPLES) * motion.switching_times[-1]
-            missing = program.broken_between_samples(motion)
+            near = attempt.trajectory.duration <= (1 + BETWEEN_SAMPLES) * phased.switching_times[-1]
+            missing = program.broken_between_samples(phased)
             if missing.count == 0 or (near and attempt.certified):
                 return
             samples = samples.and_also(missing)
@@ -195,8 +195,8 @@ class MultiStart:
         program = Transcription(self._problem, self._ends, grid, start.switching_times[-1], samples)
         return program.solved(start, self._remaining, SOLVER)
 
-    def _judged(self, motion: PhasedTrajectory, name: str) -> Attempt:
-        trajectory = scaled_to_limits(self._problem.robot, motion.trajectory)
+    def _judged(self, phased: PhasedTrajectory, name: str) -> Attempt:
+        trajectory = scaled_to_limits(self._problem.robot, phased.trajectory)
         return Attempt(trajectory, verify(self._problem, trajectory).passed, name)
 
     @property
@@ -213,7 +213,7 @@ def _different(found: list[tuple[str, Solution]]) -> list[tuple[str, Solution]]:
     chosen: list[tuple[str, Solution]] = []
     longest = 0.0
     for name, solution in found:
-        duration = solution.motion.trajectory.duration
+        duration = solution.phased.trajectory.duration
         if duration > (1 + SAME) * longest:
             chosen.append((name, solution))
             longest = duration
@@ -231,10 +231,10 @@ def starts_of(
             branch = reference_branch(fixed, rule)
         except Infeasible:
             continue
-        motion = starting_spline(fixed, branch, START_KNOTS)
-        spline = from_spline(problem.robot.joint_names, motion.spline())
+        phased = starting_spline(fixed, branch, START_KNOTS)
+        spline = from_spline(problem.robot.joint_names, phased.bspline())
         trajectory = scaled_to_limits(problem.robot, spline)
-        start = PhasedTrajectory(trajectory, motion.switching_times * trajectory.duration)
+        start = PhasedTrajectory(trajectory, phased.switching_times * trajectory.duration)
         along.append((f"branch {rule.name.lower()}", start))
     if problem.robot.joint_count <= 3:  # the tool's position leaves nothing free
         along = along[:1]
@@ -343,7 +343,7 @@ def main() -> None:
         ratios.append(ratio)
         print(text, flush=True)
     print(f"\nRatio mean {np.nanmean(ratios):.4f}, worst {np.nanmax(ratios):.4f}.")
-    print("All motions are certified unless said otherwise; obstacles are left out.")
+    print("All trajectories are certified unless said otherwise; obstacles are left out.")
 
 
 if __name__ == "__main__":

@@ -26,7 +26,7 @@ from scipy.interpolate import BSpline, make_lsq_spline
 from drake_arm import DrakeArm, drake_arm
 from transcription_program import PhasedTrajectory
 from tubeplanner import JointTrajectory, PlanningProblem, verify
-from tubeplanner.motion.trajectory import from_spline
+from tubeplanner.trajectory.joint_trajectory import from_spline
 from tubeplanner.waypoint_search.time_scaling import scaled_to_limits
 
 CONTROL_POINTS, ORDER = 24, 4
@@ -55,16 +55,16 @@ class Tightening:
     clearance: float = 0.001
 
 
-def drake_motion(
+def drake_trajectory(
     problem: PlanningProblem, starts: Iterable[PhasedTrajectory]
 ) -> JointTrajectory | None:
-    """Return the fastest certified motion that some starts lead to, or any, or None."""
+    """Return the fastest certified trajectory that some starts lead to, or any, or None."""
     arm, best = drake_arm(problem), None
     for start in starts:
-        for passed, motion in _rounds(problem, arm, start):
-            rank = (not passed, motion.duration)
+        for passed, trajectory in _rounds(problem, arm, start):
+            rank = (not passed, trajectory.duration)
             if best is None or rank < best[0]:
-                best = rank, motion
+                best = rank, trajectory
     return best[1] if best else None
 
 
@@ -77,10 +77,10 @@ def _rounds(
         program = _program(problem, arm, start, tight)
         result = SnoptSolver().Solve(program.prog(), None, _options())
         # SNOPT often ends without the last digits; what it has is judged all the same.
-        motion = scaled_to_limits(problem.robot, _trajectory(problem, program, result))
-        certificate = verify(problem, motion)
-        yield certificate.passed, motion
-        gain = start.switching_times[-1] / motion.duration - 1
+        trajectory = scaled_to_limits(problem.robot, _trajectory(problem, program, result))
+        certificate = verify(problem, trajectory)
+        yield certificate.passed, trajectory
+        gain = start.switching_times[-1] / trajectory.duration - 1
         if certificate.passed and index > 0 and gain < MIN_GAIN:
             return
         holds = {
@@ -92,7 +92,7 @@ def _rounds(
             tight.radius * (1.0 if holds["tube"] else NARROWER),
             tight.clearance + (0.0 if apart else WIDER_CLEARANCE),
         )
-        start = PhasedTrajectory(motion, switching_times_of(problem, motion))
+        start = PhasedTrajectory(trajectory, switching_times_of(problem, trajectory))
 
 
 def _options() -> SolverOptions:
@@ -201,10 +201,10 @@ def _trajectory(
     return from_spline(problem.robot.joint_names, spline)
 
 
-def switching_times_of(problem: PlanningProblem, motion: JointTrajectory) -> np.ndarray:
-    """Return when a motion is deepest in both capsules of each switching time."""
-    times = np.linspace(0, motion.duration, 2001)
-    margin = problem.tube.margin(problem.robot.tool_position(motion.position(times)))
+def switching_times_of(problem: PlanningProblem, trajectory: JointTrajectory) -> np.ndarray:
+    """Return when a trajectory is deepest in both capsules of each switching time."""
+    times = np.linspace(0, trajectory.duration, 2001)
+    margin = problem.tube.margin(problem.robot.tool_position(trajectory.position(times)))
     both = np.minimum(margin[:, :-1], margin[:, 1:])
     inner = np.maximum.accumulate(times[both.argmax(axis=0)])
-    return np.array([0.0, *inner, motion.duration])
+    return np.array([0.0, *inner, trajectory.duration])

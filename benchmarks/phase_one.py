@@ -4,7 +4,7 @@
 
 Prints the durations beside the phase-1 column of Table II (Suh & Bishop 1988), the bundled arms
 beside stopping at corners, where the time goes, and what the number of candidate points changes.
-Every motion is certified, or the table says so.
+Every trajectory is certified, or the table says so.
 """
 
 import argparse
@@ -32,7 +32,7 @@ SHARES = {
     "rule duration": "_effort_factor",
     "rule tube": "_inside",
     "rule collision": "_free",
-    "tests between samples": "_try_motion",
+    "tests between samples": "_try_trajectory",
 }
 
 

@@ -97,11 +97,11 @@ def certified_duration(
     try:
         refinement.run()
         for _ in range(MAX_OBJECTIONS):
-            motion = scaled_to_limits(problem.robot, refinement.trajectory)
-            result = certified_result(problem, motion, REFINEMENT, PlanningClock(None, None))
+            trajectory = scaled_to_limits(problem.robot, refinement.trajectory)
+            result = certified_result(problem, trajectory, REFINEMENT, PlanningClock(None, None))
             if result.succeeded or result.certificate is None:
                 return result.duration
-            if not refinement.answer(result.certificate, motion.duration):
+            if not refinement.answer(result.certificate, trajectory.duration):
                 return None
     except Infeasible:
         return None

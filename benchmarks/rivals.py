@@ -5,15 +5,16 @@
 
 - TOPP-RA on the tool's straight lines with stops, and on arcs that use the tube at the corners
   (`tubeplanner.baselines.baselines`): the fastest there is on these paths; the acceleration jumps.
-- Drake's KinematicTrajectoryOptimization (`drake_rival.py`), started from both the TOPP-RA motion
+- Drake's KinematicTrajectoryOptimization (`drake_rival.py`), started from both the TOPP-RA
+trajectory
   and the reference branch.
 - Direct transcription with IPOPT (`transcription_program.py`) from the reference branch alone, 40
   intervals, samples added where limits are broken, for a minute at most; it does not know of links
   and obstacles.
 
-All get our goal where the problem leaves it open. All motions are scaled to the limits, judged by
-the certificate and, apart from it, at dense samples by Pinocchio and coal (`dense_check.py`). Ours
-is planned again before every rival; its time is the median.
+All get our goal where the problem leaves it open. All trajectories are scaled to the limits, judged
+by the certificate and, apart from it, at dense samples by Pinocchio and coal (`dense_check.py`).
+Ours is planned again before every rival; its time is the median.
 """
 
 import argparse
@@ -26,7 +27,7 @@ import numpy as np
 
 from dense_check import broken
 from direct_transcription import MultiStart, starts_of
-from drake_rival import drake_motion, switching_times_of
+from drake_rival import drake_trajectory, switching_times_of
 from transcription_program import PhasedTrajectory
 from tubeplanner import JointTrajectory, PlanningProblem, load_problem, plan, verify
 from tubeplanner.baselines.baselines import judged_baseline
@@ -60,35 +61,35 @@ class Answer:
     """What a rival makes of a problem.
 
     Attributes:
-        motion: None if there is none.
+        trajectory: None if there is none.
         seconds: Wall time.
     """
 
-    motion: JointTrajectory | None
+    trajectory: JointTrajectory | None
     seconds: float
 
 
 def with_stops(problem: PlanningProblem, ends: np.ndarray) -> JointTrajectory:
-    """Return TOPP-RA's motion along the tool's lines, with stops."""
+    """Return TOPP-RA's trajectory along the tool's lines, with stops."""
     return judged_baseline(problem, "bang-bang")[0].trajectory
 
 
 def with_arcs(problem: PlanningProblem, ends: np.ndarray) -> JointTrajectory:
-    """Return TOPP-RA's motion along lines and arcs."""
+    """Return TOPP-RA's trajectory along lines and arcs."""
     return judged_baseline(problem, "arc-corners")[0].trajectory
 
 
 def drake(problem: PlanningProblem, ends: np.ndarray) -> JointTrajectory | None:
-    """Return Drake's best motion."""
+    """Return Drake's best trajectory."""
     arcs = with_arcs(problem, ends)
     branch = starts_of(problem, ends, 1)[0][1]
-    return drake_motion(
+    return drake_trajectory(
         problem, [PhasedTrajectory(arcs, switching_times_of(problem, arcs)), branch]
     )
 
 
 def ipopt(problem: PlanningProblem, ends: np.ndarray) -> JointTrajectory | None:
-    """Return IPOPT's motion from one start."""
+    """Return IPOPT's trajectory from one start."""
     start = starts_of(problem, ends, 1)[0][1]
     search = MultiStart(problem, ends, INTERVALS, ("clustered",), IPOPT_SECONDS)
     found = search.run_finely("branch", start)
@@ -111,22 +112,22 @@ def answered(
     """Return a rival's answer; what goes wrong inside it is no answer."""
     begin = time.perf_counter()
     try:
-        motion = rival(problem, ends)
+        trajectory = rival(problem, ends)
     except (Infeasible, RuntimeError, ValueError) as error:
         print(f"  {rival.__name__}: {error}", flush=True)
-        motion = None
-    return Answer(motion, time.perf_counter() - begin)
+        trajectory = None
+    return Answer(trajectory, time.perf_counter() - begin)
 
 
 def cell(problem: PlanningProblem, answer: Answer, ours: float) -> str:
     """Return what the table says of an answer, and print what both judges say."""
-    if answer.motion is None:
+    if answer.trajectory is None:
         return f"none ({answer.seconds:.1f} s)"
-    ratio = answer.motion.duration / ours
-    failures = verify(problem, answer.motion).failures()
+    ratio = answer.trajectory.duration / ours
+    failures = verify(problem, answer.trajectory).failures()
     print(
         f"  {ratio:.3f} in {answer.seconds:.2f} s; certificate: {', '.join(failures) or 'passed'}; "
-        f"at samples: {broken(problem, answer.motion) or 'all kept'}",
+        f"at samples: {broken(problem, answer.trajectory) or 'all kept'}",
         flush=True,
     )
     marks = "".join(mark for names, mark in MARKS.items() if names & set(failures))

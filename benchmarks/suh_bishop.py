@@ -3,7 +3,7 @@
     python benchmarks/suh_bishop.py [--no-arms]
 
 Prints the durations beside Table II (Suh & Bishop 1988), phase 1 and phase 2, and what phase 2 did
-with the bundled arms. Every motion is certified, or the table says so.
+with the bundled arms. Every trajectory is certified, or the table says so.
 """
 
 import argparse

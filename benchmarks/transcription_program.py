@@ -178,7 +178,7 @@ def _rule(z: ca.SX, p: ca.SX, c: ca.SX) -> Rule:
 class ArmRules:
     """All rules of one arm; z is q, v, a, the next a and the phase's duration T unless said.
 
-    Time is counted in a unit of about the motion's duration: all unknowns are near 1 then.
+    Time is counted in a unit of about the trajectory's duration: all unknowns are near 1 then.
     """
 
     gap: Rule  # p: width; z has all of the next node
@@ -254,7 +254,7 @@ def phase_grid(switching_times: np.ndarray, intervals: int, *, clustered: bool) 
     Args:
         switching_times: Ends of the phases.
         intervals: Of all phases.
-        clustered: Denser at both ends of the motion, as Chebyshev points are; else uniform.
+        clustered: Denser at both ends of the trajectory, as Chebyshev points are; else uniform.
     """
     place = (
         np.arccos(np.clip(1 - 2 * switching_times, -1, 1)) / np.pi if clustered else switching_times
@@ -292,7 +292,7 @@ class Samples:
 
 
 def regular_samples(grid: Grid) -> Samples:
-    """Return the same samples for every interval; motion and phases have their ends too."""
+    """Return the same samples for every interval; trajectory and phases have their ends too."""
     count, last = len(grid.phase), np.flatnonzero(grid.last_of_phase)
     parts = (
         (RANGE_SAMPLES, np.zeros(0, dtype=int)),
@@ -312,10 +312,10 @@ def regular_samples(grid: Grid) -> Samples:
 
 @dataclass(frozen=True, eq=False)
 class PhasedTrajectory:
-    """A motion with the times at which phases end.
+    """A trajectory with the times at which phases end.
 
     Attributes:
-        trajectory: The motion.
+        trajectory: The trajectory.
         switching_times: Shape (m+1,) [s], from 0 to the duration.
     """
 
@@ -328,12 +328,12 @@ class Solution:
     """What the solver made of a start.
 
     Attributes:
-        motion: Its motion.
+        trajectory: Its trajectory.
         converged: Whether it says that this is a local optimum.
         iterations: How many it took.
     """
 
-    motion: PhasedTrajectory
+    phased: PhasedTrajectory
     converged: bool
     iterations: int
 
@@ -369,7 +369,7 @@ class Transcription:
             problem: What is asked; obstacles are ignored.
             ends: First and last configuration, shape (2, n).
             grid: The intervals.
-            unit: Of time, about the motion's duration [s].
+            unit: Of time, about the trajectory's duration [s].
             samples: Where conditions are imposed.
         """
         self._problem, self._ends, self._grid, self._unit = problem, ends, grid, unit
@@ -407,12 +407,12 @@ class Transcription:
             ubg=np.concatenate([block.upper.ravel(order="F") for block in self._blocks]),
         )
         stats = solver.stats()
-        motion = self._motion(np.array(found["x"]).ravel())
-        return Solution(motion, bool(stats["success"]), int(stats["iter_count"]))
+        phased = self._trajectory(np.array(found["x"]).ravel())
+        return Solution(phased, bool(stats["success"]), int(stats["iter_count"]))
 
-    def broken_between_samples(self, motion: PhasedTrajectory) -> Samples:
+    def broken_between_samples(self, phased: PhasedTrajectory) -> Samples:
         """Return the worst place of every interval in which a condition is broken."""
-        trajectory, robot = motion.trajectory, self._problem.robot
+        trajectory, robot = phased.trajectory, self._problem.robot
         states = trajectory.per_piece(LOOKS)
         q, v, a = states.position, states.velocity, states.acceleration
         phase = np.repeat(self._grid.phase, LOOKS)
@@ -515,7 +515,7 @@ class Transcription:
         share = np.sum(nearest * along, axis=1) / np.sum(along**2, axis=1)
         return np.concatenate([nodes.ravel(), durations / self._unit, share])
 
-    def _motion(self, unknown: np.ndarray) -> PhasedTrajectory:
+    def _trajectory(self, unknown: np.ndarray) -> PhasedTrajectory:
         q, v, a = np.split(unknown[: self._nodes.size].reshape(self._count + 1, -1), 3, axis=1)
         durations = unknown[self._durations] * self._unit
         v, a = v / self._unit, a / self._unit**2

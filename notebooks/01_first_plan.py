@@ -12,7 +12,7 @@
 # # A first plan
 #
 # A UR5 has to lift something over a wall. You know a rough route for its tool, and how far the tool may stray from it: 30 mm
-# beside the wall, 80 mm above it. That is a **tube**. tubeplanner finds the fastest smooth motion inside it that the
+# beside the wall, 80 mm above it. That is a **tube**. tubeplanner finds the fastest smooth trajectory inside it that the
 # motors can produce, and proves that it keeps what was asked.
 #
 # Run the cells from top to bottom; the whole notebook takes about ten seconds.
@@ -63,7 +63,7 @@ print(
 # ## What the certificate says
 #
 # Every condition has a margin, the place where it is smallest, and how it was judged. *For all t* means just that: not at
-# samples, but on the whole motion. A margin of zero is what a time-optimal motion looks like: it uses the
+# samples, but on the whole trajectory. A margin of zero is what a time-optimal trajectory looks like: it uses the
 # limit, and does not exceed it.
 
 # %%
@@ -72,7 +72,7 @@ for name, condition in result.certificate.conditions.items():
         print(f"{name:15} {condition.margin:10.2e} {condition.unit:9} {condition.coverage}")
 
 # %% [markdown]
-# ## What the motion looks like
+# ## What the trajectory looks like
 #
 # Left: the joints against their limits, and `b(t)`, how many times faster each instant could be run. Where it is 1, some
 # motor or velocity is at its limit: there is nothing left to gain on this path. Right: the tool in its tube, how much
@@ -84,7 +84,7 @@ plot_trajectory(problem, result.trajectory)
 # %% [markdown]
 # ## How the answer was found
 #
-# From a motion that follows the route, step by step shorter, on few knots first and then on finer ones (the jumps up are
+# From a trajectory that follows the route, step by step shorter, on few knots first and then on finer ones (the jumps up are
 # where finer samples find a limit broken).
 
 # %%
@@ -112,7 +112,7 @@ print(np.round(result.trajectory.position(times), 3))
 # %% [markdown]
 # For a controller, write files. On the command line, this is
 # `tubeplanner plan problem.yaml -o t.json --csv t.csv --ros t.yaml --plot t.png`. The JSON holds the polynomials themselves.
-# The acceleration of such a motion has kinks that samples at 500 Hz cannot follow; the CSV and ROS files hold samples
+# The acceleration of such a trajectory has kinks that samples at 500 Hz cannot follow; the CSV and ROS files hold samples
 # that keep the limits, however they are joined, and say what that costs.
 
 # %%

@@ -19,7 +19,7 @@
 import matplotlib.pyplot as plt
 
 from tubeplanner import load_problem, plan, plot_sweep, sweep
-from tubeplanner.views.panels import draw_factor, line_style, motion_curves
+from tubeplanner.views.panels import draw_factor, line_style, trajectory_curves
 
 plt.rcParams.update({"figure.dpi": 100, "axes.grid": True, "grid.alpha": 0.25})
 
@@ -54,7 +54,7 @@ figure, axis = plt.subplots(figsize=(5, 6), layout="constrained")
 shown = [row for row in durations.rows if row.value in (0.005, 0.01, 0.03, 0.05)]
 for number, row in enumerate(shown):
     style = line_style(number)
-    curves = motion_curves(row.problem, row.result.trajectory)
+    curves = trajectory_curves(row.problem, row.result.trajectory)
     x = 1000 * (curves.tool[:, 0] - 0.3)
     axis.plot(
         x, curves.tool[:, 1], label=f"{1000 * row.value:.0f} mm: {row.duration:.3f} s", **style
@@ -76,7 +76,7 @@ plt.show()
 # %%
 figure, axis = plt.subplots(figsize=(7, 3.5), layout="constrained")
 for number, row in enumerate(shown):
-    curves = motion_curves(row.problem, row.result.trajectory)
+    curves = trajectory_curves(row.problem, row.result.trajectory)
     label = f"{1000 * row.value:.0f} mm"
     axis.plot(curves.samples.time, curves.speed, label=label, **line_style(number))
 axis.set(xlabel="time [s]", ylabel="tool speed [m/s]", ylim=(0, None))
@@ -87,7 +87,7 @@ plt.show()
 # ## From W to U: is the arm used?
 #
 # `b(t)` says how many times faster each instant could be run; where it is 1, a motor is at its limit. The paper draws it for
-# motions of few polynomials and finds two shapes. A **U** means that the motors work all the way, but for the start and the end at
+# trajectories of few polynomials and finds two shapes. A **U** means that the motors work all the way, but for the start and the end at
 # rest. A **W** means that the shape is bound, and the motors idle in between: by a tight tube, or by too few polynomials to
 # follow what the motors could do.
 #
@@ -101,7 +101,7 @@ from tubeplanner.waypoint_search.time_scaling import scaled_to_limits
 
 
 def with_few_knots(case, intervals):
-    """Return the fastest motion that refinement finds on so many knot intervals."""
+    """Return the fastest trajectory that refinement finds on so many knot intervals."""
     branch = reference_branch(case, spare_joint_rules(case)[0])
     refinement = Refinement(case, starting_spline(case, branch, intervals), ())
     refinement.run()
@@ -111,11 +111,11 @@ def with_few_knots(case, intervals):
 figure, axes = plt.subplots(1, 2, figsize=(11, 4), sharey=True, layout="constrained")
 for axis, radius in zip(axes, (0.01, 0.05), strict=True):
     case = problem.with_tube(problem.tube.with_radius(radius))
-    motions = {f"{count} knots": with_few_knots(case, count) for count in (6, 8)}
-    motions["as planned"] = plan(case).trajectory
-    for number, (label, motion) in enumerate(motions.items()):
-        said = f"{label}: {motion.duration:.3f} s"
-        draw_factor(axis, motion_curves(case, motion), said, number)
+    trajectories = {f"{count} knots": with_few_knots(case, count) for count in (6, 8)}
+    trajectories["as planned"] = plan(case).trajectory
+    for number, (label, trajectory) in enumerate(trajectories.items()):
+        said = f"{label}: {trajectory.duration:.3f} s"
+        draw_factor(axis, trajectory_curves(case, trajectory), said, number)
     axis.set(title=f"radius {1000 * radius:.0f} mm", ylim=(0.9, 3.1))
     axis.legend(fontsize=8, loc="upper right")
 plt.show()
@@ -142,7 +142,7 @@ plot_sweep(panda)
 figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.5), layout="constrained")
 planned = [row for row in panda.rows if row.duration is not None]
 for number, row in enumerate((planned[0], *planned[-2:])):
-    curves = motion_curves(row.problem, row.result.trajectory)
+    curves = trajectory_curves(row.problem, row.result.trajectory)
     style, label = line_style(number), f"{row.value:g} times the radii"
     left.plot(curves.samples.time, curves.speed, label=label, **style)
     right.plot(curves.tool[:, 0], curves.tool[:, 2], **style)

@@ -143,7 +143,7 @@ print(result.message)
 print(*result.notes, sep="\n")
 
 # %% [markdown]
-# The note is about jerk: without a limit, the motion uses as much as its knots allow. Give the machine's own.
+# The note is about jerk: without a limit, the trajectory uses as much as its knots allow. Give the machine's own.
 
 # %%
 limits["jerk"] = {"column": 600, "shoulder": 600, "elbow": 900}
@@ -167,7 +167,7 @@ for mass in (2, 6, 16):
 # ## A fence in the way
 #
 # Obstacles are boxes, spheres, cylinders, capsules or meshes. Links keep clear of them, and of each
-# other. Here, 40 mm of clearance cost next to nothing: the motion bends a little, and touches the bound.
+# other. Here, 40 mm of clearance cost next to nothing: the trajectory bends a little, and touches the bound.
 
 # %%
 loaded = {**arm, "payload": {"mass": 2, "com": [0, 0, 0.05]}}

@@ -11,7 +11,7 @@
 # %% [markdown]
 # # What costs the time?
 #
-# A motion takes half a second. Would a stronger motor help, and which one? A faster gear? A wider tube? Every plan comes with a
+# A trajectory takes half a second. Would a stronger motor help, and which one? A faster gear? A wider tube? Every plan comes with a
 # **list of sensitivities** that answers without planning again. This notebook reads it for two arms, then checks it by planning
 # again with 10 % more. It takes about a minute.
 

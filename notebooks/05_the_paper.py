@@ -22,7 +22,7 @@ import matplotlib.pyplot as plt
 from tubeplanner import PlanOptions, compare, load_problem, plan, plot_comparison
 from tubeplanner.studies.printed_results import TABLE_TWO
 from tubeplanner.studies.reproduction import paper_problem
-from tubeplanner.views.panels import draw_factor, line_style, motion_curves
+from tubeplanner.views.panels import draw_factor, line_style, trajectory_curves
 
 plt.rcParams.update({"figure.dpi": 100, "axes.grid": True, "grid.alpha": 0.25})
 
@@ -35,7 +35,7 @@ plt.rcParams.update({"figure.dpi": 100, "axes.grid": True, "grid.alpha": 0.25})
 #
 # ## Phase 1: knots on the reference path
 #
-# Thirty candidates on the line, 2^28 motions through some of them; branch and bound finds the fastest that stays in the tube.
+# Thirty candidates on the line, 2^28 trajectories through some of them; branch and bound finds the fastest that stays in the tube.
 
 # %%
 problem = paper_problem(3, 0.03)
@@ -63,7 +63,7 @@ print(published.phase_two)
 default = plan(problem)
 figure, axes = plt.subplots(1, 2, figsize=(11, 4), layout="constrained")
 for number, result in enumerate((published, default)):
-    curves = motion_curves(problem, result.trajectory)
+    curves = trajectory_curves(problem, result.trajectory)
     label = f"{result.method}: {result.duration:.3f} s"
     axes[0].plot(curves.samples.time, curves.speed, label=label, **line_style(number))
     draw_factor(axes[1], curves, label, number)

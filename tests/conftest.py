@@ -68,7 +68,7 @@ PROBLEMS = (
 def planned():
     """Return a function from a bundled problem's name to the problem and its plan, made once.
 
-    Unless asked otherwise, the motion stops at corners: quick, and its shape is known.
+    Unless asked otherwise, the trajectory stops at corners: quick, and its shape is known.
     """
     made = {}
 

@@ -45,9 +45,9 @@ ORDER = {
         "joint_values",
         "problem",
     ),
-    "motion": (
+    "trajectory": (
         "bernstein",
-        "trajectory",
+        "joint_trajectory",
     ),
     "verification": (
         "peaks",
@@ -80,7 +80,7 @@ ORDER = {
         "branch_and_bound",
     ),
     "suh_bishop": (
-        "knot_motion",
+        "knot_trajectory",
         "knot_direction",
         "knot_modification",
         "suh_bishop",
@@ -88,7 +88,7 @@ ORDER = {
     "refinement": (
         "phase_spline",
         "spline_start",
-        "sampled_motion",
+        "sampled_spline",
         "linear_rows",
         "limit_conditions",
         "tube_conditions",
@@ -151,7 +151,7 @@ ORDER = {
     ),
     "studies": (
         "tolerance_sweep",
-        "motion_measures",
+        "trajectory_measures",
         "comparison",
         "printed_results",
         "reproduction",
@@ -287,7 +287,7 @@ def test_a_module_imports_only_modules_above_it(module):
 
 def test_the_judge_does_not_reach_the_code_it_judges():
     folders = {name.rpartition(".")[0] for name in reachable("verification.verification")}
-    assert folders == {"", "robot", "collision", "tube", "problem", "motion", "verification"}
+    assert folders == {"", "robot", "collision", "tube", "problem", "trajectory", "verification"}
 
 
 @pytest.mark.parametrize("library", KNOWS)

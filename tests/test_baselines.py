@@ -6,7 +6,11 @@ import pytest
 from test_time_scaling import one_joint
 from tubeplanner import PlanningProblem, Tube, load_problem, verify
 from tubeplanner.baselines.baselines import BASELINES, judged_baseline
-from tubeplanner.baselines.conventional_lines import PAPER, TrapezoidalSpeed, conventional_motion
+from tubeplanner.baselines.conventional_lines import (
+    PAPER,
+    TrapezoidalSpeed,
+    conventional_trajectory,
+)
 from tubeplanner.baselines.fixed_path_bang_bang import bang_bang_laws
 from tubeplanner.baselines.time_law import averaged_law, run_along
 from tubeplanner.baselines.tool_path import tool_paths
@@ -20,7 +24,7 @@ ON_LINES = ("conventional", "bang-bang", "smoothed-bang-bang")
 
 @pytest.fixture(scope="module")
 def judged():
-    """Return a function from problem and scheme to problem, motion and certificate, made once."""
+    """Return a function of problem and scheme: problem, trajectory, certificate, made once."""
     made = {}
 
     def of(problem, scheme):
@@ -35,28 +39,28 @@ def judged():
 @pytest.mark.parametrize(
     ("example", "expected"), [(1, 1.96), (2, 1.00), (3, 1.82), (4, 1.82), (5, 3.74)]
 )
-def test_conventional_motions_take_what_the_paper_says(example, expected):
+def test_conventional_trajectories_take_what_the_paper_says(example, expected):
     """For 3 and 4 it prints 1.93 s, but its own formula gives 1.82 s on the printed points."""
     problem = load_problem(f"example:two_link/paper_{example}_30mm")
     lines = tool_paths(problem, reference_branch(problem, SpareJoints.AS_NEEDED), arcs=False)
-    motion = conventional_motion(problem.robot, lines, PAPER)
+    trajectory = conventional_trajectory(problem.robot, lines, PAPER)
     lengths = np.linalg.norm(np.diff(problem.tube.points, axis=0), axis=1)
     formula = sum(
         d / 0.75 + 0.75 / 1.2 if d >= 0.75**2 / 1.2 else 2 * np.sqrt(d / 1.2) for d in lengths
     )
-    assert motion.duration == pytest.approx(formula, rel=1e-8)
-    assert motion.duration == pytest.approx(expected, abs=0.005)
+    assert trajectory.duration == pytest.approx(formula, rel=1e-8)
+    assert trajectory.duration == pytest.approx(expected, abs=0.005)
 
 
 def test_the_tool_runs_its_line_at_trapezoidal_speed():
     problem = load_problem("example:two_link/paper_1_30mm")
     lines = tool_paths(problem, reference_branch(problem, SpareJoints.AS_NEEDED), arcs=False)
     speed = TrapezoidalSpeed(0.8, 2.0)
-    motion = conventional_motion(problem.robot, lines, speed)
-    time = np.linspace(0, motion.duration, 301)
-    _, jacobian = problem.robot.tool_jacobian(motion.position(time))
-    tool = np.einsum("nij,nj->ni", jacobian[:, :3], motion.velocity(time))
-    wanted = np.minimum(np.minimum(2.0 * time, 0.8), 2.0 * (motion.duration - time))
+    trajectory = conventional_trajectory(problem.robot, lines, speed)
+    time = np.linspace(0, trajectory.duration, 301)
+    _, jacobian = problem.robot.tool_jacobian(trajectory.position(time))
+    tool = np.einsum("nij,nj->ni", jacobian[:, :3], trajectory.velocity(time))
+    wanted = np.minimum(np.minimum(2.0 * time, 0.8), 2.0 * (trajectory.duration - time))
     np.testing.assert_allclose(tool[:, 1], wanted, atol=2e-3)
     assert abs(tool[:, [0, 2]]).max() < 2e-3
     assert speed.duration(1.0) == pytest.approx(1 / 0.8 + 0.4)
@@ -90,8 +94,8 @@ def test_a_coarse_average_slowed_as_a_whole_costs_what_the_paper_says(example, p
     branch = reference_branch(problem, SpareJoints.AS_NEEDED)
     paths = tool_paths(problem, branch, arcs=False)
     (law,) = bang_bang_laws(problem.robot, paths)
-    motion = run_along(paths[0].joints, averaged_law(law, 16))
-    assert minimum_duration(problem.robot, motion) == pytest.approx(paper, rel=0.05)
+    trajectory = run_along(paths[0].joints, averaged_law(law, 16))
+    assert minimum_duration(problem.robot, trajectory) == pytest.approx(paper, rel=0.05)
 
 
 @pytest.mark.parametrize("scheme", ON_LINES)

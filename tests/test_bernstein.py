@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tubeplanner.motion.bernstein import bernstein_coefficients, maxima
+from tubeplanner.trajectory.bernstein import bernstein_coefficients, maxima
 
 DEGREES = range(1, 8)
 

@@ -39,7 +39,7 @@ def with_bump(trajectory, joint, begin, width, size):
 
 
 def between_samples(trajectory, near, width):
-    """Return a time after `near` such that samples of the whole motion miss what lasts so long."""
+    """Return a time after `near` at which samples of the trajectory miss what lasts so long."""
     spacing = trajectory.duration / (SAMPLES - 1)
     begin = (np.ceil(near / spacing) + 0.5) * spacing - width / 2
     inside = (trajectory.breakpoints > begin) & (trajectory.breakpoints < begin + width)
@@ -74,7 +74,7 @@ def test_an_effort_above_its_limit_for_a_tenth_of_a_millisecond(planned):
 
 
 def test_a_tool_outside_the_tube_for_a_tenth_of_a_millisecond(planned):
-    """A radius that the motion just keeps, and a spike of 0.6 mm at its worst place."""
+    """A radius that the trajectory just keeps, and a spike of 0.6 mm at its worst place."""
     problem, result = planned("two_link/paper_1_30mm", "branch-and-bound")
     least = verify(problem, result.trajectory).conditions["tube"]
     radius = problem.tube.radius - (least.margin - 1e-4)
@@ -83,13 +83,13 @@ def test_a_tool_outside_the_tube_for_a_tenth_of_a_millisecond(planned):
     begin = between_samples(result.trajectory, least.where.time, 2e-4)
     spiked = with_bump(result.trajectory, 0, begin, 2e-4, 2e-3)
     other = with_bump(result.trajectory, 0, begin, 2e-4, -2e-3)
-    failing = [verify(tight, motion).conditions["tube"] for motion in (spiked, other)]
+    failing = [verify(tight, trajectory).conditions["tube"] for trajectory in (spiked, other)]
     worst = min(failing, key=lambda condition: condition.margin)
     assert worst.margin < -2e-5
     assert begin <= worst.where.time <= begin + 2e-4
     assert worst.where.segment == least.where.segment
-    for motion in (spiked, other):
-        tool = problem.robot.tool_position(sampled(motion).position)
+    for trajectory in (spiked, other):
+        tool = problem.robot.tool_position(sampled(trajectory).position)
         assert tube.margin(tool).max(axis=1).min() > 0
 
 
@@ -98,9 +98,9 @@ def test_a_thin_plate_passed_between_two_samples(two_link, free_by):
     """A grain of 0.1 mm crosses a plate of 0.1 mm at 2.4 m/s; or passes beside it."""
     ball = Obstacle.sphere("grain", 5e-5, placement_of([0, 0, 0]))
     grain = AttachedSolid("grain", ball.shapes, touch_links=("link2",))
-    motion = JointTrajectory(two_link.joint_names, [0, 0.25], [[[4.0, 0]], [[-0.5, -0.3]]])
-    crossing = between_samples(motion, 0.125, 0.0)
-    tool = two_link.tool_position(motion.position(np.array([crossing, crossing + 1e-6])))
+    trajectory = JointTrajectory(two_link.joint_names, [0, 0.25], [[[4.0, 0]], [[-0.5, -0.3]]])
+    crossing = between_samples(trajectory, 0.125, 0.0)
+    tool = two_link.tool_position(trajectory.position(np.array([crossing, crossing + 1e-6])))
     along = (tool[1] - tool[0]) / np.linalg.norm(tool[1] - tool[0])
     angle = np.arctan2(along[1], along[0])
     outwards = tool[0] / np.linalg.norm(tool[0])
@@ -109,11 +109,11 @@ def test_a_thin_plate_passed_between_two_samples(two_link, free_by):
     placement = placement_of(tool[0] + reach * outwards, rpy=(0, 0, angle))
     plate = Obstacle.box("plate", [1e-4, 0.02, 0.02], placement)
     tube = Tube(tool[0] + np.array([[-1, 0, 0], [1, 0, 0]]), 2.0)
-    start = motion.position(0.0)
+    start = trajectory.position(0.0)
     problem = PlanningProblem(two_link, tube, start, obstacles=[plate], attached=[grain])
     checker = problem.collision
     grain_pair = [p for p in checker.obstacle_pairs if checker.owners(p)[0] == ("grain",)]
-    rotation, position = two_link.body_poses(sampled(motion).position)
+    rotation, position = two_link.body_poses(sampled(trajectory).position)
     seen = [
         checker.distances(r, p, np.array(grain_pair))[0]
         for r, p in zip(rotation, position, strict=True)
@@ -128,7 +128,7 @@ def test_a_thin_plate_passed_between_two_samples(two_link, free_by):
         attached=[grain],
         ignore_collisions=[(checker.owners(p)[0][0], "plate") for p in others],
     )
-    condition = verify(apart, motion).conditions["obstacles"]
+    condition = verify(apart, trajectory).conditions["obstacles"]
     if free_by is None:
         assert condition.margin < -1e-5
         assert condition.where.links == ("grain",)

@@ -1,4 +1,4 @@
-"""Phase 1 against enumerating every motion, and the rules by which it cuts."""
+"""Phase 1 against enumerating every trajectory, and the rules by which it cuts."""
 
 from itertools import combinations
 
@@ -37,8 +37,8 @@ def searched(problem, count, **options):
     return search
 
 
-def every_motion(problem, waypoints):
-    """Return all 2^(M-2) motions with their waypoints, the fastest first."""
+def every_trajectory(problem, waypoints):
+    """Return all 2^(M-2) trajectories with their waypoints, the fastest first."""
     inner = range(1, len(waypoints) - 1)
     subsets = [s for size in range(len(waypoints) - 1) for s in combinations(inner, size)]
     motions = []
@@ -46,7 +46,7 @@ def every_motion(problem, waypoints):
         chosen = (0, *subset, len(waypoints) - 1)
         shape = sequential_quartics(problem.robot.joint_names, waypoints[list(chosen)])
         motions.append((scaled_to_limits(problem.robot, shape), chosen))
-    return sorted(motions, key=lambda motion: motion[0].duration)
+    return sorted(motions, key=lambda trajectory: trajectory[0].duration)
 
 
 def two_link_problem(two_link, points=CORNER, radius=0.08, **more):
@@ -97,10 +97,10 @@ def six_joints(_):
         (six_joints, 9),
     ],
 )
-def test_it_finds_what_enumerating_every_motion_finds(make, count, two_link):
+def test_it_finds_what_enumerating_every_trajectory_finds(make, count, two_link):
     """The judge of the enumeration is the certificate."""
     problem = make(two_link)
-    motions = every_motion(problem, waypoints_of(problem, count))
+    motions = every_trajectory(problem, waypoints_of(problem, count))
     best, waypoints = next(m for m in motions if verify(problem, m[0]).passed)
     search = searched(problem, count)
     assert search.best_waypoints == waypoints
@@ -109,10 +109,10 @@ def test_it_finds_what_enumerating_every_motion_finds(make, count, two_link):
     assert search.statistics.nodes <= len(motions)
 
 
-def test_where_no_motion_is_certified_it_finds_none(two_link):
+def test_where_no_trajectory_is_certified_it_finds_none(two_link):
     problem = two_link_problem(two_link, radius=0.01)
-    motions = every_motion(problem, waypoints_of(problem, 7))
-    assert not any(verify(problem, motion).passed for motion, _ in motions)
+    motions = every_trajectory(problem, waypoints_of(problem, 7))
+    assert not any(verify(problem, trajectory).passed for trajectory, _ in motions)
     search = searched(problem, 7)
     assert search.best is None
     assert search.best_waypoints == ()
@@ -142,7 +142,7 @@ def test_the_bound_knows_what_velocity_limits_ask_for(two_link):
     assert search.statistics.lower_bound >= way / 0.5
 
 
-def test_only_faster_motions_than_the_bound_given_are_of_interest(two_link):
+def test_only_faster_trajectories_than_the_bound_given_are_of_interest(two_link):
     problem = two_link_problem(two_link)
     free = searched(problem, 16)
     again = searched(problem, 16, upper_bound=free.best.duration * (1 + 1e-9))
@@ -222,14 +222,14 @@ def gap(two_link):
 @pytest.mark.parametrize(("make", "count"), [(sign_change, 9), (gap, 8)])
 def test_switching_times_and_gaps_between_samples_are_judged_exactly(make, count, two_link):
     problem = make(two_link)
-    motions = every_motion(problem, waypoints_of(problem, count))
+    motions = every_trajectory(problem, waypoints_of(problem, count))
     best = next((m for m in motions if verify(problem, m[0]).passed), None)
     search = searched(problem, count)
     assert search.best_waypoints == (() if best is None else best[1])
     assert search.best is None or search.certificate.passed
 
 
-def test_a_tube_cut_into_many_segments_gives_the_same_motion(two_link):
+def test_a_tube_cut_into_many_segments_gives_the_same_trajectory(two_link):
     start, goal = np.array([0.3, -0.5, 0]), np.array([0.3, 0.5, 0])
     found = []
     for pieces in (1, 40, 80):

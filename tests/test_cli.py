@@ -63,7 +63,7 @@ def test_plan_writes_what_was_asked_and_says_where(run, tmp_path):
     for path in files.values():
         assert path.stat().st_size > 1000
         assert str(path) in out
-    assert "success: certified motion of" in out
+    assert "success: certified trajectory of" in out
 
 
 def test_plan_without_an_output_option_writes_nothing(run, tmp_path, monkeypatch):

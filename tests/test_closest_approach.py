@@ -6,7 +6,7 @@ from tubeplanner.collision.collision_checker import CollisionChecker
 from tubeplanner.verification.closest_approach import closest_approach
 
 
-def random_motion(robot, seed, pieces=6):
+def random_trajectory(robot, seed, pieces=6):
     rng = np.random.default_rng(seed)
     breakpoints = np.concatenate([[0.0], np.cumsum(rng.uniform(0.05, 0.4, pieces))])
     coefficients = rng.normal(size=(4, pieces, robot.joint_count)) * [[[20]], [[8]], [[3]], [[1]]]
@@ -27,7 +27,7 @@ def test_the_bound_is_below_every_sample_and_close_to_the_least(name, seed, requ
     robot = request.getfixturevalue(name)
     block = Obstacle.box("block", [0.2, 0.2, 0.2], placement_of([0.6, 0.3 * seed - 0.4, 0.3]))
     checker = CollisionChecker(robot, [block])
-    trajectory = random_motion(robot, seed)
+    trajectory = random_trajectory(robot, seed)
     for pairs in (checker.obstacle_pairs, checker.link_pairs):
         nearest = closest_approach(checker, trajectory, pairs, 0.0)
         least = sampled(checker, trajectory, pairs)
@@ -37,7 +37,7 @@ def test_the_bound_is_below_every_sample_and_close_to_the_least(name, seed, requ
 
 def test_the_time_and_the_pair_are_those_of_the_distance(ur5):
     checker = CollisionChecker(ur5)
-    trajectory = random_motion(ur5, 9)
+    trajectory = random_trajectory(ur5, 9)
     nearest = closest_approach(checker, trajectory, checker.link_pairs, 0.0)
     rotation, position = ur5.body_poses(trajectory.position([nearest.time]))
     distance = checker.distances(rotation[0], position[0], np.array([nearest.pair]))
@@ -45,7 +45,7 @@ def test_the_time_and_the_pair_are_those_of_the_distance(ur5):
 
 
 def test_a_thin_plate_passed_in_a_moment_is_seen(two_link):
-    """The arm sweeps through a 0.2 mm plate in about a millisecond of a one-second motion."""
+    """The arm sweeps through a 0.2 mm plate in about a millisecond of a one-second trajectory."""
     plate = Obstacle.box("plate", [0.1, 2e-4, 0.2], placement_of([0.55, 0, 0]))
     checker = CollisionChecker(two_link, [plate], self_collision=False)
     sweep = [[[3.0, 0.0]], [[-1.5, 0.0]]]
@@ -57,21 +57,23 @@ def test_a_thin_plate_passed_in_a_moment_is_seen(two_link):
 
 def test_without_pairs_there_is_no_closest_approach(two_link):
     checker = CollisionChecker(two_link)
-    assert closest_approach(checker, random_motion(two_link, 0), checker.obstacle_pairs, 0) is None
+    assert (
+        closest_approach(checker, random_trajectory(two_link, 0), checker.obstacle_pairs, 0) is None
+    )
 
 
 def crossing(two_link, gap):
-    """Return a checker and a motion in which the tool's link passes a ball at a distance."""
+    """Return a checker and a trajectory in which the tool's link passes a ball at a distance."""
     ball = Obstacle.sphere("ball", 0.05, placement_of([0.75 + gap, 0, 0]))
-    motion = JointTrajectory(two_link.joint_names, [0, 1.0], [[[1.0, 0]], [[-0.5, 0.0]]])
-    return CollisionChecker(two_link, [ball], self_collision=False), motion
+    trajectory = JointTrajectory(two_link.joint_names, [0, 1.0], [[[1.0, 0]], [[-0.5, 0.0]]])
+    return CollisionChecker(two_link, [ball], self_collision=False), trajectory
 
 
 def test_a_wide_gap_is_settled_with_few_intervals(two_link):
     """Two per cent of it are enough; near the required distance, it is resolved to less."""
-    checker, motion = crossing(two_link, 0.3)
-    wide = closest_approach(checker, motion, checker.obstacle_pairs, 0.0)
-    near = closest_approach(checker, motion, checker.obstacle_pairs, wide.distance)
+    checker, trajectory = crossing(two_link, 0.3)
+    wide = closest_approach(checker, trajectory, checker.obstacle_pairs, 0.0)
+    near = closest_approach(checker, trajectory, checker.obstacle_pairs, wide.distance)
     assert near.intervals > 2 * wide.intervals
     assert near.distance - near.lower_bound <= 1e-6
     assert wide.distance - wide.lower_bound <= 0.021 * wide.distance
@@ -80,19 +82,19 @@ def test_a_wide_gap_is_settled_with_few_intervals(two_link):
 
 def test_halving_ends_when_there_are_too_many_intervals(two_link, monkeypatch):
     """The bounds then count as they stand."""
-    checker, motion = crossing(two_link, 0.1)
-    whole = closest_approach(checker, motion, checker.obstacle_pairs, 0.0)
+    checker, trajectory = crossing(two_link, 0.1)
+    whole = closest_approach(checker, trajectory, checker.obstacle_pairs, 0.0)
     monkeypatch.setattr("tubeplanner.verification.closest_approach._MAX_INTERVALS", 1)
     monkeypatch.setattr("tubeplanner.verification.closest_approach._MAX_ROUNDS", 1)
-    early = closest_approach(checker, motion, checker.obstacle_pairs, 0.0)
+    early = closest_approach(checker, trajectory, checker.obstacle_pairs, 0.0)
     assert early.intervals < whole.intervals
     assert early.lower_bound < whole.lower_bound
 
 
 def test_halving_ends_at_the_shortest_interval(two_link, monkeypatch):
-    checker, motion = crossing(two_link, 0.1)
-    whole = closest_approach(checker, motion, checker.obstacle_pairs, 0.0)
+    checker, trajectory = crossing(two_link, 0.1)
+    whole = closest_approach(checker, trajectory, checker.obstacle_pairs, 0.0)
     monkeypatch.setattr("tubeplanner.verification.closest_approach._MIN_INTERVAL", 0.2)
-    early = closest_approach(checker, motion, checker.obstacle_pairs, 0.0)
+    early = closest_approach(checker, trajectory, checker.obstacle_pairs, 0.0)
     assert early.intervals < whole.intervals
     assert early.lower_bound < whole.lower_bound

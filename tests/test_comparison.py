@@ -10,11 +10,11 @@ from test_time_scaling import ANGLE, PEAK_JERK, quintic
 from tubeplanner import JointTrajectory, OptionError, PlanOptions, Tube, compare, load_problem
 from tubeplanner.baselines.baselines import BASELINES, judged_baseline
 from tubeplanner.files.trajectory_file import read_trajectory
-from tubeplanner.motion.trajectory import concatenate
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.planning.plan_options import METHODS
 from tubeplanner.studies import comparison as module
-from tubeplanner.studies.motion_measures import motion_measures, smoothness_class
+from tubeplanner.studies.trajectory_measures import smoothness_class, trajectory_measures
+from tubeplanner.trajectory.joint_trajectory import concatenate
 
 PROBLEM = "example:two_link/paper_5_50mm"
 KEYS = (
@@ -24,7 +24,7 @@ KEYS = (
 
 
 def push(*rows, widths):
-    """Return the motion of the slider with some accelerations, one after the other."""
+    """Return the trajectory of the slider with some accelerations, one after the other."""
     velocity = position = 0.0
     columns = []
     for acceleration, width in zip(rows, widths, strict=True):
@@ -46,11 +46,11 @@ def test_smoothness_counts_what_does_not_jump():
 
 def test_shares_of_time_at_limits(slider):
     """At 5 m/s^2 the force is at its limit, at 4.94 below 99 % of it."""
-    full = motion_measures(slider, push(5.0, -5.0, widths=(0.3, 0.3)))
+    full = trajectory_measures(slider, push(5.0, -5.0, widths=(0.3, 0.3)))
     assert (full.at_limit, full.smoothness, full.peak_jerk) == (1.0, "C1", None)
-    half = motion_measures(slider, push(5.0, -4.94, -5.06, widths=(0.3, 0.15, 0.15)))
+    half = trajectory_measures(slider, push(5.0, -4.94, -5.06, widths=(0.3, 0.15, 0.15)))
     assert half.at_limit == pytest.approx(0.75, abs=1e-3)
-    idle = motion_measures(slider, push(4.9, -4.9, widths=(0.3, 0.3)))
+    idle = trajectory_measures(slider, push(4.9, -4.9, widths=(0.3, 0.3)))
     assert idle.at_limit == 0.0
 
 
@@ -60,21 +60,21 @@ def test_shares_of_time_at_limits(slider):
 def test_a_tool_beside_the_axis_uses_its_share_of_the_tube(slider, offset, tool_radius, expected):
     points = [[0, offset, 0], [0.6, offset, 0]]
     beside = slider.with_tube(Tube(points, 0.1, tool_radius=tool_radius))
-    motion = push(5.0, -5.0, widths=(0.3, 0.3))
-    assert motion_measures(beside, motion).tube_use == pytest.approx(expected, abs=1e-12)
+    trajectory = push(5.0, -5.0, widths=(0.3, 0.3))
+    assert trajectory_measures(beside, trajectory).tube_use == pytest.approx(expected, abs=1e-12)
 
 
 def test_the_use_of_the_tube_is_averaged_over_time(slider):
     """At rest half of the time on the axis, then the axis ends and the tool goes on at 1 m/s."""
     short = slider.with_tube(Tube([[-0.5, 0, 0], [0.0, 0, 0]], 0.1))
-    motion = JointTrajectory(["slide"], [0, 0.1, 0.2], [[[0], [1.0]], [[0], [0]]])
-    assert motion_measures(short, motion).tube_use == pytest.approx(0.25, abs=1e-9)
+    trajectory = JointTrajectory(["slide"], [0, 0.1, 0.2], [[[0], [1.0]], [[0], [0]]])
+    assert trajectory_measures(short, trajectory).tube_use == pytest.approx(0.25, abs=1e-9)
 
 
 def test_the_peak_of_the_jerk_is_exact(slider):
-    motion = quintic(duration=2.0)
-    named = JointTrajectory(["slide"], motion.breakpoints, motion.coefficients)
-    measures = motion_measures(slider, named)
+    trajectory = quintic(duration=2.0)
+    named = JointTrajectory(["slide"], trajectory.breakpoints, trajectory.coefficients)
+    measures = trajectory_measures(slider, named)
     assert measures.peak_jerk == pytest.approx(PEAK_JERK * ANGLE / 8, rel=1e-9)
     assert measures.peak_jerk_joint == "slide"
 
@@ -160,7 +160,7 @@ def test_a_wrong_name_lists_those_there_are(slider):
 
 
 def test_the_command_prints_writes_and_draws(run, tmp_path):
-    table, figure, folder = tmp_path / "c.csv", tmp_path / "c.png", tmp_path / "motions"
+    table, figure, folder = tmp_path / "c.csv", tmp_path / "c.png", tmp_path / "trajectories"
     methods = "stop-at-corners,bang-bang,smoothed-bang-bang"
     files = ("-o", table, "--plot", figure, "--trajectories", folder)
     status, out, err = run("compare", PROBLEM, "--methods", methods, *files)

@@ -14,19 +14,19 @@ def case(request):
     """A problem with an open goal, and one with a given one."""
     problem = load_problem(f"example:{request.param}")
     branch = reference_branch(problem, spare_joint_rules(problem)[0])
-    motion = starting_spline(problem, branch, 12)
-    return problem, motion, ControlVariables(problem, motion.shape)
+    spline = starting_spline(problem, branch, 12)
+    return problem, spline, ControlVariables(problem, spline.shape)
 
 
 def test_the_ends_are_fixed_but_for_an_open_goal_that_moves_as_one(case):
-    problem, motion, variables = case
+    problem, spline, variables = case
     column = variables.column
     assert (column[:3] == FIXED).all()
     assert np.diff(column[3:-3]).tolist() == [1] * (len(column) - 7)
     open_goal = problem.goal is None
     assert (column[-3:] == (column[-4] + 1 if open_goal else FIXED)).all()
     assert len(variables.lower) == len(column) - 6 + open_goal
-    points = motion.control_points
+    points = spline.control_points
     np.testing.assert_array_equal(variables.of(points)[: len(column) - 6], points[3:-3])
 
 
@@ -40,8 +40,8 @@ def test_a_step_changes_what_the_variables_stand_for(case):
 
 
 def test_the_tool_stays_at_an_open_goal(case):
-    problem, motion, variables = case
-    points = motion.control_points
+    problem, spline, variables = case
+    points = spline.control_points
     step = 0.05 * np.random.default_rng(1).normal(size=variables.lower.shape)
     moved = variables.moved(points, step)
     if problem.goal is not None:
@@ -56,9 +56,9 @@ def test_the_tool_stays_at_an_open_goal(case):
 
 
 def test_directions_that_move_the_tool_at_an_open_goal_are_held(case):
-    problem, motion, variables = case
-    held = variables.held(motion.control_points)
-    _, jacobian = problem.robot.tool_jacobian(motion.control_points[-1:])
+    problem, spline, variables = case
+    held = variables.held(spline.control_points)
+    _, jacobian = problem.robot.tool_jacobian(spline.control_points[-1:])
     free = np.eye(problem.robot.joint_count) - held.T @ held
     if problem.goal is None:
         assert len(held) == 3
@@ -66,8 +66,8 @@ def test_directions_that_move_the_tool_at_an_open_goal_are_held(case):
 
 
 def test_points_are_moved_into_the_ranges_of_all_phases_they_count_in(case):
-    problem, motion, variables = case
-    far = motion.control_points + 20.0
+    problem, spline, variables = case
+    far = spline.control_points + 20.0
     inside = variables.within_bounds(far)
     moving = variables.column != FIXED
     upper = np.minimum(problem.joint_upper.min(axis=0), np.inf)
@@ -76,7 +76,7 @@ def test_points_are_moved_into_the_ranges_of_all_phases_they_count_in(case):
     np.testing.assert_array_equal(inside[~moving], far[~moving])
 
 
-def test_a_goal_left_open_is_where_the_motion_is_fastest():
+def test_a_goal_left_open_is_where_the_trajectory_is_fastest():
     problem = load_problem("example:ur5/over_the_wall")
     assert problem.goal is None
     nearest = reference_branch(problem, spare_joint_rules(problem)[0]).goal
@@ -95,7 +95,7 @@ def test_an_open_goal_without_spare_joints_stays_where_it_is():
     problem = load_problem("example:two_link/paper_1_10mm")
     assert problem.goal is None
     branch = reference_branch(problem, spare_joint_rules(problem)[0])
-    motion = starting_spline(problem, branch, 12)
-    variables = ControlVariables(problem, motion.shape)
+    spline = starting_spline(problem, branch, 12)
+    variables = ControlVariables(problem, spline.shape)
     assert (variables.column[-3:] == FIXED).all()
-    assert len(variables.held(motion.control_points)) == 0
+    assert len(variables.held(spline.control_points)) == 0

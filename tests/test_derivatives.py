@@ -19,7 +19,7 @@ def finite_difference(function, x, step=STEP):
     return np.stack(columns, axis=-1)
 
 
-def random_motion(robot, count=20):
+def random_trajectory(robot, count=20):
     rng = np.random.default_rng(4)
     low, high = robot.limits.lower_position, robot.limits.upper_position
     q = rng.uniform(np.maximum(low, -3), np.minimum(high, 3), (count, robot.joint_count))
@@ -28,26 +28,30 @@ def random_motion(robot, count=20):
 
 def effort_by(argument):
     def case(robot):
-        motion = list(random_motion(robot))
+        trajectory = list(random_trajectory(robot))
 
         def effort(x):
-            varied = [*motion]
+            varied = [*trajectory]
             varied[argument] = x
             return robot.inverse_dynamics(*varied)
 
-        return effort, motion[argument], robot.inverse_dynamics_derivatives(*motion)[argument]
+        return (
+            effort,
+            trajectory[argument],
+            robot.inverse_dynamics_derivatives(*trajectory)[argument],
+        )
 
     return case
 
 
 def tool_by_joints(robot):
-    q, _, _ = random_motion(robot)
+    q, _, _ = random_trajectory(robot)
     return robot.tool_position, q, robot.tool_jacobian(q)[1][:, :3]
 
 
 def turn_by_joints(robot):
     """The angular rows: d R / d q_j = [w_j] R, compared as the matrix's three columns."""
-    q, _, _ = random_motion(robot)
+    q, _, _ = random_trajectory(robot)
     rotation = robot.tool_pose(q)[0]
     angular = robot.tool_jacobian(q)[1][:, 3:]
     turned = np.cross(angular.transpose(0, 2, 1)[:, None], rotation.transpose(0, 2, 1)[:, :, None])
@@ -56,7 +60,7 @@ def turn_by_joints(robot):
 
 def points_by_joints(robot):
     """A point fixed to every body in turn."""
-    q, _, _ = random_motion(robot)
+    q, _, _ = random_trajectory(robot)
     local = np.random.default_rng(7).normal(size=(len(q), 3))
     body = np.arange(len(q)) % robot.body_count
 
@@ -73,7 +77,7 @@ def rotation_error_by_joints(share):
     """The tool beside the middle of a segment, or beyond its end, where the reference rests."""
 
     def case(robot):
-        q, _, _ = random_motion(robot)
+        q, _, _ = random_trajectory(robot)
         rotation, tool = robot.tool_pose(q)
         along = np.array([0.7, -0.4, 0.5])
         points = np.array([[0, 0, 0], along]) + tool.mean(axis=0) - share * along

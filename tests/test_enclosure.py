@@ -8,7 +8,7 @@ from numpy.polynomial import Chebyshev
 from numpy.polynomial.chebyshev import chebpts1
 
 from tubeplanner import JointTrajectory, Payload, load_robot
-from tubeplanner.motion.bernstein import bernstein_coefficients
+from tubeplanner.trajectory.bernstein import bernstein_coefficients
 from tubeplanner.verification.enclosure import _joint_bounds, enclosed_efforts, enclosed_tool
 from tubeplanner.verification.majorants import effort_majorant, tool_majorant
 
@@ -41,7 +41,7 @@ def arm(request, tmp_path_factory):
     return request.getfixturevalue(request.param)
 
 
-def random_motion(robot, seed, degree=5, pieces=3, width=0.1):
+def random_trajectory(robot, seed, degree=5, pieces=3, width=0.1):
     """Return polynomials as fast as arms move, with jumps between the pieces."""
     rng = np.random.default_rng(seed)
     shape = (degree + 1, pieces, robot.joint_count)
@@ -73,15 +73,17 @@ def taylor_coefficients(function, width, orders, points=13):
 @pytest.mark.parametrize("seed", range(4))
 def test_no_taylor_coefficient_exceeds_its_bound(arm, seed):
     width = 0.05
-    motion = random_motion(arm, seed, pieces=1, width=width)
-    joints = _joint_bounds(motion, np.array([0]), np.zeros(1), np.array([width]))
+    trajectory = random_trajectory(arm, seed, pieces=1, width=width)
+    joints = _joint_bounds(trajectory, np.array([0]), np.zeros(1), np.array([width]))
     orders = range(1, 9)
-    tool = taylor_coefficients(lambda t: arm.tool_position(motion.position(t)), width, orders)
+    tool = taylor_coefficients(lambda t: arm.tool_position(trajectory.position(t)), width, orders)
     bound = tool_majorant(arm, joints).position[1:9, 0]
     assert (tool <= bound[:, None] * (1 + 1e-6) + 1e-7).all()
 
     def efforts(t):
-        return arm.inverse_dynamics(motion.position(t), motion.velocity(t), motion.acceleration(t))
+        return arm.inverse_dynamics(
+            trajectory.position(t), trajectory.velocity(t), trajectory.acceleration(t)
+        )
 
     orders = range(9)
     found = taylor_coefficients(efforts, width, orders)
@@ -90,13 +92,13 @@ def test_no_taylor_coefficient_exceeds_its_bound(arm, seed):
 
 
 def test_joint_bounds_are_those_of_the_derivatives(two_link):
-    motion = random_motion(two_link, 5, pieces=2)
+    trajectory = random_trajectory(two_link, 5, pieces=2)
     start, width = np.array([0.02, 0.03]), np.array([0.05, 0.06])
-    bounds = _joint_bounds(motion, np.array([0, 1]), start, width)
+    bounds = _joint_bounds(trajectory, np.array([0, 1]), start, width)
     for i in range(2):
-        t = motion.breakpoints[i] + start[i] + width[i] * np.linspace(0, 1, 500)
+        t = trajectory.breakpoints[i] + start[i] + width[i] * np.linspace(0, 1, 500)
         for order in range(3):
-            value = (motion.position, motion.velocity, motion.acceleration)[order](t)
+            value = (trajectory.position, trajectory.velocity, trajectory.acceleration)[order](t)
             found = abs(value).max(axis=0) * width[i] ** order / factorial(order)
             assert (found <= bounds[order, i] * (1 + 1e-9)).all()
             assert (found >= bounds[order, i] * 0.3).all() or order > 0
@@ -106,32 +108,32 @@ def test_joint_bounds_are_those_of_the_derivatives(two_link):
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("degree", [1, 3, 5])
 def test_the_tool_is_where_it_is_said_to_be(arm, seed, degree):
-    motion = random_motion(arm, seed, degree)
-    enclosure = enclosed_tool(arm, motion, 1e-7)
+    trajectory = random_trajectory(arm, seed, degree)
+    enclosure = enclosed_tool(arm, trajectory, 1e-7)
     assert enclosure.error.max() <= 1e-7
-    samples = motion.per_piece(400)
+    samples = trajectory.per_piece(400)
     inside = np.setdiff1d(np.arange(len(samples.time)), np.arange(3) * 400 + 399)
     off = enclosure.at(samples.time[inside]) - arm.tool_position(samples.position[inside])
     assert np.linalg.norm(off, axis=1).max() <= 1e-7
     np.testing.assert_allclose(enclosure.start[0], 0)
     np.testing.assert_allclose(np.diff(enclosure.start), enclosure.width[:-1], atol=1e-12)
-    np.testing.assert_allclose(enclosure.start[-1] + enclosure.width[-1], motion.duration)
+    np.testing.assert_allclose(enclosure.start[-1] + enclosure.width[-1], trajectory.duration)
 
 
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("degree", [1, 3, 5])
 def test_efforts_are_what_they_are_said_to_be(arm, seed, degree):
-    motion = random_motion(arm, seed, degree)
+    trajectory = random_trajectory(arm, seed, degree)
     tolerance = 1e-7 * arm.limits.effort
-    enclosure = enclosed_efforts(arm, motion, tolerance)
+    enclosure = enclosed_efforts(arm, trajectory, tolerance)
     assert (enclosure.error <= tolerance).all()
-    s = motion.per_piece(400)
+    s = trajectory.per_piece(400)
     inside = np.setdiff1d(np.arange(len(s.time)), np.arange(3) * 400 + 399)
     tau = arm.inverse_dynamics(*(x[inside] for x in (s.position, s.velocity, s.acceleration)))
     assert (abs(enclosure.at(s.time[inside]) - tau) <= tolerance + 1e-9).all()
 
 
-def test_a_motion_that_no_machine_could_make_is_left_open(two_link):
+def test_a_trajectory_that_no_machine_could_make_is_left_open(two_link):
     """A million radians within a piece: the error is not small, and says so."""
     wild = JointTrajectory(two_link.joint_names, [0, 1e-6], [[[1e11, 1e11]], [[0.0, 0.0]]])
     enclosure = enclosed_tool(two_link, wild, 1e-7)
@@ -140,8 +142,8 @@ def test_a_motion_that_no_machine_could_make_is_left_open(two_link):
 
 
 def test_the_hull_of_the_polynomials_holds_the_tool(ur5):
-    motion = random_motion(ur5, 3)
-    enclosure = enclosed_tool(ur5, motion, 1e-7)
+    trajectory = random_trajectory(ur5, 3)
+    enclosure = enclosed_tool(ur5, trajectory, 1e-7)
     rows = np.arange(len(enclosure.width))
     half = np.full(len(rows), 0.5)
     hull = bernstein_coefficients(enclosure.coefficients[:, rows], 0 * half, half)
@@ -169,8 +171,8 @@ def one_joint(tmp_path, kind):
 def test_the_bound_is_exact_for_a_joint_that_turns_uniformly(tmp_path):
     """The k-th derivative of a point on a circle has the length r w^k."""
     robot, speed = one_joint(tmp_path, "revolute"), 3.0
-    motion = JointTrajectory(["move"], [0, 0.2], [[[speed]], [[0.0]]])
-    joints = _joint_bounds(motion, np.array([0]), np.zeros(1), np.array([0.2]))
+    trajectory = JointTrajectory(["move"], [0, 0.2], [[[speed]], [[0.0]]])
+    joints = _joint_bounds(trajectory, np.array([0]), np.zeros(1), np.array([0.2]))
     expected = [0.4 * (0.2 * speed) ** k / factorial(k) for k in range(1, 9)]
     np.testing.assert_allclose(tool_majorant(robot, joints).position[1:9, 0], expected, rtol=1e-12)
 
@@ -179,8 +181,8 @@ def test_the_bound_is_exact_for_a_joint_that_turns_uniformly(tmp_path):
 def test_the_bound_is_near_for_a_joint_that_speeds_up(tmp_path, kind, inertia):
     """Effort is inertia times acceleration, 2 + 6 c t; the bound takes the largest moment."""
     robot = one_joint(tmp_path, kind)
-    motion = JointTrajectory(["move"], [0, 0.1], [[[5.0]], [[1.0]], [[0.0]], [[0.0]]])
-    joints = _joint_bounds(motion, np.array([0]), np.zeros(1), np.array([0.1]))
+    trajectory = JointTrajectory(["move"], [0, 0.1], [[[5.0]], [[1.0]], [[0.0]], [[0.0]]])
+    joints = _joint_bounds(trajectory, np.array([0]), np.zeros(1), np.array([0.1]))
     bound = effort_majorant(robot, joints, np.array([0.1]))[:, 0, 0]
     exact = inertia * np.array([2 + 30 * 0.1, 30 * 0.1])
     if kind == "prismatic":
@@ -193,14 +195,14 @@ def test_the_bound_is_near_for_a_joint_that_speeds_up(tmp_path, kind, inertia):
 
 def test_few_intervals_are_enough(planned):
     problem, result = planned("ur5/over_the_wall", "branch-and-bound")
-    robot, motion = problem.robot, result.trajectory
-    assert len(enclosed_tool(robot, motion, 1e-7).width) < 40
-    assert len(enclosed_efforts(robot, motion, 1e-7 * robot.limits.effort).width) < 80
-    assert len(enclosed_tool(robot, motion, 1e-3).width) < 12
+    robot, trajectory = problem.robot, result.trajectory
+    assert len(enclosed_tool(robot, trajectory, 1e-7).width) < 40
+    assert len(enclosed_efforts(robot, trajectory, 1e-7 * robot.limits.effort).width) < 80
+    assert len(enclosed_tool(robot, trajectory, 1e-3).width) < 12
 
 
 def test_halving_ends_after_so_many_intervals(two_link, monkeypatch):
     monkeypatch.setattr("tubeplanner.verification.enclosure._MAX_INTERVALS", 40)
-    enclosure = enclosed_tool(two_link, random_motion(two_link, 0), 1e-25)
+    enclosure = enclosed_tool(two_link, random_trajectory(two_link, 0), 1e-25)
     assert 20 <= len(enclosure.width) < 80
     assert enclosure.error.max() > 1e-25

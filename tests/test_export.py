@@ -138,7 +138,7 @@ def test_the_undamaged_one_is_read(tmp_path):
 
 @pytest.mark.parametrize("name", PROBLEMS)
 @pytest.mark.parametrize("suffix", [".csv", ".yaml"])
-def test_samples_of_a_refined_motion_read_back_pass(name, suffix, planned, tmp_path):
+def test_samples_of_a_refined_trajectory_read_back_pass(name, suffix, planned, tmp_path):
     problem, result = planned(name, "refinement")
     sampled = samples_for_export(problem, result.trajectory, 500)
     time = sampled.samples.time
@@ -156,7 +156,7 @@ def test_samples_of_a_refined_motion_read_back_pass(name, suffix, planned, tmp_p
     read = read_trajectory_file(path)
     assert "quintics" in read.interpolation
     assert verify(problem, read.trajectory, FOREIGN_TOLERANCE).passed
-    # Near the motion itself, where both have run the same share of their time.
+    # Near the trajectory itself, where both have run the same share of their time.
     share = np.linspace(0, 1, 500)
     apart = read.trajectory.position(share * time[-1]) - result.trajectory.position(
         share * result.duration

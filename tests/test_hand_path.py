@@ -11,7 +11,7 @@ from tubeplanner.baselines.tool_curve import rounded_polyline
 from tubeplanner.baselines.tool_path import tool_paths
 from tubeplanner.branches.reference_branch import ReferenceBranch, SpareJoints, reference_branch
 from tubeplanner.outcome import Infeasible
-from tubeplanner.studies.motion_measures import smoothness_class
+from tubeplanner.studies.trajectory_measures import smoothness_class
 
 BENT = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [1, 2, 0], [3, 4, 1]], dtype=float)
 
@@ -110,13 +110,13 @@ def test_a_law_put_into_a_path_is_exact():
     )
     length = law.position(2.0)[0]
     law = JointTrajectory(["way"], law.breakpoints, law.coefficients / length)
-    motion = run_along(path, law)
+    trajectory = run_along(path, law)
     times = np.linspace(0, 2, 401)
     np.testing.assert_allclose(
-        motion.position(times), path.position(law.position(times)[:, 0]), atol=1e-12
+        trajectory.position(times), path.position(law.position(times)[:, 0]), atol=1e-12
     )
-    assert motion.duration == 2.0
-    assert len(motion.coefficients) == 7
+    assert trajectory.duration == 2.0
+    assert len(trajectory.coefficients) == 7
     ways = np.array([0.0, 0.3, 0.4, 1.0])
     np.testing.assert_allclose(law.position(times_at(law, ways))[:, 0], ways, atol=1e-12)
 

@@ -66,7 +66,7 @@ def test_without_a_preference_joints_move_little(panda):
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_stretched_arm_folds_the_way_its_bounds_allow(sign, two_link):
-    """At full stretch the tool's inward motion has no gradient in the joints."""
+    """At full stretch the tool's inward trajectory has no gradient in the joints."""
     lower, upper = np.sort([[0.0, 3.0 * sign], [-3.0, 3.0]], axis=1)[[0, 1]].T
     lower, upper = np.array([-3.0, lower[0]]), np.array([3.0, upper[0]])
     target = np.array([0.5, 0, 0])

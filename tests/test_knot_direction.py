@@ -21,7 +21,7 @@ from tubeplanner import (
 from tubeplanner.branches.reference_branch import reference_branch, spare_joint_rules
 from tubeplanner.suh_bishop.knot_direction import best_direction, unit_response
 from tubeplanner.suh_bishop.knot_modification import KnotModification, ModificationOptions
-from tubeplanner.suh_bishop.knot_motion import feasible_motion
+from tubeplanner.suh_bishop.knot_trajectory import feasible_trajectory
 from tubeplanner.waypoint_search.candidate_waypoints import candidate_waypoints
 from tubeplanner.waypoint_search.link_clearance import LinkClearance
 
@@ -29,33 +29,35 @@ STEP = 0.05  # [rad]
 
 
 def through_knots(problem, count, construction=sequential_quartics):
-    """Return a motion through knots on the reference path, closer together at its ends."""
+    """Return a trajectory through knots on the reference path, closer together at its ends."""
     branch = reference_branch(problem, spare_joint_rules(problem)[0])
     candidates = candidate_waypoints(problem, branch, 61)
     way = np.linspace(0, 1, count)
     knots = candidates[np.rint(60 * way**2 * (3 - 2 * way)).astype(int)]
-    return feasible_motion(problem, knots, construction, LinkClearance(problem, knots))
+    return feasible_trajectory(problem, knots, construction, LinkClearance(problem, knots))
 
 
-def searched(problem, motion, budget=10_000, step=STEP):
+def searched(problem, candidate, budget=10_000, step=STEP):
     return best_direction(
         problem,
-        motion,
+        candidate,
         np.full(problem.robot.joint_count, step),
-        LinkClearance(problem, motion.knots),
-        upper_bound=motion.duration,
+        LinkClearance(problem, candidate.knots),
+        upper_bound=candidate.duration,
         node_budget=budget,
     )
 
 
-def every_direction(problem, motion):
-    """Return the fastest motion of all (2n+1)^(K-2), each judged as a whole."""
-    clearance, n = LinkClearance(problem, motion.knots), problem.robot.joint_count
+def every_direction(problem, candidate):
+    """Return the fastest trajectory of all (2n+1)^(K-2), each judged as a whole."""
+    clearance, n = LinkClearance(problem, candidate.knots), problem.robot.joint_count
     moves = np.concatenate([np.zeros((1, n)), STEP * np.eye(n), -STEP * np.eye(n)])
-    best = motion
-    for choice in product(moves, repeat=len(motion.knots) - 2):
-        knots = motion.knots + np.vstack([np.zeros(n), *choice, np.zeros(n)])
-        moved = feasible_motion(problem, knots, motion.construction, clearance, best.duration)
+    best = candidate
+    for choice in product(moves, repeat=len(candidate.knots) - 2):
+        knots = candidate.knots + np.vstack([np.zeros(n), *choice, np.zeros(n)])
+        moved = feasible_trajectory(
+            problem, knots, candidate.construction, clearance, best.duration
+        )
         best = moved or best
     return best
 
@@ -99,28 +101,28 @@ def past_a_ball(two_link):
 )
 def test_it_finds_what_trying_every_direction_finds(make, count, two_link):
     problem = make(two_link)
-    motion = through_knots(problem, count)
-    direction, best = searched(problem, motion), every_direction(problem, motion)
+    candidate = through_knots(problem, count)
+    direction, best = searched(problem, candidate), every_direction(problem, candidate)
     assert direction.proved
-    assert best is not motion
-    np.testing.assert_array_equal(direction.motion.knots, best.knots)
+    assert best is not candidate
+    np.testing.assert_array_equal(direction.candidate.knots, best.knots)
     assert direction.nodes <= 5 ** (count - 2)
 
 
 def test_a_spline_s_direction_is_faster_and_at_most_the_best(two_link):
     """Segments of a spline depend on knots not yet chosen: the best may be lost."""
     problem = line(two_link)
-    motion = through_knots(problem, 5, quartic_spline)
-    found, best = searched(problem, motion).motion, every_direction(problem, motion)
-    assert best.duration <= found.duration < motion.duration
+    candidate = through_knots(problem, 5, quartic_spline)
+    found, best = searched(problem, candidate).candidate, every_direction(problem, candidate)
+    assert best.duration <= found.duration < candidate.duration
     assert found.duration == pytest.approx(best.duration, rel=0.01)
 
 
 def test_the_budget_ends_a_search_with_a_direction_that_is_not_proved(two_link):
     problem = corner(two_link)
-    motion = through_knots(problem, 8)
-    early = searched(problem, motion, budget=1)
-    assert early.motion.duration < motion.duration
+    candidate = through_knots(problem, 8)
+    early = searched(problem, candidate, budget=1)
+    assert early.candidate.duration < candidate.duration
     assert not early.proved
     assert early.nodes <= 7 * 60  # one sweep
 
@@ -128,7 +130,7 @@ def test_the_budget_ends_a_search_with_a_direction_that_is_not_proved(two_link):
 def test_where_no_knot_may_move_there_is_no_direction(two_link):
     problem = tight(two_link)
     direction = searched(problem, through_knots(problem, 5), step=1.5)
-    assert (direction.motion, direction.proved) == (None, True)
+    assert (direction.candidate, direction.proved) == (None, True)
 
 
 @pytest.mark.parametrize("construction", [sequential_quartics, quartic_spline])
@@ -152,12 +154,12 @@ def test_moving_knots_never_makes_it_slower(construction, two_link):
         problem, through_knots(problem, 6, construction), ModificationOptions(halvings=2)
     )
     last = work.run(np.inf)
-    durations = [motion.duration for motion in work.motions]
+    durations = [candidate.duration for candidate in work.candidates]
     assert durations == sorted(durations, reverse=True)
-    assert last is work.motions[-1]
+    assert last is work.candidates[-1]
     assert last.duration < 0.95 * durations[0]
     assert verify(problem, last.trajectory).passed
-    np.testing.assert_array_equal(last.knots[[0, -1]], work.motions[0].knots[[0, -1]])
+    np.testing.assert_array_equal(last.knots[[0, -1]], work.candidates[0].knots[[0, -1]])
     assert work.directions >= len(durations) - 1
 
 
@@ -165,13 +167,13 @@ def test_two_knots_are_left_alone(two_link):
     problem = PlanningProblem(
         two_link, Tube([[0.45, 0, 0], [0.45, 0.01, 0]], 0.05), Seed(np.array([0.0, -1.0]))
     )
-    motion = through_knots(problem, 2)
-    work = KnotModification(problem, motion, ModificationOptions())
-    assert work.run(np.inf) is motion
+    candidate = through_knots(problem, 2)
+    work = KnotModification(problem, candidate, ModificationOptions())
+    assert work.run(np.inf) is candidate
     assert work.nodes == 0
 
 
-def test_a_motion_through_an_obstacle_or_out_of_the_tube_is_refused(two_link):
+def test_a_trajectory_through_an_obstacle_or_out_of_the_tube_is_refused(two_link):
     free = line(two_link)
     knots = through_knots(free, 5).knots
     way = two_link.tool_position(knots)
@@ -180,7 +182,7 @@ def test_a_motion_through_an_obstacle_or_out_of_the_tube_is_refused(two_link):
     thin = free.with_tube(free.tube.with_radius(0.001))
     for problem in (blocked, thin):
         clearance = LinkClearance(problem, knots)
-        assert feasible_motion(problem, knots, sequential_quartics, clearance) is None
+        assert feasible_trajectory(problem, knots, sequential_quartics, clearance) is None
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Links in the optimisation: motions that would be faster through something."""
+"""Links in the optimisation: trajectories that would be faster through something."""
 
 import numpy as np
 import pytest
@@ -82,4 +82,4 @@ def test_a_tube_that_is_blocked_is_reported_with_links_and_depth(two_link):
     assert "mm into 'wall'" in result.message
     assert result.trajectory is None
     assert result.path_minimum is None
-    assert (result.notes, result.sensitivities) == ((), ())  # nothing is said of no motion
+    assert (result.notes, result.sensitivities) == ((), ())  # nothing is said of no trajectory

@@ -8,7 +8,7 @@ from tubeplanner import LimitOverrides, Obstacle, PlanningProblem, Tube, load_ro
 from tubeplanner.refinement.limit_conditions import LimitConditions
 from tubeplanner.refinement.linear_rows import StepSize
 from tubeplanner.refinement.link_conditions import LinkConditions
-from tubeplanner.refinement.phase_spline import PhasedMotion, VelocityHull
+from tubeplanner.refinement.phase_spline import PhasedSpline, VelocityHull
 from tubeplanner.refinement.rotation_conditions import evaluated_rotation
 from tubeplanner.refinement.spline_start import knot_grid
 from tubeplanner.refinement.tube_conditions import evaluated_tube
@@ -53,55 +53,55 @@ def case(request):
     problem = PlanningProblem(robot, tube, points[0], obstacles=[ball], clearance=0.01)
     return (
         problem,
-        PhasedMotion(shape, SWITCHING_TIMES, points),
+        PhasedSpline(shape, SWITCHING_TIMES, points),
         shape.samples(np.array([0.2, 0.7])),
     )
 
 
 class Kinds:
-    """The rows of one kind of condition at a motion, and their slack at another."""
+    """The rows of one kind of condition at a trajectory, and their slack at another."""
 
     def __init__(self, kind, case):
-        self.kind, (self.problem, motion, self.samples) = kind, case
+        self.kind, (self.problem, spline, self.samples) = kind, case
         self.links = LinkConditions(self.problem)
         self.links.look_at(
-            motion, motion.shape.samples_at(SWITCHING_TIMES, np.linspace(0.2, 0.8, 9))
+            spline, spline.shape.samples_at(SWITCHING_TIMES, np.linspace(0.2, 0.8, 9))
         )
 
-    def at(self, motion):
+    def at(self, spline):
         if self.kind in LIMITS:
-            places = {"velocity": VelocityHull(len(motion.control_points))}
+            places = {"velocity": VelocityHull(len(spline.control_points))}
             kinds = ("acceleration", "jerk") if self.kind == "rates" else (self.kind,)
             limits = LimitConditions(self.problem.robot)
-            return limits.at(motion, places.get(self.kind, self.samples), kinds)
+            return limits.at(spline, places.get(self.kind, self.samples), kinds)
         if self.kind == "tube":
-            return evaluated_tube(self.problem, motion, self.samples, 0.005, 0)
+            return evaluated_tube(self.problem, spline, self.samples, 0.005, 0)
         if self.kind == "rotation":
             robot, rotation = self.problem.robot, self.problem.tube.rotation
-            return evaluated_rotation(robot, rotation, motion, self.samples, 0.005, 0)
-        return self.links.at(motion)
+            return evaluated_rotation(robot, rotation, spline, self.samples, 0.005, 0)
+        return self.links.at(spline)
 
-    def rows(self, motion, duration, size=None):
-        here = self.at(motion)
+    def rows(self, spline, duration, size=None):
+        here = self.at(spline)
         return here.rows(duration, size) if self.kind in LIMITS else here.rows(size)
 
-    def slack(self, motion, other, duration, eta):
-        """Return the slack of the rows at a motion, elsewhere."""
+    def slack(self, spline, other, duration, eta):
+        """Return the slack of the rows at a trajectory, elsewhere."""
         if self.kind in LIMITS:
             return self.at(other).slack(duration, 1 + eta)
         if self.kind in ("tube", "rotation"):
-            return self.at(motion).slack(self.at(other))
+            return self.at(spline).slack(self.at(other))
         return self.at(other).slack
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_rows_have_the_derivatives_of_their_slack(case, kind):
     """By control points, switching_times and the duration together, along a random direction."""
-    kinds, motion, duration = Kinds(kind, case), case[1], 0.8
-    rows = kinds.rows(motion, duration)
+    kinds, spline, duration = Kinds(kind, case), case[1], 0.8
+    rows = kinds.rows(spline, duration)
     assert len(rows) > 0
     rng = np.random.default_rng(5)
-    change = rng.normal(size=motion.control_points.shape)
+    change = rng.normal(size=spline.control_points.shape)
     change[:3] = change[-3:] = 0.0
     switching, eta = rng.normal(size=1), 0.7
     taken = change[rows.first[:, None] + np.arange(4)]
@@ -113,18 +113,18 @@ def test_rows_have_the_derivatives_of_their_slack(case, kind):
     sides = []
     for sign in (STEP, -STEP):
         switching_times = SWITCHING_TIMES + sign * np.array([0, switching[0], 0])
-        moved = PhasedMotion(motion.shape, switching_times, motion.control_points + sign * change)
-        sides.append(kinds.slack(motion, moved, duration, sign * eta)[rows.index])
+        moved = PhasedSpline(spline.shape, switching_times, spline.control_points + sign * change)
+        sides.append(kinds.slack(spline, moved, duration, sign * eta)[rows.index])
     numeric = -(sides[0] - sides[1]) / (2 * STEP)
     scale = abs(expected).max()
     np.testing.assert_allclose(numeric / scale, expected / scale, atol=3e-4)
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_their_slack_at_the_motion_itself_is_theirs(case, kind):
-    kinds, motion = Kinds(kind, case), case[1]
-    rows = kinds.rows(motion, 0.8)
-    there = kinds.slack(motion, motion, 0.8, 0.0)
+def test_their_slack_at_the_trajectory_itself_is_theirs(case, kind):
+    kinds, spline = Kinds(kind, case), case[1]
+    rows = kinds.rows(spline, 0.8)
+    there = kinds.slack(spline, spline, 0.8, 0.0)
     np.testing.assert_allclose(there[rows.index], rows.slack, atol=1e-12)
     bounded = np.flatnonzero(np.isfinite(there) & (there < 1 - 0.005 - 1e-12))
     assert set(bounded.tolist()) <= set(rows.index.tolist()) <= set(range(len(there)))
@@ -132,9 +132,9 @@ def test_their_slack_at_the_motion_itself_is_theirs(case, kind):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_rows_left_out_cannot_be_broken_by_the_step(case, kind):
-    kinds, motion = Kinds(kind, case), case[1]
+    kinds, spline = Kinds(kind, case), case[1]
     size = StepSize(0.01, 0.005)
-    every, some = kinds.rows(motion, 0.8), kinds.rows(motion, 0.8, size)
+    every, some = kinds.rows(spline, 0.8), kinds.rows(spline, 0.8, size)
     left_out = ~np.isin(every.index, some.index)
     assert (every.slack[left_out] >= every.reach(size)[left_out]).all()
     np.testing.assert_array_equal(every.where(~left_out).slack, some.slack)
@@ -142,8 +142,8 @@ def test_rows_left_out_cannot_be_broken_by_the_step(case, kind):
 
 def test_rows_know_what_the_duration_gives(case):
     """At the duration that the limits allow, the tightest row has no slack; beyond it, some."""
-    problem, motion, samples = case
-    limits = LimitConditions(problem.robot).at(motion, samples, EVERY_LIMIT)
+    problem, spline, samples = case
+    limits = LimitConditions(problem.robot).at(spline, samples, EVERY_LIMIT)
     y = float(limits.squared_durations.max())
     rows = limits.rows(np.sqrt(y), None)
     assert rows.slack.min() == pytest.approx(0.0, abs=1e-9)
@@ -156,9 +156,9 @@ def test_rows_know_what_the_duration_gives(case):
 
 def test_the_least_duration_is_that_of_every_limit(case):
     """Run in it, some limit is just met, and none is broken."""
-    problem, motion, samples = case
+    problem, spline, samples = case
     robot, limits = problem.robot, problem.robot.limits
-    evaluated = LimitConditions(robot).at(motion, samples, EVERY_LIMIT)
+    evaluated = LimitConditions(robot).at(spline, samples, EVERY_LIMIT)
     for i, y in enumerate(evaluated.squared_durations):
         rates = [evaluated.at.rate(order, float(np.sqrt(y)))[i : i + 1] for order in (1, 2, 3)]
         q, (v, a, j) = evaluated.at.position[i : i + 1], rates
@@ -172,9 +172,9 @@ def test_the_least_duration_is_that_of_every_limit(case):
 
 
 def test_every_limit_has_a_name_and_rows(case):
-    problem, motion, samples = case
+    problem, spline, samples = case
     conditions = LimitConditions(problem.robot)
-    rows = conditions.at(motion, samples, EVERY_LIMIT).rows(0.8, None)
+    rows = conditions.at(spline, samples, EVERY_LIMIT).rows(0.8, None)
     assert np.unique(rows.limit).tolist() == list(range(len(conditions.names)))
     n = problem.robot.joint_count
     assert conditions.names[:n] == [("effort", j) for j in range(n)]
@@ -184,8 +184,8 @@ def test_every_limit_has_a_name_and_rows(case):
 
 def test_planes_hold_the_capsule_and_touch_it(case):
     """A tool behind every plane is inside; the outward plane's slack is the wall's distance."""
-    problem, motion, samples = case
-    tube = evaluated_tube(problem, motion, samples, 0.005)
+    problem, spline, samples = case
+    tube = evaluated_tube(problem, spline, samples, 0.005)
     by_plane = -tube.rows(None).slack.reshape(len(tube.excess), -1)
     np.testing.assert_allclose(by_plane[:, 0], tube.excess, atol=1e-9)
     assert (by_plane <= tube.excess[:, None] + 1e-9).all()
@@ -198,9 +198,9 @@ def test_planes_hold_the_capsule_and_touch_it(case):
 
 def test_the_rotations_rows_are_its_margin(case):
     """The tightest row of a sample has the slack that the tube's own margin says."""
-    problem, motion, samples = case
+    problem, spline, samples = case
     tube = problem.tube.rotation
-    evaluated = evaluated_rotation(problem.robot, tube, motion, samples, 0.0, 0)
+    evaluated = evaluated_rotation(problem.robot, tube, spline, samples, 0.0, 0)
     error = tube.error(*problem.robot.tool_pose(evaluated.at.position), samples.phase)
     used = np.hstack([abs(error), np.linalg.norm(error, axis=1, keepdims=True)])
     worst = (used / tube.bounds[samples.phase]).max(axis=1)

@@ -4,12 +4,12 @@ from scipy.interpolate import BSpline
 
 from tubeplanner.refinement.phase_spline import (
     DEGREE,
-    PhasedMotion,
+    PhasedSpline,
     PhaseSpline,
     VelocityHull,
     basis_by_switching,
 )
-from tubeplanner.refinement.sampled_motion import sampled
+from tubeplanner.refinement.sampled_spline import sampled
 from tubeplanner.refinement.spline_start import knot_grid, subdivided
 
 SWITCHING_TIMES = np.array([0.0, 0.3, 0.55, 1.0])
@@ -27,12 +27,12 @@ def control_points(seed=0, joints=2):
 def test_the_basis_is_that_of_scipys_spline():
     samples = SHAPE.samples(np.array([0.1, 0.45, 0.9]))
     points = control_points()
-    motion = sampled(PhasedMotion(SHAPE, SWITCHING_TIMES, points), samples)
+    phased = sampled(PhasedSpline(SHAPE, SWITCHING_TIMES, points), samples)
     spline = BSpline(SHAPE.knots(SWITCHING_TIMES), points, DEGREE)
     x = SWITCHING_TIMES[samples.phase] + np.diff(SWITCHING_TIMES)[samples.phase] * samples.share
     np.testing.assert_allclose(samples.times(SWITCHING_TIMES), x)
     for order in range(4):
-        np.testing.assert_allclose(motion.by_x[order], spline(x, order), rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(phased.by_x[order], spline(x, order), rtol=1e-9, atol=1e-9)
 
 
 def test_samples_are_found_by_their_times():
@@ -59,12 +59,12 @@ def test_samples_at_a_switching_time_belong_to_the_phases_on_both_sides():
 def test_the_velocity_stays_within_its_hull_and_touches_it():
     hull = VelocityHull(SHAPE.control_point_count)
     for seed in range(20):
-        motion = PhasedMotion(SHAPE, SWITCHING_TIMES, control_points(seed))
-        bound = sampled(motion, hull).by_x[1]
-        velocity = motion.spline()(np.linspace(0, 1, 2000), 1)
+        phased = PhasedSpline(SHAPE, SWITCHING_TIMES, control_points(seed))
+        bound = sampled(phased, hull).by_x[1]
+        velocity = phased.bspline()(np.linspace(0, 1, 2000), 1)
         assert (velocity.max(axis=0) <= bound.max(axis=0) + 1e-12).all()
         assert (velocity.min(axis=0) >= bound.min(axis=0) - 1e-12).all()
-    derivative = motion.spline().derivative()
+    derivative = phased.bspline().derivative()
     np.testing.assert_allclose(bound, derivative.c[: len(bound)], rtol=1e-12, atol=1e-12)
 
 
@@ -102,16 +102,16 @@ def test_knots_cluster_at_the_ends_and_have_about_the_number_asked_for(intervals
 
 
 @pytest.mark.parametrize("parts", [2, 3, 4])
-def test_divided_knots_hold_the_same_motion(parts):
+def test_divided_knots_hold_the_same_trajectory(parts):
     shape = knot_grid(SWITCHING_TIMES, 12)
     points = np.random.default_rng(0).normal(size=(shape.control_point_count, 2))
     points[:3], points[-3:] = points[0], points[-1]
-    motion = PhasedMotion(shape, SWITCHING_TIMES, points)
-    finer = subdivided(motion, parts)
+    phased = PhasedSpline(shape, SWITCHING_TIMES, points)
+    finer = subdivided(phased, parts)
     assert finer.shape.interval_count == parts * shape.interval_count
     old, new = shape.breakpoints(SWITCHING_TIMES), finer.shape.breakpoints(SWITCHING_TIMES)
     np.testing.assert_allclose(new[::parts], old, atol=1e-15)
     assert (np.diff(new) > 0).all()
     x = np.linspace(0, 1, 500)
-    np.testing.assert_allclose(finer.spline()(x), motion.spline()(x), atol=1e-6)
-    np.testing.assert_array_equal(finer.control_points[[0, -1]], motion.control_points[[0, -1]])
+    np.testing.assert_allclose(finer.bspline()(x), phased.bspline()(x), atol=1e-6)
+    np.testing.assert_array_equal(finer.control_points[[0, -1]], phased.control_points[[0, -1]])

@@ -191,7 +191,7 @@ def test_stages_are_announced(two_link):
     plan(two_link_problem(two_link), PlanOptions(STOP), stages.append)
     assert [str(progress) for progress in stages] == [
         "inverse kinematics along the reference path",
-        "motion along it, stopping at corners",
+        "trajectory along it, stopping at corners",
         "certificate",
     ]
 
@@ -275,7 +275,7 @@ def test_options_are_checked_when_they_are_made():
         PlanOptions(node_budget=0)
 
 
-def test_limits_scaled_down_slow_the_motion_down(planned, two_link):
+def test_limits_scaled_down_slow_the_trajectory_down(planned, two_link):
     """Half the effort, no gravity: the same shape takes sqrt(2) times as long."""
     from tubeplanner import LimitOverrides
 

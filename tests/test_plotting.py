@@ -17,7 +17,7 @@ from tubeplanner import (
     sweep,
 )
 from tubeplanner.views.figure_files import figure_png
-from tubeplanner.views.panels import draw_factor, motion_curves
+from tubeplanner.views.panels import draw_factor, trajectory_curves
 
 
 def colours(figure):
@@ -36,7 +36,7 @@ def test_a_figure_shows_every_joint_against_its_limits(name, planned, tmp_path):
     n = problem.robot.joint_count
     labels = [text.get_text() for text in position.get_legend().get_texts()]
     assert labels == list(problem.robot.joint_names)
-    visits = motion_curves(problem, result.trajectory).visits
+    visits = trajectory_curves(problem, result.trajectory).visits
     switching_samples = len(visits) - 1
     assert len(effort.lines) == n + 2 + switching_samples
     shares = np.array([line.get_ydata() for line in effort.lines[:n]])
@@ -66,7 +66,7 @@ def test_a_figure_that_cannot_be_written_is_an_error_of_ours(planned, tmp_path):
 def test_the_tube_use_is_that_of_the_segment_the_tool_is_in(planned):
     """Round a corner, the segment left behind may be the nearer one; its radius holds no more."""
     problem, result = planned("ur5/over_the_wall", "branch-and-bound")
-    curves = motion_curves(problem, result.trajectory)
+    curves = trajectory_curves(problem, result.trajectory)
     assert (curves.tube_use <= 1.001).all()
     assert [segment for segment, _, _ in curves.visits] == [0, 1, 2]
     assert curves.visits[0][1] == 0
@@ -75,13 +75,13 @@ def test_the_tube_use_is_that_of_the_segment_the_tool_is_in(planned):
 
 def test_the_rotation_tolerance_is_used_but_not_beyond(planned):
     problem, result = planned("ur5/level_tray", "refinement")
-    use = motion_curves(problem, result.trajectory).rotation_use
+    use = trajectory_curves(problem, result.trajectory).rotation_use
     assert 0.9 < use.max() <= 1 + 1e-5
 
 
 def test_the_tool_speed_is_the_slope_of_its_path(planned):
     problem, result = planned("panda/between_shelves")
-    curves, step = motion_curves(problem, result.trajectory), 1e-6
+    curves, step = trajectory_curves(problem, result.trajectory), 1e-6
     time = np.clip(curves.samples.time, step, result.duration - step)
     q = result.trajectory.position
     before, after = (problem.robot.tool_position(q(time + s)) for s in (-step, step))
@@ -93,8 +93,8 @@ def test_the_tool_speed_is_the_slope_of_its_path(planned):
 def test_where_the_factor_is_one_a_limit_is_met(planned):
     """Run as many times faster as the smallest says, and one limit is met, none exceeded."""
     problem, result = planned("ur5/over_the_wall", "refinement")
-    slow = motion_curves(problem, result.trajectory.scaled(1.5))
-    fast = motion_curves(problem, result.trajectory)
+    slow = trajectory_curves(problem, result.trajectory.scaled(1.5))
+    fast = trajectory_curves(problem, result.trajectory)
     assert slow.factor.min() == pytest.approx(1.5 * fast.factor.min())
     assert np.quantile(fast.factor, 0.9) < 1.02
 
@@ -128,12 +128,12 @@ def test_a_sweep_is_drawn_with_its_slopes_and_its_gaps(tmp_path):
     assert path.read_bytes().startswith(b"\x89PNG")
 
 
-def test_several_motions_share_an_axis(planned):
+def test_several_trajectories_share_an_axis(planned):
     from tubeplanner.views.figure_files import new_figure
 
     problem, result = planned("two_link/around_a_post")
     axis = new_figure(5, 3).add_subplot()
-    curves = motion_curves(problem, result.trajectory)
+    curves = trajectory_curves(problem, result.trajectory)
     for number, label in enumerate(("one", "two")):
         draw_factor(axis, curves, label, number)
     dashes = {line.get_linestyle() for line in axis.lines if line.get_label() in ("one", "two")}

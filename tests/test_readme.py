@@ -18,7 +18,7 @@ def test_the_ten_lines_run(capsys):
     code = block("python")
     assert len([line for line in code.splitlines() if line.strip()]) <= 11
     exec(compile(code, "README.md", "exec"), {})
-    assert "certified motion of" in capsys.readouterr().out
+    assert "certified trajectory of" in capsys.readouterr().out
 
 
 def test_the_problem_file_is_planned():

@@ -14,7 +14,7 @@ from tubeplanner.studies.reproduction_page import reproduction_page
 
 @pytest.fixture(scope="module")
 def reproduced():
-    """All cells, the slow published method's replaced by motions that stop at the ends."""
+    """All cells, the slow published method's replaced by trajectories that stop at the ends."""
 
     def quick(problem, options, progress):
         quicker = {"suh-bishop": "stop-at-corners"}.get(options.method, options.method)

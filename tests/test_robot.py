@@ -59,7 +59,7 @@ def random_configurations(robot, count):
     return np.random.default_rng(RNG_SEED).uniform(low, high, (count, robot.joint_count))
 
 
-def random_motion(robot, count=50):
+def random_trajectory(robot, count=50):
     rng = np.random.default_rng(RNG_SEED + 1)
     q = random_configurations(robot, count)
     return q, rng.normal(size=q.shape), rng.normal(size=q.shape)
@@ -120,20 +120,20 @@ def test_two_link_jacobian_is_the_textbook_one(two_link):
 
 
 def test_two_link_effort_is_mass_times_acceleration_plus_coriolis(two_link):
-    motion = random_motion(two_link, 200)
+    trajectory = random_trajectory(two_link, 200)
     np.testing.assert_allclose(
-        two_link.inverse_dynamics(*motion), two_link_effort(*motion), atol=1e-11
+        two_link.inverse_dynamics(*trajectory), two_link_effort(*trajectory), atol=1e-11
     )
-    np.testing.assert_array_equal(two_link.gravity_effort(motion[0]), 0.0)
+    np.testing.assert_array_equal(two_link.gravity_effort(trajectory[0]), 0.0)
 
 
 def test_two_link_effort_in_a_vertical_plane_adds_the_weight():
     robot = load_robot("example:two_link", "hand", gravity=(0, -9.81, 0))
-    motion = random_motion(robot, 200)
-    expected = two_link_effort(*motion, gravity=9.81)
-    np.testing.assert_allclose(robot.inverse_dynamics(*motion), expected, atol=1e-11)
-    still = two_link_effort(motion[0], 0 * motion[1], 0 * motion[2], gravity=9.81)
-    np.testing.assert_allclose(robot.gravity_effort(motion[0]), still, atol=1e-11)
+    trajectory = random_trajectory(robot, 200)
+    expected = two_link_effort(*trajectory, gravity=9.81)
+    np.testing.assert_allclose(robot.inverse_dynamics(*trajectory), expected, atol=1e-11)
+    still = two_link_effort(trajectory[0], 0 * trajectory[1], 0 * trajectory[2], gravity=9.81)
+    np.testing.assert_allclose(robot.gravity_effort(trajectory[0]), still, atol=1e-11)
     np.testing.assert_array_equal(robot.gravity, [0, -9.81, 0])
 
 
@@ -197,7 +197,7 @@ def test_a_payload_adds_its_weight_through_the_jacobian(ur5, loaded_ur5, ur5_at_
 
 
 def test_a_payload_adds_its_kinetic_energy(ur5, loaded_ur5, ur5_at_payload):
-    q, v, _ = random_motion(ur5, 20)
+    q, v, _ = random_trajectory(ur5, 20)
     zero = np.zeros_like(q)
 
     def energy(robot):
@@ -244,21 +244,25 @@ def test_joints_in_another_order_permute_everything(ur5):
     order = [3, 0, 5, 1, 4, 2]
     shuffled = load_robot("example:ur5", "tool0", joints=[ur5.joint_names[i] for i in order])
     assert shuffled.joint_names == tuple(ur5.joint_names[i] for i in order)
-    motion = random_motion(ur5, 10)
-    mixed = [values[:, order] for values in motion]
+    trajectory = random_trajectory(ur5, 10)
+    mixed = [values[:, order] for values in trajectory]
     close = {"rtol": 0, "atol": 1e-12}
-    np.testing.assert_allclose(shuffled.tool_position(mixed[0]), ur5.tool_position(motion[0]))
-    for mine, plain in zip(shuffled.body_poses(mixed[0]), ur5.body_poses(motion[0]), strict=True):
+    np.testing.assert_allclose(shuffled.tool_position(mixed[0]), ur5.tool_position(trajectory[0]))
+    for mine, plain in zip(
+        shuffled.body_poses(mixed[0]), ur5.body_poses(trajectory[0]), strict=True
+    ):
         np.testing.assert_allclose(mine, plain, **close)
     np.testing.assert_allclose(
-        shuffled.tool_jacobian(mixed[0])[1], ur5.tool_jacobian(motion[0])[1][:, :, order], **close
+        shuffled.tool_jacobian(mixed[0])[1],
+        ur5.tool_jacobian(trajectory[0])[1][:, :, order],
+        **close,
     )
     np.testing.assert_allclose(
-        shuffled.inverse_dynamics(*mixed), ur5.inverse_dynamics(*motion)[:, order], **close
+        shuffled.inverse_dynamics(*mixed), ur5.inverse_dynamics(*trajectory)[:, order], **close
     )
     for mine, plain in zip(
         shuffled.inverse_dynamics_derivatives(*mixed),
-        ur5.inverse_dynamics_derivatives(*motion),
+        ur5.inverse_dynamics_derivatives(*trajectory),
         strict=True,
     ):
         np.testing.assert_allclose(mine, plain[:, order][:, :, order], **close)
@@ -374,7 +378,7 @@ def test_a_continuous_joint_is_a_plain_coordinate_beyond_full_turns(arm):
 
 def test_a_sliding_joint_moves_and_carries_along_its_axis(arm):
     robot = arm(*SLIDER)
-    q, v, a = random_motion(robot, 30)
+    q, v, a = random_trajectory(robot, 30)
     turn = Rotation.from_euler("z", q[:, :1]).as_matrix()
     reach = 0.5 + q[:, 1]
     local = np.column_stack([reach, 0 * reach, 0 * reach + 0.1])

@@ -13,8 +13,8 @@ from tubeplanner.verification.tube_visits import Visit, tube_visits
 INF = np.inf
 
 
-def pose_of(robot, motion):
-    return enclosed_pose(robot, motion, 1e-8, 1e-9)
+def pose_of(robot, trajectory):
+    return enclosed_pose(robot, trajectory, 1e-8, 1e-9)
 
 
 def wavy(robot, seed, pieces=4, width=0.1):
@@ -29,15 +29,15 @@ def wavy(robot, seed, pieces=4, width=0.1):
     return JointTrajectory(robot.joint_names, width * np.arange(pieces + 1), coefficients)
 
 
-def margins(robot, tube, motion, t, segment):
-    rotation, tool = robot.tool_pose(motion.position(t))
+def margins(robot, tube, trajectory, t, segment):
+    rotation, tool = robot.tool_pose(trajectory.position(t))
     return tube.rotation.margin(rotation, tool, segment)
 
 
-def around(robot, motion, seed, tolerance, reach=0.2):
+def around(robot, trajectory, seed, tolerance, reach=0.2):
     """Return a tube near the tool whose reference turns along; its nearest points pass the ends."""
     rng = np.random.default_rng(seed)
-    rotation, tool = robot.tool_pose(motion.position(np.array([0.0, 0.2, 0.4])))
+    rotation, tool = robot.tool_pose(trajectory.position(np.array([0.0, 0.2, 0.4])))
     points = tool + rng.uniform(-reach, reach, (3, 3))
     off = Rotation.from_rotvec(rng.normal(scale=0.4, size=(3, 3)))
     quaternions = (Rotation.from_matrix(rotation) * off).as_quat()
@@ -54,30 +54,31 @@ TOLERANCES = {
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("name", TOLERANCES)
 def test_the_least_margin_is_bracketed(name, seed, robot):
-    motion = wavy(robot, seed)
-    tube = around(robot, motion, seed, TOLERANCES[name])
-    visits = [Visit(0, 0.0, 0.23), Visit(1, 0.23, motion.duration)]
-    least = least_rotation_margin(tube.rotation, pose_of(robot, motion), visits)
-    t = np.linspace(0, motion.duration, 40_001)
+    trajectory = wavy(robot, seed)
+    tube = around(robot, trajectory, seed, TOLERANCES[name])
+    visits = [Visit(0, 0.0, 0.23), Visit(1, 0.23, trajectory.duration)]
+    least = least_rotation_margin(tube.rotation, pose_of(robot, trajectory), visits)
+    t = np.linspace(0, trajectory.duration, 40_001)
     early, late = t[t <= 0.23], t[t >= 0.23]
     true = min(
-        margins(robot, tube, motion, early, 0).min(), margins(robot, tube, motion, late, 1).min()
+        margins(robot, tube, trajectory, early, 0).min(),
+        margins(robot, tube, trajectory, late, 1).min(),
     )
     assert least.lower_bound <= true + 1e-9
     assert least.attained >= true - 2e-5
     assert least.attained - least.lower_bound <= max(1e-6, 0.02 * abs(least.attained) + 3e-7)
-    here = margins(robot, tube, motion, np.array([least.time]), least.segment)
+    here = margins(robot, tube, trajectory, np.array([least.time]), least.segment)
     assert here[0] == pytest.approx(least.attained, abs=1e-6)
     assert least.intervals < 20_000
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_touching_a_bound_is_decided(seed, ur5):
-    """The bound is set to the largest value the motion takes: contact without crossing."""
-    motion = wavy(ur5, seed)
-    wide = around(ur5, motion, seed, [[3.0, INF, INF], INF])
-    visit = [Visit(0, 0.0, motion.duration)]
-    pose, used = pose_of(ur5, motion), 3.0
+    """The bound is set to the largest value the trajectory takes: contact without crossing."""
+    trajectory = wavy(ur5, seed)
+    wide = around(ur5, trajectory, seed, [[3.0, INF, INF], INF])
+    visit = [Visit(0, 0.0, trajectory.duration)]
+    pose, used = pose_of(ur5, trajectory), 3.0
     for _ in range(4):
         again = Tube(
             wide.points,
@@ -94,11 +95,11 @@ def test_touching_a_bound_is_decided(seed, ur5):
 def turning_wrist(ur5, tray, end):
     """Return the level start with the last joint turning at one rad/s, and a tube about it."""
     q = tray.start
-    motion = JointTrajectory(ur5.joint_names, [0, end], [[[0] * 5 + [1.0]], [q]])
+    trajectory = JointTrajectory(ur5.joint_names, [0, end], [[[0] * 5 + [1.0]], [q]])
     rotation, tool = ur5.tool_pose(q[None])
     tilted = Rotation.from_matrix(rotation[0]) * Rotation.from_rotvec([-0.02, 0, 0])
     points = tool + np.array([[0, 0, 0], [0.1, 0, 0]])
-    return motion, Tube(
+    return trajectory, Tube(
         points, 0.1, orientations=[tilted.as_quat()] * 2, rotation_tolerance=[[0.04, 0.04, INF]]
     )
 
@@ -107,8 +108,8 @@ def turning_wrist(ur5, tray, end):
 def test_a_turn_beyond_half_a_turn_is_followed(end, planned):
     """Tilt 0.02 about x, then a turn by a: |v| sin(0.01) (cos(a/2), sin(a/2)), most at a = pi."""
     tray, _ = planned("ur5/level_tray")
-    motion, tube = turning_wrist(tray.robot, tray, end)
-    pose = pose_of(tray.robot, motion)
+    trajectory, tube = turning_wrist(tray.robot, tray, end)
+    pose = pose_of(tray.robot, trajectory)
     least = least_rotation_margin(tube.rotation, pose, [Visit(0, 0.0, end)])
     a = np.linspace(0, end, 100_001)[1:]
     angle = 2 * np.arccos(np.clip(np.cos(0.01) * np.cos(a / 2), -1, 1))
@@ -129,9 +130,11 @@ def test_half_a_turn_between_two_ends_is_seen(planned):
     first = (Rotation.from_matrix(rotation[0]) * Rotation.from_rotvec([0, 0, -3.0])).as_quat()
     points = tool + np.array([[0, 0, 0], [0.1, 0, 0]])
     tube = Tube(points, 0.1, orientations=[first] * 2, rotation_tolerance=4.0)
-    motion = JointTrajectory(tray.robot.joint_names, [0, 1.0], [[[0] * 5 + [0.3]], [tray.start]])
+    trajectory = JointTrajectory(
+        tray.robot.joint_names, [0, 1.0], [[[0] * 5 + [0.3]], [tray.start]]
+    )
     visit = [Visit(0, 0.0, 1.0)]
-    least = least_rotation_margin(tube.rotation, pose_of(tray.robot, motion), visit)
+    least = least_rotation_margin(tube.rotation, pose_of(tray.robot, trajectory), visit)
     assert 0.97 * (4 - np.pi) <= least.lower_bound <= 4 - np.pi + 1e-9
 
 
@@ -162,14 +165,14 @@ def test_a_spike_between_two_thousand_samples_is_found(planned):
     problem, result = planned("ur5/level_tray")
     regular = np.linspace(0, result.duration, 2001)
     when = regular[1000] + 2e-4
-    motion = spiked(result.trajectory, 4, 0.07, when, 2e-5)
-    rotation, tool = problem.robot.tool_pose(motion.position(regular))
+    trajectory = spiked(result.trajectory, 4, 0.07, when, 2e-5)
+    rotation, tool = problem.robot.tool_pose(trajectory.position(regular))
     assert problem.tube.rotation.margin(rotation, tool, 1).min() > 0.05
-    condition = verify(problem, motion).conditions["rotation"]
+    condition = verify(problem, trajectory).conditions["rotation"]
     assert condition.where.time == pytest.approx(when + 1e-5, abs=1e-5)
     assert condition.where.segment == 1
     assert condition.unit == "rad"
-    at = problem.robot.tool_pose(motion.position(np.array([when + 1e-5])))
+    at = problem.robot.tool_pose(trajectory.position(np.array([when + 1e-5])))
     deepest = problem.tube.rotation.margin(*at, 1)[0]
     assert deepest < -0.01
     assert condition.margin == pytest.approx(deepest, rel=0.05)
@@ -179,8 +182,8 @@ def test_a_spike_between_two_thousand_samples_is_found(planned):
 def test_a_bound_is_judged_to_hundredths_of_a_milliradian(slack, passes, planned):
     """The largest tilt of a wavering tool, and a bound that is beside it by 2e-5 rad."""
     problem, result = planned("ur5/level_tray")
-    motion = spiked(result.trajectory, 4, 0.03, 0.6, 0.2)
-    rotation, tool = problem.robot.tool_pose(motion.position(np.linspace(0.6, 0.8, 20_001)))
+    trajectory = spiked(result.trajectory, 4, 0.03, 0.6, 0.2)
+    rotation, tool = problem.robot.tool_pose(trajectory.position(np.linspace(0.6, 0.8, 20_001)))
     largest = abs(problem.tube.rotation.error(rotation, tool, 1)[:, :2]).max()
     tube = problem.tube
     bound = (largest + slack, largest + slack, INF)
@@ -188,7 +191,7 @@ def test_a_bound_is_judged_to_hundredths_of_a_milliradian(slack, passes, planned
         tube.points, tube.radius, orientations=tube.orientations, rotation_tolerance=[bound] * 3
     )
     asked = PlanningProblem(problem.robot, judged, problem.start)
-    condition = verify(asked, motion).conditions["rotation"]
+    condition = verify(asked, trajectory).conditions["rotation"]
     assert (condition.margin >= 0) is passes
     assert condition.margin == pytest.approx(slack, abs=1e-6)
     assert condition.coverage == "for all t"
@@ -203,16 +206,16 @@ def test_the_switching_time_is_when_both_rotation_tolerances_hold(two_link, visi
     points = [[2, 0, 0], [3, 0, 0], [4, 0, 0]]
     tube = Tube(points, 9.0, visit=visit, orientations=quaternions, rotation_tolerance=[bound] * 2)
     problem = PlanningProblem(two_link, tube, Seed(np.array([0.0, -1.0])))
-    motion = JointTrajectory(two_link.joint_names, [0, 1.0], [[[0.9, 0.0]], [[0.6, -1.0]]])
-    pose = pose_of(two_link, motion)
-    visits = tube_visits(problem, motion, pose.tool, pose.rotation)
+    trajectory = JointTrajectory(two_link.joint_names, [0, 1.0], [[[0.9, 0.0]], [[0.6, -1.0]]])
+    pose = pose_of(two_link, trajectory)
+    visits = tube_visits(problem, trajectory, pose.tool, pose.rotation)
     assert [visit.segment for visit in visits] == [0, 1]
     assert visits[0].end == pytest.approx(0.4 / 0.9, abs=1e-7)
     least = least_rotation_margin(tube.rotation, pose, visits)
     # Elsewhere the angle is at most 0.2 off its reference.
     assert least.attained == pytest.approx(min(left, bound - 0.2), abs=2e-7)
     assert least.lower_bound == pytest.approx(least.attained, abs=2e-3)
-    condition = verify(problem, motion).conditions["rotation"]
+    condition = verify(problem, trajectory).conditions["rotation"]
     assert (condition.margin >= -1e-6) is (left >= 0)
 
 
@@ -224,15 +227,15 @@ def test_a_segment_that_leaves_the_rotation_free_is_not_judged(two_link):
         orientations=quaternions,
         rotation_tolerance=[[INF, INF, INF], 0.1],
     )
-    motion = JointTrajectory(two_link.joint_names, [0, 1.0], [[[0.9, 0.0]], [[0.6, -1.0]]])
-    pose = pose_of(two_link, motion)
+    trajectory = JointTrajectory(two_link.joint_names, [0, 1.0], [[[0.9, 0.0]], [[0.6, -1.0]]])
+    pose = pose_of(two_link, trajectory)
     assert least_rotation_margin(tube.rotation, pose, [Visit(0, 0.0, 1.0)]) is None
     both = least_rotation_margin(tube.rotation, pose, [Visit(0, 0.0, 0.5), Visit(1, 0.5, 1.0)])
     assert both.attained == pytest.approx(0.1 - 0.5, abs=1e-6)
     assert both.segment == 1
 
 
-def test_a_motion_that_no_machine_could_make_is_left_open(two_link):
+def test_a_trajectory_that_no_machine_could_make_is_left_open(two_link):
     """A million radians within a microsecond: the bound is poor, finite, and not above the true."""
     wild = JointTrajectory(two_link.joint_names, [0, 1e-6], [[[1e11, 1e11]], [[0.0, 0.0]]])
     tube = Tube([[2, 0, 0], [3, 0, 0]], 9.0, orientations=[[0, 0, 0, 1]] * 2, rotation_tolerance=1)
@@ -242,9 +245,9 @@ def test_a_motion_that_no_machine_could_make_is_left_open(two_link):
 
 def test_halving_ends_after_so_many_rows(ur5, monkeypatch):
     """The bounds then count as they stand."""
-    motion = wavy(ur5, 1)
-    tube, pose = around(ur5, motion, 1, [0.5, 0.5]), pose_of(ur5, motion)
-    visit = [Visit(0, 0.0, motion.duration)]
+    trajectory = wavy(ur5, 1)
+    tube, pose = around(ur5, trajectory, 1, [0.5, 0.5]), pose_of(ur5, trajectory)
+    visit = [Visit(0, 0.0, trajectory.duration)]
     whole = least_rotation_margin(tube.rotation, pose, visit)
     monkeypatch.setattr("tubeplanner.verification.rotation_visits._MAX_ROWS", len(pose.tool.width))
     least = least_rotation_margin(tube.rotation, pose, visit)
@@ -270,13 +273,13 @@ def test_what_happens_between_two_ends_is_bounded(extended, turned, largest, tmp
     robot, turn, bound = load_robot(path, "tip"), 0.02, 1.0
     coefficients = np.zeros((3, 1, 3))
     coefficients[:, 0, 1], coefficients[:, 0, 2] = extended, turn * np.array(turned)
-    motion = JointTrajectory(robot.joint_names, [0, 1.0], coefficients)
+    trajectory = JointTrajectory(robot.joint_names, [0, 1.0], coefficients)
     quaternions = Rotation.from_euler("y", [[0.0], [turn]]).as_quat()
     points = [[0.6, 0, 0.5], [1.6, 0, 0.5]]
     tube = Tube(points, 9.0, orientations=quaternions, rotation_tolerance=[[INF, bound, INF]])
-    dense = margins(robot, tube, motion, np.linspace(0, 1, 10_001), 0).min()
+    dense = margins(robot, tube, trajectory, np.linspace(0, 1, 10_001), 0).min()
     assert dense == pytest.approx(bound - turn * largest, abs=1e-12)
-    pose = pose_of(robot, motion)
+    pose = pose_of(robot, trajectory)
     least = least_rotation_margin(tube.rotation, pose, [Visit(0, 0.0, 1.0)])
     assert least.intervals <= 3
     assert 0.97 * dense <= least.lower_bound <= dense + 1e-12

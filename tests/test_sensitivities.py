@@ -55,10 +55,10 @@ def test_without_gravity_all_limits_together_have_a_known_sensitivity(limits):
     )
 
 
-def polished(problem, motion):
-    """Plan again from a motion near by, on the same knots, to a tight tolerance."""
-    program = SequentialProgram(problem, motion.shape, lambda iterate: None)
-    return program.improved(program.iterate(motion), 0.01, 1e-8, 60).duration
+def polished(problem, trajectory):
+    """Plan again from a trajectory near by, on the same knots, to a tight tolerance."""
+    program = SequentialProgram(problem, trajectory.shape, lambda iterate: None)
+    return program.improved(program.iterate(trajectory), 0.01, 1e-8, 60).duration
 
 
 def test_sensitivities_are_what_planning_again_finds():
@@ -66,8 +66,8 @@ def test_sensitivities_are_what_planning_again_finds():
     branch = reference_branch(problem, spare_joint_rules(problem)[0])
     refined = Refinement(problem, starting_spline(problem, branch, 8), (3, 3))
     refined.run()
-    motion = refined._best.motion
-    duration = polished(problem, motion)
+    trajectory = refined._best.trajectory
+    duration = polished(problem, trajectory)
     sensitivities = refined.elasticities()
     step = 0.02
     limits = problem.robot.limits.effort
@@ -81,7 +81,7 @@ def test_sensitivities_are_what_planning_again_finds():
             else:
                 name = problem.robot.joint_names[index]
                 changed = problem_with(arm(effort={name: factor * limits[index]}))
-            found.append(polished(changed, motion))
+            found.append(polished(changed, trajectory))
         change = (found[1] - found[0]) / (2 * step)
         assert -elasticity * duration == pytest.approx(change, rel=0.1, abs=1e-3), (limit, index)
 

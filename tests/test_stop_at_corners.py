@@ -81,8 +81,8 @@ def test_splines_follow_the_branch_within_the_rotation_tolerance(planned):
         rotation_tolerance=1e-4,
     )
     problem = PlanningProblem(tray.robot, tube, tray.start)
-    motion = stop_at_corners(problem, branch_of(problem))
-    assert verify(problem, motion).passed
+    trajectory = stop_at_corners(problem, branch_of(problem))
+    assert verify(problem, trajectory).passed
 
 
 def test_a_fit_is_held_against_the_rotation_too(planned):

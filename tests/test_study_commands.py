@@ -48,7 +48,7 @@ def test_plan_says_what_became_of_the_samples(run, tmp_path):
     _, out, _ = run("plan", PROBLEM, "--csv", tmp_path / "t.csv")
     assert "note: CSV and ROS samples at 500 Hz are averaged over neighbouring periods" in out
     _, out, _ = run("plan", PROBLEM, "--csv", tmp_path / "t.csv", "--json")
-    assert any("longer than the motion" in note for note in json.loads(out)["notes"])
+    assert any("longer than the trajectory" in note for note in json.loads(out)["notes"])
     _, out, _ = run("plan", PROBLEM, "-o", tmp_path / "t.json", "--json")
     assert not any("samples" in note for note in json.loads(out)["notes"])
 

@@ -104,7 +104,7 @@ def test_where_phase_one_finds_nothing_no_other_method_answers():
     assert result.method == METHOD
     assert result.phase_two is None
     assert result.message.startswith(
-        "phase 1 found no certified motion through 8 points of the reference path ("
+        "phase 1 found no certified trajectory through 8 points of the reference path ("
     )
     assert result.search.cuts["tube"] > 0
 

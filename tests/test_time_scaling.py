@@ -66,7 +66,7 @@ def test_scaling_again_changes_nothing(planned):
 
 
 def test_gravity_takes_its_share_of_the_effort(tmp_path):
-    """The scaled motion meets the effort limit at its worst instant, and never breaks it."""
+    """The scaled trajectory meets the effort limit at its worst instant, and never breaks it."""
     robot = one_joint(tmp_path, mass=0.5, velocity=np.inf)
     trajectory = scaled_to_limits(robot, quintic())
     samples = trajectory.at(np.linspace(0, trajectory.duration, 20_001))

@@ -3,7 +3,7 @@ import pytest
 from scipy.interpolate import BSpline, PPoly
 
 from tubeplanner import JointTrajectory, TrajectoryError
-from tubeplanner.motion.trajectory import concatenate, from_spline
+from tubeplanner.trajectory.joint_trajectory import concatenate, from_spline
 
 NAMES = ("a", "b")
 

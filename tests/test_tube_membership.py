@@ -89,7 +89,7 @@ def test_in_a_union_any_segment_may_follow_any_other():
 
 
 def lines(two_link, q):
-    """Return a motion along straight joint lines through configurations, one per second."""
+    """Return a trajectory along straight joint lines through configurations, one per second."""
     q = np.array(q)
     coefficients = np.stack([np.diff(q, axis=0), q[:-1]])
     return JointTrajectory(two_link.joint_names, np.arange(len(q)), coefficients)
@@ -104,7 +104,7 @@ def test_the_first_piece_that_leaves_the_tube_is_named(planned):
     assert first_departure(problem, moved, 1e-6) == 7
 
 
-def test_a_motion_must_arrive_in_the_last_segment(planned):
+def test_a_trajectory_must_arrive_in_the_last_segment(planned):
     problem, result = planned("two_link/around_a_post")
     part = result.trajectory.between(0.0, result.duration / 2)
     assert first_departure(problem, part, 1e-6) == len(part.widths) - 1
@@ -118,9 +118,9 @@ def test_a_departure_between_samples_is_seen(two_link):
     for height, expected in ((1e-5, 0), (-1e-5, None)):
         elbow = [-1.0, 2 * peak, height - peak**2]  # height - (t - peak)^2
         coefficients = np.array([[0.0, 0.0, 0.3], elbow]).T[:, None]
-        motion = JointTrajectory(two_link.joint_names, [0, 1], coefficients)
-        assert (motion.per_piece(65).position[:, 1] < 0).all()
-        assert first_departure(problem, motion, 1e-7) == expected
+        trajectory = JointTrajectory(two_link.joint_names, [0, 1], coefficients)
+        assert (trajectory.per_piece(65).position[:, 1] < 0).all()
+        assert first_departure(problem, trajectory, 1e-7) == expected
 
 
 def test_a_union_may_be_visited_backwards(two_link):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tubeplanner import JointTrajectory, PlanningProblem, Seed, Tube
-from tubeplanner.motion.trajectory import concatenate
+from tubeplanner.trajectory.joint_trajectory import concatenate
 from tubeplanner.verification.enclosure import enclosed_tool
 from tubeplanner.verification.switching_samples import best_switching_samples
 from tubeplanner.verification.tube_visits import Visit, least_margin, tube_visits
@@ -27,26 +27,26 @@ def wavy(two_link, seed=0, pieces=5):
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("radius", [0.02, 0.1, 0.5])
 def test_the_least_margin_is_bracketed(two_link, seed, radius):
-    motion = wavy(two_link, seed)
+    trajectory = wavy(two_link, seed)
     tube = Tube(POINTS, radius)
-    tool = enclosed_tool(two_link, motion, 1e-7)
-    visits = [Visit(0, 0.0, 0.23), Visit(1, 0.23, motion.duration)]
+    tool = enclosed_tool(two_link, trajectory, 1e-7)
+    visits = [Visit(0, 0.0, 0.23), Visit(1, 0.23, trajectory.duration)]
     least = least_margin(tube, tool, visits)
-    t = np.linspace(0, motion.duration, 40_001)
-    margin = tube.margin(two_link.tool_position(motion.position(t)))
+    t = np.linspace(0, trajectory.duration, 40_001)
+    margin = tube.margin(two_link.tool_position(trajectory.position(t)))
     true = min(margin[t <= 0.23, 0].min(), margin[t >= 0.23, 1].min())
     assert least.lower_bound <= true + 1e-9
     assert least.attained >= true - 1e-6
     assert least.attained - least.lower_bound <= max(5e-7, 0.02 * abs(least.attained) + 2e-7)
-    here = tube.margin(two_link.tool_position(motion.position(np.array([least.time]))))
+    here = tube.margin(two_link.tool_position(trajectory.position(np.array([least.time]))))
     assert here[0, least.segment] == pytest.approx(least.attained, abs=2e-7)
 
 
 def test_touching_the_wall_is_decided_with_few_intervals(two_link):
     """Contact without crossing it: bounds of first order would need a thousand times as many."""
-    motion = wavy(two_link, 1)
-    tool = enclosed_tool(two_link, motion, 1e-7)
-    visit = [Visit(0, 0.0, motion.duration)]
+    trajectory = wavy(two_link, 1)
+    tool = enclosed_tool(two_link, trajectory, 1e-7)
+    visit = [Visit(0, 0.0, trajectory.duration)]
     wide = least_margin(Tube(POINTS, 1.0), tool, visit)
     touching = least_margin(Tube(POINTS, 1.0 - wide.attained), tool, visit)
     for _ in range(3):  # the wide tube resolves its margin to two per cent only
@@ -55,7 +55,7 @@ def test_touching_the_wall_is_decided_with_few_intervals(two_link):
     assert touching.intervals < 1000
 
 
-def test_visits_cover_the_motion_in_order_and_switching_time_inside_both(planned):
+def test_visits_cover_the_trajectory_in_order_and_switching_time_inside_both(planned):
     problem, result = planned("two_link/around_a_post", "branch-and-bound")
     tool = enclosed_tool(problem.robot, result.trajectory, 1e-7)
     visits = tube_visits(problem, result.trajectory, tool)
@@ -69,7 +69,7 @@ def test_visits_cover_the_motion_in_order_and_switching_time_inside_both(planned
 
 
 def there_and_back(two_link):
-    """Return a motion along the first leg of a corner and back again."""
+    """Return a trajectory along the first leg of a corner and back again."""
     q = [np.array([0.0, -1.0])]
     from tubeplanner.branches.inverse_kinematics import solve_position
 
@@ -85,9 +85,9 @@ def there_and_back(two_link):
 def test_a_union_is_visited_as_often_as_needed(two_link):
     points = [[0.45, -0.3, 0], [0.45, 0.0, 0], [0.45, 0.3, 0]]
     problem = PlanningProblem(two_link, Tube(points, 0.03, visit="any"), SEED)
-    motion = there_and_back(two_link)
-    tool = enclosed_tool(two_link, motion, 1e-7)
-    visits = tube_visits(problem, motion, tool)
+    trajectory = there_and_back(two_link)
+    tool = enclosed_tool(two_link, trajectory, 1e-7)
+    visits = tube_visits(problem, trajectory, tool)
     assert [visit.segment for visit in visits] == [0, 1, 0]
     assert least_margin(problem.tube, tool, visits).lower_bound > 0.02
 
@@ -96,8 +96,8 @@ def test_switching_times_that_share_an_instant_stay_in_order(two_link):
     """Three segments through one point: the tube doubles back on itself."""
     points = [[0.45, -0.3, 0], [0.45, 0.0, 0], [0.45, -0.01, 0], [0.45, 0.25, 0]]
     problem = PlanningProblem(two_link, Tube(points, 0.03), SEED)
-    motion = there_and_back(two_link).between(0.0, 1.1)
-    visits = tube_visits(problem, motion, enclosed_tool(two_link, motion, 1e-7))
+    trajectory = there_and_back(two_link).between(0.0, 1.1)
+    visits = tube_visits(problem, trajectory, enclosed_tool(two_link, trajectory, 1e-7))
     times = [visits[0].begin, *(visit.end for visit in visits)]
     assert times == sorted(times)
     assert [visit.segment for visit in visits] == [0, 1, 2]
@@ -105,9 +105,9 @@ def test_switching_times_that_share_an_instant_stay_in_order(two_link):
 
 def test_a_wide_margin_is_settled_at_once(two_link):
     """Two per cent of half a metre need no halving to a fraction of a micrometre."""
-    motion = wavy(two_link, 2)
-    tool = enclosed_tool(two_link, motion, 1e-7)
-    least = least_margin(Tube(POINTS, 2.0), tool, [Visit(0, 0.0, motion.duration)])
+    trajectory = wavy(two_link, 2)
+    tool = enclosed_tool(two_link, trajectory, 1e-7)
+    least = least_margin(Tube(POINTS, 2.0), tool, [Visit(0, 0.0, trajectory.duration)])
     assert least.attained > 1.0
     assert least.intervals < 2 * len(tool.width)
 
@@ -164,8 +164,8 @@ def test_the_switching_time_is_when_the_joint_ranges_meet(two_link, visit):
     signs = [{"joint2": [-3.0, -1.0]}, {"joint2": [-1.0, 0.0]}]
     tube = Tube(points, 1.0, joint_signs=signs, visit=visit)
     problem = PlanningProblem(two_link, tube, np.array([0.3, -1.5]))
-    motion = JointTrajectory(two_link.joint_names, [0, 1.0], [[[0.1, 0.7]], [[0.3, -1.5]]])
-    visits = tube_visits(problem, motion, enclosed_tool(two_link, motion, 1e-7))
+    trajectory = JointTrajectory(two_link.joint_names, [0, 1.0], [[[0.1, 0.7]], [[0.3, -1.5]]])
+    visits = tube_visits(problem, trajectory, enclosed_tool(two_link, trajectory, 1e-7))
     assert [visit.segment for visit in visits] == [0, 1]
     assert visits[0].end == pytest.approx(0.5 / 0.7, abs=2e-8)
 
@@ -173,11 +173,13 @@ def test_the_switching_time_is_when_the_joint_ranges_meet(two_link, visit):
 @pytest.mark.parametrize("shift", [-1e-4, 0.0, 1e-4])
 def test_a_breakpoint_beside_the_switching_time_does_not_hide_it(planned, shift):
     problem, result = planned("two_link/around_a_post", "branch-and-bound")
-    motion = result.trajectory
-    tool = enclosed_tool(problem.robot, motion, 1e-7)
-    expected = tube_visits(problem, motion, tool)
+    trajectory = result.trajectory
+    tool = enclosed_tool(problem.robot, trajectory, 1e-7)
+    expected = tube_visits(problem, trajectory, tool)
     when = expected[0].end + shift
-    cut = concatenate([motion.between(0.0, when), motion.between(when, motion.duration)])
+    cut = concatenate(
+        [trajectory.between(0.0, when), trajectory.between(when, trajectory.duration)]
+    )
     visits = tube_visits(problem, cut, enclosed_tool(problem.robot, cut, 1e-7))
     for before, after in zip(expected, visits, strict=True):
         assert after.end == pytest.approx(before.end, abs=1e-7)

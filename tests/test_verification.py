@@ -118,7 +118,7 @@ def test_a_jump_of_position_is_judged_in_radians(planned):
 
 
 def test_a_trajectory_through_the_wall_is_found(planned):
-    """The same motion with its lift left out: straight from pick to place."""
+    """The same trajectory with its lift left out: straight from pick to place."""
     problem, result = planned(UR5)
     ends = result.trajectory.position(np.array([0.0, result.trajectory.duration]))
     shape = np.array([6.0, -15.0, 10.0, 0.0, 0.0, 0.0])
@@ -315,7 +315,7 @@ def test_a_tolerance_must_be_small_and_not_negative(absolute, relative):
 
 
 def test_two_parts_in_a_thousand_of_effort_are_found_with_joint_and_time(planned):
-    """A motor that is weaker by 0.2 %, under a motion that uses all of it."""
+    """A motor that is weaker by 0.2 %, under a trajectory that uses all of it."""
     problem, result = planned("two_link/around_a_post", "branch-and-bound")
     tau = effort_shares(problem.robot, result.trajectory)
     joint = problem.robot.joint_names[int(tau.max(axis=0).argmax())]
@@ -404,7 +404,7 @@ def test_the_joint_that_is_farthest_from_the_start_is_named(joint, planned):
 
 @pytest.mark.parametrize("at_end", [False, True])
 @pytest.mark.parametrize("order", [1, 2])
-def test_motion_at_an_end_is_measured_by_the_largest(order, at_end, planned):
+def test_trajectory_at_an_end_is_measured_by_the_largest(order, at_end, planned):
     """A slope or a bend of one joint at the start or the end, as a share of its largest."""
     problem, result = planned("two_link/around_a_post", "branch-and-bound")
     trajectory, joint = result.trajectory, 1
@@ -483,7 +483,7 @@ def test_the_time_of_a_sign_counts_from_the_beginning(planned):
 
 
 @pytest.mark.parametrize("slower", [1.0, 50.0])
-def test_a_jump_counts_the_same_however_slow_the_motion(slower, planned):
+def test_a_jump_counts_the_same_however_slow_the_trajectory(slower, planned):
     problem, result = planned("two_link/around_a_post", "branch-and-bound")
     trajectory = result.trajectory
     coefficients = trajectory.coefficients.copy()

@@ -81,7 +81,7 @@ def test_obstacles_and_what_is_carried_are_there(shown):
 
 
 @pytest.mark.parametrize("name", ["two_link/around_a_post", "panda/between_shelves"])
-def test_the_animation_is_the_motion(name, shown, planned):
+def test_the_animation_is_the_trajectory(name, shown, planned):
     problem, result = planned(name)
     scene = shown(name).scene
     (animation,) = (c for c in recorded_commands(scene) if c["type"] == "set_animation")
@@ -105,17 +105,17 @@ def of_layer(scene, layer):
 
 def test_the_tool_is_where_the_path_is(shown):
     scene = shown("ur5/over_the_wall").scene
-    motion = scene.motions[0]
+    trajectory = scene.trajectories[0]
     point = next(item for item in of_layer(scene, Layer.TOOL) if item.name == "point")
     for step in (0, 40, -1):
-        placed = point.surface.moved(motion.placement(step, point.body)).vertices
-        assert placed.mean(axis=0) == pytest.approx(motion.tool[step], abs=1e-3)
+        placed = point.surface.moved(trajectory.placement(step, point.body)).vertices
+        assert placed.mean(axis=0) == pytest.approx(trajectory.tool[step], abs=1e-3)
 
 
 def test_the_speed_is_how_fast_the_tool_moves(shown):
-    motion = shown("ur5/over_the_wall").scene.motions[0]
-    moved = np.linalg.norm(np.diff(motion.tool, axis=0), axis=1) / np.diff(motion.time)
-    between = (motion.speed[1:] + motion.speed[:-1]) / 2
+    trajectory = shown("ur5/over_the_wall").scene.trajectories[0]
+    moved = np.linalg.norm(np.diff(trajectory.tool, axis=0), axis=1) / np.diff(trajectory.time)
+    between = (trajectory.speed[1:] + trajectory.speed[:-1]) / 2
     assert moved == pytest.approx(between, abs=0.03)
 
 
@@ -127,7 +127,7 @@ def test_the_links_stay_in_the_space_they_are_said_to_sweep(shown):
         if item.body == 0:
             continue
         for step in (0, 30, 60, -1):
-            points = item.surface.moved(scene.motions[0].placement(step, item.body)).vertices
+            points = item.surface.moved(scene.trajectories[0].placement(step, item.body)).vertices
             assert (points > low - 0.02).all()
             assert (points < high + 0.02).all()
 
@@ -136,8 +136,8 @@ def test_the_panel_says_what_is_seen(shown):
     scene = shown("ur10/onto_a_conveyor").scene
     data = panel_data(scene)
     assert data["title"] == "ur10/onto_a_conveyor"
-    (motion,) = data["motions"]
-    assert motion["lasts"] == f"{1000 * scene.duration:.0f} ms"
+    (trajectory,) = data["trajectories"]
+    assert trajectory["lasts"] == f"{1000 * scene.duration:.0f} ms"
     labels = {layer["name"]: layer for layer in data["layers"]}
     assert "carried_box" in labels["carried"]["label"]
     assert labels["tool"]["scale"]["ticks"][-1] == f"{scene.peak_speed:.2f} m/s"
@@ -156,7 +156,7 @@ def test_many_segments_are_named_by_the_first_few():
     assert "9 segments" in entries[-1]["text"]
 
 
-def test_motions_stand_side_by_side(planned):
+def test_trajectories_stand_side_by_side(planned):
     problem, slow = planned("ur5/over_the_wall")
     _, fast = planned("ur5/over_the_wall", "refinement")
     shown = view(problem, fast.trajectory, slow.trajectory, names=["fast", "slow"])
@@ -170,11 +170,11 @@ def test_motions_stand_side_by_side(planned):
     assert len(shown.html) < 4 * MEGABYTE
 
 
-def test_without_a_motion_the_arm_is_at_its_start():
+def test_without_a_trajectory_the_arm_is_at_its_start():
     problem = load_problem("example:ur5/over_the_wall")
     scene = view(problem).scene
     assert scene.duration == 0
-    assert scene.motions[0].tool[0] == pytest.approx(
+    assert scene.trajectories[0].tool[0] == pytest.approx(
         problem.robot.tool_position(problem.start[None])[0]
     )
     commands = recorded_commands(scene)
@@ -195,12 +195,12 @@ def test_a_seed_that_leads_nowhere_is_said():
 def test_joints_are_known_by_name(planned):
     problem, result = planned("ur5/over_the_wall")
     turned = result.trajectory.reordered(problem.robot.joint_names[::-1])
-    assert view(problem, turned).scene.motions[0].tool == pytest.approx(
-        view(problem, result.trajectory).scene.motions[0].tool
+    assert view(problem, turned).scene.trajectories[0].tool == pytest.approx(
+        view(problem, result.trajectory).scene.trajectories[0].tool
     )
 
 
-def test_a_motion_of_other_joints_is_refused_by_name(planned):
+def test_a_trajectory_of_other_joints_is_refused_by_name(planned):
     problem, _ = planned("ur5/over_the_wall")
     _, other = planned("two_link/around_a_post")
     with pytest.raises(TrajectoryError, match=r"elbow\.json: the trajectory moves the joints"):
@@ -241,7 +241,7 @@ def test_what_a_name_holds_does_not_break_the_page(planned):
     page = view(named, result.trajectory, names=["</script>"]).html
     assert page.count("</script>") == 5
     data = re.search(r'id="data">(.*?)</script>', page, re.S).group(1)
-    assert json.loads(data)["motions"][0]["name"] == "</script>"
+    assert json.loads(data)["trajectories"][0]["name"] == "</script>"
 
 
 def test_a_page_is_saved_whole_or_not_at_all(shown, tmp_path):
@@ -278,7 +278,7 @@ def test_the_command_shows_files_of_every_kind(files, capsys):
     assert main(["view", "example:two_link/around_a_post", *names, "--html", str(page)]) == 0
     assert capsys.readouterr().out == f"view: {page}\n"
     data = re.search(r'id="data">(.*?)</script>', page.read_text(), re.S).group(1)
-    assert [m["name"] for m in json.loads(data)["motions"]] == ["t.json", "t.csv", "t.yaml"]
+    assert [m["name"] for m in json.loads(data)["trajectories"]] == ["t.json", "t.csv", "t.yaml"]
 
 
 def test_the_command_says_where_the_page_is_if_no_browser_opens(monkeypatch, capsys):

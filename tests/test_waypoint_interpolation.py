@@ -1,4 +1,4 @@
-"""Motions through waypoints: the conditions of the paper, and what follows from them."""
+"""Trajectories through waypoints: the conditions of the paper, and what follows from them."""
 
 from itertools import pairwise
 
@@ -26,13 +26,13 @@ def polynomials(trajectory, joint):
 
 @pytest.mark.parametrize("count", [2, 3, 4, 5, 9])
 @pytest.mark.parametrize("primitive", PRIMITIVES)
-def test_the_motion_passes_all_waypoints_smoothly_and_rests_at_both_ends(primitive, count):
+def test_the_trajectory_passes_all_waypoints_smoothly_and_rests_at_both_ends(primitive, count):
     points = waypoints(count)
-    motion = primitive(NAMES, points)
-    np.testing.assert_array_equal(motion.breakpoints, np.arange(count))
-    np.testing.assert_allclose(motion.position(np.arange(count)), points, atol=1e-12)
+    trajectory = primitive(NAMES, points)
+    np.testing.assert_array_equal(trajectory.breakpoints, np.arange(count))
+    np.testing.assert_allclose(trajectory.position(np.arange(count)), points, atol=1e-12)
     for order in range(3):
-        derivatives = [[p.deriv(order) for p in polynomials(motion, joint)] for joint in (0, 1)]
+        derivatives = [[p.deriv(order) for p in polynomials(trajectory, joint)] for joint in (0, 1)]
         for pieces in derivatives:
             jumps = [after(0.0) - before(1.0) for before, after in pairwise(pieces)]
             np.testing.assert_allclose(jumps, 0, atol=1e-11)

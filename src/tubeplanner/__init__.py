@@ -1,4 +1,4 @@
-"""Smooth, certified joint motions of a robot arm whose tool stays in a tolerance tube.
+"""Smooth, certified joint trajectories of a robot arm whose tool stays in a tolerance tube.
 
 Letters used everywhere: N samples, K control points, n joints, m tube segments (m+1 reference
 points). Units are SI and radians; positions are in the frame of the URDF's root link.
@@ -7,9 +7,9 @@ points). Units are SI and radians; positions are in the frame of the URDF's root
     result = plan(problem)
 
 Data flows one way, through folders that import only those above them: `robot`, `collision`, `tube`,
-`problem`, `motion`, `verification`, `branches`, `waypoint_search` (phase 1), `suh_bishop` (phase 2
-as published), `refinement` (phase 2), `baselines`, `planning`, `measurement`, `tube_sources`,
-`studies`, `files`, `views`, `commands`.
+`problem`, `trajectory`, `verification`, `branches`, `waypoint_search` (phase 1), `suh_bishop`
+(phase 2 as published), `refinement` (phase 2), `baselines`, `planning`, `measurement`,
+`tube_sources`, `studies`, `files`, `views`, `commands`.
 
 Names are loaded on first use, so that `import tubeplanner` stays quick.
 """
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from tubeplanner.measurement.sign_patterns import PatternSurvey as PatternSurvey
     from tubeplanner.measurement.sign_patterns import survey_patterns as survey_patterns
     from tubeplanner.measurement.tube_measurement import measure_tube as measure_tube
-    from tubeplanner.motion.trajectory import JointTrajectory as JointTrajectory
     from tubeplanner.outcome import Place as Place
     from tubeplanner.outcome import PlanStatus as PlanStatus
     from tubeplanner.planning.plan_options import PlanOptions as PlanOptions
@@ -54,10 +53,11 @@ if TYPE_CHECKING:
     from tubeplanner.studies.comparison import Comparison as Comparison
     from tubeplanner.studies.comparison import ComparisonRow as ComparisonRow
     from tubeplanner.studies.comparison import compare as compare
-    from tubeplanner.studies.motion_measures import MotionMeasures as MotionMeasures
     from tubeplanner.studies.tolerance_sweep import SweepResult as SweepResult
     from tubeplanner.studies.tolerance_sweep import SweepRow as SweepRow
     from tubeplanner.studies.tolerance_sweep import sweep as sweep
+    from tubeplanner.studies.trajectory_measures import TrajectoryMeasures as TrajectoryMeasures
+    from tubeplanner.trajectory.joint_trajectory import JointTrajectory as JointTrajectory
     from tubeplanner.tube.tube import Tube as Tube
     from tubeplanner.tube_sources.route import find_route as find_route
     from tubeplanner.tube_sources.route_candidates import RouteOptions as RouteOptions
@@ -100,7 +100,7 @@ _HOMES = {
     "measurement.measured_tube": ("MeasureOptions", "SegmentMeasurement", "TubeMeasurement"),
     "measurement.sign_patterns": ("PatternSurvey", "survey_patterns"),
     "measurement.tube_measurement": ("measure_tube",),
-    "motion.trajectory": ("JointTrajectory",),
+    "trajectory.joint_trajectory": ("JointTrajectory",),
     "outcome": ("Place", "PlanStatus"),
     "planning.plan_options": ("PlanOptions",),
     "planning.plan_result": ("PlanResult",),
@@ -112,7 +112,7 @@ _HOMES = {
     "robot.pinocchio_model": ("Payload", "ToolOffset"),
     "robot.robot_model": ("RobotModel", "load_robot"),
     "studies.comparison": ("Comparison", "ComparisonRow", "compare"),
-    "studies.motion_measures": ("MotionMeasures",),
+    "studies.trajectory_measures": ("TrajectoryMeasures",),
     "studies.tolerance_sweep": ("SweepResult", "SweepRow", "sweep"),
     "tube.tube": ("Tube",),
     "tube_sources.route": ("find_route",),

@@ -19,8 +19,8 @@ class Progress:
     Attributes:
         stage: What is being done.
         nodes: Nodes of the search so far; None outside the search.
-        lower_bound: No motion of the search's family is faster [s]; None where not known.
-        best_duration: Duration of the best motion so far [s]; None if there is none.
+        lower_bound: No trajectory of the search's family is faster [s]; None where not known.
+        best_duration: Duration of the best trajectory so far [s]; None if there is none.
     """
 
     stage: str

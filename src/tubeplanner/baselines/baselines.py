@@ -11,18 +11,18 @@ from types import MappingProxyType
 from tubeplanner.baselines.bounded_deviation import bounded_deviation
 from tubeplanner.baselines.conventional_lines import (
     PAPER,
-    conventional_motion,
+    conventional_trajectory,
     largest_trapezoidal_speed,
 )
-from tubeplanner.baselines.fixed_path_bang_bang import bang_bang_laws, bang_bang_motion
-from tubeplanner.baselines.smoothed_bang_bang import smoothed_motion
+from tubeplanner.baselines.fixed_path_bang_bang import bang_bang_laws, bang_bang_trajectory
+from tubeplanner.baselines.smoothed_bang_bang import smoothed_trajectory
 from tubeplanner.baselines.tool_path import ToolPath, tool_paths
 from tubeplanner.branches.known_branches import KnownBranches
 from tubeplanner.branches.reference_branch import ReferenceBranch, spare_joint_rules
-from tubeplanner.motion.trajectory import JointTrajectory
 from tubeplanner.outcome import Infeasible
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, ProgressCallback
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.verification.certificate import Certificate
 from tubeplanner.verification.verification import verify
 
@@ -38,7 +38,7 @@ class Baseline:
     """What a scheme makes of a problem.
 
     Attributes:
-        trajectory: The motion.
+        trajectory: The trajectory.
         note: What else is worth knowing about it.
     """
 
@@ -55,7 +55,7 @@ def conventional(problem: PlanningProblem, branch: ReferenceBranch) -> Baseline:
         f"{speed.speed:.3g} m/s, {speed.acceleration:.3g} m/s^2; {by_paper:.2f} s at the paper's "
         f"{PAPER.speed:g} m/s, {PAPER.acceleration:g} m/s^2"
     )
-    return Baseline(conventional_motion(problem.robot, lines, speed), note)
+    return Baseline(conventional_trajectory(problem.robot, lines, speed), note)
 
 
 def bang_bang(problem: PlanningProblem, branch: ReferenceBranch) -> Baseline:
@@ -103,7 +103,7 @@ def judged_baseline(
     """Return what a scheme makes of a problem, and its certificate, passed or not.
 
     Rules for spare joints are tried in turn until nothing but smoothness is broken; if something
-    always is, the first motion there is counts.
+    always is, the first trajectory there is counts.
 
     Args:
         problem: What is asked.
@@ -133,25 +133,25 @@ def judged_baseline(
 
 def _switched(problem: PlanningProblem, paths: list[ToolPath], arcs: str) -> Baseline:
     laws = bang_bang_laws(problem.robot, paths)
-    motion, slowed = bang_bang_motion(problem.robot, paths, laws)
+    trajectory, slowed = bang_bang_trajectory(problem.robot, paths, laws)
     note = f"{arcs}slowed by {100 * slowed:.2g} % for what lies between TOPP-RA's grid points"
-    return Baseline(motion, note)
+    return Baseline(trajectory, note)
 
 
 def _smoothed(problem: PlanningProblem, paths: list[ToolPath]) -> Baseline:
-    """Return the fastest of the smoothed motions; the note says what smoothness costs."""
+    """Return the fastest of the smoothed trajectories; the note says what smoothness costs."""
     laws = bang_bang_laws(problem.robot, paths)
-    switched, _ = bang_bang_motion(problem.robot, paths, laws)
+    switched, _ = bang_bang_trajectory(problem.robot, paths, laws)
     found = {
-        count: smoothed_motion(
+        count: smoothed_trajectory(
             problem.robot, paths, laws, [count * (1 + _arc_count(path)) for path in paths]
         )
         for count in _SMOOTHED_INTERVALS
     }
     best = min(found, key=lambda count: found[count].duration)
     costs = ", ".join(
-        f"{100 * (motion.duration / switched.duration - 1):.2g} % with {count}"
-        for count, motion in found.items()
+        f"{100 * (trajectory.duration / switched.duration - 1):.2g} % with {count}"
+        for count, trajectory in found.items()
     )
     note = f"{best} intervals per segment; smoothness costs {costs}"
     return Baseline(found[best], note)

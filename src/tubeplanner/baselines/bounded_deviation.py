@@ -12,10 +12,10 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.baselines.tool_path import ToolPath, ways_along_line
-from tubeplanner.motion.trajectory import JointTrajectory
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.robot.robot_model import RobotModel
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.waypoint_search.time_scaling import scaled_to_limits, scaling_factor
 from tubeplanner.waypoint_search.tube_membership import first_departure
 
@@ -30,7 +30,7 @@ _ON_THE_WALL = 1e-6  # [m or rad]
 
 @dataclass(frozen=True, eq=False)
 class BoundedDeviation:
-    """A motion by Taylor's scheme.
+    """A trajectory by Taylor's scheme.
 
     Attributes:
         trajectory: Parabolas and lines, C1, at the limits but for those of jerk.
@@ -42,7 +42,7 @@ class BoundedDeviation:
 
 
 def bounded_deviation(problem: PlanningProblem, lines: list[ToolPath]) -> BoundedDeviation:
-    """Return the fastest motion by Taylor's scheme that stays in the tube, or else the fastest.
+    """Return the fastest trajectory by Taylor's scheme that stays in the tube, or else the fastest.
 
     His time for an interval comes from velocity limits alone; here intervals take as long as the
     limits of effort, velocity and acceleration ask for around them.
@@ -59,8 +59,12 @@ def bounded_deviation(problem: PlanningProblem, lines: list[ToolPath]) -> Bounde
     parts += [_knots(robot, line, float(radius[line.segment]))[1:] for line in lines]
     knots = np.concatenate(parts)
     found = [_fastest(robot, knots, share) for share in _TRANSITION_SHARES]
-    inside = [motion for motion in found if first_departure(problem, motion, _ON_THE_WALL) is None]
-    fastest = min(inside or found, key=lambda motion: motion.duration)
+    inside = [
+        trajectory
+        for trajectory in found
+        if first_departure(problem, trajectory, _ON_THE_WALL) is None
+    ]
+    fastest = min(inside or found, key=lambda trajectory: trajectory.duration)
     return BoundedDeviation(fastest, len(knots))
 
 
@@ -95,33 +99,33 @@ def _deviation(robot: RobotModel, line: ToolPath, knots: FloatArray) -> FloatArr
 
 
 def _fastest(robot: RobotModel, knots: FloatArray, share: float) -> JointTrajectory:
-    """Return the fastest motion that the timing rounds find, scaled to the limits."""
+    """Return the fastest trajectory that the timing rounds find, scaled to the limits."""
     times = np.linalg.norm(np.diff(knots, axis=0), axis=1)
     best, shortest = times, np.inf
     for _ in range(_TIMING_ROUNDS):
         speed_factor = _speed_factor(
-            robot, _motion(robot.joint_names, knots, times, share), len(times)
+            robot, _trajectory(robot.joint_names, knots, times, share), len(times)
         )
         if times.sum() / speed_factor.min() < shortest:
             best, shortest = times / speed_factor.min(), times.sum() / speed_factor.min()
         times = times / speed_factor**_TIMING_POWER
-    motion = _motion(robot.joint_names, knots, best, share)
-    return scaled_to_limits(robot, motion, with_jerk=False)
+    trajectory = _trajectory(robot.joint_names, knots, best, share)
+    return scaled_to_limits(robot, trajectory, with_jerk=False)
 
 
-def _speed_factor(robot: RobotModel, motion: JointTrajectory, intervals: int) -> FloatArray:
+def _speed_factor(robot: RobotModel, trajectory: JointTrajectory, intervals: int) -> FloatArray:
     """Return how many times faster the limits allow each interval to be run, shape (K-1,)."""
-    samples = motion.per_piece(_LOOKS_PER_PIECE)
+    samples = trajectory.per_piece(_LOOKS_PER_PIECE)
     factor = scaling_factor(robot, samples.position, samples.velocity, samples.acceleration)
     pieces = factor.min(axis=1).reshape(-1, _LOOKS_PER_PIECE).min(axis=1)
     # Pieces alternate: a transition, the line after it, the next transition.
     return np.minimum(np.minimum(pieces[:-2:2], pieces[1:-1:2]), pieces[2::2])
 
 
-def _motion(
+def _trajectory(
     joint_names: tuple[str, ...], knots: FloatArray, times: FloatArray, share: float
 ) -> JointTrajectory:
-    """Return the motion that takes times (K-1,) [s] from knot to knot (K, n)."""
+    """Return the trajectory that takes times (K-1,) [s] from knot to knot (K, n)."""
     still = np.zeros((1, knots.shape[1]))
     velocity = np.concatenate([still, np.diff(knots, axis=0) / times[:, None], still])
     before, after = np.append(np.inf, times), np.append(times, np.inf)

@@ -11,9 +11,9 @@ from scipy.interpolate import CubicSpline
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.baselines.tool_path import ToolPath, ways_along_line
-from tubeplanner.motion.trajectory import JointTrajectory, concatenate
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.robot.robot_model import RobotModel
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory, concatenate
 from tubeplanner.waypoint_search.time_scaling import minimum_duration
 
 PAPER_SPEED, PAPER_ACCELERATION = 0.75, 1.2  # [m/s], [m/s^2]
@@ -78,10 +78,10 @@ def largest_trapezoidal_speed(robot: RobotModel, lines: list[ToolPath]) -> Trape
     return min(found, key=lambda speed: sum(speed.duration(line.curve.length) for line in lines))
 
 
-def conventional_motion(
+def conventional_trajectory(
     robot: RobotModel, lines: list[ToolPath], speed: TrapezoidalSpeed
 ) -> JointTrajectory:
-    """Return the motion that runs lines at trapezoidal speed and stops between them.
+    """Return the trajectory that runs lines at trapezoidal speed and stops between them.
 
     Cubic splines over time, C2 while the acceleration of the tool is constant; the tool is within
     2e-6 m of where it should be at any time.
@@ -95,13 +95,13 @@ def conventional_motion(
 def _scaled_speed(robot: RobotModel, lines: list[ToolPath], ramps: float) -> TrapezoidalSpeed:
     """Return the largest speed whose ramps take so much of the way [m]."""
     shape = TrapezoidalSpeed(float(np.sqrt(ramps)), 1.0)
-    motion = conventional_motion(robot, lines, shape)
-    faster = motion.duration / minimum_duration(robot, motion, with_jerk=False)
+    trajectory = conventional_trajectory(robot, lines, shape)
+    faster = trajectory.duration / minimum_duration(robot, trajectory, with_jerk=False)
     return TrapezoidalSpeed(faster * shape.speed, faster**2)
 
 
 def _run(robot: RobotModel, line: ToolPath, law: JointTrajectory) -> JointTrajectory:
-    """Return the motion along one line, in phases of constant acceleration."""
+    """Return the trajectory along one line, in phases of constant acceleration."""
     phases = []
     for begin, end in zip(law.breakpoints[:-1], law.breakpoints[1:], strict=True):
         nodes, off = _MIN_NODES, np.inf

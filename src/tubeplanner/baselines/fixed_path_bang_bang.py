@@ -14,9 +14,9 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.baselines.switching_law import switching_law
 from tubeplanner.baselines.time_law import run_along
 from tubeplanner.baselines.tool_path import ToolPath
-from tubeplanner.motion.trajectory import JointTrajectory, concatenate
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.robot.robot_model import RobotModel
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory, concatenate
 from tubeplanner.waypoint_search.time_scaling import minimum_duration
 
 # Steps between the points where limits are judged: of a whole path, and of each line or arc in it.
@@ -32,21 +32,21 @@ def bang_bang_laws(robot: RobotModel, paths: Sequence[ToolPath]) -> list[JointTr
     return [_law(robot, path) for path in paths]
 
 
-def bang_bang_motion(
+def bang_bang_trajectory(
     robot: RobotModel, paths: Sequence[ToolPath], laws: Sequence[JointTrajectory]
 ) -> tuple[JointTrajectory, float]:
-    """Return the motion that runs paths by their laws, polynomials of degree 6, slowed into limits.
+    """Return the trajectory that runs paths by their laws: degree 6, slowed into limits.
 
     The laws keep the limits at points of their paths; all are slowed by the share by which limits
     are exceeded in between. Limits of jerk are left out, since the acceleration jumps.
 
     Returns:
-        The motion, and the share by which it is slowed.
+        The trajectory, and the share by which it is slowed.
     """
     runs = [run_along(path.joints, law) for path, law in zip(paths, laws, strict=True)]
-    motion = concatenate(runs)
-    share = minimum_duration(robot, motion, with_jerk=False) / motion.duration
-    return motion.scaled(share), share - 1
+    trajectory = concatenate(runs)
+    share = minimum_duration(robot, trajectory, with_jerk=False) / trajectory.duration
+    return trajectory.scaled(share), share - 1
 
 
 def _law(robot: RobotModel, path: ToolPath) -> JointTrajectory:

@@ -13,8 +13,8 @@ from scipy.ndimage import minimum_filter1d
 from tubeplanner.arrays import FloatArray
 from tubeplanner.baselines.time_law import averaged_law, run_along
 from tubeplanner.baselines.tool_path import ToolPath
-from tubeplanner.motion.trajectory import JointTrajectory, concatenate
 from tubeplanner.robot.robot_model import RobotModel
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory, concatenate
 from tubeplanner.waypoint_search.time_scaling import (
     estimated_duration,
     scaled_to_limits,
@@ -27,13 +27,13 @@ _LOOKS = 8  # at the limits, per interval
 _WINDOW, _POWER, _MAX_GAIN = 2 * _LOOKS + 1, 0.6, 1.2
 
 
-def smoothed_motion(
+def smoothed_trajectory(
     robot: RobotModel,
     paths: Sequence[ToolPath],
     laws: Sequence[JointTrajectory],
     intervals: Sequence[int],
 ) -> JointTrajectory:
-    """Return the motion that runs paths by averaged laws: C2, degree 9, each path at its limits.
+    """Return paths run by averaged laws, each at its limits: C2, degree 9.
 
     Args:
         robot: The arm.
@@ -48,15 +48,15 @@ def smoothed_motion(
 def _smoothed(
     robot: RobotModel, path: JointTrajectory, law: JointTrajectory, intervals: int
 ) -> JointTrajectory:
-    """Return the fastest motion of all rounds, slowed until it keeps the limits."""
+    """Return the fastest trajectory of all rounds, slowed until it keeps the limits."""
     factor, shortest, best = np.ones(len(law.widths)), np.inf, path
     for _ in range(_ROUNDS):
         smooth = averaged_law(_stretched(law, factor), intervals)
-        motion = run_along(path, smooth)
-        duration = estimated_duration(robot, motion)
+        trajectory = run_along(path, smooth)
+        duration = estimated_duration(robot, trajectory)
         if duration < shortest:
-            shortest, best = duration, motion
-        speed_factor = _speed_factor(robot, motion, smooth, law, _LOOKS * intervals)
+            shortest, best = duration, trajectory
+        speed_factor = _speed_factor(robot, trajectory, smooth, law, _LOOKS * intervals)
         factor = factor / np.minimum(speed_factor, _MAX_GAIN) ** _POWER
     return scaled_to_limits(robot, best)
 
@@ -71,13 +71,13 @@ def _stretched(law: JointTrajectory, factor: FloatArray) -> JointTrajectory:
 
 def _speed_factor(
     robot: RobotModel,
-    motion: JointTrajectory,
+    trajectory: JointTrajectory,
     smooth: JointTrajectory,
     law: JointTrajectory,
     looks: int,
 ) -> FloatArray:
-    """Return how many times faster the limits allow a motion to be run where a law's pieces are."""
-    samples = motion.at(np.linspace(0, motion.duration, looks + 1))
+    """Return how many times faster the limits allow a run where a law's pieces are."""
+    samples = trajectory.at(np.linspace(0, trajectory.duration, looks + 1))
     factor = scaling_factor(robot, samples.position, samples.velocity, samples.acceleration)
     least = minimum_filter1d(factor.min(axis=1), _WINDOW)
     middle = law.position((law.breakpoints[:-1] + law.breakpoints[1:]) / 2)[:, 0]

@@ -3,15 +3,15 @@
 Solved by TOPP-RA (Pham & Pham, "A new approach to time-optimal path parameterization based on
 reachability analysis", IEEE T-RO 34(3), 2018); first by Bobrow et al. and Shin & McKay (1985).
 
-A path is kept as the motion that runs it at unit speed: its times are the way in joint space.
+A path is kept as the trajectory that runs it at unit speed: its times are the way in joint space.
 """
 
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.baselines.time_law import run_along
-from tubeplanner.motion.trajectory import JointTrajectory
 from tubeplanner.robot.robot_model import RobotModel
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.waypoint_search.time_scaling import estimated_duration
 
 # A limit that is not given: so many times what a gentle run of the path uses.
@@ -80,7 +80,7 @@ def _constraints(robot: RobotModel, path: JointTrajectory, at_both_ends: bool) -
 
 
 def _gentle_run(path: JointTrajectory) -> JointTrajectory:
-    """Return the motion that runs a path from rest to rest by the smoothstep 3 u^2 - 2 u^3."""
+    """Return the trajectory that runs a path from rest to rest by the smoothstep 3 u^2 - 2 u^3."""
     rows = path.duration * np.array([-2.0, 3.0, 0.0, 0.0])
     return run_along(path, JointTrajectory(("way",), [0.0, 1.0], rows[:, None, None]))
 

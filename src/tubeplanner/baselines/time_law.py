@@ -1,7 +1,7 @@
 """Paths run by time laws: polynomials put into polynomials, exactly.
 
-A path is kept as the motion that runs it at unit speed, a time law as the motion of one joint, the
-way along the path.
+A path is kept as the trajectory that runs it at unit speed, a time law as the trajectory of one
+joint, the way along the path.
 """
 
 import numpy as np
@@ -10,14 +10,14 @@ from scipy.optimize import elementwise
 from scipy.special import factorial
 
 from tubeplanner.arrays import FloatArray, IntArray
-from tubeplanner.motion.trajectory import JointTrajectory, from_spline
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory, from_spline
 
 _SAME_TIME = 1e-9  # of the duration: pieces shorter than this are none
 _DEGREE = 3
 
 
 def run_along(path: JointTrajectory, law: JointTrajectory) -> JointTrajectory:
-    """Return the motion that runs a path by a time law.
+    """Return the trajectory that runs a path by a time law.
 
     Args:
         path: Over the way, from 0 to its length.

@@ -11,10 +11,10 @@ from tubeplanner.baselines.tool_curve import ToolCurve, rounded_polyline
 from tubeplanner.branches.inverse_kinematics import WantedRotation, solve_position
 from tubeplanner.branches.reference_branch import ReferenceBranch
 from tubeplanner.branches.segment_walk import as_position, explain_error
-from tubeplanner.motion.trajectory import JointTrajectory
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.robot.robot_model import RobotModel
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
 CURVE_TOLERANCE = 1e-6  # [m] between the tool and its curve
 _MAX_ROUNDS, _MAX_NODES = 12, 2000  # of halving the steps that leave the curve

@@ -1,7 +1,7 @@
 """Straight lines in joint space between configurations at the reference points.
 
 Refinement may start from them where no continuous branch follows the reference path, or where a
-branch leads it to a motion that is not the fastest: the tool need not be in the tube yet.
+branch leads it to a trajectory that is not the fastest: the tool need not be in the tube yet.
 """
 
 from itertools import pairwise

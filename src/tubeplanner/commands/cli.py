@@ -40,8 +40,8 @@ from tubeplanner.commands.view_command import require_page, view
 from tubeplanner.errors import OptionError, TubePlannerError
 
 if TYPE_CHECKING:
-    from tubeplanner.motion.trajectory import JointTrajectory
     from tubeplanner.problem.problem import PlanningProblem
+    from tubeplanner.trajectory.joint_trajectory import JointTrajectory
     from tubeplanner.verification.certificate import Tolerance
 
 
@@ -89,7 +89,7 @@ def main(arguments: Sequence[str]) -> int:
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="tubeplanner")
 def cli() -> None:
-    """Plan a smooth, certified motion of a robot arm whose tool stays in a tube.
+    """Plan a smooth, certified trajectory of a robot arm whose tool stays in a tube.
 
     PROBLEM is a problem file (YAML or JSON) or example:ROBOT/NAME for a bundled one.
     """
@@ -102,7 +102,7 @@ def cli() -> None:
 @click.option("--ros", type=PATH, help="Samples as trajectory_msgs/JointTrajectory, YAML.")
 @click.option("--rate", type=float, default=500.0, show_default=True, help="Samples per second.")
 @click.option("--plot", type=PATH, help="Figure (PNG).")
-@click.option("--html", type=PATH, help="The motion in 3D, one page that works offline.")
+@click.option("--html", type=PATH, help="The trajectory in 3D, one page that works offline.")
 @click.option(
     "--method", help="refinement [default], branch-and-bound, stop-at-corners or suh-bishop."
 )

@@ -186,7 +186,7 @@ def tube_text(name: str, answer: TubeAnswer) -> str:
     lines = [f"{name}: searched for {answer.search_time:.1f} s"]
     if answer.compared:
         told = ", ".join("none" if one is None else f"{one:.3f} s" for one in answer.compared)
-        lines.append(f"motions along the routes compared: {told}")
+        lines.append(f"trajectories along the routes compared: {told}")
     if answer.found is not None:
         tube = answer.found.problem.tube
         for k, (point, radius) in enumerate(zip(tube.points, [*tube.radius, None], strict=True)):

@@ -81,7 +81,7 @@ def sweep(
 ) -> int:
     """Plan PROBLEM at several tolerances: how much time does each millimetre buy?
 
-    Exit status 0 if any of them has a certified motion; the others say why not.
+    Exit status 0 if any of them has a certified trajectory; the others say why not.
     """
     from tubeplanner.files.output_files import require_writable
     from tubeplanner.planning.plan_options import PlanOptions
@@ -122,7 +122,7 @@ def sweep(
 @click.option("-o", "--output", type=PATH, help="Table (CSV or JSON, by its ending).")
 @click.option("--plot", "figure", type=PATH, help="Figure (PNG).")
 @click.option(
-    "--trajectories", type=FOLDER, help="Folder for every motion (JSON), certified or not."
+    "--trajectories", type=FOLDER, help="Folder for every trajectory (JSON), certified or not."
 )
 @click.option("--quality", default="balanced", show_default=True, help="fast, balanced or best.")
 @AS_JSON
@@ -137,7 +137,7 @@ def compare(
 ) -> int:
     """Let every method answer PROBLEM, and the schemes that Suh & Bishop compared with.
 
-    Exit status 0 if any of them has a certified motion; the others say what they break.
+    Exit status 0 if any of them has a certified trajectory; the others say what they break.
     """
     from tubeplanner.files.output_files import require_writable
     from tubeplanner.planning.plan_options import PlanOptions
@@ -150,7 +150,9 @@ def compare(
     _require_ending(figure, "--plot", (".png",))
     require_writable(outputs, [Path(problem)])
     if trajectories is not None:
-        require_writable([trajectories / "motion.json" if trajectories.is_dir() else trajectories])
+        require_writable(
+            [trajectories / "trajectory.json" if trajectories.is_dir() else trajectories]
+        )
     with shown_progress() as enter:
         loaded, loading_time = load_timed(problem, enter)
         require_writable(outputs, [loaded.robot.urdf.path])
@@ -183,13 +185,13 @@ def _write_comparison(
         contents[output] = _table(result, output)
     if figure is not None:
         contents[figure] = figure_png(plot_comparison(result))
-    motions = {} if folder is None else _motion_files(result, folder)
-    write_files({**contents, **motions})
-    return list(motions)
+    trajectories = {} if folder is None else _trajectory_files(result, folder)
+    write_files({**contents, **trajectories})
+    return list(trajectories)
 
 
-def _motion_files(result: "Comparison", folder: Path) -> dict[Path, bytes]:
-    """Return every motion as a trajectory file that says whether it is certified."""
+def _trajectory_files(result: "Comparison", folder: Path) -> dict[Path, bytes]:
+    """Return every trajectory as a trajectory file that says whether it is certified."""
     from tubeplanner.files.export import trajectory_json
     from tubeplanner.files.fingerprint import origin
     from tubeplanner.files.output_files import make_folder

@@ -31,11 +31,11 @@ def view(problem: str, trajectories: tuple[Path, ...], html: Path | None, as_jso
     require_page(html)
     if html is not None:
         require_writable([html], [Path(problem), *trajectories])
-    motions = [read_trajectory_file(path).trajectory for path in trajectories]
+    readings = [read_trajectory_file(path).trajectory for path in trajectories]
     with shown_progress() as enter:
         loaded, _ = load_timed(problem, enter)
         enter("scene")
-        shown = view_scene(loaded, *motions, names=names_of_files(trajectories))
+        shown = view_scene(loaded, *readings, names=names_of_files(trajectories))
         path, opened = (html, True) if html is not None else shown.open()
         if html is not None:
             shown.save(html)

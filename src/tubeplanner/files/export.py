@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from tubeplanner.files.trajectory_file import TRAJECTORY_FORMAT, TRAJECTORY_VERSION
-from tubeplanner.motion.trajectory import JointTrajectory, TrajectorySamples
 from tubeplanner.robot.robot_model import RobotModel
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
 
 
 def trajectory_json(trajectory: JointTrajectory, **more: Any) -> str:

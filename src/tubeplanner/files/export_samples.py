@@ -1,13 +1,14 @@
 """Samples at a rate that keep the limits for whoever joins them.
 
-The acceleration of a time-optimal motion has kinks between samples, the sharpest at its ends, where
-it rises to a limit within a fraction of a period. Polynomials through samples cannot follow: they
-swing past the limit, by up to a third of it. Where they do, the motion is averaged over about a
-period to either side: a uniform cubic spline whose control points lie on the motion (Schoenberg's
-operator; de Boor, "A Practical Guide to Splines", chapter XI). Its velocities, accelerations and
-jerks are means of the motion's, so that they keep its limits, and between samples it is a cubic, so
-that joining them gives it back. It begins and ends a period late; the limits of effort, which means
-keep but nearly, are checked, and more periods are taken until they hold.
+The acceleration of a time-optimal trajectory has kinks between samples, the sharpest at its ends,
+where it rises to a limit within a fraction of a period. Polynomials through samples cannot follow:
+they swing past the limit, by up to a third of it. Where they do, the trajectory is averaged over
+about a period to either side: a uniform cubic spline whose control points lie on the trajectory
+(Schoenberg's operator; de Boor, "A Practical Guide to Splines", chapter XI). Its velocities,
+accelerations and jerks are means of the trajectory's, so that they keep its limits, and between
+samples it is a cubic, so that joining them gives it back. It begins and ends a period late; the
+limits of effort, which means keep but nearly, are checked, and more periods are taken until they
+hold.
 """
 
 from collections.abc import Iterator
@@ -17,15 +18,16 @@ import numpy as np
 from scipy.interpolate import BSpline
 
 from tubeplanner.files.trajectory_file import joined_samples
-from tubeplanner.motion.trajectory import JointTrajectory, TrajectorySamples, from_spline
 from tubeplanner.outcome import Infeasible
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.robot.robot_model import RobotModel
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples, from_spline
 from tubeplanner.verification.certificate import FOREIGN_TOLERANCE
 from tubeplanner.verification.verification import verify
 from tubeplanner.waypoint_search.time_scaling import minimum_duration
 
-# Averaging asks for that many periods; slowing down ends where the motion takes this much longer.
+# Averaging asks for that many periods; slowing down ends where the trajectory takes this much
+# longer.
 _MIN_PERIODS, _MAX_SLOWED = 6, 2.0
 # Limits hold when the joined samples need no more than this share of their time more.
 _RUN_OVER = 1e-6
@@ -33,13 +35,13 @@ _RUN_OVER = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class ExportSamples:
-    """Samples of a motion, for a file.
+    """Samples of a trajectory, for a file.
 
     Attributes:
         samples: One every period, the last one at their duration.
         rate: [Hz].
-        slowed: By which share they last longer than the motion; 0 if they lie on it.
-        note: What was done to the motion, or what joining the samples breaks; None: nothing.
+        slowed: By which share they last longer than the trajectory; 0 if they lie on it.
+        note: What was done to the trajectory, or what joining the samples breaks; None: nothing.
     """
 
     samples: TrajectorySamples
@@ -51,7 +53,7 @@ class ExportSamples:
 def samples_for_export(
     problem: PlanningProblem, trajectory: JointTrajectory, rate: float
 ) -> ExportSamples:
-    """Return samples that pass `check`: of the motion itself, averaged, or slowed down.
+    """Return samples that pass `check`: of the trajectory itself, averaged, or slowed down.
 
     Args:
         problem: What was asked.
@@ -59,7 +61,7 @@ def samples_for_export(
         rate: [Hz].
 
     Returns:
-        If nothing passes, samples of the motion itself; the note says what joining them breaks.
+        If nothing passes, samples of the trajectory itself; the note says what joining them breaks.
 
     Raises:
         TrajectoryError: The rate is not positive, or makes too many samples.
@@ -73,7 +75,7 @@ def samples_for_export(
             slowed = found.time[-1] / trajectory.duration - 1
             note = (
                 f"CSV and ROS samples at {rate:g} Hz are {how} and last {found.time[-1]:.4f} s, "
-                f"{100 * slowed:.2g} % longer than the motion, so that the limits hold for whoever "
+                f"{100 * slowed:.2g} % longer than it, so that the limits hold for whoever "
                 "joins them"
             )
             return ExportSamples(found, rate, slowed, note)
@@ -107,20 +109,20 @@ def _gentler(
 def _averaged(
     robot: RobotModel, trajectory: JointTrajectory, rate: float
 ) -> TrajectorySamples | None:
-    """Return samples of the motion averaged, in the fewest periods that keep the limits."""
+    """Return samples of the trajectory averaged, in the fewest periods that keep the limits."""
     fewest = max(int(np.ceil(trajectory.duration * rate)), _MIN_PERIODS)
     periods = fewest
     while periods <= _MAX_SLOWED * fewest:
-        motion = _average(trajectory, periods, rate)
-        needed = _needed(robot, motion)
+        average = _average(trajectory, periods, rate)
+        needed = _needed(robot, average)
         if needed <= 1 + _RUN_OVER:
-            return motion.at(np.arange(periods + 1) / rate)
+            return average.at(np.arange(periods + 1) / rate)
         periods += max(1, int((needed - 1) * periods))
     return None
 
 
 def _average(trajectory: JointTrajectory, periods: int, rate: float) -> JointTrajectory:
-    """Return the uniform cubic spline whose control points lie on the motion."""
+    """Return the uniform cubic spline whose control points lie on the trajectory."""
     knots = np.arange(periods + 1) / rate
     knots = np.concatenate([np.full(3, knots[0]), knots, np.full(3, knots[-1])])
     means = (knots[1:-3] + knots[2:-2] + knots[3:-1]) / 3  # where control points belong (Greville)
@@ -133,7 +135,7 @@ def _average(trajectory: JointTrajectory, periods: int, rate: float) -> JointTra
 def _slowed(
     robot: RobotModel, trajectory: JointTrajectory, rate: float
 ) -> TrajectorySamples | None:
-    """Return samples on the motion, run slowly enough to keep the limits when joined."""
+    """Return samples on the trajectory, run slowly enough to keep the limits when joined."""
     factor = 1.0
     while factor <= _MAX_SLOWED:
         samples = trajectory.scaled(factor).sample(rate)
@@ -144,10 +146,10 @@ def _slowed(
     return None
 
 
-def _needed(robot: RobotModel, motion: JointTrajectory) -> float:
-    """Return which share of its duration a motion needs to keep the limits."""
+def _needed(robot: RobotModel, average: JointTrajectory) -> float:
+    """Return which share of its duration a trajectory needs to keep the limits."""
     try:
-        return minimum_duration(robot, motion) / motion.duration
+        return minimum_duration(robot, average) / average.duration
     except Infeasible:  # gravity alone exceeds a motor where the joined samples lead
         return np.inf
 

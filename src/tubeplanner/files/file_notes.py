@@ -4,8 +4,8 @@ import numpy as np
 
 from tubeplanner.files.fingerprint import problem_hash, robot_hash
 from tubeplanner.files.trajectory_file import TrajectoryFile
-from tubeplanner.motion.trajectory import JointTrajectory
 from tubeplanner.problem.problem import PlanningProblem, Seed
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
 _NEAR = 1e-2  # [rad or m]: starts this close to each other are the same
 

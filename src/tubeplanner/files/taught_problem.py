@@ -13,7 +13,7 @@ from tubeplanner.problem.problem_format import check_problem_fields
 from tubeplanner.resources import find_problem
 from tubeplanner.tube_sources.trail import joint_trail
 
-_SAMPLES_PER_PIECE = 20  # of a trail that is a motion of ours
+_SAMPLES_PER_PIECE = 20  # of a trail that is a trajectory of ours
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,13 +72,13 @@ def taught_problem(
     """
     ends: dict[str, Any] = {"start": {"joints": []}, "goal": {"joints": []}}
     robot = robot_of(check_problem_fields({**cell.fields, **ends}, cell.source), cell.folder)
-    motion = read.trajectory
+    trajectory = read.trajectory
     if read.interpolation is None:
-        samples = motion.per_piece(_SAMPLES_PER_PIECE).position
+        samples = trajectory.per_piece(_SAMPLES_PER_PIECE).position
     else:
-        samples = motion.position(motion.breakpoints)
+        samples = trajectory.position(trajectory.breakpoints)
     try:
-        trail = joint_trail(robot, motion.joint_names, samples)
+        trail = joint_trail(robot, trajectory.joint_names, samples)
     except TrajectoryError as error:
         raise TrajectoryError(f"{source}: {error}") from None
     ends = {"start": {"joints": trail[0].tolist()}, "goal": {"joints": trail[-1].tolist()}}

@@ -16,7 +16,7 @@ from scipy.interpolate import BPoly, CubicSpline, PPoly
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import TrajectoryError
-from tubeplanner.motion.trajectory import JointTrajectory
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
 TRAJECTORY_FORMAT = "tubeplanner/trajectory"
 TRAJECTORY_VERSION = 1
@@ -33,7 +33,7 @@ class TrajectoryFile:
     """A trajectory and where it comes from.
 
     Attributes:
-        trajectory: The motion.
+        trajectory: The trajectory.
         interpolation: How samples were joined; None if the file holds polynomials.
         problem_hash: Of the problem it was made for; None if the file does not say.
         robot_hash: Of the robot it was made for; likewise.

@@ -48,8 +48,8 @@ class Wish:
     """What a set should be like.
 
     Attributes:
-        needed: How far a fast motion reaches beyond the branch in each direction, shape (1 + 2n,);
-            a little more is enough. None: not known, and no radius is enough.
+        needed: How far a fast trajectory reaches beyond the branch in each direction, shape (1 +
+            2n,); a little more is enough. None: not known, and no radius is enough.
         radius_worth: What the logarithm of the radius counts, where that of every side of a range
             counts 1.
     """

@@ -40,7 +40,7 @@ from tubeplanner.tube.tube import JointRange, Tube
 # found here: the second where the first leaves nothing around the branch.
 EXTRA_CLEARANCES = (1e-3, 1e-4)
 _ROUNDING = 1e-9
-# How far a motion may leave the sets found so far, to say what it needs: [m], and [rad or m].
+# How far a trajectory may leave the sets found so far, to say what it needs: [m], and [rad or m].
 _WIDENINGS = ((0.0, np.inf), (0.03, 0.3))
 _RADIUS_WORTHS = (1.0, 4.0)  # trades of radii for joint ranges that are tried, each time
 _ROUGH_SHARE = 8  # of the samples: a rough measurement has so many times fewer
@@ -57,8 +57,8 @@ def measure_tube(
 
     For every segment: the largest radius and joint ranges around the branch along the centre line
     such that in all configurations with the tool in that capsule and the joints in those ranges
-    everything keeps clear, as far as an attack of many configurations can tell. Where a radius
-    can only grow at the cost of a range, a fast motion's needs decide. The problem's own radii do
+    everything keeps clear, as far as an attack of many configurations can tell. Where a radius can
+    only grow at the cost of a range, a fast trajectory's needs decide. The problem's own radii do
     not count; its joint signs do.
 
     Args:
@@ -135,10 +135,10 @@ def _segments_of_some_branch(
 def _segments(around: "Surroundings", clock: PlanningClock) -> tuple[SegmentMeasurement, ...]:
     """Return what was measured around a branch.
 
-    A first, rough measurement is made without regard to motions. Then, time after time, a fast
-    motion that may leave the best sets a little says which radii and joint ranges it needs; trades
-    of one for the other are searched for and planned in. The sets of the fastest motion are
-    attacked thoroughly.
+    A first, rough measurement is made without regard to trajectories. Then, time after time, a fast
+    trajectory that may leave the best sets a little says which radii and joint ranges it needs;
+    trades of one for the other are searched for and planned in. The sets of the fastest trajectory
+    are attacked thoroughly.
 
     Raises:
         Infeasible: Status tube_blocked.
@@ -149,7 +149,7 @@ def _segments(around: "Surroundings", clock: PlanningClock) -> tuple[SegmentMeas
         rough.append(around.first_search(k))
     best, shortest = rough, around.duration(rough)
     for widening in _WIDENINGS:
-        needs = around.needs_of_motion(best, *widening)
+        needs = around.needs_of_trajectory(best, *widening)
         for worth in _RADIUS_WORTHS:
             clock.announce(Progress(f"trading radii, worth {worth:g}, for joint ranges"))
             trade = [around.search(k, Wish(needs[k], worth)) for k in segments]
@@ -224,13 +224,13 @@ class Surroundings:
                 return found
         return self._unless_blocked(k, found)
 
-    def needs_of_motion(
+    def needs_of_trajectory(
         self, found: list[SegmentSearch], beyond_radius: float, beyond_range: float
     ) -> list[FloatArray | None]:
-        """Return how far a fast motion reaches beyond the branch, by segment; None: no motion.
+        """Return how far a fast trajectory leaves the branch, by segment; None: there is none.
 
         Args:
-            found: Sets, which the motion may leave.
+            found: Sets, which the trajectory may leave.
             beyond_radius: By how much in space [m].
             beyond_range: By how much in the joints [rad or m].
         """
@@ -254,7 +254,7 @@ class Surroundings:
         return self._unless_blocked(k, found)
 
     def duration(self, found: list[SegmentSearch]) -> float:
-        """Return how long a motion within sets takes [s]; infinite where none is found."""
+        """Return how long a trajectory within sets takes [s]; infinite where none is found."""
         duration = self._planned(found).duration
         return np.inf if duration is None else duration
 

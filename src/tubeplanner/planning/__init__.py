@@ -1,1 +1,1 @@
-"""From a problem to a certified motion, or to the reason why there is none."""
+"""From a problem to a certified trajectory, or to the reason why there is none."""

@@ -1,11 +1,11 @@
-"""How fast the path of a motion could be run by motors that switch at once."""
+"""How fast the path of a trajectory could be run by motors that switch at once."""
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from tubeplanner.baselines.switching_law import switching_law
-from tubeplanner.motion.trajectory import JointTrajectory
 from tubeplanner.robot.robot_model import RobotModel
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
 _GRID_POINTS = 1600
 # Points of the path nearer to each other than this share of its length are one: rounding errors
@@ -14,7 +14,7 @@ _APART = 1e-6
 
 
 def path_minimum(robot: RobotModel, trajectory: JointTrajectory) -> float | None:
-    """Return the least time [s] in which the path of a motion can be run, from rest to rest.
+    """Return the least time [s] in which the path of a trajectory can be run, from rest to rest.
 
     Under the limits of velocity, acceleration and effort; jerk, and so smoothness, is not asked
     for. Judged at 1,600 points of the path: good to about 0.1 %.
@@ -34,7 +34,7 @@ def path_minimum(robot: RobotModel, trajectory: JointTrajectory) -> float | None
 def _by_length(trajectory: JointTrajectory) -> JointTrajectory:
     """Return the path over the way in joint space, from 0 to 1.
 
-    Its points are equal times apart, so that they are close together wherever the motion rests:
+    Its points are equal times apart, so that they are close together wherever the trajectory rests:
     there the path begins, ends, or has a corner.
     """
     q = trajectory.position(np.linspace(0, trajectory.duration, _GRID_POINTS))

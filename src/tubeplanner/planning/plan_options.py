@@ -17,7 +17,7 @@ class Quality:
     Attributes:
         knots: About how many knot intervals it begins with, and into how many parts they are then
             divided, time after time; once for every pair, from the most natural start.
-        every_start: Whether other starts are tried too, though there is a certified motion.
+        every_start: Whether other starts are tried too, though there is a certified trajectory.
     """
 
     knots: tuple[tuple[int, tuple[int, ...]], ...]
@@ -39,16 +39,16 @@ class PlanOptions:
 
     Attributes:
         method: "refinement": path and speed optimised together; the next one where that is not
-            certified. "branch-and-bound": the fastest motion through points of the reference path
-            that cuts its corners inside the tube; the next one where it finds nothing faster.
+            certified. "branch-and-bound": the fastest trajectory through points of the reference
+            path that cuts its corners inside the tube; the next one where it finds nothing faster.
             "stop-at-corners": along the reference path, resting at every reference point.
             "suh-bishop": both phases as published in 1988; no other method where they find nothing.
-        quality: Of refinement. "fast": few knots, half to three quarters of the time, motions
+        quality: Of refinement. "fast": few knots, half to three quarters of the time, trajectories
             about 1 % slower. "balanced". "best": also with more knots and from every start there
             is, three to eight times the time.
         candidate_points: From how many points on the reference path, start and goal included,
             branch and bound chooses. More take longer, exponentially in the worst case, and give
-            other motions, not always faster ones.
+            other trajectories, not always faster ones.
         node_budget: After how many nodes branch and bound ends with the best it has; the result
             says so.
         suh_bishop: How phase 2 of "suh-bishop" is done.

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from tubeplanner.motion.trajectory import JointTrajectory
 from tubeplanner.outcome import Place, PlanStatus
 from tubeplanner.planning.path_minimum import path_minimum
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, StoppedBy
 from tubeplanner.refinement.sensitivities import Sensitivity
 from tubeplanner.suh_bishop.suh_bishop import PhaseTwoStatistics
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.verification.certificate import Certificate
 from tubeplanner.verification.refusal import refusal
 from tubeplanner.verification.verification import verify
@@ -151,8 +151,8 @@ def judged_result(
 
 
 def _success_message(problem: PlanningProblem, trajectory: JointTrajectory) -> str:
-    """Return what is to be said about a certified motion."""
-    message = f"certified motion of {trajectory.duration:.4f} s"
+    """Return what is to be said about a certified trajectory."""
+    message = f"certified trajectory of {trajectory.duration:.4f} s"
     if problem.goal is None:
         q = ", ".join(f"{value:.4f}" for value in trajectory.position(trajectory.duration))
         message += f"; the goal was left open and became [{q}]"

@@ -45,7 +45,8 @@ def _planned(problem: PlanningProblem, options: PlanOptions, clock: PlanningCloc
     if options.method == SUH_BISHOP:
         return suh_bishop_plan(problem, branches, options, clock)
     refines = options.method == REFINEMENT and problem.tube.visit == "ordered"
-    # Under a time limit, a motion that stops at corners is there first, in case nothing else is.
+    # Under a time limit, a trajectory that stops at corners is there first, in case nothing else
+    # is.
     corners = refined = None
     if not refines or options.time_limit is not None:
         corners = stopping_plan(problem, branches, clock)

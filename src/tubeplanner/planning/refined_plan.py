@@ -8,16 +8,16 @@ import numpy as np
 
 from tubeplanner.branches.known_branches import KnownBranches
 from tubeplanner.branches.reference_branch import ReferenceBranch, spare_joint_rules
-from tubeplanner.motion.trajectory import JointTrajectory
 from tubeplanner.outcome import Infeasible, PlanStatus
 from tubeplanner.planning.plan_options import QUALITIES, REFINEMENT, PlanOptions, Quality
 from tubeplanner.planning.plan_result import PlanResult, certified_result
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, Progress
-from tubeplanner.refinement.phase_spline import PhasedMotion
+from tubeplanner.refinement.phase_spline import PhasedSpline
 from tubeplanner.refinement.refinement import Refinement
 from tubeplanner.refinement.sensitivities import limit_sensitivities
 from tubeplanner.refinement.spline_start import starting_spline
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.waypoint_search.time_scaling import scaled_to_limits
 
 # How often a certificate's objections are handed back to refinement.
@@ -29,9 +29,10 @@ _MAX_KNOTS_SHARE = 1.5
 def refined_plan(
     problem: PlanningProblem, branches: KnownBranches, options: PlanOptions, clock: PlanningClock
 ) -> PlanResult | None:
-    """Return the fastest certified motion that refinement finds, or why its first one is refused.
+    """Return the fastest certified trajectory, or why refinement's first one is refused.
 
-    Starts are tried until one leads to a certified motion, or all of them if the quality says so.
+    Starts are tried until one leads to a certified trajectory, or all of them if the quality says
+    so.
 
     Returns:
         None if there was nothing to start from.
@@ -61,8 +62,8 @@ def refined_plan(
 
 def _starts(
     problem: PlanningProblem, branches: KnownBranches, quality: Quality
-) -> Iterator[tuple[PhasedMotion, tuple[int, ...]]]:
-    """Yield motions to start from, and into how many parts their knot intervals are divided."""
+) -> Iterator[tuple[PhasedSpline, tuple[int, ...]]]:
+    """Yield splines to start from, and how often their knot intervals are divided."""
     known: list[ReferenceBranch] = []
     for way in _ways(problem, branches):
         try:
@@ -107,7 +108,7 @@ def _divisions(count: int, wanted: int, divisions: tuple[int, ...]) -> tuple[int
 
 
 def _from_start(
-    problem: PlanningProblem, start: PhasedMotion, divisions: tuple[int, ...], clock: PlanningClock
+    problem: PlanningProblem, start: PhasedSpline, divisions: tuple[int, ...], clock: PlanningClock
 ) -> PlanResult:
     """Return what refinement makes of one start, the certificate's objections handed back to it.
 
@@ -130,31 +131,31 @@ def _from_start(
     for _ in range(_MAX_OBJECTIONS):
         if not _done(work, refinement, clock):
             break
-        motion = scaled_to_limits(problem.robot, refinement.trajectory)
-        result = certified_result(problem, motion, REFINEMENT, clock)
+        trajectory = scaled_to_limits(problem.robot, refinement.trajectory)
+        result = certified_result(problem, trajectory, REFINEMENT, clock)
         if result.succeeded or result.certificate is None or clock.stopped_by is not None:
             break
-        work = partial(refinement.answer, result.certificate, motion.duration)
+        work = partial(refinement.answer, result.certificate, trajectory.duration)
     if not result.succeeded:
         return result
-    sensitivities = partial(limit_sensitivities, problem, refinement, motion.duration)
-    return replace(result, notes=_notes(problem, motion), _sensitivities=sensitivities)
+    sensitivities = partial(limit_sensitivities, problem, refinement, trajectory.duration)
+    return replace(result, notes=_notes(problem, trajectory), _sensitivities=sensitivities)
 
 
-def _notes(problem: PlanningProblem, motion: JointTrajectory) -> tuple[str, ...]:
-    """Return what the motion's jerk means, where nothing limits it."""
+def _notes(problem: PlanningProblem, trajectory: JointTrajectory) -> tuple[str, ...]:
+    """Return what the trajectory's jerk means, where nothing limits it."""
     robot = problem.robot
-    peak = abs(motion.derivative_coefficients(3)).max(axis=(0, 1))
+    peak = abs(trajectory.derivative_coefficients(3)).max(axis=(0, 1))
     peak = np.where(np.isfinite(robot.limits.jerk), 0.0, peak)
     joint = int(peak.argmax())
     if not peak[joint] > 0:
         return ()
     unit = "rad/s^3" if robot.revolute[joint] else "m/s^3"
     return (
-        f"without a jerk limit, jerk grows with the square of the knots ({len(motion.widths)}): "
+        f"without a jerk limit, jerk grows with the knots squared ({len(trajectory.widths)}): "
         "here up to "
         f"{peak[joint]:.2g} {unit} ('{robot.joint_names[joint]}'); give the robot's own as "
-        "limits.jerk for a motion that a machine can follow",
+        "limits.jerk for a trajectory that a machine can follow",
     )
 
 
@@ -163,11 +164,11 @@ def _done(work: Callable[[], bool], refinement: Refinement, clock: PlanningClock
     try:
         return work()
     except KeyboardInterrupt:
-        if not refinement.has_motion:
+        if not refinement.has_spline:
             raise
         clock.stopped_by = "interrupt"
     except Infeasible as reason:
-        if reason.status is not PlanStatus.TIME_LIMIT or not refinement.has_motion:
+        if reason.status is not PlanStatus.TIME_LIMIT or not refinement.has_spline:
             raise
         clock.stopped_by = "time_limit"
     return True

@@ -32,7 +32,7 @@ def searched_plan(
         search = BranchAndBound(
             problem,
             candidate_waypoints(problem, branch, options.candidate_points, clock.check),
-            upper_bound=np.inf if corners.motion is None else corners.motion.duration,
+            upper_bound=np.inf if corners.trajectory is None else corners.trajectory.duration,
             node_budget=options.node_budget,
             checkpoint=clock.check,
         )
@@ -50,8 +50,8 @@ def run_search(search: BranchAndBound, known: float | None, clock: PlanningClock
     """Search until there is nothing better, or until time or budget end.
 
     Args:
-        search: Its best motion is the answer.
-        known: Duration of the best motion known before [s].
+        search: Its best trajectory is the answer.
+        known: Duration of the best trajectory known before [s].
         clock: Told how far the search has come; says what stopped it.
     """
     while not search.finished:
@@ -78,7 +78,7 @@ def _better(
             problem, search.best, search.certificate, search.certificate_time, BRANCH_AND_BOUND
         )
     elif clock.stopped_by == "time_limit" and not known.succeeded:
-        message = "the time limit passed before a motion was found"
+        message = "the time limit passed before a trajectory was found"
         result = PlanResult(PlanStatus.TIME_LIMIT, message, Place(), BRANCH_AND_BOUND)
     elif clock.stopped_by is None and known.succeeded:
         message = f"{result.message}; branch and bound found nothing faster"

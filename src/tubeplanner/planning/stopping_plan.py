@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 from tubeplanner.branches.known_branches import KnownBranches
 from tubeplanner.branches.reference_branch import ReferenceBranch, SpareJoints, spare_joint_rules
-from tubeplanner.motion.trajectory import JointTrajectory
 from tubeplanner.outcome import Infeasible, PlanStatus
 from tubeplanner.planning.plan_options import STOP_AT_CORNERS
 from tubeplanner.planning.plan_result import PlanResult, certified_result
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.waypoint_search.stop_at_corners import stop_at_corners
 
 
@@ -19,33 +19,33 @@ class StoppingPlan:
 
     result: PlanResult
     branch: ReferenceBranch | None = None
-    motion: JointTrajectory | None = None
+    trajectory: JointTrajectory | None = None
 
 
 def stopping_plan(
     problem: PlanningProblem, branches: KnownBranches, clock: PlanningClock
 ) -> StoppingPlan:
-    """Return the first certified motion that stops at corners.
+    """Return the first certified trajectory that stops at corners.
 
-    If there is none, the most natural rule for the spare joints says why; branch and motion are the
-    first there are.
+    If there is none, the most natural rule for the spare joints says why; branch and trajectory are
+    the first there are.
     """
     reasons: dict[SpareJoints, PlanResult] = {}
-    first_branch = first_motion = None
+    first_branch = first_trajectory = None
     for rule in spare_joint_rules(problem):
         try:
             branch = branches.along(rule)
-            clock.enter("motion along it, stopping at corners")
+            clock.enter("trajectory along it, stopping at corners")
             first_branch = first_branch or branch
-            motion = stop_at_corners(problem, branch, clock.check)
-            first_motion = first_motion or motion
+            trajectory = stop_at_corners(problem, branch, clock.check)
+            first_trajectory = first_trajectory or trajectory
             clock.enter("certificate")
-            result = certified_result(problem, motion, STOP_AT_CORNERS, clock)
+            result = certified_result(problem, trajectory, STOP_AT_CORNERS, clock)
         except Infeasible as reason:
             result = PlanResult(reason.status, str(reason), reason.place, STOP_AT_CORNERS)
         if result.succeeded:
-            return StoppingPlan(result, branch, motion)
+            return StoppingPlan(result, branch, trajectory)
         if result.status is PlanStatus.TIME_LIMIT:
             return StoppingPlan(result)
         reasons[rule] = result
-    return StoppingPlan(reasons[SpareJoints.AS_NEEDED], first_branch, first_motion)
+    return StoppingPlan(reasons[SpareJoints.AS_NEEDED], first_branch, first_trajectory)

@@ -10,7 +10,7 @@ from tubeplanner.planning.plan_result import PlanResult, judged_result
 from tubeplanner.planning.searched_plan import run_search
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, Progress
-from tubeplanner.suh_bishop.knot_motion import KnotMotion
+from tubeplanner.suh_bishop.knot_trajectory import KnotTrajectory
 from tubeplanner.suh_bishop.suh_bishop import SuhBishop
 from tubeplanner.verification.certificate import Certificate
 from tubeplanner.waypoint_search.branch_and_bound import BranchAndBound
@@ -24,7 +24,7 @@ def suh_bishop_plan(
 ) -> PlanResult:
     """Return what both phases find, or why the first one finds nothing.
 
-    Rules for spare joints are tried in turn until phase 1 has a certified motion.
+    Rules for spare joints are tried in turn until phase 1 has a certified trajectory.
 
     Raises:
         KeyboardInterrupt: Before anything was certified.
@@ -49,8 +49,8 @@ def _along(
     """Return what both phases find along a branch.
 
     Raises:
-        Infeasible: Nothing is to be moved, gravity is too strong for phase 1's motions, or the time
-            limit passed before it began.
+        Infeasible: Nothing is to be moved, gravity is too strong for phase 1's trajectories, or the
+            time limit passed before it began.
     """
     if not branch.moving_segments:
         message = "the start is the goal: there is nothing to move"
@@ -71,8 +71,8 @@ def _along(
         scaled_to_limits(problem.robot, sequential_quartics(problem.robot.joint_names, waypoints))
         return replace(_nothing_found(search, options, clock), search=search.statistics)
     knots = waypoints[list(search.best_waypoints)]
-    motion = KnotMotion(knots, sequential_quartics, search.best)
-    phase_two = _phase_two(problem, motion, search.certificate, options, clock)
+    candidate = KnotTrajectory(knots, sequential_quartics, search.best)
+    phase_two = _phase_two(problem, candidate, search.certificate, options, clock)
     certificate_time = phase_two.certificate_time or search.certificate_time
     result = judged_result(
         problem, phase_two.best.trajectory, phase_two.certificate, certificate_time, SUH_BISHOP
@@ -86,7 +86,7 @@ def _along(
 
 def _phase_two(
     problem: PlanningProblem,
-    motion: KnotMotion,
+    candidate: KnotTrajectory,
     certificate: Certificate,
     options: PlanOptions,
     clock: PlanningClock,
@@ -98,7 +98,7 @@ def _phase_two(
         clock.announce(Progress("moving knots", now.nodes, None, phase_two.best.duration))
         clock.check()
 
-    phase_two = SuhBishop(problem, motion, certificate, options.suh_bishop, checkpoint)
+    phase_two = SuhBishop(problem, candidate, certificate, options.suh_bishop, checkpoint)
     if clock.stopped_by is None:
         try:
             phase_two.run()
@@ -112,12 +112,12 @@ def _phase_two(
 def _nothing_found(
     search: BranchAndBound, options: PlanOptions, clock: PlanningClock
 ) -> PlanResult:
-    """Say that phase 1 ended without a motion."""
+    """Say that phase 1 ended without a trajectory."""
     if clock.stopped_by == "time_limit":
-        message = "the time limit passed before phase 1 found a motion"
+        message = "the time limit passed before phase 1 found a trajectory"
         return PlanResult(PlanStatus.TIME_LIMIT, message, Place(), SUH_BISHOP)
     message = (
-        f"phase 1 found no certified motion through {options.candidate_points} points of the "
+        f"phase 1 found no certified trajectory through {options.candidate_points} points of the "
         f"reference path ({search.statistics}); another number of candidate points, or a wider "
         "tube, may have one"
     )

@@ -194,7 +194,7 @@ class ProblemFields(_Section):
     tube: TubeFields | None = Field(
         None, description="where the tool may be, and in which configuration; `route` finds one"
     )
-    start: EndpointFields = Field(description="where the motion begins, at rest")
+    start: EndpointFields = Field(description="where the trajectory begins, at rest")
     goal: EndpointFields | None = Field(
         None, description="where it ends, at rest; left out: in any configuration"
     )

@@ -1,4 +1,4 @@
-"""Limits of effort, velocity, acceleration and jerk at samples of a motion.
+"""Limits of effort, velocity, acceleration and jerk at samples of a spline.
 
 Products with y = T^2 keep the conditions exact in y: efforts scale as tau = h / y + g (Hollerbach,
 "Dynamic scaling of manipulator trajectories", 1984; Suh & Bishop 1988, property 2).
@@ -17,8 +17,8 @@ from tubeplanner.refinement.linear_rows import (
     two_sided_rows,
     two_sided_slack,
 )
-from tubeplanner.refinement.phase_spline import PhasedMotion, Places
-from tubeplanner.refinement.sampled_motion import SampledMotion, sampled
+from tubeplanner.refinement.phase_spline import PhasedSpline, Places
+from tubeplanner.refinement.sampled_spline import SampledSpline, sampled
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.waypoint_search.time_scaling import effort_factor_of
 
@@ -45,9 +45,9 @@ class LimitConditions:
         """Return whether any joint has a limit of one of some kinds."""
         return any(len(self._bounded[kind]) for kind in kinds)
 
-    def at(self, motion: PhasedMotion, places: Places, kinds: tuple[str, ...]) -> "EvaluatedLimits":
-        """Return the limits of some kinds at places of a motion; one kind must limit a joint."""
-        at = sampled(motion, places)
+    def at(self, spline: PhasedSpline, places: Places, kinds: tuple[str, ...]) -> "EvaluatedLimits":
+        """Return the limits of some kinds at places of a spline; one kind must limit a joint."""
+        at = sampled(spline, places)
         asked = {kind: self._numbers[kind] for kind in kinds if len(self._bounded[kind])}
         gravity = effort = np.zeros_like(at.position)
         if EFFORT in asked:
@@ -67,18 +67,18 @@ class LimitConditions:
 
 @dataclass(frozen=True, eq=False)
 class EvaluatedLimits:
-    """The limits at N samples of a motion.
+    """The limits at N samples of a spline.
 
     Attributes:
         robot: The arm.
-        at: The motion at the samples.
+        at: The spline at the samples.
         gravity: Efforts against gravity, shape (N, n).
-        effort: Efforts of the motion run in one second, shape (N, n).
+        effort: Efforts of the spline run in one second, shape (N, n).
         asked: For every kind that is asked for, the bounded joints and their limits' numbers.
     """
 
     robot: RobotModel
-    at: SampledMotion
+    at: SampledSpline
     gravity: FloatArray
     effort: FloatArray
     asked: dict[str, tuple[IntArray, IntArray]]
@@ -109,7 +109,7 @@ class EvaluatedLimits:
         return 2 * len(self.at.position) * sum(len(joints) for joints, _ in self.asked.values())
 
     def rows(self, duration: float, size: StepSize | None) -> Rows:
-        """Return the rows of all limits, for both directions, of the motion run in T seconds.
+        """Return the rows of all limits, for both directions, of the spline run in T seconds.
 
         Args:
             duration: T [s].

@@ -1,6 +1,6 @@
 """Linear conditions on a step of the optimiser, each divided by its own limit.
 
-What may change are the control points C of a motion, its inner switching times s, and its squared
+What may change are the control points C of a spline, its inner switching times s, and its squared
 duration y = T^2, by the relative step eta = dy / y. A row says: control . dC + switching . ds +
 duration eta <= slack.
 """
@@ -151,7 +151,7 @@ def plane_rows(
 def two_sided_slack(
     used: FloatArray, duration: tuple[FloatArray, float], squared_duration: float
 ) -> FloatArray:
-    """Return the slack of quantities (N, I) at another motion, by side, sample and quantity.
+    """Return the slack of quantities (N, I) at another spline, by side, sample and quantity.
 
     Args:
         used: The quantities as they would be in the old duration, shape (N, I).

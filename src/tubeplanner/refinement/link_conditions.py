@@ -1,4 +1,4 @@
-"""Links clear of obstacles and of each other, at the samples of a motion where they come close."""
+"""Links clear of obstacles and of each other, at the samples of a spline where they come close."""
 
 from copy import copy
 from dataclasses import dataclass
@@ -16,8 +16,8 @@ from tubeplanner.refinement.linear_rows import (
     Rows,
     StepSize,
 )
-from tubeplanner.refinement.phase_spline import PhasedMotion, Samples
-from tubeplanner.refinement.sampled_motion import SampledMotion, sampled
+from tubeplanner.refinement.phase_spline import PhasedSpline, Samples
+from tubeplanner.refinement.sampled_spline import SampledSpline, sampled
 
 # What a row calls one [m]: as a radius does for the tube.
 _UNIT = 0.05
@@ -34,7 +34,7 @@ _SAME_SHARE, _SAME_SHARE_ASKED = 0.3, 1e-3
 
 
 class LinkConditions:
-    """The pairs of shapes that must stay apart, and where along the motion they are watched."""
+    """The pairs of shapes that must stay apart, and where along the spline they are watched."""
 
     def __init__(self, problem: PlanningProblem) -> None:
         checker = problem.collision
@@ -47,9 +47,9 @@ class LinkConditions:
         self._pair = np.zeros(0, dtype=np.int64)
         self._aim = np.full(len(self._pairs), np.nan)
 
-    def at(self, motion: PhasedMotion) -> "EvaluatedLinks":
-        """Return the pairs that are watched, at a motion."""
-        at = sampled(motion, self._samples)
+    def at(self, spline: PhasedSpline) -> "EvaluatedLinks":
+        """Return the pairs that are watched, at a spline."""
+        at = sampled(spline, self._samples)
         rotation, position = self._problem.robot.body_poses(at.position)
         pairs = self._pairs[self._pair]
         closest = self._checker.closest_points(rotation, position, pairs)
@@ -58,62 +58,62 @@ class LinkConditions:
         strict = MERIT_TOLERANCE * (1 - (aim - required) / _INNER_MARGIN)
         return EvaluatedLinks(self._problem, at, pairs, aim, strict, rotation, position, closest)
 
-    def on_other_knots(self, motion: PhasedMotion, other: PhasedMotion) -> "LinkConditions":
-        """Return the same for a motion on other knots, watched where they were."""
+    def on_other_knots(self, spline: PhasedSpline, other: PhasedSpline) -> "LinkConditions":
+        """Return the same for a spline on other knots, watched where they were."""
         moved = copy(self)
-        times = self._samples.times(motion.switching_times)
+        times = self._samples.times(spline.switching_times)
         moved._samples = other.shape.samples_at(other.switching_times, times)
         return moved
 
-    def look(self, motion: PhasedMotion) -> bool:
+    def look(self, spline: PhasedSpline) -> bool:
         """Watch pairs where they come closest; return whether one is too close and was not seen."""
         if len(self._pairs) == 0:
             return False
-        samples = motion.shape.samples(np.arange(_PER_INTERVAL) / _PER_INTERVAL)
-        distance = self._distances(sampled(motion, samples).position)
+        samples = spline.shape.samples(np.arange(_PER_INTERVAL) / _PER_INTERVAL)
+        distance = self._distances(sampled(spline, samples).position)
         clearance = distance - self._required
         before = np.vstack([np.full((1, len(self._pairs)), np.inf), clearance[:-1]])
         after = np.vstack([clearance[1:], np.full((1, len(self._pairs)), np.inf)])
         lowest = (clearance < _WATCHED) & (clearance <= before) & (clearance < after)
         sample, pair = np.nonzero(lowest)
         at = samples.where(sample)
-        return self._watch(motion, at, pair, clearance[sample, pair], _SAME_SHARE)
+        return self._watch(spline, at, pair, clearance[sample, pair], _SAME_SHARE)
 
-    def look_at(self, motion: PhasedMotion, samples: Samples) -> None:
+    def look_at(self, spline: PhasedSpline, samples: Samples) -> None:
         """Watch the pairs that come close at samples."""
-        distance = self._distances(sampled(motion, samples).position)
+        distance = self._distances(sampled(spline, samples).position)
         sample, pair = np.nonzero(distance - self._required < _WATCHED)
         at = samples.where(sample)
-        self._watch(motion, at, pair, np.zeros(len(pair)), _SAME_SHARE_ASKED)
+        self._watch(spline, at, pair, np.zeros(len(pair)), _SAME_SHARE_ASKED)
 
     def _watch(
         self,
-        motion: PhasedMotion,
+        spline: PhasedSpline,
         samples: Samples,
         pair: IntArray,
         clearance: FloatArray,
         same_share: float,
     ) -> bool:
         """Watch pairs at samples that are not watched yet; return whether one is too close."""
-        switching_times = motion.switching_times
+        switching_times = spline.switching_times
         known, new = self._samples.times(switching_times), samples.times(switching_times)
         spacing = (
-            np.diff(motion.shape.breakpoints(switching_times))[samples.interval] / _PER_INTERVAL
+            np.diff(spline.shape.breakpoints(switching_times))[samples.interval] / _PER_INTERVAL
         )
         same = (pair[:, None] == self._pair) & (
             abs(new[:, None] - known) < same_share * spacing[:, None]
         )
         fresh = np.flatnonzero(~same.any(axis=1))
-        self._set_aims(motion, np.unique(pair[fresh]))
+        self._set_aims(spline, np.unique(pair[fresh]))
         self._samples = self._samples.and_also(samples.where(fresh))
         self._pair = np.concatenate([self._pair, pair[fresh]])
         too_close = clearance[fresh] < self._aim[pair[fresh]] - self._required[pair[fresh]]
         return bool(too_close.any())
 
-    def _set_aims(self, motion: PhasedMotion, pairs: IntArray) -> None:
+    def _set_aims(self, spline: PhasedSpline, pairs: IntArray) -> None:
         """Set what is aimed at: a little more than is required, where start and goal have it."""
         pairs = pairs[np.isnan(self._aim[pairs])]
-        ends = motion.control_points[[0] if self._problem.goal is None else [0, -1]]
+        ends = spline.control_points[[0] if self._problem.goal is None else [0, -1]]
         rotation, position = self._problem.robot.body_poses(ends)
         found = [
             self._checker.distances(*pose, self._pairs[pairs])
@@ -124,7 +124,7 @@ class LinkConditions:
         self._aim[pairs] = np.clip(there, required, required + _INNER_MARGIN)
 
     def _distances(self, q: FloatArray) -> FloatArray:
-        """Return distances of all pairs at configurations along a motion, shape (N, P).
+        """Return distances of all pairs at configurations along a spline, shape (N, P).
 
         Those beyond what is watched are lower bounds: from spheres, or along the direction that
         separates the pair at a configuration near by.
@@ -139,7 +139,7 @@ class LinkConditions:
 
 
 class _Distances:
-    """Distances of P pairs at N configurations along a motion, as exact as they are near.
+    """Distances of P pairs at N configurations along a spline, as exact as they are near.
 
     Attributes:
         found: Lower bounds, exact below what matters, shape (N, P) [m].
@@ -178,11 +178,11 @@ class _Distances:
 
 @dataclass(frozen=True, eq=False)
 class EvaluatedLinks:
-    """Watched pairs of a motion, E of them, each at its own instant.
+    """Watched pairs of a spline, E of them, each at its own instant.
 
     Attributes:
         problem: What is asked.
-        at: The motion at those instants.
+        at: The spline at those instants.
         pairs: Indices of the shapes, shape (E, 2).
         aim: Distances aimed at, shape (E,) [m].
         strict: What the excess counts in addition, shape (E,).
@@ -192,7 +192,7 @@ class EvaluatedLinks:
     """
 
     problem: PlanningProblem
-    at: SampledMotion
+    at: SampledSpline
     pairs: IntArray
     aim: FloatArray
     strict: FloatArray

@@ -1,4 +1,4 @@
-"""All conditions of a motion at samples, which are added as they turn out to be needed."""
+"""All conditions of a spline at samples, which are added as they turn out to be needed."""
 
 from dataclasses import dataclass
 
@@ -17,7 +17,7 @@ from tubeplanner.refinement.limit_conditions import (
 from tubeplanner.refinement.linear_rows import INNER_MARGIN, Rows, StepSize, stacked
 from tubeplanner.refinement.link_conditions import EvaluatedLinks, LinkConditions
 from tubeplanner.refinement.phase_spline import (
-    PhasedMotion,
+    PhasedSpline,
     PhaseSpline,
     Places,
     Samples,
@@ -36,10 +36,10 @@ _HIGHER = 1.001  # peaks of the squared duration between samples that count
 
 @dataclass(frozen=True, eq=False)
 class Iterate:
-    """A motion and what it costs.
+    """A spline and what it costs.
 
     Attributes:
-        motion: Control points and switching times.
+        spline: Control points and switching times.
         squared_duration: The least T^2 that the limits allow at the samples [s^2].
         excess: How far tool or links are beyond what is allowed to them, >= 0: of the tool in
             radii or rotation tolerances beyond the narrowed tube, of links in units of 5 cm.
@@ -49,7 +49,7 @@ class Iterate:
         links: Likewise.
     """
 
-    motion: PhasedMotion
+    spline: PhasedSpline
     squared_duration: float
     excess: float
     limits: tuple[EvaluatedLimits, ...]
@@ -69,7 +69,7 @@ class Iterate:
 
 
 class MotionConditions:
-    """What motions on one knot grid must keep."""
+    """What splines on one knot grid must keep."""
 
     def __init__(self, problem: PlanningProblem, shape: PhaseSpline, links: LinkConditions) -> None:
         """Take the usual samples, and links that may be watched already."""
@@ -86,9 +86,9 @@ class MotionConditions:
         self._tube_samples = shape.samples(_TUBE_SAMPLES).and_also(ends)
         self._dense_samples = shape.samples(_DENSE_SAMPLES)
 
-    def links_on(self, motion: PhasedMotion, other: PhasedMotion) -> LinkConditions:
-        """Return what is watched of a motion's links, for the same motion on other knots."""
-        return self._links.on_other_knots(motion, other)
+    def links_on(self, spline: PhasedSpline, other: PhasedSpline) -> LinkConditions:
+        """Return what is watched of a spline's links, for the same spline on other knots."""
+        return self._links.on_other_knots(spline, other)
 
     @property
     def names(self) -> list[tuple[str, int]]:
@@ -97,15 +97,15 @@ class MotionConditions:
         tolerances = [(kind, k) for kind in kinds for k in range(len(self._shape.shares))]
         return [*self._limits.names, *tolerances]
 
-    def at(self, motion: PhasedMotion) -> Iterate:
-        """Return a motion with what it costs at the samples."""
-        return self._at(motion, self._limited, self._tube_samples)
+    def at(self, spline: PhasedSpline) -> Iterate:
+        """Return a spline with what it costs at the samples."""
+        return self._at(spline, self._limited, self._tube_samples)
 
     def rows(self, current: Iterate, size: StepSize | None) -> tuple[Rows, FloatArray]:
-        """Return all rows at a motion, and 1 for those that may be violated at a penalty.
+        """Return all rows at a spline, and 1 for those that may be violated at a penalty.
 
         Args:
-            current: The motion.
+            current: The spline.
             size: Of the step; rows that it cannot break are left out. None: all rows.
         """
         parts = [limits.rows(current.duration, size) for limits in current.limits]
@@ -117,12 +117,12 @@ class MotionConditions:
         return rows, np.repeat([0.0, 1.0], [hard, len(rows) - hard])
 
     def slack(self, current: Iterate, trial: Iterate, squared_duration: float) -> FloatArray:
-        """Return the slack that a trial has, by the numbers of the rows at a motion.
+        """Return the slack that a trial has, by the numbers of the rows at a spline.
 
         Args:
-            current: The motion whose rows are meant.
+            current: The spline whose rows are meant.
             trial: Where they are looked at.
-            squared_duration: The trial's, as a multiple of the motion's.
+            squared_duration: The trial's, as a multiple of the spline's.
         """
         slacks = [limits.slack(current.duration, squared_duration) for limits in trial.limits]
         slacks.append(current.tube.slack(trial.tube))
@@ -130,17 +130,17 @@ class MotionConditions:
             slacks.append(current.rotation.slack(trial.rotation))
         return np.concatenate([*slacks, trial.links.slack])
 
-    def look_for_links(self, motion: PhasedMotion) -> bool:
+    def look_for_links(self, spline: PhasedSpline) -> bool:
         """Watch links where they come close; return whether some are too close and were not."""
-        return self._links.look(motion)
+        return self._links.look(spline)
 
     def look_between_samples(self, current: Iterate) -> tuple[Iterate, bool]:
-        """Return a motion's cost between samples too, and whether samples had to be added."""
-        has_more = self.look_for_links(current.motion)
+        """Return a spline's cost between samples too, and whether samples had to be added."""
+        has_more = self.look_for_links(current.spline)
         limited = dict(self._limited)
         if (EFFORT,) in limited:
             limited[EFFORT,] = self._dense_samples
-        worst = self._at(current.motion, limited, self._dense_samples)
+        worst = self._at(current.spline, limited, self._dense_samples)
         if (EFFORT,) in limited:
             floor = _HIGHER * current.squared_duration
             higher = _peaks(worst.limits[0].squared_durations, floor)
@@ -150,12 +150,12 @@ class MotionConditions:
         self._tube_samples = self._tube_samples.and_also(self._dense_samples.where(outside))
         return worst, has_more or len(outside) > 0
 
-    def add_samples(self, motion: PhasedMotion, x: float) -> None:
+    def add_samples(self, spline: PhasedSpline, x: float) -> None:
         """Add samples of everything at an instant, from 0 to 1."""
-        samples = self._shape.samples_at(motion.switching_times, np.array([x]))
+        samples = self._shape.samples_at(spline.switching_times, np.array([x]))
         self._watch_efforts(samples)
         self._tube_samples = self._tube_samples.and_also(samples)
-        self._links.look_at(motion, samples)
+        self._links.look_at(spline, samples)
 
     def _watch_efforts(self, samples: Samples) -> None:
         known = self._limited.get((EFFORT,))
@@ -164,27 +164,27 @@ class MotionConditions:
 
     def _at(
         self,
-        motion: PhasedMotion,
+        spline: PhasedSpline,
         limited: dict[tuple[str, ...], Places],
         tube_samples: Samples,
     ) -> Iterate:
-        limits = tuple(self._limits.at(motion, places, kinds) for kinds, places in limited.items())
+        limits = tuple(self._limits.at(spline, places, kinds) for kinds, places in limited.items())
         first = len(self._limits.names)
-        tube = evaluated_tube(self._problem, motion, tube_samples, INNER_MARGIN, first)
-        rotation = self._rotation_at(motion, tube_samples, first + self._problem.tube.segment_count)
-        links = self._links.at(motion)
+        tube = evaluated_tube(self._problem, spline, tube_samples, INNER_MARGIN, first)
+        rotation = self._rotation_at(spline, tube_samples, first + self._problem.tube.segment_count)
+        links = self._links.at(spline)
         worst = [part.excess.max(initial=0.0) for part in (tube, rotation, links) if part]
         squared_duration = max(float(part.squared_durations.max()) for part in limits)
         excess = float(max(worst))
-        return Iterate(motion, squared_duration, excess, limits, tube, rotation, links)
+        return Iterate(spline, squared_duration, excess, limits, tube, rotation, links)
 
     def _rotation_at(
-        self, motion: PhasedMotion, samples: Samples, first: int
+        self, spline: PhasedSpline, samples: Samples, first: int
     ) -> EvaluatedRotation | None:
         robot, rotation = self._problem.robot, self._problem.tube.rotation
         if rotation is None:
             return None
-        return evaluated_rotation(robot, rotation, motion, samples, INNER_MARGIN, first)
+        return evaluated_rotation(robot, rotation, spline, samples, INNER_MARGIN, first)
 
 
 def _peaks(values: FloatArray, floor: float) -> IntArray:

@@ -169,7 +169,7 @@ def basis_by_switching(
 
 
 @dataclass(frozen=True, eq=False)
-class PhasedMotion:
+class PhasedSpline:
     """A spline over phases with its control points; how fast it runs is left open.
 
     Attributes:
@@ -182,7 +182,7 @@ class PhasedMotion:
     switching_times: FloatArray
     control_points: FloatArray
 
-    def spline(self) -> BSpline:
+    def bspline(self) -> BSpline:
         """Return the spline over time x."""
         return BSpline(self.shape.knots(self.switching_times), self.control_points, DEGREE)
 

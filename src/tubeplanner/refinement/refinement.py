@@ -11,14 +11,14 @@ from collections.abc import Callable
 
 import numpy as np
 
-from tubeplanner.motion.trajectory import JointTrajectory, from_spline
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.refinement.linear_rows import MERIT_TOLERANCE
 from tubeplanner.refinement.motion_conditions import Iterate
-from tubeplanner.refinement.phase_spline import PhasedMotion
+from tubeplanner.refinement.phase_spline import PhasedSpline
 from tubeplanner.refinement.sequential_program import SequentialProgram
 from tubeplanner.refinement.spline_start import subdivided
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory, from_spline
 from tubeplanner.verification.certificate import Certificate
 
 _FIRST_TRUST, _LATER_TRUST, _LAST_TRUST = 0.2, 0.03, 0.02  # [rad or m]
@@ -33,12 +33,12 @@ _BETWEEN_SAMPLES = 0.003
 
 
 class Refinement:
-    """Refinement of one motion, and the best that it has found so far."""
+    """Refinement of one trajectory, and the best that it has found so far."""
 
     def __init__(
         self,
         problem: PlanningProblem,
-        start: PhasedMotion,
+        start: PhasedSpline,
         divisions: tuple[int, ...],
         checkpoint: Callable[[float], None] = lambda duration: None,
     ) -> None:
@@ -56,8 +56,8 @@ class Refinement:
         self._best: Iterate | None = None
 
     @property
-    def has_motion(self) -> bool:
-        """Whether there is a motion yet."""
+    def has_spline(self) -> bool:
+        """Whether there is a trajectory yet."""
         return self._best is not None
 
     @property
@@ -65,7 +65,7 @@ class Refinement:
         """The best so far, or else the one nearest to what is allowed; it takes one second."""
         if self._best is None:
             raise RuntimeError("refinement has not run")
-        return from_spline(self._problem.robot.joint_names, self._best.motion.spline())
+        return from_spline(self._problem.robot.joint_names, self._best.spline.bspline())
 
     def run(self) -> bool:
         """Refine to the finest knots; return True.
@@ -73,34 +73,34 @@ class Refinement:
         Raises:
             Infeasible: Status no_trajectory: there was nothing to start from.
         """
-        motion, trust = self._start, _FIRST_TRUST
-        self._program.conditions.look_for_links(motion)
+        spline, trust = self._start, _FIRST_TRUST
+        self._program.conditions.look_for_links(spline)
         for parts in self._divisions:
-            coarse = self._on_coarse_knots(motion, trust).motion
-            motion, trust = subdivided(coarse, parts), _LATER_TRUST
-            links = self._program.conditions.links_on(coarse, motion)
-            self._program = SequentialProgram(self._problem, motion.shape, self._checkpoint, links)
-        found = self._program.improved(self._begun(motion), trust, _GAIN, _MAX_STEPS)
+            coarse = self._on_coarse_knots(spline, trust).spline
+            spline, trust = subdivided(coarse, parts), _LATER_TRUST
+            links = self._program.conditions.links_on(coarse, spline)
+            self._program = SequentialProgram(self._problem, spline.shape, self._checkpoint, links)
+        found = self._program.improved(self._begun(spline), trust, _GAIN, _MAX_STEPS)
         self._exchange(found)
         return True
 
     def answer(self, certificate: Certificate, duration: float) -> bool:
         """Go on with samples where a certificate objects; return whether there was anything to do.
 
-        There is not if the best motion is not inside at the samples there are.
+        There is not if the best trajectory is not inside at the samples there are.
 
         Args:
-            certificate: Of the best motion, scaled to the limits.
-            duration: Of that motion [s].
+            certificate: Of the best trajectory, scaled to the limits.
+            duration: Of that trajectory [s].
         """
         places = [certificate.conditions[name].where for name in certificate.failures()]
         times = [place.time for place in places if place.time is not None]
         if self._best is None or self._best.excess > MERIT_TOLERANCE or not times:
             return False
-        motion = self._best.motion
+        spline = self._best.spline
         for time in times:
-            self._program.conditions.add_samples(motion, time / duration)
-        again = self._program.iterate(motion)
+            self._program.conditions.add_samples(spline, time / duration)
+        again = self._program.iterate(spline)
         self._exchange(self._program.improved(again, _LAST_TRUST, _LAST_GAIN, _MAX_STEPS))
         return True
 
@@ -108,38 +108,38 @@ class Refinement:
         """Return d ln T / d ln p for every limit p, as `SequentialProgram.elasticities`."""
         if self._best is None:
             return {}
-        motion, program = self._best.motion, self._program
-        if motion.shape is not program.shape:  # ended before there was a motion on finer knots
-            program = SequentialProgram(self._problem, motion.shape, self._checkpoint)
+        spline, program = self._best.spline, self._program
+        if spline.shape is not program.shape:  # ended before there was a trajectory on finer knots
+            program = SequentialProgram(self._problem, spline.shape, self._checkpoint)
         program = program.without_checkpoint()
-        begin = program.iterate(motion)
+        begin = program.iterate(spline)
         polished = program.improved(begin, _POLISH_TRUST, _POLISH_GAIN, _POLISH_STEPS)
         return program.elasticities(polished)
 
-    def _on_coarse_knots(self, motion: PhasedMotion, trust: float) -> Iterate:
-        """Return a motion that is about the shortest, links not yet clear between samples."""
-        found = self._program.improved(self._begun(motion), trust, _GAIN, _MAX_STEPS)
+    def _on_coarse_knots(self, spline: PhasedSpline, trust: float) -> Iterate:
+        """Return a trajectory that is about the shortest, links not yet clear between samples."""
+        found = self._program.improved(self._begun(spline), trust, _GAIN, _MAX_STEPS)
         for _ in range(_MAX_COARSE_ROUNDS):
-            if not self._program.conditions.look_for_links(found.motion):
+            if not self._program.conditions.look_for_links(found.spline):
                 break
-            again = self._program.iterate(found.motion)
+            again = self._program.iterate(found.spline)
             found = self._program.improved(again, _LATER_TRUST, _GAIN, _STEPS_PER_COARSE_ROUND)
         return found
 
-    def _begun(self, motion: PhasedMotion) -> Iterate:
-        """Return a motion on the program's knots.
+    def _begun(self, spline: PhasedSpline) -> Iterate:
+        """Return a trajectory on the program's knots.
 
         Raises:
             Infeasible: The motors cannot hold it: there is nothing to start from.
         """
-        iterate = self._program.iterate(motion)
+        iterate = self._program.iterate(spline)
         if not np.isfinite(iterate.squared_duration):
-            message = "refinement has no motion to start from"
+            message = "refinement has no trajectory to start from"
             raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Place())
         return iterate
 
     def _exchange(self, found: Iterate) -> None:
-        """Keep the best motion between samples too, adding samples where they are missing."""
+        """Keep the best trajectory between samples too, adding samples where they are missing."""
         best = None
         for _ in range(_MAX_ROUNDS):
             dense, has_more = self._program.conditions.look_between_samples(found)
@@ -149,7 +149,7 @@ class Refinement:
             near = dense.squared_duration < (1 + _BETWEEN_SAMPLES) * found.squared_duration
             if inside and (near or not has_more):
                 break
-            again = self._program.iterate(found.motion)
+            again = self._program.iterate(found.spline)
             trust = min(max(2 * self._program.trust, _MIN_LAST_TRUST), _LAST_TRUST)
             found = self._program.improved(again, trust, _LAST_GAIN, _STEPS_PER_ROUND)
         self._best = best or found

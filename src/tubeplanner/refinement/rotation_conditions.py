@@ -1,4 +1,4 @@
-"""The tool turned no farther than its segment allows, at samples of a motion."""
+"""The tool turned no farther than its segment allows, at samples of a spline."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -7,8 +7,8 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.refinement.linear_rows import Rows, StepSize, plane_rows
-from tubeplanner.refinement.phase_spline import PhasedMotion, Samples
-from tubeplanner.refinement.sampled_motion import SampledMotion, sampled
+from tubeplanner.refinement.phase_spline import PhasedSpline, Samples
+from tubeplanner.refinement.sampled_spline import SampledSpline, sampled
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.tube.rotational_tube import RotationalTube
 
@@ -19,12 +19,12 @@ _NO_ANGLE = 1e-9  # [rad]
 
 @dataclass(frozen=True, eq=False)
 class EvaluatedRotation:
-    """The rotation tolerance at N samples of a motion.
+    """The rotation tolerance at N samples of a spline.
 
     Attributes:
         robot: The arm.
         tube: How the tool may be turned.
-        at: The motion at the samples.
+        at: The spline at the samples.
         samples: Each is in the phase of its segment.
         margin: The share of the tolerances that is kept free.
         first_limit: Number of the first segment's tolerance among the limits.
@@ -32,7 +32,7 @@ class EvaluatedRotation:
 
     robot: RobotModel
     tube: RotationalTube
-    at: SampledMotion
+    at: SampledSpline
     samples: Samples
     margin: float
     first_limit: int
@@ -94,10 +94,10 @@ class EvaluatedRotation:
 def evaluated_rotation(
     robot: RobotModel,
     tube: RotationalTube,
-    motion: PhasedMotion,
+    spline: PhasedSpline,
     samples: Samples,
     margin: float,
     first_limit: int,
 ) -> EvaluatedRotation:
-    """Return the rotation tolerance at samples of a motion, each in the phase of its segment."""
-    return EvaluatedRotation(robot, tube, sampled(motion, samples), samples, margin, first_limit)
+    """Return the rotation tolerance at samples of a spline, each in the phase of its segment."""
+    return EvaluatedRotation(robot, tube, sampled(spline, samples), samples, margin, first_limit)

@@ -1,4 +1,4 @@
-"""What each tolerance and each motor costs: the sensitivities of a refined motion."""
+"""What each tolerance and each motor costs: the sensitivities of a refined trajectory."""
 
 from dataclasses import dataclass
 
@@ -34,17 +34,17 @@ class Sensitivity:
 
 
 def limit_sensitivities(
-    problem: PlanningProblem, motion: Refinement, duration: float
+    problem: PlanningProblem, refinement: Refinement, duration: float
 ) -> tuple[Sensitivity, ...]:
     """Return what every limit costs, the dearest first.
 
     Args:
         problem: What was asked.
-        motion: What refinement found.
+        refinement: What was found.
         duration: Of the answer [s].
     """
     found = []
-    for (limit, index), elasticity in motion.elasticities().items():
+    for (limit, index), elasticity in refinement.elasticities().items():
         of_segment = limit in ("radius", "rotation")
         joint = None if of_segment else problem.robot.joint_names[index]
         segment = index if of_segment else None

@@ -1,4 +1,4 @@
-"""Shortening a motion on one knot grid by sequential linear programs with a trust region.
+"""Shortening a trajectory on one knot grid by sequential linear programs with a trust region.
 
 The unknowns are the control points, the switching times and the squared duration. After every step
 the duration is made exact by time scaling, so that each iterate keeps all limits at its samples;
@@ -18,7 +18,7 @@ from tubeplanner.refinement.linear_program import Bounds, Step, StepProgram
 from tubeplanner.refinement.linear_rows import INNER_MARGIN, MERIT_TOLERANCE, Rows, StepSize
 from tubeplanner.refinement.link_conditions import LinkConditions
 from tubeplanner.refinement.motion_conditions import Iterate, MotionConditions
-from tubeplanner.refinement.phase_spline import DEGREE, PhasedMotion, PhaseSpline
+from tubeplanner.refinement.phase_spline import DEGREE, PhasedSpline, PhaseSpline
 
 # Weights of third differences, against wiggles of joints that do not matter, and of the step.
 _SMOOTHING = 1e-5
@@ -37,11 +37,11 @@ _MULTIPLIER_TRUST, _MULTIPLIER_SMOOTHING, _MULTIPLIER_TOLERANCE = 0.02, 1e-3, 1e
 
 
 class SequentialProgram:
-    """The optimisation of motions on one knot grid.
+    """The optimisation of splines on one knot grid.
 
     Attributes:
-        conditions: What the motions must keep.
-        shape: The motions' knots.
+        conditions: What the splines must keep.
+        shape: The splines' knots.
     """
 
     def __init__(
@@ -55,7 +55,7 @@ class SequentialProgram:
 
         Args:
             problem: What is asked.
-            shape: The motions' knots.
+            shape: The splines' knots.
             checkpoint: Called with every iterate; it may raise to end the work.
             links: What is watched of the links already.
         """
@@ -72,13 +72,13 @@ class SequentialProgram:
         later._checkpoint = lambda iterate: None
         return later
 
-    def iterate(self, motion: PhasedMotion) -> Iterate:
-        """Return a motion with its cost, its control points moved into the joints' bounds."""
-        points = self._variables.within_bounds(motion.control_points)
-        return self.conditions.at(PhasedMotion(self.shape, motion.switching_times, points))
+    def iterate(self, spline: PhasedSpline) -> Iterate:
+        """Return a trajectory with its cost, its control points moved into the joints' bounds."""
+        points = self._variables.within_bounds(spline.control_points)
+        return self.conditions.at(PhasedSpline(self.shape, spline.switching_times, points))
 
     def improved(self, current: Iterate, trust: float, min_gain: float, max_steps: int) -> Iterate:
-        """Return a shorter motion, if there is one.
+        """Return a shorter trajectory, if there is one.
 
         Args:
             current: Where to start.
@@ -121,7 +121,7 @@ class SequentialProgram:
         return self._trust
 
     def elasticities(self, current: Iterate) -> dict[tuple[str, int], float]:
-        """Return d ln T / d ln p of a motion that is as short as it can be made, for every limit p.
+        """Return d ln T / d ln p of a spline as short as it can be made, for every limit p.
 
         From the multipliers of its linear program: half of what a limit's rows cost, as their
         objective is the relative change of T^2.
@@ -162,12 +162,12 @@ class SequentialProgram:
         return predicted, 1 - duration + penalty * (before - _beyond(trial.excess))
 
     def _moved(self, current: Iterate, step: Step) -> Iterate | None:
-        points = self._variables.moved(current.motion.control_points, step.control)
+        points = self._variables.moved(current.spline.control_points, step.control)
         if points is None:
             return None
-        switching_times = current.motion.switching_times.copy()
+        switching_times = current.spline.switching_times.copy()
         switching_times[1:-1] += step.switching
-        return self.conditions.at(PhasedMotion(self.shape, switching_times, points))
+        return self.conditions.at(PhasedSpline(self.shape, switching_times, points))
 
     def _corrected(
         self, current: Iterate, linear: "_Linearised", step: Step, trial: Iterate, gain: float
@@ -203,8 +203,8 @@ class SequentialProgram:
 
     def _bounds(self, current: Iterate, trust: float, *, goal_moves: bool = True) -> Bounds:
         """Return where a step must stay."""
-        width = np.diff(current.motion.switching_times)
-        points = current.motion.control_points
+        width = np.diff(current.spline.switching_times)
+        points = current.spline.control_points
         now, joints = self._variables.of(points), points.shape[1]
         held = self._variables.held(points)
         return Bounds(
@@ -217,7 +217,7 @@ class SequentialProgram:
 
     def _gradient(self, current: Iterate) -> FloatArray:
         """Return how the smoothing changes with the variables, shape (F n,)."""
-        gradient: FloatArray = self._curvature @ current.motion.control_points
+        gradient: FloatArray = self._curvature @ current.spline.control_points
         return (self._variables.selection.T @ gradient).ravel()
 
     def _step_hessian(self) -> sparse.csc_matrix:
@@ -239,7 +239,7 @@ class SequentialProgram:
 
 
 class _Linearised:
-    """The linear program at a motion, its rows added as they turn out to be broken."""
+    """The linear program at a trajectory, its rows added as they turn out to be broken."""
 
     def __init__(
         self,

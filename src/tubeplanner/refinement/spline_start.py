@@ -7,7 +7,7 @@ from scipy.linalg import solveh_banded
 from tubeplanner.arrays import FloatArray
 from tubeplanner.branches.reference_branch import ReferenceBranch
 from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.refinement.phase_spline import DEGREE, REST_POINTS, PhasedMotion, PhaseSpline
+from tubeplanner.refinement.phase_spline import DEGREE, REST_POINTS, PhasedSpline, PhaseSpline
 
 _MIN_INTERVALS = 3  # of a phase, if there are several
 _FIT_POINTS_PER_INTERVAL = 5
@@ -19,7 +19,7 @@ _WAY_OF_A_RADIAN = 0.05
 
 def starting_spline(
     problem: PlanningProblem, branch: ReferenceBranch, intervals: int
-) -> PhasedMotion:
+) -> PhasedSpline:
     """Return a spline that follows the branch with minimum jerk from end to end, past the corners.
 
     Args:
@@ -44,10 +44,10 @@ def starting_spline(
     return _fitted(shape, switching_times, times, path, branch.start, branch.goal)
 
 
-def subdivided(motion: PhasedMotion, parts: int) -> PhasedMotion:
-    """Return the same motion, exactly, with every knot interval divided into several."""
-    switching_times, shares = motion.switching_times, []
-    for k, share in enumerate(motion.shape.shares):
+def subdivided(spline: PhasedSpline, parts: int) -> PhasedSpline:
+    """Return the same spline, exactly, with every knot interval divided into several."""
+    switching_times, shares = spline.switching_times, []
+    for k, share in enumerate(spline.shape.shares):
         width = switching_times[k + 1] - switching_times[k]
         angle = np.arccos(1 - 2 * np.clip(switching_times[k] + width * share, 0.0, 1.0))
         steps = np.arange(len(angle) * parts - parts + 1) / parts
@@ -57,14 +57,14 @@ def subdivided(motion: PhasedMotion, parts: int) -> PhasedMotion:
         shares.append(finer)
     shape = PhaseSpline(tuple(shares))
     times = _fit_times(shape, switching_times)
-    ends = motion.control_points[[0, -1]]
-    return _fitted(shape, switching_times, times, motion.spline()(times), *ends)
+    ends = spline.control_points[[0, -1]]
+    return _fitted(shape, switching_times, times, spline.bspline()(times), *ends)
 
 
 def knot_grid(switching_times: FloatArray, intervals: int) -> PhaseSpline:
-    """Return knots clustered at both ends of the motion, as Chebyshev points are.
+    """Return knots clustered at both ends of the spline, as Chebyshev points are.
 
-    There a motion at rest begins to move, and its acceleration needs the finest steps.
+    There the arm at rest begins to move, and its acceleration needs the finest steps.
     """
     angle = np.arccos(1 - 2 * switching_times)
     shares = []
@@ -93,7 +93,7 @@ def _fitted(
     path: FloatArray,
     start: FloatArray,
     goal: FloatArray,
-) -> PhasedMotion:
+) -> PhasedSpline:
     """Return the least-squares spline through configurations (N, n), at rest at its ends."""
     count = shape.control_point_count
     design = BSpline.design_matrix(times, shape.knots(switching_times), DEGREE)
@@ -111,4 +111,4 @@ def _fitted(
     bands[0] += _DRAW
     wanted = (design.T @ (path - design @ fixed))[inner] + _DRAW * line[inner]
     points[inner] = solveh_banded(bands, wanted, lower=True)
-    return PhasedMotion(shape, switching_times, points)
+    return PhasedSpline(shape, switching_times, points)

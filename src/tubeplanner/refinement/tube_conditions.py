@@ -1,4 +1,4 @@
-"""The tool in the capsule of its segment, at samples of a motion."""
+"""The tool in the capsule of its segment, at samples of a spline."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -8,8 +8,8 @@ import numpy as np
 from tubeplanner.arrays import FloatArray
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.refinement.linear_rows import NO_LIMIT, Rows, StepSize, plane_rows
-from tubeplanner.refinement.phase_spline import PhasedMotion, Samples
-from tubeplanner.refinement.sampled_motion import SampledMotion, sampled
+from tubeplanner.refinement.phase_spline import PhasedSpline, Samples
+from tubeplanner.refinement.sampled_spline import SampledSpline, sampled
 
 # Planes about a capsule's axis, on both sides of the outward direction [rad].
 _FAN = np.radians([0.0, 15.0, -15.0, 45.0, -45.0, 90.0, -90.0, 180.0])
@@ -19,18 +19,18 @@ _NO_LENGTH = 1e-9  # [m]
 
 @dataclass(frozen=True, eq=False)
 class EvaluatedTube:
-    """The tube at N samples of a motion.
+    """The tube at N samples of a spline.
 
     Attributes:
         problem: What is asked.
-        at: The motion at the samples.
+        at: The spline at the samples.
         samples: Each is in the phase of its segment.
         margin: The share of the radii that is kept free.
         first_limit: Number of the first segment's radius among the limits.
     """
 
     problem: PlanningProblem
-    at: SampledMotion
+    at: SampledSpline
     samples: Samples
     margin: float
     first_limit: int
@@ -106,13 +106,13 @@ class EvaluatedTube:
 
 def evaluated_tube(
     problem: PlanningProblem,
-    motion: PhasedMotion,
+    spline: PhasedSpline,
     samples: Samples,
     margin: float,
     first_limit: int = NO_LIMIT,
 ) -> EvaluatedTube:
-    """Return the tube at samples of a motion; each phase belongs to the segment of its number."""
-    return EvaluatedTube(problem, sampled(motion, samples), samples, margin, first_limit)
+    """Return the tube at samples of a spline; each phase belongs to the segment of its number."""
+    return EvaluatedTube(problem, sampled(spline, samples), samples, margin, first_limit)
 
 
 def _normals(away: FloatArray, axis: FloatArray) -> FloatArray:

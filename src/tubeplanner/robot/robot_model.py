@@ -219,7 +219,7 @@ class RobotModel:
         return moved.transpose(0, 2, 1)
 
     def inverse_dynamics(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
-        """Return the joint efforts [N m or N] that a motion needs (recursive Newton-Euler).
+        """Return the joint efforts [N m or N] that a trajectory needs (recursive Newton-Euler).
 
         Args:
             q: Configurations, shape (N, n).

@@ -9,17 +9,17 @@ from typing import Any
 
 from tubeplanner.baselines.baselines import BASELINES, judged_baseline
 from tubeplanner.errors import OptionError, TubePlannerError, unknown_name
-from tubeplanner.motion.trajectory import JointTrajectory
 from tubeplanner.outcome import Infeasible, PlanStatus
 from tubeplanner.planning.plan_options import METHODS, PlanOptions
 from tubeplanner.planning.planner import plan
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import Progress, StoppedBy
-from tubeplanner.studies.motion_measures import MotionMeasures, motion_measures
+from tubeplanner.studies.trajectory_measures import TrajectoryMeasures, trajectory_measures
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.verification.certificate import Certificate, Condition
 from tubeplanner.verification.refusal import refusal
 
-_NO_MEASURES = {name: None for name in MotionMeasures.__dataclass_fields__}
+_NO_MEASURES = {name: None for name in TrajectoryMeasures.__dataclass_fields__}
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,13 +28,14 @@ class ComparisonRow:
 
     Attributes:
         method: Its name: one of `METHODS` or `BASELINES`.
-        status: Success if there is a certified motion; certificate_failed if the motion failed.
-        message: One sentence: what there is to know about the motion, or why there is none.
+        status: Success if there is a certified trajectory; certificate_failed if the trajectory
+            failed.
+        message: One sentence: what there is to know about the trajectory, or why there is none.
         planning_time: Wall time, the certificate included [s].
-        trajectory: The motion; of a baseline also one that failed its certificate.
-        certificate: Of the motion, or of the best attempt; None if there was none.
-        measures: Of the motion; None if there is none.
-        answered_by: The method whose motion it is, where the one asked for had none that was
+        trajectory: The trajectory; of a baseline also one that failed its certificate.
+        certificate: Of the trajectory, or of the best attempt; None if there was none.
+        measures: Of the trajectory; None if there is none.
+        answered_by: The method whose trajectory it is, where the one asked for had none that was
             better; None: itself.
     """
 
@@ -44,22 +45,22 @@ class ComparisonRow:
     planning_time: float
     trajectory: JointTrajectory | None = None
     certificate: Certificate | None = None
-    measures: MotionMeasures | None = None
+    measures: TrajectoryMeasures | None = None
     answered_by: str | None = None
 
     @property
     def certified(self) -> bool:
-        """Whether there is a motion that passed its certificate."""
+        """Whether there is a trajectory that passed its certificate."""
         return self.status is PlanStatus.SUCCESS
 
     @property
     def duration(self) -> float | None:
-        """Duration of the motion [s], certified or not; None if there is none."""
+        """Duration of the trajectory [s], certified or not; None if there is none."""
         return None if self.trajectory is None else self.trajectory.duration
 
     @property
     def failures(self) -> dict[str, Condition]:
-        """The conditions that the motion fails, by name."""
+        """The conditions that the trajectory fails, by name."""
         if self.trajectory is None or self.certificate is None:
             return {}
         return {name: self.certificate.conditions[name] for name in self.certificate.failures()}
@@ -103,7 +104,7 @@ class Comparison:
 
     @property
     def succeeded(self) -> bool:
-        """Whether any method has a certified motion."""
+        """Whether any method has a certified trajectory."""
         return any(row.certified for row in self.rows)
 
     def as_dict(self) -> dict[str, Any]:
@@ -189,7 +190,7 @@ def _row(
     if row.trajectory is None:
         return row
     told(Progress("measures"))
-    return replace(row, measures=motion_measures(problem, row.trajectory))
+    return replace(row, measures=trajectory_measures(problem, row.trajectory))
 
 
 def _planned(

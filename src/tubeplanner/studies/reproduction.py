@@ -5,11 +5,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from tubeplanner.baselines.baselines import BASELINES, judged_baseline
-from tubeplanner.baselines.conventional_lines import PAPER, conventional_motion
+from tubeplanner.baselines.conventional_lines import PAPER, conventional_trajectory
 from tubeplanner.baselines.tool_path import tool_paths
 from tubeplanner.branches.known_branches import KnownBranches
 from tubeplanner.branches.reference_branch import spare_joint_rules
-from tubeplanner.motion.trajectory import JointTrajectory
 from tubeplanner.outcome import Infeasible
 from tubeplanner.planning.plan_options import REFINEMENT, SUH_BISHOP, PlanOptions
 from tubeplanner.planning.plan_result import PlanResult
@@ -23,6 +22,7 @@ from tubeplanner.studies.printed_results import (
     TABLE_THREE,
     TABLE_TWO,
 )
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.tube.tube import Tube
 
 _METHODS = (SUH_BISHOP, REFINEMENT)
@@ -74,17 +74,17 @@ class ReproducedPath:
 
     Attributes:
         example: Of Table II.
-        motions: By scheme: the motion, or why there is none. "by the paper's constants": straight
-            lines with stops, at the speed and acceleration of Table I.
+        trajectories: By scheme: the trajectory, or why there is none. "by the paper's constants":
+            straight lines with stops, at the speed and acceleration of Table I.
     """
 
     example: int
-    motions: dict[str, JointTrajectory | str]
+    trajectories: dict[str, JointTrajectory | str]
 
     def duration(self, scheme: str) -> float | None:
-        """Return how long a scheme takes [s]; None where it has no motion."""
-        motion = self.motions[scheme]
-        return None if isinstance(motion, str) else motion.duration
+        """Return how long a scheme takes [s]; None where it has no trajectory."""
+        trajectory = self.trajectories[scheme]
+        return None if isinstance(trajectory, str) else trajectory.duration
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +108,7 @@ class Reproduction:
         return {
             "cells": [cell.as_dict() for cell in self.cells.values()],
             "paths": {
-                str(number): {name: path.duration(name) for name in path.motions}
+                str(number): {name: path.duration(name) for name in path.trajectories}
                 for number, path in self.paths.items()
             },
         }
@@ -174,17 +174,17 @@ def _cell(example: int, radius: float, progress: Callable[[Progress], None]) -> 
 
 def _path(example: int) -> ReproducedPath:
     problem = paper_problem(example, PATH_RADIUS)
-    motions: dict[str, JointTrajectory | str] = {CONVENTIONAL: _conventional(problem)}
+    trajectories: dict[str, JointTrajectory | str] = {CONVENTIONAL: _conventional(problem)}
     for name in BASELINES:
         try:
-            motions[name] = judged_baseline(problem, name)[0].trajectory
+            trajectories[name] = judged_baseline(problem, name)[0].trajectory
         except Infeasible as reason:
-            motions[name] = str(reason)
-    return ReproducedPath(example, motions)
+            trajectories[name] = str(reason)
+    return ReproducedPath(example, trajectories)
 
 
 def _conventional(problem: PlanningProblem) -> JointTrajectory:
     """Return straight lines with stops at the speed and acceleration of Table I."""
     branches = KnownBranches(problem, PlanningClock(None, None))
     lines = tool_paths(problem, branches.along(spare_joint_rules(problem)[0]), arcs=False)
-    return conventional_motion(problem.robot, lines, PAPER)
+    return conventional_trajectory(problem.robot, lines, PAPER)

@@ -32,8 +32,9 @@ increments, the line search, when to stop) is ours. **Default** is `refinement`.
 """
 
 _NOT_MONOTONE = """\
-- Where a wider tube gives a slower published motion, its search ended in another local optimum: the
-  narrower tube's motion keeps to the wider one too.
+- Where a wider tube gives a slower published trajectory, its search ended in another local optimum:
+the
+  narrower tube's trajectory keeps to the wider one too.
 """
 
 _SCHEMES = f"""\
@@ -138,7 +139,7 @@ def _pairs(
 
 def _table_of_paths(reproduction: Reproduction) -> str:
     """Return what the schemes without a tube take; only the first column is printed."""
-    schemes = list(next(iter(reproduction.paths.values())).motions)
+    schemes = list(next(iter(reproduction.paths.values())).trajectories)
     rows = [
         [str(number), f"{TABLE_TWO[number].conventional:.2f}"]
         + [_seconds(path.duration(scheme)) for scheme in schemes]

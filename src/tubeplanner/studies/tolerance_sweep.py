@@ -1,7 +1,7 @@
 """The duration against the tolerance: one problem planned at several radii.
 
-Every radius is planned afresh, exactly as `plan` would: a start from the neighbour's motion could
-end in another local optimum, and a row must not depend on the rows beside it.
+Every radius is planned afresh, exactly as `plan` would: a start from the neighbour's trajectory
+could end in another local optimum, and a row must not depend on the rows beside it.
 """
 
 import csv
@@ -53,7 +53,7 @@ class SweepRow:
 
     @property
     def duration(self) -> float | None:
-        """Duration of the certified motion [s]; None if there is none."""
+        """Duration of the certified trajectory [s]; None if there is none."""
         return None if self.result is None else self.result.duration
 
     @property
@@ -98,7 +98,7 @@ class SweepResult:
 
     @property
     def succeeded(self) -> bool:
-        """Whether any tolerance has a certified motion."""
+        """Whether any tolerance has a certified trajectory."""
         return any(row.duration is not None for row in self.rows)
 
     def as_dict(self) -> dict[str, Any]:
@@ -203,7 +203,7 @@ def _row(
     note = None
     if faster:
         note = (
-            f"slower than the motion at {quantity} {faster[-1].value:g}, which keeps to this tube "
+            f"slower than that at {quantity} {faster[-1].value:g}, which keeps to this tube "
             "too: another local optimum"
         )
     return SweepRow(value, posed, result, result.message, elasticity, note)

@@ -22,12 +22,12 @@ import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.suh_bishop.knot_motion import Construction, KnotMotion, feasible_motion
+from tubeplanner.suh_bishop.knot_trajectory import Construction, KnotTrajectory, feasible_trajectory
 from tubeplanner.waypoint_search.link_clearance import LinkClearance
 from tubeplanner.waypoint_search.segment_rules import SegmentBatch, SegmentRules
 
 # How many segments are tested at a depth, and how many complete directions judged, in a sweep.
-_SEGMENTS_PER_DEPTH, _MOTIONS_PER_SWEEP = 300, 8
+_SEGMENTS_PER_DEPTH, _TRAJECTORIES_PER_SWEEP = 300, 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,12 +35,12 @@ class Direction:
     """What a search for the best direction found.
 
     Attributes:
-        motion: The motion whose knots are moved along it; None if no direction is faster.
+        candidate: The trajectory whose knots are moved along it; None if no direction is faster.
         nodes: Nodes expanded.
         proved: Whether every other direction was ruled out, not only the node budget reached.
     """
 
-    motion: KnotMotion | None
+    candidate: KnotTrajectory | None
     nodes: int
     proved: bool
 
@@ -75,24 +75,24 @@ class _Open:
 
 def best_direction(
     problem: PlanningProblem,
-    motion: KnotMotion,
+    candidate: KnotTrajectory,
     increments: FloatArray,
     clearance: LinkClearance,
     *,
     upper_bound: float,
     node_budget: int,
 ) -> Direction:
-    """Return the direction that makes a motion fastest.
+    """Return the direction that makes a trajectory fastest.
 
     Args:
         problem: What is asked.
-        motion: Through K >= 3 knots.
+        candidate: Through K >= 3 knots.
         increments: By how much a knot moves along each axis, shape (n,) [rad or m].
-        clearance: Around the motion's knots.
+        clearance: Around the trajectory's knots.
         upper_bound: Only directions that make it faster than this are of interest [s].
         node_budget: The search ends after about so many nodes.
     """
-    search = _Search(problem, motion, increments, clearance, upper_bound)
+    search = _Search(problem, candidate, increments, clearance, upper_bound)
     while not search.finished and search.nodes < node_budget:
         search.sweep()
     return Direction(search.best, search.nodes, search.finished)
@@ -104,27 +104,27 @@ class _Search:
     def __init__(
         self,
         problem: PlanningProblem,
-        motion: KnotMotion,
+        candidate: KnotTrajectory,
         increments: FloatArray,
         clearance: LinkClearance,
         upper_bound: float,
     ) -> None:
-        count, n = motion.knots.shape
-        self.best: KnotMotion | None = None
+        count, n = candidate.knots.shape
+        self.best: KnotTrajectory | None = None
         self.nodes = 0
-        self._problem, self._motion, self._clearance = problem, motion, clearance
+        self._problem, self._trajectory, self._clearance = problem, candidate, clearance
         self._upper_bound = upper_bound
         self._last = count - 1
         step = np.diag(increments)
         self._moves = np.concatenate([np.zeros((1, n)), step, -step])
         # Of each knot, all places it may move to; start and goal stay.
-        places = motion.knots[:, None] + self._moves
-        places[[0, -1]] = motion.knots[[0, -1], None]
+        places = candidate.knots[:, None] + self._moves
+        places[[0, -1]] = candidate.knots[[0, -1], None]
         places, nearest = places.reshape(-1, n), np.repeat(np.arange(count), len(self._moves))
         around = clearance.around(places, nearest)
         self._rules = SegmentRules(problem, places, clearance=around)
-        self._response = unit_response(motion.construction, count)
-        shape = motion.construction(problem.robot.joint_names, motion.knots)
+        self._response = unit_response(candidate.construction, count)
+        shape = candidate.construction(problem.robot.joint_names, candidate.knots)
         self._coefficients = shape.coefficients
         self._open = [self._none(depth) for depth in range(self._last)]
         self._open[1] = self._root()
@@ -143,7 +143,7 @@ class _Search:
                 nodes = nodes.where(self._rules.clear(self._batch(nodes, depth, 1)).parent)
             if len(nodes):
                 self._expand(nodes)
-        for choices in self._taken(self._last - 1, _MOTIONS_PER_SWEEP).choices:
+        for choices in self._taken(self._last - 1, _TRAJECTORIES_PER_SWEEP).choices:
             self._try(choices)
 
     def _is_open(self, depth: int) -> bool:
@@ -234,13 +234,13 @@ class _Search:
 
     def _try(self, choices: IntArray) -> None:
         """Keep a direction if it is the best yet, judged as a whole."""
-        knots = self._motion.knots.copy()
+        knots = self._trajectory.knots.copy()
         knots[1:-1] += self._moves[choices]
-        motion = feasible_motion(
-            self._problem, knots, self._motion.construction, self._clearance, self._upper_bound
+        candidate = feasible_trajectory(
+            self._problem, knots, self._trajectory.construction, self._clearance, self._upper_bound
         )
-        if motion is not None:
-            self.best, self._upper_bound = motion, motion.duration
+        if candidate is not None:
+            self.best, self._upper_bound = candidate, candidate.duration
 
 
 @lru_cache(maxsize=64)

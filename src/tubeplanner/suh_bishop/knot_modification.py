@@ -1,4 +1,4 @@
-"""The modification process: knots are moved until no direction makes the motion faster.
+"""The modification process: knots are moved until no direction makes the trajectory faster.
 
 Find the discretised gradient, search along it, repeat (Suh & Bishop 1988, phase 2). The paper does
 not give the increment: here it is halved whenever no direction helps, from coarse to fine.
@@ -13,7 +13,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import OptionError
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.suh_bishop.knot_direction import best_direction
-from tubeplanner.suh_bishop.knot_motion import KnotMotion, feasible_motion
+from tubeplanner.suh_bishop.knot_trajectory import KnotTrajectory, feasible_trajectory
 from tubeplanner.waypoint_search.link_clearance import LinkClearance
 
 
@@ -55,7 +55,7 @@ class KnotModification:
     """A gradient search over the knots' places.
 
     Attributes:
-        motions: What it began with and every better motion, the last one the fastest.
+        candidates: What it began with and every better trajectory, the last one the fastest.
         nodes: Nodes expanded by all searches for a direction.
         directions: How many directions were looked for.
         proved: In how many of these searches every other direction was ruled out.
@@ -64,19 +64,21 @@ class KnotModification:
     def __init__(
         self,
         problem: PlanningProblem,
-        motion: KnotMotion,
+        candidate: KnotTrajectory,
         options: ModificationOptions,
         scale: float = 1.0,
     ) -> None:
-        """Begin with a motion; the increments are those of the options times a scale."""
-        self.motions = [motion]
+        """Begin with a trajectory; the increments are those of the options times a scale."""
+        self.candidates = [candidate]
         self.nodes = self.directions = self.proved = 0
         self._problem, self._options = problem, options
         revolute = np.asarray(problem.robot.revolute)
         self._increments = scale * np.where(revolute, options.increment, options.linear_increment)
 
-    def run(self, node_budget: float, checkpoint: Callable[[], None] = lambda: None) -> KnotMotion:
-        """Move the knots until no direction helps; return the fastest motion.
+    def run(
+        self, node_budget: float, checkpoint: Callable[[], None] = lambda: None
+    ) -> KnotTrajectory:
+        """Move the knots until no direction helps; return the fastest trajectory.
 
         Args:
             node_budget: End after about so many nodes.
@@ -84,20 +86,20 @@ class KnotModification:
         """
         for halving in range(self._options.halvings + 1):
             increments = self._increments / 2**halving
-            while self.nodes < node_budget and len(self.motions[-1].knots) > 2:
+            while self.nodes < node_budget and len(self.candidates[-1].knots) > 2:
                 checkpoint()
                 if not self._step(increments):
                     break
-        return self.motions[-1]
+        return self.candidates[-1]
 
     def _step(self, increments: FloatArray) -> bool:
         """Move the knots along the best direction; return whether it helped."""
-        motion, options = self.motions[-1], self._options
-        wanted = motion.duration * (1 - options.min_gain)
-        clearance = LinkClearance(self._problem, motion.knots)
+        candidate, options = self.candidates[-1], self._options
+        wanted = candidate.duration * (1 - options.min_gain)
+        clearance = LinkClearance(self._problem, candidate.knots)
         direction = best_direction(
             self._problem,
-            motion,
+            candidate,
             increments,
             clearance,
             upper_bound=wanted,
@@ -106,22 +108,22 @@ class KnotModification:
         self.nodes += direction.nodes
         self.directions += 1
         self.proved += direction.proved
-        if direction.motion is None:
+        if direction.candidate is None:
             return False
-        self.motions.append(self._farther(motion, direction.motion, clearance))
+        self.candidates.append(self._farther(candidate, direction.candidate, clearance))
         return True
 
     def _farther(
-        self, motion: KnotMotion, best: KnotMotion, clearance: LinkClearance
-    ) -> KnotMotion:
-        """Return the fastest motion along a direction, in steps that grow while they help."""
-        direction, length = best.knots - motion.knots, 1.0
+        self, candidate: KnotTrajectory, best: KnotTrajectory, clearance: LinkClearance
+    ) -> KnotTrajectory:
+        """Return the fastest trajectory along a direction, in steps that grow while they help."""
+        direction, length = best.knots - candidate.knots, 1.0
         while True:
             length *= self._options.growth
-            farther = feasible_motion(
+            farther = feasible_trajectory(
                 self._problem,
-                motion.knots + length * direction,
-                motion.construction,
+                candidate.knots + length * direction,
+                candidate.construction,
                 clearance,
                 best.duration,
             )

@@ -1,14 +1,14 @@
-"""Phase 2 as published: knots are moved, and doubled, while that makes the motion faster.
+"""Phase 2 as published: knots are moved, and doubled, while that makes the trajectory faster.
 
-The modification process (MP) moves the knots of the motion that phase 1 found. The doubling process
-(DP) inserts a knot at the middle of every segment, and MP follows, until the gain is small (Suh &
-Bishop 1988, section on the phase 2 algorithm).
+The modification process (MP) moves the knots of the trajectory that phase 1 found. The doubling
+process (DP) inserts a knot at the middle of every segment, and MP follows, until the gain is small
+(Suh & Bishop 1988, section on the phase 2 algorithm).
 
 Two things differ, both because sequential quartics magnify what changes at a knot by 1.6 from knot
 to knot, so that with many knots "almost the same trajectory" is a quite different one. New knots
 are joined by the 4-3-...-3-4 spline, with equal intervals and start and end conditions as before;
-and MP also begins with a few knots more or less, at equal times of the first modified motion, as
-the best number of knots is part of the question.
+and MP also begins with a few knots more or less, at equal times of the first modified trajectory,
+as the best number of knots is part of the question.
 """
 
 import time
@@ -22,7 +22,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import OptionError
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.suh_bishop.knot_modification import KnotModification, ModificationOptions
-from tubeplanner.suh_bishop.knot_motion import KnotMotion, feasible_motion
+from tubeplanner.suh_bishop.knot_trajectory import KnotTrajectory, feasible_trajectory
 from tubeplanner.verification.certificate import Certificate
 from tubeplanner.verification.verification import verify
 from tubeplanner.waypoint_search.link_clearance import LinkClearance
@@ -39,11 +39,11 @@ class SuhBishopOptions:
 
     Attributes:
         modification: How knots are moved.
-        fewer_knots: With how many knots less than phase 1's motion MP also begins.
+        fewer_knots: With how many knots less than phase 1's trajectory MP also begins.
         more_knots: Likewise more.
         doubled: How many of the fastest of these are doubled; from then on, the fastest.
         min_gain: Doubling ends when it gains less than this share of the duration.
-        max_knots: Motions are not doubled to more knots.
+        max_knots: Trajectories are not doubled to more knots.
         node_budget: Phase 2 ends after about so many nodes of the searches for a direction.
     """
 
@@ -74,7 +74,7 @@ class KnotStep:
     """One modification process, from its beginning to its end.
 
     Attributes:
-        process: "MP" of phase 1's motion, "other knots" or "DP", the latter two followed by MP.
+        process: "MP" of phase 1's trajectory, "other knots" or "DP", the latter two followed by MP.
         knots: How many there are.
         begin: Duration before any knot is moved [s].
         duration: Duration in the end [s].
@@ -92,11 +92,11 @@ class PhaseTwoStatistics:
 
     Attributes:
         steps: In the order in which they were done.
-        knots: Of the best motion.
+        knots: Of the best trajectory.
         nodes: Nodes expanded by all searches for a direction.
         directions: How many directions were looked for.
         proved: In how many of these searches every other direction was ruled out.
-        budget_reached: Whether the node budget ended a step: there may be better motions.
+        budget_reached: Whether the node budget ended a step: there may be better trajectories.
     """
 
     steps: tuple[KnotStep, ...]
@@ -131,7 +131,7 @@ class SuhBishop:
     """Phase 2, which may be stopped at any time.
 
     Attributes:
-        best: The fastest certified motion so far.
+        best: The fastest certified trajectory so far.
         certificate: Its certificate.
         certificate_time: How long that took [s]; 0 as long as it is phase 1's.
     """
@@ -139,22 +139,22 @@ class SuhBishop:
     def __init__(
         self,
         problem: PlanningProblem,
-        motion: KnotMotion,
+        candidate: KnotTrajectory,
         certificate: Certificate,
         options: SuhBishopOptions,
         checkpoint: Callable[[], None] = lambda: None,
     ) -> None:
-        """Begin with the motion that phase 1 found.
+        """Begin with the trajectory that phase 1 found.
 
         Args:
             problem: What is asked.
-            motion: At the limits, certified.
-            certificate: Of that motion.
+            candidate: At the limits, certified.
+            certificate: Of that trajectory.
             options: How to go on.
             checkpoint: Called before every search for a direction; it may raise to end the work.
         """
-        self.best, self.certificate, self.certificate_time = motion, certificate, 0.0
-        self._problem, self._first, self._options = problem, motion, options
+        self.best, self.certificate, self.certificate_time = candidate, certificate, 0.0
+        self._problem, self._first, self._options = problem, candidate, options
         self._checkpoint = checkpoint
         self._steps: list[KnotStep] = []
         self._nodes = self._directions = self._proved = 0
@@ -176,26 +176,26 @@ class SuhBishop:
         """Move and double knots until that gains little, or the budget is used up."""
         options = self._options
         half, most = (round(share * options.node_budget) for share in _SHARES)
-        motions = self._modified("MP", [self._first], 1.0, half)
-        others = list(self._with_other_knots(motions[0]))
-        motions += self._modified("other knots", others, 1.0, half)
+        candidates = self._modified("MP", [self._first], 1.0, half)
+        others = list(self._with_other_knots(candidates[0]))
+        candidates += self._modified("other knots", others, 1.0, half)
         scale, width = 1.0, options.doubled
         while True:
             scale, known = scale / 2, self.best.duration
-            fastest = sorted(motions, key=lambda motion: motion.duration)[:width]
-            motions = self._modified("DP", list(self._doubled(fastest)), scale, most)
-            if not motions or self.best.duration > known * (1 - options.min_gain):
+            fastest = sorted(candidates, key=lambda candidate: candidate.duration)[:width]
+            candidates = self._modified("DP", list(self._doubled(fastest)), scale, most)
+            if not candidates or self.best.duration > known * (1 - options.min_gain):
                 return
             width, most = 1, options.node_budget
 
     def _modified(
-        self, process: str, motions: list[KnotMotion], scale: float, budget: int
-    ) -> list[KnotMotion]:
-        """Return motions whose knots are moved, each with its share of a budget of nodes."""
+        self, process: str, candidates: list[KnotTrajectory], scale: float, budget: int
+    ) -> list[KnotTrajectory]:
+        """Return trajectories whose knots are moved, each with its share of a budget of nodes."""
         modified = []
-        for i, motion in enumerate(motions):
-            share = (budget - self._nodes) / (len(motions) - i)
-            work = KnotModification(self._problem, motion, self._options.modification, scale)
+        for i, candidate in enumerate(candidates):
+            share = (budget - self._nodes) / (len(candidates) - i)
+            work = KnotModification(self._problem, candidate, self._options.modification, scale)
             try:
                 work.run(share, self._checkpoint)
             finally:  # what is found is kept when the checkpoint ends the work, too
@@ -203,22 +203,24 @@ class SuhBishop:
                 self._directions += work.directions
                 self._proved += work.proved
                 self._budget_reached |= work.nodes >= share
-                modified.append(self._kept(work.motions))
-                begin, duration = motion.duration, modified[-1].duration
-                self._steps.append(KnotStep(process, len(motion.knots), begin, duration))
+                modified.append(self._kept(work.candidates))
+                begin, duration = candidate.duration, modified[-1].duration
+                self._steps.append(KnotStep(process, len(candidate.knots), begin, duration))
         return modified
 
-    def _kept(self, motions: list[KnotMotion]) -> KnotMotion:
-        """Keep the fastest certified one of ever faster motions, if it is the best yet.
+    def _kept(self, candidates: list[KnotTrajectory]) -> KnotTrajectory:
+        """Keep the fastest certified one of ever faster trajectories, if it is the best yet.
 
-        Samples may miss what the certificate sees; the motions before are then tried by bisection.
+        Samples may miss what the certificate sees; the trajectories before are then tried by
+        bisection.
 
         Returns:
-            What to go on from: that motion, or the fastest if none is better than what is known.
+            What to go on from: that trajectory, or the fastest if none is better than what is
+            known.
         """
-        better = [motion for motion in motions if motion.duration < self.best.duration]
+        better = [candidate for candidate in candidates if candidate.duration < self.best.duration]
         if not better:
-            return motions[-1]
+            return candidates[-1]
         passed, failed, tried = -1, len(better), len(better) - 1
         while failed - passed > 1:
             begin = time.perf_counter()
@@ -229,34 +231,34 @@ class SuhBishop:
             else:
                 failed = tried
             tried = (passed + failed) // 2
-        return better[passed] if passed >= 0 else motions[0]
+        return better[passed] if passed >= 0 else candidates[0]
 
-    def _with_other_knots(self, motion: KnotMotion) -> Iterator[KnotMotion]:
-        """Yield a motion with other numbers of knots; else phase 1's, if the tube allows that."""
-        known = len(motion.knots)
+    def _with_other_knots(self, candidate: KnotTrajectory) -> Iterator[KnotTrajectory]:
+        """Yield a trajectory with other knot counts; else phase 1's, if the tube allows that."""
+        known = len(candidate.knots)
         fewest = max(known - self._options.fewer_knots, _MIN_KNOTS)
         most = min(known + self._options.more_knots, self._options.max_knots)
         for count in range(fewest, most + 1):
-            shapes = (source.at_equal_times(count) for source in (motion, self._first))
+            shapes = (source.at_equal_times(count) for source in (candidate, self._first))
             found = next(filter(None, map(self._spline, shapes)), None)
             if found is not None:
                 yield found
 
-    def _doubled(self, motions: Iterable[KnotMotion]) -> Iterator[KnotMotion]:
-        """Yield motions with a knot more at the middle of every segment.
+    def _doubled(self, candidates: Iterable[KnotTrajectory]) -> Iterator[KnotTrajectory]:
+        """Yield trajectories with a knot more at the middle of every segment.
 
         Where the tube does not allow that, doubled again: the more knots, the less is changed.
         """
-        for motion in motions:
-            count = 2 * len(motion.knots) - 1
+        for candidate in candidates:
+            count = 2 * len(candidate.knots) - 1
             doubled = None
             while doubled is None and count <= self._options.max_knots:
-                doubled = self._spline(motion.at_equal_times(count))
+                doubled = self._spline(candidate.at_equal_times(count))
                 count = 2 * count - 1
             if doubled is not None:
                 yield doubled
 
-    def _spline(self, knots: FloatArray) -> KnotMotion | None:
+    def _spline(self, knots: FloatArray) -> KnotTrajectory | None:
         """Return the 4-3-...-3-4 spline through knots (K, n), if it is feasible."""
         clearance = LinkClearance(self._problem, knots)
-        return feasible_motion(self._problem, knots, quartic_spline, clearance, np.inf)
+        return feasible_trajectory(self._problem, knots, quartic_spline, clearance, np.inf)

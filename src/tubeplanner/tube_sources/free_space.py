@@ -6,7 +6,7 @@ from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.outcome import Place
 from tubeplanner.problem.problem import PlanningProblem
 
-# Where an end of the motion has less clearance than the margin, this share of it is kept
+# Where an end of the trajectory has less clearance than the margin, this share of it is kept
 # everywhere.
 _SHARE_AT_ENDS = 0.9
 

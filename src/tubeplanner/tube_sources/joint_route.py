@@ -1,6 +1,6 @@
 """Collision-free routes in joint space, found by OMPL.
 
-Sucan, Moll & Kavraki, "The Open Motion Planning Library" (IEEE Robotics & Automation Magazine
+Sucan, Moll & Kavraki, "The Open Trajectory Planning Library" (IEEE Robotics & Automation Magazine
 19(4), 2012); Kuffner & LaValle, "RRT-Connect" (ICRA 2000). Only this module knows OMPL.
 """
 

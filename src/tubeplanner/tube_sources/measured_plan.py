@@ -36,7 +36,7 @@ class MeasuredPlan:
 
     @property
     def duration(self) -> float:
-        """Duration of the motion [s]."""
+        """Duration of the trajectory [s]."""
         assert self.result.duration is not None
         return self.result.duration
 
@@ -49,7 +49,7 @@ def measured_plan(
     options: MeasureOptions,
     enter: Callable[[object], None],
 ) -> MeasuredPlan:
-    """Measure the tube around corners of a route, and plan the motion through it.
+    """Measure the tube around corners of a route, and plan the trajectory through it.
 
     Args:
         problem: What is asked, its tube left aside.
@@ -60,7 +60,7 @@ def measured_plan(
         enter: Called with every stage as it begins.
 
     Raises:
-        Infeasible: The tube is too narrow, or there is no certified motion in it.
+        Infeasible: The tube is too narrow, or there is no certified trajectory in it.
     """
     for _ in range(_MAX_PARTINGS):
         try:

@@ -25,10 +25,10 @@ from tubeplanner.tube_sources.route_candidates import (
 from tubeplanner.tube_sources.tube_answer import TubeAnswer, answer_of
 from tubeplanner.verification.refusal import require_free
 
-# Routes are compared by the motion through a tube of this radius [m].
+# Routes are compared by the trajectory through a tube of this radius [m].
 _RADIUS_TO_COMPARE = 0.05
 _MAX_COMPARED = 4
-# A measured tube whose motion takes longer than this, times the fastest one compared, has been
+# A measured tube whose trajectory takes longer than this, times the fastest one compared, has been
 # squeezed by an obstacle: the next route may be wider.
 _ENOUGH = 1.3
 _MAX_MEASURED = 2
@@ -39,7 +39,7 @@ def find_route(
     options: RouteOptions | None = None,
     progress: Callable[[object], None] | None = None,
 ) -> TubeAnswer:
-    """Find a tube from a problem's start to its goal, and plan the motion through it.
+    """Find a tube from a problem's start to its goal, and plan the trajectory through it.
 
     Args:
         problem: Start, goal and obstacles count; its tube does not, but for its last point where
@@ -76,7 +76,7 @@ class _RouteFinder:
         self.durations: list[float | None] = []
 
     def fastest(self, start: FloatArray) -> MeasuredPlan:
-        """Return the problem in the measured tube that has the fastest motion, and its plan.
+        """Return the problem in the measured tube that has the fastest trajectory, and its plan.
 
         Raises:
             Infeasible: There is none; the reason is that of the route that promised most.
@@ -106,7 +106,7 @@ class _RouteFinder:
         return best
 
     def _fastest_first(self, routes: list[RouteCandidate]) -> list[tuple[RouteCandidate, float]]:
-        """Return routes in the order of their motions in equal tubes, and what is fast enough."""
+        """Return routes by their durations in equal tubes, and what is fast enough."""
         for k, route in enumerate(routes):
             self._enter(f"planning along route {k + 1} of {len(routes)}")
             problem = in_tube(self._problem, route.corners, self._options.band, _RADIUS_TO_COMPARE)

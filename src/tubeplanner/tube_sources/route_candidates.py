@@ -76,7 +76,7 @@ def route_candidates(
 ) -> list[RouteCandidate]:
     """Return routes that were found, the one of the least joint time first.
 
-    Motions that optimisation alone finds count as routes too.
+    Trajectories that optimisation alone finds count as routes too.
 
     Args:
         problem: Its arm and obstacles count.
@@ -104,8 +104,8 @@ def route_candidates(
         raise _no_route(problem, search, options)
     space = FreeSpace(problem, _MIN_MARGIN, ends)
     for margin in _MARGINS:
-        enter(f"a motion without a route, {1000 * margin:g} mm from obstacles")
-        found += _candidates(problem.robot, space, _motion(problem, goals[0], margin))
+        enter(f"a trajectory without a route, {1000 * margin:g} mm from obstacles")
+        found += _candidates(problem.robot, space, _trajectory(problem, goals[0], margin))
     return sorted(found, key=lambda candidate: candidate.joint_time)
 
 
@@ -118,8 +118,8 @@ def _candidates(
     return [RouteCandidate(space, corners, _joint_time(robot, corners.lines))]
 
 
-def _motion(problem: PlanningProblem, goal: FloatArray, margin: float) -> FloatArray | None:
-    """Return the fastest motion from straight joint lines, if it finds past all obstacles."""
+def _trajectory(problem: PlanningProblem, goal: FloatArray, margin: float) -> FloatArray | None:
+    """Return the fastest trajectory from straight joint lines, if it finds past all obstacles."""
     wider = replace(problem, goal=goal, clearance=problem.clearance + margin)
     planned = plan(wider, PlanOptions(quality="fast"))
     if planned.trajectory is None:

@@ -49,7 +49,7 @@ def teach(
     options: TeachOptions | None = None,
     progress: Callable[[object], None] | None = None,
 ) -> TubeAnswer:
-    """Make a tube from a trail, and plan the motion through it.
+    """Make a tube from a trail, and plan the trajectory through it.
 
     Args:
         problem: The arm and its obstacles, from the trail's first configuration to its last.

@@ -12,13 +12,13 @@ class TubeAnswer:
     """What came of looking for a tube.
 
     Attributes:
-        status: Success means that the motion through the measured tube is certified.
+        status: Success means that the trajectory through the measured tube is certified.
         message: One sentence.
         place: Where, if there is no answer.
         found: The problem with its tube, and its plan; None unless successful.
         notes: What else is worth knowing.
-        compared: Durations of the motions through the tubes that were compared before measuring,
-            each of the same radius [s]; None where there was no motion.
+        compared: Durations of the trajectories through the tubes that were compared before
+            measuring, each of the same radius [s]; None where there was no trajectory.
         search_time: Wall time from the loaded problem to the answer [s].
     """
 
@@ -32,7 +32,7 @@ class TubeAnswer:
 
     @property
     def succeeded(self) -> bool:
-        """Whether there is a tube with a certified motion."""
+        """Whether there is a tube with a certified trajectory."""
         return self.status is PlanStatus.SUCCESS
 
     def as_dict(self) -> dict[str, Any]:

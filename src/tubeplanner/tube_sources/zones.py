@@ -3,7 +3,7 @@
 A controller leaves the line before corner R at a point A, at most the zone z away from R, blends,
 and is on the next line again at a point B, at most z behind R. Between them it stays in the
 triangle A R B, whatever its rule: a parabola and an arc tangent to both lines do, and so does a
-weighted mean of both motions.
+weighted mean of both trajectories.
 
 From zone to tube. Off the lines the tool may be anywhere in the ball of radius z about R, and only
 there. Capsules of radius z - c about the pieces of length c on both sides of R reach exactly z far:
@@ -108,7 +108,7 @@ CONTROLLERS: dict[str, Controller] = {
     "pilz": Controller(
         "Pilz blend_radius",
         "MoveIt 2, trajectory_blender_transition_window.cpp: in the ball about the point the mean "
-        "of both motions, weighted by a quintic; command_list_manager.cpp: balls may not meet",
+        "of both trajectories, weighted by a quintic; command_list_manager.cpp: balls may not meet",
         unit=1.0,
         half=False,
     ),

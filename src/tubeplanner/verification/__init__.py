@@ -1,1 +1,1 @@
-"""The judge: shares no code with what makes the motions that it judges."""
+"""The judge: shares no code with what makes the trajectories that it judges."""

@@ -12,8 +12,8 @@ import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.collision.collision_checker import CollisionChecker
-from tubeplanner.motion.bernstein import bernstein_coefficients
-from tubeplanner.motion.trajectory import JointTrajectory
+from tubeplanner.trajectory.bernstein import bernstein_coefficients
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
 # The minimum is bracketed to this share of its distance from the required clearance, or to this
 # length [m] where it nearly touches it.
@@ -22,7 +22,8 @@ _RESOLUTION = 5e-7
 # Intervals this short [s] are not halved: their bound counts as it stands.
 _MIN_INTERVAL = 1e-7
 # After so many intervals, or so many times those it starts with, no more are halved: far beyond
-# what any sensible motion needs. Their bounds count as they stand, so that the answer stays safe.
+# what any sensible trajectory needs. Their bounds count as they stand, so that the answer stays
+# safe.
 _MAX_INTERVALS = 3_000_000
 _MAX_ROUNDS = 8
 _BATCH = 64  # distances evaluated before intervals are judged anew
@@ -157,9 +158,9 @@ class _Search:
         nodes, interval = np.unique(rows.node, return_inverse=True)
         middle, travel, time = self._middles(nodes, rows.level)
         rotation, position = self._checker.robot.body_poses(middle)
-        motion = np.einsum("rn,rn->r", self._weights[rows.pair], travel[interval])
+        travelled = np.einsum("rn,rn->r", self._weights[rows.pair], travel[interval])
         spheres = self._checker.sphere_distances(rotation, position, self._pairs)
-        lower = spheres[interval, rows.pair] - motion
+        lower = spheres[interval, rows.pair] - travelled
         near = np.flatnonzero(lower < self._settled_above())
         along = self._checker.separations_along(
             rotation[interval[near]],
@@ -167,7 +168,7 @@ class _Search:
             self._pairs[rows.pair[near]],
             rows.direction[near],
         )
-        lower[near] = np.maximum(lower[near], along - motion[near])
+        lower[near] = np.maximum(lower[near], along - travelled[near])
         order = near[np.argsort(lower[near], kind="stable")]
         for first in range(0, len(order), _BATCH):
             batch = order[first : first + _BATCH]
@@ -181,7 +182,7 @@ class _Search:
                     rotation[i], position[i], self._pairs[rows.pair[batch[here]]]
                 )
             self._remember(distance, time[interval[batch]], rows.pair[batch])
-            lower[batch] = np.maximum(lower[batch], distance - motion[batch])
+            lower[batch] = np.maximum(lower[batch], distance - travelled[batch])
         return lower
 
     def _middles(self, node: IntArray, level: int) -> tuple[FloatArray, FloatArray, FloatArray]:

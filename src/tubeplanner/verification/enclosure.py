@@ -1,4 +1,4 @@
-"""Polynomials that enclose tool pose and joint efforts of a motion, for all t.
+"""Polynomials that enclose tool pose and joint efforts of a trajectory, for all t.
 
 On each of I intervals the quantity is interpolated at Chebyshev points. What the polynomial misses
 between them is bounded by the majorant of the next Taylor coefficient, T:
@@ -17,9 +17,9 @@ from numpy.polynomial import chebyshev
 from scipy.special import comb
 
 from tubeplanner.arrays import FloatArray, IntArray
-from tubeplanner.motion.bernstein import bernstein_coefficients
-from tubeplanner.motion.trajectory import JointTrajectory
 from tubeplanner.robot.robot_model import RobotModel
+from tubeplanner.trajectory.bernstein import bernstein_coefficients
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.verification.majorants import effort_majorant, tool_majorant
 
 _POINTS = 8
@@ -27,7 +27,7 @@ _NODES = (chebyshev.chebpts1(_POINTS) + 1) / 2
 _NODE_PRODUCT = 2.0 / 4.0**_POINTS
 # From values at the nodes to coefficients, highest power first.
 _FIT = np.linalg.inv(np.vander(_NODES))
-# A motion that is not enclosed after so many intervals is left as it is: its errors are large.
+# A trajectory that is not enclosed after so many intervals is left as it is: its errors are large.
 _MAX_INTERVALS = 200_000
 _MIN_WIDTH = 1e-9  # [s]
 

@@ -1,6 +1,6 @@
-"""Bounds on the Taylor coefficients of what a motion does: tool pose and joint efforts.
+"""Bounds on the Taylor coefficients of what a trajectory does: tool pose and joint efforts.
 
-A motion in joint space is polynomial, what follows from it is not. Here, every vector of the
+A trajectory in joint space is polynomial, what follows from it is not. Here, every vector of the
 recursive Newton-Euler algorithm is replaced by a power series whose coefficients bound the norms of
 its own ("majorants" in the sense of Cauchy): sums and products of vectors become sums and products
 of series, and a vector fixed in a turning body obeys x' = w x x. Whatever the directions, no Taylor
@@ -36,7 +36,7 @@ class _BodyMotion:
 
 @dataclass(frozen=True, eq=False)
 class ToolMajorant:
-    """Bounds on the Taylor coefficients of the tool's motion, each (orders, I).
+    """Bounds on the Taylor coefficients of the tool's trajectory, each (orders, I).
 
     Attributes:
         position: Of the tool centre point [m]; the first row has no meaning.
@@ -50,7 +50,7 @@ class ToolMajorant:
 
 
 def tool_majorant(robot: RobotModel, joints: FloatArray) -> ToolMajorant:
-    """Return bounds on the Taylor coefficients of the tool centre point's motion.
+    """Return bounds on the Taylor coefficients of the tool centre point's trajectory.
 
     Args:
         robot: The arm.

@@ -1,4 +1,4 @@
-"""Why a motion or a configuration is refused, in words and with its place."""
+"""Why a trajectory or a configuration is refused, in words and with its place."""
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
@@ -9,7 +9,7 @@ _REMEDY = "move the reference points or choose another configuration"
 
 
 def refusal(problem: PlanningProblem, certificate: Certificate) -> Infeasible | None:
-    """Return why a certificate refuses a motion, or None if it passed."""
+    """Return why a certificate refuses a trajectory, or None if it passed."""
     failures = certificate.failures()
     if not failures:
         return None

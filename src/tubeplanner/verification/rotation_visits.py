@@ -1,4 +1,4 @@
-"""How far inside the rotation tolerances a motion stays, for all t.
+"""How far inside the rotation tolerances a trajectory stays, for all t.
 
 On an interval of width w, a curve lies within w^2 / 8 max |x''| of the chord between its ends. The
 curve here is the rotation vector v of the tool against its reference, with dv/dt = J(v) s and
@@ -159,7 +159,7 @@ def _chord_distance(
 
     Args:
         tube: Reference orientations and bounds.
-        pose: The motion.
+        pose: The trajectory.
         parts: Where.
         angle: The larger of the angles at the two ends, shape (R,) [rad].
     """

@@ -1,4 +1,4 @@
-"""Which tube segment a motion is in when, and how far inside its capsule, for all t."""
+"""Which tube segment a trajectory is in when, and how far inside its capsule, for all t."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,9 +8,9 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from tubeplanner.arrays import FloatArray, IntArray
-from tubeplanner.motion.bernstein import bernstein_coefficients
-from tubeplanner.motion.trajectory import JointTrajectory
 from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.trajectory.bernstein import bernstein_coefficients
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.tube.tube import Tube
 from tubeplanner.verification.enclosure import Enclosure
 from tubeplanner.verification.switching_samples import best_switching_samples
@@ -28,7 +28,7 @@ _MAX_ROWS = 1_000_000
 
 @dataclass(frozen=True)
 class Visit:
-    """One tube segment's share of a motion.
+    """One tube segment's share of a trajectory.
 
     Attributes:
         segment: Index of the segment.
@@ -66,14 +66,14 @@ def tube_visits(
     tool: Enclosure,
     rotation: Enclosure | None = None,
 ) -> list[Visit]:
-    """Return visits that cover the whole motion, one after the other.
+    """Return visits that cover the whole trajectory, one after the other.
 
     Switching times are chosen to leave the largest margins of tool, rotation and joint ranges. If
     the tube is to be visited in order, every segment is visited once; else, as often as needed.
 
     Args:
         problem: What is asked.
-        trajectory: The motion.
+        trajectory: The trajectory.
         tool: Its tool's position.
         rotation: Its tool's rotation matrix; needed where the tube bounds the rotation.
     """
@@ -162,7 +162,7 @@ def _distances(tube: Tube, points: FloatArray, segment: IntArray) -> FloatArray:
 
 
 class _Fit:
-    """How well a motion keeps each segment's conditions at any time: tool and joint ranges."""
+    """How well a trajectory keeps each segment's conditions at any time: tool and joint ranges."""
 
     def __init__(
         self,

@@ -9,10 +9,10 @@ from functools import cached_property
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.motion.bernstein import maxima
-from tubeplanner.motion.trajectory import JointTrajectory
 from tubeplanner.outcome import Place
 from tubeplanner.problem.problem import PlanningProblem, Seed
+from tubeplanner.trajectory.bernstein import maxima
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.verification.certificate import (
     FOR_ALL_TIMES,
     RELATIVE,
@@ -292,7 +292,7 @@ class _Judge:
         """The largest magnitudes of position, velocity and acceleration per joint, each (n,).
 
         A joint that all but stands still is measured by the others: its own rounding errors are
-        no motion that could jump.
+        no trajectory that could jump.
         """
         found = []
         for order in range(3):

@@ -1,1 +1,1 @@
-"""Figures and pages. They take a problem and motions, never a solver's object."""
+"""Figures and pages. They take a problem and trajectories, never a solver's object."""

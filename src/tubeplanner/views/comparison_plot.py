@@ -7,7 +7,7 @@ from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.studies.comparison import Comparison, ComparisonRow
 from tubeplanner.views.figure_files import new_figure, saved
 from tubeplanner.views.palette import LINE_COLORS
-from tubeplanner.views.panels import line_style, motion_curves
+from tubeplanner.views.panels import line_style, trajectory_curves
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,7 +20,8 @@ _LABEL_SPACE = 1.9  # of the longest bar: what is said beside it needs as much
 def plot_comparison(result: Comparison, path: str | Path | None = None) -> "Figure":
     """Draw what several methods make of a problem: durations, certificates, the tool's speed.
 
-    Bars of motions that failed their certificate are hatched; the speeds are those of the fastest.
+    Bars of trajectories that failed their certificate are hatched; the speeds are those of the
+    fastest.
 
     Args:
         result: What `compare` found.
@@ -45,7 +46,7 @@ def _draw_durations(axis: "Axes", rows: list[ComparisonRow]) -> None:
     longest = max((row.duration or 0.0 for row in rows), default=0.0) or 1.0
     for number, row in enumerate(rows):
         color = LINE_COLORS[number] if number < len(LINE_COLORS) else _OTHERS
-        said = f"no motion: {str(row.status).replace('_', ' ')}"
+        said = f"no trajectory: {str(row.status).replace('_', ' ')}"
         if row.duration is not None:
             (bar,) = axis.barh(number, row.duration, height=0.65, edgecolor=color)
             bar.set_facecolor(color if row.certified else "none")
@@ -61,10 +62,10 @@ def _draw_durations(axis: "Axes", rows: list[ComparisonRow]) -> None:
 
 
 def _draw_speeds(axis: "Axes", problem: PlanningProblem, rows: list[ComparisonRow]) -> None:
-    """Draw the speed of the tool, as many motions as there are colours."""
+    """Draw the speed of the tool, as many trajectories as there are colours."""
     for number, row in enumerate(rows):
         if row.trajectory is not None:
-            curves = motion_curves(problem, row.trajectory)
+            curves = trajectory_curves(problem, row.trajectory)
             style = line_style(number)
             axis.plot(curves.samples.time, curves.speed, label=row.method, **style)
     axis.set(xlabel="time [s]", ylabel="tool speed [m/s]", xlim=(0, None), ylim=(0, None))

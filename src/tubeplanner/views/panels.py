@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
-from tubeplanner.motion.trajectory import JointTrajectory, TrajectorySamples
 from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
 from tubeplanner.views.palette import LINE_COLORS, segment_color
 from tubeplanner.waypoint_search.time_scaling import scaling_factor
 from tubeplanner.waypoint_search.tube_membership import current_segments, tube_use
@@ -28,8 +28,8 @@ _MARGIN = 0.08
 
 
 @dataclass(frozen=True, eq=False)
-class MotionCurves:
-    """What there is to draw of a motion, at N samples, both sides of every breakpoint.
+class TrajectoryCurves:
+    """What there is to draw of a trajectory, at N samples, both sides of every breakpoint.
 
     Attributes:
         problem: What was asked.
@@ -61,7 +61,7 @@ class MotionCurves:
         return [(int(segment[a]), float(time[a]), float(time[b])) for a, b in pairwise(ends)]
 
 
-def motion_curves(problem: PlanningProblem, trajectory: JointTrajectory) -> MotionCurves:
+def trajectory_curves(problem: PlanningProblem, trajectory: JointTrajectory) -> TrajectoryCurves:
     """Return what there is to draw of a trajectory of the problem's joints, in their order."""
     robot, tube = problem.robot, problem.tube
     pieces = len(trajectory.widths)
@@ -74,7 +74,7 @@ def motion_curves(problem: PlanningProblem, trajectory: JointTrajectory) -> Moti
         error = tube.rotation.error(rotation, tool, segment)
         angle = np.linalg.norm(error, axis=1, keepdims=True)
         turned = (np.hstack([abs(error), angle]) / tube.rotation.bounds[segment]).max(axis=1)
-    return MotionCurves(
+    return TrajectoryCurves(
         problem,
         samples,
         robot.inverse_dynamics(q, v, a),
@@ -93,7 +93,7 @@ def line_style(number: int) -> dict[str, Any]:
     return {"color": LINE_COLORS[number % len(LINE_COLORS)], "linewidth": 1.5, "linestyle": dashes}
 
 
-def draw_positions(axis: "Axes", curves: MotionCurves) -> None:
+def draw_positions(axis: "Axes", curves: TrajectoryCurves) -> None:
     """Draw positions and, in each joint's colour, those of their bounds that are near."""
     problem, samples = curves.problem, curves.samples
     for j, name in enumerate(problem.robot.joint_names):
@@ -112,14 +112,14 @@ def draw_positions(axis: "Axes", curves: MotionCurves) -> None:
     axis.legend(**above, fontsize=8, frameon=False, handlelength=3.5)
 
 
-def draw_velocities(axis: "Axes", curves: MotionCurves) -> None:
+def draw_velocities(axis: "Axes", curves: TrajectoryCurves) -> None:
     """Draw velocities against their limits."""
     robot = curves.problem.robot
     unit = _unit(curves.problem, "rad/s", "m/s")
     _draw_shares(axis, curves, curves.samples.velocity, robot.limits.velocity, "velocity", unit)
 
 
-def draw_efforts(axis: "Axes", curves: MotionCurves) -> None:
+def draw_efforts(axis: "Axes", curves: TrajectoryCurves) -> None:
     """Draw efforts against their limits."""
     robot = curves.problem.robot
     unit = _unit(curves.problem, "N m", "N")
@@ -127,14 +127,14 @@ def draw_efforts(axis: "Axes", curves: MotionCurves) -> None:
 
 
 def draw_factor(
-    axis: "Axes", curves: MotionCurves, label: str | None = None, number: int = 0
+    axis: "Axes", curves: TrajectoryCurves, label: str | None = None, number: int = 0
 ) -> None:
     """Draw how many times faster each instant could be run, over the share of the duration.
 
     Args:
-        axis: Where; several motions may share it.
-        curves: The motion.
-        label: In a legend; None: the only motion here, and the axis explains itself.
+        axis: Where; several trajectories may share it.
+        curves: The trajectory.
+        label: In a legend; None: the only trajectory here, and the axis explains itself.
         number: Of the line, for colour and dashes.
     """
     time = curves.samples.time
@@ -153,14 +153,14 @@ def draw_factor(
     axis.grid(alpha=0.25)
 
 
-def draw_speed(axis: "Axes", curves: MotionCurves) -> None:
+def draw_speed(axis: "Axes", curves: TrajectoryCurves) -> None:
     """Draw the speed of the tool."""
     axis.plot(curves.samples.time, curves.speed, **_MAIN)
     axis.set_ylim(0.0, 1.1 * curves.speed.max())
     axis.set_ylabel("tool speed [m/s]")
 
 
-def draw_tube_use(axis: "Axes", curves: MotionCurves) -> None:
+def draw_tube_use(axis: "Axes", curves: TrajectoryCurves) -> None:
     """Draw the distance to the segment the tool is in as a share of its radius; rotation too."""
     axis.plot(curves.samples.time, 100 * curves.tube_use, label="distance / radius", **_MAIN)
     if curves.rotation_use is not None:
@@ -173,7 +173,7 @@ def draw_tube_use(axis: "Axes", curves: MotionCurves) -> None:
     axis.legend(fontsize=8, loc="upper center", ncols=2)
 
 
-def mark_segments(axis: "Axes", curves: MotionCurves, *, labels: bool = False) -> None:
+def mark_segments(axis: "Axes", curves: TrajectoryCurves, *, labels: bool = False) -> None:
     """Shade a panel over time by the segments that the tool is in, and name them if asked."""
     visits = curves.visits
     for segment, begin, end in visits:
@@ -199,7 +199,7 @@ def mark_segments(axis: "Axes", curves: MotionCurves, *, labels: bool = False) -
 
 def _draw_shares(
     axis: "Axes",
-    curves: MotionCurves,
+    curves: TrajectoryCurves,
     values: FloatArray,
     limit: FloatArray,
     quantity: str,

@@ -7,8 +7,8 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.collision.convex_shape import ConvexShape
-from tubeplanner.motion.trajectory import JointTrajectory
 from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.views.figure_files import new_figure, saved
 from tubeplanner.views.palette import OBSTACLE_COLOR, REFERENCE_COLOR, segment_color
 from tubeplanner.views.panels import (
@@ -19,7 +19,7 @@ from tubeplanner.views.panels import (
     draw_tube_use,
     draw_velocities,
     mark_segments,
-    motion_curves,
+    trajectory_curves,
 )
 from tubeplanner.views.surface import capsule_grid
 
@@ -47,7 +47,7 @@ def plot_trajectory(
         OutputError: The file could not be written.
     """
     trajectory = trajectory.reordered(problem.robot.joint_names)
-    curves = motion_curves(problem, trajectory)
+    curves = trajectory_curves(problem, trajectory)
     figure = new_figure(12.5, 10.8)
     figure.suptitle(f"{problem.name}: {trajectory.duration:.4f} s", fontsize=13)
     grid = figure.add_gridspec(4, 2, width_ratios=(1.15, 1))

@@ -1,4 +1,4 @@
-"""Figures 3, 7, 8 and 9 of Suh & Bishop (1988), drawn from our motions."""
+"""Figures 3, 7, 8 and 9 of Suh & Bishop (1988), drawn from our trajectories."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tubeplanner.motion.trajectory import JointTrajectory
 from tubeplanner.planning.plan_options import REFINEMENT, SUH_BISHOP
 from tubeplanner.studies.printed_results import (
     FIGURE_SEVEN,
@@ -16,15 +15,16 @@ from tubeplanner.studies.printed_results import (
     PrintedLine,
 )
 from tubeplanner.studies.reproduction import CONVENTIONAL, ReproducedCell, Reproduction
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.tube.tube import Tube
 from tubeplanner.views.figure_files import new_figure
 from tubeplanner.views.palette import LINE_COLORS, REFERENCE_COLOR
 from tubeplanner.views.panels import (
     LIMIT,
-    MotionCurves,
+    TrajectoryCurves,
     draw_factor,
     line_style,
-    motion_curves,
+    trajectory_curves,
 )
 
 if TYPE_CHECKING:
@@ -47,15 +47,15 @@ def schemes_figure(reproduction: Reproduction) -> "Figure":
     figure = new_figure(7.5, 7.5)
     axis = figure.add_subplot()
     _draw_tube(axis, cell.problem.tube)
-    paths = reproduction.paths[example].motions
+    paths = reproduction.paths[example].trajectories
     drawn: dict[str, JointTrajectory | str]
     drawn = {title: paths[scheme] for scheme, title in _SCHEMES.items()}
     for method, title in METHOD_TITLES.items():
         drawn[title] = cell.result(method).trajectory or cell.result(method).message
-    for number, (name, motion) in enumerate(drawn.items()):
-        if isinstance(motion, JointTrajectory):
-            tool = motion_curves(cell.problem, motion).tool[:, :2]
-            axis.plot(*tool.T, label=f"{name}: {motion.duration:.2f} s", **line_style(number))
+    for number, (name, trajectory) in enumerate(drawn.items()):
+        if isinstance(trajectory, JointTrajectory):
+            tool = trajectory_curves(cell.problem, trajectory).tool[:, :2]
+            axis.plot(*tool.T, label=f"{name}: {trajectory.duration:.2f} s", **line_style(number))
     axis.set_title(f"Figure 3: example {example}, tolerance {1000 * radius:.0f} mm")
     _finish_plane(axis)
     axis.set_aspect("equal")
@@ -74,10 +74,10 @@ def speeds_figure(reproduction: Reproduction) -> "Figure":
             if curves is not None:
                 label = f"{1000 * radius:.0f} mm: {curves.samples.time[-1]:.2f} s"
                 axis.plot(curves.samples.time, curves.speed, label=label, **line_style(number))
-        conventional = reproduction.paths[1].motions[CONVENTIONAL]
+        conventional = reproduction.paths[1].trajectories[CONVENTIONAL]
         if isinstance(conventional, JointTrajectory):
             problem = reproduction.cell(1, 0.01).problem
-            slow = motion_curves(problem, conventional)
+            slow = trajectory_curves(problem, conventional)
             label = f"conventional: {conventional.duration:.2f} s"
             axis.plot(slow.samples.time, slow.speed, label=label, **{**LIMIT, "linewidth": 1.4})
         axis.set(title=title, xlabel="time [s]")
@@ -105,12 +105,14 @@ def line_figure(reproduction: Reproduction, table: PrintedLine, name: str) -> "F
         for number, radius in enumerate(shown):
             curves = _curves(reproduction.cell(table.example, radius), method)
             if curves is not None:
-                _draw_motion(row, curves, _label(radius, curves), number)
+                _draw_trajectory(row, curves, _label(radius, curves), number)
         _finish_row(row, title)
     return figure
 
 
-def _draw_motion(row: Sequence["Axes"], curves: MotionCurves, label: str, number: int) -> None:
+def _draw_trajectory(
+    row: Sequence["Axes"], curves: TrajectoryCurves, label: str, number: int
+) -> None:
     style = line_style(number)
     row[0].plot(*curves.tool[:, :2].T, label=label, **style)
     draw_factor(row[1], curves, label, number)
@@ -162,12 +164,12 @@ def _draw_tube(axis: "Axes", tube: Tube) -> None:
 _TUBE: dict[str, Any] = {"facecolor": LINE_COLORS[5], "alpha": 0.25, "linewidth": 0}
 
 
-def _curves(cell: ReproducedCell, method: str) -> MotionCurves | None:
-    motion = cell.result(method).trajectory
-    return None if motion is None else motion_curves(cell.problem, motion)
+def _curves(cell: ReproducedCell, method: str) -> TrajectoryCurves | None:
+    trajectory = cell.result(method).trajectory
+    return None if trajectory is None else trajectory_curves(cell.problem, trajectory)
 
 
-def _label(radius: float, curves: MotionCurves) -> str:
+def _label(radius: float, curves: TrajectoryCurves) -> str:
     name = "no tube" if radius == NO_TUBE else f"{1000 * radius:.0f} mm"
     return f"{name}: {curves.samples.time[-1]:.2f} s"
 

@@ -1,7 +1,7 @@
-"""What is shown of a problem and its motions: surfaces, colours, where they move; no viewer yet.
+"""What is shown of a problem and its trajectories: surfaces, colours, placements; no viewer.
 
-Everything is in the base frame, in m and s. Several motions stand side by side, each with its own
-arm and tube, and start together.
+Everything is in the base frame, in m and s. Several trajectories stand side by side, each with its
+own arm and tube, and start together.
 """
 
 from collections.abc import Mapping
@@ -15,9 +15,9 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.branches.reference_branch import end_configuration
 from tubeplanner.collision.convex_shape import ConvexShape, convex_hull
 from tubeplanner.errors import TrajectoryError
-from tubeplanner.motion.trajectory import JointTrajectory
 from tubeplanner.outcome import Infeasible
 from tubeplanner.problem.problem import PlanningProblem, Seed
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.views.link_visuals import LinkPart, link_parts
 from tubeplanner.views.palette import (
     OBSTACLE_COLOR,
@@ -44,8 +44,8 @@ _MAX_FACES = 60_000
 _FRAMES_PER_SECOND, _MIN_FRAMES, _MAX_FRAMES = 200, 80, 240
 _SWEEP_STEPS = 24
 _BALL_POINTS = 150
-_LOOKS = (0.1, 0.5, 0.9)  # of the way through a motion: when the arm should not hide the path
-_GAP = 0.15  # between motions side by side, of the width of one
+_LOOKS = (0.1, 0.5, 0.9)  # of the way through a trajectory: when the arm should not hide the path
+_GAP = 0.15  # between trajectories side by side, of the width of one
 CARRIED_COLOR = "#B58863"
 SWEPT_COLOR = "#7A6FAF"
 _POINT_COLOR = "#111111"
@@ -69,8 +69,8 @@ class Item:
 
     Attributes:
         layer: What it belongs to.
-        motion: Index of the motion that it stands with.
-        name: Unique among the items of a layer and motion.
+        trajectory: Index of the trajectory that it stands with.
+        name: Unique among the items of a layer and trajectory.
         surface: In the frame of the body that carries it, else in the base frame.
         color: Red, green, blue from 0 to 1, shape (3,), or of every vertex, (V, 3).
         opacity: 1 is solid.
@@ -79,7 +79,7 @@ class Item:
     """
 
     layer: Layer
-    motion: int
+    trajectory: int
     name: str
     surface: Surface
     color: FloatArray
@@ -89,7 +89,7 @@ class Item:
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class ShownTrajectory:
     """Where the bodies are at T times; one time stands for an arm at rest.
 
     Attributes:
@@ -127,19 +127,19 @@ class Scene:
 
     Attributes:
         problem: What is shown.
-        motions: At least one; of no duration if no trajectory was given.
+        trajectories: At least one; of no duration if no trajectory was given.
         items: Surfaces.
-        offset: From each motion to the next, shape (3,) [m].
+        offset: From each trajectory to the next, shape (3,) [m].
         direction: From the scene to whoever looks at it, unit vector (3,).
         outline: Points that a picture must hold, offsets included, shape (P, 3) [m].
         floor: Edges of a grid under all, shape (E, 2, 3) [m].
         floor_step: Length of one [m].
-        top: Where a motion's name goes, its offset left out, shape (3,) [m].
+        top: Where a trajectory's name goes, its offset left out, shape (3,) [m].
         notes: What else is worth knowing.
     """
 
     problem: PlanningProblem
-    motions: tuple[Motion, ...]
+    trajectories: tuple[ShownTrajectory, ...]
     items: tuple[Item, ...]
     offset: FloatArray
     direction: FloatArray
@@ -152,55 +152,55 @@ class Scene:
     @property
     def peak_speed(self) -> float:
         """Highest speed of any tool [m/s]."""
-        return max(float(motion.speed.max()) for motion in self.motions)
+        return max(float(trajectory.speed.max()) for trajectory in self.trajectories)
 
     @property
     def duration(self) -> float:
-        """Of the longest motion [s]."""
-        return max(motion.duration for motion in self.motions)
+        """Of the longest trajectory [s]."""
+        return max(trajectory.duration for trajectory in self.trajectories)
 
 
-def build_scene(problem: PlanningProblem, trajectories: Mapping[str, JointTrajectory]) -> Scene:
-    """Return what is to be shown of a problem and some motions, by name.
+def build_scene(problem: PlanningProblem, named: Mapping[str, JointTrajectory]) -> Scene:
+    """Return what is to be shown of a problem and some trajectories, by name.
 
-    Without a motion the arm rests at the start.
+    Without a trajectory the arm rests at the start.
 
     Raises:
         TrajectoryError: A trajectory moves other joints than the problem's; it is named.
         RobotError: The robot's geometry is of a kind no URDF has.
     """
     notes: list[str] = []
-    motions = tuple(_motion(problem, *pair) for pair in trajectories.items())
-    if not motions:
-        motions = (_at_rest(problem, notes),)
-    parts, said = link_parts(problem.robot, _MAX_FACES // len(motions))
+    trajectories = tuple(_shown(problem, *pair) for pair in named.items())
+    if not trajectories:
+        trajectories = (_at_rest(problem, notes),)
+    parts, said = link_parts(problem.robot, _MAX_FACES // len(trajectories))
     hulls = _hulls(problem, parts)
     tube = tube_surfaces(problem.tube)
-    swept = [_swept(motion, hulls) for motion in motions]
+    swept = [_swept(trajectory, hulls) for trajectory in trajectories]
     standing = [points for body, points in hulls if body == 0]
     points = np.vstack([*(s.vertices for s in [*swept, *tube]), *standing])
     size = float(np.ptp(points, axis=0).max())
     solids = [shape for obstacle in problem.obstacles for shape in obstacle.shapes]
-    path = np.vstack([motions[0].tool, problem.tube.points])
-    arms = [_moving_shapes(motions[0], share, hulls) for share in _LOOKS]
+    path = np.vstack([trajectories[0].tool, problem.tube.points])
+    arms = [_moving_shapes(trajectories[0], share, hulls) for share in _LOOKS]
     direction = best_direction(path, solids, arms)
     # Side by side as seen from there: along x or y, whichever lies more across the view.
     across = int(abs(direction[0]) > abs(direction[1]))
     offset = np.eye(3)[across] * np.ptp(points[:, across]) * (1 + _GAP)
-    fastest = max(float(motion.speed.max()) for motion in motions)
+    fastest = max(float(trajectory.speed.max()) for trajectory in trajectories)
     items: list[Item] = []
-    for i, motion in enumerate(motions):
+    for i, trajectory in enumerate(trajectories):
         items += _arm(i, parts) + _carried(i, problem)
         items += _surroundings(i, problem, tube, size)
-        items += _tool(i, motion, problem, size, fastest)
-        if motion.duration > 0:
+        items += _tool(i, trajectory, problem, size, fastest)
+        if trajectory.duration > 0:
             items.append(Item(Layer.SWEPT, i, "links", swept[i], rgb(SWEPT_COLOR), 0.22))
     sides = outline(points)
-    held = np.vstack([sides + i * offset for i in range(len(motions))])
+    held = np.vstack([sides + i * offset for i in range(len(trajectories))])
     top = np.append((sides.min(axis=0) + sides.max(axis=0))[:2] / 2, sides[:, 2].max())
     return Scene(
         problem,
-        motions,
+        trajectories,
         tuple(items),
         offset,
         direction,
@@ -211,7 +211,7 @@ def build_scene(problem: PlanningProblem, trajectories: Mapping[str, JointTrajec
     )
 
 
-def _motion(problem: PlanningProblem, name: str, trajectory: JointTrajectory) -> Motion:
+def _shown(problem: PlanningProblem, name: str, trajectory: JointTrajectory) -> ShownTrajectory:
     try:
         ordered = trajectory.reordered(problem.robot.joint_names)
     except TrajectoryError as error:
@@ -223,7 +223,7 @@ def _motion(problem: PlanningProblem, name: str, trajectory: JointTrajectory) ->
     return _posed(problem, name, time, q, velocity)
 
 
-def _at_rest(problem: PlanningProblem, notes: list[str]) -> Motion:
+def _at_rest(problem: PlanningProblem, notes: list[str]) -> ShownTrajectory:
     """Return the arm at its start; at the seed, with a note, if that does not lead there."""
     try:
         q = end_configuration(problem, problem.start, 0)
@@ -235,11 +235,11 @@ def _at_rest(problem: PlanningProblem, notes: list[str]) -> Motion:
 
 def _posed(
     problem: PlanningProblem, name: str, time: FloatArray, q: FloatArray, velocity: FloatArray
-) -> Motion:
+) -> ShownTrajectory:
     rotation, position = problem.robot.body_poses(q)
     tool, jacobian = problem.robot.tool_jacobian(q)
     speed = np.linalg.norm(np.einsum("tij,tj->ti", jacobian[:, :3], velocity), axis=1)
-    return Motion(name, time, rotation, position, tool, speed)
+    return ShownTrajectory(name, time, rotation, position, tool, speed)
 
 
 def _hulls(problem: PlanningProblem, parts: list[LinkPart]) -> list[tuple[int, FloatArray]]:
@@ -263,14 +263,14 @@ def _carried_surfaces(problem: PlanningProblem) -> list[tuple[int, str, Surface]
     ]
 
 
-def _swept(motion: Motion, hulls: list[tuple[int, FloatArray]]) -> Surface:
+def _swept(trajectory: ShownTrajectory, hulls: list[tuple[int, FloatArray]]) -> Surface:
     """Return the space that moving links take: hulls of each in one pose and the next."""
-    steps = np.unique(np.linspace(0, len(motion.time) - 1, _SWEEP_STEPS).round().astype(int))
+    steps = np.unique(np.linspace(0, len(trajectory.time) - 1, _SWEEP_STEPS).round().astype(int))
     pieces = []
     for body, points in hulls:
         if body == 0:
             continue
-        placements = [motion.placement(step, body) for step in steps]
+        placements = [trajectory.placement(step, body) for step in steps]
         poses = [points @ placement[:3, :3].T + placement[:3, 3] for placement in placements]
         pairs = pairwise(poses) if len(poses) > 1 else [(poses[0],)]
         pieces += [hull_surface(np.vstack(pair)) for pair in pairs]
@@ -278,66 +278,72 @@ def _swept(motion: Motion, hulls: list[tuple[int, FloatArray]]) -> Surface:
 
 
 def _moving_shapes(
-    motion: Motion, share: float, hulls: list[tuple[int, FloatArray]]
+    trajectory: ShownTrajectory, share: float, hulls: list[tuple[int, FloatArray]]
 ) -> list[ConvexShape]:
-    """Return hulls of the moving links after a share of a motion, in the base frame."""
-    step = round(share * (len(motion.time) - 1))
+    """Return hulls of the moving links after a share of a trajectory, in the base frame."""
+    step = round(share * (len(trajectory.time) - 1))
     return [
-        convex_hull(points).transformed(motion.placement(step, body))
+        convex_hull(points).transformed(trajectory.placement(step, body))
         for body, points in hulls
         if body > 0
     ]
 
 
-def _arm(motion: int, parts: list[LinkPart]) -> list[Item]:
+def _arm(trajectory: int, parts: list[LinkPart]) -> list[Item]:
     return [
         Item(
-            Layer.ARM, motion, f"{part.link}/{i}", part.surface, np.array(part.color), 1, part.body
+            Layer.ARM,
+            trajectory,
+            f"{part.link}/{i}",
+            part.surface,
+            np.array(part.color),
+            1,
+            part.body,
         )
         for i, part in enumerate(parts)
     ]
 
 
-def _carried(motion: int, problem: PlanningProblem) -> list[Item]:
+def _carried(trajectory: int, problem: PlanningProblem) -> list[Item]:
     color = rgb(CARRIED_COLOR)
     return [
-        Item(Layer.CARRIED, motion, name, surface, color, 0.85, body, is_smooth=False)
+        Item(Layer.CARRIED, trajectory, name, surface, color, 0.85, body, is_smooth=False)
         for body, name, surface in _carried_surfaces(problem)
     ]
 
 
 def _surroundings(
-    motion: int, problem: PlanningProblem, tube: list[Surface], size: float
+    trajectory: int, problem: PlanningProblem, tube: list[Surface], size: float
 ) -> list[Item]:
     """Return tube, reference path and obstacles; `size` is that of the scene [m]."""
     items = [
-        Item(Layer.TUBE, motion, f"segment_{k}", surface, rgb(segment_color(k)), 0.3)
+        Item(Layer.TUBE, trajectory, f"segment_{k}", surface, rgb(segment_color(k)), 0.3)
         for k, surface in enumerate(tube)
     ]
     thickness = _thickness(problem, size)
     line = dashes(problem.tube.points, 0.45 * thickness, 10 * thickness)
-    items.append(Item(Layer.REFERENCE, motion, "path", line, rgb(REFERENCE_COLOR)))
+    items.append(Item(Layer.REFERENCE, trajectory, "path", line, rgb(REFERENCE_COLOR)))
     for obstacle in problem.obstacles:
         surface = joined(shape_surface(shape) for shape in obstacle.shapes)
         color = rgb(OBSTACLE_COLOR)
         items.append(
-            Item(Layer.OBSTACLES, motion, obstacle.name, surface, color, 0.55, is_smooth=False)
+            Item(Layer.OBSTACLES, trajectory, obstacle.name, surface, color, 0.55, is_smooth=False)
         )
     return items
 
 
 def _tool(
-    i: int, motion: Motion, problem: PlanningProblem, size: float, fastest: float
+    i: int, trajectory: ShownTrajectory, problem: PlanningProblem, size: float, fastest: float
 ) -> list[Item]:
     """Return the tool's path, coloured by its speed, and a point where the tool is."""
     thickness, robot = _thickness(problem, size), problem.robot
     body = robot.link_body[robot.tool_frame]
-    center = (motion.tool[0] - motion.position[0, body]) @ motion.rotation[0, body]
+    center = (trajectory.tool[0] - trajectory.position[0, body]) @ trajectory.rotation[0, body]
     point = hull_surface(center + 1.8 * thickness * directions(_BALL_POINTS))
     items = [Item(Layer.TOOL, i, "point", point, rgb(_POINT_COLOR), 1.0, body)]
-    surface, owner = pipe(motion.tool, thickness)
+    surface, owner = pipe(trajectory.tool, thickness)
     if len(owner):
-        share = motion.speed[owner] / (fastest or 1.0)
+        share = trajectory.speed[owner] / (fastest or 1.0)
         items.append(Item(Layer.TOOL, i, "path", surface, speed_colors(share)))
     return items
 

@@ -72,7 +72,7 @@ def draw_sweep(
     Args:
         axis: Where.
         result: What `sweep` found.
-        label: In the legend; None: "certified motion".
+        label: In the legend; None: "certified trajectory".
         number: Of the line, for colour and dashes.
     """
     radius = result.quantity == "radius"
@@ -80,7 +80,7 @@ def draw_sweep(
     values = unit * np.array([row.value for row in result.rows])
     planned = [(unit * row.value, row.duration) for row in result.rows if row.duration is not None]
     style = {**line_style(number), "linewidth": 1.0}
-    axis.plot(*np.reshape(planned, (-1, 2)).T, "o", label=label or "certified motion", **style)
+    axis.plot(*np.reshape(planned, (-1, 2)).T, "o", label=label or "certified trajectory", **style)
     if values[-1] > _WIDE * values[0]:
         axis.set_xscale("log")
         axis.set_xticks(values, [f"{value:.3g}" for value in values], minor=False)

@@ -21,8 +21,8 @@ import numpy as np
 from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import OptionError
 from tubeplanner.files.output_files import write_files
-from tubeplanner.motion.trajectory import JointTrajectory
 from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.views.palette import OBSTACLE_COLOR, REFERENCE_COLOR, SPEED_COLORS, segment_color
 from tubeplanner.views.scene import CARRIED_COLOR, SWEPT_COLOR, Item, Layer, Scene, build_scene
 
@@ -46,7 +46,7 @@ _FRONT_SIDE, _BOTH_SIDES = 0, 2
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A problem and its motions to look at; notebooks show it by themselves.
+    """A problem and its trajectories to look at; notebooks show it by themselves.
 
     Attributes:
         scene: What is shown.
@@ -94,21 +94,21 @@ def view(
     *trajectories: JointTrajectory,
     names: Sequence[str] | None = None,
 ) -> View:
-    """Return a view of a problem and of motions side by side; without any, the arm at its start.
+    """Return a view of a problem with trajectories side by side; without any, at its start.
 
     Args:
         problem: What was asked.
         trajectories: Of the problem's joints, in any order.
-        names: What the motions are called; default: numbers.
+        names: What the trajectories are called; default: numbers.
 
     Raises:
-        OptionError: There are not as many names as motions, or two are the same.
+        OptionError: There are not as many names as trajectories, or two are the same.
         TrajectoryError: A trajectory moves other joints than the problem's; it is named.
         RobotError: The robot's geometry is of a kind no URDF has.
     """
     if names is None:
         many = len(trajectories) > 1
-        names = [f"motion {i + 1}" if many else "motion" for i in range(len(trajectories))]
+        names = [f"trajectory {i + 1}" if many else "trajectory" for i in range(len(trajectories))]
     if len(names) != len(trajectories) or len(set(names)) != len(names):
         raise OptionError(
             f"names {list(names)}: one each, all different, is needed for {len(trajectories)} "
@@ -118,7 +118,7 @@ def view(
 
 
 def names_of_files(paths: Sequence[Path]) -> list[str]:
-    """Return what motions from files are called: the files' names, whole paths where these meet."""
+    """Return names for trajectories from files: the files', whole paths where these meet."""
     names = [path.name for path in paths]
     if len(set(names)) == len(names):
         return names
@@ -149,7 +149,7 @@ def recorded_commands(scene: Scene) -> list[dict[str, Any]]:
     _add_lights(root, scene.direction)
     for item in scene.items:
         _add_item(root, item)
-    for i in range(len(scene.motions)):
+    for i in range(len(scene.trajectories)):
         placement = np.eye(4)
         placement[:3, 3] = i * scene.offset
         for layer in _layers(scene):
@@ -188,8 +188,8 @@ def _layers(scene: Scene) -> list[Layer]:
     return [layer for layer in Layer if layer in found]
 
 
-def _body_path(layer: Layer, motion: int, body: int) -> str:
-    return f"{layer}/{motion}/body_{body}"
+def _body_path(layer: Layer, trajectory: int, body: int) -> str:
+    return f"{layer}/{trajectory}/body_{body}"
 
 
 def _add_item(root: Any, item: Item) -> None:
@@ -198,7 +198,7 @@ def _add_item(root: Any, item: Item) -> None:
     surface = item.surface
     by_vertex = item.color.ndim == 2
     colors = item.color if by_vertex else None
-    node = root[f"{_body_path(item.layer, item.motion, item.body)}/{item.name}"]
+    node = root[f"{_body_path(item.layer, item.trajectory, item.body)}/{item.name}"]
     shape = geometry.TriangularMeshGeometry(
         surface.vertices.astype(np.float32), surface.faces.astype(np.uint32), color=colors
     )
@@ -228,17 +228,19 @@ def _as_number(color: FloatArray) -> int:
 
 
 def _animate(root: Any, scene: Scene) -> None:
-    """Place all bodies, and let them move if there is a motion."""
+    """Place all bodies, and let them move if there is a trajectory."""
     from meshcat.animation import Animation
 
     animation = Animation(default_framerate=1)  # frames are counted in seconds
-    carried = sorted({(item.layer, item.motion, item.body) for item in scene.items if item.body})
+    carried = sorted(
+        {(item.layer, item.trajectory, item.body) for item in scene.items if item.body}
+    )
     for layer, i, body in carried:
-        path, motion = _body_path(layer, i, body), scene.motions[i]
-        root[path].set_transform(motion.placement(0, body))
-        for step, time in enumerate(motion.time):
+        path, trajectory = _body_path(layer, i, body), scene.trajectories[i]
+        root[path].set_transform(trajectory.placement(0, body))
+        for step, time in enumerate(trajectory.time):
             frame = animation.at_frame(root, float(time))
-            frame[path].set_transform(motion.placement(step, body))
+            frame[path].set_transform(trajectory.placement(step, body))
     if scene.duration > 0:
         root.set_animation(animation, play=False)
 
@@ -267,32 +269,32 @@ def _page(scene: Scene) -> str:
 
 def panel_data(scene: Scene) -> dict[str, Any]:
     """Return what the page's overlay says and how it frames the scene, as JSON values."""
-    problem, many = scene.problem, len(scene.motions) > 1
-    motions = [
+    problem, many = scene.problem, len(scene.trajectories) > 1
+    trajectories = [
         {
-            "name": motion.name,
-            "lasts": f"{1000 * motion.duration:.0f} ms",
-            "top": f"{motion.speed.max():.2f} m/s",
-            "duration": motion.duration,
-            "speed": [round(float(speed), 4) for speed in motion.speed],
+            "name": trajectory.name,
+            "lasts": f"{1000 * trajectory.duration:.0f} ms",
+            "top": f"{trajectory.speed.max():.2f} m/s",
+            "duration": trajectory.duration,
+            "speed": [round(float(speed), 4) for speed in trajectory.speed],
         }
-        for motion in scene.motions
+        for trajectory in scene.trajectories
     ]
     labels = [
         {
-            "text": f"{motion['name']}: {motion['lasts']}",
+            "text": f"{trajectory['name']}: {trajectory['lasts']}",
             "point": (scene.top + i * scene.offset).tolist(),
         }
-        for i, motion in enumerate(motions)
+        for i, trajectory in enumerate(trajectories)
     ]
-    moving = "" if scene.duration > 0 else "The arm at its start; no motion is shown. "
+    moving = "" if scene.duration > 0 else "The arm at its start; no trajectory is shown. "
     return {
         "title": problem.name,
         "robot": f"{problem.robot.name}, {problem.robot.joint_count} joints",
         "hint": f"{moving}Grid: {scene.floor_step:g} m. Drag to turn, scroll to zoom, right button "
         "to shift.",
         "duration": scene.duration,
-        "motions": motions,
+        "trajectories": trajectories,
         "labels": labels if many else None,
         "layers": [_layer_data(layer, scene) for layer in _layers(scene)],
         "notes": list(scene.notes),

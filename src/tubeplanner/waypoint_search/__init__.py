@@ -1,1 +1,1 @@
-"""Phase 1: motions through points of the reference path, timed to the limits."""
+"""Phase 1: trajectories through points of the reference path, timed to the limits."""

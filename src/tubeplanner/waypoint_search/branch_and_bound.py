@@ -1,12 +1,12 @@
-"""Phase 1: the fastest motion through points of the reference path, by branch and bound.
+"""Phase 1: the fastest trajectory through points of the reference path, by branch and bound.
 
 M candidate waypoints lie on the reference path. Any increasing subset that holds the first and the
-last may be passed, at equal times, by sequential quartics: 2^(M-2) motions. A node of the search is
-the beginning of such a motion; a child has one waypoint more, and so one segment more. The nodes
-with the lowest bounds on their duration are expanded first, children that break a rule are cut
-(Suh & Bishop 1988, phase 1).
+last may be passed, at equal times, by sequential quartics: 2^(M-2) trajectories. A node of the
+search is the beginning of such a trajectory; a child has one waypoint more, and so one segment
+more. The nodes with the lowest bounds on their duration are expanded first, children that break a
+rule are cut (Suh & Bishop 1988, phase 1).
 
-Rules are tested at samples and can be too lenient. A complete motion counts only with its exact
+Rules are tested at samples and can be too lenient. A complete trajectory counts only with its exact
 duration and its certificate.
 """
 
@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
-from tubeplanner.motion.trajectory import JointTrajectory
 from tubeplanner.outcome import Infeasible
 from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.verification.certificate import Certificate
 from tubeplanner.verification.verification import verify
 from tubeplanner.waypoint_search.segment_rules import SegmentBatch, SegmentRules
@@ -47,13 +47,13 @@ class SearchStatistics:
         nodes: Nodes expanded.
         children: Continuations built and tested.
         cuts: How many of them each rule cut at samples.
-        motions: Complete motions that were left, and judged.
+        motions: Complete trajectories that were left, and judged.
         refused: How many of those were no faster than the best, or failed their certificate.
-        forgone: Nodes and motions passed over because they begin like one that failed.
-        lower_bound: No certified motion of this family is faster [s]; None if none is faster than
-            what was known before the search.
-        best_duration: Of the best motion so far [s]; None if there is none.
-        budget_reached: Whether the node budget ended the search: there may be better motions.
+        forgone: Nodes and trajectories passed over because they begin like one that failed.
+        lower_bound: No certified trajectory of this family is faster [s]; None if none is faster
+            than what was known before the search.
+        best_duration: Of the best trajectory so far [s]; None if there is none.
+        budget_reached: Whether the node budget ended the search: there may be better trajectories.
     """
 
     nodes: int
@@ -74,7 +74,7 @@ class SearchStatistics:
         cuts = ", ".join(f"{rule} {count}" for rule, count in self.cuts.items())
         text = (
             f"{self.nodes} nodes, {self.children} segments tested, cut by rule: {cuts}; "
-            f"{self.motions} motions tried, {self.refused} refused; {self.forgone} forgone, which "
+            f"{self.motions} tried, {self.refused} refused; {self.forgone} forgone, which "
             "begin like a refused one"
         )
         if self.budget_reached:
@@ -84,7 +84,7 @@ class SearchStatistics:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Node:
-    """The beginning of a motion: built up to the last waypoint but one.
+    """The beginning of a trajectory: built up to the last waypoint but one.
 
     Attributes:
         waypoints: Indices of its waypoints.
@@ -105,8 +105,8 @@ class BranchAndBound:
     """A search that may be stopped at any time.
 
     Attributes:
-        best: The fastest certified motion found, run at the limits; None until there is one.
-        certificate: The certificate of that motion.
+        best: The fastest certified trajectory found, run at the limits; None until there is one.
+        certificate: The certificate of that trajectory.
         certificate_time: How long that took [s].
         best_waypoints: Indices of its waypoints.
     """
@@ -125,7 +125,7 @@ class BranchAndBound:
         Args:
             problem: What is asked.
             waypoints: The M >= 2 candidates, shape (M, n); the first and the last are always used.
-            upper_bound: Only motions faster than this are of interest [s].
+            upper_bound: Only trajectories faster than this are of interest [s].
             node_budget: The search ends after about so many nodes.
             checkpoint: Called while the search is prepared; it may raise to end that.
         """
@@ -137,14 +137,14 @@ class BranchAndBound:
         self._rules = SegmentRules(problem, waypoints, checkpoint)
         self._upper_bound, self._node_budget = upper_bound, node_budget
         self._open: list[tuple[float, tuple[int, ...], _Node]] = []
-        # Beginnings of motions that failed between samples: all that begin so fail alike.
+        # Beginnings of trajectories that failed between samples: all that begin so fail alike.
         self._failed: set[tuple[int, ...]] = set()
-        self._nodes = self._children = self._motions = self._refused = self._forgone = 0
+        self._nodes = self._children = self._trajectories = self._refused = self._forgone = 0
         self._begin()
 
     @property
     def finished(self) -> bool:
-        """Whether no open node can lead to a better motion, or the budget is used up."""
+        """Whether no open node can lead to a better trajectory, or the budget is used up."""
         return not self._has_open_nodes or self._nodes >= self._node_budget
 
     @property
@@ -155,7 +155,7 @@ class BranchAndBound:
             nodes=self._nodes,
             children=self._children,
             cuts=dict(self._rules.cuts),
-            motions=self._motions,
+            motions=self._trajectories,
             refused=self._refused,
             forgone=self._forgone,
             lower_bound=self._open[0][0] if self._has_open_nodes else best,
@@ -179,7 +179,7 @@ class BranchAndBound:
             self._children += len(batch)
             survivors = self._rules.clear(self._rules.surviving(batch, self._upper_bound))
             if batch.complete:
-                self._try_motions(nodes, survivors)
+                self._try_trajectories(nodes, survivors)
             else:
                 self._open_nodes(nodes, survivors)
 
@@ -188,9 +188,9 @@ class BranchAndBound:
         return bool(self._open) and self._open[0][0] < self._upper_bound
 
     def _begin(self) -> None:
-        """Try the motion without inner waypoints; open a node for every second waypoint."""
+        """Try the trajectory without inner waypoints; open a node for every second waypoint."""
         goal, rest = len(self._waypoints) - 1, np.zeros(self._waypoints.shape[1])
-        self._try_motion((0, goal))
+        self._try_trajectory((0, goal))
         ordered = self._problem.tube.visit == "ordered"
         tube_segments = np.full(self._problem.tube.segment_count, not ordered)
         tube_segments[0] = True
@@ -254,42 +254,46 @@ class BranchAndBound:
             )
             self._push(float(bound[i]), node)
 
-    def _try_motions(self, nodes: Sequence[_Node], batch: SegmentBatch) -> None:
-        """Try complete motions, the most promising first."""
+    def _try_trajectories(self, nodes: Sequence[_Node], batch: SegmentBatch) -> None:
+        """Try complete trajectories, the most promising first."""
         bound = self._rules.lower_bound(batch)
         goal = len(self._waypoints) - 1
         for i in np.argsort(bound, kind="stable"):
             if bound[i] < self._upper_bound:
-                self._try_motion((*nodes[batch.parent[i]].waypoints, goal))
+                self._try_trajectory((*nodes[batch.parent[i]].waypoints, goal))
 
-    def _try_motion(self, waypoints: tuple[int, ...]) -> None:
-        """Keep a motion if it is the fastest yet and certified."""
+    def _try_trajectory(self, waypoints: tuple[int, ...]) -> None:
+        """Keep a trajectory if it is the fastest yet and certified."""
         chosen = self._waypoints[list(waypoints)]
         stands_still = np.ptp(chosen, axis=0).max() == 0
         if stands_still or self._begins_like_a_failed_one(waypoints):
             return
-        self._motions += 1
+        self._trajectories += 1
         shape = sequential_quartics(self._problem.robot.joint_names, chosen)
-        motion = self._at_limits(shape)
-        if motion is None or motion.duration >= self._upper_bound:
+        trajectory = self._at_limits(shape)
+        if trajectory is None or trajectory.duration >= self._upper_bound:
             self._refused += 1
             return
         fault = first_departure(self._problem, shape, _TOLERANCE)
         if fault is None:
             begin = time.perf_counter()
-            certificate = verify(self._problem, motion)
+            certificate = verify(self._problem, trajectory)
             if certificate.passed:
                 self.certificate_time = time.perf_counter() - begin
-                self.best, self.certificate, self.best_waypoints = motion, certificate, waypoints
-                self._upper_bound = motion.duration
+                self.best, self.certificate, self.best_waypoints = (
+                    trajectory,
+                    certificate,
+                    waypoints,
+                )
+                self._upper_bound = trajectory.duration
                 return
-            fault = self._faulty_segment(certificate, motion)
+            fault = self._faulty_segment(certificate, trajectory)
         self._refused += 1
         # A segment depends on the waypoints up to the one after its end, the last two on all.
         if fault is not None and fault + 3 < len(waypoints):
             self._failed.add(waypoints[: fault + 3])
 
-    def _faulty_segment(self, certificate: Certificate, motion: JointTrajectory) -> int | None:
+    def _faulty_segment(self, certificate: Certificate, trajectory: JointTrajectory) -> int | None:
         """Return a segment that no other continuation can mend, if the certificate names one.
 
         Another continuation may choose other switching times, but not other links or another union.
@@ -305,7 +309,7 @@ class BranchAndBound:
         found = [float(time) for time in times if time is not None]
         if not found:
             return None
-        return int(np.searchsorted(motion.breakpoints[1:-1], min(found), side="right"))
+        return int(np.searchsorted(trajectory.breakpoints[1:-1], min(found), side="right"))
 
     def _at_limits(self, shape: JointTrajectory) -> JointTrajectory | None:
         """Return a shape run as fast as the limits allow; None where gravity is too strong."""

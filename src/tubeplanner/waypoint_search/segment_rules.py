@@ -35,15 +35,15 @@ _TOLERANCE = 1e-6  # [m or rad]: what input and certificate allow
 
 @dataclass(frozen=True, eq=False)
 class SegmentBatch:
-    """C continuations of motions, each by L new segments: one, or the last two to the goal.
+    """C continuations of trajectories, each by L new segments: one, or the last two to the goal.
 
     Attributes:
-        parent: Which motion is continued, shape (C,).
+        parent: Which trajectory is continued, shape (C,).
         waypoints: Where the first new segment begins and ends, and the waypoint after it: (C, 3).
         built: How many segments there are, the new ones included, shape (C,).
         remaining: How many more there must be at least, shape (C,): the paper's nu.
         coefficients: Of the new segments, shape (C, 5, L, n), highest power first.
-        factor: How much faster the motion so far can be run, shape (C,).
+        factor: How much faster the trajectory so far can be run, shape (C,).
         tube_segments: In which tube segments the tool may be at the start: bool, shape (C, m).
         inside: In which tube segments the S samples tested so far are: bool, shape (C, S, L, m).
     """
@@ -62,7 +62,7 @@ class SegmentBatch:
 
     @property
     def complete(self) -> bool:
-        """Whether the motions end at the goal."""
+        """Whether the trajectories end at the goal."""
         return self.coefficients.shape[2] == 2
 
     def where(self, keep: BoolArray) -> "SegmentBatch":
@@ -110,7 +110,7 @@ class SegmentRules:
 
         Args:
             batch: What to test; nothing of it tested yet.
-            upper_bound: Only motions faster than this are of interest [s].
+            upper_bound: Only trajectories faster than this are of interest [s].
         """
         batch = self._cut("collision", batch, self.free_waypoints[batch.waypoints[:, 2]])
         batch = replace(batch, factor=np.minimum(batch.factor, self._rate_factor(batch)))
@@ -125,7 +125,7 @@ class SegmentRules:
             batch = replace(batch, inside=inside)
             batch = self._cut("tube", batch, np.all(np.any(inside, axis=3), axis=(1, 2)))
         batch = replace(batch, tube_segments=self._reached(batch))
-        # A complete motion must have arrived in the last segment, another one somewhere.
+        # A complete trajectory must have arrived in the last segment, another one somewhere.
         wanted = slice(-1, None) if batch.complete else slice(None)
         return self._cut("tube", batch, np.any(batch.tube_segments[:, wanted], axis=1))
 
@@ -134,13 +134,13 @@ class SegmentRules:
         return self._cut("collision", batch, self._free(batch))
 
     def lower_bound(self, batch: SegmentBatch) -> FloatArray:
-        """Return the shortest duration that the whole motions can have, shape (C,) [s].
+        """Return the shortest duration that the whole trajectories can have, shape (C,) [s].
 
-        The segments built take `built / B`, B being the motion's factor. A motion that is not
-        complete has at least two more, to the next waypoint and on to the goal; each takes at least
-        1 / B, and together what the velocity limits ask for. (Suh & Bishop 1988, FR-3: LB = eta1 +
-        eta2 + eta3, with B taken over the whole new segment, where eta2 cannot exceed its share of
-        1 / B.)
+        The segments built take `built / B`, B being the trajectory's factor. A trajectory that is
+        not complete has at least two more, to the next waypoint and on to the goal; each takes at
+        least 1 / B, and together what the velocity limits ask for. (Suh & Bishop 1988, FR-3: LB =
+        eta1 + eta2 + eta3, with B taken over the whole new segment, where eta2 cannot exceed its
+        share of 1 / B.)
         """
         with np.errstate(divide="ignore"):
             interval = 1 / batch.factor

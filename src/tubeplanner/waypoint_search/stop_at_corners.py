@@ -1,8 +1,8 @@
 """The first answer: along the reference branch, stopping at each corner.
 
-Every segment is a rest-to-rest motion along the branch, as a quintic B-spline whose first and last
-three control points coincide, so that velocity and acceleration vanish exactly at its ends. Later
-planners start from it and must beat it.
+Every segment is a rest-to-rest trajectory along the branch, as a quintic B-spline whose first and
+last three control points coincide, so that velocity and acceleration vanish exactly at its ends.
+Later planners start from it and must beat it.
 """
 
 from collections.abc import Callable
@@ -13,9 +13,9 @@ from scipy.linalg import solve
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.branches.reference_branch import ReferenceBranch
-from tubeplanner.motion.trajectory import JointTrajectory, concatenate, from_spline
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory, concatenate, from_spline
 from tubeplanner.waypoint_search.time_scaling import estimated_duration, scaled_to_limits
 
 _DEGREE = 5
@@ -37,7 +37,7 @@ def stop_at_corners(
     branch: ReferenceBranch,
     checkpoint: Callable[[], None] = lambda: None,
 ) -> JointTrajectory:
-    """Return the fastest of a family of motions that rest at every reference point.
+    """Return the fastest of a family of trajectories that rest at every reference point.
 
     Args:
         problem: What is asked.
@@ -52,11 +52,11 @@ def stop_at_corners(
         raise Infeasible(
             PlanStatus.NO_TRAJECTORY, "the start is the goal: there is nothing to move", Place()
         )
-    motions = []
+    trajectories = []
     for k in moving:
         checkpoint()
-        motions.append(_fastest(problem, branch, k))
-    return concatenate(motions)
+        trajectories.append(_fastest(problem, branch, k))
+    return concatenate(trajectories)
 
 
 def _fastest(problem: PlanningProblem, branch: ReferenceBranch, segment: int) -> JointTrajectory:

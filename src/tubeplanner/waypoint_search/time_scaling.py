@@ -10,10 +10,10 @@ from collections.abc import Callable
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.motion.bernstein import bernstein_coefficients, maxima
-from tubeplanner.motion.trajectory import JointTrajectory, TrajectorySamples
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.robot.robot_model import RobotModel
+from tubeplanner.trajectory.bernstein import bernstein_coefficients, maxima
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
 from tubeplanner.verification.peaks import refined_maximum
 
 _SAMPLES_PER_PIECE = 24
@@ -24,7 +24,7 @@ _SAFETY = 1e-8
 
 
 def scaling_factor(robot: RobotModel, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
-    """Return how many times faster the limits allow each sample of a motion to be run: b(t).
+    """Return how many times faster the limits allow each sample of a trajectory to be run: b(t).
 
     Args:
         robot: The arm.
@@ -51,10 +51,10 @@ def effort_factor(robot: RobotModel, q: FloatArray, v: FloatArray, a: FloatArray
 
 def effort_factor_of(limit: FloatArray, tau: FloatArray, gravity: FloatArray) -> FloatArray:
     """Return `effort_factor` where efforts, and those against gravity alone, are known."""
-    motion = tau - gravity
-    available = np.where(motion >= 0, limit - gravity, limit + gravity)
+    inertial = tau - gravity
+    available = np.where(inertial >= 0, limit - gravity, limit + gravity)
     holds = abs(gravity) < limit
-    return np.sqrt(_ratio(available, abs(motion)), out=np.zeros_like(tau), where=holds)
+    return np.sqrt(_ratio(available, abs(inertial)), out=np.zeros_like(tau), where=holds)
 
 
 def minimum_duration(

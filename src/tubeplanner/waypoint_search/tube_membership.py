@@ -1,4 +1,4 @@
-"""Whether configurations, and whole motions, keep to the tube: tool, its rotation, joint ranges.
+"""Whether configurations and trajectories keep to the tube: tool, rotation, joint ranges.
 
 Segments are visited in order, and at a switching time both sides must hold; with `visit: any` some
 segment must hold at every instant.
@@ -7,8 +7,8 @@ segment must hold at every instant.
 import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
-from tubeplanner.motion.trajectory import JointTrajectory
 from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.tube.tube import Tube
 from tubeplanner.verification.switching_samples import best_switching_samples
 
@@ -33,7 +33,7 @@ def membership_margin(problem: PlanningProblem, q: FloatArray) -> FloatArray:
 
 
 def current_segments(problem: PlanningProblem, q: FloatArray) -> IntArray:
-    """Return the segment that each of N configurations of a motion, in order, is counted to: (N,).
+    """Return the segment that N configurations in order are counted to, shape (N,).
 
     Switching times are where they leave the largest margin.
     """
@@ -65,14 +65,14 @@ def passable_segments(tube: Tube) -> BoolArray:
 def segments_reached(
     inside: BoolArray, segments: BoolArray, passable: BoolArray, *, ordered: bool
 ) -> BoolArray:
-    """Return the segments in which a motion may be at each of S samples.
+    """Return the segments in which a trajectory may be at each of S samples.
 
     Samples see no switching time that happens between them, so that one is taken to be possible
     wherever neighbouring samples lie in neighbouring segments, or have passable ones between them.
 
     Args:
-        inside: Whether each sample of N motions is inside each segment: bool, shape (N, S, m).
-        segments: In which segments each motion may begin: bool, shape (N, m).
+        inside: Whether each sample of N trajectories is inside each segment: bool, shape (N, S, m).
+        segments: In which segments each trajectory may begin: bool, shape (N, m).
         passable: Which segments may be passed between two samples: bool, shape (m,).
         ordered: Whether segments are visited in order.
 
@@ -103,7 +103,7 @@ def _following(segments: BoolArray, now: BoolArray, passable: BoolArray) -> Bool
 def first_departure(
     problem: PlanningProblem, trajectory: JointTrajectory, tolerance: float
 ) -> int | None:
-    """Return the first polynomial piece in which a motion leaves the tube; None if none does.
+    """Return the first polynomial piece in which a trajectory leaves the tube; None if none does.
 
     Margins are taken at 65 samples per piece; valleys between samples are estimated by parabolas.
     What happens at switching times between samples is not seen: too lenient, never too strict.
@@ -126,7 +126,7 @@ def first_departure(
 
 
 def worst_membership(problem: PlanningProblem, trajectory: JointTrajectory) -> float:
-    """Return how well a motion keeps to the tube where it does so worst [m or rad].
+    """Return how well a trajectory keeps to the tube where it does so worst [m or rad].
 
     Margins are taken as for `first_departure`, and where the tool passes from nearer to one segment
     to nearer to the next; a switching time needs one of these samples inside both. Too strict by

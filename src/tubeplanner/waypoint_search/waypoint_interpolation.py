@@ -1,12 +1,12 @@
-"""Smooth motions through waypoints at equal times, at rest with zero acceleration at both ends.
+"""Smooth trajectories through waypoints at equal times, at rest at both ends.
 
 Two primitives. Sequential quartics are built one segment at a time, so that a search can judge each
 segment as soon as two further waypoints are known (Suh & Bishop 1988, section on trajectory
 construction; waypoints are the paper's knots). The 4-3-...-3-4 spline is the classical alternative,
 one linear system for all segments (Craig, "Introduction to Robotics", chapter on trajectories).
 
-Every segment lasts one second: time scaling gives the motion its real duration. Coefficients are
-laid out as in `scipy.interpolate.PPoly`, highest power first.
+Every segment lasts one second: time scaling gives the trajectory its real duration. Coefficients
+are laid out as in `scipy.interpolate.PPoly`, highest power first.
 """
 
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ import numpy as np
 from scipy.linalg import solve
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.motion.trajectory import JointTrajectory
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
 _QUARTIC_POWERS = np.arange(4, -1, -1)
 # The quintic that moves by one in one second, at rest with zero acceleration at both ends.
@@ -41,7 +41,7 @@ def look_ahead_quartic(
     following: FloatArray,
     after: FloatArray,
 ) -> FloatArray:
-    """Return the quartic that continues a motion, passes a waypoint and aims at the next.
+    """Return the quartic that continues a trajectory, passes a waypoint and aims at the next.
 
     It starts with the given state, passes `following` after one second and would pass `after` after
     two; only its first second is used (Suh & Bishop 1988: the look-ahead condition).
@@ -67,7 +67,7 @@ def last_two_quartics(
     following: FloatArray,
     goal: FloatArray,
 ) -> FloatArray:
-    """Return the two quartics that continue a motion, pass a waypoint and come to rest at the goal.
+    """Return two quartics that continue a trajectory, pass a waypoint and rest at the goal.
 
     Ten conditions: the given state, `following` passed with continuous velocity and acceleration,
     and the goal at rest with zero acceleration.
@@ -87,7 +87,7 @@ def last_two_quartics(
 
 
 def sequential_quartics(joint_names: Sequence[str], waypoints: FloatArray) -> JointTrajectory:
-    """Return the motion through K >= 2 waypoints, built segment by segment.
+    """Return the trajectory through K >= 2 waypoints, built segment by segment.
 
     Args:
         joint_names: The n joints.
@@ -113,7 +113,7 @@ def quartic_spline(joint_names: Sequence[str], waypoints: FloatArray) -> JointTr
     """Return the 4-3-...-3-4 spline through K >= 2 waypoints.
 
     Cubics with continuous velocity and acceleration; the first and the last segment are quartics,
-    so that the motion also starts and ends with zero acceleration.
+    so that the trajectory also starts and ends with zero acceleration.
 
     Args:
         joint_names: The n joints.

@@ -1,4 +1,4 @@
-"""What motions are compared by: smoothness, jerk, use of the motors and of the tube."""
+"""What trajectories are compared by: smoothness, jerk, use of the motors and of the tube."""
 
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.motion.bernstein import maxima
-from tubeplanner.motion.trajectory import JointTrajectory, TrajectorySamples
 from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.trajectory.bernstein import maxima
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
 from tubeplanner.waypoint_search.tube_membership import current_segments, tube_use
 
 AT_LIMIT = 0.99  # of a limit: a motor that uses as much counts as at its limit
@@ -18,8 +18,8 @@ _STILL_SHARE = 1e-6  # a joint that moves less than this share of the fastest st
 
 
 @dataclass(frozen=True)
-class MotionMeasures:
-    """What a motion is compared by.
+class TrajectoryMeasures:
+    """What a trajectory is compared by.
 
     Attributes:
         smoothness: "C2": position, velocity and acceleration are continuous, also at the ends,
@@ -44,8 +44,10 @@ class MotionMeasures:
         return asdict(self)
 
 
-def motion_measures(problem: PlanningProblem, trajectory: JointTrajectory) -> MotionMeasures:
-    """Measure a motion.
+def trajectory_measures(
+    problem: PlanningProblem, trajectory: JointTrajectory
+) -> TrajectoryMeasures:
+    """Measure a trajectory.
 
     Smoothness and jerk are read from the polynomials; shares of time are counted at 2,000 instants.
 
@@ -60,7 +62,7 @@ def motion_measures(problem: PlanningProblem, trajectory: JointTrajectory) -> Mo
     samples = trajectory.at(middles)
     tool = problem.robot.tool_position(samples.position)
     segment = current_segments(problem, samples.position)
-    return MotionMeasures(
+    return TrajectoryMeasures(
         smoothness,
         peak,
         joint,

@@ -1,4 +1,4 @@
-"""A motion at samples, and how it changes with its control points and switching times."""
+"""A spline at samples, and how it changes with its control points and switching times."""
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -7,7 +7,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.refinement.phase_spline import (
-    PhasedMotion,
+    PhasedSpline,
     PhaseSpline,
     Places,
     basis_by_switching,
@@ -15,17 +15,17 @@ from tubeplanner.refinement.phase_spline import (
 
 
 @dataclass(frozen=True, eq=False)
-class SampledMotion:
+class SampledSpline:
     """A spline over phases at N places.
 
     Attributes:
-        motion: The spline.
+        spline: The spline.
         places: Where it is looked at.
         basis: Weights of the four control points that count, shape (orders, N, 4).
         by_x: Position and derivatives by x, as many as there are weights, shape (orders, N, n).
     """
 
-    motion: PhasedMotion
+    spline: PhasedSpline
     places: Places
     basis: FloatArray
     by_x: FloatArray
@@ -48,8 +48,8 @@ class SampledMotion:
     @cached_property
     def by_switching(self) -> FloatArray:
         """Derivatives of `by_x` by the inner switching times, shape (m-1, orders, N, n)."""
-        motion = self.motion
-        basis = basis_by_switching(self.places, motion.shape, motion.switching_times)
+        spline = self.spline
+        basis = basis_by_switching(self.places, spline.shape, spline.switching_times)
         return np.matmul(basis[:, :, :, None], self._taken)[:, :, :, 0]
 
     def chained(self, by_state: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -70,14 +70,14 @@ class SampledMotion:
 
     @cached_property
     def _taken(self) -> FloatArray:
-        return _taken(self.motion, self.places)
+        return _taken(self.spline, self.places)
 
 
-def sampled(motion: PhasedMotion, places: Places) -> SampledMotion:
-    """Return a motion at some places."""
-    basis = _basis(motion.shape, places, motion.switching_times.tobytes())
-    by_x = np.matmul(basis[:, :, None], _taken(motion, places))[:, :, 0]
-    return SampledMotion(motion, places, basis, by_x)
+def sampled(spline: PhasedSpline, places: Places) -> SampledSpline:
+    """Return a spline at some places."""
+    basis = _basis(spline.shape, places, spline.switching_times.tobytes())
+    by_x = np.matmul(basis[:, :, None], _taken(spline, places))[:, :, 0]
+    return SampledSpline(spline, places, basis, by_x)
 
 
 @lru_cache(maxsize=8)  # switching times often stay where they are; those of one phase always do
@@ -85,7 +85,7 @@ def _basis(shape: PhaseSpline, places: Places, switching_times: bytes) -> FloatA
     return places.basis(shape, np.frombuffer(switching_times))
 
 
-def _taken(motion: PhasedMotion, places: Places) -> FloatArray:
+def _taken(spline: PhasedSpline, places: Places) -> FloatArray:
     """Return the control points that count at each place, shape (N, 4, n)."""
-    taken: FloatArray = motion.control_points[places.first[:, None] + np.arange(4)]
+    taken: FloatArray = spline.control_points[places.first[:, None] + np.arange(4)]
     return taken

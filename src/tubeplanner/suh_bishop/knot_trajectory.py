@@ -1,4 +1,4 @@
-"""A motion through knots at equal times, run as fast as the limits allow (Suh & Bishop 1988).
+"""A trajectory through knots at equal times, run as fast as the limits allow (Suh & Bishop 1988).
 
 Knots are the paper's word for the waypoints that phase 2 moves.
 """
@@ -10,10 +10,10 @@ from typing import TypeAlias
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.motion.bernstein import maxima
-from tubeplanner.motion.trajectory import JointTrajectory
 from tubeplanner.outcome import Infeasible
 from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.trajectory.bernstein import maxima
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.waypoint_search.link_clearance import LinkClearance
 from tubeplanner.waypoint_search.time_scaling import scaled_to_limits, scaling_factor
 from tubeplanner.waypoint_search.tube_membership import worst_membership
@@ -28,8 +28,8 @@ _LIMIT_SAMPLES = 13  # per piece, before peaks are looked for
 
 
 @dataclass(frozen=True, eq=False)
-class KnotMotion:
-    """A motion through knots.
+class KnotTrajectory:
+    """A trajectory through knots.
 
     Attributes:
         knots: Shape (K, n) [rad or m], the first is the start, the last the goal.
@@ -51,14 +51,14 @@ class KnotMotion:
         return self.trajectory.position(np.linspace(0.0, self.duration, count))
 
 
-def feasible_motion(
+def feasible_trajectory(
     problem: PlanningProblem,
     knots: FloatArray,
     construction: Construction,
     clearance: LinkClearance,
     upper_bound: float = np.inf,
-) -> KnotMotion | None:
-    """Return the motion through knots, unless a test refuses it.
+) -> KnotTrajectory | None:
+    """Return the trajectory through knots, unless a test refuses it.
 
     Position limits are judged for all t, the tube at 65 samples per piece with the valleys between
     them, collisions at 9. The certificate judges more strictly.
@@ -68,7 +68,7 @@ def feasible_motion(
         knots: Shape (K, n).
         construction: What makes the polynomials.
         clearance: Around K configurations near the knots.
-        upper_bound: Only a faster motion is of interest [s].
+        upper_bound: Only a faster trajectory is of interest [s].
     """
     shape = construction(problem.robot.joint_names, knots)
     if _least_duration(problem, shape) >= upper_bound:
@@ -81,7 +81,7 @@ def feasible_motion(
         return None
     if worst_membership(problem, shape) < -_TOLERANCE or not _is_free(shape, clearance):
         return None
-    return KnotMotion(knots, construction, trajectory)
+    return KnotTrajectory(knots, construction, trajectory)
 
 
 def _least_duration(problem: PlanningProblem, shape: JointTrajectory) -> float:
