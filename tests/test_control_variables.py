@@ -15,7 +15,7 @@ def case(request):
     problem = load_problem(f"example:{request.param}")
     branch = reference_branch(problem, spare_joint_rules(problem)[0])
     spline = starting_spline(problem, branch, 12)
-    return problem, spline, ControlVariables(problem, spline.shape)
+    return problem, spline, ControlVariables(problem, spline.grid)
 
 
 def test_the_ends_are_fixed_but_for_an_open_goal_that_moves_as_one(case):
@@ -96,6 +96,6 @@ def test_an_open_goal_without_spare_joints_stays_where_it_is():
     assert problem.goal is None
     branch = reference_branch(problem, spare_joint_rules(problem)[0])
     spline = starting_spline(problem, branch, 12)
-    variables = ControlVariables(problem, spline.shape)
+    variables = ControlVariables(problem, spline.grid)
     assert (variables.column[-3:] == FIXED).all()
     assert len(variables.held(spline.control_points)) == 0

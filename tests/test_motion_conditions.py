@@ -5,13 +5,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tubeplanner import LimitOverrides, Obstacle, PlanningProblem, Tube, load_robot, placement_of
-from tubeplanner.refinement.limit_conditions import LimitConditions
+from tubeplanner.refinement.limit_constraints import LimitConstraints
 from tubeplanner.refinement.linear_rows import StepSize
-from tubeplanner.refinement.link_conditions import LinkConditions
-from tubeplanner.refinement.phase_spline import PhasedSpline, VelocityHull
-from tubeplanner.refinement.rotation_conditions import evaluated_rotation
+from tubeplanner.refinement.link_constraints import LinkConstraints
+from tubeplanner.refinement.phased_spline import PhasedSpline, VelocityHull
+from tubeplanner.refinement.rotation_constraints import evaluated_rotation
 from tubeplanner.refinement.spline_start import knot_grid
-from tubeplanner.refinement.tube_conditions import evaluated_tube
+from tubeplanner.refinement.tube_constraints import evaluated_tube
 
 SWITCHING_TIMES = np.array([0.0, 0.4, 1.0])
 STEP = 1e-6
@@ -38,11 +38,11 @@ def limited(robot_name):
 @pytest.fixture(scope="module", params=["two_link", "ur5", "panda"])
 def case(request):
     robot = limited(request.param)
-    shape = knot_grid(SWITCHING_TIMES, 10)
+    grid = knot_grid(SWITCHING_TIMES, 10)
     rng = np.random.default_rng(1)
     start = np.array([0.1, -0.3, 0.2, -2.0, 0.1, 2.0, 0.5])[: robot.joint_count]
     points = start + np.cumsum(
-        rng.uniform(-0.1, 0.15, (shape.control_point_count, robot.joint_count)), axis=0
+        rng.uniform(-0.1, 0.15, (grid.control_point_count, robot.joint_count)), axis=0
     )
     points[:3], points[-3:] = points[0], points[-1]
     tool = robot.tool_position(points[[0, 6, -1]])
@@ -53,8 +53,8 @@ def case(request):
     problem = PlanningProblem(robot, tube, points[0], obstacles=[ball], clearance=0.01)
     return (
         problem,
-        PhasedSpline(shape, SWITCHING_TIMES, points),
-        shape.samples(np.array([0.2, 0.7])),
+        PhasedSpline(grid, SWITCHING_TIMES, points),
+        grid.samples(np.array([0.2, 0.7])),
     )
 
 
@@ -63,16 +63,16 @@ class Kinds:
 
     def __init__(self, kind, case):
         self.kind, (self.problem, spline, self.samples) = kind, case
-        self.links = LinkConditions(self.problem)
+        self.links = LinkConstraints(self.problem)
         self.links.look_at(
-            spline, spline.shape.samples_at(SWITCHING_TIMES, np.linspace(0.2, 0.8, 9))
+            spline, spline.grid.samples_at(SWITCHING_TIMES, np.linspace(0.2, 0.8, 9))
         )
 
     def at(self, spline):
         if self.kind in LIMITS:
             places = {"velocity": VelocityHull(len(spline.control_points))}
             kinds = ("acceleration", "jerk") if self.kind == "rates" else (self.kind,)
-            limits = LimitConditions(self.problem.robot)
+            limits = LimitConstraints(self.problem.robot)
             return limits.at(spline, places.get(self.kind, self.samples), kinds)
         if self.kind == "tube":
             return evaluated_tube(self.problem, spline, self.samples, 0.005, 0)
@@ -113,7 +113,7 @@ def test_rows_have_the_derivatives_of_their_slack(case, kind):
     sides = []
     for sign in (STEP, -STEP):
         switching_times = SWITCHING_TIMES + sign * np.array([0, switching[0], 0])
-        moved = PhasedSpline(spline.shape, switching_times, spline.control_points + sign * change)
+        moved = PhasedSpline(spline.grid, switching_times, spline.control_points + sign * change)
         sides.append(kinds.slack(spline, moved, duration, sign * eta)[rows.index])
     numeric = -(sides[0] - sides[1]) / (2 * STEP)
     scale = abs(expected).max()
@@ -143,7 +143,7 @@ def test_rows_left_out_cannot_be_broken_by_the_step(case, kind):
 def test_rows_know_what_the_duration_gives(case):
     """At the duration that the limits allow, the tightest row has no slack; beyond it, some."""
     problem, spline, samples = case
-    limits = LimitConditions(problem.robot).at(spline, samples, EVERY_LIMIT)
+    limits = LimitConstraints(problem.robot).at(spline, samples, EVERY_LIMIT)
     y = float(limits.squared_durations.max())
     rows = limits.rows(np.sqrt(y), None)
     assert rows.slack.min() == pytest.approx(0.0, abs=1e-9)
@@ -158,7 +158,7 @@ def test_the_least_duration_is_that_of_every_limit(case):
     """Run in it, some limit is just met, and none is broken."""
     problem, spline, samples = case
     robot, limits = problem.robot, problem.robot.limits
-    evaluated = LimitConditions(robot).at(spline, samples, EVERY_LIMIT)
+    evaluated = LimitConstraints(robot).at(spline, samples, EVERY_LIMIT)
     for i, y in enumerate(evaluated.squared_durations):
         rates = [evaluated.at.rate(order, float(np.sqrt(y)))[i : i + 1] for order in (1, 2, 3)]
         q, (v, a, j) = evaluated.at.position[i : i + 1], rates
@@ -173,7 +173,7 @@ def test_the_least_duration_is_that_of_every_limit(case):
 
 def test_every_limit_has_a_name_and_rows(case):
     problem, spline, samples = case
-    conditions = LimitConditions(problem.robot)
+    conditions = LimitConstraints(problem.robot)
     rows = conditions.at(spline, samples, EVERY_LIMIT).rows(0.8, None)
     assert np.unique(rows.limit).tolist() == list(range(len(conditions.names)))
     n = problem.robot.joint_count

@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from tubeplanner.refinement.phase_spline import (
+from tubeplanner.refinement.phased_spline import (
     DEGREE,
+    KnotGrid,
     PhasedSpline,
-    PhaseSpline,
     VelocityHull,
     basis_by_switching,
 )
@@ -13,22 +13,22 @@ from tubeplanner.refinement.sampled_spline import sampled
 from tubeplanner.refinement.spline_start import knot_grid, subdivided
 
 SWITCHING_TIMES = np.array([0.0, 0.3, 0.55, 1.0])
-SHAPE = PhaseSpline(
+GRID = KnotGrid(
     (np.array([0, 0.3, 0.5, 1.0]), np.array([0, 0.2, 1.0]), np.array([0, 0.5, 0.8, 1.0]))
 )
 
 
 def control_points(seed=0, joints=2):
-    points = np.random.default_rng(seed).normal(size=(SHAPE.control_point_count, joints))
+    points = np.random.default_rng(seed).normal(size=(GRID.control_point_count, joints))
     points[:3], points[-3:] = points[0], points[-1]
     return points
 
 
 def test_the_basis_is_that_of_scipys_spline():
-    samples = SHAPE.samples(np.array([0.1, 0.45, 0.9]))
+    samples = GRID.samples(np.array([0.1, 0.45, 0.9]))
     points = control_points()
-    phased = sampled(PhasedSpline(SHAPE, SWITCHING_TIMES, points), samples)
-    spline = BSpline(SHAPE.knots(SWITCHING_TIMES), points, DEGREE)
+    phased = sampled(PhasedSpline(GRID, SWITCHING_TIMES, points), samples)
+    spline = BSpline(GRID.knots(SWITCHING_TIMES), points, DEGREE)
     x = SWITCHING_TIMES[samples.phase] + np.diff(SWITCHING_TIMES)[samples.phase] * samples.share
     np.testing.assert_allclose(samples.times(SWITCHING_TIMES), x)
     for order in range(4):
@@ -36,18 +36,18 @@ def test_the_basis_is_that_of_scipys_spline():
 
 
 def test_samples_are_found_by_their_times():
-    samples = SHAPE.samples(np.array([0.1, 0.45, 0.9]))
-    found = SHAPE.samples_at(SWITCHING_TIMES, samples.times(SWITCHING_TIMES))
+    samples = GRID.samples(np.array([0.1, 0.45, 0.9]))
+    found = GRID.samples_at(SWITCHING_TIMES, samples.times(SWITCHING_TIMES))
     np.testing.assert_array_equal(found.phase, samples.phase)
     np.testing.assert_array_equal(found.interval, samples.interval)
     np.testing.assert_allclose(found.share, samples.share, atol=1e-12)
-    ends = SHAPE.samples_at(SWITCHING_TIMES, np.array([0.0, 1.0]))
-    assert ends.interval.tolist() == [0, SHAPE.interval_count - 1]
+    ends = GRID.samples_at(SWITCHING_TIMES, np.array([0.0, 1.0]))
+    assert ends.interval.tolist() == [0, GRID.interval_count - 1]
     assert ends.phase.tolist() == [0, 2]
 
 
 def test_samples_at_a_switching_time_belong_to_the_phases_on_both_sides():
-    samples = SHAPE.samples(np.array([0.0, 1.0]))
+    samples = GRID.samples(np.array([0.0, 1.0]))
     at_switch = [
         (int(phase), float(share))
         for phase, share in zip(samples.phase, samples.share, strict=True)
@@ -57,9 +57,9 @@ def test_samples_at_a_switching_time_belong_to_the_phases_on_both_sides():
 
 
 def test_the_velocity_stays_within_its_hull_and_touches_it():
-    hull = VelocityHull(SHAPE.control_point_count)
+    hull = VelocityHull(GRID.control_point_count)
     for seed in range(20):
-        phased = PhasedSpline(SHAPE, SWITCHING_TIMES, control_points(seed))
+        phased = PhasedSpline(GRID, SWITCHING_TIMES, control_points(seed))
         bound = sampled(phased, hull).by_x[1]
         velocity = phased.bspline()(np.linspace(0, 1, 2000), 1)
         assert (velocity.max(axis=0) <= bound.max(axis=0) + 1e-12).all()
@@ -69,25 +69,25 @@ def test_the_velocity_stays_within_its_hull_and_touches_it():
 
 
 def test_it_rests_at_both_ends():
-    spline = BSpline(SHAPE.knots(SWITCHING_TIMES), control_points(), DEGREE)
+    spline = BSpline(GRID.knots(SWITCHING_TIMES), control_points(), DEGREE)
     for order in (1, 2):
         np.testing.assert_allclose(spline(np.array([0.0, 1.0]), order), 0, atol=1e-11)
 
 
 @pytest.mark.parametrize(
     "samples",
-    [SHAPE.samples(np.array([0.5])), VelocityHull(SHAPE.control_point_count)],
+    [GRID.samples(np.array([0.5])), VelocityHull(GRID.control_point_count)],
     ids=["samples", "hull"],
 )
 def test_switching_times_move_knots_and_samples_with_them(samples):
-    by_switching = basis_by_switching(samples, SHAPE, SWITCHING_TIMES)
+    by_switching = basis_by_switching(samples, GRID, SWITCHING_TIMES)
     step = 1e-4
     for column, switching in enumerate((1, 2)):
         sides = []
         for sign in (1, -1):
             moved = SWITCHING_TIMES.copy()
             moved[switching] += sign * step
-            sides.append(samples.basis(SHAPE, moved))
+            sides.append(samples.basis(GRID, moved))
         expected = (sides[0] - sides[1]) / (2 * step)
         scale = np.maximum(abs(expected).max(axis=(1, 2), keepdims=True), 1e-9)
         np.testing.assert_allclose(by_switching[column] / scale, expected / scale, atol=1e-4)
@@ -95,21 +95,21 @@ def test_switching_times_move_knots_and_samples_with_them(samples):
 
 @pytest.mark.parametrize("intervals", [8, 24, 64])
 def test_knots_cluster_at_the_ends_and_have_about_the_number_asked_for(intervals):
-    shape = knot_grid(SWITCHING_TIMES, intervals)
-    assert abs(shape.interval_count - intervals) <= 2
-    width = np.diff(shape.breakpoints(SWITCHING_TIMES))
+    grid = knot_grid(SWITCHING_TIMES, intervals)
+    assert abs(grid.interval_count - intervals) <= 2
+    width = np.diff(grid.breakpoints(SWITCHING_TIMES))
     assert width[0] < 0.5 * width[len(width) // 2] > width[-1]
 
 
 @pytest.mark.parametrize("parts", [2, 3, 4])
 def test_divided_knots_hold_the_same_trajectory(parts):
-    shape = knot_grid(SWITCHING_TIMES, 12)
-    points = np.random.default_rng(0).normal(size=(shape.control_point_count, 2))
+    grid = knot_grid(SWITCHING_TIMES, 12)
+    points = np.random.default_rng(0).normal(size=(grid.control_point_count, 2))
     points[:3], points[-3:] = points[0], points[-1]
-    phased = PhasedSpline(shape, SWITCHING_TIMES, points)
+    phased = PhasedSpline(grid, SWITCHING_TIMES, points)
     finer = subdivided(phased, parts)
-    assert finer.shape.interval_count == parts * shape.interval_count
-    old, new = shape.breakpoints(SWITCHING_TIMES), finer.shape.breakpoints(SWITCHING_TIMES)
+    assert finer.grid.interval_count == parts * grid.interval_count
+    old, new = grid.breakpoints(SWITCHING_TIMES), finer.grid.breakpoints(SWITCHING_TIMES)
     np.testing.assert_allclose(new[::parts], old, atol=1e-15)
     assert (np.diff(new) > 0).all()
     x = np.linspace(0, 1, 500)

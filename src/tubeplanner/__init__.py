@@ -69,7 +69,7 @@ if TYPE_CHECKING:
     from tubeplanner.tube_sources.zones import tube_from_zones as tube_from_zones
     from tubeplanner.tube_sources.zones import zones_of_tube as zones_of_tube
     from tubeplanner.verification.certificate import Certificate as Certificate
-    from tubeplanner.verification.certificate import Condition as Condition
+    from tubeplanner.verification.certificate import JudgedCondition as JudgedCondition
     from tubeplanner.verification.certificate import Tolerance as Tolerance
     from tubeplanner.verification.verification import verify as verify
     from tubeplanner.views.comparison_plot import plot_comparison as plot_comparison
@@ -121,7 +121,7 @@ _HOMES = {
     "tube_sources.trail": ("joint_trail",),
     "tube_sources.tube_answer": ("TubeAnswer",),
     "tube_sources.zones": ("ZonedPath", "tube_from_zones", "zones_of_tube"),
-    "verification.certificate": ("Certificate", "Condition", "Tolerance"),
+    "verification.certificate": ("Certificate", "JudgedCondition", "Tolerance"),
     "verification.verification": ("verify",),
     "views.comparison_plot": ("plot_comparison",),
     "views.plotting": ("plot_trajectory",),

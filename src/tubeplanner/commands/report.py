@@ -14,7 +14,7 @@ from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.studies.comparison import Comparison
 from tubeplanner.studies.tolerance_sweep import SweepResult
 from tubeplanner.tube_sources.tube_answer import TubeAnswer
-from tubeplanner.verification.certificate import RELATIVE, Certificate, Condition
+from tubeplanner.verification.certificate import RELATIVE, Certificate, JudgedCondition
 
 _WIDTH_OF_A_FILE = 160  # [characters]
 # Rounding errors of the machine are shown as what they are: nothing.
@@ -118,7 +118,7 @@ def comparison_text(result: Comparison) -> str:
     return "\n".join([_rendered(table), *(f"{row.method}: {row.message}" for row in result.rows)])
 
 
-def _excess(condition: Condition) -> str:
+def _excess(condition: JudgedCondition) -> str:
     """Return by how much a condition is missed, with its unit."""
     missed = -(condition.margin or 0.0)
     percent = condition.unit == RELATIVE

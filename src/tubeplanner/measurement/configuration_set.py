@@ -57,7 +57,7 @@ class ConfigurationSet:
         left out.
         """
         q = rng.uniform(self.lower, self.upper, (count, len(self.lower)))
-        moved = self._moved(q, self._places(count, rng), self._turns(count, rng))
+        moved = self._moved(q, self._targets(count, rng), self._turns(count, rng))
         return moved[self.contains(moved)]
 
     def back_inside(self, q: FloatArray) -> FloatArray:
@@ -77,15 +77,15 @@ class ConfigurationSet:
     def _moved(
         self,
         q: FloatArray,
-        places: FloatArray,
+        targets: FloatArray,
         turns: FloatArray | None,
         near: float = 1.0,
     ) -> FloatArray:
-        """Return configurations (N, n) whose tools are at places (N, 3), or as near as they come.
+        """Return configurations (N, n) whose tools are at targets (N, 3), or as near as they come.
 
         Args:
             q: Where to start, shape (N, n).
-            places: Where the tools are wanted, shape (N, 3) [m].
+            targets: Where the tools are wanted, shape (N, 3) [m].
             turns: Rotation vectors wanted against the reference, shape (N, 3) [rad]; None: any.
             near: How near is near enough, a share of what is for samples.
         """
@@ -93,7 +93,7 @@ class ConfigurationSet:
         close = near * np.array([_NEAR_SHARE * self.radius, _NEAR_TURN])
         for _ in range(_MAX_STEPS):
             wanted = None if turns is None else turns[live]
-            error, jacobian = self._task(q[live], places[live], wanted)
+            error, jacobian = self._task(q[live], targets[live], wanted)
             off = np.linalg.norm(error[:, :3], axis=1), np.linalg.norm(error[:, 3:], axis=1)
             unsettled = (off[0] > close[0] + _INSIDE) | (off[1] > close[1] + _INSIDE)
             live, error, jacobian = live[unsettled], error[unsettled], jacobian[unsettled]
@@ -117,11 +117,11 @@ class ConfigurationSet:
         return np.clip(q + step * np.minimum(1.0, _MAX_STEP / largest), self.lower, self.upper)
 
     def _task(
-        self, q: FloatArray, places: FloatArray, turns: FloatArray | None
+        self, q: FloatArray, targets: FloatArray, turns: FloatArray | None
     ) -> tuple[FloatArray, FloatArray]:
         """Return how far tools are from where they are wanted, (N, c), and the Jacobian."""
         rotation, tool, jacobian = self.problem.robot.tool_pose_jacobian(q)
-        error, linear = places - tool, jacobian[:, :3]
+        error, linear = targets - tool, jacobian[:, :3]
         tube, bounds = self.problem.tube.rotation, self._turn_bounds
         if tube is None or bounds is None or turns is None:
             return error, linear
@@ -130,7 +130,7 @@ class ConfigurationSet:
         error = np.hstack([error, (turns - turned)[:, asked]])
         return error, np.concatenate([linear, spin[:, asked]], axis=1)
 
-    def _places(self, count: int, rng: np.random.Generator) -> FloatArray:
+    def _targets(self, count: int, rng: np.random.Generator) -> FloatArray:
         """Return random points of the capsule, shape (count, 3) [m]."""
         begin, end = self.problem.tube.points[self.segment : self.segment + 2]
         beyond = self.radius / float(np.linalg.norm(end - begin))

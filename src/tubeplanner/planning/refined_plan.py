@@ -13,7 +13,7 @@ from tubeplanner.planning.plan_options import QUALITIES, REFINEMENT, PlanOptions
 from tubeplanner.planning.plan_result import PlanResult, certified_result
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, Progress
-from tubeplanner.refinement.phase_spline import PhasedSpline
+from tubeplanner.refinement.phased_spline import PhasedSpline
 from tubeplanner.refinement.refinement import Refinement
 from tubeplanner.refinement.sensitivities import limit_sensitivities
 from tubeplanner.refinement.spline_start import starting_spline
@@ -76,7 +76,7 @@ def _starts(
             continue
         for intervals, divisions in quality.knots[: 1 if known else None]:
             start = starting_spline(problem, branch, intervals)
-            yield start, _divisions(start.shape.interval_count, intervals, divisions)
+            yield start, _divisions(start.grid.interval_count, intervals, divisions)
         known.append(branch)
 
 
@@ -118,7 +118,7 @@ def _from_start(
         Infeasible: Nothing to start from, or the time limit before there was anything.
         KeyboardInterrupt: Before there was anything.
     """
-    knots = start.shape.interval_count * int(np.prod(divisions))
+    knots = start.grid.interval_count * int(np.prod(divisions))
     stage = f"refinement to {knots} knots"
     clock.enter(stage)
 

@@ -10,7 +10,7 @@ from scipy import sparse
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.branches.inverse_kinematics import solve_position
 from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.refinement.phase_spline import DEGREE, REST_POINTS, PhaseSpline
+from tubeplanner.refinement.phased_spline import DEGREE, REST_POINTS, KnotGrid
 
 FIXED = -1
 # Directions in which the joints at the goal move the tool by less than this [m/rad] are left free.
@@ -29,11 +29,11 @@ class ControlVariables:
         upper: Likewise.
     """
 
-    def __init__(self, problem: PlanningProblem, shape: PhaseSpline) -> None:
+    def __init__(self, problem: PlanningProblem, grid: KnotGrid) -> None:
         """Take the problem's joint ranges and its goal, given or open."""
-        self._problem, self._shape = problem, shape
+        self._problem, self._grid = problem, grid
         self._goal_moves = problem.goal is None and _has_spare_joints(problem)
-        self.column = self._columns(shape.control_point_count)
+        self.column = self._columns(grid.control_point_count)
         moving = np.flatnonzero(self.column != FIXED)
         count = int(self.column.max()) + 1
         self.selection = sparse.csr_matrix(
@@ -100,10 +100,10 @@ class ControlVariables:
 
         A spline lies in the hull of its control points, so the bounds hold for all t.
         """
-        shape = (self._shape.control_point_count, self._problem.robot.joint_count)
+        shape = (self._grid.control_point_count, self._problem.robot.joint_count)
         lower, upper = np.full(shape, -np.inf), np.full(shape, np.inf)
         first = 0
-        for k, shares in enumerate(self._shape.shares):
+        for k, shares in enumerate(self._grid.shares):
             counting = slice(first, first + len(shares) - 1 + DEGREE)
             lower[counting] = np.maximum(lower[counting], self._problem.joint_lower[k])
             upper[counting] = np.minimum(upper[counting], self._problem.joint_upper[k])

@@ -77,7 +77,7 @@ class StepProgram:
         """Set it up.
 
         Args:
-            rows: The conditions.
+            rows: The constraints.
             is_elastic: 1 for rows that may be violated at a penalty, else 0, shape (R,).
             column: The variable of every control point, -1 where it is fixed, shape (K,).
             bounds: Where the step must stay.

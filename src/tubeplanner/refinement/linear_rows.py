@@ -1,4 +1,4 @@
-"""Linear conditions on a step of the optimiser, each divided by its own limit.
+"""Linear constraints on a step of the optimiser, each divided by its own limit.
 
 What may change are the control points C of a spline, its inner switching times s, and its squared
 duration y = T^2, by the relative step eta = dy / y. A row says: control . dC + switching . ds +
@@ -30,7 +30,7 @@ class StepSize:
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """R linear conditions.
+    """R linear constraints.
 
     Attributes:
         first: The first of the four control points that count, shape (R,).
@@ -39,7 +39,7 @@ class Rows:
         duration: Shape (R,).
         slack: Shape (R,).
         limit: Number of the limit that the row stands for; -1 for none, shape (R,).
-        index: Number of the row among all that its conditions have, shape (R,).
+        index: Number of the row among all that its constraints have, shape (R,).
     """
 
     first: IntArray

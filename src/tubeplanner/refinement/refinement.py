@@ -14,9 +14,9 @@ import numpy as np
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.refinement.linear_rows import MERIT_TOLERANCE
-from tubeplanner.refinement.motion_conditions import Iterate
-from tubeplanner.refinement.phase_spline import PhasedSpline
+from tubeplanner.refinement.phased_spline import PhasedSpline
 from tubeplanner.refinement.sequential_program import SequentialProgram
+from tubeplanner.refinement.spline_constraints import Iterate
 from tubeplanner.refinement.spline_start import subdivided
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, from_spline
 from tubeplanner.verification.certificate import Certificate
@@ -52,7 +52,7 @@ class Refinement:
         """
         self._problem, self._start, self._divisions = problem, start, divisions
         self._told = checkpoint
-        self._program = SequentialProgram(problem, start.shape, self._checkpoint)
+        self._program = SequentialProgram(problem, start.grid, self._checkpoint)
         self._best: Iterate | None = None
 
     @property
@@ -74,12 +74,12 @@ class Refinement:
             Infeasible: Status no_trajectory: there was nothing to start from.
         """
         spline, trust = self._start, _FIRST_TRUST
-        self._program.conditions.look_for_links(spline)
+        self._program.constraints.look_for_links(spline)
         for parts in self._divisions:
             coarse = self._on_coarse_knots(spline, trust).spline
             spline, trust = subdivided(coarse, parts), _LATER_TRUST
-            links = self._program.conditions.links_on(coarse, spline)
-            self._program = SequentialProgram(self._problem, spline.shape, self._checkpoint, links)
+            links = self._program.constraints.links_on(coarse, spline)
+            self._program = SequentialProgram(self._problem, spline.grid, self._checkpoint, links)
         found = self._program.improved(self._begun(spline), trust, _GAIN, _MAX_STEPS)
         self._exchange(found)
         return True
@@ -93,13 +93,13 @@ class Refinement:
             certificate: Of the best trajectory, scaled to the limits.
             duration: Of that trajectory [s].
         """
-        places = [certificate.conditions[name].where for name in certificate.failures()]
-        times = [place.time for place in places if place.time is not None]
+        found = [certificate.conditions[name].where for name in certificate.failures()]
+        times = [place.time for place in found if place.time is not None]
         if self._best is None or self._best.excess > MERIT_TOLERANCE or not times:
             return False
         spline = self._best.spline
         for time in times:
-            self._program.conditions.add_samples(spline, time / duration)
+            self._program.constraints.add_samples(spline, time / duration)
         again = self._program.iterate(spline)
         self._exchange(self._program.improved(again, _LAST_TRUST, _LAST_GAIN, _MAX_STEPS))
         return True
@@ -109,8 +109,8 @@ class Refinement:
         if self._best is None:
             return {}
         spline, program = self._best.spline, self._program
-        if spline.shape is not program.shape:  # ended before there was a trajectory on finer knots
-            program = SequentialProgram(self._problem, spline.shape, self._checkpoint)
+        if spline.grid is not program.grid:  # ended before there was a trajectory on finer knots
+            program = SequentialProgram(self._problem, spline.grid, self._checkpoint)
         program = program.without_checkpoint()
         begin = program.iterate(spline)
         polished = program.improved(begin, _POLISH_TRUST, _POLISH_GAIN, _POLISH_STEPS)
@@ -120,7 +120,7 @@ class Refinement:
         """Return a trajectory that is about the shortest, links not yet clear between samples."""
         found = self._program.improved(self._begun(spline), trust, _GAIN, _MAX_STEPS)
         for _ in range(_MAX_COARSE_ROUNDS):
-            if not self._program.conditions.look_for_links(found.spline):
+            if not self._program.constraints.look_for_links(found.spline):
                 break
             again = self._program.iterate(found.spline)
             found = self._program.improved(again, _LATER_TRUST, _GAIN, _STEPS_PER_COARSE_ROUND)
@@ -142,7 +142,7 @@ class Refinement:
         """Keep the best trajectory between samples too, adding samples where they are missing."""
         best = None
         for _ in range(_MAX_ROUNDS):
-            dense, has_more = self._program.conditions.look_between_samples(found)
+            dense, has_more = self._program.constraints.look_between_samples(found)
             inside = dense.excess <= MERIT_TOLERANCE
             if inside and (best is None or dense.squared_duration < best.squared_duration):
                 best = dense

@@ -6,27 +6,27 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
-from tubeplanner.refinement.phase_spline import (
+from tubeplanner.refinement.phased_spline import (
+    EvaluationPoints,
+    KnotGrid,
     PhasedSpline,
-    PhaseSpline,
-    Places,
     basis_by_switching,
 )
 
 
 @dataclass(frozen=True, eq=False)
 class SampledSpline:
-    """A spline over phases at N places.
+    """A spline over phases at N points.
 
     Attributes:
         spline: The spline.
-        places: Where it is looked at.
+        evaluation_points: Where it is looked at.
         basis: Weights of the four control points that count, shape (orders, N, 4).
         by_x: Position and derivatives by x, as many as there are weights, shape (orders, N, n).
     """
 
     spline: PhasedSpline
-    places: Places
+    evaluation_points: EvaluationPoints
     basis: FloatArray
     by_x: FloatArray
 
@@ -38,7 +38,7 @@ class SampledSpline:
     @property
     def first(self) -> IntArray:
         """The first of the four control points that count, shape (N,)."""
-        return self.places.first
+        return self.evaluation_points.first
 
     def rate(self, order: int, duration: float) -> FloatArray:
         """Return velocity (1), acceleration (2) or jerk (3) of a run in so many seconds, (N, n)."""
@@ -49,7 +49,7 @@ class SampledSpline:
     def by_switching(self) -> FloatArray:
         """Derivatives of `by_x` by the inner switching times, shape (m-1, orders, N, n)."""
         spline = self.spline
-        basis = basis_by_switching(self.places, spline.shape, spline.switching_times)
+        basis = basis_by_switching(self.evaluation_points, spline.grid, spline.switching_times)
         return np.matmul(basis[:, :, :, None], self._taken)[:, :, :, 0]
 
     def chained(self, by_state: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -70,22 +70,24 @@ class SampledSpline:
 
     @cached_property
     def _taken(self) -> FloatArray:
-        return _taken(self.spline, self.places)
+        return _taken(self.spline, self.evaluation_points)
 
 
-def sampled(spline: PhasedSpline, places: Places) -> SampledSpline:
-    """Return a spline at some places."""
-    basis = _basis(spline.shape, places, spline.switching_times.tobytes())
-    by_x = np.matmul(basis[:, :, None], _taken(spline, places))[:, :, 0]
-    return SampledSpline(spline, places, basis, by_x)
+def sampled(spline: PhasedSpline, evaluation_points: EvaluationPoints) -> SampledSpline:
+    """Return a spline at some points."""
+    basis = _basis(spline.grid, evaluation_points, spline.switching_times.tobytes())
+    by_x = np.matmul(basis[:, :, None], _taken(spline, evaluation_points))[:, :, 0]
+    return SampledSpline(spline, evaluation_points, basis, by_x)
 
 
 @lru_cache(maxsize=8)  # switching times often stay where they are; those of one phase always do
-def _basis(shape: PhaseSpline, places: Places, switching_times: bytes) -> FloatArray:
-    return places.basis(shape, np.frombuffer(switching_times))
+def _basis(
+    grid: KnotGrid, evaluation_points: EvaluationPoints, switching_times: bytes
+) -> FloatArray:
+    return evaluation_points.basis(grid, np.frombuffer(switching_times))
 
 
-def _taken(spline: PhasedSpline, places: Places) -> FloatArray:
-    """Return the control points that count at each place, shape (N, 4, n)."""
-    taken: FloatArray = spline.control_points[places.first[:, None] + np.arange(4)]
+def _taken(spline: PhasedSpline, evaluation_points: EvaluationPoints) -> FloatArray:
+    """Return the control points that count at each point, shape (N, 4, n)."""
+    taken: FloatArray = spline.control_points[evaluation_points.first[:, None] + np.arange(4)]
     return taken

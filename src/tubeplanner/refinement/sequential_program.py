@@ -16,9 +16,9 @@ from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.refinement.control_variables import ControlVariables
 from tubeplanner.refinement.linear_program import Bounds, Step, StepProgram
 from tubeplanner.refinement.linear_rows import INNER_MARGIN, MERIT_TOLERANCE, Rows, StepSize
-from tubeplanner.refinement.link_conditions import LinkConditions
-from tubeplanner.refinement.motion_conditions import Iterate, MotionConditions
-from tubeplanner.refinement.phase_spline import DEGREE, PhasedSpline, PhaseSpline
+from tubeplanner.refinement.link_constraints import LinkConstraints
+from tubeplanner.refinement.phased_spline import DEGREE, KnotGrid, PhasedSpline
+from tubeplanner.refinement.spline_constraints import Iterate, SplineConstraints
 
 # Weights of third differences, against wiggles of joints that do not matter, and of the step.
 _SMOOTHING = 1e-5
@@ -40,28 +40,28 @@ class SequentialProgram:
     """The optimisation of splines on one knot grid.
 
     Attributes:
-        conditions: What the splines must keep.
-        shape: The splines' knots.
+        constraints: What the splines must keep.
+        grid: The splines' knots.
     """
 
     def __init__(
         self,
         problem: PlanningProblem,
-        shape: PhaseSpline,
+        grid: KnotGrid,
         checkpoint: Callable[[Iterate], None],
-        links: LinkConditions | None = None,
+        links: LinkConstraints | None = None,
     ) -> None:
         """Prepare it.
 
         Args:
             problem: What is asked.
-            shape: The splines' knots.
+            grid: The splines' knots.
             checkpoint: Called with every iterate; it may raise to end the work.
             links: What is watched of the links already.
         """
-        self.conditions = MotionConditions(problem, shape, links or LinkConditions(problem))
-        self._problem, self.shape, self._checkpoint = problem, shape, checkpoint
-        self._variables = ControlVariables(problem, shape)
+        self.constraints = SplineConstraints(problem, grid, links or LinkConstraints(problem))
+        self._problem, self.grid, self._checkpoint = problem, grid, checkpoint
+        self._variables = ControlVariables(problem, grid)
         self._curvature = self._smoothing()
         self._hessian = self._step_hessian()
         self._penalty = _FIRST_PENALTY
@@ -75,7 +75,7 @@ class SequentialProgram:
     def iterate(self, spline: PhasedSpline) -> Iterate:
         """Return a trajectory with its cost, its control points moved into the joints' bounds."""
         points = self._variables.within_bounds(spline.control_points)
-        return self.conditions.at(PhasedSpline(self.shape, spline.switching_times, points))
+        return self.constraints.at(PhasedSpline(self.grid, spline.switching_times, points))
 
     def improved(self, current: Iterate, trust: float, min_gain: float, max_steps: int) -> Iterate:
         """Return a shorter trajectory, if there is one.
@@ -130,7 +130,7 @@ class SequentialProgram:
             By ("effort", joint), likewise for velocity, acceleration and jerk, and by
             ("radius", segment) and ("rotation", segment). None of them is positive.
         """
-        rows, is_elastic = self.conditions.rows(current, None)
+        rows, is_elastic = self.constraints.rows(current, None)
         near = np.flatnonzero(rows.slack < _NEAR)
         step = StepProgram(
             rows.where(near),
@@ -144,7 +144,7 @@ class SequentialProgram:
         ).solve()
         if step is None:
             return {}
-        names, limit = self.conditions.names, rows.limit[near]
+        names, limit = self.constraints.names, rows.limit[near]
         named = limit >= 0
         cost = np.bincount(
             limit[named], np.maximum(step.multipliers[named], 0.0) / 2, minlength=len(names)
@@ -167,7 +167,7 @@ class SequentialProgram:
             return None
         switching_times = current.spline.switching_times.copy()
         switching_times[1:-1] += step.switching
-        return self.conditions.at(PhasedSpline(self.shape, switching_times, points))
+        return self.constraints.at(PhasedSpline(self.grid, switching_times, points))
 
     def _corrected(
         self, current: Iterate, linear: "_Linearised", step: Step, trial: Iterate, gain: float
@@ -176,7 +176,7 @@ class SequentialProgram:
 
         (Second-order correction: Nocedal & Wright, "Numerical Optimization", 2006, section 18.3.)
         """
-        slack = self.conditions.slack(current, trial, 1 + step.duration)
+        slack = self.constraints.slack(current, trial, 1 + step.duration)
         other = linear.solve_again(step, slack)
         if other is None:
             return trial, gain
@@ -189,7 +189,7 @@ class SequentialProgram:
     def _linearised(self, current: Iterate, trust: float) -> "_Linearised":
         bounds = self._bounds(current, trust)
         size = StepSize(trust, float(bounds.switching.max(initial=0.0)))
-        rows, is_elastic = self.conditions.rows(current, size)
+        rows, is_elastic = self.constraints.rows(current, size)
         active = (rows.slack < _NEAR) | (rows.slack < _NEAR_SHARE * rows.reach(size))
         return _Linearised(
             rows,
@@ -226,15 +226,15 @@ class SequentialProgram:
         selection = self._variables.selection
         inner = selection.T @ self._curvature @ selection
         inner = inner + sparse.identity(inner.shape[0]) * _PROXIMITY
-        others = len(self.shape.shares) - 1 + 2  # switching times, eta, elastic
+        others = len(self.grid.shares) - 1 + 2  # switching times, eta, elastic
         parts = [sparse.kron(inner, sparse.identity(joints)), sparse.identity(others) * 1e-9]
         return sparse.block_diag(parts, format="csc")
 
     def _smoothing(self) -> sparse.csr_matrix:
         """Return the matrix of the squared third differences, scaled with the knots' spacing."""
-        count = self.shape.control_point_count
+        count = self.grid.control_point_count
         third = sparse.diags([-1.0, 3.0, -3.0, 1.0], [0, 1, 2, 3], shape=(count - 3, count))
-        weight = 2 * _SMOOTHING * self.shape.interval_count**5 / 250_000
+        weight = 2 * _SMOOTHING * self.grid.interval_count**5 / 250_000
         return (third.T @ third).tocsr() * weight
 
 

@@ -7,7 +7,7 @@ from scipy.linalg import solveh_banded
 from tubeplanner.arrays import FloatArray
 from tubeplanner.branches.reference_branch import ReferenceBranch
 from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.refinement.phase_spline import DEGREE, REST_POINTS, PhasedSpline, PhaseSpline
+from tubeplanner.refinement.phased_spline import DEGREE, REST_POINTS, KnotGrid, PhasedSpline
 
 _MIN_INTERVALS = 3  # of a phase, if there are several
 _FIT_POINTS_PER_INTERVAL = 5
@@ -36,18 +36,18 @@ def starting_spline(
     x = np.linspace(0, 1, 2001)
     covered = x**3 * (10 - 15 * x + 6 * x**2)
     switching_times = np.concatenate([[0.0], np.interp(corners[:-1], covered, x), [1.0]])
-    shape = knot_grid(switching_times, intervals)
+    grid = knot_grid(switching_times, intervals)
     apart = np.concatenate([[True], np.diff(way) > 0])
-    times = _fit_times(shape, switching_times)
+    times = _fit_times(grid, switching_times)
     wanted = np.interp(times, x, covered)
     path = np.array([np.interp(wanted, way[apart], column[apart]) for column in q.T]).T
-    return _fitted(shape, switching_times, times, path, branch.start, branch.goal)
+    return _fitted(grid, switching_times, times, path, branch.start, branch.goal)
 
 
 def subdivided(spline: PhasedSpline, parts: int) -> PhasedSpline:
     """Return the same spline, exactly, with every knot interval divided into several."""
     switching_times, shares = spline.switching_times, []
-    for k, share in enumerate(spline.shape.shares):
+    for k, share in enumerate(spline.grid.shares):
         width = switching_times[k + 1] - switching_times[k]
         angle = np.arccos(1 - 2 * np.clip(switching_times[k] + width * share, 0.0, 1.0))
         steps = np.arange(len(angle) * parts - parts + 1) / parts
@@ -55,13 +55,13 @@ def subdivided(spline: PhasedSpline, parts: int) -> PhasedSpline:
         finer = (x - switching_times[k]) / width
         finer[::parts] = share
         shares.append(finer)
-    shape = PhaseSpline(tuple(shares))
-    times = _fit_times(shape, switching_times)
+    grid = KnotGrid(tuple(shares))
+    times = _fit_times(grid, switching_times)
     ends = spline.control_points[[0, -1]]
-    return _fitted(shape, switching_times, times, spline.bspline()(times), *ends)
+    return _fitted(grid, switching_times, times, spline.bspline()(times), *ends)
 
 
-def knot_grid(switching_times: FloatArray, intervals: int) -> PhaseSpline:
+def knot_grid(switching_times: FloatArray, intervals: int) -> KnotGrid:
     """Return knots clustered at both ends of the spline, as Chebyshev points are.
 
     There the arm at rest begins to move, and its acceleration needs the finest steps.
@@ -75,19 +75,19 @@ def knot_grid(switching_times: FloatArray, intervals: int) -> PhaseSpline:
         share = (x - switching_times[k]) / (switching_times[k + 1] - switching_times[k])
         share[0], share[-1] = 0.0, 1.0
         shares.append(share)
-    return PhaseSpline(tuple(shares))
+    return KnotGrid(tuple(shares))
 
 
-def _fit_times(shape: PhaseSpline, switching_times: FloatArray) -> FloatArray:
+def _fit_times(grid: KnotGrid, switching_times: FloatArray) -> FloatArray:
     """Return times inside every knot interval."""
-    breakpoints = shape.breakpoints(switching_times)
+    breakpoints = grid.breakpoints(switching_times)
     local = (np.arange(_FIT_POINTS_PER_INTERVAL) + 0.5) / _FIT_POINTS_PER_INTERVAL
     times: FloatArray = breakpoints[:-1, None] + np.diff(breakpoints)[:, None] * local
     return times.ravel()
 
 
 def _fitted(
-    shape: PhaseSpline,
+    grid: KnotGrid,
     switching_times: FloatArray,
     times: FloatArray,
     path: FloatArray,
@@ -95,8 +95,8 @@ def _fitted(
     goal: FloatArray,
 ) -> PhasedSpline:
     """Return the least-squares spline through configurations (N, n), at rest at its ends."""
-    count = shape.control_point_count
-    design = BSpline.design_matrix(times, shape.knots(switching_times), DEGREE)
+    count = grid.control_point_count
+    design = BSpline.design_matrix(times, grid.knots(switching_times), DEGREE)
     inner = slice(REST_POINTS, count - REST_POINTS)
     line = start + np.linspace(0, 1, count)[:, None] * (goal - start)
     points = line.copy()
@@ -111,4 +111,4 @@ def _fitted(
     bands[0] += _DRAW
     wanted = (design.T @ (path - design @ fixed))[inner] + _DRAW * line[inner]
     points[inner] = solveh_banded(bands, wanted, lower=True)
-    return PhasedSpline(shape, switching_times, points)
+    return PhasedSpline(grid, switching_times, points)

@@ -16,7 +16,7 @@ from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import Progress, StoppedBy
 from tubeplanner.studies.trajectory_measures import TrajectoryMeasures, trajectory_measures
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
-from tubeplanner.verification.certificate import Certificate, Condition
+from tubeplanner.verification.certificate import Certificate, JudgedCondition
 from tubeplanner.verification.refusal import refusal
 
 _NO_MEASURES = {name: None for name in TrajectoryMeasures.__dataclass_fields__}
@@ -59,7 +59,7 @@ class ComparisonRow:
         return None if self.trajectory is None else self.trajectory.duration
 
     @property
-    def failures(self) -> dict[str, Condition]:
+    def failures(self) -> dict[str, JudgedCondition]:
         """The conditions that the trajectory fails, by name."""
         if self.trajectory is None or self.certificate is None:
             return {}

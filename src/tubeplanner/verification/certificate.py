@@ -55,7 +55,7 @@ FOREIGN_TOLERANCE = Tolerance(1e-4, 1e-3)
 
 
 @dataclass(frozen=True)
-class Condition:
+class JudgedCondition:
     """One condition of a certificate.
 
     Attributes:
@@ -85,7 +85,7 @@ class Certificate:
         tolerance: What the margins were judged with.
     """
 
-    conditions: Mapping[str, Condition]
+    conditions: Mapping[str, JudgedCondition]
     tolerance: Tolerance
 
     def __post_init__(self) -> None:

@@ -17,7 +17,7 @@ from tubeplanner.verification.certificate import (
     FOR_ALL_TIMES,
     RELATIVE,
     Certificate,
-    Condition,
+    JudgedCondition,
     Tolerance,
 )
 from tubeplanner.verification.closest_approach import closest_approach
@@ -87,32 +87,32 @@ class _Judge:
         self._problem, self._trajectory, self._tolerance = problem, trajectory, tolerance
         self._robot, self._tube = problem.robot, problem.tube
 
-    def position(self) -> Condition:
+    def position(self) -> JudgedCondition:
         """Position limits, exactly."""
         limits = self._robot.limits
         margin, place = self._range_margin(
             self._trajectory, limits.lower_position, limits.upper_position
         )
         if margin is None:
-            return Condition(None, "rad", Place(), "no joint has position limits")
-        return Condition(margin, self._unit_at(place), place, FOR_ALL_TIMES)
+            return JudgedCondition(None, "rad", Place(), "no joint has position limits")
+        return JudgedCondition(margin, self._unit_at(place), place, FOR_ALL_TIMES)
 
-    def derivative(self, order: int, limit: FloatArray) -> Condition:
+    def derivative(self, order: int, limit: FloatArray) -> JudgedCondition:
         """A limit on velocity, acceleration or jerk, exactly."""
         bounded = np.flatnonzero(np.isfinite(limit))
         if len(bounded) == 0:
-            return Condition(None, RELATIVE, Place(), "no joint has this limit")
+            return JudgedCondition(None, RELATIVE, Place(), "no joint has this limit")
         used = self._trajectory.derivative_coefficients(order)[:, :, bounded] / limit[bounded]
         peak, time, column = _highest(np.concatenate([used, -used], axis=2), self._trajectory)
         joint = self._robot.joint_names[bounded[column % len(bounded)]]
-        return Condition(1 - peak, RELATIVE, Place(time=time, joint=joint), FOR_ALL_TIMES)
+        return JudgedCondition(1 - peak, RELATIVE, Place(time=time, joint=joint), FOR_ALL_TIMES)
 
-    def effort(self) -> Condition:
+    def effort(self) -> JudgedCondition:
         """Effort limits, by polynomials that enclose the efforts."""
         limit = self._robot.limits.effort
         bounded = np.flatnonzero(np.isfinite(limit))
         if len(bounded) == 0:
-            return Condition(None, RELATIVE, Place(), "no joint has this limit")
+            return JudgedCondition(None, RELATIVE, Place(), "no joint has this limit")
         efforts = enclosed_efforts(self._robot, self._trajectory, _EFFORT_ENCLOSURE * limit)
         used = efforts.coefficients[:, :, bounded] / limit[bounded]
         both = np.concatenate([used, -used], axis=2)
@@ -127,28 +127,28 @@ class _Judge:
         if error[worst % len(bounded)] > _EFFORT_ENCLOSURE:
             coverage = _undecided(1 - float(extrema.value[worst]), RELATIVE)
         place = Place(time=float(time), joint=joint)
-        return Condition(1 - float(peaks[worst]), RELATIVE, place, coverage)
+        return JudgedCondition(1 - float(peaks[worst]), RELATIVE, place, coverage)
 
-    def tube(self) -> Condition:
+    def tube(self) -> JudgedCondition:
         """The tool in the tube, segment by segment or in their union."""
         least = least_margin(self._tube, self._tool, self._visits)
         place = Place(time=least.time, segment=least.segment)
-        return Condition(
+        return JudgedCondition(
             least.lower_bound, "m", place, _bracketed(least.lower_bound, least.attained, "m")
         )
 
-    def rotation(self) -> Condition:
+    def rotation(self) -> JudgedCondition:
         """The tool's orientation against the reference, segment by segment."""
         if self._tube.rotation is None or self._pose is None:
-            return Condition(None, "rad", Place(), "the tool's orientation is free")
+            return JudgedCondition(None, "rad", Place(), "the tool's orientation is free")
         least = least_rotation_margin(self._tube.rotation, self._pose, self._visits)
         if least is None:
-            return Condition(None, "rad", Place(), "free in every segment visited")
+            return JudgedCondition(None, "rad", Place(), "free in every segment visited")
         place = Place(time=least.time, segment=least.segment)
         coverage = _bracketed(least.lower_bound, least.attained, "rad")
-        return Condition(least.lower_bound, "rad", place, coverage)
+        return JudgedCondition(least.lower_bound, "rad", place, coverage)
 
-    def joint_signs(self) -> Condition:
+    def joint_signs(self) -> JudgedCondition:
         """Joint ranges of the segments, exactly between the switching times."""
         lower, upper = self._tube.ranges_of(self._robot.joint_names)
         found = []
@@ -159,11 +159,11 @@ class _Judge:
                 time = visit.begin + (place.time or 0.0)
                 found.append((margin, Place(time, place.joint, visit.segment)))
         if not found:
-            return Condition(None, "rad", Place(), "no segment has joint signs")
+            return JudgedCondition(None, "rad", Place(), "no segment has joint signs")
         margin, place = min(found, key=lambda item: item[0])
-        return Condition(margin, self._unit_at(place), place, FOR_ALL_TIMES)
+        return JudgedCondition(margin, self._unit_at(place), place, FOR_ALL_TIMES)
 
-    def endpoint(self, index: int) -> Condition:
+    def endpoint(self, index: int) -> JudgedCondition:
         """Start (0) or goal (-1): the given configuration, or else the reference point."""
         given = self._problem.start if index == 0 else self._problem.goal
         time = 0.0 if index == 0 else self._trajectory.duration
@@ -171,12 +171,16 @@ class _Judge:
         if given is None or isinstance(given, Seed):
             tool = self._robot.tool_position(q[None])[0]
             error = float(np.linalg.norm(tool - self._tube.points[index]))
-            return Condition(0.0 - error, "m", Place(time=time), "tool at the reference point")
+            return JudgedCondition(
+                0.0 - error, "m", Place(time=time), "tool at the reference point"
+            )
         joint = int(abs(q - given).argmax())
         place = Place(time=time, joint=self._robot.joint_names[joint])
-        return Condition(0.0 - float(abs(q - given).max()), self._unit(joint), place, FOR_ALL_TIMES)
+        return JudgedCondition(
+            0.0 - float(abs(q - given).max()), self._unit(joint), place, FOR_ALL_TIMES
+        )
 
-    def rest(self) -> Condition:
+    def rest(self) -> JudgedCondition:
         """Velocity and acceleration at both ends, relative to their largest values."""
         worst, place = 0.0, Place()
         for order in (1, 2):
@@ -188,14 +192,14 @@ class _Judge:
                 time = float(self._trajectory.breakpoints[-end])
                 worst = float(share.max())
                 place = Place(time=time, joint=self._robot.joint_names[joint])
-        return Condition(0.0 - worst, RELATIVE, place, FOR_ALL_TIMES)
+        return JudgedCondition(0.0 - worst, RELATIVE, place, FOR_ALL_TIMES)
 
-    def continuity(self) -> Condition:
+    def continuity(self) -> JudgedCondition:
         """Jumps of position, or of velocity and acceleration relative to their largest values.
 
         The one reported is the worst, each measured by its own tolerance.
         """
-        found = [Condition(0.0, RELATIVE, Place(), FOR_ALL_TIMES)]
+        found = [JudgedCondition(0.0, RELATIVE, Place(), FOR_ALL_TIMES)]
         for order in range(3):
             values = self._piece_ends(order)
             jumps = abs(values[0, 1:] - values[1, :-1])
@@ -207,10 +211,10 @@ class _Judge:
             time = float(self._trajectory.breakpoints[at + 1])
             place = Place(time=time, joint=self._robot.joint_names[joint])
             unit = self._unit(int(joint)) if order == 0 else RELATIVE
-            found.append(Condition(0.0 - float(jumps.max()), unit, place, FOR_ALL_TIMES))
+            found.append(JudgedCondition(0.0 - float(jumps.max()), unit, place, FOR_ALL_TIMES))
         return min(found, key=self._in_tolerances)
 
-    def _in_tolerances(self, condition: Condition) -> float:
+    def _in_tolerances(self, condition: JudgedCondition) -> float:
         """Return a margin as a multiple of the tolerance that it is judged by."""
         return (condition.margin or 0.0) / max(self._tolerance.of(condition.unit), 1e-300)
 
@@ -222,27 +226,27 @@ class _Judge:
         """Return the unit of a joint's position."""
         return "rad" if self._robot.revolute[joint] else "m"
 
-    def obstacles(self) -> Condition:
+    def obstacles(self) -> JudgedCondition:
         """Links against obstacles, for all t."""
         pairs = self._problem.collision.obstacle_pairs
         return self._clearance(pairs, self._problem.clearance, "no link can meet an obstacle")
 
-    def self_collision(self) -> Condition:
+    def self_collision(self) -> JudgedCondition:
         """Links against links, for all t."""
         pairs = self._problem.collision.link_pairs
         return self._clearance(pairs, 0.0, "no pair of links is checked")
 
-    def _clearance(self, pairs: np.ndarray, required: float, not_asked: str) -> Condition:
+    def _clearance(self, pairs: np.ndarray, required: float, not_asked: str) -> JudgedCondition:
         checker = self._problem.collision
         nearest = closest_approach(checker, self._trajectory, pairs, required)
         if nearest is None:
             if not checker.has_link_geometry:
                 not_asked = "the robot has no collision geometry: nothing could be checked"
-            return Condition(None, "m", Place(), not_asked)
+            return JudgedCondition(None, "m", Place(), not_asked)
         links, obstacle = checker.owners(nearest.pair)
         place = Place(time=nearest.time, links=links, obstacle=obstacle)
         margin, attained = nearest.lower_bound - required, nearest.distance - required
-        return Condition(margin, "m", place, _bracketed(margin, attained, "m"))
+        return JudgedCondition(margin, "m", place, _bracketed(margin, attained, "m"))
 
     @cached_property
     def _pose(self) -> EnclosedPose | None:

@@ -21,7 +21,7 @@ _SWITCHING_STEP = 1e-7
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """N places on a spline that keep their share of their phase.
+    """N points on a spline that keep their share of their phase.
 
     Attributes:
         phase: Shape (N,).
@@ -38,10 +38,10 @@ class Samples:
         """The first of the four control points that count, shape (N,)."""
         return self.interval
 
-    def basis(self, shape: "PhaseSpline", switching_times: FloatArray) -> FloatArray:
+    def basis(self, grid: "KnotGrid", switching_times: FloatArray) -> FloatArray:
         """Return what position and its derivatives take of four control points, (4, N, 4)."""
         return _basis_functions(
-            shape.knots(switching_times), self.interval + DEGREE, self.times(switching_times)
+            grid.knots(switching_times), self.interval + DEGREE, self.times(switching_times)
         )
 
     def and_also(self, other: "Samples") -> "Samples":
@@ -65,8 +65,8 @@ class Samples:
 
 
 @dataclass(frozen=True, eq=False)
-class PhaseSpline:
-    """The shape of a spline: where its knots are.
+class KnotGrid:
+    """Where the knots of a spline over phases are.
 
     Attributes:
         shares: Per phase, the knots' shares of it, from 0 to 1, both included.
@@ -98,7 +98,7 @@ class PhaseSpline:
         return np.concatenate([np.full(DEGREE, inner[0]), inner, np.full(DEGREE, inner[-1])])
 
     def samples(self, local: FloatArray) -> Samples:
-        """Return samples at local places (L,) from 0 to 1 in every knot interval."""
+        """Return samples at local times (L,) from 0 to 1 in every knot interval."""
         phase, share, interval, count = [], [], [], 0
         for k, shares in enumerate(self.shares):
             width = np.diff(shares)
@@ -142,9 +142,9 @@ class VelocityHull:
         """The first of the four control points that count, shape (K-1,)."""
         return np.minimum(np.arange(self.count - 1), self.count - DEGREE - 1)
 
-    def basis(self, shape: "PhaseSpline", switching_times: FloatArray) -> FloatArray:
+    def basis(self, grid: "KnotGrid", switching_times: FloatArray) -> FloatArray:
         """Return the weights of four control points, (2, K-1, 4): none for position."""
-        knots, number = shape.knots(switching_times), np.arange(self.count - 1)
+        knots, number = grid.knots(switching_times), np.arange(self.count - 1)
         weight = DEGREE / (knots[number + DEGREE + 1] - knots[number + 1])
         place = number - self.first
         basis = np.zeros((2, self.count - 1, DEGREE + 1))
@@ -152,19 +152,19 @@ class VelocityHull:
         return basis
 
 
-Places: TypeAlias = Samples | VelocityHull
+EvaluationPoints: TypeAlias = Samples | VelocityHull
 
 
 def basis_by_switching(
-    places: Places, shape: PhaseSpline, switching_times: FloatArray
+    evaluation_points: EvaluationPoints, grid: KnotGrid, switching_times: FloatArray
 ) -> FloatArray:
     """Return the weights' derivatives by the inner switching times, (m-1, orders, N, 4)."""
-    here = places.basis(shape, switching_times)
+    here = evaluation_points.basis(grid, switching_times)
     found = np.zeros((len(switching_times) - 2, *here.shape))
     for column in range(len(switching_times) - 2):
         moved = switching_times.copy()
         moved[column + 1] += _SWITCHING_STEP
-        found[column] = (places.basis(shape, moved) - here) / _SWITCHING_STEP
+        found[column] = (evaluation_points.basis(grid, moved) - here) / _SWITCHING_STEP
     return found
 
 
@@ -173,18 +173,18 @@ class PhasedSpline:
     """A spline over phases with its control points; how fast it runs is left open.
 
     Attributes:
-        shape: Where the knots are.
+        grid: Where the knots are.
         switching_times: Ends of the phases in time x, from 0 to 1, shape (m+1,).
         control_points: Shape (K, n).
     """
 
-    shape: PhaseSpline
+    grid: KnotGrid
     switching_times: FloatArray
     control_points: FloatArray
 
     def bspline(self) -> BSpline:
         """Return the spline over time x."""
-        return BSpline(self.shape.knots(self.switching_times), self.control_points, DEGREE)
+        return BSpline(self.grid.knots(self.switching_times), self.control_points, DEGREE)
 
 
 def _basis_functions(knots: FloatArray, span: IntArray, x: FloatArray) -> FloatArray:

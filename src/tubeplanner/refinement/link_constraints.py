@@ -16,7 +16,7 @@ from tubeplanner.refinement.linear_rows import (
     Rows,
     StepSize,
 )
-from tubeplanner.refinement.phase_spline import PhasedSpline, Samples
+from tubeplanner.refinement.phased_spline import PhasedSpline, Samples
 from tubeplanner.refinement.sampled_spline import SampledSpline, sampled
 
 # What a row calls one [m]: as a radius does for the tube.
@@ -33,7 +33,7 @@ _STRIDES = (64, 16, 4, 1)
 _SAME_SHARE, _SAME_SHARE_ASKED = 0.3, 1e-3
 
 
-class LinkConditions:
+class LinkConstraints:
     """The pairs of shapes that must stay apart, and where along the spline they are watched."""
 
     def __init__(self, problem: PlanningProblem) -> None:
@@ -58,18 +58,18 @@ class LinkConditions:
         strict = MERIT_TOLERANCE * (1 - (aim - required) / _INNER_MARGIN)
         return EvaluatedLinks(self._problem, at, pairs, aim, strict, rotation, position, closest)
 
-    def on_other_knots(self, spline: PhasedSpline, other: PhasedSpline) -> "LinkConditions":
+    def on_other_knots(self, spline: PhasedSpline, other: PhasedSpline) -> "LinkConstraints":
         """Return the same for a spline on other knots, watched where they were."""
         moved = copy(self)
         times = self._samples.times(spline.switching_times)
-        moved._samples = other.shape.samples_at(other.switching_times, times)
+        moved._samples = other.grid.samples_at(other.switching_times, times)
         return moved
 
     def look(self, spline: PhasedSpline) -> bool:
         """Watch pairs where they come closest; return whether one is too close and was not seen."""
         if len(self._pairs) == 0:
             return False
-        samples = spline.shape.samples(np.arange(_PER_INTERVAL) / _PER_INTERVAL)
+        samples = spline.grid.samples(np.arange(_PER_INTERVAL) / _PER_INTERVAL)
         distance = self._distances(sampled(spline, samples).position)
         clearance = distance - self._required
         before = np.vstack([np.full((1, len(self._pairs)), np.inf), clearance[:-1]])
@@ -98,7 +98,7 @@ class LinkConditions:
         switching_times = spline.switching_times
         known, new = self._samples.times(switching_times), samples.times(switching_times)
         spacing = (
-            np.diff(spline.shape.breakpoints(switching_times))[samples.interval] / _PER_INTERVAL
+            np.diff(spline.grid.breakpoints(switching_times))[samples.interval] / _PER_INTERVAL
         )
         same = (pair[:, None] == self._pair) & (
             abs(new[:, None] - known) < same_share * spacing[:, None]

@@ -7,7 +7,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.refinement.linear_rows import Rows, StepSize, plane_rows
-from tubeplanner.refinement.phase_spline import PhasedSpline, Samples
+from tubeplanner.refinement.phased_spline import PhasedSpline, Samples
 from tubeplanner.refinement.sampled_spline import SampledSpline, sampled
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.tube.rotational_tube import RotationalTube

@@ -1,6 +1,6 @@
 """Limits of effort, velocity, acceleration and jerk at samples of a spline.
 
-Products with y = T^2 keep the conditions exact in y: efforts scale as tau = h / y + g (Hollerbach,
+Products with y = T^2 keep the constraints exact in y: efforts scale as tau = h / y + g (Hollerbach,
 "Dynamic scaling of manipulator trajectories", 1984; Suh & Bishop 1988, property 2).
 """
 
@@ -17,7 +17,7 @@ from tubeplanner.refinement.linear_rows import (
     two_sided_rows,
     two_sided_slack,
 )
-from tubeplanner.refinement.phase_spline import PhasedSpline, Places
+from tubeplanner.refinement.phased_spline import EvaluationPoints, PhasedSpline
 from tubeplanner.refinement.sampled_spline import SampledSpline, sampled
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.waypoint_search.time_scaling import effort_factor_of
@@ -26,7 +26,7 @@ _ORDERS = {"velocity": 1, "acceleration": 2, "jerk": 3}
 EFFORT, VELOCITY, ACCELERATION, JERK = "effort", *_ORDERS
 
 
-class LimitConditions:
+class LimitConstraints:
     """The limits of an arm's joints.
 
     Attributes:
@@ -45,9 +45,11 @@ class LimitConditions:
         """Return whether any joint has a limit of one of some kinds."""
         return any(len(self._bounded[kind]) for kind in kinds)
 
-    def at(self, spline: PhasedSpline, places: Places, kinds: tuple[str, ...]) -> "EvaluatedLimits":
-        """Return the limits of some kinds at places of a spline; one kind must limit a joint."""
-        at = sampled(spline, places)
+    def at(
+        self, spline: PhasedSpline, evaluation_points: EvaluationPoints, kinds: tuple[str, ...]
+    ) -> "EvaluatedLimits":
+        """Return the limits of some kinds at points of a spline; one kind must limit a joint."""
+        at = sampled(spline, evaluation_points)
         asked = {kind: self._numbers[kind] for kind in kinds if len(self._bounded[kind])}
         gravity = effort = np.zeros_like(at.position)
         if EFFORT in asked:

@@ -8,7 +8,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.refinement.linear_rows import NO_LIMIT, Rows, StepSize, plane_rows
-from tubeplanner.refinement.phase_spline import PhasedSpline, Samples
+from tubeplanner.refinement.phased_spline import PhasedSpline, Samples
 from tubeplanner.refinement.sampled_spline import SampledSpline, sampled
 
 # Planes about a capsule's axis, on both sides of the outward direction [rad].

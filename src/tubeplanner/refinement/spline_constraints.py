@@ -1,4 +1,4 @@
-"""All conditions of a spline at samples, which are added as they turn out to be needed."""
+"""All constraints of a spline at samples, which are added as they turn out to be needed."""
 
 from dataclasses import dataclass
 
@@ -6,25 +6,25 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.refinement.limit_conditions import (
+from tubeplanner.refinement.limit_constraints import (
     ACCELERATION,
     EFFORT,
     JERK,
     VELOCITY,
     EvaluatedLimits,
-    LimitConditions,
+    LimitConstraints,
 )
 from tubeplanner.refinement.linear_rows import INNER_MARGIN, Rows, StepSize, stacked
-from tubeplanner.refinement.link_conditions import EvaluatedLinks, LinkConditions
-from tubeplanner.refinement.phase_spline import (
+from tubeplanner.refinement.link_constraints import EvaluatedLinks, LinkConstraints
+from tubeplanner.refinement.phased_spline import (
+    EvaluationPoints,
+    KnotGrid,
     PhasedSpline,
-    PhaseSpline,
-    Places,
     Samples,
     VelocityHull,
 )
-from tubeplanner.refinement.rotation_conditions import EvaluatedRotation, evaluated_rotation
-from tubeplanner.refinement.tube_conditions import EvaluatedTube, evaluated_tube
+from tubeplanner.refinement.rotation_constraints import EvaluatedRotation, evaluated_rotation
+from tubeplanner.refinement.tube_constraints import EvaluatedTube, evaluated_tube
 
 # Samples per knot interval. There, accelerations are straight lines and jerks constant.
 _EFFORT_SAMPLES = np.arange(2) / 2
@@ -44,7 +44,7 @@ class Iterate:
         excess: How far tool or links are beyond what is allowed to them, >= 0: of the tool in
             radii or rotation tolerances beyond the narrowed tube, of links in units of 5 cm.
         limits: What it was found from: efforts and rates, as far as they are limited.
-        tube: Likewise, the tool's place.
+        tube: Likewise, the tool's position.
         rotation: Likewise, the tool's rotation; None where it is free.
         links: Likewise.
     """
@@ -68,25 +68,27 @@ class Iterate:
         return float(np.sqrt(self.squared_duration))
 
 
-class MotionConditions:
+class SplineConstraints:
     """What splines on one knot grid must keep."""
 
-    def __init__(self, problem: PlanningProblem, shape: PhaseSpline, links: LinkConditions) -> None:
+    def __init__(self, problem: PlanningProblem, grid: KnotGrid, links: LinkConstraints) -> None:
         """Take the usual samples, and links that may be watched already."""
-        self._problem, self._shape, self._links = problem, shape, links
-        self._limits = LimitConditions(problem.robot)
+        self._problem, self._grid, self._links = problem, grid, links
+        self._limits = LimitConstraints(problem.robot)
         # A switching time has a sample on either side, so that the tool is in both capsules there.
-        ends = shape.phase_ends()
-        places: dict[tuple[str, ...], Places] = {
-            (EFFORT,): shape.samples(_EFFORT_SAMPLES).and_also(ends),
-            (VELOCITY,): VelocityHull(shape.control_point_count),
-            (ACCELERATION, JERK): shape.samples(_RATE_SAMPLES).and_also(ends),
+        ends = grid.phase_ends()
+        evaluation_points: dict[tuple[str, ...], EvaluationPoints] = {
+            (EFFORT,): grid.samples(_EFFORT_SAMPLES).and_also(ends),
+            (VELOCITY,): VelocityHull(grid.control_point_count),
+            (ACCELERATION, JERK): grid.samples(_RATE_SAMPLES).and_also(ends),
         }
-        self._limited = {kinds: at for kinds, at in places.items() if self._limits.limited(kinds)}
-        self._tube_samples = shape.samples(_TUBE_SAMPLES).and_also(ends)
-        self._dense_samples = shape.samples(_DENSE_SAMPLES)
+        self._limited = {
+            kinds: at for kinds, at in evaluation_points.items() if self._limits.limited(kinds)
+        }
+        self._tube_samples = grid.samples(_TUBE_SAMPLES).and_also(ends)
+        self._dense_samples = grid.samples(_DENSE_SAMPLES)
 
-    def links_on(self, spline: PhasedSpline, other: PhasedSpline) -> LinkConditions:
+    def links_on(self, spline: PhasedSpline, other: PhasedSpline) -> LinkConstraints:
         """Return what is watched of a spline's links, for the same spline on other knots."""
         return self._links.on_other_knots(spline, other)
 
@@ -94,7 +96,7 @@ class MotionConditions:
     def names(self) -> list[tuple[str, int]]:
         """Kind of every limit, and its joint or segment, in the order of their numbers."""
         kinds = ("radius",) if self._problem.tube.rotation is None else ("radius", "rotation")
-        tolerances = [(kind, k) for kind in kinds for k in range(len(self._shape.shares))]
+        tolerances = [(kind, k) for kind in kinds for k in range(len(self._grid.shares))]
         return [*self._limits.names, *tolerances]
 
     def at(self, spline: PhasedSpline) -> Iterate:
@@ -152,7 +154,7 @@ class MotionConditions:
 
     def add_samples(self, spline: PhasedSpline, x: float) -> None:
         """Add samples of everything at an instant, from 0 to 1."""
-        samples = self._shape.samples_at(spline.switching_times, np.array([x]))
+        samples = self._grid.samples_at(spline.switching_times, np.array([x]))
         self._watch_efforts(samples)
         self._tube_samples = self._tube_samples.and_also(samples)
         self._links.look_at(spline, samples)
@@ -165,10 +167,13 @@ class MotionConditions:
     def _at(
         self,
         spline: PhasedSpline,
-        limited: dict[tuple[str, ...], Places],
+        limited: dict[tuple[str, ...], EvaluationPoints],
         tube_samples: Samples,
     ) -> Iterate:
-        limits = tuple(self._limits.at(spline, places, kinds) for kinds, places in limited.items())
+        limits = tuple(
+            self._limits.at(spline, evaluation_points, kinds)
+            for kinds, evaluation_points in limited.items()
+        )
         first = len(self._limits.names)
         tube = evaluated_tube(self._problem, spline, tube_samples, INNER_MARGIN, first)
         rotation = self._rotation_at(spline, tube_samples, first + self._problem.tube.segment_count)
