@@ -39,7 +39,7 @@ from tubeplanner import (
     plan,
     verify,
 )
-from tubeplanner.branches.reference_branch import reference_branch, spare_joint_rules
+from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
 from tubeplanner.outcome import Infeasible
 from tubeplanner.refinement.spline_start import starting_spline
 from tubeplanner.trajectory.joint_trajectory import from_spline
@@ -116,7 +116,7 @@ class MultiStart:
         """Set the search up; its time begins to run.
 
         Args:
-            problem: What is asked.
+            problem: The planning problem.
             ends: First and last configuration, shape (2, n).
             intervals: Of the fine grids.
             grids: Kinds of fine grids, of `GRIDS`.
@@ -226,7 +226,7 @@ def starts_of(
     """Return starts: along the branches, along the joint line, between both, and perturbed."""
     fixed = replace(problem, goal=ends[1])
     along = []
-    for rule in spare_joint_rules(fixed):
+    for rule in redundancy_rules(fixed):
         try:
             branch = reference_branch(fixed, rule)
         except Infeasible:

@@ -16,7 +16,7 @@ _WALK_STEP = 0.15  # of the ranges
 
 
 @dataclass(frozen=True)
-class RandomAttack:
+class CounterexampleCount:
     """What an attack on one segment found.
 
     Attributes:
@@ -32,7 +32,7 @@ class RandomAttack:
 
 def random_attack(
     problem: PlanningProblem, segment: int, count: int, rng: np.random.Generator
-) -> RandomAttack:
+) -> CounterexampleCount:
     """Draw configurations that a segment allows and measure all distances in each.
 
     Args:
@@ -43,7 +43,7 @@ def random_attack(
     """
     q = random_configurations(problem, segment, count, rng)
     clearance = coal_clearance(problem, q)
-    return RandomAttack(len(q), int((clearance < 0).sum()), float(clearance.min()))
+    return CounterexampleCount(len(q), int((clearance < 0).sum()), float(clearance.min()))
 
 
 def is_allowed(problem: PlanningProblem, segment: int, q: FloatArray) -> np.ndarray:

@@ -24,8 +24,8 @@ from random_problems import ARMS, RULES, random_case
 from tubeplanner import PlanningProblem, PlanOptions, PlanResult, plan
 from tubeplanner.branches.reference_branch import (
     ReferenceBranch,
+    redundancy_rules,
     reference_branch,
-    spare_joint_rules,
 )
 from tubeplanner.outcome import Infeasible
 from tubeplanner.planning.plan_options import REFINEMENT
@@ -68,14 +68,14 @@ def outcomes(
             raise RuntimeError(f"{arm}, seed {seed}: the witness does not solve the problem")
         _ = case.problem.collision  # geometry is built before planning begins
         outcome = Outcome(case, plan(case.problem, options))
-        print(_told(outcome), file=sys.stderr, flush=True)
+        print(_line(outcome), file=sys.stderr, flush=True)
         yield outcome
 
 
 def starts_of(problem: PlanningProblem) -> Iterator[tuple[ReferenceBranch, int]]:
     """Yield different starts of refinement: branches that differ, each with several knot counts."""
     branches: list[ReferenceBranch] = []
-    for rule in spare_joint_rules(problem):
+    for rule in redundancy_rules(problem):
         try:
             branch = reference_branch(problem, rule)
         except Infeasible:
@@ -115,7 +115,7 @@ def _is_same(one: ReferenceBranch, other: ReferenceBranch) -> bool:
     )
 
 
-def _told(outcome: Outcome) -> str:
+def _line(outcome: Outcome) -> str:
     case, result = outcome.case, outcome.result
     duration = "" if result.duration is None else f" of {result.duration:.3f} s"
     return (

@@ -28,7 +28,7 @@ from tubeplanner import (
     plan,
     plot_convergence,
 )
-from tubeplanner.branches.reference_branch import reference_branch, spare_joint_rules
+from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
 from tubeplanner.planning.plan_options import QUALITIES
 from tubeplanner.refinement.refinement import Refinement
 from tubeplanner.refinement.spline_start import starting_spline
@@ -113,7 +113,7 @@ def zigzag(name: str, segments: int) -> PlanningProblem:
     """Return a tube of right angles from the middle of a bundled problem's first segment."""
     base = load_problem(f"example:{name}")
     robot = base.robot
-    first = reference_branch(base, spare_joint_rules(base)[0]).segments[0]
+    first = reference_branch(base, redundancy_rules(base)[0]).segments[0]
     start = first[len(first) // 2]
     tool = robot.tool_position(start[None])[0]
     inwards = -np.array([tool[0], tool[1], 0.0]) / np.linalg.norm(tool[:2])
@@ -149,7 +149,7 @@ def knots(repeats: int) -> None:
     print("|---" * (len(KNOTS) + 1) + "|")
     for name in (paper_example(1, 10), paper_example(5, 10), *ARMS[1:]):
         problem = load_problem(f"example:{name}")
-        branch = reference_branch(problem, spare_joint_rules(problem)[0])
+        branch = reference_branch(problem, redundancy_rules(problem)[0])
         cells = []
         for first, parts in KNOTS:
             times = []
@@ -186,11 +186,11 @@ def where_the_time_goes() -> None:
 
 def convergence(path: Path) -> None:
     """Draw how the duration falls while refining, step by step."""
-    told: dict[str, list[Progress]] = {}
+    histories: dict[str, list[Progress]] = {}
     for name in (paper_example(1, 30), paper_example(5, 10), *ARMS[1:]):
-        told[name] = []
-        plan(load_problem(f"example:{name}"), progress=told[name].append)
-    plot_convergence(told, path)
+        histories[name] = []
+        plan(load_problem(f"example:{name}"), progress=histories[name].append)
+    plot_convergence(histories, path)
     print(f"{path}")
 
 

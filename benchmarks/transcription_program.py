@@ -22,7 +22,7 @@ MOTOR_SAMPLES = (0.0, 0.5)
 TUBE_SAMPLES = (0.0, 0.25, 0.5, 0.75)
 TUBE_MARGIN = 1e-5  # [m]: kept free, so that what lies between samples stays inside too
 MIN_PHASE = 1e-3  # [s]
-LOOKS = 41  # per interval, for what is broken between samples
+SAMPLES_PER_PIECE = 41  # per interval, for what is broken between samples
 BROKEN = 1e-4  # share of a velocity or effort limit
 
 
@@ -366,7 +366,7 @@ class Transcription:
         """Set the program up.
 
         Args:
-            problem: What is asked; obstacles are ignored.
+            problem: The planning problem; obstacles are ignored.
             ends: First and last configuration, shape (2, n).
             grid: The intervals.
             unit: Of time, about the trajectory's duration [s].
@@ -413,9 +413,9 @@ class Transcription:
     def broken_between_samples(self, phased: PhasedTrajectory) -> Samples:
         """Return the worst place of every interval in which a condition is broken."""
         trajectory, robot = phased.trajectory, self._problem.robot
-        states = trajectory.per_piece(LOOKS)
+        states = trajectory.per_piece(SAMPLES_PER_PIECE)
         q, v, a = states.position, states.velocity, states.acceleration
-        phase = np.repeat(self._grid.phase, LOOKS)
+        phase = np.repeat(self._grid.phase, SAMPLES_PER_PIECE)
         lower, upper = self._problem.joint_lower[phase], self._problem.joint_upper[phase]
         ranges = np.hstack([lower - q, q - upper, abs(v) / robot.limits.velocity - 1])
         effort = abs(robot.inverse_dynamics(q, v, a)) / robot.limits.effort - 1
@@ -428,9 +428,9 @@ class Transcription:
         )
 
     def _worst(self, excess: np.ndarray, allowed: float) -> tuple[np.ndarray, np.ndarray]:
-        by_interval = excess.reshape(self._count, LOOKS)
+        by_interval = excess.reshape(self._count, SAMPLES_PER_PIECE)
         chosen = np.flatnonzero(by_interval.max(axis=1) > allowed)
-        return chosen, by_interval[chosen].argmax(axis=1) / (LOOKS - 1)
+        return chosen, by_interval[chosen].argmax(axis=1) / (SAMPLES_PER_PIECE - 1)
 
     def _all_blocks(self) -> list[_Block]:
         robot, rules, n = self._problem.robot, arm_rules(self._problem.robot), self._n

@@ -18,7 +18,7 @@ class RandomCase:
     Attributes:
         arm: Which arm, of `ARMS`.
         seed: What it was drawn from.
-        problem: What is asked.
+        problem: The planning problem.
         witness: Configurations (P, n); straight joint lines between them.
         switching_rows: The rows of the witness at which the tool is at the reference points.
     """

@@ -94,7 +94,7 @@ plt.show()
 # Here are both causes. Refinement is stopped at few knots (its inner parts, for once) and then run as usual.
 
 # %%
-from tubeplanner.branches.reference_branch import reference_branch, spare_joint_rules
+from tubeplanner.branches.reference_branch import reference_branch, redundancy_rules
 from tubeplanner.refinement.refinement import Refinement
 from tubeplanner.refinement.spline_start import starting_spline
 from tubeplanner.waypoint_search.time_scaling import scaled_to_limits
@@ -102,7 +102,7 @@ from tubeplanner.waypoint_search.time_scaling import scaled_to_limits
 
 def with_few_knots(case, intervals):
     """Return the fastest trajectory that refinement finds on so many knot intervals."""
-    branch = reference_branch(case, spare_joint_rules(case)[0])
+    branch = reference_branch(case, redundancy_rules(case)[0])
     refinement = Refinement(case, starting_spline(case, branch, intervals), ())
     refinement.run()
     return scaled_to_limits(case.robot, refinement.trajectory)

@@ -95,7 +95,7 @@ for segment in measured.segments:
         draw_arm(axes[1], end.configuration[None], color="#CC79A7", linewidth=2)
 
 # %% [markdown]
-# ## Attack
+# ## Counterexamples
 #
 # Draw configurations at random until many have their tool in the tube and the elbow where it should be, and look how near they come to the
 # post. This shares nothing with the measuring but the robot and the distances.

@@ -11,10 +11,10 @@ from tubeplanner.baselines.conventional_lines import (
     TrapezoidalSpeed,
     conventional_trajectory,
 )
-from tubeplanner.baselines.fixed_path_bang_bang import bang_bang_laws
-from tubeplanner.baselines.time_law import averaged_law, run_along
+from tubeplanner.baselines.fixed_path_bang_bang import bang_bang_parameterizations
+from tubeplanner.baselines.time_parameterization import averaged_parameterization, run_along
 from tubeplanner.baselines.tool_path import tool_paths
-from tubeplanner.branches.reference_branch import SpareJoints, reference_branch
+from tubeplanner.branches.reference_branch import RedundancyRule, reference_branch
 from tubeplanner.outcome import Infeasible, PlanStatus
 from tubeplanner.waypoint_search.time_scaling import minimum_duration
 
@@ -42,7 +42,7 @@ def judged():
 def test_conventional_trajectories_take_what_the_paper_says(example, expected):
     """For 3 and 4 it prints 1.93 s, but its own formula gives 1.82 s on the printed points."""
     problem = load_problem(f"example:two_link/paper_{example}_30mm")
-    lines = tool_paths(problem, reference_branch(problem, SpareJoints.AS_NEEDED), arcs=False)
+    lines = tool_paths(problem, reference_branch(problem, RedundancyRule.AS_NEEDED), arcs=False)
     trajectory = conventional_trajectory(problem.robot, lines, PAPER)
     lengths = np.linalg.norm(np.diff(problem.tube.points, axis=0), axis=1)
     formula = sum(
@@ -54,7 +54,7 @@ def test_conventional_trajectories_take_what_the_paper_says(example, expected):
 
 def test_the_tool_runs_its_line_at_trapezoidal_speed():
     problem = load_problem("example:two_link/paper_1_30mm")
-    lines = tool_paths(problem, reference_branch(problem, SpareJoints.AS_NEEDED), arcs=False)
+    lines = tool_paths(problem, reference_branch(problem, RedundancyRule.AS_NEEDED), arcs=False)
     speed = TrapezoidalSpeed(0.8, 2.0)
     trajectory = conventional_trajectory(problem.robot, lines, speed)
     time = np.linspace(0, trajectory.duration, 301)
@@ -91,10 +91,10 @@ def test_smoothness_costs_the_less_the_finer_it_is(judged, example):
 @pytest.mark.parametrize(("example", "paper"), [(1, 0.91), (3, 0.88)])
 def test_a_coarse_average_slowed_as_a_whole_costs_what_the_paper_says(example, paper):
     problem = load_problem(f"example:two_link/paper_{example}_30mm")
-    branch = reference_branch(problem, SpareJoints.AS_NEEDED)
+    branch = reference_branch(problem, RedundancyRule.AS_NEEDED)
     paths = tool_paths(problem, branch, arcs=False)
-    (law,) = bang_bang_laws(problem.robot, paths)
-    trajectory = run_along(paths[0].joints, averaged_law(law, 16))
+    (timing,) = bang_bang_parameterizations(problem.robot, paths)
+    trajectory = run_along(paths[0].joints, averaged_parameterization(timing, 16))
     assert minimum_duration(problem.robot, trajectory) == pytest.approx(paper, rel=0.05)
 
 

@@ -16,7 +16,7 @@ from tubeplanner import (
     placement_of,
     verify,
 )
-from tubeplanner.branches.reference_branch import reference_branch, spare_joint_rules
+from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
 from tubeplanner.waypoint_search.branch_and_bound import BranchAndBound
 from tubeplanner.waypoint_search.candidate_waypoints import candidate_waypoints
 from tubeplanner.waypoint_search.time_scaling import scaled_to_limits
@@ -26,7 +26,7 @@ CORNER = ([0.45, -0.3, 0], [0.45, 0.1, 0], [0.2, 0.1, 0])
 
 
 def waypoints_of(problem, count):
-    branch = reference_branch(problem, spare_joint_rules(problem)[0])
+    branch = reference_branch(problem, redundancy_rules(problem)[0])
     return candidate_waypoints(problem, branch, count)
 
 

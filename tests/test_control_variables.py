@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tubeplanner import PlanningProblem, load_problem, plan
-from tubeplanner.branches.reference_branch import reference_branch, spare_joint_rules
+from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
 from tubeplanner.refinement.control_variables import FIXED, ControlVariables
 from tubeplanner.refinement.spline_start import starting_spline
 
@@ -13,7 +13,7 @@ from tubeplanner.refinement.spline_start import starting_spline
 def case(request):
     """A problem with an open goal, and one with a given one."""
     problem = load_problem(f"example:{request.param}")
-    branch = reference_branch(problem, spare_joint_rules(problem)[0])
+    branch = reference_branch(problem, redundancy_rules(problem)[0])
     spline = starting_spline(problem, branch, 12)
     return problem, spline, ControlVariables(problem, spline.grid)
 
@@ -79,7 +79,7 @@ def test_points_are_moved_into_the_ranges_of_all_phases_they_count_in(case):
 def test_a_goal_left_open_is_where_the_trajectory_is_fastest():
     problem = load_problem("example:ur5/over_the_wall")
     assert problem.goal is None
-    nearest = reference_branch(problem, spare_joint_rules(problem)[0]).goal
+    nearest = reference_branch(problem, redundancy_rules(problem)[0]).goal
     fixed = PlanningProblem(
         problem.robot, problem.tube, problem.start, nearest, obstacles=problem.obstacles
     )
@@ -90,11 +90,11 @@ def test_a_goal_left_open_is_where_the_trajectory_is_fastest():
     np.testing.assert_allclose(tool, problem.tube.points[-1], atol=1e-6)
 
 
-def test_an_open_goal_without_spare_joints_stays_where_it_is():
+def test_an_open_goal_without_redundant_joints_stays_where_it_is():
     """Two joints in a plane: the tool's place leaves them nothing to choose."""
     problem = load_problem("example:two_link/paper_1_10mm")
     assert problem.goal is None
-    branch = reference_branch(problem, spare_joint_rules(problem)[0])
+    branch = reference_branch(problem, redundancy_rules(problem)[0])
     spline = starting_spline(problem, branch, 12)
     variables = ControlVariables(problem, spline.grid)
     assert (variables.column[-3:] == FIXED).all()

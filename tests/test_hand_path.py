@@ -1,15 +1,19 @@
-"""Curves of the tool, the arm along them, and time laws put into paths."""
+"""Curves of the tool, the arm along them, and time parameterizations put into paths."""
 
 import numpy as np
 import pytest
 
 from test_time_scaling import ANGLE, INERTIA, one_joint, quintic
 from tubeplanner import JointTrajectory, Tube, load_problem
-from tubeplanner.baselines.switching_law import switching_law
-from tubeplanner.baselines.time_law import averaged_law, run_along, times_at
+from tubeplanner.baselines.fastest_parameterization import fastest_parameterization
+from tubeplanner.baselines.time_parameterization import (
+    averaged_parameterization,
+    run_along,
+    times_at,
+)
 from tubeplanner.baselines.tool_curve import rounded_polyline
 from tubeplanner.baselines.tool_path import tool_paths
-from tubeplanner.branches.reference_branch import ReferenceBranch, SpareJoints, reference_branch
+from tubeplanner.branches.reference_branch import RedundancyRule, ReferenceBranch, reference_branch
 from tubeplanner.outcome import Infeasible
 from tubeplanner.studies.trajectory_measures import smoothness_class
 
@@ -17,7 +21,7 @@ BENT = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [1, 2, 0], [3, 4, 1]], dtype=f
 
 
 def branch_of(problem):
-    return reference_branch(problem, SpareJoints.AS_NEEDED)
+    return reference_branch(problem, RedundancyRule.AS_NEEDED)
 
 
 def test_a_polyline_without_arcs_stops_at_every_point():
@@ -32,11 +36,11 @@ def test_arcs_join_their_lines_and_touch_the_wall():
     radius = np.array([0.02, 0.05, 0.05, 0.03])
     (curve,) = rounded_polyline(BENT, radius)  # straight on at the third point: no stop, no arc
     assert (curve.curvature > 0).tolist() == [False, True, False, False, True, False]
-    ways = np.linspace(0, curve.length, 20_001)
-    points = curve.point(ways)
+    arc_lengths = np.linspace(0, curve.length, 20_001)
+    points = curve.point(arc_lengths)
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    np.testing.assert_allclose(steps, ways[1], rtol=1e-6)  # the way is the length
-    turn = np.diff(points, n=2, axis=0) / ways[1] ** 2
+    np.testing.assert_allclose(steps, arc_lengths[1], rtol=1e-6)  # the way is the length
+    turn = np.diff(points, n=2, axis=0) / arc_lengths[1] ** 2
     assert np.linalg.norm(turn, axis=1).max() == pytest.approx(curve.curvature.max(), rel=1e-4)
     tube = Tube(BENT, radius)
     use = (tube.distance(points) / radius).min(axis=1)
@@ -105,27 +109,35 @@ def test_a_law_put_into_a_path_is_exact():
     path = JointTrajectory(
         ["a"], [0, 0.4, 1.0], [[[1.0], [-2.0]], [[0.5], [0.7]], [[0.1], [0.5]], [[0], [0.184]]]
     )
-    law = JointTrajectory(
-        ["way"], [0, 1.0, 2.0], [[[0.25], [-0.3]], [[0.1], [1.0]], [[0.0], [0.35]]]
+    timing = JointTrajectory(
+        ["arc_length"], [0, 1.0, 2.0], [[[0.25], [-0.3]], [[0.1], [1.0]], [[0.0], [0.35]]]
     )
-    length = law.position(2.0)[0]
-    law = JointTrajectory(["way"], law.breakpoints, law.coefficients / length)
-    trajectory = run_along(path, law)
+    length = timing.position(2.0)[0]
+    timing = JointTrajectory(["arc_length"], timing.breakpoints, timing.coefficients / length)
+    trajectory = run_along(path, timing)
     times = np.linspace(0, 2, 401)
     np.testing.assert_allclose(
-        trajectory.position(times), path.position(law.position(times)[:, 0]), atol=1e-12
+        trajectory.position(times),
+        path.position(timing.position(times)[:, 0]),
+        atol=1e-12,
     )
     assert trajectory.duration == 2.0
     assert len(trajectory.coefficients) == 7
-    ways = np.array([0.0, 0.3, 0.4, 1.0])
-    np.testing.assert_allclose(law.position(times_at(law, ways))[:, 0], ways, atol=1e-12)
+    arc_lengths = np.array([0.0, 0.3, 0.4, 1.0])
+    np.testing.assert_allclose(
+        timing.position(times_at(timing, arc_lengths))[:, 0],
+        arc_lengths,
+        atol=1e-12,
+    )
 
 
 @pytest.mark.parametrize("intervals", [3, 8, 50])
 def test_an_averaged_law_is_smooth_and_never_falls(intervals):
-    law = JointTrajectory(["way"], [0, 0.5, 1.0], [[[2.0], [-2.0]], [[0.0], [2.0]], [[0.0], [0.5]]])
-    smooth = averaged_law(law, intervals)
-    assert smoothness_class(law) == "C1"
+    timing = JointTrajectory(
+        ["arc_length"], [0, 0.5, 1.0], [[[2.0], [-2.0]], [[0.0], [2.0]], [[0.0], [0.5]]]
+    )
+    smooth = averaged_parameterization(timing, intervals)
+    assert smoothness_class(timing) == "C1"
     assert smoothness_class(smooth) == "C2"
     assert smooth.position([0.0, smooth.duration]).ravel().tolist() == pytest.approx([0, 1])
     assert smooth.velocity(np.linspace(0, smooth.duration, 500)).min() > -1e-12
@@ -144,8 +156,8 @@ def test_one_joint_switches_when_theory_says(tmp_path, limits, expected):
     """A straight path at constant speed uses no effort: limits not given are still ample."""
     robot = one_joint(tmp_path, **limits)
     path = JointTrajectory(["turn"], [0, ANGLE], [[[1.0]], [[0.0]]])
-    law = switching_law(robot, path, np.linspace(0, ANGLE, 801))
-    assert law.duration == pytest.approx(expected, rel=2e-3)
-    assert law.position(law.duration)[0] == pytest.approx(ANGLE)
-    assert smoothness_class(law) == "C1"
+    timing = fastest_parameterization(robot, path, np.linspace(0, ANGLE, 801))
+    assert timing.duration == pytest.approx(expected, rel=2e-3)
+    assert timing.position(timing.duration)[0] == pytest.approx(ANGLE)
+    assert smoothness_class(timing) == "C1"
     assert smoothness_class(quintic()) == "C2"

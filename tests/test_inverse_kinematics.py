@@ -47,7 +47,7 @@ def test_bounds_hold_and_are_used(two_link):
     assert solution.error == pytest.approx(reach - 0.3, abs=1e-4)
 
 
-def test_spare_joints_go_to_the_preferred_configuration(panda):
+def test_redundant_joints_go_to_the_preferred_configuration(panda):
     """The preferred configuration reaches the target, so the solution is that configuration."""
     rng = np.random.default_rng(2)
     preferred = np.array([0.1, -0.3, 0.2, -2.0, 0.1, 2.0, 0.5])
@@ -103,7 +103,7 @@ def test_a_reachable_pose_is_reached_in_the_components_that_count(vector, compon
             assert solution.rotation_error == pytest.approx(np.linalg.norm(off), abs=1e-12)
 
 
-def test_components_that_do_not_count_are_left_to_spare_joints(ur5):
+def test_components_that_do_not_count_are_left_to_redundant_joints(ur5):
     """The last joint turns about z of the tool: it stays where it is preferred."""
     goal = np.array([0.1, -1.2, 1.6, -1.97, -np.pi / 2, 0.0])
     target, rotation = wanted(ur5, goal, components=(1, 1, 0))

@@ -5,7 +5,7 @@ import pytest
 
 from tubeplanner import Obstacle, PlanningProblem, Tube, load_problem, placement_of, plan
 from tubeplanner.branches.joint_lines import joint_lines
-from tubeplanner.branches.reference_branch import reference_branch, spare_joint_rules
+from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
 from tubeplanner.outcome import Infeasible
 
 
@@ -37,7 +37,7 @@ def other_elbow(two_link):
 
 def test_a_goal_on_another_branch_is_reached_through_the_stretched_arm(two_link):
     problem = other_elbow(two_link)
-    for rule in spare_joint_rules(problem):
+    for rule in redundancy_rules(problem):
         with pytest.raises(Infeasible, match="the goal lies on another branch"):
             reference_branch(problem, rule)
     result = plan(problem)
@@ -53,7 +53,7 @@ def test_an_open_goal_is_moved_out_of_a_collision(ur5):
     tool = ur5.tool_position(start[None])[0]
     tube = Tube(tool + np.array([[0, 0, 0], [0, 0.4, 0.1]]), 0.08, joint_signs={"elbow_joint": "+"})
     open_problem = PlanningProblem(ur5, tube, start)
-    goal = reference_branch(open_problem, spare_joint_rules(open_problem)[0]).goal
+    goal = reference_branch(open_problem, redundancy_rules(open_problem)[0]).goal
     body = ur5.link_body["wrist_1_link"]
     wrist = ur5.body_poses(goal[None])[1][0, body]
     ball = Obstacle.sphere("ball", 0.05, placement_of(wrist + np.array([0.0, 0.0, 0.06])))

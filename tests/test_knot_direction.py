@@ -18,7 +18,7 @@ from tubeplanner import (
     sequential_quartics,
     verify,
 )
-from tubeplanner.branches.reference_branch import reference_branch, spare_joint_rules
+from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
 from tubeplanner.suh_bishop.knot_direction import best_direction, unit_response
 from tubeplanner.suh_bishop.knot_modification import KnotModification, ModificationOptions
 from tubeplanner.suh_bishop.knot_trajectory import feasible_trajectory
@@ -30,7 +30,7 @@ STEP = 0.05  # [rad]
 
 def through_knots(problem, count, construction=sequential_quartics):
     """Return a trajectory through knots on the reference path, closer together at its ends."""
-    branch = reference_branch(problem, spare_joint_rules(problem)[0])
+    branch = reference_branch(problem, redundancy_rules(problem)[0])
     candidates = candidate_waypoints(problem, branch, 61)
     way = np.linspace(0, 1, count)
     knots = candidates[np.rint(60 * way**2 * (3 - 2 * way)).astype(int)]

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from tubeplanner import Obstacle, placement_of
-from tubeplanner.branches.reference_branch import reference_branch, spare_joint_rules
+from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
 from tubeplanner.waypoint_search.candidate_waypoints import candidate_waypoints
 from tubeplanner.waypoint_search.link_clearance import LinkClearance
 
@@ -10,7 +10,7 @@ NAMES = ("two_link/around_a_post", "ur5/over_the_wall", "panda/between_shelves")
 
 
 def waypoints_of(problem):
-    branch = reference_branch(problem, spare_joint_rules(problem)[0])
+    branch = reference_branch(problem, redundancy_rules(problem)[0])
     return candidate_waypoints(problem, branch, 12)
 
 

@@ -171,7 +171,7 @@ def test_a_start_that_is_the_goal_leaves_nothing_to_plan(two_link):
     assert result.message == "the start is the goal: there is nothing to move"
 
 
-def test_spare_joints_alone_can_be_moved(panda):
+def test_redundant_joints_alone_can_be_moved(panda):
     """Start and goal hold the tool in the same place; only the last joint turns."""
     q = np.array([0.1, -0.3, 0.2, -2.0, 0.1, 2.0, 0.5])
     goal = q + np.array([0, 0, 0, 0, 0, 0, 0.8])

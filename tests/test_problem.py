@@ -361,7 +361,7 @@ def test_an_obstacle_that_cannot_be_is_named(obstacle, message):
         (
             {"collision__ignore": [["link1", "wal"]]},
             "my problem: collision.ignore: unknown link or obstacle 'wal'; there is: base, link1, "
-            "link2, tool",
+            "link2, hand",
         ),
     ],
 )

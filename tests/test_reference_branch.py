@@ -13,13 +13,13 @@ from tubeplanner import (
     load_robot,
     plan,
 )
-from tubeplanner.branches.reference_branch import SpareJoints, reference_branch, spare_joint_rules
+from tubeplanner.branches.reference_branch import RedundancyRule, redundancy_rules, reference_branch
 from tubeplanner.outcome import Infeasible
 
 
 def branch_of(problem):
-    """Return the branch by the first rule for spare joints."""
-    return reference_branch(problem, spare_joint_rules(problem)[0])
+    """Return the branch by the first rule for redundant joints."""
+    return reference_branch(problem, redundancy_rules(problem)[0])
 
 
 def two_link_problem(two_link, points, radius=0.03, signs=None, start=(0.0, -1.0), goal=None):
@@ -63,7 +63,7 @@ def test_a_fully_stretched_goal_is_reached(two_link):
     assert plan(problem).succeeded
 
 
-def test_a_given_goal_is_met_exactly_with_spare_joints_blended(planned):
+def test_a_given_goal_is_met_exactly_with_redundant_joints_blended(planned):
     problem, _ = planned("panda/between_shelves")
     branch = branch_of(problem)
     np.testing.assert_array_equal(branch.start, problem.start)
@@ -140,8 +140,8 @@ def test_a_sign_may_change_where_the_joint_is_zero(ur5):
     assert branch.segments[0][-1][5] == pytest.approx(0, abs=1e-12)
 
 
-@pytest.mark.parametrize("rule", SpareJoints)
-def test_spare_joints_follow_their_rule(rule, planned):
+@pytest.mark.parametrize("rule", RedundancyRule)
+def test_redundant_joints_follow_their_rule(rule, planned):
     """The Panda's last joint turns by 1 rad from start to goal, and the tool does not need it."""
     problem, _ = planned("panda/between_shelves")
     goal = problem.goal + np.array([0, 0, 0, 0, 0, 0, 1.0])
@@ -151,8 +151,8 @@ def test_spare_joints_follow_their_rule(rule, planned):
     turned = [float(q[0, 6] - problem.start[6]) for q in branch.segments]
     to_middle = -problem.start[6]  # the joint's range is symmetric
     expected = {
-        SpareJoints.PROPORTIONAL: [0, 0.26, 0.74],
-        SpareJoints.CENTRED: [0, to_middle, to_middle],
+        RedundancyRule.PROPORTIONAL: [0, 0.26, 0.74],
+        RedundancyRule.CENTRED: [0, to_middle, to_middle],
     }
     np.testing.assert_allclose(turned, expected.get(rule, [0, 0, 0]), atol=0.02)
 
@@ -181,7 +181,9 @@ def errors_of(problem, branch):
     return [problem.tube.rotation.error(*pose, k) for k, pose in enumerate(poses)]
 
 
-@pytest.mark.parametrize("rule", [SpareJoints.AS_NEEDED, SpareJoints.HELD, SpareJoints.CENTRED])
+@pytest.mark.parametrize(
+    "rule", [RedundancyRule.AS_NEEDED, RedundancyRule.HELD, RedundancyRule.CENTRED]
+)
 def test_the_tool_is_turned_as_the_reference_is(rule, planned):
     """In all components, or in two of them, while the reference turns by up to 1.6 rad a leg."""
     robot = planned("ur5/level_tray")[0].robot

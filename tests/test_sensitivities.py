@@ -13,7 +13,7 @@ from tubeplanner import (
     load_robot,
     plan,
 )
-from tubeplanner.branches.reference_branch import reference_branch, spare_joint_rules
+from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
 from tubeplanner.refinement.refinement import Refinement
 from tubeplanner.refinement.sequential_program import SequentialProgram
 from tubeplanner.refinement.spline_start import starting_spline
@@ -63,7 +63,7 @@ def polished(problem, trajectory):
 
 def test_sensitivities_are_what_planning_again_finds():
     problem = problem_with()
-    branch = reference_branch(problem, spare_joint_rules(problem)[0])
+    branch = reference_branch(problem, redundancy_rules(problem)[0])
     refined = Refinement(problem, starting_spline(problem, branch, 8), (3, 3))
     refined.run()
     trajectory = refined._best.trajectory

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 import tubeplanner.waypoint_search.stop_at_corners as stop_at_corners_module
 from conftest import PROBLEMS
 from tubeplanner import PlanningProblem, Tube, verify
-from tubeplanner.branches.reference_branch import reference_branch, spare_joint_rules
+from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
 from tubeplanner.waypoint_search.stop_at_corners import stop_at_corners
 from tubeplanner.waypoint_search.time_scaling import minimum_duration
 
@@ -17,8 +17,8 @@ SPEED, ACCELERATION = 0.75, 1.2
 
 
 def branch_of(problem):
-    """Return the branch by the first rule for spare joints."""
-    return reference_branch(problem, spare_joint_rules(problem)[0])
+    """Return the branch by the first rule for redundant joints."""
+    return reference_branch(problem, redundancy_rules(problem)[0])
 
 
 def conventional_duration(points):

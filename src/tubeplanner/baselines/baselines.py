@@ -14,11 +14,14 @@ from tubeplanner.baselines.conventional_lines import (
     conventional_trajectory,
     largest_trapezoidal_speed,
 )
-from tubeplanner.baselines.fixed_path_bang_bang import bang_bang_laws, bang_bang_trajectory
+from tubeplanner.baselines.fixed_path_bang_bang import (
+    bang_bang_parameterizations,
+    bang_bang_trajectory,
+)
 from tubeplanner.baselines.smoothed_bang_bang import smoothed_trajectory
 from tubeplanner.baselines.tool_path import ToolPath, tool_paths
 from tubeplanner.branches.known_branches import KnownBranches
-from tubeplanner.branches.reference_branch import ReferenceBranch, spare_joint_rules
+from tubeplanner.branches.reference_branch import ReferenceBranch, redundancy_rules
 from tubeplanner.outcome import Infeasible
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, ProgressCallback
@@ -102,11 +105,11 @@ def judged_baseline(
 ) -> tuple[Baseline, Certificate]:
     """Return what a scheme makes of a problem, and its certificate, passed or not.
 
-    Rules for spare joints are tried in turn until nothing but smoothness is broken; if something
-    always is, the first trajectory there is counts.
+    Rules for redundant joints are tried in turn until nothing but smoothness is broken; if
+    something always is, the first trajectory there is counts.
 
     Args:
-        problem: What is asked.
+        problem: The planning problem.
         name: One of `BASELINES`.
         progress: Called as each stage begins.
 
@@ -116,9 +119,9 @@ def judged_baseline(
     branches = KnownBranches(problem, PlanningClock(None, progress))
     first: tuple[Baseline, Certificate] | None = None
     reasons: list[Infeasible] = []
-    for rule in spare_joint_rules(problem):
+    for rule in redundancy_rules(problem):
         try:
-            made = BASELINES[name](problem, branches.along(rule))
+            made = BASELINES[name](problem, branches.by_rule(rule))
         except Infeasible as reason:
             reasons.append(reason)
             continue
@@ -132,19 +135,22 @@ def judged_baseline(
 
 
 def _switched(problem: PlanningProblem, paths: list[ToolPath], arcs: str) -> Baseline:
-    laws = bang_bang_laws(problem.robot, paths)
-    trajectory, slowed = bang_bang_trajectory(problem.robot, paths, laws)
+    timings = bang_bang_parameterizations(problem.robot, paths)
+    trajectory, slowed = bang_bang_trajectory(problem.robot, paths, timings)
     note = f"{arcs}slowed by {100 * slowed:.2g} % for what lies between TOPP-RA's grid points"
     return Baseline(trajectory, note)
 
 
 def _smoothed(problem: PlanningProblem, paths: list[ToolPath]) -> Baseline:
     """Return the fastest of the smoothed trajectories; the note says what smoothness costs."""
-    laws = bang_bang_laws(problem.robot, paths)
-    switched, _ = bang_bang_trajectory(problem.robot, paths, laws)
+    timings = bang_bang_parameterizations(problem.robot, paths)
+    switched, _ = bang_bang_trajectory(problem.robot, paths, timings)
     found = {
         count: smoothed_trajectory(
-            problem.robot, paths, laws, [count * (1 + _arc_count(path)) for path in paths]
+            problem.robot,
+            paths,
+            timings,
+            [count * (1 + _arc_count(path)) for path in paths],
         )
         for count in _SMOOTHED_INTERVALS
     }

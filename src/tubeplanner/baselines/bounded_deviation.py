@@ -1,9 +1,10 @@
 """Taylor's bounded deviation: lines in joint space whose tool stays near the lines of the tool.
 
-Knots are added at the middle of the tool's way between two knots until the joint line between them
-deviates by no more than the tolerance; the arm runs from knot to knot at constant joint velocities,
-with a transition of constant acceleration around each of them. (Taylor, "Planning and execution of
-straight line manipulator trajectories", IBM J. Research and Development 23(4), 1979.)
+Knots are added at the middle of the tool's arc length between two knots until the joint line
+between them deviates by no more than the tolerance; the arm runs from knot to knot at constant
+joint velocities, with a transition of constant acceleration around each of them. (Taylor, "Planning
+and execution of straight line manipulator trajectories", IBM J. Research and Development 23(4),
+1979.)
 """
 
 from dataclasses import dataclass
@@ -11,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.baselines.tool_path import ToolPath, ways_along_line
+from tubeplanner.baselines.tool_path import ToolPath, arc_lengths_on_line
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.robot.robot_model import RobotModel
@@ -24,7 +25,7 @@ _PROBES = np.linspace(0.0, 1.0, 9)[1:-1]  # of every joint line
 # How much of the shorter neighbour the half of a transition takes: the fastest is kept.
 _TRANSITION_SHARES = (0.49, 0.4, 0.3, 0.2, 0.1)
 # Intervals are shortened by what their own limits leave, over and over.
-_TIMING_ROUNDS, _TIMING_POWER, _LOOKS_PER_PIECE = 40, 0.5, 8
+_TIMING_ROUNDS, _TIMING_POWER, _SAMPLES_PER_PIECE = 40, 0.5, 8
 _ON_THE_WALL = 1e-6  # [m or rad]
 
 
@@ -48,7 +49,7 @@ def bounded_deviation(problem: PlanningProblem, lines: list[ToolPath]) -> Bounde
     limits of effort, velocity and acceleration ask for around them.
 
     Args:
-        problem: What is asked; its radii are the tolerances.
+        problem: The planning problem; its radii are the tolerances.
         lines: The arm along the tool's lines, one for every segment in which it moves.
 
     Raises:
@@ -72,7 +73,7 @@ def _knots(robot: RobotModel, line: ToolPath, tolerance: float) -> FloatArray:
     """Return configurations (K, n) on a line of the tool whose joint lines stay near it."""
     distances = np.array([0.0, line.curve.length])
     for _ in range(_MAX_ROUNDS):
-        knots = line.joints.position(ways_along_line(robot, line, distances))
+        knots = line.joints.position(arc_lengths_on_line(robot, line, distances))
         off = np.flatnonzero(_deviation(robot, line, knots) > tolerance)
         if len(off) == 0:
             return knots
@@ -92,9 +93,9 @@ def _deviation(robot: RobotModel, line: ToolPath, knots: FloatArray) -> FloatArr
     steps = np.diff(knots, axis=0)
     probes = knots[:-1, None] + _PROBES[:, None] * steps[:, None]
     offset = robot.tool_position(probes.reshape(-1, knots.shape[1])) - line.curve.start[0]
-    ahead = line.curve.direction[0]
-    along = np.clip(offset @ ahead, 0.0, line.curve.length)
-    off = np.linalg.norm(offset - along[:, None] * ahead, axis=1)
+    direction = line.curve.direction[0]
+    arc_length = np.clip(offset @ direction, 0.0, line.curve.length)
+    off = np.linalg.norm(offset - arc_length[:, None] * direction, axis=1)
     return off.reshape(len(steps), -1).max(axis=1)
 
 
@@ -115,9 +116,9 @@ def _fastest(robot: RobotModel, knots: FloatArray, share: float) -> JointTraject
 
 def _speed_factor(robot: RobotModel, trajectory: JointTrajectory, intervals: int) -> FloatArray:
     """Return how many times faster the limits allow each interval to be run, shape (K-1,)."""
-    samples = trajectory.per_piece(_LOOKS_PER_PIECE)
+    samples = trajectory.per_piece(_SAMPLES_PER_PIECE)
     factor = scaling_factor(robot, samples.position, samples.velocity, samples.acceleration)
-    pieces = factor.min(axis=1).reshape(-1, _LOOKS_PER_PIECE).min(axis=1)
+    pieces = factor.min(axis=1).reshape(-1, _SAMPLES_PER_PIECE).min(axis=1)
     # Pieces alternate: a transition, the line after it, the next transition.
     return np.minimum(np.minimum(pieces[:-2:2], pieces[1:-1:2]), pieces[2::2])
 

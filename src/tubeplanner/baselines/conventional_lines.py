@@ -10,7 +10,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.baselines.tool_path import ToolPath, ways_along_line
+from tubeplanner.baselines.tool_path import ToolPath, arc_lengths_on_line
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, concatenate
@@ -21,7 +21,8 @@ _TOLERANCE = 2e-6  # [m] between the tool and where it should be at that time
 _MIN_NODES, _MAX_NODES = 16, 2048  # per phase of constant acceleration
 # How much of the longest line may be spent speeding up and slowing down: the fastest is taken.
 _RAMP_SHARES = np.geomspace(1.0, 0.02, 12)
-# A tool that moves less per way of the joints [m/rad] stands still: the arm is singular there.
+# A tool that moves less per arc length of the joints [m/rad] stands still: the arm is singular
+# there.
 _MIN_GAIN = 1e-3
 
 
@@ -43,9 +44,9 @@ class TrapezoidalSpeed:
             return distance / self.speed + self.speed / self.acceleration
         return 2 * float(np.sqrt(distance / self.acceleration))
 
-    def law(self, distance: float) -> JointTrajectory:
-        """Return the way of the tool along a line of a length [m] over time: 2 or 3 parabolas."""
-        ramp = min(self.speed**2 / self.acceleration, distance) / 2  # the way of one
+    def timing(self, distance: float) -> JointTrajectory:
+        """Return the tool's arc length over time on a line of a length [m]: 2 or 3 parabolas."""
+        ramp = min(self.speed**2 / self.acceleration, distance) / 2  # the arc length of one
         top = np.sqrt(2 * ramp * self.acceleration)
         cruise = (distance - 2 * ramp) / top
         half = self.acceleration / 2
@@ -89,21 +90,21 @@ def conventional_trajectory(
     Raises:
         Infeasible: Status no_trajectory: the joints cannot follow the tool.
     """
-    return concatenate([_run(robot, line, speed.law(line.curve.length)) for line in lines])
+    return concatenate([_run(robot, line, speed.timing(line.curve.length)) for line in lines])
 
 
 def _scaled_speed(robot: RobotModel, lines: list[ToolPath], ramps: float) -> TrapezoidalSpeed:
-    """Return the largest speed whose ramps take so much of the way [m]."""
+    """Return the largest speed whose ramps take so much of the arc length [m]."""
     shape = TrapezoidalSpeed(float(np.sqrt(ramps)), 1.0)
     trajectory = conventional_trajectory(robot, lines, shape)
     faster = trajectory.duration / minimum_duration(robot, trajectory, with_jerk=False)
     return TrapezoidalSpeed(faster * shape.speed, faster**2)
 
 
-def _run(robot: RobotModel, line: ToolPath, law: JointTrajectory) -> JointTrajectory:
+def _run(robot: RobotModel, line: ToolPath, timing: JointTrajectory) -> JointTrajectory:
     """Return the trajectory along one line, in phases of constant acceleration."""
     phases = []
-    for begin, end in zip(law.breakpoints[:-1], law.breakpoints[1:], strict=True):
+    for begin, end in zip(timing.breakpoints[:-1], timing.breakpoints[1:], strict=True):
         nodes, off = _MIN_NODES, np.inf
         while off > _TOLERANCE:
             if nodes > _MAX_NODES:
@@ -114,36 +115,40 @@ def _run(robot: RobotModel, line: ToolPath, law: JointTrajectory) -> JointTrajec
                     "in the way; move the reference points",
                     Place(segment=line.segment),
                 )
-            phase = _phase(robot, line, law, np.linspace(begin, end, nodes + 1))
-            off = _off(robot, line, law, phase, begin)
+            phase = _phase(robot, line, timing, np.linspace(begin, end, nodes + 1))
+            off = _off(robot, line, timing, phase, begin)
             nodes *= 2
         phases.append(phase)
     return concatenate(phases)
 
 
 def _phase(
-    robot: RobotModel, line: ToolPath, law: JointTrajectory, times: FloatArray
+    robot: RobotModel, line: ToolPath, timing: JointTrajectory, times: FloatArray
 ) -> JointTrajectory:
     """Return a cubic spline through the configurations at times (N,), its own time from zero."""
-    way = ways_along_line(robot, line, law.position(times)[:, 0])
-    q, ahead = line.joints.position(way), line.joints.velocity(way)[[0, -1]]
+    arc_length = arc_lengths_on_line(robot, line, timing.position(times)[:, 0])
+    q, slope = line.joints.position(arc_length), line.joints.velocity(arc_length)[[0, -1]]
     jacobian = robot.tool_jacobian(q[[0, -1]])[1][:, :3]
-    gain = np.einsum("nij,nj,i->n", jacobian, ahead, line.curve.direction[0])
-    speed = law.velocity(times[[0, -1]])[:, 0]
+    gain = np.einsum("nij,nj,i->n", jacobian, slope, line.curve.direction[0])
+    speed = timing.velocity(times[[0, -1]])[:, 0]
     # Where the arm is singular, joints need not stop with the tool: their speed is the spline's.
     ends = [
         (1, a * v / g) if g > _MIN_GAIN else "not-a-knot"
-        for a, v, g in zip(ahead, speed, gain, strict=True)
+        for a, v, g in zip(slope, speed, gain, strict=True)
     ]
     spline = CubicSpline(times - times[0], q, bc_type=tuple(ends))
     return JointTrajectory(robot.joint_names, spline.x, spline.c)
 
 
 def _off(
-    robot: RobotModel, line: ToolPath, law: JointTrajectory, phase: JointTrajectory, begin: float
+    robot: RobotModel,
+    line: ToolPath,
+    timing: JointTrajectory,
+    phase: JointTrajectory,
+    begin: float,
 ) -> float:
     """Return how far from its place a phase has the tool between the spline's points [m]."""
     times = (phase.breakpoints[:-1] + phase.breakpoints[1:]) / 2
-    wanted = line.curve.point(law.position(begin + times)[:, 0])
+    wanted = line.curve.point(timing.position(begin + times)[:, 0])
     tool = robot.tool_position(phase.position(times))
     return float(np.linalg.norm(tool - wanted, axis=1).max())

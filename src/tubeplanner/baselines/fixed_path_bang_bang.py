@@ -11,8 +11,8 @@ from itertools import pairwise
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.baselines.switching_law import switching_law
-from tubeplanner.baselines.time_law import run_along
+from tubeplanner.baselines.fastest_parameterization import fastest_parameterization
+from tubeplanner.baselines.time_parameterization import run_along
 from tubeplanner.baselines.tool_path import ToolPath
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.robot.robot_model import RobotModel
@@ -23,46 +23,49 @@ from tubeplanner.waypoint_search.time_scaling import minimum_duration
 _PATH_STEPS, _PIECE_STEPS = 800, 400
 
 
-def bang_bang_laws(robot: RobotModel, paths: Sequence[ToolPath]) -> list[JointTrajectory]:
-    """Return the way over time in which each path is run fastest, from rest to rest.
+def bang_bang_parameterizations(
+    robot: RobotModel, paths: Sequence[ToolPath]
+) -> list[JointTrajectory]:
+    """Return the arc length over time in which each path is run fastest, from rest to rest.
 
     Raises:
-        Infeasible: Gravity exceeds a motor's effort, or no law is found.
+        Infeasible: Gravity exceeds a motor's effort, or no time parameterization is found.
     """
-    return [_law(robot, path) for path in paths]
+    return [_parameterization(robot, path) for path in paths]
 
 
 def bang_bang_trajectory(
-    robot: RobotModel, paths: Sequence[ToolPath], laws: Sequence[JointTrajectory]
+    robot: RobotModel, paths: Sequence[ToolPath], timings: Sequence[JointTrajectory]
 ) -> tuple[JointTrajectory, float]:
-    """Return the trajectory that runs paths by their laws: degree 6, slowed into limits.
+    """Return the trajectory that runs paths so parameterized: degree 6, slowed into limits.
 
-    The laws keep the limits at points of their paths; all are slowed by the share by which limits
-    are exceeded in between. Limits of jerk are left out, since the acceleration jumps.
+    The time parameterizations keep the limits at points of their paths; all are slowed by the share
+    by which limits are exceeded in between. Limits of jerk are left out, since the acceleration
+    jumps.
 
     Returns:
         The trajectory, and the share by which it is slowed.
     """
-    runs = [run_along(path.joints, law) for path, law in zip(paths, laws, strict=True)]
+    runs = [run_along(path.joints, timing) for path, timing in zip(paths, timings, strict=True)]
     trajectory = concatenate(runs)
     share = minimum_duration(robot, trajectory, with_jerk=False) / trajectory.duration
     return trajectory.scaled(share), share - 1
 
 
-def _law(robot: RobotModel, path: ToolPath) -> JointTrajectory:
-    law = switching_law(robot, path.joints, _grid(path))
-    if law is None:
+def _parameterization(robot: RobotModel, path: ToolPath) -> JointTrajectory:
+    timing = fastest_parameterization(robot, path.joints, _grid(path))
+    if timing is None:
         raise Infeasible(
             PlanStatus.NO_TRAJECTORY,
             f"segment {path.segment}: TOPP-RA finds no speed at which the arm can run the tool's "
             "curve from rest to rest; move the reference points",
             Place(segment=path.segment),
         )
-    return law
+    return timing
 
 
 def _grid(path: ToolPath) -> FloatArray:
-    """Return ways (N,) from the path's start to its end, all breakpoints among them."""
+    """Return arc lengths (N,) from the path's start to its end, all breakpoints among them."""
     breakpoints, length = path.joints.breakpoints, path.joints.duration
     least = max(_PATH_STEPS, _PIECE_STEPS * len(path.curve.start))
     counts = np.ceil(least * path.joints.widths / length).astype(int)

@@ -1,8 +1,9 @@
-"""Bang-bang control made smooth: the same path, run by an average of its law.
+"""Bang-bang control made smooth: the same path, run by an average of its time parameterization.
 
 The average is C2 and begins and ends at rest without acceleration. Where that breaks a limit, the
-law takes more time before it is averaged again; what is left is slowed as a whole. Finer averages
-cost less, without a bound: what smoothness costs depends on the jerk that is allowed.
+time parameterization takes more time before it is averaged again; what is left is slowed as a
+whole. Finer averages cost less, without a bound: what smoothness costs depends on the jerk that is
+allowed.
 """
 
 from collections.abc import Sequence
@@ -11,7 +12,7 @@ import numpy as np
 from scipy.ndimage import minimum_filter1d
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.baselines.time_law import averaged_law, run_along
+from tubeplanner.baselines.time_parameterization import averaged_parameterization, run_along
 from tubeplanner.baselines.tool_path import ToolPath
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, concatenate
@@ -22,63 +23,67 @@ from tubeplanner.waypoint_search.time_scaling import (
 )
 
 _ROUNDS = 8
-_LOOKS = 8  # at the limits, per interval
+_SAMPLES_PER_INTERVAL = 8  # at the limits, per interval
 # What one look asks for is given to the intervals beside it, too, in steps.
-_WINDOW, _POWER, _MAX_GAIN = 2 * _LOOKS + 1, 0.6, 1.2
+_WINDOW, _POWER, _MAX_GAIN = 2 * _SAMPLES_PER_INTERVAL + 1, 0.6, 1.2
 
 
 def smoothed_trajectory(
     robot: RobotModel,
     paths: Sequence[ToolPath],
-    laws: Sequence[JointTrajectory],
+    timings: Sequence[JointTrajectory],
     intervals: Sequence[int],
 ) -> JointTrajectory:
-    """Return paths run by averaged laws, each at its limits: C2, degree 9.
+    """Return paths run by averaged time parameterizations, each at its limits: C2, degree 9.
 
     Args:
         robot: The arm.
         paths: From rest to rest.
-        laws: Their `bang_bang_laws`.
-        intervals: For every path, into how many intervals its law is averaged.
+        timings: Their `bang_bang_parameterizations`.
+        intervals: For every path, into how many intervals its time parameterization is averaged.
     """
-    runs = zip(paths, laws, intervals, strict=True)
-    return concatenate([_smoothed(robot, path.joints, law, count) for path, law, count in runs])
+    runs = zip(paths, timings, intervals, strict=True)
+    return concatenate(
+        [_smoothed(robot, path.joints, timing, count) for path, timing, count in runs]
+    )
 
 
 def _smoothed(
-    robot: RobotModel, path: JointTrajectory, law: JointTrajectory, intervals: int
+    robot: RobotModel, path: JointTrajectory, timing: JointTrajectory, intervals: int
 ) -> JointTrajectory:
     """Return the fastest trajectory of all rounds, slowed until it keeps the limits."""
-    factor, shortest, best = np.ones(len(law.widths)), np.inf, path
+    factor, shortest, best = np.ones(len(timing.widths)), np.inf, path
     for _ in range(_ROUNDS):
-        smooth = averaged_law(_stretched(law, factor), intervals)
+        smooth = averaged_parameterization(_stretched(timing, factor), intervals)
         trajectory = run_along(path, smooth)
         duration = estimated_duration(robot, trajectory)
         if duration < shortest:
             shortest, best = duration, trajectory
-        speed_factor = _speed_factor(robot, trajectory, smooth, law, _LOOKS * intervals)
+        speed_factor = _speed_factor(
+            robot, trajectory, smooth, timing, _SAMPLES_PER_INTERVAL * intervals
+        )
         factor = factor / np.minimum(speed_factor, _MAX_GAIN) ** _POWER
     return scaled_to_limits(robot, best)
 
 
-def _stretched(law: JointTrajectory, factor: FloatArray) -> JointTrajectory:
-    """Return a law whose pieces take so many times longer, (pieces,)."""
-    powers = np.arange(len(law.coefficients) - 1, -1, -1)
-    times = np.concatenate([[0.0], np.cumsum(factor * law.widths)])
-    rows = law.coefficients / (factor ** powers[:, None])[:, :, None]
-    return JointTrajectory(law.joint_names, times, rows)
+def _stretched(timing: JointTrajectory, factor: FloatArray) -> JointTrajectory:
+    """Return a time parameterization whose pieces take so many times longer, (pieces,)."""
+    powers = np.arange(len(timing.coefficients) - 1, -1, -1)
+    times = np.concatenate([[0.0], np.cumsum(factor * timing.widths)])
+    rows = timing.coefficients / (factor ** powers[:, None])[:, :, None]
+    return JointTrajectory(timing.joint_names, times, rows)
 
 
 def _speed_factor(
     robot: RobotModel,
     trajectory: JointTrajectory,
     smooth: JointTrajectory,
-    law: JointTrajectory,
-    looks: int,
+    timing: JointTrajectory,
+    count: int,
 ) -> FloatArray:
-    """Return how many times faster the limits allow a run where a law's pieces are."""
-    samples = trajectory.at(np.linspace(0, trajectory.duration, looks + 1))
+    """Return how many times faster the limits allow a run, at each piece."""
+    samples = trajectory.at(np.linspace(0, trajectory.duration, count + 1))
     factor = scaling_factor(robot, samples.position, samples.velocity, samples.acceleration)
     least = minimum_filter1d(factor.min(axis=1), _WINDOW)
-    middle = law.position((law.breakpoints[:-1] + law.breakpoints[1:]) / 2)[:, 0]
+    middle = timing.position((timing.breakpoints[:-1] + timing.breakpoints[1:]) / 2)[:, 0]
     return np.interp(middle, smooth.position(samples.time)[:, 0], least)

@@ -23,30 +23,32 @@ class ToolCurve:
         direction: Of the tool there, unit vectors, shape (P, 3).
         normal: Towards the centre of an arc, unit vectors, shape (P, 3); anything for a line.
         curvature: Shape (P,) [1/m], 0 for a line.
-        ways: Length of the curve up to the ends of its pieces, shape (P+1,), from 0 [m].
-        polyline_ways: Length of the polyline up to the same places, shape (P+1,) [m].
+        arc_lengths: Length of the curve up to the ends of its pieces, shape (P+1,), from 0 [m].
+        polyline_arc_lengths: Length of the polyline up to the same places, shape (P+1,) [m].
     """
 
     start: FloatArray
     direction: FloatArray
     normal: FloatArray
     curvature: FloatArray
-    ways: FloatArray
-    polyline_ways: FloatArray
+    arc_lengths: FloatArray
+    polyline_arc_lengths: FloatArray
 
     @property
     def length(self) -> float:
         """Length [m]."""
-        return float(self.ways[-1])
+        return float(self.arc_lengths[-1])
 
-    def point(self, way: FloatArray) -> FloatArray:
-        """Return the points (N, 3) [m] at ways (N,) from 0 to the length."""
-        piece = np.clip(np.searchsorted(self.ways, way, "right") - 1, 0, len(self.start) - 1)
-        local = (way - self.ways[piece])[:, None]
+    def point(self, arc_length: FloatArray) -> FloatArray:
+        """Return the points (N, 3) [m] at arc lengths (N,) from 0 to the length."""
+        piece = np.clip(
+            np.searchsorted(self.arc_lengths, arc_length, "right") - 1, 0, len(self.start) - 1
+        )
+        local = (arc_length - self.arc_lengths[piece])[:, None]
         half = self.curvature[piece, None] * local / (2 * np.pi)
-        ahead = local * np.sinc(2 * half)  # sin(c s) / c
-        aside = np.pi * half * local * np.sinc(half) ** 2  # (1 - cos(c s)) / c
-        return self.start[piece] + ahead * self.direction[piece] + aside * self.normal[piece]
+        forward = local * np.sinc(2 * half)  # sin(c s) / c
+        sideways = np.pi * half * local * np.sinc(half) ** 2  # (1 - cos(c s)) / c
+        return self.start[piece] + forward * self.direction[piece] + sideways * self.normal[piece]
 
 
 def rounded_polyline(points: FloatArray, radius: FloatArray | None) -> list[ToolCurve]:
@@ -108,13 +110,17 @@ def _between_stops(
     for k in range(first, last):
         line = points[k + 1] - points[k]
         length = float(np.linalg.norm(line))
-        ahead = line / length
+        direction = line / length
         taken, left = (cut[k] if k > first else 0.0), (cut[k + 1] if k + 1 < last else 0.0)
         straight = length - taken - left
         if straight > _MIN_LENGTH:
-            rows.append((points[k] + taken * ahead, ahead, ahead, 0.0, straight, straight))
+            rows.append(
+                (points[k] + taken * direction, direction, direction, 0.0, straight, straight)
+            )
         if left > 0:
-            rows.append(_arc(points[k + 1] - left * ahead, ahead, points[k + 1 : k + 3], left))
+            rows.append(
+                _arc(points[k + 1] - left * direction, direction, points[k + 1 : k + 3], left)
+            )
     starts, directions, normals, curvatures, lengths, shares = zip(*rows, strict=True)
     return ToolCurve(
         np.array(starts),
@@ -127,13 +133,13 @@ def _between_stops(
 
 
 def _arc(
-    start: FloatArray, ahead: FloatArray, following: FloatArray, cut: float
+    start: FloatArray, direction: FloatArray, following: FloatArray, cut: float
 ) -> tuple[FloatArray, FloatArray, FloatArray, float, float, float]:
     """Return start, direction, normal, curvature, length and what it takes of the polyline."""
     line = following[1] - following[0]
     after = line / np.linalg.norm(line)
-    turn = _angle(ahead, after)
-    aside = after - (after @ ahead) * ahead
+    turn = _angle(direction, after)
+    sideways = after - (after @ direction) * direction
     curvature = np.tan(turn / 2) / cut
-    normal = aside / np.linalg.norm(aside)
-    return start, ahead, normal, float(curvature), float(turn / curvature), 2 * cut
+    normal = sideways / np.linalg.norm(sideways)
+    return start, direction, normal, float(curvature), float(turn / curvature), 2 * cut

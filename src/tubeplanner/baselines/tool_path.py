@@ -18,7 +18,8 @@ from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
 CURVE_TOLERANCE = 1e-6  # [m] between the tool and its curve
 _MAX_ROUNDS, _MAX_NODES = 12, 2000  # of halving the steps that leave the curve
-# Configurations nearer to each other than this share of the way carry rounding errors, no shape.
+# Configurations nearer to each other than this share of the arc length carry rounding errors, no
+# shape.
 _APART = 1e-5
 # A tool that moves less stands still [m]; joints that move as much meanwhile [rad or m] would have
 # to turn a sharp corner, where only a stop helps.
@@ -32,8 +33,8 @@ class ToolPath:
     """A path in joint space whose tool is on a curve.
 
     Attributes:
-        joints: The path over the way in joint space [rad or m], which it runs at about unit speed:
-            cubics, C2.
+        joints: The path over the arc length in joint space [rad or m], which it runs at about unit
+            speed: cubics, C2.
         curve: The tool's curve.
         segment: The tube's segment in which it begins.
     """
@@ -47,7 +48,7 @@ def tool_paths(problem: PlanningProblem, branch: ReferenceBranch, *, arcs: bool)
     """Return the arm along the straight lines of the tool between a branch's corners.
 
     Args:
-        problem: What is asked.
+        problem: The planning problem.
         branch: The arm along the reference path.
         arcs: Whether corners are cut by arcs inside the tube; else the tool stops there.
 
@@ -78,7 +79,7 @@ def follow(problem: PlanningProblem, branch: ReferenceBranch, curve: ToolCurve) 
     distances; steps that leave the curve are halved.
 
     Args:
-        problem: What is asked.
+        problem: The planning problem.
         branch: The arm along the polyline that the curve rounds.
         curve: Lines and arcs along the polyline, or a part of it.
 
@@ -88,20 +89,20 @@ def follow(problem: PlanningProblem, branch: ReferenceBranch, curve: ToolCurve) 
     return _Follower(problem, branch, curve).path()
 
 
-def ways_along_line(robot: RobotModel, line: ToolPath, distance: FloatArray) -> FloatArray:
-    """Return the ways of the joints at which the tool is so far along its line [m], (N,)."""
-    start, ahead = line.curve.start[0], line.curve.direction[0]
+def arc_lengths_on_line(robot: RobotModel, line: ToolPath, distance: FloatArray) -> FloatArray:
+    """Return the arc lengths of the joints at which the tool is so far along its line [m], (N,)."""
+    start, direction = line.curve.start[0], line.curve.direction[0]
 
-    def excess(way: FloatArray, distance: FloatArray) -> FloatArray:
-        tool = robot.tool_position(line.joints.position(way))
-        return (tool - start) @ ahead - distance
+    def excess(arc_length: FloatArray, distance: FloatArray) -> FloatArray:
+        tool = robot.tool_position(line.joints.position(arc_length))
+        return (tool - start) @ direction - distance
 
-    ways = np.where(distance > _AT_END, line.joints.duration, 0.0)
+    arc_lengths = np.where(distance > _AT_END, line.joints.duration, 0.0)
     inner = np.flatnonzero((distance > _AT_END) & (distance < line.curve.length - _AT_END))
     if len(inner):
-        ends = (np.zeros(len(inner)), ways[inner])
-        ways[inner] = elementwise.find_root(excess, ends, args=(distance[inner],)).x
-    return ways
+        ends = (np.zeros(len(inner)), arc_lengths[inner])
+        arc_lengths[inner] = elementwise.find_root(excess, ends, args=(distance[inner],)).x
+    return arc_lengths
 
 
 def _route(problem: PlanningProblem, branch: ReferenceBranch) -> FloatArray:
@@ -111,7 +112,7 @@ def _route(problem: PlanningProblem, branch: ReferenceBranch) -> FloatArray:
 
 
 class _Follower:
-    """Configurations whose tool is on a curve; a table's rows are (*configuration, tool's way)."""
+    """Configurations with the tool on a curve; table rows are (*configuration, arc length)."""
 
     def __init__(self, problem: PlanningProblem, branch: ReferenceBranch, curve: ToolCurve) -> None:
         self._problem, self._branch, self._curve = problem, branch, curve
@@ -128,7 +129,7 @@ class _Follower:
             if len(steps) == 0:
                 names = self._problem.robot.joint_names
                 joints = JointTrajectory(names, spline.x, spline.c[:, :, :-1])
-                first = self._segment(self._curve.ways[1:2] / 2)[0]
+                first = self._segment(self._curve.arc_lengths[1:2] / 2)[0]
                 return ToolPath(joints, self._curve, int(first))
             if len(table) > _MAX_NODES:
                 break
@@ -143,24 +144,26 @@ class _Follower:
         )
 
     def _along_branch(self) -> FloatArray:
-        """Return the branch's configurations beside the curve, and the tool's way on the curve."""
-        first, last = self._curve.polyline_ways[[0, -1]]
+        """Return the branch's configurations beside the curve, and their arc lengths on it."""
+        first, last = self._curve.polyline_arc_lengths[[0, -1]]
         rows = []
         for k, q in enumerate(self._branch.segments):
             begin, end = self._before[k : k + 2]
             if begin < first - CURVE_TOLERANCE or end > last + CURVE_TOLERANCE or begin == end:
                 continue
-            ahead = (self._route[k + 1] - self._route[k]) / (end - begin)
-            along = (self._problem.robot.tool_position(q) - self._route[k]) @ ahead
-            _require_moving(q, along, k)
-            rows.append(np.column_stack([q, begin + np.clip(along, 0.0, end - begin)]))
+            direction = (self._route[k + 1] - self._route[k]) / (end - begin)
+            arc_length = (self._problem.robot.tool_position(q) - self._route[k]) @ direction
+            _require_moving(q, arc_length, k)
+            rows.append(np.column_stack([q, begin + np.clip(arc_length, 0.0, end - begin)]))
         table = np.vstack(rows)
-        table[:, -1] = np.interp(table[:, -1], self._curve.polyline_ways, self._curve.ways)
+        table[:, -1] = np.interp(
+            table[:, -1], self._curve.polyline_arc_lengths, self._curve.arc_lengths
+        )
         return table
 
-    def _segment(self, way: FloatArray) -> IntArray:
-        """Return the tube's segments (N,) that ways (N,) on the curve are counted to."""
-        polyline = np.interp(way, self._curve.ways, self._curve.polyline_ways)
+    def _segment(self, arc_length: FloatArray) -> IntArray:
+        """Return the tube's segments (N,) that arc lengths (N,) on the curve are counted to."""
+        polyline = np.interp(arc_length, self._curve.arc_lengths, self._curve.polyline_arc_lengths)
         return np.searchsorted(self._before[1:-1], polyline)
 
     def _on_curve(self, table: FloatArray) -> FloatArray:
@@ -187,19 +190,19 @@ class _Follower:
     def _off_curve(self, spline: CubicSpline) -> FloatArray:
         """Return how far from the curve each step of a spline leads the tool, (steps,) [m]."""
         x = spline.x
-        ways = x[:-1, None] + np.diff(x)[:, None] * _PROBES
-        probes = spline(ways.ravel())
+        arc_lengths = x[:-1, None] + np.diff(x)[:, None] * _PROBES
+        probes = spline(arc_lengths.ravel())
         tool = self._problem.robot.tool_position(probes[:, :-1])
         length = self._curve.length
         wanted = self._curve.point(np.clip(probes[:, -1], 0.0, length))
         off = np.linalg.norm(tool - wanted, axis=1)
-        return off.reshape(ways.shape).max(axis=1)
+        return off.reshape(arc_lengths.shape).max(axis=1)
 
 
-def _require_moving(q: FloatArray, along: FloatArray, segment: int) -> None:
-    """Raise if joints (P, n) move on while the tool's way (P,) does not."""
+def _require_moving(q: FloatArray, arc_length: FloatArray, segment: int) -> None:
+    """Raise if joints (P, n) move on while the tool's arc length (P,) does not."""
     turned = abs(np.diff(q, axis=0)).max(axis=1)
-    if ((np.diff(along) < _STILL) & (turned > _TURNED)).any():
+    if ((np.diff(arc_length) < _STILL) & (turned > _TURNED)).any():
         raise _stands_still(segment)
 
 
@@ -207,7 +210,7 @@ def _stands_still(segment: int) -> Infeasible:
     return Infeasible(
         PlanStatus.NO_TRAJECTORY,
         f"segment {segment}: joints have to move where the tool stands still, which no scheme that "
-        "is led by the tool can; leave the goal open, or give one that the tool's way leads to",
+        "is led by the tool can; leave the goal open, or give one that the line leads to",
         Place(segment=segment),
     )
 

@@ -2,9 +2,9 @@
 
 Damped least squares with the damping of Sugihara, "Solvability-unconcerned inverse kinematics by
 the Levenberg-Marquardt method" (IEEE T-RO 27(5), 2011): it converges at a fully stretched arm, and
-comes as near as possible to a point out of reach. The rotation comes
-second: it uses what the position leaves, in the null space of its Jacobian. Joints that are spare
-even then are pulled towards a preferred configuration, in the null space of both.
+comes as near as possible to a point out of reach. The rotation comes second: it uses what the
+position leaves, in the null space of its Jacobian. Joints that are redundant even then are pulled
+towards a preferred configuration, in the null space of both.
 """
 
 from dataclasses import dataclass
@@ -21,12 +21,12 @@ _POSITION_TOLERANCE = 1e-10  # [m]
 # The last step [rad or m]: what it leaves is of its square.
 _POSTURE_TOLERANCE = 1e-6
 _MAX_ITERATIONS = 100
-# Near full stretch a joint is all but spare, and a pull on it would keep the tool from its target:
-# later iterations go for the target alone.
+# Near full stretch a joint is all but redundant, and a pull on it would keep the tool from its
+# target: later iterations go for the target alone.
 _PULLED_ITERATIONS = 40
 _MAX_STEP = 0.2  # [rad or m] of any joint
-# Directions in which a joint moves the tool by less than this count as spare [m/rad].
-_SPARE_GAIN = 1e-4
+# Directions in which a joint moves the tool by less than this count as redundant [m/rad].
+_REDUNDANT_GAIN = 1e-4
 # A stretched arm cannot feel which way to fold: it is bent this much, one way, then the other.
 _BENDS = (0.05, -0.05)  # [rad or m], its sign alternating from joint to joint
 
@@ -79,8 +79,8 @@ def solve_position(
         seed: Where to start, shape (n,) [rad or m].
         lower: Lower joint bounds, shape (n,).
         upper: Upper joint bounds, shape (n,).
-        preferred: Where spare joints go, shape (n,); default: back to the seed.
-        rotation: How the tool should be turned there; default: at will.
+        preferred: Where redundant joints go, shape (n,); default: back to the seed.
+        rotation: How the tool should be turned there; default: any.
 
     Returns:
         The solution; its errors say whether the target was reached.
@@ -180,10 +180,10 @@ def _free_step(tasks: list[_Task], pull: FloatArray) -> FloatArray:
     step = np.zeros_like(pull)
     used = np.zeros((0, len(pull)))
     for jacobian, error in tasks:
-        spare = jacobian - (jacobian @ used.T) @ used
+        remaining = jacobian - (jacobian @ used.T) @ used
         rest = error - jacobian @ step
-        u, gain, v = np.linalg.svd(spare, full_matrices=False)
+        u, gain, v = np.linalg.svd(remaining, full_matrices=False)
         damping = 0.5 * float(error @ error) + _DAMPING
         step = step + v.T @ (gain / (gain**2 + damping) * (u.T @ rest))
-        used = np.vstack([used, v[gain > _SPARE_GAIN]])
+        used = np.vstack([used, v[gain > _REDUNDANT_GAIN]])
     return step + pull - used.T @ (used @ pull)

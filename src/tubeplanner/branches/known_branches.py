@@ -1,21 +1,21 @@
-"""Ways of the arm along a problem's tube, each found once, when it is asked for."""
+"""Branches of the arm along a problem's tube, each found once, when it is asked for."""
 
 from collections.abc import Callable
 from functools import partial
 
 from tubeplanner.branches.joint_lines import joint_lines
 from tubeplanner.branches.reference_branch import (
+    RedundancyRule,
     ReferenceBranch,
-    SpareJoints,
+    redundancy_rules,
     reference_branch,
-    spare_joint_rules,
 )
 from tubeplanner.outcome import Infeasible
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock
 from tubeplanner.verification.refusal import require_free
 
-_JOINT_LINES, _AT_WILL = "joint lines", "turned at will"
+_JOINT_LINES, _POSITION_ONLY = "joint lines", "position only"
 
 
 class KnownBranches:
@@ -25,7 +25,7 @@ class KnownBranches:
         self._problem, self._clock = problem, clock
         self._found: dict[str, ReferenceBranch | Infeasible] = {}
 
-    def along(self, rule: SpareJoints) -> ReferenceBranch:
+    def by_rule(self, rule: RedundancyRule) -> ReferenceBranch:
         """Return the branch of a rule, its ends clear of everything.
 
         Raises:
@@ -35,15 +35,17 @@ class KnownBranches:
         search = partial(reference_branch, self._problem, rule, self._clock.check)
         return self._once(rule, "inverse kinematics along the reference path", search)
 
-    def turned_at_will(self) -> ReferenceBranch:
+    def position_only(self) -> ReferenceBranch:
         """Return a branch whose tool need not keep the rotation tolerance.
 
         Raises:
             Infeasible: As for branches.
         """
-        rule = spare_joint_rules(self._problem)[0]
-        search = partial(reference_branch, self._problem, rule, self._clock.check, is_turned=False)
-        return self._once(_AT_WILL, "inverse kinematics of the tool's place alone", search)
+        rule = redundancy_rules(self._problem)[0]
+        search = partial(
+            reference_branch, self._problem, rule, self._clock.check, with_rotation=False
+        )
+        return self._once(_POSITION_ONLY, "inverse kinematics of the tool's place alone", search)
 
     def joint_lines(self) -> ReferenceBranch:
         """Return joint lines between the reference points, the tool not in the tube.

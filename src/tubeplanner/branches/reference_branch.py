@@ -67,41 +67,41 @@ class ReferenceBranch:
         )
 
 
-class SpareJoints(StrEnum):
+class RedundancyRule(StrEnum):
     """What joints do that the tool's position leaves free."""
 
     AS_NEEDED = "they move as little as possible, and to the goal at the end"
-    PROPORTIONAL = "they go from start to goal in proportion to the way"
+    PROPORTIONAL = "they go from start to goal in proportion to the arc length"
     HELD = "they are held near the start, and go to the goal at the end"
     CENTRED = "they go to the middle of their ranges, and to the goal at the end"
 
 
-def spare_joint_rules(problem: PlanningProblem) -> tuple[SpareJoints, ...]:
+def redundancy_rules(problem: PlanningProblem) -> tuple[RedundancyRule, ...]:
     """Return the rules worth trying for a problem, the most natural first."""
     if problem.goal is None:
-        return SpareJoints.AS_NEEDED, SpareJoints.HELD, SpareJoints.CENTRED
+        return RedundancyRule.AS_NEEDED, RedundancyRule.HELD, RedundancyRule.CENTRED
     return (
-        SpareJoints.PROPORTIONAL,
-        SpareJoints.AS_NEEDED,
-        SpareJoints.HELD,
-        SpareJoints.CENTRED,
+        RedundancyRule.PROPORTIONAL,
+        RedundancyRule.AS_NEEDED,
+        RedundancyRule.HELD,
+        RedundancyRule.CENTRED,
     )
 
 
 def reference_branch(
     problem: PlanningProblem,
-    spare_joints: SpareJoints,
+    rule: RedundancyRule,
     checkpoint: Callable[[], None] = lambda: None,
     *,
-    is_turned: bool = True,
+    with_rotation: bool = True,
 ) -> ReferenceBranch:
     """Return the branch that the joint signs, the start and the goal ask for.
 
     Args:
-        problem: What is asked.
-        spare_joints: What joints do that the tool's position leaves free.
+        problem: The planning problem.
+        rule: What joints do that the tool's position leaves free.
         checkpoint: Called before every segment; it may raise to end the work.
-        is_turned: Whether the rotation tolerance, if there is one, is kept.
+        with_rotation:Whether the rotation tolerance, if there is one, is kept.
 
     Raises:
         Infeasible: Status unreachable: the message says where the branch ends and why.
@@ -109,7 +109,7 @@ def reference_branch(
     start = end_configuration(problem, problem.start, 0)
     goal = None if problem.goal is None else end_configuration(problem, problem.goal, -1)
     route = _route(problem, start, goal)
-    pulls = _pulls(problem, route, start, goal, spare_joints)
+    pulls = _pulls(problem, route, start, goal, rule)
     q, segments = start, []
     for k in range(problem.tube.segment_count):
         checkpoint()
@@ -117,7 +117,7 @@ def reference_branch(
         is_last = k + 1 == problem.tube.segment_count
         end = goal if is_last else None
         ends = route[k : k + 2]
-        walk = SegmentWalk(problem, k, ends, q, wanted, end, is_turned=is_turned)
+        walk = SegmentWalk(problem, k, ends, q, wanted, end, with_rotation=with_rotation)
         segments.append(walk.to_the_end())
         q = segments[-1][-1]
     if goal is not None:
@@ -131,19 +131,19 @@ def _pulls(
     route: FloatArray,
     start: FloatArray,
     goal: FloatArray | None,
-    spare_joints: SpareJoints,
+    rule: RedundancyRule,
 ) -> FloatArray | None:
-    """Return where spare joints are pulled at each point of a route, (m+1, n), if anywhere."""
-    if spare_joints is SpareJoints.HELD:
+    """Return where redundant joints are pulled at each point of a route, (m+1, n), if anywhere."""
+    if rule is RedundancyRule.HELD:
         return np.tile(start, (len(route), 1))
-    if spare_joints is SpareJoints.CENTRED:
+    if rule is RedundancyRule.CENTRED:
         with np.errstate(invalid="ignore"):
             middle = (problem.joint_lower + problem.joint_upper) / 2
         return np.vstack([start, np.where(np.isfinite(middle), middle, start)])
-    if spare_joints is SpareJoints.AS_NEEDED or goal is None:
+    if rule is RedundancyRule.AS_NEEDED or goal is None:
         return None
-    way = _shares_of_way(route)[:, None]
-    return (1 - way) * start + way * goal
+    share = _shares_of_length(route)[:, None]
+    return (1 - share) * start + share * goal
 
 
 def end_configuration(problem: PlanningProblem, given: FloatArray | Seed, point: int) -> FloatArray:
@@ -182,8 +182,8 @@ def _route(problem: PlanningProblem, start: FloatArray, goal: FloatArray | None)
     return route
 
 
-def _shares_of_way(route: FloatArray) -> FloatArray:
-    """Return which share of the whole way lies before each point of a route, shape (m+1,)."""
+def _shares_of_length(route: FloatArray) -> FloatArray:
+    """Return which share of the whole length lies before each point of a route, shape (m+1,)."""
     lengths = np.linalg.norm(np.diff(route, axis=0), axis=1)
     if lengths.sum() == 0:
         lengths = np.ones_like(lengths)

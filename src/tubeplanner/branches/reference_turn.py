@@ -34,7 +34,7 @@ class ReferenceTurn:
         """Prepare for a segment.
 
         Args:
-            problem: What is asked.
+            problem: The planning problem.
             tube: Its rotational part.
             segment: Index of the tube's segment.
             begin: Configuration at its start, shape (n,).
@@ -82,7 +82,7 @@ def wanted_at(
     """Return how the tool should be turned at a point (3,): as the reference, or as it is near.
 
     Args:
-        problem: What is asked.
+        problem: The planning problem.
         point: Where the tool is, base frame [m].
         segment: In which segment.
         near: A configuration (n,) whose rotation vector is wanted; None: zero.

@@ -11,7 +11,7 @@ from tubeplanner.problem.problem import PlanningProblem
 _MAX_STEP = 1 / 40  # of a segment
 _MIN_STEP = 1e-5  # of a segment
 _MAX_JOINT_STEP = 0.1  # [rad or m] between neighbouring configurations
-_MAX_PULL = 0.05  # [rad or m] on spare joints from one configuration to the next
+_MAX_PULL = 0.05  # [rad or m] on redundant joints from one configuration to the next
 _MAX_SETTLING_STEPS = 500
 _SETTLED = 1e-9  # [rad or m]
 # Where the centre line cannot be reached, the tool may leave it by this share of the radius.
@@ -23,7 +23,7 @@ _OPEN_GOAL_TOLERANCE = 5e-7
 class SegmentWalk:
     """Follows a straight line of the tool from a configuration, in small joint steps.
 
-    Spare joints are pulled towards where they are wanted, a little at every step; what the
+    redundant joints are pulled towards where they are wanted, a little at every step; what the
     switching time to the next segment asks of a joint narrows in on it in time. Where that is not
     enough, they go the rest of the way at the segment's end, the tool standing still.
     """
@@ -37,19 +37,19 @@ class SegmentWalk:
         wanted: FloatArray | None,
         goal: FloatArray | None,
         *,
-        is_turned: bool = True,
+        with_rotation: bool = True,
     ) -> None:
         """Prepare a walk.
 
         Args:
-            problem: What is asked.
+            problem: The planning problem.
             segment: Index of the tube's segment.
             ends: Where the tool starts and ends, shape (2, 3) [m].
             begin: Configuration at the start, shape (n,).
-            wanted: Where spare joints are pulled at the start and at the end, shape (2, n); None:
-                nowhere.
+            wanted: Where redundant joints are pulled at the start and at the end, shape (2, n);
+                None: nowhere.
             goal: Configuration to settle in at the end; None: any that the next segment allows.
-            is_turned: Whether the rotation tolerance, if there is one, is kept.
+            with_rotation:Whether the rotation tolerance, if there is one, is kept.
         """
         self._problem, self._segment = problem, segment
         self._ends, self._begin = ends, begin
@@ -58,7 +58,7 @@ class SegmentWalk:
         following = min(segment + 1, problem.tube.segment_count - 1)
         self._end_lower = np.maximum(self._lower, problem.joint_lower[following])
         self._end_upper = np.minimum(self._upper, problem.joint_upper[following])
-        tube = problem.tube.rotation if is_turned else None
+        tube = problem.tube.rotation if with_rotation else None
         self._turn = None if tube is None else ReferenceTurn(problem, tube, segment, begin, goal)
 
     def to_the_end(self) -> FloatArray:
@@ -88,7 +88,7 @@ class SegmentWalk:
         return found
 
     def _settled(self, found: list[FloatArray]) -> list[FloatArray]:
-        """Let the spare joints go where the segment's end needs them, the tool standing still."""
+        """Move redundant joints where the segment's end needs them, the tool standing still."""
         for _ in range(_MAX_SETTLING_STEPS):
             q = found[-1]
             wanted = np.clip(q, self._end_lower, self._end_upper)
@@ -116,7 +116,7 @@ class SegmentWalk:
         solution = self._solve_with(share, seed, wanted)
         if abs(solution.q - last).max() <= _MAX_JOINT_STEP:
             return solution
-        # Too far at once, however short the step: spare joints have to go there by and by.
+        # Too far at once, however short the step: redundant joints have to go there by and by.
         pull = np.clip(wanted - last, -_MAX_PULL, _MAX_PULL)
         return self._solve_with(share, seed, last + pull)
 
@@ -171,7 +171,7 @@ class SegmentWalk:
         raise Infeasible(PlanStatus.UNREACHABLE, f"{where}: {reason}", place)
 
     def _could_go_on(self, share: float, q: FloatArray) -> bool:
-        """Return whether a configuration could go on if the tool might be turned at will."""
+        """Return whether a configuration could go on if any orientation were allowed."""
         robot, point = self._problem.robot, self._point(share)
         solution = solve_position(robot, point, q, self._lower, self._upper)
         jump = abs(solution.q - q).max()

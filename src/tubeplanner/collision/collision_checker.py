@@ -194,12 +194,12 @@ class CollisionChecker:
         groups = np.flatnonzero(np.any(np.diff(pairs[order], axis=0) != 0, axis=1)) + 1
         for rows in np.split(order, groups) if len(order) else ():
             first, second = (self.shapes[index] for index in pairs[rows[0]])
-            ahead = np.einsum("pij,pj->pi", rotation[rows, second.body], direction[rows])
-            local = np.einsum("pij,pi->pj", rotation[rows, first.body], ahead)
+            world_direction = np.einsum("pij,pj->pi", rotation[rows, second.body], direction[rows])
+            local = np.einsum("pij,pi->pj", rotation[rows, first.body], world_direction)
             farthest = (local @ first.shape.vertices.T).max(axis=1) + first.shape.radius
             nearest = (direction[rows] @ second.shape.vertices.T).min(axis=1) - second.shape.radius
             offset = position[rows, second.body] - position[rows, first.body]
-            result[rows] = nearest - farthest + np.einsum("pi,pi->p", ahead, offset)
+            result[rows] = nearest - farthest + np.einsum("pi,pi->p", world_direction, offset)
         return result
 
     def sphere_distances(

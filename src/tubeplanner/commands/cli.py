@@ -141,8 +141,8 @@ def plan(
         result = plan_problem(loaded, options, enter)
         if result.trajectory is not None:
             with interrupts_held() as held:
-                said = outputs.write(loaded, result.method, result.trajectory)
-                result = replace(result, notes=(*result.notes, *said))
+                written_notes = outputs.write(loaded, result.method, result.trajectory)
+                result = replace(result, notes=(*result.notes, *written_notes))
                 _ = result.sensitivities  # before Ctrl-C could make a success look interrupted
             interrupted = bool(held)
     if as_json:

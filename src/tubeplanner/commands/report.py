@@ -28,7 +28,7 @@ def plan_text(
     """Return what came of planning, in lines.
 
     Args:
-        problem: What was asked.
+        problem: The planning problem.
         result: What came of it.
         loading_time: [s].
         with_minimum: Whether to say how fast the path could be run by motors that switch at once.
@@ -87,9 +87,9 @@ def sweep_text(result: SweepResult) -> str:
         saved = (
             "" if row.elasticity is None else f"{abs(100 * row.elasticity * row.duration):.2g} ms"
         )
-        said = f"certified, {row.result.method}" + (f"; {row.note}" if row.note else "")
+        message = f"certified, {row.result.method}" + (f"; {row.note}" if row.note else "")
         times = (f"{row.duration:.4f} s", saved and f"saves {saved}")
-        table.add_row(value, *times, f"{row.result.planning_time:.2f} s", said)
+        table.add_row(value, *times, f"{row.result.planning_time:.2f} s", message)
     return _rendered(table)
 
 
@@ -142,7 +142,7 @@ def measurement_text(problem: PlanningProblem, result: TubeMeasurement, loading_
         lines.append(_rendered(table))
         for k, segment in enumerate(result.segments):
             lines.append(
-                f"segment {k}: attacked by {segment.samples} random configurations, no collision "
+                f"segment {k}: tested with{segment.samples} random configurations, no collision "
                 f"(the {segment.collisions} that were found on the way are left outside)"
             )
     lines.append(f"{result.status}: {result.message}")
@@ -185,8 +185,8 @@ def tube_text(name: str, answer: TubeAnswer) -> str:
     """
     lines = [f"{name}: searched for {answer.search_time:.1f} s"]
     if answer.compared:
-        told = ", ".join("none" if one is None else f"{one:.3f} s" for one in answer.compared)
-        lines.append(f"trajectories along the routes compared: {told}")
+        listed = ", ".join("none" if one is None else f"{one:.3f} s" for one in answer.compared)
+        lines.append(f"trajectories along the routes compared: {listed}")
     if answer.found is not None:
         tube = answer.found.problem.tube
         for k, (point, radius) in enumerate(zip(tube.points, [*tube.radius, None], strict=True)):

@@ -79,7 +79,7 @@ def route(
         answer = find_route(loaded, options, enter)
     if output is not None and answer.found is not None:
         _write(read_fields(source), source.parent, output, answer)
-    return _told(loaded.name, answer, loading_time, output, as_json)
+    return _print_answer(loaded.name, answer, loading_time, output, as_json)
 
 
 @click.command()
@@ -146,7 +146,7 @@ def teach(
         answer = teach_tube(loaded, recorded, options, enter)
     if output is not None and answer.found is not None:
         _write(cell.fields, cell.folder, output, answer)
-    return _told(loaded.name, answer, None, output, as_json)
+    return _print_answer(loaded.name, answer, None, output, as_json)
 
 
 def _write(fields: Any, folder: Path, output: Path, answer: "TubeAnswer") -> None:
@@ -157,7 +157,7 @@ def _write(fields: Any, folder: Path, output: Path, answer: "TubeAnswer") -> Non
     write_files({output: with_problem(fields, folder, output, answer.found.problem)})
 
 
-def _told(
+def _print_answer(
     name: str, answer: "TubeAnswer", loading_time: float | None, output: Path | None, as_json: bool
 ) -> int:
     """Print an answer and return the exit status."""

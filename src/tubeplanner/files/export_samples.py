@@ -56,7 +56,7 @@ def samples_for_export(
     """Return samples that pass `check`: of the trajectory itself, averaged, or slowed down.
 
     Args:
-        problem: What was asked.
+        problem: The planning problem.
         trajectory: A certified answer.
         rate: [Hz].
 

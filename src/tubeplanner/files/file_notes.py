@@ -14,7 +14,7 @@ def notes_on_file(problem: PlanningProblem, file: TrajectoryFile, *, failed: boo
     """Return sentences: how samples were read, what else the file was made for, what it may mean.
 
     Args:
-        problem: What was asked.
+        problem: The planning problem.
         file: Its trajectory has the problem's joints, in any order.
         failed: Whether its certificate failed.
     """

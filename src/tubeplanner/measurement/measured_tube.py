@@ -19,8 +19,8 @@ class MeasureOptions:
 
     Attributes:
         max_radius: No segment gets a larger radius [m].
-        samples: How many configurations of a segment the last attack draws, which must find
-            nothing. Time is in proportion.
+        samples: How many configurations of a segment the last counterexample search draws, which
+            must find nothing. Time is in proportion.
         seed: Of the random numbers: the same seed gives the same tube.
     """
 
@@ -65,18 +65,18 @@ class SegmentMeasurement:
         radius: Of the tube, the tool radius included [m].
         joint_ranges: By joint name [rad or m]; joints that need no range are left out.
         bindings: What ends the set, one entry per bound that something ends.
-        samples: How many configurations the last attack drew; it found no collision.
-        attacked: How many the attacks drew by which the set became what it is.
+        samples: How many configurations the last counterexample search drew; it found no collision.
+        searched: How many the counterexample searches drew by which the set became what it is.
         collisions: How many collisions were found since the search began, all outside the set now.
-        least_clearance: The least distance beyond what is required that the last attack found [m];
-            None if nothing came near.
+        least_clearance: The least distance beyond what is required that the last counterexample
+            search found [m]; None if nothing came near.
     """
 
     radius: float
     joint_ranges: Mapping[str, JointRange]
     bindings: tuple[Binding, ...]
     samples: int
-    attacked: int
+    searched: int
     collisions: int
     least_clearance: float | None
 
@@ -91,7 +91,7 @@ class SegmentMeasurement:
             "joint_ranges": ranges,
             "bindings": [binding.as_dict() for binding in self.bindings],
             "samples": self.samples,
-            "attacked": self.attacked,
+            "attacked": self.searched,
             "collisions": self.collisions,
             "least_room": self.least_clearance,
         }
@@ -106,7 +106,7 @@ class TubeMeasurement:
         message: One sentence.
         place: Where, if there is no tube.
         segments: One per segment; empty unless successful.
-        problem: What was asked, with the measured tube; None unless successful.
+        problem: The planning problem, with the measured tube; None unless successful.
         measuring_time: Wall time from the loaded problem [s].
     """
 

@@ -1,10 +1,10 @@
-"""The largest set of one segment in which an attack finds no collision.
+"""The largest set of one segment in which an counterexample search finds no collision.
 
 The set is the product of a capsule around the segment and a range for every joint; it holds the
-branch along the centre line. Collisions that attacks find are kept as points, and the set is the
-largest box that leaves them all out; it is attacked again until nothing is found. (Shrinking by
-counterexamples is the idea of IRIS-NP: Petersen & Tedrake, "Growing convex collision-free regions
-in configuration space using nonlinear programming", ICRA 2023.)
+branch along the centre line. Collisions that counterexample searches find are kept as points, and
+the set is the largest box that leaves them all out; it is searched again until nothing is found.
+(Shrinking by counterexamples is the idea of IRIS-NP: Petersen & Tedrake, "Growing convex
+collision-free regions in configuration space using nonlinear programming", ICRA 2023.)
 """
 
 from dataclasses import dataclass
@@ -14,9 +14,12 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.measurement.configuration_set import ConfigurationSet
+from tubeplanner.measurement.counterexample_search import (
+    CounterexampleSearch,
+    search_counterexamples,
+)
 from tubeplanner.measurement.largest_box import Box, BoxSearch
 from tubeplanner.measurement.pair_clearance import PairClearance
-from tubeplanner.measurement.set_attack import Attack, attack
 from tubeplanner.problem.problem import PlanningProblem
 
 # The set reaches this far beyond what the branch itself needs [m], [rad or m]; where it is free,
@@ -26,15 +29,17 @@ WANTED_RANGE = 0.05
 _WIDEST_RANGE = 0.8  # [rad or m]: how far ranges may reach beyond the branch
 # Where nothing says how much of a range is needed, more than this counts nothing [rad or m]; else,
 # more than what is needed and a little: [m], and [rad or m].
-_ENOUGH_RANGE, _SPARE_RADIUS, _SPARE_RANGE = 0.3, 5e-3, 0.05
-# How far the set ends before a collision [m], [rad or m]: so that attacks come to an end.
+_ENOUGH_RANGE, _EXTRA_RADIUS, _EXTRA_RANGE = 0.3, 5e-3, 0.05
+# How far the set ends before a collision [m], [rad or m]: so that searches come to an end.
 _MARGIN_RADIUS, _MARGIN_RANGE = 1e-3, 1e-2
 _FIRST_SAMPLES = 2000
-_FIRST_SHARE = 8  # of the last attack's samples: the first attack has so many times fewer
-# After so many attacks, or one that failed, the set shrinks only: where it was, most is known.
+_FIRST_SHARE = 8  # the first search has so many times fewer samples than the last
+# After so many counterexample searches, or one that failed, the set shrinks only: where it was,
+# most is known.
 _FREE_ROUNDS = 25
 _MAX_ROUNDS = 200
-# So many collisions of an attack are moved to the edge of what collides, by so many bisections.
+# So many collisions of an counterexample search are moved to the edge of what collides, by so many
+# bisections.
 _MAX_MOVED, _BISECTIONS = 48, 8
 _DECIMALS = 4  # of the numbers written to files
 
@@ -44,7 +49,7 @@ JointBounds: TypeAlias = tuple[FloatArray, FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
-class Wish:
+class SetPreferences:
     """What a set should be like.
 
     Attributes:
@@ -59,7 +64,7 @@ class Wish:
 
 
 @dataclass(frozen=True, eq=False)
-class Blocked:
+class Collision:
     """Even the branch's own surroundings collide.
 
     Attributes:
@@ -80,19 +85,19 @@ class SegmentSearch:
     Attributes:
         allowed: The set.
         box: How far it reaches beyond the branch, in which direction, and what ends it there.
-        wish: What it should be like.
+        preferences: What it should be like.
         q: Collisions that were found on the way, shape (B, n); what a box calls its blockers.
         pair: The pair of shapes that is too close in each, shape (B,).
-        last: The attack that found nothing.
-        samples: How many configurations the attacks of this search looked at.
+        last: The counterexample search that found nothing.
+        samples: How many configurations the counterexample searches of this search looked at.
     """
 
     allowed: ConfigurationSet
     box: Box
-    wish: Wish
+    preferences: SetPreferences
     q: FloatArray
     pair: IntArray
-    last: Attack
+    last: CounterexampleSearch
     samples: int
 
 
@@ -114,7 +119,7 @@ class CollisionBoxes:
         """Begin with no collision known.
 
         Args:
-            problem: What is asked; its radius is the largest that the set may have.
+            problem: The planning problem; its radius is the largest that the set may have.
             segment: Index of the segment.
             branch: Configurations along it, shape (P, n).
             core: Of what the set must hold.
@@ -164,14 +169,14 @@ class CollisionBoxes:
         self.q, self.pair = np.concatenate([self.q, q]), np.concatenate([self.pair, pair])
         self.beyond = np.concatenate([self.beyond, self._beyond_core(q)])
 
-    def blocked(self) -> Blocked | None:
+    def collision(self) -> Collision | None:
         """Return a collision that no box leaves out, if there is one."""
         inside = np.flatnonzero((self.beyond <= 0).all(axis=1))
         if len(inside) == 0:
             return None
         depth, _ = self._pair_clearance.of_pairs(self.q[inside], self.pair[inside])
         worst = int(inside[depth.argmin()])
-        return Blocked(self.q[worst], int(self.pair[worst]), float(depth.min()))
+        return Collision(self.q[worst], int(self.pair[worst]), float(depth.min()))
 
     def _beyond_core(self, q: FloatArray) -> FloatArray:
         core = ConfigurationSet(self._problem, self._segment, self._lower, self._upper, 0.0)
@@ -205,68 +210,74 @@ def search_segment(
     clearance: PairClearance,
     samples: int,
     rng: np.random.Generator,
-    wish: Wish | None = None,
+    preferences: SetPreferences | None = None,
     within: Box | None = None,
-) -> SegmentSearch | Blocked:
+) -> SegmentSearch | Collision:
     """Return the largest set found around a branch, or a collision that leaves none.
 
     Args:
         boxes: Around the branch; they learn the collisions that are found.
         clearance: Of the pairs of links.
-        samples: How many configurations the attack draws that must find nothing.
+        samples: How many configurations the counterexample search draws that must find nothing.
         rng: Random numbers.
-        wish: What the set should be like; default: radii count, ranges a little.
+        preferences: What the set should be like; default: radii count, ranges a little.
         within: A box that the set must lie in; default: none.
     """
-    wish = wish or Wish()
-    search, budget = _box_search(boxes, wish, rng), samples // _FIRST_SHARE + 1
+    preferences = preferences or SetPreferences()
+    search, budget = _box_search(boxes, preferences, rng), samples // _FIRST_SHARE + 1
     if len(boxes.q) == 0:
-        found = attack(boxes.allowed(np.zeros_like(boxes.widest)), clearance, budget, rng)
+        found = search_counterexamples(
+            boxes.allowed(np.zeros_like(boxes.widest)), clearance, budget, rng
+        )
         if not found.failed:
-            return _blocked(found, clearance)
+            return _collision(found, clearance)
         q = boxes.allowed(boxes.widest).sample(_FIRST_SAMPLES, rng)
         least = clearance.least(q, 0.0)
         boxes.learn(q[least.clearance < 0], least.pair[least.clearance < 0])
     total, within = 0, within or Box(boxes.widest, np.full(len(boxes.widest), -1))
     for number in range(_MAX_ROUNDS):
-        blocked = boxes.blocked()
-        if blocked is not None:
-            return blocked
+        collision = boxes.collision()
+        if collision is not None:
+            return collision
         box = search.best(boxes.beyond, within)
         allowed = boxes.allowed(box.extent)
-        found = attack(allowed, clearance, budget, rng)
+        found = search_counterexamples(allowed, clearance, budget, rng)
         while found.failed and found.tried < samples:
             found = found.then(
-                attack(allowed, clearance, min(found.tried, samples - found.tried), rng)
+                search_counterexamples(
+                    allowed, clearance, min(found.tried, samples - found.tried), rng
+                )
             )
             within = box
         total += found.samples
         if found.failed:
-            return SegmentSearch(allowed, box, wish, boxes.q, boxes.pair, found, total)
+            return SegmentSearch(allowed, box, preferences, boxes.q, boxes.pair, found, total)
         boxes.learn(found.q, found.pair)
         if number >= _FREE_ROUNDS:
             within = box
-    return _blocked(found, clearance)
+    return _collision(found, clearance)
 
 
-def _box_search(boxes: CollisionBoxes, wish: Wish, rng: np.random.Generator) -> BoxSearch:
+def _box_search(
+    boxes: CollisionBoxes, preferences: SetPreferences, rng: np.random.Generator
+) -> BoxSearch:
     sides = np.ones(len(boxes.widest) - 1)
     enough = np.concatenate([boxes.widest[:1], _ENOUGH_RANGE * sides])
-    if wish.needed is not None:
-        enough = wish.needed + np.concatenate([[_SPARE_RADIUS], _SPARE_RANGE * sides])
+    if preferences.needed is not None:
+        enough = preferences.needed + np.concatenate([[_EXTRA_RADIUS], _EXTRA_RANGE * sides])
     return BoxSearch(
         margin=np.concatenate([[_MARGIN_RADIUS], _MARGIN_RANGE * sides]),
-        worth=np.concatenate([[wish.radius_worth], sides]),
+        worth=np.concatenate([[preferences.radius_worth], sides]),
         enough=np.minimum(boxes.widest, enough),
         already=np.concatenate([[boxes.radius], WANTED_RANGE * sides]),
         rng=rng,
     )
 
 
-def _blocked(found: Attack, clearance: PairClearance) -> Blocked:
+def _collision(found: CounterexampleSearch, clearance: PairClearance) -> Collision:
     depth, _ = clearance.of_pairs(found.q, found.pair)
     worst = int(depth.argmin())
-    return Blocked(found.q[worst], int(found.pair[worst]), float(depth[worst]))
+    return Collision(found.q[worst], int(found.pair[worst]), float(depth[worst]))
 
 
 def _down(values: FloatArray) -> FloatArray:

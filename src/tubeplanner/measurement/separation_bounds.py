@@ -50,13 +50,13 @@ def separation_bounds(
             break
         direction = gap / length[:, None]
         local = np.einsum("nij,ni->nj", turned[live], direction)
-        ahead = ones[(local @ ones.T).argmax(axis=1)]
+        support = ones[(local @ ones.T).argmax(axis=1)]
         behind = others[(direction @ others.T).argmin(axis=1)]
-        end = behind - moved[live] - np.einsum("nij,nj->ni", turned[live], ahead)
+        end = behind - moved[live] - np.einsum("nij,nj->ni", turned[live], support)
         bound[live] = np.maximum(bound[live], np.sum(direction * end, axis=1) - grown)
         # On to the point of the line from the gap to that end which is nearest to the origin.
-        along = end - gap
-        squared = np.maximum(np.sum(along**2, axis=1), _NO_LENGTH**2)
-        share = np.clip(-np.sum(gap * along, axis=1) / squared, 0.0, 1.0)
-        gap = gap + share[:, None] * along
+        edge = end - gap
+        squared = np.maximum(np.sum(edge**2, axis=1), _NO_LENGTH**2)
+        share = np.clip(-np.sum(gap * edge, axis=1) / squared, 0.0, 1.0)
+        gap = gap + share[:, None] * edge
     return bound

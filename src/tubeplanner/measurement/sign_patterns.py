@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.branches.reference_branch import SpareJoints, reference_branch
+from tubeplanner.branches.reference_branch import RedundancyRule, reference_branch
 from tubeplanner.errors import ProblemError
 from tubeplanner.measurement.configuration_set import ConfigurationSet
 from tubeplanner.measurement.folding_joints import folding_joints
 from tubeplanner.measurement.measured_tube import MeasureOptions
 from tubeplanner.measurement.pair_clearance import PairClearance
-from tubeplanner.measurement.tube_measurement import Surroundings
+from tubeplanner.measurement.tube_measurement import BranchNeighbourhood
 from tubeplanner.outcome import Infeasible, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem, Seed
 from tubeplanner.progress import Progress, ProgressCallback
@@ -99,7 +99,7 @@ def survey_patterns(
     other joints do.
 
     Args:
-        problem: What is asked.
+        problem: The planning problem.
         options: How to measure.
         progress: Called as each pattern begins.
     """
@@ -129,9 +129,9 @@ def _row(
     reachable, why, radii = False, "", []
     for alone in _posed(problem, k, signs, options):
         try:
-            branch = reference_branch(alone, SpareJoints.AS_NEEDED)
+            branch = reference_branch(alone, RedundancyRule.AS_NEEDED)
             reachable = True
-            found = Surroundings(alone, branch, options).first_search(0)
+            found = BranchNeighbourhood(alone, branch, options).first_search(0)
             radii.append(found.allowed.radius + problem.tube.tool_radius)
         except Infeasible as reason:
             if reachable or not why:

@@ -8,7 +8,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.branches.known_branches import KnownBranches
-from tubeplanner.branches.reference_branch import ReferenceBranch, spare_joint_rules
+from tubeplanner.branches.reference_branch import ReferenceBranch, redundancy_rules
 from tubeplanner.branches.segment_walk import as_position
 from tubeplanner.errors import OptionError
 from tubeplanner.measurement.folding_joints import is_determined, sign_bounds
@@ -21,10 +21,10 @@ from tubeplanner.measurement.measured_tube import (
 from tubeplanner.measurement.pair_clearance import PairClearance
 from tubeplanner.measurement.segment_measurement import (
     WANTED_RANGE,
-    Blocked,
+    Collision,
     CollisionBoxes,
     SegmentSearch,
-    Wish,
+    SetPreferences,
     range_core,
     search_segment,
 )
@@ -36,15 +36,15 @@ from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, Progress, ProgressCallback
 from tubeplanner.tube.tube import JointRange, Tube
 
-# Distance asked for beside the clearance [m], for what later attacks may find beyond what was
-# found here: the second where the first leaves nothing around the branch.
+# Distance asked for beside the clearance [m], for what later counterexample searches may find
+# beyond what was found here: the second where the first leaves nothing around the branch.
 EXTRA_CLEARANCES = (1e-3, 1e-4)
 _ROUNDING = 1e-9
 # How far a trajectory may leave the sets found so far, to say what it needs: [m], and [rad or m].
 _WIDENINGS = ((0.0, np.inf), (0.03, 0.3))
 _RADIUS_WORTHS = (1.0, 4.0)  # trades of radii for joint ranges that are tried, each time
 _ROUGH_SHARE = 8  # of the samples: a rough measurement has so many times fewer
-_LOOKS_PER_PIECE = 10
+_SAMPLES_PER_PIECE = 10
 _MAX_STEP = 0.02  # [rad or m] between configurations at which the branch is looked at
 
 
@@ -57,12 +57,12 @@ def measure_tube(
 
     For every segment: the largest radius and joint ranges around the branch along the centre line
     such that in all configurations with the tool in that capsule and the joints in those ranges
-    everything keeps clear, as far as an attack of many configurations can tell. Where a radius can
-    only grow at the cost of a range, a fast trajectory's needs decide. The problem's own radii do
-    not count; its joint signs do.
+    everything keeps clear, as far as an counterexample search of many configurations can tell.
+    Where a radius can only grow at the cost of a range, a fast trajectory's needs decide. The
+    problem's own radii do not count; its joint signs do.
 
     Args:
-        problem: What is asked.
+        problem: The planning problem.
         options: How to measure.
         progress: Called as each stage begins.
 
@@ -117,53 +117,57 @@ def _segments_of_some_branch(
         Infeasible: None has; the reason is that of the first one.
     """
     branches, first = KnownBranches(problem, clock), None
-    for rule in spare_joint_rules(problem):
+    for rule in redundancy_rules(problem):
         try:
-            branch = branches.along(rule)
+            branch = branches.by_rule(rule)
         except Infeasible as reason:
             first = first or reason
             continue
         for extra in EXTRA_CLEARANCES:
             try:
-                return _segments(Surroundings(problem, branch, options, extra), clock)
+                return _segments(BranchNeighbourhood(problem, branch, options, extra), clock)
             except Infeasible as reason:
                 first = first or reason
     assert first is not None
     raise first
 
 
-def _segments(around: "Surroundings", clock: PlanningClock) -> tuple[SegmentMeasurement, ...]:
+def _segments(
+    neighbourhood: "BranchNeighbourhood", clock: PlanningClock
+) -> tuple[SegmentMeasurement, ...]:
     """Return what was measured around a branch.
 
     A first, rough measurement is made without regard to trajectories. Then, time after time, a fast
     trajectory that may leave the best sets a little says which radii and joint ranges it needs;
     trades of one for the other are searched for and planned in. The sets of the fastest trajectory
-    are attacked thoroughly.
+    are searched thoroughly for counterexamples.
 
     Raises:
         Infeasible: Status tube_blocked.
     """
-    segments, rough = range(around.count), []
+    segments, rough = range(neighbourhood.count), []
     for k in segments:
-        clock.announce(Progress(f"measuring segment {k} of {around.count}"))
-        rough.append(around.first_search(k))
-    best, shortest = rough, around.duration(rough)
+        clock.announce(Progress(f"measuring segment {k} of {neighbourhood.count}"))
+        rough.append(neighbourhood.first_search(k))
+    best, shortest = rough, neighbourhood.duration(rough)
     for widening in _WIDENINGS:
-        needs = around.needs_of_trajectory(best, *widening)
+        needs = neighbourhood.needs_of_trajectory(best, *widening)
         for worth in _RADIUS_WORTHS:
             clock.announce(Progress(f"trading radii, worth {worth:g}, for joint ranges"))
-            trade = [around.search(k, Wish(needs[k], worth)) for k in segments]
-            duration = around.duration(trade)
+            trade = [neighbourhood.search(k, SetPreferences(needs[k], worth)) for k in segments]
+            duration = neighbourhood.duration(trade)
             if duration < shortest:
                 best, shortest = trade, duration
     final = []
     for k in segments:
-        clock.announce(Progress(f"attacking segment {k} of {around.count}"))
-        final.append(around.described(k, around.attacked(k, best[k])))
+        clock.announce(
+            Progress(f"searching counterexamples in segment {k} of {neighbourhood.count}")
+        )
+        final.append(neighbourhood.described(k, neighbourhood.without_counterexamples(k, best[k])))
     return tuple(final)
 
 
-class Surroundings:
+class BranchNeighbourhood:
     """The surroundings of a branch, and what searches learn of them.
 
     Attributes:
@@ -180,7 +184,7 @@ class Surroundings:
         """Look along the branch.
 
         Args:
-            problem: What is asked; its radii are the largest wanted.
+            problem: The planning problem; its radii are the largest wanted.
             branch: Along the centre line.
             options: How to measure.
             extra: LeastClearance asked for beside the clearance, unless the branch has less [m].
@@ -222,7 +226,7 @@ class Surroundings:
             found = search_segment(self._boxes[k], self._pair_clearance, self._rough, self._rngs[k])
             if isinstance(found, SegmentSearch):
                 return found
-        return self._unless_blocked(k, found)
+        return self._unless_collision(k, found)
 
     def needs_of_trajectory(
         self, found: list[SegmentSearch], beyond_radius: float, beyond_range: float
@@ -237,21 +241,21 @@ class Surroundings:
         result = self._planned(found, beyond_radius, beyond_range)
         if result.trajectory is None:
             return [None] * self.count
-        q = result.trajectory.per_piece(_LOOKS_PER_PIECE).position
+        q = result.trajectory.per_piece(_SAMPLES_PER_PIECE).position
         tool = self._problem.robot.tool_position(q)
         nearest = self._problem.tube.distance(tool).argmin(axis=1)
         return [self._boxes[k].needed(q[nearest == k]) for k in range(self.count)]
 
-    def search(self, k: int, wish: Wish) -> SegmentSearch:
+    def search(self, k: int, preferences: SetPreferences) -> SegmentSearch:
         """Return what a rough search finds, with the collisions known so far.
 
         Raises:
-            Infeasible: Status tube_blocked: attacks come to no end.
+            Infeasible: Status tube_blocked: searches for counterexamples come to no end.
         """
         found = search_segment(
-            self._boxes[k], self._pair_clearance, self._rough, self._rngs[k], wish
+            self._boxes[k], self._pair_clearance, self._rough, self._rngs[k], preferences
         )
-        return self._unless_blocked(k, found)
+        return self._unless_collision(k, found)
 
     def duration(self, found: list[SegmentSearch]) -> float:
         """Return how long a trajectory within sets takes [s]; infinite where none is found."""
@@ -271,15 +275,15 @@ class Surroundings:
         problem = self._problem.with_tube(_tube(tube, radii, ranges))
         return plan(problem, PlanOptions(quality="fast"))
 
-    def attacked(self, k: int, found: SegmentSearch) -> SegmentSearch:
-        """Return the largest set within one that a thorough attack leaves.
+    def without_counterexamples(self, k: int, found: SegmentSearch) -> SegmentSearch:
+        """Return the largest set within one that a thorough counterexample search leaves.
 
         Raises:
-            Infeasible: Status tube_blocked: attacks come to no end.
+            Infeasible: Status tube_blocked: searches for counterexamples come to no end.
         """
         boxes, clearance, rng = self._boxes[k], self._pair_clearance, self._rngs[k]
-        last = search_segment(boxes, clearance, self._samples, rng, found.wish, found.box)
-        return self._unless_blocked(k, last)
+        last = search_segment(boxes, clearance, self._samples, rng, found.preferences, found.box)
+        return self._unless_collision(k, last)
 
     def described(self, k: int, found: SegmentSearch) -> SegmentMeasurement:
         """Return what a search found, in the terms of a tube."""
@@ -289,12 +293,12 @@ class Surroundings:
             joint_ranges=_ranges(self._problem, found.allowed.lower, found.allowed.upper),
             bindings=_bindings(self._problem, k, found, self._pair_clearance),
             samples=found.last.samples,
-            attacked=found.samples,
+            searched=found.samples,
             collisions=len(found.q),
             least_clearance=least if np.isfinite(least) else None,
         )
 
-    def _unless_blocked(self, k: int, found: SegmentSearch | Blocked) -> SegmentSearch:
+    def _unless_collision(self, k: int, found: SegmentSearch | Collision) -> SegmentSearch:
         if isinstance(found, SegmentSearch):
             return found
         place = _place(self._problem, k, found.q, self._pair_clearance.pairs[found.pair])

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from tubeplanner.baselines.switching_law import switching_law
+from tubeplanner.baselines.fastest_parameterization import fastest_parameterization
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
@@ -27,19 +27,19 @@ def path_minimum(robot: RobotModel, trajectory: JointTrajectory) -> float | None
         The time, or None if the solver finds none.
     """
     path = _by_length(trajectory)
-    law = switching_law(robot, path, path.breakpoints, at_both_ends=False)
-    return None if law is None else law.duration
+    timing = fastest_parameterization(robot, path, path.breakpoints, at_both_ends=False)
+    return None if timing is None else timing.duration
 
 
 def _by_length(trajectory: JointTrajectory) -> JointTrajectory:
-    """Return the path over the way in joint space, from 0 to 1.
+    """Return the path over the arc length in joint space, from 0 to 1.
 
     Its points are equal times apart, so that they are close together wherever the trajectory rests:
     there the path begins, ends, or has a corner.
     """
     q = trajectory.position(np.linspace(0, trajectory.duration, _GRID_POINTS))
     steps = np.linalg.norm(np.diff(q, axis=0), axis=1)
-    way = np.concatenate([[0.0], np.cumsum(steps)]) / steps.sum()
-    _, apart = np.unique(np.floor(way / _APART), return_index=True)
-    spline = CubicSpline(way[apart] / way[apart[-1]], q[apart])
+    arc_length = np.concatenate([[0.0], np.cumsum(steps)]) / steps.sum()
+    _, apart = np.unique(np.floor(arc_length / _APART), return_index=True)
+    spline = CubicSpline(arc_length[apart] / arc_length[apart[-1]], q[apart])
     return JointTrajectory(trajectory.joint_names, spline.x, spline.c)

@@ -21,7 +21,7 @@ from tubeplanner.waypoint_search.branch_and_bound import SearchStatistics
 
 # A reference point that the tool passes farther away than this is pointed out.
 _FAR_IN_RADII = 3.0
-_LOOKS_PER_PIECE = 20
+_SAMPLES_PER_PIECE = 20
 
 
 def _no_path() -> None:
@@ -156,7 +156,7 @@ def _success_message(problem: PlanningProblem, trajectory: JointTrajectory) -> s
     if problem.goal is None:
         q = ", ".join(f"{value:.4f}" for value in trajectory.position(trajectory.duration))
         message += f"; the goal was left open and became [{q}]"
-    tool = problem.robot.tool_position(trajectory.per_piece(_LOOKS_PER_PIECE).position)
+    tool = problem.robot.tool_position(trajectory.per_piece(_SAMPLES_PER_PIECE).position)
     distance = np.linalg.norm(tool[:, None] - problem.tube.points, axis=2).min(axis=0)
     reach = _FAR_IN_RADII * problem.tube.radius.max()
     for point in np.flatnonzero(distance > reach):

@@ -22,7 +22,7 @@ def plan(
     """Plan a trajectory and certify it.
 
     Args:
-        problem: What is asked.
+        problem: The planning problem.
         options: How to plan.
         progress: Called as each stage begins, and many times during the search.
 

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from tubeplanner.branches.known_branches import KnownBranches
-from tubeplanner.branches.reference_branch import ReferenceBranch, spare_joint_rules
+from tubeplanner.branches.reference_branch import ReferenceBranch, redundancy_rules
 from tubeplanner.outcome import Infeasible, PlanStatus
 from tubeplanner.planning.plan_options import QUALITIES, REFINEMENT, PlanOptions, Quality
 from tubeplanner.planning.plan_result import PlanResult, certified_result
@@ -65,9 +65,9 @@ def _starts(
 ) -> Iterator[tuple[PhasedSpline, tuple[int, ...]]]:
     """Yield splines to start from, and how often their knot intervals are divided."""
     known: list[ReferenceBranch] = []
-    for way in _ways(problem, branches):
+    for search in _branch_searches(problem, branches):
         try:
-            branch = way()
+            branch = search()
         except Infeasible:
             continue
         if not branch.moving_segments:
@@ -80,17 +80,17 @@ def _starts(
         known.append(branch)
 
 
-def _ways(
+def _branch_searches(
     problem: PlanningProblem, branches: KnownBranches
 ) -> Iterator[Callable[[], ReferenceBranch]]:
-    """Yield ways to begin with, the most natural first, those that need not be possible second."""
-    first, *others = spare_joint_rules(problem)
-    yield partial(branches.along, first)
+    """Yield searches for branches, the most natural first, then those that may be impossible."""
+    first, *others = redundancy_rules(problem)
+    yield partial(branches.by_rule, first)
     yield branches.joint_lines
     if problem.tube.rotation is not None:
-        yield branches.turned_at_will
+        yield branches.position_only
     for rule in others:
-        yield partial(branches.along, rule)
+        yield partial(branches.by_rule, rule)
 
 
 def _divisions(count: int, wanted: int, divisions: tuple[int, ...]) -> tuple[int, ...]:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from tubeplanner.branches.known_branches import KnownBranches
-from tubeplanner.branches.reference_branch import ReferenceBranch, SpareJoints, spare_joint_rules
+from tubeplanner.branches.reference_branch import RedundancyRule, ReferenceBranch, redundancy_rules
 from tubeplanner.outcome import Infeasible, PlanStatus
 from tubeplanner.planning.plan_options import STOP_AT_CORNERS
 from tubeplanner.planning.plan_result import PlanResult, certified_result
@@ -27,14 +27,14 @@ def stopping_plan(
 ) -> StoppingPlan:
     """Return the first certified trajectory that stops at corners.
 
-    If there is none, the most natural rule for the spare joints says why; branch and trajectory are
-    the first there are.
+    If there is none, the most natural rule for the redundant joints says why; branch and trajectory
+    are the first there are.
     """
-    reasons: dict[SpareJoints, PlanResult] = {}
+    reasons: dict[RedundancyRule, PlanResult] = {}
     first_branch = first_trajectory = None
-    for rule in spare_joint_rules(problem):
+    for rule in redundancy_rules(problem):
         try:
-            branch = branches.along(rule)
+            branch = branches.by_rule(rule)
             clock.enter("trajectory along it, stopping at corners")
             first_branch = first_branch or branch
             trajectory = stop_at_corners(problem, branch, clock.check)
@@ -48,4 +48,4 @@ def stopping_plan(
         if result.status is PlanStatus.TIME_LIMIT:
             return StoppingPlan(result)
         reasons[rule] = result
-    return StoppingPlan(reasons[SpareJoints.AS_NEEDED], first_branch, first_trajectory)
+    return StoppingPlan(reasons[RedundancyRule.AS_NEEDED], first_branch, first_trajectory)

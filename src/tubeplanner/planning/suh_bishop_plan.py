@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from tubeplanner.branches.known_branches import KnownBranches
-from tubeplanner.branches.reference_branch import ReferenceBranch, spare_joint_rules
+from tubeplanner.branches.reference_branch import ReferenceBranch, redundancy_rules
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.planning.plan_options import SUH_BISHOP, PlanOptions
 from tubeplanner.planning.plan_result import PlanResult, judged_result
@@ -24,15 +24,15 @@ def suh_bishop_plan(
 ) -> PlanResult:
     """Return what both phases find, or why the first one finds nothing.
 
-    Rules for spare joints are tried in turn until phase 1 has a certified trajectory.
+    Rules for redundant joints are tried in turn until phase 1 has a certified trajectory.
 
     Raises:
         KeyboardInterrupt: Before anything was certified.
     """
     reasons = []
-    for rule in spare_joint_rules(problem):
+    for rule in redundancy_rules(problem):
         try:
-            result = _along(problem, branches.along(rule), options, clock)
+            result = _along(problem, branches.by_rule(rule), options, clock)
         except Infeasible as reason:
             if reason.status is PlanStatus.TIME_LIMIT:
                 clock.stopped_by = "time_limit"

@@ -60,8 +60,8 @@ def _wanted(fault: Any, root: type[BaseModel]) -> str:
         return f"it must be a map with {', '.join(keys)}" if keys else "it must be a map"
     if wanted is not None:
         return f"it must be {wanted}"
-    said = str(fault["msg"]).removeprefix("Value error, ").lower()
-    return said.replace("input should be", "it must be")
+    message = str(fault["msg"]).removeprefix("Value error, ").lower()
+    return message.replace("input should be", "it must be")
 
 
 def _shown(value: object) -> str:

@@ -16,7 +16,7 @@ FIXED = -1
 # Directions in which the joints at the goal move the tool by less than this [m/rad] are left free.
 _MIN_GAIN = 1e-6
 _TOOL_TOLERANCE = 1e-9  # [m]
-_LOOKS, _SEED = 5, 0  # configurations looked at for spare joints
+_SAMPLES, _SEED = 5, 0  # configurations looked at for redundant joints
 
 
 class ControlVariables:
@@ -32,7 +32,7 @@ class ControlVariables:
     def __init__(self, problem: PlanningProblem, grid: KnotGrid) -> None:
         """Take the problem's joint ranges and its goal, given or open."""
         self._problem, self._grid = problem, grid
-        self._goal_moves = problem.goal is None and _has_spare_joints(problem)
+        self._goal_moves = problem.goal is None and _is_redundant(problem)
         self.column = self._columns(grid.control_point_count)
         moving = np.flatnonzero(self.column != FIXED)
         count = int(self.column.max()) + 1
@@ -111,9 +111,9 @@ class ControlVariables:
         return lower, upper
 
 
-def _has_spare_joints(problem: PlanningProblem) -> bool:
+def _is_redundant(problem: PlanningProblem) -> bool:
     """Return whether joints can move while the tool stays where it is, nearly everywhere."""
     joints = problem.robot.joint_count
-    q = np.random.default_rng(_SEED).uniform(-1.0, 1.0, (_LOOKS, joints))
+    q = np.random.default_rng(_SEED).uniform(-1.0, 1.0, (_SAMPLES, joints))
     _, jacobian = problem.robot.tool_jacobian(q)
     return int(np.linalg.matrix_rank(jacobian[:, :3], tol=_MIN_GAIN).max()) < joints

@@ -160,14 +160,14 @@ class _Distances:
         row, pair = np.nonzero(self._near[samples])
         row = samples[row]
         last = row - row % stride
-        told = np.flatnonzero(self._is_known[last, pair])
+        known = np.flatnonzero(self._is_known[last, pair])
         self._direction[row, pair] = self._direction[last, pair]
         self._is_known[row, pair] = True
-        at = (row[told], pair[told])
-        along = self._checker.separations_along(
+        at = (row[known], pair[known])
+        bound = self._checker.separations_along(
             self._rotation[at[0]], self._position[at[0]], self._pairs[at[1]], self._direction[at]
         )
-        self.found[at] = np.maximum(self.found[at], along)
+        self.found[at] = np.maximum(self.found[at], bound)
         close = self.found[row, pair] < self._matters[pair]
         for i in np.unique(row[close]):
             pairs = pair[close & (row == i)]
@@ -181,7 +181,7 @@ class EvaluatedLinks:
     """Watched pairs of a spline, E of them, each at its own instant.
 
     Attributes:
-        problem: What is asked.
+        problem: The planning problem.
         at: The spline at those instants.
         pairs: Indices of the shapes, shape (E, 2).
         aim: Distances aimed at, shape (E,) [m].

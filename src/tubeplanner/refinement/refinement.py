@@ -45,13 +45,13 @@ class Refinement:
         """Prepare it.
 
         Args:
-            problem: What is asked; segments are visited in order.
+            problem: The planning problem; segments are visited in order.
             start: Where to start; its phases are the tube's segments.
             divisions: Into how many parts every knot interval is divided, time after time.
             checkpoint: Called with the duration [s] after every step; it may raise to end the work.
         """
         self._problem, self._start, self._divisions = problem, start, divisions
-        self._told = checkpoint
+        self._checkpoint_duration = checkpoint
         self._program = SequentialProgram(problem, start.grid, self._checkpoint)
         self._best: Iterate | None = None
 
@@ -157,4 +157,4 @@ class Refinement:
     def _checkpoint(self, iterate: Iterate) -> None:
         if iterate.excess <= MERIT_TOLERANCE:
             self._best = iterate
-        self._told(iterate.duration)
+        self._checkpoint_duration(iterate.duration)

@@ -39,7 +39,7 @@ def limit_sensitivities(
     """Return what every limit costs, the dearest first.
 
     Args:
-        problem: What was asked.
+        problem: The planning problem.
         refinement: What was found.
         duration: Of the answer [s].
     """

@@ -54,7 +54,7 @@ class SequentialProgram:
         """Prepare it.
 
         Args:
-            problem: What is asked.
+            problem: The planning problem.
             grid: The splines' knots.
             checkpoint: Called with every iterate; it may raise to end the work.
             links: What is watched of the links already.

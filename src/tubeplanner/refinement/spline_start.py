@@ -13,8 +13,8 @@ _MIN_INTERVALS = 3  # of a phase, if there are several
 _FIT_POINTS_PER_INTERVAL = 5
 # Control points that the fit leaves open are drawn to the joint line by this weight.
 _DRAW = 1e-8
-# Where the tool hardly moves, joints do: this many metres of way per radian.
-_WAY_OF_A_RADIAN = 0.05
+# Where the tool hardly moves, joints do: this many metres of travel per radian.
+_TRAVEL_PER_RADIAN = 0.05
 
 
 def starting_spline(
@@ -23,24 +23,24 @@ def starting_spline(
     """Return a spline that follows the branch with minimum jerk from end to end, past the corners.
 
     Args:
-        problem: What is asked.
+        problem: The planning problem.
         branch: The arm along the reference path.
         intervals: About how many knot intervals it has.
     """
     q = np.concatenate(branch.segments)
     tool = problem.robot.tool_position(q)
     steps = np.linalg.norm(np.diff(tool, axis=0), axis=1)
-    steps += _WAY_OF_A_RADIAN * np.linalg.norm(np.diff(q, axis=0), axis=1)
-    way = np.concatenate([[0.0], np.cumsum(steps)]) / steps.sum()
-    corners = way[np.cumsum([len(segment) for segment in branch.segments]) - 1]
+    steps += _TRAVEL_PER_RADIAN * np.linalg.norm(np.diff(q, axis=0), axis=1)
+    travel = np.concatenate([[0.0], np.cumsum(steps)]) / steps.sum()
+    corners = travel[np.cumsum([len(segment) for segment in branch.segments]) - 1]
     x = np.linspace(0, 1, 2001)
     covered = x**3 * (10 - 15 * x + 6 * x**2)
     switching_times = np.concatenate([[0.0], np.interp(corners[:-1], covered, x), [1.0]])
     grid = knot_grid(switching_times, intervals)
-    apart = np.concatenate([[True], np.diff(way) > 0])
+    apart = np.concatenate([[True], np.diff(travel) > 0])
     times = _fit_times(grid, switching_times)
     wanted = np.interp(times, x, covered)
-    path = np.array([np.interp(wanted, way[apart], column[apart]) for column in q.T]).T
+    path = np.array([np.interp(wanted, travel[apart], column[apart]) for column in q.T]).T
     return _fitted(grid, switching_times, times, path, branch.start, branch.goal)
 
 

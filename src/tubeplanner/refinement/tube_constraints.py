@@ -22,7 +22,7 @@ class EvaluatedTube:
     """The tube at N samples of a spline.
 
     Attributes:
-        problem: What is asked.
+        problem: The planning problem.
         at: The spline at the samples.
         samples: Each is in the phase of its segment.
         margin: The share of the radii that is kept free.

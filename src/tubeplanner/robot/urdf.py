@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from tubeplanner.errors import RobotError, unknown_name
-from tubeplanner.robot.urdf_link import require_sound_link
+from tubeplanner.robot.urdf_link import require_valid_link
 from tubeplanner.robot.urdf_values import (
     read_child,
     read_name,
@@ -181,7 +181,7 @@ def read_urdf(path: Path) -> UrdfDescription:
     _require_unique(path, "joint", [joint.name for joint in joints])
     _require_tree(path, links, joints)
     for name, element in zip(links, root.findall("link"), strict=True):
-        require_sound_link(f"{path}: link '{name}'", element)
+        require_valid_link(f"{path}: link '{name}'", element)
     by_name = {joint.name: joint for joint in joints}
     return UrdfDescription(path, root.get("name", path.stem), tuple(links), by_name, xml)
 

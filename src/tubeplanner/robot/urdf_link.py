@@ -20,7 +20,7 @@ _SIZES = {
 _INERTIA_SHARE, _INERTIA_TOLERANCE = 1e-3, 1e-6
 
 
-def require_sound_link(where: str, link: Element) -> None:
+def require_valid_link(where: str, link: Element) -> None:
     """Raise unless a link's inertia and collision geometry can be used.
 
     Args:

@@ -93,7 +93,7 @@ class Comparison:
     """What several methods make of one problem.
 
     Attributes:
-        problem: What was asked.
+        problem: The planning problem.
         rows: One per method, in the order asked for.
         stopped_by: "interrupt" if Ctrl-C kept the other methods from their turn; None otherwise.
     """
@@ -133,7 +133,7 @@ def compare(
     """Let several methods and baselines answer the same problem.
 
     Args:
-        problem: What is asked.
+        problem: The planning problem.
         methods: Names from `METHODS` and `BASELINES`; default: all of both.
         options: How the methods plan, but for `method`.
         progress: Called as `plan` does, what it says naming the method.
@@ -149,12 +149,12 @@ def compare(
     rows: list[ComparisonRow] = []
     for name in _known(methods):
 
-        def told(what: Progress, method: str = name) -> None:
+        def report(what: Progress, method: str = name) -> None:
             if progress is not None:
                 progress(f"{method}: {what}")
 
         try:
-            rows.append(_row(problem, name, options or PlanOptions(), told))
+            rows.append(_row(problem, name, options or PlanOptions(), report))
         except KeyboardInterrupt:
             if not rows:
                 raise
@@ -174,12 +174,12 @@ def _known(methods: Sequence[str] | None) -> list[str]:
 
 
 def _row(
-    problem: PlanningProblem, name: str, options: PlanOptions, told: Callable[[Progress], None]
+    problem: PlanningProblem, name: str, options: PlanOptions, report: Callable[[Progress], None]
 ) -> ComparisonRow:
     answer = _baseline if name in BASELINES else _planned
     begin = time.perf_counter()
     try:
-        row = answer(problem, name, options, told)
+        row = answer(problem, name, options, report)
     except Infeasible as reason:
         row = ComparisonRow(name, reason.status, str(reason), time.perf_counter() - begin)
     except Exception as error:  # whatever it is, the other methods have their turn
@@ -189,14 +189,14 @@ def _row(
         row = ComparisonRow(name, PlanStatus.NO_TRAJECTORY, message, spent)
     if row.trajectory is None:
         return row
-    told(Progress("measures"))
+    report(Progress("measures"))
     return replace(row, measures=trajectory_measures(problem, row.trajectory))
 
 
 def _planned(
-    problem: PlanningProblem, name: str, options: PlanOptions, told: Callable[[Progress], None]
+    problem: PlanningProblem, name: str, options: PlanOptions, report: Callable[[Progress], None]
 ) -> ComparisonRow:
-    result = plan(problem, replace(options, method=name), told)
+    result = plan(problem, replace(options, method=name), report)
     if result.stopped_by == "interrupt":
         raise KeyboardInterrupt
     other = result.method if result.succeeded and result.method != name else None
@@ -213,10 +213,10 @@ def _planned(
 
 
 def _baseline(
-    problem: PlanningProblem, name: str, _: PlanOptions, told: Callable[[Progress], None]
+    problem: PlanningProblem, name: str, _: PlanOptions, report: Callable[[Progress], None]
 ) -> ComparisonRow:
     begin = time.perf_counter()
-    made, certificate = judged_baseline(problem, name, told)
+    made, certificate = judged_baseline(problem, name, report)
     reason = refusal(problem, certificate)
     status = PlanStatus.SUCCESS if reason is None else reason.status
     spent = time.perf_counter() - begin

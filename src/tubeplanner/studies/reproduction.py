@@ -8,7 +8,7 @@ from tubeplanner.baselines.baselines import BASELINES, judged_baseline
 from tubeplanner.baselines.conventional_lines import PAPER, conventional_trajectory
 from tubeplanner.baselines.tool_path import tool_paths
 from tubeplanner.branches.known_branches import KnownBranches
-from tubeplanner.branches.reference_branch import spare_joint_rules
+from tubeplanner.branches.reference_branch import redundancy_rules
 from tubeplanner.outcome import Infeasible
 from tubeplanner.planning.plan_options import REFINEMENT, SUH_BISHOP, PlanOptions
 from tubeplanner.planning.plan_result import PlanResult
@@ -186,5 +186,5 @@ def _path(example: int) -> ReproducedPath:
 def _conventional(problem: PlanningProblem) -> JointTrajectory:
     """Return straight lines with stops at the speed and acceleration of Table I."""
     branches = KnownBranches(problem, PlanningClock(None, None))
-    lines = tool_paths(problem, branches.along(spare_joint_rules(problem)[0]), arcs=False)
+    lines = tool_paths(problem, branches.by_rule(redundancy_rules(problem)[0]), arcs=False)
     return conventional_trajectory(problem.robot, lines, PAPER)

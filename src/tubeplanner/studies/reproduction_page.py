@@ -117,10 +117,10 @@ def _summary(reproduction: Reproduction) -> str:
             for radius in row.phases
         ]
         ratios = [ours / printed for ours, printed in pairs if ours is not None]
-        told = ["-"] * 3
+        summary = ["-"] * 3
         if ratios:
-            told = [f"{value:.3f}" for value in (np.mean(ratios), min(ratios), max(ratios))]
-        rows.append([name, f"{len(ratios)} of {len(pairs)}", *told])
+            summary = [f"{value:.3f}" for value in (np.mean(ratios), min(ratios), max(ratios))]
+        rows.append([name, f"{len(ratios)} of {len(pairs)}", *summary])
     return _table(("ratio", "cells", "mean", "least", "largest"), rows)
 
 
@@ -171,14 +171,14 @@ def _line_itself(reproduction: Reproduction, table: PrintedLine) -> str:
 
 
 def _figure_seven(reproduction: Reproduction) -> str:
-    told = ", ".join(
+    summary = ", ".join(
         f"{_seconds(reproduction.cell(1, radius).published.duration)} ({printed:.2f})"
         for radius, printed in FIGURE_SEVEN.items()
     )
     radii = ", ".join(f"{1000 * radius:.0f}" for radius in FIGURE_SEVEN)
     return (
         f"Figure 7 is captioned example 2 and shows example 1. As published, at {radii} mm, ours "
-        f"and, in brackets, printed: {told} s."
+        f"and, in brackets, printed: {summary} s."
     )
 
 

@@ -85,7 +85,7 @@ class SweepResult:
     """The duration against the tolerance.
 
     Attributes:
-        problem: What was asked.
+        problem: The planning problem.
         quantity: "radius" [m] or "radius_scale".
         rows: One per tolerance, the narrowest first.
         stopped_by: "interrupt" if Ctrl-C kept wider tolerances from being planned; None otherwise.
@@ -104,8 +104,8 @@ class SweepResult:
     def as_dict(self) -> dict[str, Any]:
         """Return the sweep as JSON values."""
         rows = [row.as_dict() for row in self.rows]
-        told = {"problem": self.problem.name, "quantity": self.quantity}
-        return {**told, "stopped_by": self.stopped_by, "rows": rows}
+        report = {"problem": self.problem.name, "quantity": self.quantity}
+        return {**report, "stopped_by": self.stopped_by, "rows": rows}
 
     def csv(self) -> str:
         """Return the rows as CSV; `radii` has one number per segment [m], spaces between them."""
@@ -132,7 +132,7 @@ def sweep(
     """Plan a problem at several tolerances, each afresh.
 
     Args:
-        problem: What is asked, but for the radii.
+        problem: The planning problem, but for the radii.
         radii: Path tolerances, each for all segments [m]; either these or `scales`.
         scales: Factors for the problem's own radii.
         options: How to plan.
@@ -153,12 +153,12 @@ def sweep(
     rows: list[SweepRow] = []
     for number, value in enumerate(values, start=1):
 
-        def told(what: Progress, where: str = f"{number} of {len(values)}") -> None:
+        def report(what: Progress, where: str = f"{number} of {len(values)}") -> None:
             if progress is not None:
                 progress(f"tolerance {where}: {what}")
 
         try:
-            rows.append(_row(problem, quantity, value, options, told, rows))
+            rows.append(_row(problem, quantity, value, options, report, rows))
         except KeyboardInterrupt:
             if not rows:
                 raise

@@ -52,7 +52,7 @@ def trajectory_measures(
     Smoothness and jerk are read from the polynomials; shares of time are counted at 2,000 instants.
 
     Args:
-        problem: What was asked.
+        problem: The planning problem.
         trajectory: Of the problem's joints, in any order.
     """
     trajectory = trajectory.reordered(problem.robot.joint_names)

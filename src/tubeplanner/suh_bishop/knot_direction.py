@@ -85,7 +85,7 @@ def best_direction(
     """Return the direction that makes a trajectory fastest.
 
     Args:
-        problem: What is asked.
+        problem: The planning problem.
         candidate: Through K >= 3 knots.
         increments: By how much a knot moves along each axis, shape (n,) [rad or m].
         clearance: Around the trajectory's knots.

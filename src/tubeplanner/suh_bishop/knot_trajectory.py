@@ -64,7 +64,7 @@ def feasible_trajectory(
     them, collisions at 9. The certificate judges more strictly.
 
     Args:
-        problem: What is asked.
+        problem: The planning problem.
         knots: Shape (K, n).
         construction: What makes the polynomials.
         clearance: Around K configurations near the knots.

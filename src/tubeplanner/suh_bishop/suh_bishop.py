@@ -147,7 +147,7 @@ class SuhBishop:
         """Begin with the trajectory that phase 1 found.
 
         Args:
-            problem: What is asked.
+            problem: The planning problem.
             candidate: At the limits, certified.
             certificate: Of that trajectory.
             options: How to go on.

@@ -1,7 +1,7 @@
 """The tube's rotational part: how the tool may be turned along each segment. Pure geometry.
 
 Between two reference points the reference orientation turns about one axis, the short way round,
-in proportion to the way: R_ref(u) = R_A exp(u log(R_A^T R_B)). A tool is held against the
+in proportion to the arc length: R_ref(u) = R_A exp(u log(R_A^T R_B)). A tool is held against the
 reference at the point of the segment nearest to it (Suh & Bishop 1988, equations 4 to 7; digest:
 the deviation at the matched lambda). How far it is off is the rotation vector log(R_ref^T R), its
 components along the axes of the reference. Rotations and positions are in the base frame.
@@ -56,8 +56,8 @@ class RotationalTube:
         0 at the segment's start and 1 at its end; outside [0, 1] the nearest point is that end.
         """
         start = self.points[:-1][segment]
-        along = self.points[1:][segment] - start
-        return np.sum((tool - start) * along, axis=-1) / np.sum(along**2, axis=-1)
+        axis = self.points[1:][segment] - start
+        return np.sum((tool - start) * axis, axis=-1) / np.sum(axis**2, axis=-1)
 
     def reference(self, tool: FloatArray, segment: Segment) -> FloatArray:
         """Return the reference orientation of tools (N, 3) [m], shape (N, 3, 3)."""
@@ -99,8 +99,8 @@ class RotationalTube:
         error = rotation_vector(relative)
         projection = self.projection(tool, segment)
         moves = ((projection >= 0) & (projection <= 1))[:, None]
-        along = self.points[1:][segment] - self.points[:-1][segment]
-        gradient = moves * along / np.sum(along**2, axis=-1, keepdims=True)
+        axis = self.points[1:][segment] - self.points[:-1][segment]
+        gradient = moves * axis / np.sum(axis**2, axis=-1, keepdims=True)
         share_rate = np.einsum("ni,nij->nj", gradient, jacobian[:, :3])
         turned = np.einsum("nji,nj->ni", relative, np.broadcast_to(self.turn[segment], tool.shape))
         spin = rotation.transpose(0, 2, 1) @ jacobian[:, 3:]

@@ -52,7 +52,7 @@ class Tube:
         visit: "ordered": segments one after the other, with switching times in both capsules;
             "any": the union of all capsules.
         orientations: Of the tool at the reference points, unit quaternions x y z w, shape (m+1, 4);
-            None: it may be turned at will.
+            None: any orientation is allowed.
         rotation_tolerance: Per segment one angle, or bounds on the three components of
             log(R_ref^T R) [rad]; None: as above.
         rotation: The same as geometry; None: as above.
@@ -181,11 +181,11 @@ class Tube:
 
     def nearest(self, p: FloatArray, segments: slice = _ALL) -> FloatArray:
         """Return the points of some segments (of m, all) nearest to points (N, 3): (N, m, 3)."""
-        start, along = self.points[:-1][segments], np.diff(self.points, axis=0)[segments]
-        squared = np.einsum("mi,mi->m", along, along)
-        projection = np.einsum("nmi,mi->nm", p[:, None] - start, along)
+        start, axis = self.points[:-1][segments], np.diff(self.points, axis=0)[segments]
+        squared = np.einsum("mi,mi->m", axis, axis)
+        projection = np.einsum("nmi,mi->nm", p[:, None] - start, axis)
         share = np.clip(projection / squared, 0.0, 1.0)
-        return start + share[:, :, None] * along
+        return start + share[:, :, None] * axis
 
     def rotation_margin(
         self, rotation: FloatArray, p: FloatArray, segments: slice = _ALL

@@ -52,7 +52,7 @@ def measured_plan(
     """Measure the tube around corners of a route, and plan the trajectory through it.
 
     Args:
-        problem: What is asked, its tube left aside.
+        problem: The planning problem, its tube left aside.
         space: Which configurations are free.
         corners: Reference points, and the arm between them.
         band: How far joints may leave what they do there, before measuring [rad or m].
@@ -82,7 +82,7 @@ def in_tube(
     """Return a problem in the tube around corners of a route, not measured yet.
 
     Args:
-        problem: What is asked, its tube left aside.
+        problem: The planning problem, its tube left aside.
         corners: Reference points, and the arm between them.
         band: How far joints may leave what they do there [rad or m].
         radius: Of all segments [m].

@@ -32,7 +32,7 @@ class RouteOptions:
         checks: How many configurations a try looks at before it gives up.
         band: How far joints may leave what the route does in a segment, before measuring [rad, m].
         max_radius: No segment gets a larger radius [m].
-        samples: How many configurations of a segment the last attack of measuring draws.
+        samples: How many configurations of a segment the last counterexample search draws.
     """
 
     seed: int = 1

@@ -29,8 +29,8 @@ def farthest_from_line(points: FloatArray, i: int, j: int) -> tuple[int, float]:
     """
     if j - i < 2:
         return i, 0.0
-    between, along = points[i + 1 : j] - points[i], points[j] - points[i]
-    share = np.clip(between @ along / max(float(along @ along), 1e-300), 0.0, 1.0)
-    distance = np.linalg.norm(between - share[:, None] * along, axis=1)
+    between, axis = points[i + 1 : j] - points[i], points[j] - points[i]
+    share = np.clip(between @ axis / max(float(axis @ axis), 1e-300), 0.0, 1.0)
+    distance = np.linalg.norm(between - share[:, None] * axis, axis=1)
     worst = int(distance.argmax())
     return i + 1 + worst, float(distance[worst])

@@ -27,7 +27,7 @@ class TeachOptions:
         deviation: How far the tool of the trail may be from the lines between reference points [m].
         band: How far joints may leave what they did in the trail's segment [rad or m].
         max_radius: No segment gets a larger radius [m].
-        samples: How many configurations of a segment the last attack of measuring draws.
+        samples: How many configurations of a segment the last counterexample search draws.
         seed: Of measuring's random numbers.
     """
 

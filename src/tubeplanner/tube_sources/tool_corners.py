@@ -76,8 +76,8 @@ def with_another_corner(
     if before is None or after is None:
         return None
     cut = slice(segment, segment + 1)
-    ahead, behind = corners.points[: segment + 1], corners.points[segment + 1 :]
-    points = np.vstack([ahead, before.points[1:], after.points[1:-1], behind])
+    forward, behind = corners.points[: segment + 1], corners.points[segment + 1 :]
+    points = np.vstack([forward, before.points[1:], after.points[1:-1], behind])
     lines, parts = list(corners.lines), list(corners.parts)
     lines[cut] = [*before.lines, *after.lines]
     parts[cut] = [*before.parts, *after.parts]
@@ -108,7 +108,7 @@ class _Corners:
         chosen = self._between(0, len(self._route) - 1)
         if chosen is None:
             return None
-        chosen = self._without_spare([0, *chosen])
+        chosen = self._without_superfluous([0, *chosen])
         found = [(self._line(i, j), self._route[i : j + 1]) for i, j in pairwise(chosen)]
         lines = tuple(line for line, _ in found if line is not None)
         return ToolCorners(self._tool[chosen], lines, tuple(part for _, part in found))
@@ -124,7 +124,7 @@ class _Corners:
         after = None if before is None else self._between(middle, j)
         return None if before is None or after is None else before + after
 
-    def _without_spare(self, chosen: list[int]) -> list[int]:
+    def _without_superfluous(self, chosen: list[int]) -> list[int]:
         """Return the corners without those that a longer free line can do without."""
         k = 1
         while k < len(chosen) - 1:

@@ -104,10 +104,10 @@ def without_ways_back(
         joint = i
         # The ends of the trail stay as they are.
         q = np.vstack([q[:i], q[j:]]) if i > 0 else np.vstack([q[:1], q[j + 1 :]])
-    way = float(np.linalg.norm(tool - tool[0], axis=1).max())
-    if way < _MIN_TRAVEL:
+    travel = float(np.linalg.norm(tool - tool[0], axis=1).max())
+    if travel < _MIN_TRAVEL:
         raise TrajectoryError(
-            f"the tool moves by {way:.2g} m only; a tube needs reference points that are apart"
+            f"the tool moves by {travel:.2g} m only; a tube needs reference points that are apart"
         )
     return q, turns
 

@@ -164,7 +164,7 @@ def tube_from_zones(
         )
     reach = [0.0, *(_reach(rules, k, zone) for k, zone in enumerate(zones, 1)), 0.0]
     _require_apart(rules, corners, reach)
-    along = _directions(corners)
+    directions = _directions(corners)
     reference: list[FloatArray] = [corners[0]]
     radius: list[float] = []
     for k in range(1, len(corners)):
@@ -173,7 +173,7 @@ def tube_from_zones(
             reference, radius = [*reference, corners[k]], [*radius, accuracy]
             continue
         _require_finer(accuracy, size - piece, k)
-        before, behind = corners[k] - piece * along[k - 1], corners[k] + piece * along[k]
+        before, behind = corners[k] - piece * directions[k - 1], corners[k] + piece * directions[k]
         reference += [before, corners[k], behind]
         radius += [accuracy, size - piece, size - piece]
     return Tube(np.array(reference), radius, joint_signs=joint_signs)
@@ -267,15 +267,15 @@ def _require_finer(accuracy: float, radius: float, k: int) -> None:
 
 def _corners(points: FloatArray) -> list[int]:
     """Return which reference points are an end of the path or turn it."""
-    along = _directions(points)
-    turns = np.linalg.norm(along[1:] - along[:-1], axis=1) > _STRAIGHT
+    directions = _directions(points)
+    turns = np.linalg.norm(directions[1:] - directions[:-1], axis=1) > _STRAIGHT
     return [0, *(int(k) + 1 for k in np.flatnonzero(turns)), len(points) - 1]
 
 
 def _directions(points: FloatArray) -> FloatArray:
     """Return the unit vectors along the lines between points (m+1, 3), shape (m, 3)."""
-    along = np.diff(points, axis=0)
-    return along / np.linalg.norm(along, axis=1)[:, None]
+    directions = np.diff(points, axis=0)
+    return directions / np.linalg.norm(directions, axis=1)[:, None]
 
 
 def _largest(tube: Tube, walls: slice, corner: int, blend: str, available: float) -> float:
@@ -288,7 +288,7 @@ def _largest(tube: Tube, walls: slice, corner: int, blend: str, available: float
     for _ in range(_ZOOMS):
         share = np.linspace(low, high, _DIRECTIONS)
         ab = np.column_stack([1 - share, share])
-        ab *= _way_out(tube, walls, here, ab @ axes, available)[:, None]
+        ab *= _exit_distance(tube, walls, here, ab @ axes, available)[:, None]
         root = np.sqrt(ab).sum(axis=1) ** 2
         size = root if blend == "parabola" else ab.sum(axis=1)  # g(a, b)
         least, step = int(size.argmin()), float(share[1] - share[0])
@@ -297,7 +297,7 @@ def _largest(tube: Tube, walls: slice, corner: int, blend: str, available: float
     return best
 
 
-def _way_out(
+def _exit_distance(
     tube: Tube, walls: slice, start: FloatArray, direction: FloatArray, most: float
 ) -> FloatArray:
     """Return where rays (N, 3) from a point first leave the union of some capsules, shape (N,).
@@ -306,15 +306,15 @@ def _way_out(
     no ray can overstep: the answer is never outside.
     """
     length = np.linalg.norm(direction, axis=1)
-    way = np.zeros(len(direction))
+    distance = np.zeros(len(direction))
     for _ in range(_STEPS):
-        margin = tube.margin(start + way[:, None] * direction, walls).max(axis=1)
+        margin = tube.margin(start + distance[:, None] * direction, walls).max(axis=1)
         step = np.where(margin > _TOUCHING, margin, 0.0)
-        step = np.divide(step, length, out=np.full_like(way, most), where=length > _ROUNDING)
-        way = np.minimum(way + step, most)
-        if not (step[way < most] > 0).any():
+        step = np.divide(step, length, out=np.full_like(distance, most), where=length > _ROUNDING)
+        distance = np.minimum(distance + step, most)
+        if not (step[distance < most] > 0).any():
             break
-    return way
+    return distance
 
 
 def _zone(rules: Controller, size: float) -> Zone:

@@ -162,13 +162,13 @@ class _Search:
         spheres = self._checker.sphere_distances(rotation, position, self._pairs)
         lower = spheres[interval, rows.pair] - travelled
         near = np.flatnonzero(lower < self._settled_above())
-        along = self._checker.separations_along(
+        bound = self._checker.separations_along(
             rotation[interval[near]],
             position[interval[near]],
             self._pairs[rows.pair[near]],
             rows.direction[near],
         )
-        lower[near] = np.maximum(lower[near], along - travelled[near])
+        lower[near] = np.maximum(lower[near], bound - travelled[near])
         order = near[np.argsort(lower[near], kind="stable")]
         for first in range(0, len(order), _BATCH):
             batch = order[first : first + _BATCH]

@@ -29,7 +29,7 @@ def require_free(problem: PlanningProblem, name: str, q: FloatArray) -> None:
     """Check that a configuration (n,) is not itself in collision or too near to an obstacle.
 
     Args:
-        problem: What is asked.
+        problem: The planning problem.
         name: What the configuration is called: start or goal.
         q: Shape (n,).
 

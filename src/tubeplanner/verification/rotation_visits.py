@@ -164,8 +164,8 @@ def _chord_distance(
         angle: The larger of the angles at the two ends, shape (R,) [rad].
     """
     width = parts.width * pose.tool.width[parts.interval]
-    along = np.diff(tube.points, axis=0)[parts.segment]
-    length = np.linalg.norm(along, axis=1)
+    axis = np.diff(tube.points, axis=0)[parts.segment]
+    length = np.linalg.norm(axis, axis=1)
     rate, bend, off = (
         bound[parts.interval] / length
         for bound in (pose.speed, pose.acceleration, pose.tool.error[:, 0])

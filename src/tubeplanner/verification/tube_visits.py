@@ -72,7 +72,7 @@ def tube_visits(
     the tube is to be visited in order, every segment is visited once; else, as often as needed.
 
     Args:
-        problem: What is asked.
+        problem: The planning problem.
         trajectory: The trajectory.
         tool: Its tool's position.
         rotation: Its tool's rotation matrix; needed where the tube bounds the rotation.
@@ -155,9 +155,9 @@ def visited_parts(
 def _distances(tube: Tube, points: FloatArray, segment: IntArray) -> FloatArray:
     """Return the distances of points (N, R, 3) to one segment per column, (R,): shape (N, R)."""
     begin, end = tube.points[:-1][segment], tube.points[1:][segment]
-    along = end - begin
-    share = np.einsum("nri,ri->nr", points - begin, along) / np.einsum("ri,ri->r", along, along)
-    nearest = begin + np.clip(share, 0.0, 1.0)[:, :, None] * along
+    axis = end - begin
+    share = np.einsum("nri,ri->nr", points - begin, axis) / np.einsum("ri,ri->r", axis, axis)
+    nearest = begin + np.clip(share, 0.0, 1.0)[:, :, None] * axis
     return np.linalg.norm(points - nearest, axis=2)
 
 

@@ -50,7 +50,7 @@ def verify(
     """Judge a trajectory.
 
     Args:
-        problem: What was asked.
+        problem: The planning problem.
         trajectory: Of the problem's joints, in any order.
         tolerance: How far below zero margins may lie; default: 1e-6 m, rad and relative.
 

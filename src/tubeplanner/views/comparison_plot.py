@@ -46,14 +46,14 @@ def _draw_durations(axis: "Axes", rows: list[ComparisonRow]) -> None:
     longest = max((row.duration or 0.0 for row in rows), default=0.0) or 1.0
     for number, row in enumerate(rows):
         color = LINE_COLORS[number] if number < len(LINE_COLORS) else _OTHERS
-        said = f"no trajectory: {str(row.status).replace('_', ' ')}"
+        message = f"no trajectory: {str(row.status).replace('_', ' ')}"
         if row.duration is not None:
             (bar,) = axis.barh(number, row.duration, height=0.65, edgecolor=color)
             bar.set_facecolor(color if row.certified else "none")
             bar.set_hatch("" if row.certified else "///")
             verdict = "certified" if row.certified else f"fails: {', '.join(row.failures)}"
-            said = f"{row.duration:.3f} s, {verdict}"
-        axis.text((row.duration or 0.0) + 0.02 * longest, number, said, va="center", fontsize=8)
+            message = f"{row.duration:.3f} s, {verdict}"
+        axis.text((row.duration or 0.0) + 0.02 * longest, number, message, va="center", fontsize=8)
     axis.set_yticks(range(len(rows)), [row.method for row in rows])
     axis.invert_yaxis()
     axis.set_xticks([tick for tick in MaxNLocator(6).tick_values(0, longest) if tick <= longest])

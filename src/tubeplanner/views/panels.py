@@ -32,7 +32,7 @@ class TrajectoryCurves:
     """What there is to draw of a trajectory, at N samples, both sides of every breakpoint.
 
     Attributes:
-        problem: What was asked.
+        problem: The planning problem.
         samples: Times, positions, velocities, accelerations.
         effort: Shape (N, n) [N m or N].
         tool: Shape (N, 3) [m].
@@ -148,8 +148,8 @@ def draw_factor(
     axis.set_xlabel("share of the duration, t / T [-]")
     axis.set_ylabel("b(t), times faster [-]")
     if label is None:
-        said = "1: a motor, velocity or acceleration is at its limit"
-        axis.set_title(said, fontsize=8, loc="right")
+        title = "1: a motor, velocity or acceleration is at its limit"
+        axis.set_title(title, fontsize=8, loc="right")
     axis.grid(alpha=0.25)
 
 

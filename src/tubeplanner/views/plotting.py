@@ -36,7 +36,7 @@ def plot_trajectory(
     run, `b(t)`; the tool's path in the tube, its speed, and the share of the tolerance it uses.
 
     Args:
-        problem: What was asked.
+        problem: The planning problem.
         trajectory: Of the problem's joints, in any order.
         path: Where to save the figure as PNG; None: nowhere.
 

@@ -144,9 +144,9 @@ def _draw_tube(axis: "Axes", tube: Tube) -> None:
     for begin, end, radius in zip(
         tube.points[:-1, :2], tube.points[1:, :2], tube.effective_radius, strict=True
     ):
-        along = end - begin
-        length = float(np.linalg.norm(along))
-        turned = Affine2D().rotate(np.arctan2(along[1], along[0])).translate(*begin)
+        line = end - begin
+        length = float(np.linalg.norm(line))
+        turned = Affine2D().rotate(np.arctan2(line[1], line[0])).translate(*begin)
         style = f"round,pad=0,rounding_size={radius}"
         corner = (-radius, -radius)
         capsule = FancyBboxPatch(

@@ -44,7 +44,11 @@ _MAX_FACES = 60_000
 _FRAMES_PER_SECOND, _MIN_FRAMES, _MAX_FRAMES = 200, 80, 240
 _SWEEP_STEPS = 24
 _BALL_POINTS = 150
-_LOOKS = (0.1, 0.5, 0.9)  # of the way through a trajectory: when the arm should not hide the path
+_SAMPLED_SHARES = (
+    0.1,
+    0.5,
+    0.9,
+)  # of the way through a trajectory: when the arm should not hide the path
 _GAP = 0.15  # between trajectories side by side, of the width of one
 CARRIED_COLOR = "#B58863"
 SWEPT_COLOR = "#7A6FAF"
@@ -173,7 +177,7 @@ def build_scene(problem: PlanningProblem, named: Mapping[str, JointTrajectory]) 
     trajectories = tuple(_shown(problem, *pair) for pair in named.items())
     if not trajectories:
         trajectories = (_at_rest(problem, notes),)
-    parts, said = link_parts(problem.robot, _MAX_FACES // len(trajectories))
+    parts, notes_of_parts = link_parts(problem.robot, _MAX_FACES // len(trajectories))
     hulls = _hulls(problem, parts)
     tube = tube_surfaces(problem.tube)
     swept = [_swept(trajectory, hulls) for trajectory in trajectories]
@@ -182,7 +186,7 @@ def build_scene(problem: PlanningProblem, named: Mapping[str, JointTrajectory]) 
     size = float(np.ptp(points, axis=0).max())
     solids = [shape for obstacle in problem.obstacles for shape in obstacle.shapes]
     path = np.vstack([trajectories[0].tool, problem.tube.points])
-    arms = [_moving_shapes(trajectories[0], share, hulls) for share in _LOOKS]
+    arms = [_moving_shapes(trajectories[0], share, hulls) for share in _SAMPLED_SHARES]
     direction = best_direction(path, solids, arms)
     # Side by side as seen from there: along x or y, whichever lies more across the view.
     across = int(abs(direction[0]) > abs(direction[1]))
@@ -207,7 +211,7 @@ def build_scene(problem: PlanningProblem, named: Mapping[str, JointTrajectory]) 
         held,
         *floor_grid(held),
         top,
-        tuple([*notes, *said]),
+        tuple([*notes, *notes_of_parts]),
     )
 
 

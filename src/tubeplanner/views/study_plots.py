@@ -20,12 +20,12 @@ _WIDE = 10.0  # tolerances that differ by more than this factor are drawn on a l
 
 
 def plot_convergence(
-    told: Mapping[str, Sequence[Progress]], path: str | Path | None = None
+    histories: Mapping[str, Sequence[Progress]], path: str | Path | None = None
 ) -> "Figure":
     """Draw how the duration falls, step by step, towards the shortest that was found.
 
     Args:
-        told: By name, what `plan` told its `progress` callback, in order.
+        histories: By name, what `plan` reported to its `progress` callback, in order.
         path: Where to save the figure as PNG; None: nowhere.
 
     Raises:
@@ -33,7 +33,7 @@ def plot_convergence(
     """
     figure = new_figure(8.0, 4.5)
     axis = figure.add_subplot()
-    for number, (name, history) in enumerate(told.items()):
+    for number, (name, history) in enumerate(histories.items()):
         durations = np.array([p.best_duration for p in history if p.best_duration is not None])
         if len(durations) == 0:
             continue
@@ -108,7 +108,7 @@ def _draw_slope(
     """Draw a tangent that is straight on linear and logarithmic axes."""
     ratio = np.array([1 - half, 1, 1 + half])
     gain = np.log(ratio) if axis.get_xscale() == "log" else ratio - 1
-    said = "slope by the sensitivities"
+    label = "slope by the sensitivities"
     known = {line.get_label() for line in axis.lines}
     axis.plot(
         value * ratio,
@@ -116,7 +116,7 @@ def _draw_slope(
         color="#000000",
         linewidth=2.4,
         alpha=0.55,
-        label=f"_{said}" if said in known else said,
+        label=f"_{label}" if label in known else label,
         zorder=1,
     )
 

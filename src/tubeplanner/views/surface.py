@@ -108,9 +108,9 @@ def capsule_grid(
     start: FloatArray, end: FloatArray, radius: float, *, sides: int = 24
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return x, y, z grids of a capsule's surface [m], each (sides+1, rings)."""
-    along = end - start
-    length = float(np.linalg.norm(along))
-    z, x = _axes(along)
+    axis = end - start
+    length = float(np.linalg.norm(axis))
+    z, x = _axes(axis)
     cap = np.linspace(0, np.pi / 2, _CAP_RINGS)
     straight = np.linspace(0, length, _STRAIGHT_RINGS + 2)[1:-1]
     height = np.concatenate(
@@ -142,8 +142,8 @@ def clipped(surface: Surface, value: FloatArray) -> Surface:
         a, b, c = np.take_along_axis(surface.faces[cut], turned, axis=1).T
         for end in (b, c):
             share = value[a] / (value[a] - value[end])
-            way = surface.vertices[end] - surface.vertices[a]
-            vertices.append(surface.vertices[a] + share[:, None] * way)
+            edge = surface.vertices[end] - surface.vertices[a]
+            vertices.append(surface.vertices[a] + share[:, None] * edge)
         ab, ac = count + np.arange(len(a)), count + len(a) + np.arange(len(a))
         count += 2 * len(a)
         triangles = [(a, ab, ac)] if corners == 1 else [(ab, b, c), (ab, c, ac)]
@@ -172,8 +172,8 @@ def pipe(points: FloatArray, radius: float) -> tuple[Surface, IntArray]:
     turn = np.linspace(0, 2 * np.pi, _PIPE_SIDES + 1)[:, None]
     side = _axes(tangent[0])[1]
     rings = []
-    for point, along in zip(line, tangent, strict=True):
-        z, fallback = _axes(along)
+    for point, axis in zip(line, tangent, strict=True):
+        z, fallback = _axes(axis)
         side = side - (side @ z) * z  # carried along, so that the rings do not twist
         norm = float(np.linalg.norm(side))
         side = side / norm if norm > 1e-6 else fallback
@@ -196,9 +196,9 @@ def dashes(points: FloatArray, radius: float, period: float) -> Surface:
     return joined(parts)
 
 
-def _axes(along: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _axes(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return a vector's direction (upwards if it has none) and one across it, each (3,)."""
-    length = float(np.linalg.norm(along))
-    z = along / length if length > 0 else np.array([0.0, 0.0, 1.0])
+    length = float(np.linalg.norm(axis))
+    z = axis / length if length > 0 else np.array([0.0, 0.0, 1.0])
     x = np.cross(z, np.eye(3)[int(np.argmin(abs(z)))])
     return z, x / np.linalg.norm(x)

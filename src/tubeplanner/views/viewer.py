@@ -97,7 +97,7 @@ def view(
     """Return a view of a problem with trajectories side by side; without any, at its start.
 
     Args:
-        problem: What was asked.
+        problem: The planning problem.
         trajectories: Of the problem's joints, in any order.
         names: What the trajectories are called; default: numbers.
 

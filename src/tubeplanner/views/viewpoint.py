@@ -52,8 +52,8 @@ def _spread(path: FloatArray, direction: FloatArray) -> float:
     """Return how far apart a path's points look: its extent along and, twice, across."""
     offset = path - path.mean(axis=0)
     seen = offset - np.outer(offset @ direction, direction)
-    along, across = np.sqrt(abs(np.linalg.eigvalsh(seen.T @ seen))[:0:-1])
-    return float(along + 2 * across)
+    major, minor = np.sqrt(abs(np.linalg.eigvalsh(seen.T @ seen))[:0:-1])
+    return float(major + 2 * minor)
 
 
 def _visible_share(path: FloatArray, direction: FloatArray, hulls: Sequence[ConvexHull]) -> float:

@@ -123,7 +123,7 @@ class BranchAndBound:
         """Prepare a search.
 
         Args:
-            problem: What is asked.
+            problem: The planning problem.
             waypoints: The M >= 2 candidates, shape (M, n); the first and the last are always used.
             upper_bound: Only trajectories faster than this are of interest [s].
             node_budget: The search ends after about so many nodes.

@@ -24,7 +24,7 @@ def candidate_waypoints(
     """Return M configurations whose tools are equally spaced along the branch.
 
     Args:
-        problem: What is asked.
+        problem: The planning problem.
         branch: The arm along the reference path.
         count: M >= 2.
         checkpoint: Called before each; it may raise to end the work.
@@ -38,12 +38,12 @@ def candidate_waypoints(
         np.arange(len(branch.segments)), [len(segment) for segment in branch.segments]
     )
     tool = problem.robot.tool_position(q)
-    way = _travelled(tool)
-    if way[-1] < _STILL:
-        way = _travelled(q)
-    wanted = way[-1] * np.arange(1, count - 1) / (count - 1)
-    before = np.searchsorted(way, wanted, side="right") - 1
-    share = ((wanted - way[before]) / (way[before + 1] - way[before]))[:, None]
+    arc_length = _travelled(tool)
+    if arc_length[-1] < _STILL:
+        arc_length = _travelled(q)
+    wanted = arc_length[-1] * np.arange(1, count - 1) / (count - 1)
+    before = np.searchsorted(arc_length, wanted, side="right") - 1
+    share = ((wanted - arc_length[before]) / (arc_length[before + 1] - arc_length[before]))[:, None]
     targets = (1 - share) * tool[before] + share * tool[before + 1]
     near = (1 - share) * q[before] + share * q[before + 1]
     inner = near.copy()
@@ -54,7 +54,7 @@ def candidate_waypoints(
 
 
 def _travelled(points: FloatArray) -> FloatArray:
-    """Return the length of the way to each of P points, shape (P,)."""
+    """Return the arc length up to each of P points, shape (P,)."""
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     return np.concatenate([[0.0], np.cumsum(steps)])
 

@@ -85,10 +85,10 @@ class LinkClearance:
         spheres = self._checker.sphere_distances(rotation, position, self._pairs)
         row, pair = np.nonzero(np.maximum(lower[doubtful], spheres) < self._required)
         direction = self._direction[waypoint[doubtful[row]], pair]
-        along = self._checker.separations_along(
+        bound = self._checker.separations_along(
             rotation[row], position[row], self._pairs[pair], direction
         )
-        undecided = along < self._required[pair]
+        undecided = bound < self._required[pair]
         row, pair = row[undecided], pair[undecided]
         for i in np.unique(row):
             pairs = pair[row == i]

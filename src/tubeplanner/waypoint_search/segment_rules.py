@@ -93,7 +93,7 @@ class SegmentRules:
         """Prepare the tests.
 
         Args:
-            problem: What is asked.
+            problem: The planning problem.
             waypoints: Shape (M, n).
             checkpoint: Called while clearances are measured; it may raise to end that.
             clearance: Around the waypoints, if it is known.

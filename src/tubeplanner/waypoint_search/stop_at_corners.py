@@ -40,7 +40,7 @@ def stop_at_corners(
     """Return the fastest of a family of trajectories that rest at every reference point.
 
     Args:
-        problem: What is asked.
+        problem: The planning problem.
         branch: The arm along the reference path.
         checkpoint: Called before every segment; it may raise to end the work.
 
@@ -154,18 +154,18 @@ def _along(q: FloatArray) -> CubicSpline:
     apart = lengths > _MIN_STEP_SHARE * lengths.max()
     kept = np.concatenate([[True], apart[:-1], [True]])
     kept[-2] &= apart[-1] or len(q) == 2
-    way = np.cumsum(np.linalg.norm(np.diff(q[kept], axis=0), axis=1))
-    return CubicSpline(np.concatenate([[0.0], way / way[-1]]), q[kept])
+    arc_length = np.cumsum(np.linalg.norm(np.diff(q[kept], axis=0), axis=1))
+    return CubicSpline(np.concatenate([[0.0], arc_length / arc_length[-1]]), q[kept])
 
 
 def _ramped(u: FloatArray, ramp: float) -> FloatArray:
-    """Return the way covered at times u in [0, 1]: speed up, cruise, slow down.
+    """Return the arc length covered at times u in [0, 1]: speed up, cruise, slow down.
 
     While speeding up for a share `ramp` of the time, speed follows the smoothstep 3x^2 - 2x^3, so
     acceleration starts and ends at zero.
     """
     top_speed = 1 / (1 - ramp)
     x = np.clip(np.minimum(u, 1 - u) / ramp, 0.0, 1.0)
-    ramped = top_speed * ramp * (x**3 - x**4 / 2)  # way within one ramp
+    ramped = top_speed * ramp * (x**3 - x**4 / 2)  # arc length within one ramp
     cruised = top_speed * np.maximum(np.minimum(u, 1 - u) - ramp, 0.0)
     return np.where(u <= 0.5, ramped + cruised, 1 - ramped - cruised)

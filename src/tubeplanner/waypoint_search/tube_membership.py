@@ -109,7 +109,7 @@ def first_departure(
     What happens at switching times between samples is not seen: too lenient, never too strict.
 
     Args:
-        problem: What is asked.
+        problem: The planning problem.
         trajectory: Of the problem's joints.
         tolerance: How far below zero margins may lie [m or rad].
     """

@@ -3,39 +3,42 @@
 Solved by TOPP-RA (Pham & Pham, "A new approach to time-optimal path parameterization based on
 reachability analysis", IEEE T-RO 34(3), 2018); first by Bobrow et al. and Shin & McKay (1985).
 
-A path is kept as the trajectory that runs it at unit speed: its times are the way in joint space.
+A path is kept as the trajectory that runs it at unit speed: its times are the arc length in joint
+space.
 """
 
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.baselines.time_law import run_along
+from tubeplanner.baselines.time_parameterization import run_along
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.waypoint_search.time_scaling import estimated_duration
 
 # A limit that is not given: so many times what a gentle run of the path uses.
-_AMPLE, _LOOKS_PER_PIECE = 1e3, 20
+_AMPLE, _SAMPLES_PER_PIECE = 1e3, 20
 
 
-def switching_law(
-    robot: RobotModel, path: JointTrajectory, way: FloatArray, *, at_both_ends: bool = True
+def fastest_parameterization(
+    robot: RobotModel, path: JointTrajectory, arc_length: FloatArray, *, at_both_ends: bool = True
 ) -> JointTrajectory | None:
-    """Return the fastest way along a path from rest to rest, as a function of time.
+    """Return the fastest arc length over time, from rest to rest, along a path.
 
     Under the limits of velocity, acceleration and effort; jerk, and so smoothness, is not asked
     for. The limits are judged at points of the path; in between they may be exceeded.
 
     Args:
         robot: The arm.
-        path: Over the way, in the robot's group order.
-        way: Where the limits are judged, increasing from the path's start to its end, shape (N,).
+        path: Over the arc length, in the robot's group order.
+        arc_length: Where the limits are judged, increasing from the path's start to its end, shape
+            (N,).
         at_both_ends: Whether every step keeps the effort limits where it ends, too, not only where
-            it begins. The law is up to 1 % slower then, but keeps them in between: what is left
-            is worth less than 0.1 % of the time, rather than up to 19 % (two links round an arc).
+            it begins. The time parameterization is up to 1 % slower then, but keeps them in
+            between: what is left is worth less than 0.1 % of the time, rather than up to 19 % (two
+            links round an arc).
 
     Returns:
-        The way over time, N-1 parabolas; None if the solver finds none.
+        The arc length over time, N-1 parabolas; None if the solver finds none.
 
     Raises:
         Infeasible: Status gravity_exceeds_effort.
@@ -45,16 +48,18 @@ def switching_law(
 
     toppra.setup_logging("ERROR")
     constraints = _constraints(robot, path, at_both_ends)
-    solver = algorithm.TOPPRA(constraints, _Path(path), gridpoints=way, solver_wrapper="seidel")
+    solver = algorithm.TOPPRA(
+        constraints, _Path(path), gridpoints=arc_length, solver_wrapper="seidel"
+    )
     _, speed, _ = solver.compute_parameterization(0.0, 0.0)
     if speed is None or not np.isfinite(speed).all() or (speed[1:] + speed[:-1] == 0).any():
         return None
     # At constant acceleration between two points, the mean speed is the mean of both.
-    step = np.diff(way)
+    step = np.diff(arc_length)
     durations = 2 * step / (speed[1:] + speed[:-1])
-    parabolas = np.array([(speed[1:] - speed[:-1]) / (2 * durations), speed[:-1], way[:-1]])
+    parabolas = np.array([(speed[1:] - speed[:-1]) / (2 * durations), speed[:-1], arc_length[:-1]])
     times = np.concatenate([[0.0], np.cumsum(durations)])
-    return JointTrajectory(("way",), times, parabolas[:, :, None])
+    return JointTrajectory(("arc_length",), times, parabolas[:, :, None])
 
 
 def _constraints(robot: RobotModel, path: JointTrajectory, at_both_ends: bool) -> list[object]:
@@ -63,7 +68,7 @@ def _constraints(robot: RobotModel, path: JointTrajectory, at_both_ends: bool) -
     kinds = constraint.DiscretizationType
     trial = _gentle_run(path)
     trial = trial.scaled(estimated_duration(robot, trial) / trial.duration)
-    used = trial.per_piece(_LOOKS_PER_PIECE)
+    used = trial.per_piece(_SAMPLES_PER_PIECE)
     tau = robot.inverse_dynamics(used.position, used.velocity, used.acceleration)
     limits = robot.limits
     effort = _finite(limits.effort, tau)
@@ -82,7 +87,7 @@ def _constraints(robot: RobotModel, path: JointTrajectory, at_both_ends: bool) -
 def _gentle_run(path: JointTrajectory) -> JointTrajectory:
     """Return the trajectory that runs a path from rest to rest by the smoothstep 3 u^2 - 2 u^3."""
     rows = path.duration * np.array([-2.0, 3.0, 0.0, 0.0])
-    return run_along(path, JointTrajectory(("way",), [0.0, 1.0], rows[:, None, None]))
+    return run_along(path, JointTrajectory(("arc_length",), [0.0, 1.0], rows[:, None, None]))
 
 
 def _finite(limit: FloatArray, used: FloatArray) -> FloatArray:
@@ -101,15 +106,15 @@ class _Path:
         self.dof = len(path.joint_names)
         self.path_interval = np.array([0.0, path.duration])
 
-    def __call__(self, way: FloatArray, order: int = 0) -> FloatArray:
+    def __call__(self, arc_length: FloatArray, order: int = 0) -> FloatArray:
         derivatives = (self._path.position, self._path.velocity, self._path.acceleration)
-        return derivatives[order](way)
+        return derivatives[order](arc_length)
 
-    def eval(self, way: FloatArray) -> FloatArray:
-        return self(way, 0)
+    def eval(self, arc_length: FloatArray) -> FloatArray:
+        return self(arc_length, 0)
 
-    def evald(self, way: FloatArray) -> FloatArray:
-        return self(way, 1)
+    def evald(self, arc_length: FloatArray) -> FloatArray:
+        return self(arc_length, 1)
 
-    def evaldd(self, way: FloatArray) -> FloatArray:
-        return self(way, 2)
+    def evaldd(self, arc_length: FloatArray) -> FloatArray:
+        return self(arc_length, 2)

@@ -16,16 +16,16 @@ _MAX_STEP = 0.15  # [rad or m] of all joints together
 _FLAT = 1e-6  # [m/rad or 1]: a clearance that changes less does not change
 _AIM = 2e-3  # [m] of overlap that a step of the descent goes for
 _MIN_SAMPLES, _MAX_SAMPLES = 1024, 4096  # samples at once
-_ENOUGH = 48  # collisions that end an attack
+_ENOUGH = 48  # collisions that end an counterexample search
 
 
 @dataclass(frozen=True, eq=False)
-class Attack:
-    """What an attack on a set found.
+class CounterexampleSearch:
+    """What an counterexample search on a set found.
 
     Attributes:
-        q: Configurations in which links are too close, shape (C, n); none of them: the attack
-            failed.
+        q: Configurations in which links are too close, shape (C, n); none of them: the
+            counterexample search failed.
         pair: The pair of shapes that is too close in each, shape (C,).
         least_clearance: The least clearance that was seen [m]; infinite if no pair came near.
         samples: How many configurations were looked at.
@@ -43,9 +43,9 @@ class Attack:
         """Whether no collision was found."""
         return len(self.q) == 0
 
-    def then(self, later: "Attack") -> "Attack":
-        """Return what this attack and a later one on the same set found together."""
-        return Attack(
+    def then(self, later: "CounterexampleSearch") -> "CounterexampleSearch":
+        """Return what this counterexample search and a later one on the same set found together."""
+        return CounterexampleSearch(
             np.concatenate([self.q, later.q]),
             np.concatenate([self.pair, later.pair]),
             min(self.least_clearance, later.least_clearance),
@@ -54,9 +54,9 @@ class Attack:
         )
 
 
-def attack(
+def search_counterexamples(
     allowed: ConfigurationSet, clearance: PairClearance, samples: int, rng: np.random.Generator
-) -> Attack:
+) -> CounterexampleSearch:
     """Look for configurations of a set in which links are too close.
 
     It goes on, with more samples at a time, until some are found or the budget is spent.
@@ -82,7 +82,7 @@ def attack(
         least = min(least, found.clearance.min(initial=np.inf), lowest.min(initial=np.inf))
         count = min(2 * count, _MAX_SAMPLES)
     q_hit, pair_hit = (np.concatenate(parts) for parts in zip(*hits, strict=True))
-    return Attack(q_hit, pair_hit, float(least), drawn, tried)
+    return CounterexampleSearch(q_hit, pair_hit, float(least), drawn, tried)
 
 
 def _starts(clearance: FloatArray, pair: IntArray) -> IntArray:
