@@ -40,10 +40,10 @@ from tubeplanner import (
     verify,
 )
 from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
+from tubeplanner.constraints.time_scaling import scaled_to_limits
 from tubeplanner.outcome import Infeasible
 from tubeplanner.refinement.spline_start import starting_spline
 from tubeplanner.trajectory.joint_trajectory import from_spline
-from tubeplanner.waypoint_search.time_scaling import scaled_to_limits
 
 PROBLEMS = (*(paper_example(e, r) for e in EXAMPLES for r in RADII), *ARMS)
 START_KNOTS = 24  # of the spline along the reference branch

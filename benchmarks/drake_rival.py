@@ -26,8 +26,8 @@ from scipy.interpolate import BSpline, make_lsq_spline
 from drake_arm import DrakeArm, drake_arm
 from transcription_program import PhasedTrajectory
 from tubeplanner import JointTrajectory, PlanningProblem, verify
+from tubeplanner.constraints.time_scaling import scaled_to_limits
 from tubeplanner.trajectory.joint_trajectory import from_spline
-from tubeplanner.waypoint_search.time_scaling import scaled_to_limits
 
 CONTROL_POINTS, ORDER = 24, 4
 INTERVALS = CONTROL_POINTS - ORDER + 1

@@ -27,13 +27,13 @@ from tubeplanner.branches.reference_branch import (
     redundancy_rules,
     reference_branch,
 )
+from tubeplanner.constraints.time_scaling import scaled_to_limits
 from tubeplanner.outcome import Infeasible
 from tubeplanner.planning.plan_options import REFINEMENT
 from tubeplanner.planning.plan_result import certified_result
 from tubeplanner.progress import PlanningClock
 from tubeplanner.refinement.refinement import Refinement
 from tubeplanner.refinement.spline_start import starting_spline
-from tubeplanner.waypoint_search.time_scaling import scaled_to_limits
 from witness import RandomCase, witness_holds
 
 COUNT = 40  # problems per arm

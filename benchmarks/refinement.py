@@ -29,10 +29,10 @@ from tubeplanner import (
     plot_convergence,
 )
 from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
+from tubeplanner.constraints.time_scaling import scaled_to_limits
 from tubeplanner.planning.plan_options import QUALITIES
 from tubeplanner.refinement.refinement import Refinement
 from tubeplanner.refinement.spline_start import starting_spline
-from tubeplanner.waypoint_search.time_scaling import scaled_to_limits
 
 # What is possible [s] at 10, 30 and 50 mm, by example; what the paper printed after its phase 2.
 POSSIBLE = {

@@ -97,7 +97,7 @@ plt.show()
 from tubeplanner.branches.reference_branch import reference_branch, redundancy_rules
 from tubeplanner.refinement.refinement import Refinement
 from tubeplanner.refinement.spline_start import starting_spline
-from tubeplanner.waypoint_search.time_scaling import scaled_to_limits
+from tubeplanner.constraints.time_scaling import scaled_to_limits
 
 
 def with_few_knots(case, intervals):

@@ -50,7 +50,6 @@ ORDER = {
         "joint_trajectory",
     ),
     "verification": (
-        "peaks",
         "majorants",
         "enclosure",
         "closest_approach",
@@ -61,6 +60,11 @@ ORDER = {
         "verification",
         "refusal",
     ),
+    "constraints": (
+        "peaks",
+        "time_scaling",
+        "tube_membership",
+    ),
     "branches": (
         "inverse_kinematics",
         "reference_turn",
@@ -70,11 +74,8 @@ ORDER = {
         "known_branches",
     ),
     "waypoint_search": (
-        "time_scaling",
-        "stop_at_corners",
         "waypoint_interpolation",
         "candidate_waypoints",
-        "tube_membership",
         "link_clearance",
         "segment_rules",
         "branch_and_bound",
@@ -102,6 +103,7 @@ ORDER = {
         "sensitivities",
     ),
     "baselines": (
+        "stop_at_corners",
         "time_parameterization",
         "fastest_parameterization",
         "tool_curve",

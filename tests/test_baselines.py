@@ -15,8 +15,8 @@ from tubeplanner.baselines.fixed_path_bang_bang import bang_bang_parameterizatio
 from tubeplanner.baselines.time_parameterization import averaged_parameterization, run_along
 from tubeplanner.baselines.tool_path import tool_paths
 from tubeplanner.branches.reference_branch import RedundancyRule, reference_branch
+from tubeplanner.constraints.time_scaling import minimum_duration
 from tubeplanner.outcome import Infeasible, PlanStatus
-from tubeplanner.waypoint_search.time_scaling import minimum_duration
 
 SMOOTHNESS = {"rest", "continuity"}
 ON_LINES = ("conventional", "bang-bang", "smoothed-bang-bang")

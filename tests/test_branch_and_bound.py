@@ -17,9 +17,9 @@ from tubeplanner import (
     verify,
 )
 from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
+from tubeplanner.constraints.time_scaling import scaled_to_limits
 from tubeplanner.waypoint_search.branch_and_bound import BranchAndBound
 from tubeplanner.waypoint_search.candidate_waypoints import candidate_waypoints
-from tubeplanner.waypoint_search.time_scaling import scaled_to_limits
 from tubeplanner.waypoint_search.waypoint_interpolation import sequential_quartics
 
 CORNER = ([0.45, -0.3, 0], [0.45, 0.1, 0], [0.2, 0.1, 0])

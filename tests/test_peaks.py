@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tubeplanner.verification.peaks import refined_maximum
+from tubeplanner.constraints.peaks import refined_maximum
 
 
 def test_a_peak_between_samples_is_found():

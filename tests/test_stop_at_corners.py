@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-import tubeplanner.waypoint_search.stop_at_corners as stop_at_corners_module
+import tubeplanner.baselines.stop_at_corners as stop_at_corners_module
 from conftest import PROBLEMS
 from tubeplanner import PlanningProblem, Tube, verify
+from tubeplanner.baselines.stop_at_corners import stop_at_corners
 from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
-from tubeplanner.waypoint_search.stop_at_corners import stop_at_corners
-from tubeplanner.waypoint_search.time_scaling import minimum_duration
+from tubeplanner.constraints.time_scaling import minimum_duration
 
 # Durations of the conventional scheme of the paper, straight lines at trapezoidal tool speed with
 # stops (0.75 m/s, 1.2 m/s^2), by the formula d/v + v/a or 2 sqrt(d/a).

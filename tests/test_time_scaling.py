@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from tubeplanner import JointTrajectory, LimitOverrides, load_robot
-from tubeplanner.outcome import Infeasible, PlanStatus
-from tubeplanner.waypoint_search.time_scaling import (
+from tubeplanner.constraints.time_scaling import (
     minimum_duration,
     scaled_to_limits,
     scaling_factor,
 )
+from tubeplanner.outcome import Infeasible, PlanStatus
 
 INERTIA, ANGLE = 0.7, 1.3  # [kg m^2], [rad]
 # Peaks of the quintic rest-to-rest move of one radian in one second.

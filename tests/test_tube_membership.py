@@ -3,7 +3,7 @@ import pytest
 
 from tubeplanner import JointTrajectory, PlanningProblem, Seed, Tube
 from tubeplanner.branches.inverse_kinematics import solve_position
-from tubeplanner.waypoint_search.tube_membership import (
+from tubeplanner.constraints.tube_membership import (
     first_departure,
     membership_margin,
     passable_segments,

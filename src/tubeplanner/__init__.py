@@ -7,8 +7,8 @@ points). Units are SI and radians; positions are in the frame of the URDF's root
     result = plan(problem)
 
 Data flows one way, through folders that import only those above them: `robot`, `collision`, `tube`,
-`problem`, `trajectory`, `verification`, `branches`, `waypoint_search` (phase 1), `suh_bishop`
-(phase 2 as published), `refinement` (phase 2), `baselines`, `planning`, `measurement`,
+`problem`, `trajectory`, `verification`, `constraints`, `branches`, `waypoint_search` (phase 1),
+`suh_bishop` (phase 2 as published), `refinement` (phase 2), `baselines`, `planning`, `measurement`,
 `tube_sources`, `studies`, `files`, `views`, `commands`.
 
 Names are loaded on first use, so that `import tubeplanner` stays quick.

@@ -1,6 +1,7 @@
 """How an attempt to plan ends: the status, and the place where something is wrong."""
 
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from typing import Any
 
@@ -38,6 +39,11 @@ class Place:
     links: tuple[str, ...] | None = None
     obstacle: str | None = None
     position: tuple[float, float, float] | None = None
+
+    def at(self, tool: Iterable[float]) -> "Place":
+        """Return the place with the tool at a point (3,) [m], base frame."""
+        x, y, z = (float(value) for value in tool)
+        return replace(self, position=(x, y, z))
 
     def as_dict(self) -> dict[str, Any]:
         """Return the fields as JSON values."""

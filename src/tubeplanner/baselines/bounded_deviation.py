@@ -13,12 +13,12 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.baselines.tool_path import ToolPath, arc_lengths_on_line
+from tubeplanner.constraints.time_scaling import scaled_to_limits, scaling_factor
+from tubeplanner.constraints.tube_membership import first_departure
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
-from tubeplanner.waypoint_search.time_scaling import scaled_to_limits, scaling_factor
-from tubeplanner.waypoint_search.tube_membership import first_departure
 
 _MAX_ROUNDS = 10  # of adding knots
 _PROBES = np.linspace(0.0, 1.0, 9)[1:-1]  # of every joint line

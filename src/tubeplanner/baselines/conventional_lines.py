@@ -11,10 +11,10 @@ from scipy.interpolate import CubicSpline
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.baselines.tool_path import ToolPath, arc_lengths_on_line
+from tubeplanner.constraints.time_scaling import minimum_duration
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, concatenate
-from tubeplanner.waypoint_search.time_scaling import minimum_duration
 
 PAPER_SPEED, PAPER_ACCELERATION = 0.75, 1.2  # [m/s], [m/s^2]
 _TOLERANCE = 2e-6  # [m] between the tool and where it should be at that time

@@ -11,9 +11,9 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.baselines.time_parameterization import run_along
+from tubeplanner.constraints.time_scaling import estimated_duration
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
-from tubeplanner.waypoint_search.time_scaling import estimated_duration
 
 # A limit that is not given: so many times what a gentle run of the path uses.
 _AMPLE, _SAMPLES_PER_PIECE = 1e3, 20

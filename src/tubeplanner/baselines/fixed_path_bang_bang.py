@@ -14,10 +14,10 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.baselines.fastest_parameterization import fastest_parameterization
 from tubeplanner.baselines.time_parameterization import run_along
 from tubeplanner.baselines.tool_path import ToolPath
+from tubeplanner.constraints.time_scaling import minimum_duration
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, concatenate
-from tubeplanner.waypoint_search.time_scaling import minimum_duration
 
 # Steps between the points where limits are judged: of a whole path, and of each line or arc in it.
 _PATH_STEPS, _PIECE_STEPS = 800, 400

@@ -14,13 +14,13 @@ from scipy.ndimage import minimum_filter1d
 from tubeplanner.arrays import FloatArray
 from tubeplanner.baselines.time_parameterization import averaged_parameterization, run_along
 from tubeplanner.baselines.tool_path import ToolPath
-from tubeplanner.robot.robot_model import RobotModel
-from tubeplanner.trajectory.joint_trajectory import JointTrajectory, concatenate
-from tubeplanner.waypoint_search.time_scaling import (
+from tubeplanner.constraints.time_scaling import (
     estimated_duration,
     scaled_to_limits,
     scaling_factor,
 )
+from tubeplanner.robot.robot_model import RobotModel
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory, concatenate
 
 _ROUNDS = 8
 _SAMPLES_PER_INTERVAL = 8  # at the limits, per interval

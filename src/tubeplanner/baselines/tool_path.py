@@ -10,7 +10,7 @@ from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.baselines.tool_curve import ToolCurve, rounded_polyline
 from tubeplanner.branches.inverse_kinematics import WantedRotation, solve_position
 from tubeplanner.branches.reference_branch import ReferenceBranch
-from tubeplanner.branches.segment_walk import as_position, explain_error
+from tubeplanner.branches.segment_walk import explain_error
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.robot.robot_model import RobotModel
@@ -182,7 +182,7 @@ class _Follower:
             solution = solve_position(problem.robot, point, seed, *bounds, rotation=kept)
             if solution.error > CURVE_TOLERANCE:
                 reason = explain_error(problem, point, seed, int(k), solution)
-                place = Place(segment=int(k), position=as_position(point))
+                place = Place(segment=int(k)).at(point)
                 raise Infeasible(PlanStatus.UNREACHABLE, f"{place}: {reason}", place)
             moved[i, :-1] = solution.q
         return moved

@@ -12,7 +12,6 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.branches.inverse_kinematics import PositionSolution, solve_position
 from tubeplanner.branches.reference_branch import ReferenceBranch, end_configuration
 from tubeplanner.branches.reference_turn import wanted_at
-from tubeplanner.branches.segment_walk import as_position
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem
 
@@ -69,6 +68,6 @@ def _corner(problem: PlanningProblem, k: int, near: FloatArray) -> FloatArray:
         best = min(turned_best, key=lambda one: float(abs(one.q - near).max()))
     if k == problem.tube.segment_count and best.error > _GOAL_TOLERANCE:
         message = f"no goal: the tool gets no nearer than {best.error:.4g} m"
-        place = Place(segment=k - 1, position=as_position(point))
+        place = Place(segment=k - 1).at(point)
         raise Infeasible(PlanStatus.UNREACHABLE, message, place)
     return best.q

@@ -17,7 +17,6 @@ from tubeplanner.branches.inverse_kinematics import solve_position
 from tubeplanner.branches.reference_turn import wanted_at
 from tubeplanner.branches.segment_walk import (
     SegmentWalk,
-    as_position,
     explain_error,
     explain_turn,
     turned_off,
@@ -167,7 +166,7 @@ def end_configuration(problem: PlanningProblem, given: FloatArray | Seed, point:
         if problem.tube.rotation.margin(rotation, tool, segment)[0] < 0:
             reason = explain_turn(problem, segment, turned_off(solution))
     if reason is not None:
-        place = Place(segment=segment, position=as_position(target))
+        place = Place(segment=segment).at(target)
         end = "start" if point == 0 else "goal"
         raise Infeasible(PlanStatus.UNREACHABLE, f"{end} from its seed: {reason}", place)
     return solution.q

@@ -153,7 +153,7 @@ class SegmentWalk:
 
     def _give_up(self, share: float, q: FloatArray, solution: PositionSolution) -> None:
         point = self._point(share)
-        place = Place(segment=self._segment, position=as_position(point))
+        place = Place(segment=self._segment).at(point)
         where = f"{100 * share:.1f} % along {place}"
         jump = abs(solution.q - q)
         joint = self._problem.robot.joint_names[int(jump.argmax())]
@@ -184,7 +184,7 @@ class SegmentWalk:
         if outside[worst] <= 10 * _SETTLED:
             return
         joint = self._problem.robot.joint_names[worst]
-        place = Place(joint=joint, segment=self._segment, position=as_position(self._ends[1]))
+        place = Place(joint=joint, segment=self._segment).at(self._ends[1])
         raise Infeasible(
             PlanStatus.UNREACHABLE,
             f"at the end of segment {self._segment} '{joint}' is at {q[worst]:.4f} rad, but the "
@@ -239,9 +239,3 @@ def turned_off(solution: PositionSolution) -> str:
         f"the tool can be turned no nearer than {solution.rotation_error:.3g} rad to its reference "
         "orientation, and a tenth of the tolerance is kept to plan with"
     )
-
-
-def as_position(point: FloatArray) -> tuple[float, float, float]:
-    """Return a point (3,) as a tuple of floats."""
-    x, y, z = (float(value) for value in point)
-    return x, y, z

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import BSpline
 
+from tubeplanner.constraints.time_scaling import minimum_duration
 from tubeplanner.files.trajectory_file import joined_samples
 from tubeplanner.outcome import Infeasible
 from tubeplanner.problem.problem import PlanningProblem
@@ -24,7 +25,6 @@ from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples, from_spline
 from tubeplanner.verification.certificate import FOREIGN_TOLERANCE
 from tubeplanner.verification.verification import verify
-from tubeplanner.waypoint_search.time_scaling import minimum_duration
 
 # Averaging asks for that many periods; slowing down ends where the trajectory takes this much
 # longer.

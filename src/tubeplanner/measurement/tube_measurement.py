@@ -9,7 +9,6 @@ import numpy as np
 from tubeplanner.arrays import FloatArray
 from tubeplanner.branches.known_branches import KnownBranches
 from tubeplanner.branches.reference_branch import ReferenceBranch, redundancy_rules
-from tubeplanner.branches.segment_walk import as_position
 from tubeplanner.errors import OptionError
 from tubeplanner.measurement.folding_joints import is_determined, sign_bounds
 from tubeplanner.measurement.measured_tube import (
@@ -381,5 +380,5 @@ def _place(
     problem: PlanningProblem, k: int, q: FloatArray, pair: Any, joint: str | None = None
 ) -> Place:
     links, obstacle = problem.collision.owners(pair)
-    tool = as_position(problem.robot.tool_position(q[None])[0])
-    return Place(joint=joint, segment=k, links=links, obstacle=obstacle, position=tool)
+    place = Place(joint=joint, segment=k, links=links, obstacle=obstacle)
+    return place.at(problem.robot.tool_position(q[None])[0])

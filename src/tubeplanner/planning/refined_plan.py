@@ -8,6 +8,7 @@ import numpy as np
 
 from tubeplanner.branches.known_branches import KnownBranches
 from tubeplanner.branches.reference_branch import ReferenceBranch, redundancy_rules
+from tubeplanner.constraints.time_scaling import scaled_to_limits
 from tubeplanner.outcome import Infeasible, PlanStatus
 from tubeplanner.planning.plan_options import QUALITIES, REFINEMENT, PlanOptions, Quality
 from tubeplanner.planning.plan_result import PlanResult, certified_result
@@ -18,7 +19,6 @@ from tubeplanner.refinement.refinement import Refinement
 from tubeplanner.refinement.sensitivities import limit_sensitivities
 from tubeplanner.refinement.spline_start import starting_spline
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
-from tubeplanner.waypoint_search.time_scaling import scaled_to_limits
 
 # How often a certificate's objections are handed back to refinement.
 _MAX_OBJECTIONS = 5

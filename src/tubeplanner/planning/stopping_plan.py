@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from tubeplanner.baselines.stop_at_corners import stop_at_corners
 from tubeplanner.branches.known_branches import KnownBranches
 from tubeplanner.branches.reference_branch import RedundancyRule, ReferenceBranch, redundancy_rules
 from tubeplanner.outcome import Infeasible, PlanStatus
@@ -10,7 +11,6 @@ from tubeplanner.planning.plan_result import PlanResult, certified_result
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
-from tubeplanner.waypoint_search.stop_at_corners import stop_at_corners
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 from tubeplanner.branches.known_branches import KnownBranches
 from tubeplanner.branches.reference_branch import ReferenceBranch, redundancy_rules
+from tubeplanner.constraints.time_scaling import scaled_to_limits
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.planning.plan_options import SUH_BISHOP, PlanOptions
 from tubeplanner.planning.plan_result import PlanResult, judged_result
@@ -15,7 +16,6 @@ from tubeplanner.suh_bishop.suh_bishop import SuhBishop
 from tubeplanner.verification.certificate import Certificate
 from tubeplanner.waypoint_search.branch_and_bound import BranchAndBound
 from tubeplanner.waypoint_search.candidate_waypoints import candidate_waypoints
-from tubeplanner.waypoint_search.time_scaling import scaled_to_limits
 from tubeplanner.waypoint_search.waypoint_interpolation import sequential_quartics
 
 

@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.constraints.time_scaling import effort_factor_of
 from tubeplanner.refinement.linear_rows import (
     Rows,
     StepSize,
@@ -20,7 +21,6 @@ from tubeplanner.refinement.linear_rows import (
 from tubeplanner.refinement.phased_spline import EvaluationPoints, PhasedSpline
 from tubeplanner.refinement.sampled_spline import SampledSpline, sampled
 from tubeplanner.robot.robot_model import RobotModel
-from tubeplanner.waypoint_search.time_scaling import effort_factor_of
 
 _ORDERS = {"velocity": 1, "acceleration": 2, "jerk": 3}
 EFFORT, VELOCITY, ACCELERATION, JERK = "effort", *_ORDERS

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
+from tubeplanner.constraints.tube_membership import current_segments, tube_use
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.bernstein import maxima
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
-from tubeplanner.waypoint_search.tube_membership import current_segments, tube_use
 
 AT_LIMIT = 0.99  # of a limit: a motor that uses as much counts as at its limit
 _SAMPLES = 2000  # in the middles of equal times

@@ -10,13 +10,13 @@ from typing import TypeAlias
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
+from tubeplanner.constraints.time_scaling import scaled_to_limits, scaling_factor
+from tubeplanner.constraints.tube_membership import worst_membership
 from tubeplanner.outcome import Infeasible
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.bernstein import maxima
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.waypoint_search.link_clearance import LinkClearance
-from tubeplanner.waypoint_search.time_scaling import scaled_to_limits, scaling_factor
-from tubeplanner.waypoint_search.tube_membership import worst_membership
 
 # The polynomials through knots (K, n), linear in them: sequential quartics or the quartic spline.
 Construction: TypeAlias = Callable[[Sequence[str], FloatArray], JointTrajectory]

@@ -59,5 +59,4 @@ class FreeSpace:
 
     def _place(self, q: FloatArray, pair: IntArray) -> Place:
         links, obstacle = self._checker.owners(pair)
-        x, y, z = (float(value) for value in self._robot.tool_position(q[None])[0])
-        return Place(links=links, obstacle=obstacle, position=(x, y, z))
+        return Place(links=links, obstacle=obstacle).at(self._robot.tool_position(q[None])[0])

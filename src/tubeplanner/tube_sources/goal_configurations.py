@@ -68,7 +68,6 @@ def _reaching(problem: PlanningProblem, start: FloatArray, seed: int) -> list[Fl
         if solution.error <= _REACHED and is_new:
             found.append(np.round(solution.q, _DECIMALS))
     if not found:
-        x, y, z = (float(value) for value in target)
         message = f"the goal is out of reach: the tool gets no nearer than {least:.4g} m"
-        raise Infeasible(PlanStatus.UNREACHABLE, message, Place(position=(x, y, z)))
+        raise Infeasible(PlanStatus.UNREACHABLE, message, Place().at(target))
     return sorted(found, key=lambda q: float(abs(q - start).max()))

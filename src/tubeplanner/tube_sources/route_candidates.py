@@ -134,10 +134,11 @@ def _joint_time(robot: RobotModel, lines: tuple[FloatArray, ...]) -> float:
 
 
 def _no_route(problem: PlanningProblem, search: RouteSearch, options: RouteOptions) -> Infeasible:
-    x, y, z = (float(value) for value in problem.robot.tool_position(search.reached[None])[0])
+    tool = problem.robot.tool_position(search.reached[None])[0]
+    x, y, z = tool
     message = (
         f"no route was found in {options.tries * (1 + len(_MARGINS))} tries of {options.checks} "
         f"configurations; the last one brought the tool to [{x:.3f}, {y:.3f}, {z:.3f}] m: move "
         "what is in the way, choose another goal configuration, or give it more tries or checks"
     )
-    return Infeasible(PlanStatus.NO_TRAJECTORY, message, Place(position=(x, y, z)))
+    return Infeasible(PlanStatus.NO_TRAJECTORY, message, Place().at(tool))

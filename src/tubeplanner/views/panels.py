@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.constraints.time_scaling import scaling_factor
+from tubeplanner.constraints.tube_membership import current_segments, tube_use
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
 from tubeplanner.views.palette import LINE_COLORS, segment_color
-from tubeplanner.waypoint_search.time_scaling import scaling_factor
-from tubeplanner.waypoint_search.tube_membership import current_segments, tube_use
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -19,14 +19,14 @@ from typing import Any
 import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
+from tubeplanner.constraints.time_scaling import scaled_to_limits
+from tubeplanner.constraints.tube_membership import first_departure
 from tubeplanner.outcome import Infeasible
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.verification.certificate import Certificate
 from tubeplanner.verification.verification import verify
 from tubeplanner.waypoint_search.segment_rules import SegmentBatch, SegmentRules
-from tubeplanner.waypoint_search.time_scaling import scaled_to_limits
-from tubeplanner.waypoint_search.tube_membership import first_departure
 from tubeplanner.waypoint_search.waypoint_interpolation import (
     last_two_quartics,
     look_ahead_quartic,

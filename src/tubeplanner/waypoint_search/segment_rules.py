@@ -14,14 +14,14 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
-from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.waypoint_search.link_clearance import LinkClearance
-from tubeplanner.waypoint_search.time_scaling import effort_factor
-from tubeplanner.waypoint_search.tube_membership import (
+from tubeplanner.constraints.time_scaling import effort_factor
+from tubeplanner.constraints.tube_membership import (
     membership_margin,
     passable_segments,
     segments_reached,
 )
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.waypoint_search.link_clearance import LinkClearance
 from tubeplanner.waypoint_search.waypoint_interpolation import power_basis
 
 # Local times of the tests, in stages: the first cuts most.

@@ -10,11 +10,11 @@ from collections.abc import Callable
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
+from tubeplanner.constraints.peaks import refined_maximum
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.trajectory.bernstein import bernstein_coefficients, maxima
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
-from tubeplanner.verification.peaks import refined_maximum
 
 _SAMPLES_PER_PIECE = 24
 # Valleys of the factor this near the smallest sample (relative) are refined.
@@ -172,7 +172,6 @@ def _ratio(available: FloatArray, use: FloatArray) -> FloatArray:
 def _gravity_exceeds_effort(robot: RobotModel, q: FloatArray) -> Infeasible:
     gravity, limit = abs(robot.gravity_effort(q[None])[0]), robot.limits.effort
     joint = int((limit - gravity).argmin())
-    x, y, z = (float(value) for value in robot.tool_position(q[None])[0])
     name = robot.joint_names[joint]
     unit = "N m" if robot.revolute[joint] else "N"
     return Infeasible(
@@ -180,5 +179,5 @@ def _gravity_exceeds_effort(robot: RobotModel, q: FloatArray) -> Infeasible:
         f"joint '{name}' needs {gravity[joint]:.2f} {unit} against gravity alone, its effort limit "
         f"is {limit[joint]:.2f}; lighten the payload, choose another configuration or a stronger "
         "motor",
-        Place(joint=name, position=(x, y, z)),
+        Place(joint=name).at(robot.tool_position(q[None])[0]),
     )

@@ -13,10 +13,10 @@ from scipy.linalg import solve
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.branches.reference_branch import ReferenceBranch
+from tubeplanner.constraints.time_scaling import estimated_duration, scaled_to_limits
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, concatenate, from_spline
-from tubeplanner.waypoint_search.time_scaling import estimated_duration, scaled_to_limits
 
 _DEGREE = 5
 # Configurations nearer to their neighbour than this share of the largest step carry no direction.

@@ -1,0 +1,1 @@
+"""What a trajectory must keep, as those who plan test it: limits and tube, at samples."""
