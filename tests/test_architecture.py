@@ -33,6 +33,7 @@ ORDER = {
         "obstacle",
         "separation",
         "collision_checker",
+        "collision_scene",
     ),
     "tube": (
         "rotations",
@@ -44,6 +45,7 @@ ORDER = {
         "problem_format",
         "joint_values",
         "problem",
+        "problem_reader",
     ),
     "trajectory": (
         "bernstein",

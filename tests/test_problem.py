@@ -1,6 +1,7 @@
 """Problems from files, from dictionaries and from Python."""
 
 import copy
+import dataclasses
 import re
 import shutil
 
@@ -568,3 +569,26 @@ def test_what_a_problem_holds_cannot_be_written_to(two_link):
     for array in (problem.start, problem.joint_lower, problem.joint_upper):
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 1.0
+
+
+def post(x):
+    return Obstacle.cylinder("post", 0.03, 0.3, placement_of((x, 0.2, 1)))
+
+
+def test_the_callers_list_of_obstacles_may_change_afterwards():
+    obstacles = [post(0.2)]
+    problem = dataclasses.replace(parse_problem(MINIMAL), obstacles=obstacles)
+    obstacles[0] = post(0.1)
+    obstacles.append(post(0.3))
+    assert problem.obstacles[0].shapes[0].center[0] == pytest.approx(0.2)
+    assert len(problem.obstacles) == 1
+    assert problem.collision.shapes[-1].shape.center[0] == pytest.approx(0.2)
+
+
+def test_collision_geometry_is_shared_until_what_it_is_made_of_is_replaced():
+    problem = dataclasses.replace(parse_problem(MINIMAL), obstacles=[post(0.2)])
+    assert problem.with_tube(problem.tube.with_radius(0.2)).collision is problem.collision
+    assert problem.along(problem.tube, problem.start).collision is problem.collision
+    moved = dataclasses.replace(problem, obstacles=[post(0.1)])
+    assert moved.collision is not problem.collision
+    assert moved.collision.shapes[-1].shape.center[0] == pytest.approx(0.1)

@@ -15,7 +15,7 @@ from tubeplanner import (
 )
 from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
 from tubeplanner.refinement.refinement import Refinement
-from tubeplanner.refinement.sequential_program import SequentialProgram
+from tubeplanner.refinement.sequential_program import FIRST_PENALTY, SequentialProgram
 from tubeplanner.refinement.spline_start import starting_spline
 
 EVERY = {"joint1": np.inf, "joint2": np.inf}
@@ -55,10 +55,12 @@ def test_without_gravity_all_limits_together_have_a_known_sensitivity(limits):
     )
 
 
-def polished(problem, trajectory):
-    """Plan again from a trajectory near by, on the same knots, to a tight tolerance."""
-    program = SequentialProgram(problem, trajectory.shape, lambda iterate: None)
-    return program.improved(program.iterate(trajectory), 0.01, 1e-8, 60).duration
+def polished(problem, spline):
+    """Plan again from a spline near by, on the same knots, to a tight tolerance."""
+    program = SequentialProgram(problem, spline.grid)
+    begin = program.iterate(spline)
+    found = program.improved(begin, 0.01, FIRST_PENALTY, min_gain=1e-8, max_steps=60)
+    return found.iterate.duration
 
 
 def test_sensitivities_are_what_planning_again_finds():
@@ -66,8 +68,8 @@ def test_sensitivities_are_what_planning_again_finds():
     branch = reference_branch(problem, redundancy_rules(problem)[0])
     refined = Refinement(problem, starting_spline(problem, branch, 8), (3, 3))
     refined.run()
-    trajectory = refined._best.trajectory
-    duration = polished(problem, trajectory)
+    spline = refined._best.spline
+    duration = polished(problem, spline)
     sensitivities = refined.elasticities()
     step = 0.02
     limits = problem.robot.limits.effort
@@ -81,7 +83,7 @@ def test_sensitivities_are_what_planning_again_finds():
             else:
                 name = problem.robot.joint_names[index]
                 changed = problem_with(arm(effort={name: factor * limits[index]}))
-            found.append(polished(changed, trajectory))
+            found.append(polished(changed, spline))
         change = (found[1] - found[0]) / (2 * step)
         assert -elasticity * duration == pytest.approx(change, rel=0.1, abs=1e-3), (limit, index)
 

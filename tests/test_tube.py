@@ -1,5 +1,7 @@
 """The tube's geometry against brute force, and everything that can be wrong with a tube."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -200,3 +202,30 @@ def test_a_tube_keeps_its_own_copy_that_cannot_be_written_to():
     for array in (tube.points, tube.radius):
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 1.0
+
+
+def test_a_field_can_be_replaced():
+    quaternions = [[0, 0, 0, 1], [0, 0, 1, 0], [0, 0, 0, 1]]
+    tube = Tube(
+        [[0, 0, 0], [1, 0, 0], [1, 1, 0]],
+        [0.1, 0.2],
+        tool_radius=0.02,
+        joint_signs=[{"j": "+"}, {"j": [0.1, 0.5]}],
+        visit="any",
+        orientations=[[0, 0, 0, 1], [0, 0, 0.1, 0.995], [0, 0, 0, 1]],
+        rotation_tolerance=[0.1, (0.1, 0.2, np.inf)],
+    )
+    wider = dataclasses.replace(tube, radius=0.3)
+    assert wider.radius.tolist() == [0.3, 0.3]
+    assert wider.joint_ranges == tube.joint_ranges == ({"j": (0, np.inf)}, {"j": (0.1, 0.5)})
+    assert (wider.tool_radius, wider.visit) == (0.02, "any")
+    np.testing.assert_allclose(wider.rotation.bounds, tube.rotation.bounds)
+    with pytest.raises(ProblemError, match="below the smallest radius"):
+        dataclasses.replace(tube, radius=0.01)
+    with pytest.raises(ProblemError, match="180 degrees"):
+        dataclasses.replace(tube, orientations=quaternions)
+
+
+def test_joint_signs_that_are_no_maps_are_bad_input():
+    with pytest.raises(ProblemError, match=r"tube.joint_signs: '\+' is no map"):
+        Tube(LINE, 0.1, joint_signs="+")

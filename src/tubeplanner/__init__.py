@@ -41,8 +41,8 @@ if TYPE_CHECKING:
     from tubeplanner.planning.planner import plan as plan
     from tubeplanner.problem.problem import PlanningProblem as PlanningProblem
     from tubeplanner.problem.problem import Seed as Seed
-    from tubeplanner.problem.problem import load_problem as load_problem
-    from tubeplanner.problem.problem import parse_problem as parse_problem
+    from tubeplanner.problem.problem_reader import load_problem as load_problem
+    from tubeplanner.problem.problem_reader import parse_problem as parse_problem
     from tubeplanner.progress import Progress as Progress
     from tubeplanner.refinement.sensitivities import Sensitivity as Sensitivity
     from tubeplanner.robot.joint_limits import LimitOverrides as LimitOverrides
@@ -105,7 +105,8 @@ _HOMES = {
     "planning.plan_options": ("PlanOptions",),
     "planning.plan_result": ("PlanResult",),
     "planning.planner": ("plan",),
-    "problem.problem": ("PlanningProblem", "Seed", "load_problem", "parse_problem"),
+    "problem.problem": ("PlanningProblem", "Seed"),
+    "problem.problem_reader": ("load_problem", "parse_problem"),
     "progress": ("Progress",),
     "refinement.sensitivities": ("Sensitivity",),
     "robot.joint_limits": ("LimitOverrides",),

@@ -43,10 +43,8 @@ def fastest_parameterization(
     Raises:
         Infeasible: Status gravity_exceeds_effort.
     """
-    import toppra  # takes a second
-    from toppra import algorithm
+    from toppra import algorithm  # takes a second
 
-    toppra.setup_logging("ERROR")
     constraints = _constraints(robot, path, at_both_ends)
     solver = algorithm.TOPPRA(
         constraints, _Path(path), gridpoints=arc_length, solver_wrapper="seidel"

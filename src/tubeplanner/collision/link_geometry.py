@@ -4,7 +4,6 @@ yourdfpy reads the URDF's geometry; it is imported when first needed.
 """
 
 import io
-import logging
 from functools import partial
 from typing import Any
 
@@ -49,7 +48,6 @@ def read_geometry(robot: RobotModel) -> Any:
     """
     import yourdfpy
 
-    logging.getLogger("yourdfpy").setLevel(logging.ERROR)
     source = robot.urdf
     try:
         parsed = yourdfpy.URDF.load(

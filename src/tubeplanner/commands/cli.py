@@ -3,6 +3,7 @@
 Exit status: 0 success; 1 infeasible, or a check that failed; 2 bad input or usage; 130 interrupted.
 """
 
+import logging
 import os
 import signal
 import sys
@@ -55,7 +56,10 @@ def run() -> None:
             setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
         # A name that the stream's encoding lacks must not undo a success.
         getattr(sys, name).reconfigure(errors="backslashreplace")
-    warnings.simplefilter("ignore")  # a library's warnings mean nothing to a user
+    # What the libraries warn of means nothing to a user of the commands.
+    warnings.simplefilter("ignore")
+    for name in ("matplotlib", "toppra", "trimesh", "yourdfpy"):
+        logging.getLogger(name).setLevel(logging.ERROR)
     sys.exit(main(sys.argv[1:]))
 
 

@@ -28,7 +28,7 @@ def load_timed(
     """Return a problem and the time [s] that reading it took."""
     begin = time.perf_counter()
     enter("loading robot and collision geometry")
-    from tubeplanner.problem.problem import load_problem
+    from tubeplanner.problem.problem_reader import load_problem
 
     return load_problem(name, reads_tube=reads_tube), time.perf_counter() - begin
 

@@ -8,8 +8,9 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import TrajectoryError
 from tubeplanner.files.problem_file import new_fields, read_fields
 from tubeplanner.files.trajectory_file import TrajectoryFile
-from tubeplanner.problem.problem import PlanningProblem, parse_problem, robot_of
+from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.problem.problem_format import check_problem_fields
+from tubeplanner.problem.problem_reader import parse_problem, robot_of
 from tubeplanner.resources import find_problem
 from tubeplanner.tube_sources.trail import joint_trail
 

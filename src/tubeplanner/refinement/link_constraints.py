@@ -121,7 +121,9 @@ class LinkConstraints:
         ]
         required = self._required[pairs]
         there = np.min(found, axis=0) - 1e-6
-        self._aim[pairs] = np.clip(there, required, required + _INNER_MARGIN)
+        aim = self._aim.copy()  # what another object has stays as it is
+        aim[pairs] = np.clip(there, required, required + _INNER_MARGIN)
+        self._aim = aim
 
     def _distances(self, q: FloatArray) -> FloatArray:
         """Return distances of all pairs at configurations along a spline, shape (N, P).

@@ -15,7 +15,7 @@ from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.refinement.linear_rows import MERIT_TOLERANCE
 from tubeplanner.refinement.phased_spline import PhasedSpline
-from tubeplanner.refinement.sequential_program import SequentialProgram
+from tubeplanner.refinement.sequential_program import FIRST_PENALTY, Improved, SequentialProgram
 from tubeplanner.refinement.spline_constraints import Iterate
 from tubeplanner.refinement.spline_start import subdivided
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, from_spline
@@ -52,7 +52,8 @@ class Refinement:
         """
         self._problem, self._start, self._divisions = problem, start, divisions
         self._checkpoint_duration = checkpoint
-        self._program = SequentialProgram(problem, start.grid, self._checkpoint)
+        self._program = SequentialProgram(problem, start.grid)
+        self._penalty = FIRST_PENALTY
         self._best: Iterate | None = None
 
     @property
@@ -79,9 +80,9 @@ class Refinement:
             coarse = self._on_coarse_knots(spline, trust).spline
             spline, trust = subdivided(coarse, parts), _LATER_TRUST
             links = self._program.constraints.links_on(coarse, spline)
-            self._program = SequentialProgram(self._problem, spline.grid, self._checkpoint, links)
-        found = self._program.improved(self._begun(spline), trust, _GAIN, _MAX_STEPS)
-        self._exchange(found)
+            self._program = SequentialProgram(self._problem, spline.grid, links)
+            self._penalty = FIRST_PENALTY
+        self._exchange(self._improved(self._begun(spline), trust, _GAIN, _MAX_STEPS))
         return True
 
     def answer(self, certificate: Certificate, duration: float) -> bool:
@@ -101,29 +102,48 @@ class Refinement:
         for time in times:
             self._program.constraints.add_samples(spline, time / duration)
         again = self._program.iterate(spline)
-        self._exchange(self._program.improved(again, _LAST_TRUST, _LAST_GAIN, _MAX_STEPS))
+        self._exchange(self._improved(again, _LAST_TRUST, _LAST_GAIN, _MAX_STEPS))
         return True
 
     def elasticities(self) -> dict[tuple[str, int], float]:
         """Return d ln T / d ln p for every limit p, as `SequentialProgram.elasticities`."""
         if self._best is None:
             return {}
-        spline, program = self._best.spline, self._program
+        spline, program, penalty = self._best.spline, self._program, self._penalty
         if spline.grid is not program.grid:  # ended before there was a trajectory on finer knots
-            program = SequentialProgram(self._problem, spline.grid, self._checkpoint)
-        program = program.without_checkpoint()
-        begin = program.iterate(spline)
-        polished = program.improved(begin, _POLISH_TRUST, _POLISH_GAIN, _POLISH_STEPS)
-        return program.elasticities(polished)
+            program, penalty = SequentialProgram(self._problem, spline.grid), FIRST_PENALTY
+        polished = program.improved(
+            program.iterate(spline),
+            _POLISH_TRUST,
+            penalty,
+            min_gain=_POLISH_GAIN,
+            max_steps=_POLISH_STEPS,
+        )
+        return program.elasticities(polished.iterate)
 
     def _on_coarse_knots(self, spline: PhasedSpline, trust: float) -> Iterate:
         """Return a trajectory that is about the shortest, links not yet clear between samples."""
-        found = self._program.improved(self._begun(spline), trust, _GAIN, _MAX_STEPS)
+        found = self._improved(self._begun(spline), trust, _GAIN, _MAX_STEPS).iterate
         for _ in range(_MAX_COARSE_ROUNDS):
             if not self._program.constraints.look_for_links(found.spline):
                 break
             again = self._program.iterate(found.spline)
-            found = self._program.improved(again, _LATER_TRUST, _GAIN, _STEPS_PER_COARSE_ROUND)
+            found = self._improved(again, _LATER_TRUST, _GAIN, _STEPS_PER_COARSE_ROUND).iterate
+        return found
+
+    def _improved(
+        self, current: Iterate, trust: float, min_gain: float, max_steps: int
+    ) -> Improved:
+        """Return a shorter trajectory; the penalty that it took is the next one's first."""
+        found = self._program.improved(
+            current,
+            trust,
+            self._penalty,
+            min_gain=min_gain,
+            max_steps=max_steps,
+            checkpoint=self._checkpoint,
+        )
+        self._penalty = found.penalty
         return found
 
     def _begun(self, spline: PhasedSpline) -> Iterate:
@@ -138,21 +158,21 @@ class Refinement:
             raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Place())
         return iterate
 
-    def _exchange(self, found: Iterate) -> None:
+    def _exchange(self, found: Improved) -> None:
         """Keep the best trajectory between samples too, adding samples where they are missing."""
         best = None
         for _ in range(_MAX_ROUNDS):
-            dense, has_more = self._program.constraints.look_between_samples(found)
+            dense, has_more = self._program.constraints.look_between_samples(found.iterate)
             inside = dense.excess <= MERIT_TOLERANCE
             if inside and (best is None or dense.squared_duration < best.squared_duration):
                 best = dense
-            near = dense.squared_duration < (1 + _BETWEEN_SAMPLES) * found.squared_duration
+            near = dense.squared_duration < (1 + _BETWEEN_SAMPLES) * found.iterate.squared_duration
             if inside and (near or not has_more):
                 break
-            again = self._program.iterate(found.spline)
-            trust = min(max(2 * self._program.trust, _MIN_LAST_TRUST), _LAST_TRUST)
-            found = self._program.improved(again, trust, _LAST_GAIN, _STEPS_PER_ROUND)
-        self._best = best or found
+            again = self._program.iterate(found.iterate.spline)
+            trust = min(max(2 * found.trust, _MIN_LAST_TRUST), _LAST_TRUST)
+            found = self._improved(again, trust, _LAST_GAIN, _STEPS_PER_ROUND)
+        self._best = best or found.iterate
 
     def _checkpoint(self, iterate: Iterate) -> None:
         if iterate.excess <= MERIT_TOLERANCE:

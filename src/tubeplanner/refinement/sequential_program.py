@@ -6,7 +6,7 @@ tube and clearances are elastic.
 """
 
 from collections.abc import Callable
-from copy import copy
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
@@ -30,10 +30,25 @@ _BROKEN = 1e-4
 _MIN_TRUST, _MAX_TRUST = 1e-4, 1.0
 # Steps that gain less than this share of what they should are corrected.
 _GOOD_RATIO = 0.3
-_FIRST_PENALTY, _MAX_PENALTY = 3.0, 1e4
+FIRST_PENALTY, _MAX_PENALTY = 3.0, 1e4
 _DURATION_STEP = (-0.5, 1.0)
 # For the multipliers: a small trust region, hardly any quadratic part, an exact solution.
 _MULTIPLIER_TRUST, _MULTIPLIER_SMOOTHING, _MULTIPLIER_TOLERANCE = 0.02, 1e-3, 1e-8
+
+
+@dataclass(frozen=True, eq=False)
+class Improved:
+    """Where an improvement ended.
+
+    Attributes:
+        iterate: The shortest trajectory.
+        trust: Radius of the trust region [rad or m].
+        penalty: Weight of the elastic constraints.
+    """
+
+    iterate: Iterate
+    trust: float
+    penalty: float
 
 
 class SequentialProgram:
@@ -48,7 +63,6 @@ class SequentialProgram:
         self,
         problem: PlanningProblem,
         grid: KnotGrid,
-        checkpoint: Callable[[Iterate], None],
         links: LinkConstraints | None = None,
     ) -> None:
         """Prepare it.
@@ -56,69 +70,65 @@ class SequentialProgram:
         Args:
             problem: The planning problem.
             grid: The splines' knots.
-            checkpoint: Called with every iterate; it may raise to end the work.
             links: What is watched of the links already.
         """
         self.constraints = SplineConstraints(problem, grid, links or LinkConstraints(problem))
-        self._problem, self.grid, self._checkpoint = problem, grid, checkpoint
+        self._problem, self.grid = problem, grid
         self._variables = ControlVariables(problem, grid)
         self._curvature = self._smoothing()
         self._hessian = self._step_hessian()
-        self._penalty = _FIRST_PENALTY
-
-    def without_checkpoint(self) -> "SequentialProgram":
-        """Return the program for use after planning: nothing is told or ends it any more."""
-        later = copy(self)
-        later._checkpoint = lambda iterate: None
-        return later
 
     def iterate(self, spline: PhasedSpline) -> Iterate:
         """Return a trajectory with its cost, its control points moved into the joints' bounds."""
         points = self._variables.within_bounds(spline.control_points)
         return self.constraints.at(PhasedSpline(self.grid, spline.switching_times, points))
 
-    def improved(self, current: Iterate, trust: float, min_gain: float, max_steps: int) -> Iterate:
+    def improved(
+        self,
+        current: Iterate,
+        trust: float,
+        penalty: float,
+        *,
+        min_gain: float,
+        max_steps: int,
+        checkpoint: Callable[[Iterate], None] = lambda iterate: None,
+    ) -> Improved:
         """Return a shorter trajectory, if there is one.
 
         Args:
             current: Where to start.
             trust: First radius of the trust region [rad or m].
+            penalty: First weight of the elastic constraints.
             min_gain: A step that should gain less than this share of T^2 ends it, or two that do.
             max_steps: So many steps end it too.
+            checkpoint: Called with every iterate; it may raise to end the work.
         """
-        small_gains, self._trust = 0, trust
-        self._remembered = np.zeros(0, dtype=np.int64)
+        small_gains, remembered = 0, np.zeros(0, dtype=np.int64)
         for _ in range(max_steps):
-            problem = self._linearised(current, self._trust)
-            step = problem.solve()
+            linear = self._linearised(current, trust, penalty, remembered)
+            step = linear.solve()
             if step is None:
-                self._trust *= 0.4
+                trust *= 0.4
                 continue
-            self._remembered = problem.added
+            remembered = linear.added
             trial = self._moved(current, step)
             if trial is None:
-                self._trust *= 0.4
+                trust *= 0.4
                 continue
-            predicted, gain = self._gains(current, trial, step)
+            predicted, gain = _gains(current, trial, step, penalty)
             if gain < _GOOD_RATIO * predicted:
-                trial, gain = self._corrected(current, problem, step, trial, gain)
+                trial, gain = self._corrected(current, linear, step, trial, gain)
             ratio = gain / max(predicted, 1e-12)
             if step.elastic > _BROKEN:
-                self._penalty = min(4 * self._penalty, _MAX_PENALTY)
+                penalty = min(4 * penalty, _MAX_PENALTY)
             if ratio > 0.02:
                 current = trial
                 small_gains = small_gains + 1 if gain < min_gain else 0
-            self._checkpoint(current)
-            size = float(abs(step.control).max(initial=0.0))
-            self._trust = _next_trust(self._trust, ratio, size)
-            if predicted < min_gain or small_gains == 2 or self._trust < _MIN_TRUST:
+            checkpoint(current)
+            trust = _next_trust(trust, ratio, float(abs(step.control).max(initial=0.0)))
+            if predicted < min_gain or small_gains == 2 or trust < _MIN_TRUST:
                 break
-        return current
-
-    @property
-    def trust(self) -> float:
-        """The trust region at the end of the last improvement [rad or m]."""
-        return self._trust
+        return Improved(current, trust, penalty)
 
     def elasticities(self, current: Iterate) -> dict[tuple[str, int], float]:
         """Return d ln T / d ln p of a spline as short as it can be made, for every limit p.
@@ -154,13 +164,6 @@ class SequentialProgram:
         share = np.array([1 - INNER_MARGIN if kind in tolerances else 1.0 for kind, _ in names])
         return dict(zip(names, -cost * share, strict=True))
 
-    def _gains(self, current: Iterate, trial: Iterate, step: Step) -> tuple[float, float]:
-        """Return what a step should have gained, and what it did, in squared durations."""
-        penalty, before = self._penalty, _beyond(current.excess)
-        predicted = -step.duration + penalty * (before - _beyond(step.elastic))
-        duration = trial.squared_duration / current.squared_duration
-        return predicted, 1 - duration + penalty * (before - _beyond(trial.excess))
-
     def _moved(self, current: Iterate, step: Step) -> Iterate | None:
         points = self._variables.moved(current.spline.control_points, step.control)
         if points is None:
@@ -183,10 +186,12 @@ class SequentialProgram:
         second = self._moved(current, other)
         if second is None:
             return trial, gain
-        _, second_gain = self._gains(current, second, other)
+        _, second_gain = _gains(current, second, other, linear.penalty)
         return (second, second_gain) if second_gain > gain else (trial, gain)
 
-    def _linearised(self, current: Iterate, trust: float) -> "_Linearised":
+    def _linearised(
+        self, current: Iterate, trust: float, penalty: float, remembered: IntArray
+    ) -> "_Linearised":
         bounds = self._bounds(current, trust)
         size = StepSize(trust, float(bounds.switching.max(initial=0.0)))
         rows, is_elastic = self.constraints.rows(current, size)
@@ -194,11 +199,11 @@ class SequentialProgram:
         return _Linearised(
             rows,
             is_elastic,
-            active | np.isin(rows.index, self._remembered),
+            active | np.isin(rows.index, remembered),
             self._variables,
             bounds,
             (self._hessian, self._gradient(current)),
-            self._penalty,
+            penalty,
         )
 
     def _bounds(self, current: Iterate, trust: float, *, goal_moves: bool = True) -> Bounds:
@@ -239,7 +244,11 @@ class SequentialProgram:
 
 
 class _Linearised:
-    """The linear program at a trajectory, its rows added as they turn out to be broken."""
+    """The linear program at a trajectory, its rows added as they turn out to be broken.
+
+    Attributes:
+        penalty: Weight of the elastic constraints.
+    """
 
     def __init__(
         self,
@@ -254,7 +263,7 @@ class _Linearised:
         self._rows, self._is_elastic = rows, is_elastic
         self._near, self._active = active, active.copy()
         self._variables, self._bounds = variables, bounds
-        self._quadratic, self._penalty = quadratic, penalty
+        self._quadratic, self.penalty = quadratic, penalty
         self._program: StepProgram | None = None
         self._given = np.zeros(0, dtype=np.int64)
 
@@ -274,7 +283,7 @@ class _Linearised:
                 self._variables.column,
                 self._bounds,
                 *self._quadratic,
-                self._penalty,
+                self.penalty,
             )
             step = self._program.solve()
             if step is None:
@@ -306,6 +315,14 @@ class _Linearised:
         used += rows.switching @ step.switching + rows.duration * step.duration
         slack: FloatArray = rows.slack - used + self._is_elastic * step.elastic
         return slack
+
+
+def _gains(current: Iterate, trial: Iterate, step: Step, penalty: float) -> tuple[float, float]:
+    """Return what a step should have gained, and what it did, in squared durations."""
+    before = _beyond(current.excess)
+    predicted = -step.duration + penalty * (before - _beyond(step.elastic))
+    duration = trial.squared_duration / current.squared_duration
+    return predicted, 1 - duration + penalty * (before - _beyond(trial.excess))
 
 
 def _beyond(excess: float) -> float:

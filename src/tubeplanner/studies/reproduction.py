@@ -13,7 +13,8 @@ from tubeplanner.outcome import Infeasible
 from tubeplanner.planning.plan_options import REFINEMENT, SUH_BISHOP, PlanOptions
 from tubeplanner.planning.plan_result import PlanResult
 from tubeplanner.planning.planner import plan
-from tubeplanner.problem.problem import PlanningProblem, load_problem
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.problem.problem_reader import load_problem
 from tubeplanner.progress import PlanningClock, Progress
 from tubeplanner.studies.printed_results import (
     FIGURE_SEVEN,

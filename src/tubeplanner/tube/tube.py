@@ -6,7 +6,7 @@ frame.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields, replace
 from itertools import pairwise
 from typing import Any, Literal, TypeAlias
 
@@ -48,24 +48,26 @@ class Tube:
         points: Reference points, shape (m+1, 3) [m].
         radius: Path tolerances, shape (m,) [m].
         tool_radius: The tool as a sphere [m]; every effective radius is smaller by it.
-        joint_ranges: Per segment, by joint name: [lower, upper] that must hold in it [rad or m].
+        joint_signs: Per segment, by joint name: its sign or range as given.
         visit: "ordered": segments one after the other, with switching times in both capsules;
             "any": the union of all capsules.
         orientations: Of the tool at the reference points, unit quaternions x y z w, shape (m+1, 4);
             None: any orientation is allowed.
         rotation_tolerance: Per segment one angle, or bounds on the three components of
             log(R_ref^T R) [rad]; None: as above.
-        rotation: The same as geometry; None: as above.
+        joint_ranges: Per segment, by joint name: [lower, upper], what the signs mean [rad or m].
+        rotation: The rotation tolerance as geometry; None: as above.
     """
 
     points: FloatArray
     radius: FloatArray
     tool_radius: float
-    joint_ranges: tuple[Mapping[str, JointRange], ...]
+    joint_signs: tuple[Mapping[str, JointSign], ...]
     visit: Literal["ordered", "any"]
     orientations: FloatArray | None
     rotation_tolerance: tuple[RotationBound, ...] | None
-    rotation: RotationalTube | None
+    joint_ranges: tuple[Mapping[str, JointRange], ...] = field(init=False)
+    rotation: RotationalTube | None = field(init=False)
 
     def __init__(
         self,
@@ -98,19 +100,20 @@ class Tube:
         """
         corners = _points(points)
         segments = len(corners) - 1
-        _set(self, "points", corners)
-        _set(self, "radius", _radii(radius, segments))
-        _set(self, "tool_radius", float(tool_radius))
-        _set(self, "joint_ranges", _ranges(joint_signs or {}, segments, visit))
-        _set(self, "visit", visit)
-        self._keep_rotation(orientations, rotation_tolerance)
+        radii = _radii(radius, segments)
+        signs = _maps(joint_signs or {}, segments)
+        ranges = _ranges(signs, visit)
+        quaternions, bounds, rotation = _rotation(corners, orientations, rotation_tolerance)
         if visit not in VISITS:
             raise ProblemError(f"tube.visit: {unknown_name('value', str(visit), VISITS)}")
-        if not 0 <= self.tool_radius < self.radius.min():
+        if not 0 <= tool_radius < radii.min():
             raise ProblemError(
-                f"tube.tool_radius {self.tool_radius:g} m must be >= 0 and below the smallest "
-                f"radius, {self.radius.min():g} m"
+                f"tube.tool_radius {tool_radius:g} m must be >= 0 and below the smallest radius, "
+                f"{radii.min():g} m"
             )
+        kept = (corners, radii, float(tool_radius), signs, visit, quaternions, bounds)
+        for attribute, value in zip(fields(self), (*kept, ranges, rotation), strict=True):
+            object.__setattr__(self, attribute.name, value)  # frozen from here on
 
     @classmethod
     def anywhere(cls, begin: FloatArray, end: FloatArray) -> "Tube":
@@ -122,44 +125,13 @@ class Tube:
         aside = np.array([0.0, 0.0, 1e3 * _MIN_LENGTH * is_still])
         return cls(np.vstack([begin, end + aside]), _MAX_EXTENT)
 
-    def _keep_rotation(self, orientations: object, tolerance: object) -> None:
-        for field in ("orientations", "rotation_tolerance", "rotation"):
-            _set(self, field, None)
-        if orientations is None and tolerance is None:
-            return
-        if orientations is None or tolerance is None:
-            missing = "orientations" if orientations is None else "rotation_tolerance"
-            given = "rotation_tolerance" if orientations is None else "orientations"
-            remedy = (
-                "a quaternion [x, y, z, w] for every reference point"
-                if orientations is None
-                else "an angle or three bounds [rad] for every segment"
-            )
-            raise ProblemError(
-                f"tube.{given} is given without tube.{missing}; give {remedy}, or leave both out"
-            )
-        quaternions = unit_quaternions(orientations, len(self.points))
-        bounds = rotation_bounds(tolerance, self.segment_count)
-        rotation = rotational_tube(self.points, quaternions, bounds)
-        _set(self, "orientations", quaternions)
-        _set(self, "rotation_tolerance", bounds)
-        _set(self, "rotation", rotation if rotation.is_bounded else None)
-
     def with_radius(self, radius: float | Sequence[float] | FloatArray) -> "Tube":
         """Return the tube with another tolerance, or m others [m].
 
         Raises:
             ProblemError: A radius is not positive, or not above the tool radius.
         """
-        return Tube(
-            self.points,
-            radius,
-            tool_radius=self.tool_radius,
-            joint_signs=self.joint_ranges,
-            visit=self.visit,
-            orientations=self.orientations,
-            rotation_tolerance=self.rotation_tolerance,
-        )
+        return replace(self, radius=radius)  # type: ignore[arg-type]  # as `__init__` takes it
 
     @property
     def segment_count(self) -> int:
@@ -220,10 +192,6 @@ def sign_of(bounds: JointRange) -> str | None:
     return next((str(sign) for sign, same in _SIGNS.items() if same == bounds), None)
 
 
-def _set(tube: Tube, name: str, value: object) -> None:
-    object.__setattr__(tube, name, value)
-
-
 def _points(points: Sequence[Sequence[float]] | FloatArray) -> FloatArray:
     try:
         corners = read_only(points)
@@ -260,26 +228,59 @@ def _radii(radius: float | Sequence[float] | FloatArray, segments: int) -> Float
     return read_only(radii)
 
 
-def _ranges(
-    joint_signs: Mapping[str, JointSign] | Sequence[Mapping[str, JointSign]],
-    segments: int,
-    visit: str,
-) -> tuple[Mapping[str, JointRange], ...]:
-    if isinstance(joint_signs, Mapping):
-        maps: list[Mapping[str, JointSign]] = [joint_signs] * segments
-    else:
-        maps = list(joint_signs)
-    if len(maps) != segments:
+def _maps(
+    joint_signs: Mapping[str, JointSign] | Sequence[Mapping[str, JointSign]], segments: int
+) -> tuple[Mapping[str, JointSign], ...]:
+    """Return a map of joint signs for every segment."""
+    maps = [joint_signs] * segments if isinstance(joint_signs, Mapping) else joint_signs
+    try:
+        signs = tuple(dict(row) for row in maps)
+    except (TypeError, ValueError):
         raise ProblemError(
-            f"tube.joint_signs has {len(maps)} maps for {segments} segments; give one, or one each"
+            f"tube.joint_signs: {joint_signs!r} is no map from joint names to signs, nor a list of "
+            "such maps"
+        ) from None
+    if len(signs) != segments:
+        raise ProblemError(
+            f"tube.joint_signs has {len(signs)} maps for {segments} segments; give one, or one each"
         )
+    return signs
+
+
+def _ranges(
+    signs: tuple[Mapping[str, JointSign], ...], visit: str
+) -> tuple[Mapping[str, JointRange], ...]:
+    """Return the range that each sign stands for."""
     ranges = tuple(
         {name: _range(f"tube.joint_signs: joint '{name}'", sign) for name, sign in row.items()}
-        for row in maps
+        for row in signs
     )
     for k, (before, after) in enumerate(pairwise(ranges) if visit == "ordered" else ()):
         _require_switch(k, before, after)
     return ranges
+
+
+def _rotation(
+    points: FloatArray, orientations: object, tolerance: object
+) -> tuple[FloatArray | None, tuple[RotationBound, ...] | None, RotationalTube | None]:
+    """Return quaternions, rotation bounds and their geometry; None where nothing is bounded."""
+    if orientations is None and tolerance is None:
+        return None, None, None
+    if orientations is None or tolerance is None:
+        missing = "orientations" if orientations is None else "rotation_tolerance"
+        given = "rotation_tolerance" if orientations is None else "orientations"
+        remedy = (
+            "a quaternion [x, y, z, w] for every reference point"
+            if orientations is None
+            else "an angle or three bounds [rad] for every segment"
+        )
+        raise ProblemError(
+            f"tube.{given} is given without tube.{missing}; give {remedy}, or leave both out"
+        )
+    quaternions = unit_quaternions(orientations, len(points))
+    bounds = rotation_bounds(tolerance, len(points) - 1)
+    rotation = rotational_tube(points, quaternions, bounds)
+    return quaternions, bounds, rotation if rotation.is_bounded else None
 
 
 def _range(where: str, sign: JointSign) -> JointRange:

@@ -1,9 +1,11 @@
 """Collision-free routes in joint space, found by OMPL.
 
-Sucan, Moll & Kavraki, "The Open Trajectory Planning Library" (IEEE Robotics & Automation Magazine
+Sucan, Moll & Kavraki, "The Open Motion Planning Library" (IEEE Robotics & Automation Magazine
 19(4), 2012); Kuffner & LaValle, "RRT-Connect" (ICRA 2000). Only this module knows OMPL.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -64,9 +66,8 @@ class RouteSearch:
             OptionError: OMPL is not installed.
         """
         require_ompl()
-        from ompl import base, util
+        from ompl import base
 
-        util.noOutputHandler()  # OMPL would log to standard output
         self._space, self._start, self._goals = space, start, goals
         ends = np.vstack([start, *goals])
         least, most = ends.min(axis=0), ends.max(axis=0)
@@ -82,9 +83,13 @@ class RouteSearch:
         """Return the corners (P, n) of a free route, shortened; None if none was found.
 
         Args:
-            seed: Of OMPL's random numbers, > 0.
+            seed: Of OMPL's random numbers, > 0; they are one stream for the whole process.
             budget: Most configurations to look at before there is a route.
         """
+        with _silent_ompl():
+            return self._route(seed, budget)
+
+    def _route(self, seed: int, budget: int) -> FloatArray | None:
         from ompl import base, geometric, util
 
         util.RNG.setSeed(seed)
@@ -134,3 +139,15 @@ class RouteSearch:
 
     def _corners(self, path: Any) -> FloatArray:
         return np.array([self._values(state) for state in path.getStates()])
+
+
+@contextmanager
+def _silent_ompl() -> Iterator[None]:
+    """Keep OMPL from logging to standard output, for as long as it works for us."""
+    from ompl import util
+
+    util.noOutputHandler()
+    try:
+        yield
+    finally:
+        util.restorePreviousOutputHandler()

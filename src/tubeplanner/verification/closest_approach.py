@@ -6,7 +6,7 @@ left. The joints' travel is bounded by Bernstein coefficients. A direction that 
 does so in the neighbourhood too, so that most intervals need no exact distance.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -127,13 +127,13 @@ class _Search:
         most = max(_MAX_INTERVALS, _MAX_ROUNDS * len(rows.node))
         while len(rows.node):
             self.intervals += len(rows.node)
-            lower = self._lower_bounds(rows)
+            lower, direction = self._lower_bounds(rows)
             width = self._trajectory.widths[rows.node >> rows.level] / 2**rows.level
             undecided = lower < self._settled_above()
             final = undecided & ((width < _MIN_INTERVAL) | (self.intervals > most))
             settled = lower[~undecided | final]
             self.lower_bound = min(self.lower_bound, float(settled.min(initial=np.inf)))
-            rows = rows.halves(undecided & ~final)
+            rows = replace(rows, direction=direction).halves(undecided & ~final)
 
     def _beginning(self) -> _Rows:
         """Return all pairs on all pieces, with the directions that separate them at the start."""
@@ -149,11 +149,11 @@ class _Search:
         gap = abs(self.distance - self._required)
         return self.distance - max(_RESOLUTION, _RELATIVE_RESOLUTION * gap)
 
-    def _lower_bounds(self, rows: _Rows) -> FloatArray:
-        """Return lower bounds of the rows' distances on their intervals [m], shape (R,).
+    def _lower_bounds(self, rows: _Rows) -> tuple[FloatArray, FloatArray]:
+        """Return lower bounds of the rows' distances [m], (R,), and separating directions, (R, 3).
 
         From bounding spheres; where these do not settle it, along the known directions; where
-        neither does, exactly, and the directions are brought up to date.
+        neither does, exactly, with new directions.
         """
         nodes, interval = np.unique(rows.node, return_inverse=True)
         middle, travel, time = self._middles(nodes, rows.level)
@@ -169,6 +169,7 @@ class _Search:
             rows.direction[near],
         )
         lower[near] = np.maximum(lower[near], bound - travelled[near])
+        direction = rows.direction.copy()
         order = near[np.argsort(lower[near], kind="stable")]
         for first in range(0, len(order), _BATCH):
             batch = order[first : first + _BATCH]
@@ -178,12 +179,12 @@ class _Search:
             distance = np.empty(len(batch))
             for i in np.unique(interval[batch]):
                 here = np.flatnonzero(interval[batch] == i)
-                distance[here], rows.direction[batch[here]] = self._checker.separations(
+                distance[here], direction[batch[here]] = self._checker.separations(
                     rotation[i], position[i], self._pairs[rows.pair[batch[here]]]
                 )
             self._remember(distance, time[interval[batch]], rows.pair[batch])
             lower[batch] = np.maximum(lower[batch], distance - travelled[batch])
-        return lower
+        return lower, direction
 
     def _middles(self, node: IntArray, level: int) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return mid-interval configurations, the farthest joints get from them, and times."""

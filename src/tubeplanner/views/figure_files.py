@@ -1,7 +1,6 @@
 """Figures without a window, and their files. matplotlib is imported when a figure is made."""
 
 import io
-import logging
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,7 +14,6 @@ _DPI = 110
 
 def new_figure(width: float, height: float) -> "Figure":
     """Return an empty figure of a size [inches]."""
-    logging.getLogger("matplotlib").setLevel(logging.ERROR)  # its font cache is its own affair
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

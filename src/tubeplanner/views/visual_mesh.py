@@ -3,7 +3,6 @@
 trimesh reads them; it is imported when first needed.
 """
 
-import logging
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -40,7 +39,6 @@ def read_visual_mesh(
     """
     import trimesh
 
-    logging.getLogger("trimesh").setLevel(logging.ERROR)
     try:
         scene = trimesh.load_scene(str(path))
         parts = [
