@@ -302,7 +302,7 @@ def test_a_library_is_known_in_one_place(library):
 
 def test_importing_the_package_loads_no_heavy_library():
     code = (
-        "import sys, tubeplanner, tubeplanner.problem.problem, tubeplanner.planning.planner;"
+        "import sys, tubeplanner, tubeplanner.problem.problem_reader, tubeplanner.planning.planner;"
         "print(sorted({'meshcat', 'matplotlib', 'yourdfpy', 'trimesh'} & set(sys.modules)))"
     )
     output = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)

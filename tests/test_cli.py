@@ -190,16 +190,16 @@ def test_an_interrupt_while_a_certified_answer_is_written_loses_nothing(
 
 def test_an_interrupt_that_a_library_swallows_still_counts(run_json, monkeypatch):
     """trimesh catches everything while it imports; here, loading does."""
-    from tubeplanner.problem import problem
+    from tubeplanner.problem import problem_reader
 
-    load = problem.load_problem
+    load = problem_reader.load_problem
 
     def swallowing_load(name, **options):
         with contextlib.suppress(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
         return load(name, **options)
 
-    monkeypatch.setattr(problem, "load_problem", swallowing_load)
+    monkeypatch.setattr(problem_reader, "load_problem", swallowing_load)
     status, fields = run_json("plan", PROBLEM)
     assert status == 130
     assert fields["status"] == "interrupted"
@@ -211,7 +211,7 @@ def test_what_an_interrupt_breaks_in_a_library_is_no_error(run_json, monkeypatch
             signal.raise_signal(signal.SIGINT)
         raise TypeError("a half imported library")
 
-    monkeypatch.setattr("tubeplanner.problem.problem.load_problem", breaking_load)
+    monkeypatch.setattr("tubeplanner.problem.problem_reader.load_problem", breaking_load)
     status, fields = run_json("plan", PROBLEM)
     assert status == 130
     assert fields["status"] == "interrupted"

@@ -392,7 +392,7 @@ def test_whatever_refinement_has_when_it_is_stopped_is_an_answer(two_link, steps
     assert (result.stopped_by == "interrupt") == (count == steps)
     refined = result.method == "refinement"
     assert bool(result.sensitivities) == refined
-    knots = f"the knots ({len(result.trajectory.widths)})"
+    knots = f"the number of knots ({len(result.trajectory.widths)})"
     assert [knots in note for note in result.notes] == [True] * refined
 
 

@@ -1,15 +1,18 @@
-"""How far planning has come, told to whoever asked, and the time limit that ends it."""
+"""Progress callbacks, and how planning ends early: the time limit and Ctrl-C."""
 
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Literal, TypeAlias, TypeVar
 
 import numpy as np
 
-from tubeplanner.outcome import Infeasible, Place, PlanStatus
-
 StoppedBy: TypeAlias = Literal["time_limit", "interrupt"]
+_Answer = TypeVar("_Answer")
+
+
+class TimeLimitReached(Exception):
+    """Planning's time limit has passed; says nothing about whether there is an answer."""
 
 
 @dataclass(frozen=True)
@@ -43,14 +46,9 @@ ProgressCallback: TypeAlias = Callable[[Progress], None]
 
 
 class PlanningClock:
-    """Wall time since planning began; announces progress and knows the time limit.
-
-    Attributes:
-        stopped_by: What ended planning early; None if nothing did.
-    """
+    """Wall time since planning began; announces progress and knows the time limit."""
 
     def __init__(self, time_limit: float | None, callback: ProgressCallback | None) -> None:
-        self.stopped_by: StoppedBy | None = None
         self._begin = time.perf_counter()
         self._limit = np.inf if time_limit is None else time_limit
         self._callback = callback
@@ -62,17 +60,16 @@ class PlanningClock:
         return time.perf_counter() - self._begin
 
     def announce(self, progress: Progress) -> None:
-        """Tell how far planning has come."""
+        """Tell how far planning has come; the callback may raise KeyboardInterrupt."""
         self._stage = progress.stage
-        # A callback may raise an interrupt that was not noticed yet; one is enough.
-        if self._callback is not None and self.stopped_by is None:
+        if self._callback is not None:
             self._callback(progress)
 
     def enter(self, stage: str) -> None:
         """Announce a stage that makes no sense after the time limit.
 
         Raises:
-            Infeasible: Status time_limit.
+            TimeLimitReached: It has passed.
         """
         self.announce(Progress(stage))
         self.check()
@@ -81,13 +78,27 @@ class PlanningClock:
         """Raise if the time limit has passed.
 
         Raises:
-            Infeasible: Status time_limit.
+            TimeLimitReached: It has.
         """
         if self.remaining <= 0:
-            message = f"the time limit of {self._limit:g} s passed before the end of: {self._stage}"
-            raise Infeasible(PlanStatus.TIME_LIMIT, message, Place())
+            raise TimeLimitReached
+
+    @property
+    def past_limit(self) -> str:
+        """What the time limit's passing cut short, in words."""
+        return f"the time limit of {self._limit:g} s passed before the end of: {self._stage}"
 
     @property
     def remaining(self) -> float:
         """Wall time left before the limit [s]."""
         return self._limit - self.elapsed
+
+
+def until_stopped(work: Callable[[], _Answer]) -> tuple[_Answer | None, StoppedBy | None]:
+    """Return what work returns, or None and what stopped it: the time limit or Ctrl-C."""
+    try:
+        return work(), None
+    except TimeLimitReached:
+        return None, "time_limit"
+    except KeyboardInterrupt:
+        return None, "interrupt"

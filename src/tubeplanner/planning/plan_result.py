@@ -111,6 +111,15 @@ class PlanResult:
         }
 
 
+def stopped_result(clock: PlanningClock, stopped_by: StoppedBy, method: str) -> PlanResult:
+    """Return the result of a method that was stopped before it had anything."""
+    if stopped_by == "interrupt":
+        status, message = PlanStatus.INTERRUPTED, "interrupted before anything was certified"
+    else:
+        status, message = PlanStatus.TIME_LIMIT, clock.past_limit
+    return PlanResult(status, message, Place(), method, stopped_by=stopped_by)
+
+
 def certified_result(
     problem: PlanningProblem, trajectory: JointTrajectory, method: str, clock: PlanningClock
 ) -> PlanResult:

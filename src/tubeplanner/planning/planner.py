@@ -1,17 +1,18 @@
 """From a problem to a certified trajectory, or to the reason why there is none."""
 
 from dataclasses import replace
+from functools import partial
 
 from tubeplanner.branches.known_branches import KnownBranches
 from tubeplanner.outcome import PlanStatus
 from tubeplanner.planning.plan_options import REFINEMENT, STOP_AT_CORNERS, SUH_BISHOP, PlanOptions
-from tubeplanner.planning.plan_result import PlanResult
+from tubeplanner.planning.plan_result import PlanResult, stopped_result
 from tubeplanner.planning.refined_plan import refined_plan
 from tubeplanner.planning.searched_plan import searched_plan
-from tubeplanner.planning.stopping_plan import stopping_plan
+from tubeplanner.planning.stopping_plan import StoppingPlan, stopping_plan
 from tubeplanner.planning.suh_bishop_plan import suh_bishop_plan
 from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.progress import PlanningClock, ProgressCallback
+from tubeplanner.progress import PlanningClock, ProgressCallback, until_stopped
 
 
 def plan(
@@ -35,33 +36,60 @@ def plan(
     """
     options = options or PlanOptions()
     clock = PlanningClock(options.time_limit, progress)
-    result = _planned(problem, options, clock)
-    return replace(result, planning_time=clock.elapsed, stopped_by=clock.stopped_by)
+    result, stopped_by = until_stopped(partial(_planned, problem, options, clock))
+    if result is None:
+        result = stopped_result(clock, stopped_by or "interrupt", options.method)
+    if result.status is PlanStatus.INTERRUPTED:
+        raise KeyboardInterrupt
+    return replace(result, planning_time=clock.elapsed)
 
 
 def _planned(problem: PlanningProblem, options: PlanOptions, clock: PlanningClock) -> PlanResult:
-    """Return the answer of the first method in question that has one."""
+    """Return the answer of the first method in question that has one.
+
+    Raises:
+        TimeLimitReached: Before there was anything; likewise KeyboardInterrupt.
+    """
     branches = KnownBranches(problem, clock)
     if options.method == SUH_BISHOP:
         return suh_bishop_plan(problem, branches, options, clock)
-    refines = options.method == REFINEMENT and problem.tube.visit == "ordered"
-    # Under a time limit, a trajectory that stops at corners is there first, in case nothing else
-    # is.
-    corners = refined = None
-    if not refines or options.time_limit is not None:
-        corners = stopping_plan(problem, branches, clock)
-    if refines:
-        refined = refined_plan(problem, branches, options, clock)
-        if refined is not None and refined.succeeded:
-            return refined
+    if options.method != REFINEMENT or problem.tube.visit != "ordered":
+        return _searched(problem, stopping_plan(problem, branches, clock), options, clock)
+    # Under a time limit, stopping at corners comes first, in case nothing else is found in time.
+    limited = options.time_limit is not None
+    corners = stopping_plan(problem, branches, clock) if limited else None
+    refined = refined_plan(problem, branches, options, clock)
+    if refined is not None and (refined.succeeded or refined.stopped_by is not None):
+        return refined if refined.succeeded else _after_stop(problem, corners, refined, clock)
     corners = corners or stopping_plan(problem, branches, clock)
-    result, branch = corners.result, corners.branch
-    searches = options.method != STOP_AT_CORNERS and clock.stopped_by is None
-    if searches and branch is not None and branch.moving_segments:
-        result = searched_plan(problem, branch, corners, options, clock)
-    if clock.stopped_by == "interrupt" and not result.succeeded:
-        raise KeyboardInterrupt
-    return _with_better_reason(result, refined)
+    return _with_better_reason(_searched(problem, corners, options, clock), refined)
+
+
+def _after_stop(
+    problem: PlanningProblem,
+    corners: StoppingPlan | None,
+    refined: PlanResult,
+    clock: PlanningClock,
+) -> PlanResult:
+    """Return what there is when refinement was stopped and left nothing certified."""
+    if corners is None and refined.certificate is not None:  # it got far; corners take no time
+        silent = PlanningClock(None, None)  # its callback would only interrupt again
+        corners = stopping_plan(problem, KnownBranches(problem, silent), silent)
+    if corners is None or (refined.stopped_by == "interrupt" and not corners.result.succeeded):
+        return stopped_result(clock, refined.stopped_by or "interrupt", REFINEMENT)
+    result = _with_better_reason(corners.result, refined)
+    return replace(result, stopped_by=refined.stopped_by)
+
+
+def _searched(
+    problem: PlanningProblem, corners: StoppingPlan, options: PlanOptions, clock: PlanningClock
+) -> PlanResult:
+    """Return what branch and bound makes of a branch, or stopping at corners alone."""
+    branch = corners.branch
+    is_asked = options.method != STOP_AT_CORNERS and corners.result.stopped_by is None
+    if not is_asked or branch is None or not branch.moving_segments:
+        return corners.result
+    return searched_plan(problem, branch, corners, options, clock)
 
 
 def _with_better_reason(result: PlanResult, refined: PlanResult | None) -> PlanResult:

@@ -9,11 +9,11 @@ import numpy as np
 from tubeplanner.branches.known_branches import KnownBranches
 from tubeplanner.branches.reference_branch import ReferenceBranch, redundancy_rules
 from tubeplanner.constraints.time_scaling import scaled_to_limits
-from tubeplanner.outcome import Infeasible, PlanStatus
+from tubeplanner.outcome import Infeasible
 from tubeplanner.planning.plan_options import QUALITIES, REFINEMENT, PlanOptions, Quality
-from tubeplanner.planning.plan_result import PlanResult, certified_result
+from tubeplanner.planning.plan_result import PlanResult, certified_result, stopped_result
 from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.progress import PlanningClock, Progress
+from tubeplanner.progress import PlanningClock, Progress, until_stopped
 from tubeplanner.refinement.phased_spline import PhasedSpline
 from tubeplanner.refinement.refinement import Refinement
 from tubeplanner.refinement.sensitivities import limit_sensitivities
@@ -37,27 +37,25 @@ def refined_plan(
     Returns:
         None if there was nothing to start from.
 
-    Raises:
-        KeyboardInterrupt: Before anything was certified.
     """
-    best, quality = None, QUALITIES[options.quality]
-    for start, divisions in _starts(problem, branches, quality):
-        found = None
-        try:
-            found = _from_start(problem, start, divisions, clock)
-        except KeyboardInterrupt:
-            if best is None or not best.succeeded:
-                raise
-            clock.stopped_by = "interrupt"
-        except Infeasible as reason:  # nothing from this start, or the time limit
-            if reason.status is PlanStatus.TIME_LIMIT:
-                clock.stopped_by = "time_limit"
-        if found is not None:
-            best = found if best is None else _better(best, found)
-        answered = best is not None and best.succeeded and not quality.every_start
-        if answered or clock.stopped_by is not None:
-            break
-    return best
+    best: PlanResult | None = None
+    quality = QUALITIES[options.quality]
+
+    def work() -> None:
+        nonlocal best
+        for start, divisions in _starts(problem, branches, quality):
+            try:
+                found = _from_start(problem, start, divisions, clock)
+            except Infeasible:  # nothing from this start
+                continue
+            best = replace(_better(best or found, found), stopped_by=found.stopped_by)
+            if found.stopped_by is not None or (best.succeeded and not quality.every_start):
+                break
+
+    _, stopped_by = until_stopped(work)
+    if stopped_by is None:
+        return best
+    return replace(best or stopped_result(clock, stopped_by, REFINEMENT), stopped_by=stopped_by)
 
 
 def _starts(
@@ -115,8 +113,8 @@ def _from_start(
     Ctrl-C and the time limit leave the best so far to be certified.
 
     Raises:
-        Infeasible: Nothing to start from, or the time limit before there was anything.
-        KeyboardInterrupt: Before there was anything.
+        Infeasible: Nothing to start from.
+        TimeLimitReached: Before it began.
     """
     knots = start.grid.interval_count * int(np.prod(divisions))
     stage = f"refinement to {knots} knots"
@@ -129,11 +127,15 @@ def _from_start(
     refinement = Refinement(problem, start, divisions, checkpoint)
     work: Callable[[], bool] = refinement.run
     for _ in range(_MAX_OBJECTIONS):
-        if not _done(work, refinement, clock):
+        has_more, stopped_by = until_stopped(work)
+        if stopped_by is not None and not refinement.has_spline:
+            return stopped_result(clock, stopped_by, REFINEMENT)
+        if has_more is False:
             break
         trajectory = scaled_to_limits(problem.robot, refinement.trajectory)
         result = certified_result(problem, trajectory, REFINEMENT, clock)
-        if result.succeeded or result.certificate is None or clock.stopped_by is not None:
+        result = replace(result, stopped_by=stopped_by)
+        if result.succeeded or result.certificate is None or stopped_by is not None:
             break
         work = partial(refinement.answer, result.certificate, trajectory.duration)
     if not result.succeeded:
@@ -152,26 +154,11 @@ def _notes(problem: PlanningProblem, trajectory: JointTrajectory) -> tuple[str, 
         return ()
     unit = "rad/s^3" if robot.revolute[joint] else "m/s^3"
     return (
-        f"without a jerk limit, jerk grows with the knots squared ({len(trajectory.widths)}): "
-        "here up to "
+        "without a jerk limit, jerk grows with the square of the number of knots "
+        f"({len(trajectory.widths)}): here up to "
         f"{peak[joint]:.2g} {unit} ('{robot.joint_names[joint]}'); give the robot's own as "
         "limits.jerk for a trajectory that a machine can follow",
     )
-
-
-def _done(work: Callable[[], bool], refinement: Refinement, clock: PlanningClock) -> bool:
-    """Do a part of refinement, whole or until Ctrl-C or the time limit; return what it returns."""
-    try:
-        return work()
-    except KeyboardInterrupt:
-        if not refinement.has_spline:
-            raise
-        clock.stopped_by = "interrupt"
-    except Infeasible as reason:
-        if reason.status is not PlanStatus.TIME_LIMIT or not refinement.has_spline:
-            raise
-        clock.stopped_by = "time_limit"
-    return True
 
 
 def _better(known: PlanResult, found: PlanResult) -> PlanResult:

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 
 from tubeplanner.branches.reference_branch import ReferenceBranch
-from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.outcome import Place, PlanStatus
 from tubeplanner.planning.plan_options import BRANCH_AND_BOUND, PlanOptions
-from tubeplanner.planning.plan_result import PlanResult, judged_result
+from tubeplanner.planning.plan_result import PlanResult, judged_result, stopped_result
 from tubeplanner.planning.stopping_plan import StoppingPlan
 from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.progress import PlanningClock, Progress
+from tubeplanner.progress import PlanningClock, Progress, StoppedBy, until_stopped
 from tubeplanner.waypoint_search.branch_and_bound import BranchAndBound
 from tubeplanner.waypoint_search.candidate_waypoints import candidate_waypoints
 
@@ -26,42 +26,47 @@ def searched_plan(
 
     Even where that one failed its certificate: a search without a bound takes very long.
     """
-    known, search = corners.result, None
-    try:
+    known = corners.result
+
+    def prepared() -> BranchAndBound:
         clock.enter("candidate points on the reference path")
-        search = BranchAndBound(
+        return BranchAndBound(
             problem,
             candidate_waypoints(problem, branch, options.candidate_points, clock.check),
             upper_bound=np.inf if corners.trajectory is None else corners.trajectory.duration,
             node_budget=options.node_budget,
             checkpoint=clock.check,
         )
-        run_search(search, known.duration, clock)
-    except KeyboardInterrupt:
-        if not known.succeeded and (search is None or search.best is None):
-            raise
-        clock.stopped_by = "interrupt"
-    except Infeasible:  # the time limit, before the search began
-        clock.stopped_by = "time_limit"
-    return _better(problem, known, search, options, clock)
+
+    search, stopped_by = until_stopped(prepared)
+    if search is not None:
+        stopped_by = run_search(search, known.duration, clock)
+    has_answer = known.succeeded or (search is not None and search.best is not None)
+    if stopped_by == "interrupt" and not has_answer:
+        return stopped_result(clock, stopped_by, BRANCH_AND_BOUND)
+    return _better(problem, replace(known, stopped_by=stopped_by), search, options)
 
 
-def run_search(search: BranchAndBound, known: float | None, clock: PlanningClock) -> None:
-    """Search until there is nothing better, or until time or budget end.
+def run_search(
+    search: BranchAndBound, known: float | None, clock: PlanningClock
+) -> StoppedBy | None:
+    """Search until there is nothing better or the budget is used; return what stopped it earlier.
 
     Args:
         search: Its best trajectory is the answer.
         known: Duration of the best trajectory known before [s].
-        clock: Told how far the search has come; says what stopped it.
+        clock: Announces how far the search has come.
     """
-    while not search.finished:
-        if clock.remaining <= 0:
-            clock.stopped_by = "time_limit"
-            return
-        search.expand()
-        now = search.statistics
-        best = now.best_duration or known
-        clock.announce(Progress("branch and bound", now.nodes, now.lower_bound, best))
+
+    def work() -> None:
+        while not search.finished:
+            clock.check()
+            search.expand()
+            now = search.statistics
+            best = now.best_duration or known
+            clock.announce(Progress("branch and bound", now.nodes, now.lower_bound, best))
+
+    return until_stopped(work)[1]
 
 
 def _better(
@@ -69,20 +74,20 @@ def _better(
     known: PlanResult,
     search: BranchAndBound | None,
     options: PlanOptions,
-    clock: PlanningClock,
 ) -> PlanResult:
-    """Return the search's answer, or else what was known before, and say what is to be said."""
-    result = known
+    """Return the search's answer, or else what was known before, with what the search did."""
+    result, stopped_by = known, known.stopped_by
     if search is not None and search.best is not None and search.certificate is not None:
         result = judged_result(
             problem, search.best, search.certificate, search.certificate_time, BRANCH_AND_BOUND
         )
-    elif clock.stopped_by == "time_limit" and not known.succeeded:
+    elif stopped_by == "time_limit" and not known.succeeded:
         message = "the time limit passed before a trajectory was found"
         result = PlanResult(PlanStatus.TIME_LIMIT, message, Place(), BRANCH_AND_BOUND)
-    elif clock.stopped_by is None and known.succeeded:
+    elif stopped_by is None and known.succeeded:
         message = f"{result.message}; branch and bound found nothing faster"
         result = replace(result, message=message)
+    result = replace(result, stopped_by=stopped_by)
     if search is None:
         return result
     if search.statistics.budget_reached:

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from tubeplanner.baselines.stop_at_corners import stop_at_corners
 from tubeplanner.branches.known_branches import KnownBranches
 from tubeplanner.branches.reference_branch import RedundancyRule, ReferenceBranch, redundancy_rules
-from tubeplanner.outcome import Infeasible, PlanStatus
+from tubeplanner.outcome import Infeasible
 from tubeplanner.planning.plan_options import STOP_AT_CORNERS
-from tubeplanner.planning.plan_result import PlanResult, certified_result
+from tubeplanner.planning.plan_result import PlanResult, certified_result, stopped_result
 from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.progress import PlanningClock
+from tubeplanner.progress import PlanningClock, TimeLimitReached
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
 
@@ -41,11 +41,11 @@ def stopping_plan(
             first_trajectory = first_trajectory or trajectory
             clock.enter("certificate")
             result = certified_result(problem, trajectory, STOP_AT_CORNERS, clock)
+        except TimeLimitReached:
+            return StoppingPlan(stopped_result(clock, "time_limit", STOP_AT_CORNERS))
         except Infeasible as reason:
             result = PlanResult(reason.status, str(reason), reason.place, STOP_AT_CORNERS)
         if result.succeeded:
             return StoppingPlan(result, branch, trajectory)
-        if result.status is PlanStatus.TIME_LIMIT:
-            return StoppingPlan(result)
         reasons[rule] = result
     return StoppingPlan(reasons[RedundancyRule.AS_NEEDED], first_branch, first_trajectory)

@@ -7,10 +7,10 @@ from tubeplanner.branches.reference_branch import ReferenceBranch, redundancy_ru
 from tubeplanner.constraints.time_scaling import scaled_to_limits
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.planning.plan_options import SUH_BISHOP, PlanOptions
-from tubeplanner.planning.plan_result import PlanResult, judged_result
+from tubeplanner.planning.plan_result import PlanResult, judged_result, stopped_result
 from tubeplanner.planning.searched_plan import run_search
 from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.progress import PlanningClock, Progress
+from tubeplanner.progress import PlanningClock, Progress, StoppedBy, until_stopped
 from tubeplanner.suh_bishop.knot_trajectory import KnotTrajectory
 from tubeplanner.suh_bishop.suh_bishop import SuhBishop
 from tubeplanner.verification.certificate import Certificate
@@ -27,17 +27,15 @@ def suh_bishop_plan(
     Rules for redundant joints are tried in turn until phase 1 has a certified trajectory.
 
     Raises:
-        KeyboardInterrupt: Before anything was certified.
+        TimeLimitReached: Before there was anything; likewise KeyboardInterrupt.
     """
     reasons = []
     for rule in redundancy_rules(problem):
         try:
             result = _along(problem, branches.by_rule(rule), options, clock)
         except Infeasible as reason:
-            if reason.status is PlanStatus.TIME_LIMIT:
-                clock.stopped_by = "time_limit"
             result = PlanResult(reason.status, str(reason), reason.place, SUH_BISHOP)
-        if result.succeeded or clock.stopped_by is not None:
+        if result.succeeded or result.stopped_by is not None:
             return result
         reasons.append(result)
     return reasons[0]
@@ -49,8 +47,8 @@ def _along(
     """Return what both phases find along a branch.
 
     Raises:
-        Infeasible: Nothing is to be moved, gravity is too strong for phase 1's trajectories, or the
-            time limit passed before it began.
+        Infeasible: Nothing is to be moved, or gravity is too strong for phase 1's trajectories.
+        TimeLimitReached: Before phase 1 began.
     """
     if not branch.moving_segments:
         message = "the start is the goal: there is nothing to move"
@@ -60,19 +58,19 @@ def _along(
     search = BranchAndBound(
         problem, waypoints, node_budget=options.node_budget, checkpoint=clock.check
     )
-    try:
-        run_search(search, None, clock)
-    except KeyboardInterrupt:
-        if search.best is None:
-            raise
-        clock.stopped_by = "interrupt"
+    stopped_by = run_search(search, None, clock)
+    if search.best is None and stopped_by == "interrupt":
+        return stopped_result(clock, stopped_by, SUH_BISHOP)
     if search.best is None or search.certificate is None:
         # Says so if gravity alone is too strong somewhere on the way.
         scaled_to_limits(problem.robot, sequential_quartics(problem.robot.joint_names, waypoints))
-        return replace(_nothing_found(search, options, clock), search=search.statistics)
+        nothing = _nothing_found(search, options, stopped_by)
+        return replace(nothing, search=search.statistics, stopped_by=stopped_by)
     knots = waypoints[list(search.best_waypoints)]
     candidate = KnotTrajectory(knots, sequential_quartics, search.best)
     phase_two = _phase_two(problem, candidate, search.certificate, options, clock)
+    if stopped_by is None:
+        _, stopped_by = until_stopped(phase_two.run)
     certificate_time = phase_two.certificate_time or search.certificate_time
     result = judged_result(
         problem, phase_two.best.trajectory, phase_two.certificate, certificate_time, SUH_BISHOP
@@ -81,7 +79,13 @@ def _along(
     message = result.message
     if statistics.budget_reached:
         message += "; searches of phase 2 ended at their shares of the node budget"
-    return replace(result, message=message, search=search.statistics, phase_two=statistics)
+    return replace(
+        result,
+        message=message,
+        search=search.statistics,
+        phase_two=statistics,
+        stopped_by=stopped_by,
+    )
 
 
 def _phase_two(
@@ -91,7 +95,7 @@ def _phase_two(
     options: PlanOptions,
     clock: PlanningClock,
 ) -> SuhBishop:
-    """Return phase 2, done whole or until the time limit or Ctrl-C."""
+    """Return phase 2, ready to run; its checkpoint ends it at the time limit or at Ctrl-C."""
 
     def checkpoint() -> None:
         now = phase_two.statistics
@@ -99,21 +103,14 @@ def _phase_two(
         clock.check()
 
     phase_two = SuhBishop(problem, candidate, certificate, options.suh_bishop, checkpoint)
-    if clock.stopped_by is None:
-        try:
-            phase_two.run()
-        except KeyboardInterrupt:
-            clock.stopped_by = "interrupt"
-        except Infeasible:
-            clock.stopped_by = "time_limit"
     return phase_two
 
 
 def _nothing_found(
-    search: BranchAndBound, options: PlanOptions, clock: PlanningClock
+    search: BranchAndBound, options: PlanOptions, stopped_by: StoppedBy | None
 ) -> PlanResult:
     """Say that phase 1 ended without a trajectory."""
-    if clock.stopped_by == "time_limit":
+    if stopped_by == "time_limit":
         message = "the time limit passed before phase 1 found a trajectory"
         return PlanResult(PlanStatus.TIME_LIMIT, message, Place(), SUH_BISHOP)
     message = (
