@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
-from conftest import PROBLEMS
+from cases import PROBLEMS
 from tubeplanner import (
     Obstacle,
     OptionError,
