@@ -18,6 +18,7 @@ lint: $(VENV)/.installed-test
 	$(BIN)/ruff check src tests benchmarks notebooks docs
 	$(BIN)/ruff format --check src tests benchmarks notebooks docs
 	$(BIN)/mypy
+	$(BIN)/lint-imports --no-cache --no-logo
 
 # Every notebook runs from its first cell to its last, and becomes a page in output/notebooks.
 notebooks: $(VENV)/.installed-notebooks

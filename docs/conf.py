@@ -8,6 +8,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 import tubeplanner
 from problem_fields import problem_fields
+from public_sections import public_sections
 from reading_order import reading_order
 from tubeplanner.problem.problem_format import problem_schema
 
@@ -52,6 +53,7 @@ python_maximum_signature_line_length = 88
 def _write_generated(app: object, page: str, source: list[str]) -> None:
     """Put what is made from the sources where a page asks for it."""
     source[0] = source[0].replace("{{ problem_fields }}", problem_fields(problem_schema()))
+    source[0] = source[0].replace("{{ public_sections }}", public_sections())
     source[0] = source[0].replace("{{ reading_order }}", reading_order())
 
 

@@ -1,7 +1,11 @@
 """The modules in reading order, each with the first sentence of its docstring."""
 
 import ast
+import tomllib
+from graphlib import TopologicalSorter
 from pathlib import Path
+
+from grimp import build_graph
 
 _ROOT = Path(__file__).parents[1]
 _PACKAGE = _ROOT / "src" / "tubeplanner"
@@ -10,22 +14,36 @@ _WITHOUT_FOLDER = "What every folder may use."
 
 def reading_order() -> str:
     """Return the folders as Markdown: a heading, a sentence and a table of modules each."""
-    return "\n\n".join(_folder(name, modules) for name, modules in _order().items())
+    layers = _layers()
+    flat = [layer for layer in layers if not (_PACKAGE / layer).is_dir()]
+    folders = {layer: _imported_first(layer) for layer in layers if layer not in flat}
+    return "\n\n".join(_folder(name, modules) for name, modules in {"": flat, **folders}.items())
 
 
-def _order() -> dict[str, tuple[str, ...]]:
-    """Return the order that the tests hold: module names by folder."""
-    tests = ast.parse((_ROOT / "tests" / "test_architecture.py").read_text())
-    values = [
-        node.value
-        for node in tests.body
-        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "ORDER"
-    ]
-    order: dict[str, tuple[str, ...]] = ast.literal_eval(values[0])
-    return order
+def _layers() -> list[str]:
+    """Return folders and modules without a folder, as import-linter holds them, lowest first."""
+    settings = tomllib.loads((_ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]
+    layers = next(c["layers"] for c in settings["contracts"] if c["type"] == "layers")
+    return list(reversed(layers))
 
 
-def _folder(name: str, modules: tuple[str, ...]) -> str:
+def _imported_first(folder: str) -> list[str]:
+    """Return a folder's modules, each after those that it imports, else by alphabet."""
+    package, graph = f"tubeplanner.{folder}", build_graph("tubeplanner", cache_dir=None)
+    modules = graph.find_children(package)
+    sorter = TopologicalSorter(
+        {name: graph.find_modules_directly_imported_by(name) & modules for name in modules}
+    )
+    sorter.prepare()
+    order: list[str] = []
+    while sorter.is_active():
+        ready = sorted(sorter.get_ready())
+        sorter.done(*ready)
+        order += ready
+    return [name.removeprefix(f"{package}.") for name in order]
+
+
+def _folder(name: str, modules: list[str]) -> str:
     folder = _PACKAGE / name
     sentence = _first_sentence(folder / "__init__.py") if name else _WITHOUT_FOLDER
     rows = [f"| `{module}` | {_first_sentence(folder / f'{module}.py')} |" for module in modules]

@@ -54,16 +54,6 @@ def slider(tmp_path_factory):
     return PlanningProblem(robot, Tube([[0, 0, 0], [0.6, 0, 0]], 0.1), np.zeros(1), name="slider")
 
 
-PROBLEMS = (
-    "two_link/around_a_post",
-    "ur5/over_the_wall",
-    "ur5/level_tray",
-    "ur10/onto_a_conveyor",
-    "panda/between_shelves",
-    "xarm7/from_crate_to_crate",
-)
-
-
 @pytest.fixture(scope="session")
 def planned():
     """Return a function from a bundled problem's name to the problem and its plan, made once.

@@ -32,7 +32,7 @@ class OutputError(TubePlannerError):
     """An output file could not be written; what was there before is untouched."""
 
 
-def unknown_name(kind: str, name: str, known: Iterable[str]) -> str:
+def unknown_name(kind: str, name: object, known: Iterable[str]) -> str:
     """Return a message for a name that does not exist, listing those that do.
 
     Args:
@@ -41,6 +41,6 @@ def unknown_name(kind: str, name: str, known: Iterable[str]) -> str:
         known: Every name that would have been accepted.
     """
     names = list(known)
-    close = difflib.get_close_matches(name, names, n=1)
+    close = difflib.get_close_matches(str(name), names, n=1)
     hint = f" (did you mean '{close[0]}'?)" if close else ""
     return f"unknown {kind} {name!r}{hint}; there is: {', '.join(names) or 'none'}"

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.errors import OptionError
+from tubeplanner.options import require_between, require_count
 from tubeplanner.outcome import Place, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.tube.tube import JointRange
@@ -29,12 +29,9 @@ class MeasureOptions:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        if not 0 < self.max_radius < np.inf:
-            raise OptionError(f"max_radius is {self.max_radius:g} m; it must be > 0 and finite")
-        if not self.samples >= 1:
-            raise OptionError(f"samples is {self.samples}; it must be >= 1")
-        if not self.seed >= 0:
-            raise OptionError(f"seed is {self.seed}; it must be >= 0")
+        require_between(self, 0, np.inf, "max_radius", unit="m")
+        require_count(self, 1, "samples")
+        require_count(self, 0, "seed")
 
 
 @dataclass(frozen=True, eq=False)

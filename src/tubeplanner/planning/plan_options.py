@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 from tubeplanner.errors import OptionError, unknown_name
+from tubeplanner.options import require_between, require_count, require_kind
 from tubeplanner.suh_bishop.suh_bishop import SuhBishopOptions
 
 REFINEMENT, BRANCH_AND_BOUND = "refinement", "branch-and-bound"
@@ -29,8 +30,6 @@ QUALITIES = {
     "balanced": Quality(((8, (3, 3)),)),
     "best": Quality(((8, (3, 3)), (8, (3, 4))), every_start=True),
 }
-
-_MIN_CANDIDATES, _MAX_CANDIDATES = 2, 1000
 
 
 @dataclass(frozen=True)
@@ -65,14 +64,10 @@ class PlanOptions:
     def __post_init__(self) -> None:
         if self.method not in METHODS:
             raise OptionError(unknown_name("method", self.method, METHODS))
-        if self.quality not in QUALITIES:
+        if self.quality not in tuple(QUALITIES):
             raise OptionError(unknown_name("quality", self.quality, QUALITIES))
-        if not _MIN_CANDIDATES <= self.candidate_points <= _MAX_CANDIDATES:
-            raise OptionError(
-                f"candidate_points is {self.candidate_points}; {_MIN_CANDIDATES} to "
-                f"{_MAX_CANDIDATES} are accepted"
-            )
-        if not self.node_budget >= 1:
-            raise OptionError(f"node_budget is {self.node_budget}; it must be >= 1")
-        if self.time_limit is not None and not self.time_limit > 0:
-            raise OptionError(f"time_limit is {self.time_limit:g} s; it must be > 0")
+        require_count(self, 2, "candidate_points", most=1000)
+        require_count(self, 1, "node_budget")
+        require_kind(self, "suh_bishop", SuhBishopOptions)
+        if self.time_limit is not None:
+            require_between(self, 0, None, "time_limit", unit="s")

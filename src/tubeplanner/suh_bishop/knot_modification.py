@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.errors import OptionError
+from tubeplanner.options import require_between, require_count
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.suh_bishop.knot_direction import best_direction
 from tubeplanner.suh_bishop.knot_trajectory import KnotTrajectory, feasible_trajectory
@@ -38,17 +38,11 @@ class ModificationOptions:
     direction_nodes: int = 200
 
     def __post_init__(self) -> None:
-        for name in ("increment", "linear_increment"):
-            if not 0 < getattr(self, name) < np.inf:
-                raise OptionError(f"{name} is {getattr(self, name):g}; it must be > 0 and finite")
-        if not self.halvings >= 0:
-            raise OptionError(f"halvings is {self.halvings}; it must be >= 0")
-        if not 1 < self.growth < np.inf:
-            raise OptionError(f"growth is {self.growth:g}; it must be > 1 and finite")
-        if not 0 < self.min_gain < 1:
-            raise OptionError(f"min_gain is {self.min_gain:g}; it must be > 0 and < 1")
-        if not self.direction_nodes >= 1:
-            raise OptionError(f"direction_nodes is {self.direction_nodes}; it must be >= 1")
+        require_between(self, 0, np.inf, "increment", "linear_increment")
+        require_count(self, 0, "halvings")
+        require_between(self, 1, np.inf, "growth")
+        require_between(self, 0, 1, "min_gain")
+        require_count(self, 1, "direction_nodes")
 
 
 class KnotModification:

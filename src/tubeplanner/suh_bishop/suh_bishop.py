@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.errors import OptionError
+from tubeplanner.options import require_between, require_count, require_kind
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.suh_bishop.knot_modification import KnotModification, ModificationOptions
 from tubeplanner.suh_bishop.knot_trajectory import KnotTrajectory, feasible_trajectory
@@ -56,17 +56,11 @@ class SuhBishopOptions:
     node_budget: int = 40_000
 
     def __post_init__(self) -> None:
-        for name, least in (
-            ("fewer_knots", 0),
-            ("more_knots", 0),
-            ("doubled", 1),
-            ("max_knots", 2),
-            ("node_budget", 1),
-        ):
-            if not getattr(self, name) >= least:
-                raise OptionError(f"{name} is {getattr(self, name)}; it must be >= {least}")
-        if not 0 < self.min_gain < 1:
-            raise OptionError(f"min_gain is {self.min_gain:g}; it must be > 0 and < 1")
+        require_kind(self, "modification", ModificationOptions)
+        require_count(self, 0, "fewer_knots", "more_knots")
+        require_count(self, 1, "doubled", "node_budget")
+        require_count(self, 2, "max_knots")
+        require_between(self, 0, 1, "min_gain")
 
 
 @dataclass(frozen=True)

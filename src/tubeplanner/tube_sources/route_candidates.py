@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.errors import OptionError
+from tubeplanner.options import require_between, require_count
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.planning.plan_options import PlanOptions
 from tubeplanner.planning.planner import plan
@@ -43,12 +43,9 @@ class RouteOptions:
     samples: int = 2_000
 
     def __post_init__(self) -> None:
-        for name in ("seed", "tries", "checks", "samples"):
-            if not getattr(self, name) >= 1:
-                raise OptionError(f"{name} is {getattr(self, name)}; it must be >= 1")
-        for name in ("band", "max_radius"):
-            if not 0 < getattr(self, name) < np.inf:
-                raise OptionError(f"{name} is {getattr(self, name):g}; it must be > 0 and finite")
+        require_count(self, 1, "seed", "tries", "checks", "samples")
+        require_between(self, 0, np.inf, "band")
+        require_between(self, 0, np.inf, "max_radius", unit="m")
 
 
 @dataclass(frozen=True, eq=False)

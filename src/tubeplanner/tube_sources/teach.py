@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.errors import OptionError
 from tubeplanner.measurement.measured_tube import MeasureOptions
+from tubeplanner.options import require_between, require_count
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.tube_sources.free_space import FreeSpace
@@ -38,9 +38,10 @@ class TeachOptions:
     seed: int = 1
 
     def __post_init__(self) -> None:
-        for name in ("deviation", "band", "max_radius"):
-            if not 0 < getattr(self, name) < np.inf:
-                raise OptionError(f"{name} is {getattr(self, name):g}; it must be > 0 and finite")
+        require_between(self, 0, np.inf, "band")
+        require_between(self, 0, np.inf, "deviation", "max_radius", unit="m")
+        require_count(self, 1, "samples")
+        require_count(self, 0, "seed")
 
 
 def teach(

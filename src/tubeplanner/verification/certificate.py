@@ -6,6 +6,7 @@ from types import MappingProxyType
 from typing import Any
 
 from tubeplanner.errors import OptionError
+from tubeplanner.options import NUMBER
 from tubeplanner.outcome import Place
 
 CONDITION_NAMES = (
@@ -42,8 +43,9 @@ class Tolerance:
 
     def __post_init__(self) -> None:
         for name in ("absolute", "relative"):
-            if not 0 <= getattr(self, name) < 1:
-                raise OptionError(f"tolerance: {name} is {getattr(self, name):g}, not in [0, 1)")
+            value = getattr(self, name)
+            if not (isinstance(value, NUMBER) and 0 <= value < 1):
+                raise OptionError(f"tolerance: {name} is {value!r}, not in [0, 1)")
 
     def of(self, unit: str) -> float:
         """Return the tolerance that belongs to a unit."""

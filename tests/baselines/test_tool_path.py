@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from test_time_scaling import ANGLE, INERTIA, one_joint, quintic
+from cases import ANGLE, INERTIA, one_joint, quintic
 from tubeplanner import JointTrajectory, Tube, load_problem
 from tubeplanner.baselines.fastest_parameterization import fastest_parameterization
 from tubeplanner.baselines.time_parameterization import (

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from conftest import PROBLEMS
+from cases import PROBLEMS
 from tubeplanner import (
     OutputError,
     load_problem,

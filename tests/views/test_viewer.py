@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import tubeplanner
-from conftest import PROBLEMS
+from cases import PROBLEMS
 from tubeplanner import OptionError, OutputError, TrajectoryError, load_problem
 from tubeplanner.collision.link_geometry import read_geometry
 from tubeplanner.commands.cli import main

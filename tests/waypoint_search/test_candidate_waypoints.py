@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from conftest import PROBLEMS
+from cases import PROBLEMS
 from tubeplanner import PlanningProblem, Tube
 from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
 from tubeplanner.waypoint_search.candidate_waypoints import candidate_waypoints

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import tubeplanner.baselines.stop_at_corners as stop_at_corners_module
-from conftest import PROBLEMS
+from cases import PROBLEMS
 from tubeplanner import PlanningProblem, Tube, verify
 from tubeplanner.baselines.stop_at_corners import stop_at_corners
 from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch

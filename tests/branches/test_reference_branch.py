@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from conftest import PROBLEMS
+from cases import PROBLEMS
 from tubeplanner import (
     LimitOverrides,
     PlanningProblem,

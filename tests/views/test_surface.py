@@ -1,28 +1,18 @@
-"""What is drawn: triangles of the tube, of lines, of link meshes."""
+"""What is drawn: triangles of the tube and of lines."""
 
 import numpy as np
 import pytest
 
-from tubeplanner import Obstacle, RobotError, Tube, placement_of
+from tubeplanner import Obstacle, Tube, placement_of
 from tubeplanner.views.surface import (
-    coarse_hull_points,
     dashes,
-    directions,
-    grid_surface,
     joined,
     pipe,
     shape_surface,
     tube_surfaces,
 )
-from tubeplanner.views.viewpoint import best_direction, floor_grid, outline
-from tubeplanner.views.visual_mesh import read_visual_mesh, simplified
 
 CORNERS = [[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.5, 0.4, 0.0], [0.5, 0.4, 0.3]]
-
-
-def area(surface):
-    a, b, c = surface.vertices[surface.faces].transpose(1, 0, 2)
-    return np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
 
 
 def volume(surface):
@@ -89,57 +79,3 @@ def test_shapes_face_outwards(kind):
     }
     obstacle = getattr(Obstacle, kind)("it", *sizes[kind], placement_of([1, 2, 3]))
     assert volume(shape_surface(obstacle.shapes[0])) == pytest.approx(exact[kind], rel=0.05)
-
-
-def test_a_mesh_has_as_few_triangles_as_asked_for():
-    turn = np.linspace(0, 2 * np.pi, 120)
-    ring = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
-    grid = np.stack([np.column_stack([ring, np.full(120, z)]) for z in np.linspace(0, 2, 60)], 1)
-    round_wall = grid_surface(grid)
-    (fewer,) = simplified([round_wall], 3000)
-    assert 500 < len(fewer.faces) <= 3000
-    assert area(fewer) == pytest.approx(area(round_wall), rel=0.06)
-
-
-def test_edges_stay_sharp_and_round_parts_smooth():
-    box = shape_surface(Obstacle.box("box", [1, 1, 1], np.eye(4)).shapes[0])
-    ball = shape_surface(Obstacle.sphere("ball", 1, np.eye(4)).shapes[0])
-    sharp, smooth = simplified([box, ball], 1000)
-    assert len(sharp.vertices) == 24
-    assert len(smooth.vertices) == len(ball.vertices)
-
-
-def test_a_mesh_that_is_none_is_refused_by_name(tmp_path):
-    path = tmp_path / "broken.dae"
-    path.write_text("nothing")
-    with pytest.raises(RobotError, match=r"broken\.dae cannot be read"):
-        read_visual_mesh(path)
-
-
-def test_whoever_looks_is_not_behind_a_wall():
-    path = np.array([[0, -0.3, 0.2], [0, -0.3, 0.5], [0, 0.3, 0.5], [0, 0.3, 0.2]])
-    seen = {}
-    for x in (-0.5, 0.5):
-        wall = Obstacle.box("wall", [0.02, 4, 8], placement_of([x, 0, 0])).shapes
-        seen[x] = best_direction(path, [], [wall])
-        assert seen[x][2] > 0
-    assert seen[-0.5][0] > 0 > seen[0.5][0]
-
-
-def test_the_floor_is_a_grid_of_round_lengths_under_all():
-    for size, expected in ((0.5, 0.1), (1.2, 0.5), (30.0, 5.0)):
-        edges, step = floor_grid(np.array([[0.01, 0, 0], [size, size / 2, 1]]))
-        assert step == expected
-        assert np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1) == pytest.approx(step)
-        assert edges[..., 0].min() <= 0
-        assert edges[..., 0].max() >= size
-        assert (edges[..., 2] == 0).all()
-
-
-def test_an_outline_holds_all_points():
-    flat = np.array([[0, 0, 0], [1, 0, 0], [1, 2, 0], [0.5, 0.5, 0]])
-    assert (outline(flat).min(axis=0) == 0).all()
-    assert (outline(flat).max(axis=0) == [1, 2, 0]).all()
-    cloud = directions(500) * np.array([1, 2, 3])
-    assert len(coarse_hull_points(cloud)) <= 48
-    assert np.ptp(outline(cloud), axis=0) == pytest.approx(np.ptp(cloud, axis=0))

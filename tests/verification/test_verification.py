@@ -5,7 +5,7 @@ from dataclasses import fields as dataclass_fields
 import numpy as np
 import pytest
 
-from conftest import PROBLEMS
+from cases import PROBLEMS
 from tubeplanner import (
     JointTrajectory,
     LimitOverrides,

@@ -191,7 +191,7 @@ def test_without_ompl_the_message_says_what_to_install(monkeypatch):
     [
         ({"seed": 0}, "seed is 0; it must be >= 1"),
         ({"tries": 0}, "tries is 0; it must be >= 1"),
-        ({"max_radius": 0.0}, "max_radius is 0; it must be > 0 and finite"),
+        ({"max_radius": 0.0}, "max_radius is 0 m; it must be > 0 and finite"),
         ({"band": np.nan}, "band is nan; it must be > 0 and finite"),
     ],
 )

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from test_enclosure import SLIDE
+from cases import SLIDE
 from tubeplanner import JointTrajectory, PlanningProblem, Seed, Tube, load_robot, verify
 from tubeplanner.verification.enclosure import enclosed_pose
 from tubeplanner.verification.rotation_visits import least_rotation_margin

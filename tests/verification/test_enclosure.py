@@ -7,27 +7,11 @@ import pytest
 from numpy.polynomial import Chebyshev
 from numpy.polynomial.chebyshev import chebpts1
 
+from cases import SLIDE
 from tubeplanner import JointTrajectory, Payload, load_robot
 from tubeplanner.trajectory.bernstein import bernstein_coefficients
 from tubeplanner.verification.enclosure import _joint_bounds, enclosed_efforts, enclosed_tool
 from tubeplanner.verification.majorants import effort_majorant, tool_majorant
-
-SLIDE = """<robot name="slide"><link name="base"/>
-<link name="carriage"><inertial><origin xyz="0.1 0 0"/><mass value="3"/>
-  <inertia ixx="0.1" iyy="0.2" izz="0.3" ixy="0" ixz="0" iyz="0"/></inertial></link>
-<link name="boom"><inertial><origin xyz="0.3 0.1 0"/><mass value="2"/>
-  <inertia ixx="0.02" iyy="0.2" izz="0.3" ixy="0" ixz="0" iyz="0"/></inertial></link>
-<link name="tip"><inertial><origin xyz="0 0 -0.1"/><mass value="1"/>
-  <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
-<joint name="turn" type="revolute"><parent link="base"/><child link="carriage"/>
-  <origin xyz="0 0 0.5"/><axis xyz="0 0 1"/>
-  <limit lower="-3" upper="3" effort="60" velocity="3"/></joint>
-<joint name="extend" type="prismatic"><parent link="carriage"/><child link="boom"/>
-  <origin xyz="0.2 0 0"/><axis xyz="1 0 0"/>
-  <limit lower="-1" upper="1" effort="80" velocity="1"/></joint>
-<joint name="lift" type="revolute"><parent link="boom"/><child link="tip"/>
-  <origin xyz="0.4 0 0"/><axis xyz="0 1 0"/>
-  <limit lower="-3" upper="3" effort="20" velocity="3"/></joint></robot>"""
 
 
 @pytest.fixture(scope="module", params=["two_link", "ur5", "ur10", "panda", "slide"])

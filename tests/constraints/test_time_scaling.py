@@ -3,40 +3,13 @@
 import numpy as np
 import pytest
 
-from tubeplanner import JointTrajectory, LimitOverrides, load_robot
+from cases import ANGLE, INERTIA, PEAK_ACCELERATION, PEAK_JERK, PEAK_VELOCITY, one_joint, quintic
 from tubeplanner.constraints.time_scaling import (
     minimum_duration,
     scaled_to_limits,
     scaling_factor,
 )
 from tubeplanner.outcome import Infeasible, PlanStatus
-
-INERTIA, ANGLE = 0.7, 1.3  # [kg m^2], [rad]
-# Peaks of the quintic rest-to-rest move of one radian in one second.
-PEAK_VELOCITY, PEAK_ACCELERATION, PEAK_JERK = 1.875, 10 / np.sqrt(3), 60.0
-
-
-def one_joint(tmp_path, mass=0.0, **limits):
-    """A bar that turns about z with a known inertia; gravity acts only if it has a mass lever."""
-    (tmp_path / "bar.urdf").write_text(
-        f"""<robot name="bar"><link name="base"/>
-        <link name="bar"><inertial><origin xyz="{0.5 if mass else 0} 0 0"/>
-          <mass value="{mass or 1}"/>
-          <inertia ixx="1" iyy="1" izz="{INERTIA}" ixy="0" ixz="0" iyz="0"/></inertial></link>
-        <joint name="turn" type="revolute"><parent link="base"/><child link="bar"/>
-          <axis xyz="0 0 1"/><limit lower="-9" upper="9" effort="5" velocity="4"/></joint>
-        </robot>"""
-    )
-    overrides = {name: {"turn": value} for name, value in limits.items()}
-    gravity = (0, -9.81, 0)
-    return load_robot(
-        "bar.urdf", "bar", gravity=gravity, limits=LimitOverrides(**overrides), directory=tmp_path
-    )
-
-
-def quintic(angle=ANGLE, duration=1.0):
-    shape = np.array([6.0, -15.0, 10.0, 0.0, 0.0, 0.0]) * angle
-    return JointTrajectory(["turn"], [0, 1.0], shape[:, None, None]).scaled(duration)
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
-from conftest import PROBLEMS
+from cases import PROBLEMS
 from tubeplanner import (
     Obstacle,
     OptionError,
@@ -269,7 +269,7 @@ def test_options_are_checked_when_they_are_made():
         PlanOptions(quality="good")
     with pytest.raises(OptionError, match="time_limit is -1 s; it must be > 0"):
         PlanOptions(time_limit=-1)
-    with pytest.raises(OptionError, match="candidate_points is 1; 2 to 1000 are accepted"):
+    with pytest.raises(OptionError, match="candidate_points is 1; it must be >= 2 and <= 1000"):
         PlanOptions(candidate_points=1)
     with pytest.raises(OptionError, match="node_budget is 0; it must be >= 1"):
         PlanOptions(node_budget=0)

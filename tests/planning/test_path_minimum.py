@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from test_time_scaling import ANGLE, INERTIA, one_joint, quintic
+from cases import ANGLE, INERTIA, one_joint, quintic
 from tubeplanner import PlanOptions, load_problem, plan
 from tubeplanner.planning.path_minimum import path_minimum
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from test_time_scaling import one_joint
+from cases import one_joint
 from tubeplanner import PlanningProblem, Tube, load_problem, verify
 from tubeplanner.baselines.baselines import BASELINES, judged_baseline
 from tubeplanner.baselines.conventional_lines import (

@@ -8,7 +8,7 @@ import pytest
 from ruamel.yaml import YAML
 from scipy.interpolate import PPoly
 
-from conftest import PROBLEMS
+from cases import PROBLEMS
 from tubeplanner import TrajectoryError, read_trajectory, verify
 from tubeplanner.files.export import trajectory_csv, trajectory_json, trajectory_ros
 from tubeplanner.files.export_samples import samples_for_export

@@ -1,0 +1,87 @@
+"""The public names, by the sections in which the reference lists them.
+
+The one list of them: read when a name is first used, by type checkers, and for the reference.
+Of what is marked as returned, nobody needs the arguments: the reference leaves them out.
+"""
+
+# Plan and judge
+from .planning.planner import plan as plan
+from .planning.plan_options import PlanOptions as PlanOptions
+from .planning.plan_result import PlanResult as PlanResult  # returned
+from .outcome import PlanStatus as PlanStatus
+from .outcome import Place as Place
+from .refinement.sensitivities import Sensitivity as Sensitivity
+from .waypoint_search.branch_and_bound import SearchStatistics as SearchStatistics
+from .progress import Progress as Progress
+from .verification.verification import verify as verify
+from .verification.certificate import Certificate as Certificate
+from .verification.certificate import JudgedCondition as JudgedCondition
+from .verification.certificate import Tolerance as Tolerance
+
+# Robot
+from .robot.robot_model import load_robot as load_robot
+from .robot.robot_model import RobotModel as RobotModel  # returned
+from .robot.pinocchio_model import ToolOffset as ToolOffset
+from .robot.pinocchio_model import Payload as Payload
+from .robot.joint_limits import LimitOverrides as LimitOverrides
+
+# Problem
+from .problem.problem_reader import load_problem as load_problem
+from .problem.problem_reader import parse_problem as parse_problem
+from .problem.problem import PlanningProblem as PlanningProblem
+from .problem.problem import Seed as Seed
+from .tube.tube import Tube as Tube
+from .collision.obstacle import Obstacle as Obstacle
+from .collision.obstacle import AttachedSolid as AttachedSolid
+from .collision.obstacle import placement_of as placement_of
+
+# Trajectory
+from .trajectory.joint_trajectory import JointTrajectory as JointTrajectory
+from .files.trajectory_file import read_trajectory as read_trajectory
+from .waypoint_search.waypoint_interpolation import sequential_quartics as sequential_quartics
+from .waypoint_search.waypoint_interpolation import quartic_spline as quartic_spline
+
+# Tubes from what you have
+from .measurement.tube_measurement import measure_tube as measure_tube
+from .measurement.measured_tube import MeasureOptions as MeasureOptions
+from .measurement.measured_tube import TubeMeasurement as TubeMeasurement  # returned
+from .measurement.measured_tube import SegmentMeasurement as SegmentMeasurement  # returned
+from .measurement.sign_patterns import survey_patterns as survey_patterns
+from .measurement.sign_patterns import PatternSurvey as PatternSurvey  # returned
+from .tube_sources.teach import teach as teach
+from .tube_sources.teach import TeachOptions as TeachOptions
+from .tube_sources.trail import joint_trail as joint_trail
+from .tube_sources.route import find_route as find_route
+from .tube_sources.route_candidates import RouteOptions as RouteOptions
+from .tube_sources.tube_answer import TubeAnswer as TubeAnswer  # returned
+from .tube_sources.zones import tube_from_zones as tube_from_zones
+from .tube_sources.zones import zones_of_tube as zones_of_tube
+from .tube_sources.zones import ZonedPath as ZonedPath  # returned
+
+# Many plans
+from .studies.tolerance_sweep import sweep as sweep
+from .studies.tolerance_sweep import SweepResult as SweepResult  # returned
+from .studies.tolerance_sweep import SweepRow as SweepRow
+from .studies.comparison import compare as compare
+from .studies.comparison import Comparison as Comparison  # returned
+from .studies.comparison import ComparisonRow as ComparisonRow  # returned
+from .studies.trajectory_measures import TrajectoryMeasures as TrajectoryMeasures  # returned
+
+# Pictures
+from .views.plotting import plot_trajectory as plot_trajectory
+from .views.study_plots import plot_convergence as plot_convergence
+from .views.study_plots import plot_sweep as plot_sweep
+from .views.comparison_plot import plot_comparison as plot_comparison
+from .views.viewer import view as view
+from .views.viewer import View as View  # returned
+
+# Errors
+# Bad input raises; a task that cannot be done is an answer with a status.
+from .errors import TubePlannerError as TubePlannerError
+from .errors import RobotError as RobotError
+from .errors import ProblemError as ProblemError
+from .errors import TrajectoryError as TrajectoryError
+from .errors import OptionError as OptionError
+from .errors import OutputError as OutputError
+
+__version__: str

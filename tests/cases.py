@@ -1,0 +1,56 @@
+"""Problems, robots and moves that tests of several folders use."""
+
+import numpy as np
+
+from tubeplanner import JointTrajectory, LimitOverrides, load_robot
+
+PROBLEMS = (
+    "two_link/around_a_post",
+    "ur5/over_the_wall",
+    "ur5/level_tray",
+    "ur10/onto_a_conveyor",
+    "panda/between_shelves",
+    "xarm7/from_crate_to_crate",
+)
+SLIDE = """<robot name="slide"><link name="base"/>
+<link name="carriage"><inertial><origin xyz="0.1 0 0"/><mass value="3"/>
+  <inertia ixx="0.1" iyy="0.2" izz="0.3" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="boom"><inertial><origin xyz="0.3 0.1 0"/><mass value="2"/>
+  <inertia ixx="0.02" iyy="0.2" izz="0.3" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="tip"><inertial><origin xyz="0 0 -0.1"/><mass value="1"/>
+  <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="turn" type="revolute"><parent link="base"/><child link="carriage"/>
+  <origin xyz="0 0 0.5"/><axis xyz="0 0 1"/>
+  <limit lower="-3" upper="3" effort="60" velocity="3"/></joint>
+<joint name="extend" type="prismatic"><parent link="carriage"/><child link="boom"/>
+  <origin xyz="0.2 0 0"/><axis xyz="1 0 0"/>
+  <limit lower="-1" upper="1" effort="80" velocity="1"/></joint>
+<joint name="lift" type="revolute"><parent link="boom"/><child link="tip"/>
+  <origin xyz="0.4 0 0"/><axis xyz="0 1 0"/>
+  <limit lower="-3" upper="3" effort="20" velocity="3"/></joint></robot>"""
+INERTIA, ANGLE = 0.7, 1.3  # [kg m^2], [rad]
+# Peaks of the quintic rest-to-rest move of one radian in one second.
+PEAK_VELOCITY, PEAK_ACCELERATION, PEAK_JERK = 1.875, 10 / np.sqrt(3), 60.0
+
+
+def one_joint(tmp_path, mass=0.0, **limits):
+    """A bar that turns about z with a known inertia; gravity acts only if it has a mass lever."""
+    (tmp_path / "bar.urdf").write_text(
+        f"""<robot name="bar"><link name="base"/>
+        <link name="bar"><inertial><origin xyz="{0.5 if mass else 0} 0 0"/>
+          <mass value="{mass or 1}"/>
+          <inertia ixx="1" iyy="1" izz="{INERTIA}" ixy="0" ixz="0" iyz="0"/></inertial></link>
+        <joint name="turn" type="revolute"><parent link="base"/><child link="bar"/>
+          <axis xyz="0 0 1"/><limit lower="-9" upper="9" effort="5" velocity="4"/></joint>
+        </robot>"""
+    )
+    overrides = {name: {"turn": value} for name, value in limits.items()}
+    gravity = (0, -9.81, 0)
+    return load_robot(
+        "bar.urdf", "bar", gravity=gravity, limits=LimitOverrides(**overrides), directory=tmp_path
+    )
+
+
+def quintic(angle=ANGLE, duration=1.0):
+    shape = np.array([6.0, -15.0, 10.0, 0.0, 0.0, 0.0]) * angle
+    return JointTrajectory(["turn"], [0, 1.0], shape[:, None, None]).scaled(duration)

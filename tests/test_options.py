@@ -1,0 +1,48 @@
+"""Options of a wrong kind are named like those out of range."""
+
+import numpy as np
+import pytest
+
+from tubeplanner import (
+    MeasureOptions,
+    OptionError,
+    PlanOptions,
+    RouteOptions,
+    TeachOptions,
+    Tolerance,
+)
+from tubeplanner.suh_bishop.knot_modification import ModificationOptions
+from tubeplanner.suh_bishop.suh_bishop import SuhBishopOptions
+
+
+@pytest.mark.parametrize(
+    ("options", "wrong", "message"),
+    [
+        (PlanOptions, {"method": 3}, "unknown method 3; there is: refinement"),
+        (PlanOptions, {"quality": ["fast"]}, r"unknown quality \['fast'\] .*; there is: fast"),
+        (PlanOptions, {"time_limit": "a"}, "time_limit is 'a'; it must be a number > 0"),
+        (PlanOptions, {"time_limit": np.nan}, "time_limit is nan s; it must be > 0"),
+        (PlanOptions, {"node_budget": 10.5}, "node_budget is 10.5; it must be a whole number >= 1"),
+        (PlanOptions, {"candidate_points": None}, "candidate_points is None; .* >= 2 and <= 1000"),
+        (PlanOptions, {"suh_bishop": 3}, "suh_bishop is 3; it must be SuhBishopOptions"),
+        (MeasureOptions, {"max_radius": "wide"}, "max_radius is 'wide'; it must be a number > 0"),
+        (RouteOptions, {"tries": "3"}, "tries is '3'; it must be a whole number >= 1"),
+        (RouteOptions, {"band": 1j}, "band is 1j; it must be a number > 0 and finite"),
+        (TeachOptions, {"deviation": None}, "deviation is None; it must be a number > 0"),
+        (TeachOptions, {"samples": 0}, "samples is 0; it must be >= 1"),
+        (TeachOptions, {"seed": -1}, "seed is -1; it must be >= 0"),
+        (SuhBishopOptions, {"doubled": "all"}, "doubled is 'all'; it must be a whole number >= 1"),
+        (SuhBishopOptions, {"modification": {}}, "modification is {}; it must be ModificationOpt"),
+        (ModificationOptions, {"growth": "2"}, "growth is '2'; it must be a number > 1 and finite"),
+        (Tolerance, {"absolute": "1 mm"}, r"tolerance: absolute is '1 mm', not in \[0, 1\)"),
+    ],
+)
+def test_an_option_of_the_wrong_kind_is_named(options, wrong, message):
+    with pytest.raises(OptionError, match=message):
+        options(**wrong)
+
+
+def test_numbers_of_numpy_are_numbers():
+    options = PlanOptions(node_budget=np.int64(5), time_limit=np.float32(2.0))
+    assert (options.node_budget, options.time_limit) == (5, 2.0)
+    assert PlanOptions(time_limit=np.inf).time_limit == np.inf

@@ -1,0 +1,38 @@
+"""Link meshes as they are drawn: few triangles, sharp edges."""
+
+import numpy as np
+import pytest
+
+from tubeplanner import Obstacle, RobotError
+from tubeplanner.views.surface import grid_surface, shape_surface
+from tubeplanner.views.visual_mesh import read_visual_mesh, simplified
+
+
+def area(surface):
+    a, b, c = surface.vertices[surface.faces].transpose(1, 0, 2)
+    return np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
+
+
+def test_a_mesh_has_as_few_triangles_as_asked_for():
+    turn = np.linspace(0, 2 * np.pi, 120)
+    ring = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+    grid = np.stack([np.column_stack([ring, np.full(120, z)]) for z in np.linspace(0, 2, 60)], 1)
+    round_wall = grid_surface(grid)
+    (fewer,) = simplified([round_wall], 3000)
+    assert 500 < len(fewer.faces) <= 3000
+    assert area(fewer) == pytest.approx(area(round_wall), rel=0.06)
+
+
+def test_edges_stay_sharp_and_round_parts_smooth():
+    box = shape_surface(Obstacle.box("box", [1, 1, 1], np.eye(4)).shapes[0])
+    ball = shape_surface(Obstacle.sphere("ball", 1, np.eye(4)).shapes[0])
+    sharp, smooth = simplified([box, ball], 1000)
+    assert len(sharp.vertices) == 24
+    assert len(smooth.vertices) == len(ball.vertices)
+
+
+def test_a_mesh_that_is_none_is_refused_by_name(tmp_path):
+    path = tmp_path / "broken.dae"
+    path.write_text("nothing")
+    with pytest.raises(RobotError, match=r"broken\.dae cannot be read"):
+        read_visual_mesh(path)
