@@ -13,6 +13,7 @@ ORDER = {
     "": (
         "errors",
         "arrays",
+        "polyline",
         "resources",
         "outcome",
         "progress",
