@@ -266,6 +266,16 @@ def test_links_behind_a_locked_joint_belong_to_the_cell(snake):
     assert pairs == {(x, y) for x in ("base", "flange", "a") for y in ("c", "tool")}
 
 
+def test_all_pairs_are_those_with_obstacles_and_then_links(snake):
+    checker = CollisionChecker(snake(), [BLOCK, SPHERE])
+    required = checker.required(0.02)
+    assert len(required) == len(checker.pairs)
+    assert owners(checker, checker.pairs[required == 0.02]) == owners(
+        checker, checker.obstacle_pairs
+    )
+    assert owners(checker, checker.pairs[required == 0]) == owners(checker, checker.link_pairs)
+
+
 def test_self_collision_can_be_left_out(snake):
     checker = CollisionChecker(snake(), [BLOCK], self_collision=False)
     assert checker.link_pairs.shape == (0, 2)
@@ -448,3 +458,22 @@ def test_a_separating_direction_separates_neighbouring_configurations_too(ur5):
         apart = here > 0
         assert (near[apart] <= here[apart] + 1e-5).all()
         assert np.median((here - near)[apart]) < 0.005
+
+
+def test_the_distance_gradient_is_that_of_central_differences(ur5):
+    checker = CollisionChecker(ur5, [Obstacle.sphere("ball", 0.1, placement_of((0.6, 0.1, 0.9)))])
+    pairs = np.vstack([checker.obstacle_pairs[-2:], checker.link_pairs[-2:]])
+    q = np.array([0.3, -1.2, 1.5, 0.2, 0.7, 0.1])
+
+    def distances(q):
+        rotation, position = ur5.body_poses(q[None])
+        return checker.distances(rotation[0], position[0], pairs)
+
+    poses = [np.repeat(pose, len(pairs), axis=0) for pose in ur5.body_poses(q[None])]
+    closest = checker.closest_points(*poses, pairs)
+    assert (closest.distance > 0.01).all()
+    exact = checker.distance_gradient(*poses, pairs, closest)
+    step = 1e-5
+    difference = [distances(q + move) - distances(q - move) for move in step * np.eye(6)]
+    np.testing.assert_allclose(exact.T, np.array(difference) / (2 * step), atol=1e-3)
+    assert abs(exact).max() > 0.1

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tubeplanner.trajectory.bernstein import bernstein_coefficients, maxima
+from tubeplanner.trajectory.bernstein import bernstein_coefficients, maxima, peak_magnitudes
 
 DEGREES = range(1, 8)
 
@@ -124,3 +124,15 @@ def test_a_narrow_peak_between_samples_is_not_missed():
     np.testing.assert_allclose(found.value, [2.5e-7], rtol=1e-9)
     assert found.piece.tolist() == [1]
     np.testing.assert_allclose(found.local_time, [5e-4], rtol=1e-4)
+
+
+@pytest.mark.parametrize("degree", DEGREES)
+def test_peak_magnitudes_are_the_larger_of_maximum_and_minimum(degree):
+    coefficients, widths = random_polynomials(degree)
+    found = peak_magnitudes(coefficients, widths)
+    for j, (value, piece) in enumerate(zip(found.value, found.piece, strict=True)):
+        pieces = zip(coefficients[:, :, j].T, widths, strict=True)
+        both = [exact_maximum(sign * p, width) for p, width in pieces for sign in (1, -1)]
+        assert value == pytest.approx(max(both), rel=1e-9)
+        there = np.polyval(coefficients[:, piece, j], found.local_time[j])
+        assert abs(there) == pytest.approx(value, rel=1e-12)

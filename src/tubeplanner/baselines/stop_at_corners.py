@@ -15,6 +15,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.branches.reference_branch import ReferenceBranch
 from tubeplanner.constraints.time_scaling import estimated_duration, scaled_to_limits
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.polyline import arc_lengths
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, concatenate, from_spline
 
@@ -154,8 +155,8 @@ def _along(q: FloatArray) -> CubicSpline:
     apart = lengths > _MIN_STEP_SHARE * lengths.max()
     kept = np.concatenate([[True], apart[:-1], [True]])
     kept[-2] &= apart[-1] or len(q) == 2
-    arc_length = np.cumsum(np.linalg.norm(np.diff(q[kept], axis=0), axis=1))
-    return CubicSpline(np.concatenate([[0.0], arc_length / arc_length[-1]]), q[kept])
+    arc_length = arc_lengths(q[kept])
+    return CubicSpline(arc_length / arc_length[-1], q[kept])
 
 
 def _ramped(u: FloatArray, ramp: float) -> FloatArray:

@@ -7,6 +7,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from tubeplanner.arrays import FloatArray
+from tubeplanner.polyline import arc_lengths
 
 _STRAIGHT, _BACK = 1e-6, 1e-3  # [rad]: smaller turns need no arc, turns nearer to pi allow none
 _MIN_LENGTH = 1e-9  # [m]
@@ -76,7 +77,7 @@ def rounded_polyline(points: FloatArray, radius: FloatArray | None) -> list[Tool
                 cut[k] = min(bends * np.tan(turn[k - 1] / 2), available)
     passed = (cut[1:-1] > 0) | (turn <= _STRAIGHT) & (radius is not None)
     stops = [0, *(np.flatnonzero(~passed) + 1).tolist(), count]
-    before = np.concatenate([[0.0], np.cumsum(length)])
+    before = arc_lengths(points)
     return [_between_stops(points, before, cut, a, b) for a, b in pairwise(stops)]
 
 

@@ -12,6 +12,7 @@ from tubeplanner.branches.inverse_kinematics import WantedRotation, solve_positi
 from tubeplanner.branches.reference_branch import ReferenceBranch
 from tubeplanner.branches.segment_walk import explain_error
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.polyline import arc_lengths
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
@@ -117,8 +118,7 @@ class _Follower:
     def __init__(self, problem: PlanningProblem, branch: ReferenceBranch, curve: ToolCurve) -> None:
         self._problem, self._branch, self._curve = problem, branch, curve
         route = _route(problem, branch)
-        steps = np.linalg.norm(np.diff(route, axis=0), axis=1)
-        self._route, self._before = route, np.concatenate([[0.0], np.cumsum(steps)])
+        self._route, self._before = route, arc_lengths(route)
 
     def path(self) -> ToolPath:
         table = _apart(self._on_curve(self._along_branch()))
@@ -220,17 +220,12 @@ def _as_it_is(rotation: FloatArray) -> WantedRotation:
 
 
 def _spline(table: FloatArray) -> CubicSpline:
-    return CubicSpline(_lengths(table), table)
-
-
-def _lengths(table: FloatArray) -> FloatArray:
-    steps = np.linalg.norm(np.diff(table[:, :-1], axis=0), axis=1)
-    return np.concatenate([[0.0], np.cumsum(steps)])
+    return CubicSpline(arc_lengths(table[:, :-1]), table)
 
 
 def _apart(table: FloatArray) -> FloatArray:
     """Return a table without configurations that are almost those before them."""
-    lengths = _lengths(table)
+    lengths = arc_lengths(table[:, :-1])
     apart = _APART * lengths[-1]
     kept = [0]
     for i in range(1, len(table) - 1):

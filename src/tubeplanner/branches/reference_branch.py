@@ -22,6 +22,7 @@ from tubeplanner.branches.segment_walk import (
     turned_off,
 )
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.polyline import arc_lengths
 from tubeplanner.problem.problem import PlanningProblem, Seed
 
 _SEED_TOLERANCE = 1e-6  # [m] between the tool and the reference point of a seed
@@ -183,10 +184,8 @@ def _route(problem: PlanningProblem, start: FloatArray, goal: FloatArray | None)
 
 def _shares_of_length(route: FloatArray) -> FloatArray:
     """Return which share of the whole length lies before each point of a route, shape (m+1,)."""
-    lengths = np.linalg.norm(np.diff(route, axis=0), axis=1)
-    if lengths.sum() == 0:
-        lengths = np.ones_like(lengths)
-    return np.concatenate([[0.0], np.cumsum(lengths)]) / lengths.sum()
+    before = arc_lengths(route)
+    return before / before[-1] if before[-1] > 0 else np.linspace(0, 1, len(route))
 
 
 def _require_goal(problem: PlanningProblem, q: FloatArray, goal: FloatArray) -> None:

@@ -63,6 +63,7 @@ class CollisionChecker:
         shapes: All shapes, links first.
         obstacle_pairs: Link against obstacle, as indices of `shapes`: int, shape (P, 2).
         link_pairs: Link against link, likewise.
+        pairs: All of them, those with obstacles first.
         has_link_geometry: Whether the robot itself has any collision geometry.
     """
 
@@ -116,6 +117,16 @@ class CollisionChecker:
         if self_collision:
             candidates = self._select((i, j) for i in carried for j in carried if i < j)
             self.link_pairs = self._without_always_touching(candidates)
+        self.pairs = np.concatenate([self.obstacle_pairs, self.link_pairs])
+
+    def required(self, clearance: float) -> FloatArray:
+        """Return the distance that each of `pairs` must keep, shape (P,) [m].
+
+        Args:
+            clearance: From obstacles [m]; links must only not overlap.
+        """
+        counts = [len(self.obstacle_pairs), len(self.link_pairs)]
+        return np.repeat([clearance, 0.0], counts)
 
     def distances(self, rotation: FloatArray, position: FloatArray, pairs: IntArray) -> FloatArray:
         """Return lower bounds on the signed distances of pairs at one configuration [m].
@@ -167,6 +178,27 @@ class CollisionChecker:
             np.array([each[column] for each in found]).reshape(-1, 3) for column in range(1, 4)
         )
         return ClosestPoints(np.array([each.distance for each in found]), *vectors)
+
+    def distance_gradient(
+        self, rotation: FloatArray, position: FloatArray, pairs: IntArray, closest: ClosestPoints
+    ) -> FloatArray:
+        """Return the derivative of the distances of pairs, each in its own configuration.
+
+        Args:
+            rotation: Shape (P, bodies, 3, 3).
+            position: Shape (P, bodies, 3) [m].
+            pairs: Shape (P, 2).
+            closest: What `closest_points` returns of these.
+
+        Returns:
+            By the joints, shape (P, n) [m/rad or 1].
+        """
+        gradient = np.zeros((len(pairs), self.robot.joint_count))
+        for sign, column, point in ((-1, 0, closest.first), (1, 1, closest.second)):
+            body = np.array([self.shapes[i].body for i in pairs[:, column]], dtype=np.int64)
+            moved = self.robot.point_jacobian(rotation, position, body, point)
+            gradient += sign * np.einsum("pi,pij->pj", closest.direction, moved)
+        return gradient
 
     def separations_along(
         self,

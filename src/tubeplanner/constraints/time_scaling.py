@@ -13,7 +13,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.constraints.peaks import refined_maximum
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.robot.robot_model import RobotModel
-from tubeplanner.trajectory.bernstein import bernstein_coefficients, maxima
+from tubeplanner.trajectory.bernstein import bernstein_coefficients, peak_magnitudes
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
 
 _SAMPLES_PER_PIECE = 24
@@ -127,8 +127,7 @@ def _polynomial_factor(
 
 def _exact_peaks(coefficients: FloatArray, widths: FloatArray) -> FloatArray:
     """Return the largest magnitudes of piecewise polynomials, shape (n,)."""
-    both = np.concatenate([coefficients, -coefficients], axis=2)
-    return maxima(both, widths).value.reshape(2, -1).max(axis=0)
+    return peak_magnitudes(coefficients, widths).value
 
 
 def _hull_peaks(coefficients: FloatArray, widths: FloatArray) -> FloatArray:

@@ -35,9 +35,8 @@ class PairClearance:
         """Take the pairs of a problem; `extra` [m] is required beyond the problem's clearance."""
         checker = problem.collision
         self._checker, self._robot = checker, problem.robot
-        self.pairs = np.concatenate([checker.obstacle_pairs, checker.link_pairs])
-        counts = [len(checker.obstacle_pairs), len(checker.link_pairs)]
-        self.required = np.repeat([problem.clearance, 0.0], counts) + extra
+        self.pairs = checker.pairs
+        self.required = checker.required(problem.clearance) + extra
 
     def least(self, q: FloatArray, near: float) -> LeastClearance:
         """Return the least clearance in configurations (N, n), as far as it is below `near` [m].
@@ -80,11 +79,7 @@ class PairClearance:
             Clearance (N,) [m] and its derivative by the joints (N, n) [m/rad or 1].
         """
         rotation, position = self._robot.body_poses(q)
-        shapes = self._checker.shapes
-        closest = self._checker.closest_points(rotation, position, self.pairs[pair])
-        slope = np.zeros_like(q)
-        for sign, column, point in ((-1, 0, closest.first), (1, 1, closest.second)):
-            body = np.array([shapes[i].body for i in self.pairs[pair, column]], dtype=np.int64)
-            moved = self._robot.point_jacobian(rotation, position, body, point)
-            slope += sign * np.einsum("ni,nij->nj", closest.direction, moved)
-        return closest.distance - self.required[pair], slope
+        pairs = self.pairs[pair]
+        closest = self._checker.closest_points(rotation, position, pairs)
+        gradient = self._checker.distance_gradient(rotation, position, pairs, closest)
+        return closest.distance - self.required[pair], gradient

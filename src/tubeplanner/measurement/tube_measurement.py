@@ -1,7 +1,6 @@
 """How wide a tube may be: radii and joint ranges inside which no part of the robot collides."""
 
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -31,6 +30,7 @@ from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.planning.plan_options import PlanOptions
 from tubeplanner.planning.plan_result import PlanResult
 from tubeplanner.planning.planner import plan
+from tubeplanner.polyline import densified
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, Progress, ProgressCallback
 from tubeplanner.tube.tube import JointRange, Tube
@@ -193,7 +193,7 @@ class BranchNeighbourhood:
         """
         self._problem, self._samples = problem, options.samples
         self._rough = options.samples // _ROUGH_SHARE + 1
-        self._branch = [_dense(q) for q in branch.segments]
+        self._branch = [densified(q, _MAX_STEP) for q in branch.segments]
         self.count = len(self._branch)
         clearance = PairClearance(problem, 0.0)
         least = min(
@@ -307,16 +307,6 @@ class BranchNeighbourhood:
             "reference point, or move it"
         )
         raise Infeasible(PlanStatus.TUBE_BLOCKED, message, place)
-
-
-def _dense(q: FloatArray) -> FloatArray:
-    """Return configurations (P, n) with others between them, evenly, so that steps are short."""
-    parts = [q[:1]]
-    for begin, end in pairwise(q):
-        steps = max(1, int(np.ceil(abs(end - begin).max() / _MAX_STEP)))
-        share = np.linspace(0, 1, steps + 1)[1:, None]
-        parts.append((1 - share) * begin + share * end)
-    return np.concatenate(parts)
 
 
 def _require_clearance(

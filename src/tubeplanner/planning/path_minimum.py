@@ -4,6 +4,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from tubeplanner.baselines.fastest_parameterization import fastest_parameterization
+from tubeplanner.polyline import arc_lengths
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
@@ -38,8 +39,7 @@ def _by_length(trajectory: JointTrajectory) -> JointTrajectory:
     there the path begins, ends, or has a corner.
     """
     q = trajectory.position(np.linspace(0, trajectory.duration, _GRID_POINTS))
-    steps = np.linalg.norm(np.diff(q, axis=0), axis=1)
-    arc_length = np.concatenate([[0.0], np.cumsum(steps)]) / steps.sum()
-    _, apart = np.unique(np.floor(arc_length / _APART), return_index=True)
+    arc_length = arc_lengths(q)
+    _, apart = np.unique(np.floor(arc_length / (_APART * arc_length[-1])), return_index=True)
     spline = CubicSpline(arc_length[apart] / arc_length[apart[-1]], q[apart])
     return JointTrajectory(trajectory.joint_names, spline.x, spline.c)

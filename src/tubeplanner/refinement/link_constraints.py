@@ -39,10 +39,7 @@ class LinkConstraints:
     def __init__(self, problem: PlanningProblem) -> None:
         checker = problem.collision
         self._problem, self._checker = problem, checker
-        self._pairs = np.concatenate([checker.obstacle_pairs, checker.link_pairs])
-        self._required = np.repeat(
-            [problem.clearance, 0.0], [len(checker.obstacle_pairs), len(checker.link_pairs)]
-        )
+        self._pairs, self._required = checker.pairs, checker.required(problem.clearance)
         self._samples = Samples(np.zeros(0, int), np.zeros(0), np.zeros(0, int))
         self._pair = np.zeros(0, dtype=np.int64)
         self._aim = np.full(len(self._pairs), np.nan)
@@ -219,13 +216,10 @@ class EvaluatedLinks:
         Args:
             size: Of the step; rows that it cannot break are left out. None: all rows.
         """
-        robot, shapes = self.problem.robot, self.problem.collision.shapes
-        apart = np.zeros((len(self.pairs), robot.joint_count))
-        for sign, column, point in ((-1, 0, self.closest.first), (1, 1, self.closest.second)):
-            body = np.array([shapes[i].body for i in self.pairs[:, column]], dtype=np.int64)
-            moved = robot.point_jacobian(self.rotation, self.position, body, point)
-            apart += sign * np.einsum("ei,eij->ej", self.closest.direction, moved)
-        control, switching = self.at.chained(-apart[None, :, None] / _UNIT)
+        gradient = self.problem.collision.distance_gradient(
+            self.rotation, self.position, self.pairs, self.closest
+        )
+        control, switching = self.at.chained(-gradient[None, :, None] / _UNIT)
         count = len(self.pairs)
         rows = Rows(
             self.at.first,

@@ -8,7 +8,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray
 from tubeplanner.constraints.tube_membership import current_segments, tube_use
 from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.trajectory.bernstein import maxima
+from tubeplanner.trajectory.bernstein import peak_magnitudes
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
 
 AT_LIMIT = 0.99  # of a limit: a motor that uses as much counts as at its limit
@@ -93,9 +93,7 @@ def smoothness_class(trajectory: JointTrajectory) -> str:
 
 def _peak_jerk(trajectory: JointTrajectory) -> tuple[float, str]:
     """Return the largest jerk for all t, and whose it is."""
-    jerk = trajectory.derivative_coefficients(3)
-    both = np.concatenate([jerk, -jerk], axis=2)
-    peaks = maxima(both, trajectory.widths).value.reshape(2, -1).max(axis=0)
+    peaks = peak_magnitudes(trajectory.derivative_coefficients(3), trajectory.widths).value
     joint = int(peaks.argmax())
     return float(peaks[joint]), trajectory.joint_names[joint]
 

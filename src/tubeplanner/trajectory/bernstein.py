@@ -96,6 +96,15 @@ def maxima(coefficients: FloatArray, widths: FloatArray) -> Extrema:
     return Extrema(value, best_piece, best_time)
 
 
+def peak_magnitudes(coefficients: FloatArray, widths: FloatArray) -> Extrema:
+    """Return the largest magnitude of each of n piecewise polynomials; arguments as `maxima`."""
+    both = maxima(np.concatenate([coefficients, -coefficients], axis=2), widths)
+    n = coefficients.shape[2]
+    sign = both.value.reshape(2, n).argmax(axis=0)
+    chosen = n * sign + np.arange(n)
+    return Extrema(both.value[chosen], both.piece[chosen], both.local_time[chosen])
+
+
 def _power_to_bernstein(degree: int) -> FloatArray:
     """Return the matrix from powers of u on [0, 1] to Bernstein coefficients, (k+1, k+1)."""
     i, j = np.mgrid[: degree + 1, : degree + 1]

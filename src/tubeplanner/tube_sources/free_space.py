@@ -25,9 +25,8 @@ class FreeSpace:
         """
         checker = problem.collision
         self._robot, self._checker = problem.robot, checker
-        self._pairs: IntArray = np.concatenate([checker.obstacle_pairs, checker.link_pairs])
-        counts = [len(checker.obstacle_pairs), len(checker.link_pairs)]
-        self._asked = np.repeat([problem.clearance, 0.0], counts)
+        self._pairs = checker.pairs
+        self._asked = checker.required(problem.clearance)
         self._margin = np.zeros(len(self._pairs))
         if margin > 0:
             least = np.min([self._clearances(q) for q in ends], axis=0, initial=margin)

@@ -11,6 +11,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.branches.inverse_kinematics import solve_position
+from tubeplanner.polyline import densified
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.tube_sources.free_space import FreeSpace
 from tubeplanner.tube_sources.simplification import farthest_from_line
@@ -52,7 +53,7 @@ def tool_corners(
     Returns:
         None if even the route itself is not free where the tool follows straight lines.
     """
-    return _Corners(robot, space, _sampled(route), deviation).found()
+    return _Corners(robot, space, densified(route, _ROUTE_STEP), deviation).found()
 
 
 def with_another_corner(
@@ -82,15 +83,6 @@ def with_another_corner(
     lines[cut] = [*before.lines, *after.lines]
     parts[cut] = [*before.parts, *after.parts]
     return ToolCorners(points, tuple(lines), tuple(parts))
-
-
-def _sampled(route: FloatArray) -> FloatArray:
-    """Return a route of straight joint lines, densely: shape (N, n)."""
-    parts = [route[:1]]
-    for a, b in pairwise(route):
-        count = max(int(np.ceil(abs(b - a).max() / _ROUTE_STEP)), 1)
-        parts.append(a + np.linspace(0, 1, count + 1)[1:, None] * (b - a))
-    return np.vstack(parts)
 
 
 class _Corners:

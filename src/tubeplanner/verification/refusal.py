@@ -38,18 +38,16 @@ def require_free(problem: PlanningProblem, name: str, q: FloatArray) -> None:
     """
     checker = problem.collision
     rotation, position = problem.robot.body_poses(q[None])
-    for pairs, required in ((checker.obstacle_pairs, problem.clearance), (checker.link_pairs, 0.0)):
-        if len(pairs) == 0:
-            continue
-        distance = checker.distances(rotation[0], position[0], pairs)
-        worst = int(distance.argmin())
-        if distance[worst] < required - Tolerance().absolute:
-            links, obstacle = checker.owners(pairs[worst])
-            place = Place(links=links, obstacle=obstacle)
-            margin = float(distance[worst]) - required
-            when = f"in the {name} configuration"
-            remedy = f"choose another {name} or move what is in the way"
-            raise _blocked(problem, place, margin, when, remedy)
+    distance = checker.distances(rotation[0], position[0], checker.pairs)
+    margins = distance - checker.required(problem.clearance)
+    if not (margins < -Tolerance().absolute).any():
+        return
+    worst = int(margins.argmin())
+    links, obstacle = checker.owners(checker.pairs[worst])
+    when = f"in the {name} configuration"
+    remedy = f"choose another {name} or move what is in the way"
+    place = Place(links=links, obstacle=obstacle)
+    raise _blocked(problem, place, float(margins[worst]), when, remedy)
 
 
 def _blocked(

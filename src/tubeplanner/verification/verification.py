@@ -11,7 +11,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray
 from tubeplanner.outcome import Place
 from tubeplanner.problem.problem import PlanningProblem, Seed
-from tubeplanner.trajectory.bernstein import maxima
+from tubeplanner.trajectory.bernstein import Extrema, maxima, peak_magnitudes
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.verification.certificate import (
     FOR_ALL_TIMES,
@@ -103,8 +103,9 @@ class _Judge:
         if len(bounded) == 0:
             return JudgedCondition(None, RELATIVE, Place(), "no joint has this limit")
         used = self._trajectory.derivative_coefficients(order)[:, :, bounded] / limit[bounded]
-        peak, time, column = _highest(np.concatenate([used, -used], axis=2), self._trajectory)
-        joint = self._robot.joint_names[bounded[column % len(bounded)]]
+        peaks = peak_magnitudes(used, self._trajectory.widths)
+        peak, time, column = _highest(peaks, self._trajectory)
+        joint = self._robot.joint_names[bounded[column]]
         return JudgedCondition(1 - peak, RELATIVE, Place(time=time, joint=joint), FOR_ALL_TIMES)
 
     def effort(self) -> JudgedCondition:
@@ -115,19 +116,17 @@ class _Judge:
             return JudgedCondition(None, RELATIVE, Place(), "no joint has this limit")
         efforts = enclosed_efforts(self._robot, self._trajectory, _EFFORT_ENCLOSURE * limit)
         used = efforts.coefficients[:, :, bounded] / limit[bounded]
-        both = np.concatenate([used, -used], axis=2)
         error = efforts.error[:, bounded].max(axis=0) / limit[bounded]
-        extrema = maxima(both, np.ones_like(efforts.width))
-        peaks = extrema.value + np.tile(error, 2)
-        worst = int(peaks.argmax())
-        interval = extrema.piece[worst]
-        time = efforts.start[interval] + extrema.local_time[worst] * efforts.width[interval]
-        joint = self._robot.joint_names[bounded[worst % len(bounded)]]
+        peaks = peak_magnitudes(used, np.ones_like(efforts.width))
+        above = peaks.value + error
+        worst = int(above.argmax())
+        interval = peaks.piece[worst]
+        time = efforts.start[interval] + peaks.local_time[worst] * efforts.width[interval]
         coverage = FOR_ALL_TIMES
-        if error[worst % len(bounded)] > _EFFORT_ENCLOSURE:
-            coverage = _undecided(1 - float(extrema.value[worst]), RELATIVE)
-        place = Place(time=float(time), joint=joint)
-        return JudgedCondition(1 - float(peaks[worst]), RELATIVE, place, coverage)
+        if error[worst] > _EFFORT_ENCLOSURE:
+            coverage = _undecided(1 - float(peaks.value[worst]), RELATIVE)
+        place = Place(time=float(time), joint=self._robot.joint_names[bounded[worst]])
+        return JudgedCondition(1 - float(above[worst]), RELATIVE, place, coverage)
 
     def tube(self) -> JudgedCondition:
         """The tool in the tube, segment by segment or in their union."""
@@ -281,7 +280,8 @@ class _Judge:
             joints += bounded.tolist()
         if not joints:
             return None, Place()
-        peak, time, column = _highest(np.concatenate(used, axis=2), trajectory)
+        highest = maxima(np.concatenate(used, axis=2), trajectory.widths)
+        peak, time, column = _highest(highest, trajectory)
         return -peak, Place(time=time, joint=self._robot.joint_names[joints[column]])
 
     def _piece_ends(self, order: int) -> FloatArray:
@@ -301,16 +301,14 @@ class _Judge:
         found = []
         for order in range(3):
             coefficients = self._trajectory.derivative_coefficients(order)
-            both = np.concatenate([coefficients, -coefficients], axis=2)
-            largest = maxima(both, self._trajectory.widths).value.reshape(2, -1).max(axis=0)
+            largest = peak_magnitudes(coefficients, self._trajectory.widths).value
             overall = float(largest.max())
             found.append(np.maximum(largest, _STILL_SHARE * overall if overall > 0 else 1.0))
         return found
 
 
-def _highest(coefficients: FloatArray, trajectory: JointTrajectory) -> tuple[float, float, int]:
-    """Return the largest value of several polynomials, its time [s] and which one has it."""
-    extrema = maxima(coefficients, trajectory.widths)
+def _highest(extrema: Extrema, trajectory: JointTrajectory) -> tuple[float, float, int]:
+    """Return the largest of several extrema, its time [s] and which one it is."""
     column = int(extrema.value.argmax())
     start = trajectory.breakpoints[extrema.piece[column]]
     return float(extrema.value[column]), float(start + extrema.local_time[column]), column

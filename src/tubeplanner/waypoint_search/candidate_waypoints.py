@@ -8,6 +8,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.branches.inverse_kinematics import solve_position
 from tubeplanner.branches.reference_branch import ReferenceBranch
 from tubeplanner.branches.reference_turn import wanted_at
+from tubeplanner.polyline import arc_lengths
 from tubeplanner.problem.problem import PlanningProblem
 
 _STILL = 1e-9  # [m]: a tool that moves less stands still
@@ -38,9 +39,9 @@ def candidate_waypoints(
         np.arange(len(branch.segments)), [len(segment) for segment in branch.segments]
     )
     tool = problem.robot.tool_position(q)
-    arc_length = _travelled(tool)
+    arc_length = arc_lengths(tool)
     if arc_length[-1] < _STILL:
-        arc_length = _travelled(q)
+        arc_length = arc_lengths(q)
     wanted = arc_length[-1] * np.arange(1, count - 1) / (count - 1)
     before = np.searchsorted(arc_length, wanted, side="right") - 1
     share = ((wanted - arc_length[before]) / (arc_length[before + 1] - arc_length[before]))[:, None]
@@ -51,12 +52,6 @@ def candidate_waypoints(
         checkpoint()
         inner[i] = _solved(problem, targets[i], near[i], int(k))
     return np.vstack([branch.start, inner, branch.goal])
-
-
-def _travelled(points: FloatArray) -> FloatArray:
-    """Return the arc length up to each of P points, shape (P,)."""
-    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    return np.concatenate([[0.0], np.cumsum(steps)])
 
 
 def _solved(

@@ -35,11 +35,8 @@ class LinkClearance:
         """Measure all distances at waypoints (M, n); the checkpoint may raise to end that."""
         self._problem, self._checker = problem, problem.collision
         checker = problem.collision
-        self._pairs = np.concatenate([checker.obstacle_pairs, checker.link_pairs])
-        self._required = np.repeat(
-            [problem.clearance - _TOLERANCE, -_TOLERANCE],
-            [len(checker.obstacle_pairs), len(checker.link_pairs)],
-        )
+        self._pairs = checker.pairs
+        self._required = checker.required(problem.clearance) - _TOLERANCE
         self._waypoints = waypoints
         found = []
         for rotation, position in zip(*problem.robot.body_poses(waypoints), strict=True):
