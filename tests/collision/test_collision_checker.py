@@ -12,6 +12,7 @@ from tubeplanner.collision.collision_checker import CollisionChecker
 from tubeplanner.errors import ProblemError
 
 CONFIGURATIONS = 1000  # of each arm
+SEEDS = {"ur5": 31, "panda": 31, "slide": 61}  # of obstacles that the arm can run into
 
 
 def random_placement(rng):
@@ -92,14 +93,14 @@ def all_distances(distance, robot, q):
     return np.array([distance(*poses) for poses in zip(*robot.body_poses(q), strict=True)])
 
 
-@pytest.fixture(scope="module", params=["ur5", "panda"])
+@pytest.fixture(scope="module", params=["ur5", "panda", "slide"])
 def compared(request):
     """Ours, the bounding spheres' and coal's distances of links to obstacles of every kind.
 
     For coal the cylinder is our prism here: its depth of overlap with round cylinders is unsound.
     """
     robot = request.getfixturevalue(request.param)
-    obstacles, solids = random_obstacles(np.random.default_rng(31))
+    obstacles, solids = random_obstacles(np.random.default_rng(SEEDS[request.param]))
     checker = CollisionChecker(robot, obstacles, self_collision=False)
     pairs = checker.obstacle_pairs
     kinds = np.array([checker.shapes[j].owner for _, j in pairs])
@@ -129,14 +130,16 @@ def test_sphere_distances_are_never_above_the_distances(compared):
     assert spheres.max() > 0.3
 
 
-def test_a_cylinder_is_never_farther_than_it_is_and_hardly_nearer(panda):
+@pytest.mark.parametrize("name", ["panda", "slide"])
+def test_a_cylinder_is_never_farther_than_it_is_and_hardly_nearer(request, name):
+    robot = request.getfixturevalue(name)
     obstacles, solids = random_obstacles(np.random.default_rng(33))
     (cylinder,) = (obstacle for obstacle in obstacles if obstacle.name == "cylinder")
-    checker = CollisionChecker(panda, [cylinder], self_collision=False)
+    checker = CollisionChecker(robot, [cylinder], self_collision=False)
     placed, pairs = coal_solids(checker, solids), checker.obstacle_pairs
-    q = random_configurations(panda, 200, seed=34)
-    ours = all_distances(lambda r, p: checker.distances(r, p, pairs), panda, q)
-    exact = all_distances(lambda r, p: coal_distances(checker, placed, r, p, pairs), panda, q)
+    q = random_configurations(robot, 200, seed=34)
+    ours = all_distances(lambda r, p: checker.distances(r, p, pairs), robot, q)
+    exact = all_distances(lambda r, p: coal_distances(checker, placed, r, p, pairs), robot, q)
     apart = exact > 0
     assert apart.mean() > 0.5
     assert (ours[apart] <= exact[apart] + 1e-9).all()
@@ -144,12 +147,14 @@ def test_a_cylinder_is_never_farther_than_it_is_and_hardly_nearer(panda):
     assert np.mean(exact[apart] - ours[apart] > one_percent_of_the_radius + 1e-6) < 1e-2
 
 
-def test_link_to_link_distances_agree_with_coal(ur5):
-    checker = CollisionChecker(ur5)
+@pytest.mark.parametrize("name", ["ur5", "slide"])
+def test_link_to_link_distances_agree_with_coal(request, name):
+    robot = request.getfixturevalue(name)
+    checker = CollisionChecker(robot)
     placed = coal_solids(checker, {})
-    q, pairs = random_configurations(ur5, 50, seed=13), checker.link_pairs
-    ours = all_distances(lambda r, p: checker.distances(r, p, pairs), ur5, q)
-    exact = all_distances(lambda r, p: coal_distances(checker, placed, r, p, pairs), ur5, q)
+    q, pairs = random_configurations(robot, 50, seed=13), checker.link_pairs
+    ours = all_distances(lambda r, p: checker.distances(r, p, pairs), robot, q)
+    exact = all_distances(lambda r, p: coal_distances(checker, placed, r, p, pairs), robot, q)
     assert (exact < 0).any()
     assert (ours <= exact + 1e-9).all()
     assert np.mean(exact - ours > 1e-6) < 0.01
@@ -174,7 +179,7 @@ def test_distances_to_the_two_link_arm_are_those_of_a_drawing(two_link, obstacle
     np.testing.assert_allclose(found, [distance], atol=1e-8)
 
 
-@pytest.mark.parametrize("name", ["ur5", "panda"])
+@pytest.mark.parametrize("name", ["ur5", "panda", "slide"])
 def test_joint_moves_change_distances_by_no_more_than_the_motion_weights(request, name):
     robot = request.getfixturevalue(name)
     rng = np.random.default_rng(14)
@@ -435,19 +440,21 @@ def test_pairs_are_not_lost_where_limits_lie_a_turn_away():
     assert kept[0] == kept[1]
 
 
-def test_a_separating_direction_separates_neighbouring_configurations_too(ur5):
+@pytest.mark.parametrize("name", ["ur5", "slide"])
+def test_a_separating_direction_separates_neighbouring_configurations_too(request, name):
     """Along the direction found at one configuration: exact there, a lower bound elsewhere."""
+    robot = request.getfixturevalue(name)
     boxes = [
         Obstacle.box(f"box{i}", [0.2, 0.1, 0.3], placement_of(center))
         for i, center in enumerate(([0.6, 0.1, 0.3], [-0.4, 0.5, 0.4], [0.1, -0.6, 0.8]))
     ]
-    checker = CollisionChecker(ur5, boxes)
+    checker = CollisionChecker(robot, boxes)
     pairs = np.concatenate([checker.obstacle_pairs, checker.link_pairs])
     rng = np.random.default_rng(3)
     for _ in range(10):
-        q = rng.uniform(-2, 2, (2, 6))
-        q[1] = q[0] + rng.uniform(-0.05, 0.05, 6)
-        rotation, position = ur5.body_poses(q)
+        q = rng.uniform(-2, 2, (2, robot.joint_count))
+        q[1] = q[0] + rng.uniform(-0.05, 0.05, robot.joint_count)
+        rotation, position = robot.body_poses(q)
         there, direction = checker.separations(rotation[0], position[0], pairs)
         copies = [np.repeat(poses[:, None], len(pairs), axis=1) for poses in (rotation, position)]
         same, near = (
@@ -460,20 +467,24 @@ def test_a_separating_direction_separates_neighbouring_configurations_too(ur5):
         assert np.median((here - near)[apart]) < 0.005
 
 
-def test_the_distance_gradient_is_that_of_central_differences(ur5):
-    checker = CollisionChecker(ur5, [Obstacle.sphere("ball", 0.1, placement_of((0.6, 0.1, 0.9)))])
+@pytest.mark.parametrize("name", ["ur5", "slide"])
+def test_the_distance_gradient_is_that_of_central_differences(request, name):
+    robot = request.getfixturevalue(name)
+    ball = Obstacle.sphere("ball", 0.1, placement_of((0.6, 0.1, 0.9)))
+    checker = CollisionChecker(robot, [ball])
     pairs = np.vstack([checker.obstacle_pairs[-2:], checker.link_pairs[-2:]])
     q = np.array([0.3, -1.2, 1.5, 0.2, 0.7, 0.1])
+    q = q if name == "ur5" else np.array([0.5, 0.3, 0.4])
 
     def distances(q):
-        rotation, position = ur5.body_poses(q[None])
+        rotation, position = robot.body_poses(q[None])
         return checker.distances(rotation[0], position[0], pairs)
 
-    poses = [np.repeat(pose, len(pairs), axis=0) for pose in ur5.body_poses(q[None])]
+    poses = [np.repeat(pose, len(pairs), axis=0) for pose in robot.body_poses(q[None])]
     closest = checker.closest_points(*poses, pairs)
     assert (closest.distance > 0.01).all()
     exact = checker.distance_gradient(*poses, pairs, closest)
     step = 1e-5
-    difference = [distances(q + move) - distances(q - move) for move in step * np.eye(6)]
+    difference = [distances(q + move) - distances(q - move) for move in step * np.eye(len(q))]
     np.testing.assert_allclose(exact.T, np.array(difference) / (2 * step), atol=1e-3)
     assert abs(exact).max() > 0.1

@@ -7,21 +7,22 @@ import pytest
 from numpy.polynomial import Chebyshev
 from numpy.polynomial.chebyshev import chebpts1
 
-from cases import SLIDE
+from cases import one_joint as pendulum
 from tubeplanner import JointTrajectory, Payload, load_robot
 from tubeplanner.trajectory.bernstein import bernstein_coefficients
-from tubeplanner.verification.enclosure import _joint_bounds, enclosed_efforts, enclosed_tool
+from tubeplanner.verification.enclosure import (
+    _enclosed,
+    _joint_bounds,
+    enclosed_efforts,
+    enclosed_tool,
+)
 from tubeplanner.verification.majorants import effort_majorant, tool_majorant
 
 
 @pytest.fixture(scope="module", params=["two_link", "ur5", "ur10", "panda", "slide"])
-def arm(request, tmp_path_factory):
+def arm(request):
     if request.param == "ur10":
         return load_robot("example:ur10", "tool0", payload=Payload(8.0, (0.1, 0, 0.2)))
-    if request.param == "slide":
-        path = tmp_path_factory.mktemp("slide") / "slide.urdf"
-        path.write_text(SLIDE)
-        return load_robot(path, "tip")
     return request.getfixturevalue(request.param)
 
 
@@ -54,10 +55,12 @@ def taylor_coefficients(function, width, orders, points=13):
     return np.array(largest).T
 
 
+@pytest.mark.parametrize("slower", [1, 1000])
 @pytest.mark.parametrize("seed", range(4))
-def test_no_taylor_coefficient_exceeds_its_bound(arm, seed):
-    width = 0.05
-    trajectory = random_trajectory(arm, seed, pieces=1, width=width)
+def test_no_taylor_coefficient_exceeds_its_bound(arm, seed, slower):
+    """Fast, where inertia counts; and slowly, where little but gravity does."""
+    width = 0.05 * slower
+    trajectory = random_trajectory(arm, seed, pieces=1, width=0.05).scaled(slower)
     joints = _joint_bounds(trajectory, np.array([0]), np.zeros(1), np.array([width]))
     orders = range(1, 9)
     tool = taylor_coefficients(lambda t: arm.tool_position(trajectory.position(t)), width, orders)
@@ -175,6 +178,56 @@ def test_the_bound_is_near_for_a_joint_that_speeds_up(tmp_path, kind, inertia):
     else:
         assert (bound[:2] >= exact).all()
         assert (bound[:2] < 2.5 * exact).all()
+
+
+def test_the_error_is_just_that_of_the_next_power():
+    """Of degree 8, one more than the polynomials have: the bound is met, not only kept."""
+    trajectory = JointTrajectory(["u"], [0, 1.0], [[[1.0]], [[0.0]]])
+    enclosure = _enclosed(
+        trajectory, lambda q, v, a: q**8, lambda joints, width: np.ones((1, 1)), np.ones(1)
+    )
+    u = np.linspace(0, 1, 100_001)
+    off = abs(enclosure.at(u)[:, 0] - u**8)
+    assert off.max() == pytest.approx(enclosure.error[0, 0], rel=1e-6)
+
+
+def test_a_slow_pendulums_bound_is_its_gravity(tmp_path):
+    """Turned uniformly, effort is m g l cos(w t): the k-th coefficient is m g l (w T)^k / k!."""
+    robot, speed, width = pendulum(tmp_path, mass=0.5), 1e-3, 600.0
+    trajectory = JointTrajectory(["turn"], [0, width], [[[speed]], [[0.0]]])
+    joints = _joint_bounds(trajectory, np.array([0]), np.zeros(1), np.array([width]))
+    bound = effort_majorant(robot, joints, np.array([width]))[:9, 0, 0]
+    expected = [0.5 * 9.81 * 0.5 * (speed * width) ** k / factorial(k) for k in range(9)]
+    np.testing.assert_allclose(bound, expected, rtol=1e-3)
+
+
+ROTOR = """<robot name="rotor"><link name="base"/>
+<link name="frame"><inertial><mass value="1"/>
+  <inertia ixx="1e-9" iyy="1e-9" izz="1e-9" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="rod"><inertial><mass value="1"/>
+  <inertia ixx="1e-9" iyy="0.5" izz="0.5" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="tilt" type="continuous"><parent link="base"/><child link="frame"/>
+  <axis xyz="1 0 0"/><limit effort="5" velocity="40"/></joint>
+<joint name="spin" type="continuous"><parent link="frame"/><child link="rod"/>
+  <axis xyz="0 0 1"/><limit effort="5" velocity="40"/></joint></robot>"""
+
+
+def test_a_rods_inertia_turns_twice_as_fast_as_the_rod(tmp_path):
+    """About the tilting axis it is I sin^2(w t): effort p I w sin(2 w t) at a tilting speed p."""
+    (tmp_path / "rotor.urdf").write_text(ROTOR)
+    robot = load_robot(tmp_path / "rotor.urdf", "rod", gravity=(0, 0, 0))
+    inertia, tilt, spin, width = 0.5, 1.0, 5.0, 0.2
+    trajectory = JointTrajectory(robot.joint_names, [0, width], [[[tilt, spin]], [[0.0, 0.0]]])
+    t = np.linspace(0, width, 9)
+    states = trajectory.at(t)
+    effort = robot.inverse_dynamics(states.position, states.velocity, states.acceleration)
+    expected = tilt * inertia * spin * np.sin(2 * spin * t)
+    np.testing.assert_allclose(effort[:, 0], expected, atol=1e-6)
+    joints = _joint_bounds(trajectory, np.array([0]), np.zeros(1), np.array([width]))
+    bound = effort_majorant(robot, joints, np.array([width]))[:9, 0, 0]
+    # Over 2 w T = 2 rad, sine and cosine both reach their largest value.
+    exact = [tilt * inertia * spin * (2 * spin * width) ** k / factorial(k) for k in range(1, 9)]
+    assert (bound[1:] >= exact).all()
 
 
 def test_few_intervals_are_enough(planned):

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from cases import SLIDE
-from tubeplanner import JointTrajectory, PlanningProblem, Seed, Tube, load_robot, verify
+from tubeplanner import JointTrajectory, PlanningProblem, Seed, Tube, verify
 from tubeplanner.verification.enclosure import enclosed_pose
 from tubeplanner.verification.rotation_visits import least_rotation_margin
 from tubeplanner.verification.tube_visits import Visit, tube_visits
@@ -266,11 +265,9 @@ BETWEEN_ENDS = {
 
 
 @pytest.mark.parametrize(("extended", "turned", "largest"), BETWEEN_ENDS.values(), ids=BETWEEN_ENDS)
-def test_what_happens_between_two_ends_is_bounded(extended, turned, largest, tmp_path):
+def test_what_happens_between_two_ends_is_bounded(extended, turned, largest, slide):
     """In closed form, for a sliding tool; so little that it is settled at the first look."""
-    path = tmp_path / "slide.urdf"
-    path.write_text(SLIDE)
-    robot, turn, bound = load_robot(path, "tip"), 0.02, 1.0
+    robot, turn, bound = slide, 0.02, 1.0
     coefficients = np.zeros((3, 1, 3))
     coefficients[:, 0, 1], coefficients[:, 0, 2] = extended, turn * np.array(turned)
     trajectory = JointTrajectory(robot.joint_names, [0, 1.0], coefficients)

@@ -141,6 +141,27 @@ def test_the_clearance_is_asked_for(planned):
     assert -3e-3 < condition.margin < -1e-3
 
 
+def test_a_cart_that_would_drive_through_a_plate_is_refused(tmp_path):
+    """Two metres in a second, through two millimetres: at no start, end or middle of a piece."""
+    cart = """<robot name="cart"><link name="rail"/>
+        <link name="cart"><inertial><mass value="2"/>
+          <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+          <collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision></link>
+        <joint name="slide" type="prismatic"><parent link="rail"/><child link="cart"/>
+          <axis xyz="1 0 0"/><limit lower="-1" upper="1" effort="100" velocity="100"/></joint>
+        </robot>"""
+    (tmp_path / "cart.urdf").write_text(cart)
+    robot = load_robot(tmp_path / "cart.urdf", "cart")
+    drive = JointTrajectory(["slide"], [0, 1.0], [[[2.0]], [[-1.0]]])
+    plate = Obstacle.box("plate", [2e-3, 1, 1], placement_of([0.4, 0, 0]))
+    tube = Tube([[-1, 0, 0], [1, 0, 0]], 0.1)
+    problem = PlanningProblem(robot, tube, np.array([-1.0]), obstacles=[plate])
+    condition = verify(problem, drive).conditions["obstacles"]
+    assert condition.margin == pytest.approx(-0.051, abs=2e-3)
+    assert condition.where.time == pytest.approx(0.7, abs=0.01)
+    assert condition.where.links == ("cart",)
+
+
 def test_links_that_meet_are_found(ur5):
     """The elbow folds until the wrist is in the upper arm."""
     q0, q1 = np.array([0, -1.2, 1.5, -1.5, -1.5, 0.0]), np.array([0, -1.2, 3.1, -1.5, -1.5, 0])
@@ -454,6 +475,15 @@ def test_the_error_of_an_enclosure_is_taken_off_the_margin(planned, monkeypatch)
     monkeypatch.setattr("tubeplanner.verification.verification._EFFORT_ENCLOSURE", 1e-2)
     rough = verify(problem, result.trajectory).conditions["effort"].margin
     assert exact - 2e-2 < rough < exact - 1e-6
+
+
+def test_the_error_of_the_tools_enclosure_is_taken_off_the_tubes_margin(planned, monkeypatch):
+    """Where the bound is the tube's: polynomials that miss a tenth of a millimetre."""
+    problem, result = planned("two_link/around_a_post", "branch-and-bound")
+    exact = verify(problem, result.trajectory).conditions["tube"].margin
+    monkeypatch.setattr("tubeplanner.verification.verification._TOOL_ENCLOSURE", 1e-3)
+    rough = verify(problem, result.trajectory).conditions["tube"].margin
+    assert exact - 2e-3 < rough < exact - 1e-6
 
 
 def test_an_undecided_effort_tells_what_was_found(planned, monkeypatch):
