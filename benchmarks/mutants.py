@@ -20,8 +20,11 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from multiprocessing import get_context
 from pathlib import Path
 from queue import SimpleQueue
+
+import pytest
 
 from mutant_list import MUTANTS, TESTS, Mutant
 
@@ -32,6 +35,26 @@ PROCESSES = 2
 # A mutant that keeps its tests busy for so long [s] is noticed as well; they take half of it.
 TIME_LIMIT = 240.0
 PASSED, FAILED, INTERRUPTED = 0, 1, 2  # pytest's exit statuses; a module that breaks interrupts
+# Tests run in forks of a process that has the libraries, but nothing of the package.
+LIBRARIES = (
+    *(
+        "click",
+        "coal",
+        "fcl",
+        "hypothesis",
+        "lazy_loader",
+        "numpy.polynomial",
+        "ompl",
+        "pinocchio",
+        "piqp",
+        "pydantic",
+    ),
+    *("pytest", "ruamel.yaml", "scipy.interpolate", "scipy.optimize", "scipy.sparse.linalg"),
+    *("scipy.spatial.transform", "scipy.special", "toppra", "trimesh", "yourdfpy"),
+)
+LOG = "log.txt"
+_CONTEXT = get_context("forkserver")
+_CONTEXT.set_forkserver_preload(list(LIBRARIES))
 
 
 @dataclass(frozen=True)
@@ -155,7 +178,14 @@ class Copy:
             shutil.copytree(HERE / name, folder / name, ignore=ignored)
         shutil.copy(HERE / "pyproject.toml", folder)
         # Compiled once: what is read from then on is the module that changes.
-        subprocess.run([sys.executable, "-m", "compileall", "-q", "src"], cwd=folder, check=True)
+        subprocess.run(
+            [sys.executable, "-m", "compileall", "-q", "src", "tests"], cwd=folder, check=True
+        )
+
+    @property
+    def log(self) -> str:
+        """What the last tests printed."""
+        return (self._folder / LOG).read_text()
 
     def killed(self, module: Path, text: str, tests: tuple[str, ...]) -> bool:
         """Return whether tests fail while a module has another text."""
@@ -175,26 +205,30 @@ class Copy:
         Raises:
             RuntimeError: pytest could not run them.
         """
-        environment = os.environ | {
-            "PYTHONPATH": str(self._folder / "src"),
-            "PYTHONDONTWRITEBYTECODE": "1",
-            "OPENBLAS_NUM_THREADS": "1",
-        }
-        command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *tests]
-        try:
-            done = subprocess.run(
-                command,
-                cwd=self._folder,
-                env=environment,
-                capture_output=True,
-                text=True,
-                timeout=time_limit,
-            )
-        except subprocess.TimeoutExpired:
+        process = _CONTEXT.Process(target=_run_tests, args=(self._folder, tests))
+        process.start()
+        process.join(time_limit)
+        if process.exitcode is None:
+            process.kill()
+            process.join()
             return False
-        if done.returncode not in (PASSED, FAILED, INTERRUPTED):
-            raise RuntimeError(f"{' '.join(command)}: {done.stdout}{done.stderr}")
-        return done.returncode == PASSED
+        if process.exitcode not in (PASSED, FAILED, INTERRUPTED):
+            raise RuntimeError(self.log)
+        return process.exitcode == PASSED
+
+
+def _run_tests(folder: Path, tests: tuple[str, ...]) -> None:
+    """Run test files of a copy of the checkout; end with pytest's exit status."""
+    sys.dont_write_bytecode = True
+    os.chdir(folder)
+    os.environ |= {"PYTHONPATH": str(folder / "src"), "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
+    sys.path.insert(0, str(folder / "src"))
+    log = os.open(LOG, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+    os.dup2(log, 1)
+    os.dup2(log, 2)
+    # What is asserted counts, not how a failure reads.
+    status = pytest.main(["-x", "-q", "-p", "no:cacheprovider", "--assert=plain", *tests])
+    os._exit(int(status))
 
 
 def run(sources: Sources, mutants: list[tuple[Mutant, Place]]) -> list[Outcome]:
@@ -208,10 +242,11 @@ def run(sources: Sources, mutants: list[tuple[Mutant, Place]]) -> list[Outcome]:
         for number in range(PROCESSES):
             copies.put(Copy(Path(folder, str(number))))
 
-        def as_it_is(tests: tuple[str, ...]) -> bool:
+        def require_passed(tests: tuple[str, ...]) -> None:
             copy = copies.get()
             try:
-                return copy.passes(tests, None)
+                if not copy.passes(tests, None):
+                    raise RuntimeError(f"the tests fail without any mutant:\n{copy.log}")
             finally:
                 copies.put(copy)
 
@@ -228,8 +263,7 @@ def run(sources: Sources, mutants: list[tuple[Mutant, Place]]) -> list[Outcome]:
 
         files = sorted({name for _, place in mutants for name in tests_of(place.module)})
         halves = [tuple(files[i::PROCESSES]) for i in range(min(PROCESSES, len(files)))]
-        if not all(pool.map(as_it_is, halves)):
-            raise RuntimeError(f"the tests fail without any mutant: {' '.join(files)}")
+        list(pool.map(require_passed, halves))
         return list(pool.map(lambda pair: outcome(*pair), mutants))
 
 
@@ -257,6 +291,7 @@ def main() -> int:
     parser.add_argument("--only", default="", help="mutants whose row contains this")
     parser.add_argument("--list", action="store_true", help="print them; run nothing")
     arguments = parser.parse_args()
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"
     sources = Sources(HERE / PACKAGE)
     mutants = [(mutant, sources.place(mutant)) for mutant in MUTANTS]
     chosen = [

@@ -201,6 +201,30 @@ def test_a_slow_pendulums_bound_is_its_gravity(tmp_path):
     np.testing.assert_allclose(bound, expected, rtol=1e-3)
 
 
+def test_a_slow_slides_bound_is_its_gravity(tmp_path):
+    """It turns uniformly with what carries it: its force is m g cos(w t)."""
+    (tmp_path / "slide.urdf").write_text(
+        """<robot name="slide"><link name="base"/>
+        <link name="rail"><inertial><mass value="1e-9"/>
+          <inertia ixx="1e-9" iyy="1e-9" izz="1e-9" ixy="0" ixz="0" iyz="0"/></inertial></link>
+        <link name="cart"><inertial><mass value="2"/>
+          <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+        <joint name="turn" type="continuous"><parent link="base"/><child link="rail"/>
+          <axis xyz="0 0 1"/><limit effort="5" velocity="4"/></joint>
+        <joint name="slide" type="prismatic"><parent link="rail"/><child link="cart"/>
+          <axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="50" velocity="4"/></joint>
+        </robot>"""
+    )
+    robot = load_robot(tmp_path / "slide.urdf", "cart", gravity=(0, -9.81, 0))
+    speed, width = 1e-3, 600.0
+    coefficients = [[[speed, 0.0]], [[0.0, 0.1]]]
+    trajectory = JointTrajectory(robot.joint_names, [0, width], coefficients)
+    joints = _joint_bounds(trajectory, np.array([0]), np.zeros(1), np.array([width]))
+    bound = effort_majorant(robot, joints, np.array([width]))[:9, 0, 1]
+    expected = [2 * 9.81 * (speed * width) ** k / factorial(k) for k in range(9)]
+    np.testing.assert_allclose(bound, expected, rtol=1e-3)
+
+
 ROTOR = """<robot name="rotor"><link name="base"/>
 <link name="frame"><inertial><mass value="1"/>
   <inertia ixx="1e-9" iyy="1e-9" izz="1e-9" ixy="0" ixz="0" iyz="0"/></inertial></link>
@@ -216,7 +240,7 @@ def test_a_rods_inertia_turns_twice_as_fast_as_the_rod(tmp_path):
     """About the tilting axis it is I sin^2(w t): effort p I w sin(2 w t) at a tilting speed p."""
     (tmp_path / "rotor.urdf").write_text(ROTOR)
     robot = load_robot(tmp_path / "rotor.urdf", "rod", gravity=(0, 0, 0))
-    inertia, tilt, spin, width = 0.5, 1.0, 5.0, 0.2
+    inertia, tilt, spin, width = 0.5, 0.1, 5.0, 0.4
     trajectory = JointTrajectory(robot.joint_names, [0, width], [[[tilt, spin]], [[0.0, 0.0]]])
     t = np.linspace(0, width, 9)
     states = trajectory.at(t)
@@ -225,7 +249,7 @@ def test_a_rods_inertia_turns_twice_as_fast_as_the_rod(tmp_path):
     np.testing.assert_allclose(effort[:, 0], expected, atol=1e-6)
     joints = _joint_bounds(trajectory, np.array([0]), np.zeros(1), np.array([width]))
     bound = effort_majorant(robot, joints, np.array([width]))[:9, 0, 0]
-    # Over 2 w T = 2 rad, sine and cosine both reach their largest value.
+    # Over 2 w T = 4 rad, sine and cosine both reach their largest value.
     exact = [tilt * inertia * spin * (2 * spin * width) ** k / factorial(k) for k in range(1, 9)]
     assert (bound[1:] >= exact).all()
 
