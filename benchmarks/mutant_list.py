@@ -42,7 +42,6 @@ TESTS = {
     "verification/certificate": ("verification/test_verification.py",),
     "verification/closest_approach": ("verification/test_verification_between_samples.py",),
     "verification/majorants": ("verification/test_enclosure.py",),
-    "verification/enclosure": ("verification/test_rotation_visits.py",),
     "verification/tube_visits": ("verification/test_verification_between_samples.py",),
     "verification/verification": ("verification/test_rotation_visits.py",),
 }
@@ -63,7 +62,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         (" + _product(arm, force)", ""),
         ("_derivative(momentum) / width**2 + ", ""),
         ("_derivative(body.origin + arm, 2)", "_derivative(body.origin, 2)"),
-        ("inertia.moment * ", ""),
+        ("inertia.moment * ", "0.1 * inertia.moment * "),
         ("_product(axis, load)", "load"),
     ],
     "_motions": [
@@ -134,7 +133,11 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     "_Search._middles": [
         ("abs(hull - middle).max(axis=0)", "abs(hull - middle).min(axis=0)"),
-        ("start + width / 2", "start + width / 4"),
+        (
+            "start + width / 2",
+            "start + width / 4",
+            "only slower: the bounds hold about any instant",
+        ),
     ],
     "_Search._remember": [
         ("distance.argmin()", "distance.argmax()"),

@@ -14,6 +14,7 @@ from tubeplanner.verification.enclosure import (
     _enclosed,
     _joint_bounds,
     enclosed_efforts,
+    enclosed_pose,
     enclosed_tool,
 )
 from tubeplanner.verification.majorants import effort_majorant, tool_majorant
@@ -164,6 +165,42 @@ def test_the_bound_is_exact_for_a_joint_that_turns_uniformly(tmp_path):
     np.testing.assert_allclose(tool_majorant(robot, joints).position[1:9, 0], expected, rtol=1e-12)
 
 
+def test_what_is_said_of_a_uniform_turn_is_exact(tmp_path):
+    """Tool and axes go round in circles: errors of order 8, speeds and accelerations."""
+    robot, speed, width = one_joint(tmp_path, "revolute"), 3.0, 0.5
+    trajectory = JointTrajectory(["move"], [0, width], [[[speed]], [[0.0]]])
+    error = 2 / 4**8 * (speed * width) ** 8 / factorial(8)
+    tool = enclosed_tool(robot, trajectory, 1.0)
+    np.testing.assert_allclose(tool.error, [[0.4 * error] * 3], rtol=1e-12)
+    pose = enclosed_pose(robot, trajectory, 1.0, 1.0)
+    np.testing.assert_allclose(pose.tool.error, [[0.4 * error] * 3], rtol=1e-12)
+    np.testing.assert_allclose(pose.rotation.error, [[error] * 9], rtol=1e-12)
+    np.testing.assert_allclose(pose.speed, 0.4 * speed)
+    np.testing.assert_allclose(pose.acceleration, 0.4 * speed**2)
+    np.testing.assert_allclose(pose.spin, speed)
+    np.testing.assert_allclose(pose.spin_rate, 0.0)
+
+
+def test_spin_that_grows_is_bounded_by_its_growth(tmp_path):
+    """Angle c t^2: the tool's axis spins up by 2 c."""
+    robot = one_joint(tmp_path, "revolute")
+    trajectory = JointTrajectory(["move"], [0, 0.5], [[[1.5]], [[0.0]], [[0.0]]])
+    pose = enclosed_pose(robot, trajectory, 1.0, 1.0)
+    np.testing.assert_allclose(pose.spin_rate, 3.0)
+    np.testing.assert_allclose(pose.spin, 1.5)
+
+
+def test_errors_belong_to_their_intervals():
+    """Pieces of different widths, halved differently often: an error as large as its width."""
+    breakpoints = [0, 1.0, 1.05, 1.35]
+    trajectory = JointTrajectory(["u"], breakpoints, np.zeros((1, 3, 1)))
+    enclosure = _enclosed(
+        trajectory, lambda q, v, a: q, lambda joints, width: width[:, None], np.array([1e-5])
+    )
+    assert len(np.unique(enclosure.width.round(9))) > 1
+    np.testing.assert_allclose(enclosure.error[:, 0] / enclosure.width, 2 / 4**8)
+
+
 @pytest.mark.parametrize(("kind", "inertia"), [("prismatic", 2.0), ("revolute", 0.7)])
 def test_the_bound_is_near_for_a_joint_that_speeds_up(tmp_path, kind, inertia):
     """Effort is inertia times acceleration, 2 + 6 c t; the bound takes the largest moment."""
@@ -199,6 +236,8 @@ def test_a_slow_pendulums_bound_is_its_gravity(tmp_path):
     bound = effort_majorant(robot, joints, np.array([width]))[:9, 0, 0]
     expected = [0.5 * 9.81 * 0.5 * (speed * width) ** k / factorial(k) for k in range(9)]
     np.testing.assert_allclose(bound, expected, rtol=1e-3)
+    efforts = enclosed_efforts(robot, trajectory, np.array([1.0]))
+    np.testing.assert_allclose(efforts.error, [[2 / 4**8 * expected[8]]], rtol=1e-3)
 
 
 def test_a_slow_slides_bound_is_its_gravity(tmp_path):
@@ -234,6 +273,18 @@ ROTOR = """<robot name="rotor"><link name="base"/>
   <axis xyz="1 0 0"/><limit effort="5" velocity="40"/></joint>
 <joint name="spin" type="continuous"><parent link="frame"/><child link="rod"/>
   <axis xyz="0 0 1"/><limit effort="5" velocity="40"/></joint></robot>"""
+
+
+def test_the_bound_on_spin_is_exact_for_an_axis_that_turns_uniformly(tmp_path):
+    """Angular velocity p x + w z(t), where z is tilted at p: its k-th derivative is w p^k."""
+    (tmp_path / "rotor.urdf").write_text(ROTOR)
+    robot = load_robot(tmp_path / "rotor.urdf", "rod", gravity=(0, 0, 0))
+    tilt, spin, width = 2.0, 5.0, 0.4
+    trajectory = JointTrajectory(robot.joint_names, [0, width], [[[tilt, spin]], [[0.0, 0.0]]])
+    joints = _joint_bounds(trajectory, np.array([0]), np.zeros(1), np.array([width]))
+    expected = [width * spin * (width * tilt) ** k / factorial(k) for k in range(8)]
+    expected[0] += width * tilt
+    np.testing.assert_allclose(tool_majorant(robot, joints).spin[:8, 0], expected, rtol=1e-12)
 
 
 def test_a_rods_inertia_turns_twice_as_fast_as_the_rod(tmp_path):

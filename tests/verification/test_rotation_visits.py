@@ -1,5 +1,7 @@
 """The rotation's least margin for all t, against dense evaluation and closed forms."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -89,6 +91,24 @@ def test_touching_a_bound_is_decided(seed, ur5):
         used -= least.attained
     assert -1e-6 < least.lower_bound <= least.attained < 1e-6
     assert least.intervals < 3000
+
+
+def test_what_the_polynomials_miss_is_taken_off_the_margin(two_link):
+    """Of the rotation itself; and of the tool's place, where the reference turns along."""
+    trajectory = JointTrajectory(two_link.joint_names, [0, 1.0], [[[0.1, 0.1]], [[0.3, -1.0]]])
+    tool = two_link.tool_position(trajectory.position(np.array([0.0])))[0]
+    points = tool + np.array([[-0.5, 0, 0], [0.5, 0, 0]])
+    quaternions = Rotation.from_euler("z", [[0.0], [1.0]]).as_quat()
+    tube = Tube(points, 9.0, orientations=quaternions, rotation_tolerance=3.0).rotation
+    pose, visit, miss = pose_of(two_link, trajectory), [Visit(0, 0.0, 1.0)], 1e-2
+    exact = least_rotation_margin(tube, pose, visit)
+    for part in ("rotation", "tool"):
+        enclosure = getattr(pose, part)
+        rough = replace(pose, **{part: replace(enclosure, error=enclosure.error + miss)})
+        least = least_rotation_margin(tube, rough, visit)
+        assert least.attained == exact.attained
+        # The reference turns by one radian over one metre.
+        assert least.lower_bound <= exact.attained - miss
 
 
 def turning_wrist(ur5, tray, end):
