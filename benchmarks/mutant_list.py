@@ -93,7 +93,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "enclosed_efforts": [("[_POINTS]", "[_POINTS + 1]")],
     "_enclosed": [
         ("missed > tolerance", "missed > 2 * tolerance"),
-        ("(width > _MIN_WIDTH)", "(width > 0.02)"),
+        ("(width > _MIN_WIDTH)", "(width > 0.1)"),
         ("start[1::2] += width[1::2]", "start[1::2] += 0"),
         ("width[order], missed[order]", "width[order], missed"),
         ("_NODE_PRODUCT * error", "0 * error"),
@@ -381,6 +381,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         (
             "other._world_center() - self._world_center()",
             "self._world_center() - other._world_center()",
+            "equivalent: both directions are tried",
         )
     ],
     "separation": [

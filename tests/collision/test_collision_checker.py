@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tubeplanner import LimitOverrides, Obstacle, load_robot, placement_of
+from tubeplanner import AttachedSolid, LimitOverrides, Obstacle, load_robot, placement_of
 from tubeplanner.collision.collision_checker import CollisionChecker
 from tubeplanner.errors import ProblemError
 
@@ -271,6 +271,25 @@ def test_links_behind_a_locked_joint_belong_to_the_cell(snake):
     assert pairs == {(x, y) for x in ("base", "flange", "a") for y in ("c", "tool")}
 
 
+def test_motion_weights_are_the_farthest_a_joint_can_move_a_point(snake):
+    """Balls of 0.1 m, a metre from joint to joint; what moves both of a pair does not count."""
+    checker = CollisionChecker(snake(), [BLOCK])
+    expected = {
+        ("a", "block"): [0.1, 0, 0],
+        ("b", "block"): [1.1, 0.1, 0],
+        ("c", "block"): [2.1, 1.1, 0.1],
+        ("tool", "block"): [3.1, 2.1, 1.1],
+        ("base", "b"): [1.1, 0.1, 0],
+        ("a", "c"): [0, 1.1, 0.1],
+        ("a", "tool"): [0, 2.1, 1.1],
+    }
+    for pair, weights in zip(checker.pairs, checker.motion_weights(checker.pairs), strict=True):
+        names = tuple(checker.shapes[index].owner for index in pair)
+        if names in expected:
+            np.testing.assert_allclose(weights, expected.pop(names), atol=1e-12)
+    assert not expected
+
+
 def test_all_pairs_are_those_with_obstacles_and_then_links(snake):
     checker = CollisionChecker(snake(), [BLOCK, SPHERE])
     required = checker.required(0.02)
@@ -471,8 +490,13 @@ def test_a_separating_direction_separates_neighbouring_configurations_too(reques
 def test_the_distance_gradient_is_that_of_central_differences(request, name):
     robot = request.getfixturevalue(name)
     ball = Obstacle.sphere("ball", 0.1, placement_of((0.6, 0.1, 0.9)))
-    checker = CollisionChecker(robot, [ball])
-    pairs = np.vstack([checker.obstacle_pairs[-2:], checker.link_pairs[-2:]])
+    turned = placement_of((0.03, 0.02, 0.1), rpy=(0.4, 0.7, 0.2))
+    attached = [
+        AttachedSolid("rod", Obstacle.capsule("rod", 0.01, 0.1, turned).shapes),
+        AttachedSolid("bead", Obstacle.sphere("bead", 0.01, turned).shapes),
+    ]
+    checker = CollisionChecker(robot, [ball], attached=attached)
+    pairs = np.vstack([checker.obstacle_pairs[-4:], checker.link_pairs[:2]])
     q = np.array([0.3, -1.2, 1.5, 0.2, 0.7, 0.1])
     q = q if name == "ur5" else np.array([0.5, 0.3, 0.4])
 

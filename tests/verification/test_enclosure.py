@@ -56,91 +56,6 @@ def taylor_coefficients(function, width, orders, points=13):
     return np.array(largest).T
 
 
-@pytest.mark.parametrize("slower", [1, 1000])
-@pytest.mark.parametrize("seed", range(4))
-def test_no_taylor_coefficient_exceeds_its_bound(arm, seed, slower):
-    """Fast, where inertia counts; and slowly, where little but gravity does."""
-    width = 0.05 * slower
-    trajectory = random_trajectory(arm, seed, pieces=1, width=0.05).scaled(slower)
-    joints = _joint_bounds(trajectory, np.array([0]), np.zeros(1), np.array([width]))
-    orders = range(1, 9)
-    tool = taylor_coefficients(lambda t: arm.tool_position(trajectory.position(t)), width, orders)
-    bound = tool_majorant(arm, joints).position[1:9, 0]
-    assert (tool <= bound[:, None] * (1 + 1e-6) + 1e-7).all()
-
-    def efforts(t):
-        return arm.inverse_dynamics(
-            trajectory.position(t), trajectory.velocity(t), trajectory.acceleration(t)
-        )
-
-    orders = range(9)
-    found = taylor_coefficients(efforts, width, orders)
-    bound = effort_majorant(arm, joints, np.array([width]))[:9, 0]
-    assert (found <= bound * (1 + 1e-6) + 1e-5).all()
-
-
-def test_joint_bounds_are_those_of_the_derivatives(two_link):
-    trajectory = random_trajectory(two_link, 5, pieces=2)
-    start, width = np.array([0.02, 0.03]), np.array([0.05, 0.06])
-    bounds = _joint_bounds(trajectory, np.array([0, 1]), start, width)
-    for i in range(2):
-        t = trajectory.breakpoints[i] + start[i] + width[i] * np.linspace(0, 1, 500)
-        for order in range(3):
-            value = (trajectory.position, trajectory.velocity, trajectory.acceleration)[order](t)
-            found = abs(value).max(axis=0) * width[i] ** order / factorial(order)
-            assert (found <= bounds[order, i] * (1 + 1e-9)).all()
-            assert (found >= bounds[order, i] * 0.3).all() or order > 0
-    assert (bounds[6:] == 0).all()
-
-
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("degree", [1, 3, 5])
-def test_the_tool_is_where_it_is_said_to_be(arm, seed, degree):
-    trajectory = random_trajectory(arm, seed, degree)
-    enclosure = enclosed_tool(arm, trajectory, 1e-7)
-    assert enclosure.error.max() <= 1e-7
-    samples = trajectory.per_piece(400)
-    inside = np.setdiff1d(np.arange(len(samples.time)), np.arange(3) * 400 + 399)
-    off = enclosure.at(samples.time[inside]) - arm.tool_position(samples.position[inside])
-    assert np.linalg.norm(off, axis=1).max() <= 1e-7
-    np.testing.assert_allclose(enclosure.start[0], 0)
-    np.testing.assert_allclose(np.diff(enclosure.start), enclosure.width[:-1], atol=1e-12)
-    np.testing.assert_allclose(enclosure.start[-1] + enclosure.width[-1], trajectory.duration)
-
-
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("degree", [1, 3, 5])
-def test_efforts_are_what_they_are_said_to_be(arm, seed, degree):
-    trajectory = random_trajectory(arm, seed, degree)
-    tolerance = 1e-7 * arm.limits.effort
-    enclosure = enclosed_efforts(arm, trajectory, tolerance)
-    assert (enclosure.error <= tolerance).all()
-    s = trajectory.per_piece(400)
-    inside = np.setdiff1d(np.arange(len(s.time)), np.arange(3) * 400 + 399)
-    tau = arm.inverse_dynamics(*(x[inside] for x in (s.position, s.velocity, s.acceleration)))
-    assert (abs(enclosure.at(s.time[inside]) - tau) <= tolerance + 1e-9).all()
-
-
-def test_a_trajectory_that_no_machine_could_make_is_left_open(two_link):
-    """A million radians within a piece: the error is not small, and says so."""
-    wild = JointTrajectory(two_link.joint_names, [0, 1e-6], [[[1e11, 1e11]], [[0.0, 0.0]]])
-    enclosure = enclosed_tool(two_link, wild, 1e-7)
-    assert np.isfinite(enclosure.coefficients).all()
-    assert enclosure.error.max() > 1e-7
-
-
-def test_the_hull_of_the_polynomials_holds_the_tool(ur5):
-    trajectory = random_trajectory(ur5, 3)
-    enclosure = enclosed_tool(ur5, trajectory, 1e-7)
-    rows = np.arange(len(enclosure.width))
-    half = np.full(len(rows), 0.5)
-    hull = bernstein_coefficients(enclosure.coefficients[:, rows], 0 * half, half)
-    first = enclosure.start + 0.0
-    middle = enclosure.at(np.nextafter(first + enclosure.width / 2, 0))
-    np.testing.assert_allclose(hull[-1], middle, atol=1e-9)
-    np.testing.assert_allclose(hull[0], enclosure.at(first), atol=1e-12)
-
-
 def one_joint(tmp_path, kind):
     path = tmp_path / f"{kind}.urdf"
     path.write_text(
@@ -303,6 +218,91 @@ def test_a_rods_inertia_turns_twice_as_fast_as_the_rod(tmp_path):
     # Over 2 w T = 4 rad, sine and cosine both reach their largest value.
     exact = [tilt * inertia * spin * (2 * spin * width) ** k / factorial(k) for k in range(1, 9)]
     assert (bound[1:] >= exact).all()
+
+
+@pytest.mark.parametrize("slower", [1, 1000])
+@pytest.mark.parametrize("seed", range(4))
+def test_no_taylor_coefficient_exceeds_its_bound(arm, seed, slower):
+    """Fast, where inertia counts; and slowly, where little but gravity does."""
+    width = 0.05 * slower
+    trajectory = random_trajectory(arm, seed, pieces=1, width=0.05).scaled(slower)
+    joints = _joint_bounds(trajectory, np.array([0]), np.zeros(1), np.array([width]))
+    orders = range(1, 9)
+    tool = taylor_coefficients(lambda t: arm.tool_position(trajectory.position(t)), width, orders)
+    bound = tool_majorant(arm, joints).position[1:9, 0]
+    assert (tool <= bound[:, None] * (1 + 1e-6) + 1e-7).all()
+
+    def efforts(t):
+        return arm.inverse_dynamics(
+            trajectory.position(t), trajectory.velocity(t), trajectory.acceleration(t)
+        )
+
+    orders = range(9)
+    found = taylor_coefficients(efforts, width, orders)
+    bound = effort_majorant(arm, joints, np.array([width]))[:9, 0]
+    assert (found <= bound * (1 + 1e-6) + 1e-5).all()
+
+
+def test_joint_bounds_are_those_of_the_derivatives(two_link):
+    trajectory = random_trajectory(two_link, 5, pieces=2)
+    start, width = np.array([0.02, 0.03]), np.array([0.05, 0.06])
+    bounds = _joint_bounds(trajectory, np.array([0, 1]), start, width)
+    for i in range(2):
+        t = trajectory.breakpoints[i] + start[i] + width[i] * np.linspace(0, 1, 500)
+        for order in range(3):
+            value = (trajectory.position, trajectory.velocity, trajectory.acceleration)[order](t)
+            found = abs(value).max(axis=0) * width[i] ** order / factorial(order)
+            assert (found <= bounds[order, i] * (1 + 1e-9)).all()
+            assert (found >= bounds[order, i] * 0.3).all() or order > 0
+    assert (bounds[6:] == 0).all()
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("degree", [1, 3, 5])
+def test_the_tool_is_where_it_is_said_to_be(arm, seed, degree):
+    trajectory = random_trajectory(arm, seed, degree)
+    enclosure = enclosed_tool(arm, trajectory, 1e-7)
+    assert enclosure.error.max() <= 1e-7
+    samples = trajectory.per_piece(400)
+    inside = np.setdiff1d(np.arange(len(samples.time)), np.arange(3) * 400 + 399)
+    off = enclosure.at(samples.time[inside]) - arm.tool_position(samples.position[inside])
+    assert np.linalg.norm(off, axis=1).max() <= 1e-7
+    np.testing.assert_allclose(enclosure.start[0], 0)
+    np.testing.assert_allclose(np.diff(enclosure.start), enclosure.width[:-1], atol=1e-12)
+    np.testing.assert_allclose(enclosure.start[-1] + enclosure.width[-1], trajectory.duration)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("degree", [1, 3, 5])
+def test_efforts_are_what_they_are_said_to_be(arm, seed, degree):
+    trajectory = random_trajectory(arm, seed, degree)
+    tolerance = 1e-7 * arm.limits.effort
+    enclosure = enclosed_efforts(arm, trajectory, tolerance)
+    assert (enclosure.error <= tolerance).all()
+    s = trajectory.per_piece(400)
+    inside = np.setdiff1d(np.arange(len(s.time)), np.arange(3) * 400 + 399)
+    tau = arm.inverse_dynamics(*(x[inside] for x in (s.position, s.velocity, s.acceleration)))
+    assert (abs(enclosure.at(s.time[inside]) - tau) <= tolerance + 1e-9).all()
+
+
+def test_a_trajectory_that_no_machine_could_make_is_left_open(two_link):
+    """A million radians within a piece: the error is not small, and says so."""
+    wild = JointTrajectory(two_link.joint_names, [0, 1e-6], [[[1e11, 1e11]], [[0.0, 0.0]]])
+    enclosure = enclosed_tool(two_link, wild, 1e-7)
+    assert np.isfinite(enclosure.coefficients).all()
+    assert enclosure.error.max() > 1e-7
+
+
+def test_the_hull_of_the_polynomials_holds_the_tool(ur5):
+    trajectory = random_trajectory(ur5, 3)
+    enclosure = enclosed_tool(ur5, trajectory, 1e-7)
+    rows = np.arange(len(enclosure.width))
+    half = np.full(len(rows), 0.5)
+    hull = bernstein_coefficients(enclosure.coefficients[:, rows], 0 * half, half)
+    first = enclosure.start + 0.0
+    middle = enclosure.at(np.nextafter(first + enclosure.width / 2, 0))
+    np.testing.assert_allclose(hull[-1], middle, atol=1e-9)
+    np.testing.assert_allclose(hull[0], enclosure.at(first), atol=1e-12)
 
 
 def test_few_intervals_are_enough(planned):
