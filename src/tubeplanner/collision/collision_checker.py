@@ -1,8 +1,10 @@
 """Links against obstacles and against each other: which pairs, and how far apart they are."""
 
+import threading
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -52,8 +54,17 @@ class ClosestPoints:
     second: FloatArray
 
 
+class _PlacedShapes(threading.local):
+    """Shapes that are moved to where they are measured, for every thread its own."""
+
+    def __init__(self, shapes: Sequence[BodyShape]) -> None:
+        self.shapes = [PlacedShape(body_shape.shape) for body_shape in shapes]
+
+
 class CollisionChecker:
     """Which pairs of shapes must stay apart, and how far apart they are.
+
+    Several threads may use one checker; it pickles by content, without any file.
 
     Left out are links that no joint moves against obstacles and each other, links on the same or
     on neighbouring bodies, link pairs that always touch, and the pairs the problem ignores.
@@ -109,7 +120,7 @@ class CollisionChecker:
             for obstacle in obstacles
             for shape in obstacle.shapes
         ]
-        self._placed = [PlacedShape(body_shape.shape) for body_shape in self.shapes]
+        self._placed = _PlacedShapes(self.shapes)
         self._ignored = {frozenset(pair) for pair in (*ignore, *touching)}
         carried, standing = range(link_count), range(link_count, len(self.shapes))
         self.obstacle_pairs = self._select((i, j) for i in carried for j in standing)
@@ -118,6 +129,13 @@ class CollisionChecker:
             candidates = self._select((i, j) for i in carried for j in carried if i < j)
             self.link_pairs = self._without_always_touching(candidates)
         self.pairs = np.concatenate([self.obstacle_pairs, self.link_pairs])
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name != "_placed"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self._placed = _PlacedShapes(self.shapes)
 
     def required(self, clearance: float) -> FloatArray:
         """Return the distance that each of `pairs` must keep, shape (P,) [m].
@@ -278,10 +296,11 @@ class CollisionChecker:
     def _measured(
         self, rotation: FloatArray, position: FloatArray, pairs: IntArray
     ) -> list[Separation]:
+        placed = self._placed.shapes
         for index in set(pairs.flat):
             body = self.shapes[index].body
-            self._placed[index].move(rotation[body], position[body])
-        return [separation(self._placed[i], self._placed[j]) for i, j in pairs]
+            placed[index].move(rotation[body], position[body])
+        return [separation(placed[i], placed[j]) for i, j in pairs]
 
     @cached_property
     def _spheres(self) -> tuple[IntArray, FloatArray, FloatArray]:

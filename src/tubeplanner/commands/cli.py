@@ -147,7 +147,6 @@ def plan(
             with interrupts_held() as held:
                 written_notes = outputs.write(loaded, result.method, result.trajectory)
                 result = replace(result, notes=(*result.notes, *written_notes))
-                _ = result.sensitivities  # before Ctrl-C could make a success look interrupted
             interrupted = bool(held)
     if as_json:
         stopped_by = "interrupt" if interrupted else result.stopped_by

@@ -44,8 +44,8 @@ class PlanResult:
         search: What branch and bound did; None if it did not run.
         phase_two: What "suh-bishop" did after that; None if it did not.
         stopped_by: "time_limit" or "interrupt" if that ended planning early; None otherwise.
-        sensitivities: What every limit costs, the dearest first; computed when first asked for.
-            Empty unless the answer is refinement's.
+        sensitivities: What every limit costs, the dearest first; empty unless the answer is
+            refinement's.
         notes: What else is worth knowing about the answer.
         path_minimum: The least time [s] in which motors that switch at once could run the answer's
             path; computed when first asked for. None if there is no answer.
@@ -63,13 +63,8 @@ class PlanResult:
     phase_two: PhaseTwoStatistics | None = None
     stopped_by: StoppedBy | None = None
     notes: tuple[str, ...] = ()
-    _sensitivities: Callable[[], tuple[Sensitivity, ...]] = tuple
+    sensitivities: tuple[Sensitivity, ...] = ()
     _path_minimum: Callable[[], float | None] = _no_path
-
-    @cached_property
-    def sensitivities(self) -> tuple[Sensitivity, ...]:
-        """What every limit costs, the dearest first."""
-        return self._sensitivities()
 
     @cached_property
     def path_minimum(self) -> float | None:

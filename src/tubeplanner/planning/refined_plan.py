@@ -140,8 +140,8 @@ def _from_start(
         work = partial(refinement.answer, result.certificate, trajectory.duration)
     if not result.succeeded:
         return result
-    sensitivities = partial(limit_sensitivities, problem, refinement, trajectory.duration)
-    return replace(result, notes=_notes(problem, trajectory), _sensitivities=sensitivities)
+    sensitivities = limit_sensitivities(problem, refinement, trajectory.duration)
+    return replace(result, notes=_notes(problem, trajectory), sensitivities=sensitivities)
 
 
 def _notes(problem: PlanningProblem, trajectory: JointTrajectory) -> tuple[str, ...]:

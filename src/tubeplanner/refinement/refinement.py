@@ -24,7 +24,6 @@ from tubeplanner.verification.certificate import Certificate
 _FIRST_TRUST, _LATER_TRUST, _LAST_TRUST = 0.2, 0.03, 0.02  # [rad or m]
 _MIN_LAST_TRUST = 0.002
 _GAIN, _LAST_GAIN = 5e-4, 3e-4
-_POLISH_TRUST, _POLISH_GAIN, _POLISH_STEPS = 0.01, 1e-7, 20
 _MAX_STEPS, _STEPS_PER_ROUND, _MAX_ROUNDS = 60, 3, 8
 # On coarse knots, links that came close on the way are given this much.
 _MAX_COARSE_ROUNDS, _STEPS_PER_COARSE_ROUND = 6, 10
@@ -109,17 +108,10 @@ class Refinement:
         """Return d ln T / d ln p for every limit p, as `SequentialProgram.elasticities`."""
         if self._best is None:
             return {}
-        spline, program, penalty = self._best.spline, self._program, self._penalty
+        spline, program = self._best.spline, self._program
         if spline.grid is not program.grid:  # ended before there was a trajectory on finer knots
-            program, penalty = SequentialProgram(self._problem, spline.grid), FIRST_PENALTY
-        polished = program.improved(
-            program.iterate(spline),
-            _POLISH_TRUST,
-            penalty,
-            min_gain=_POLISH_GAIN,
-            max_steps=_POLISH_STEPS,
-        )
-        return program.elasticities(polished.iterate)
+            program = SequentialProgram(self._problem, spline.grid)
+        return program.elasticities(program.iterate(spline))
 
     def _on_coarse_knots(self, spline: PhasedSpline, trust: float) -> Iterate:
         """Return a trajectory that is about the shortest, links not yet clear between samples."""

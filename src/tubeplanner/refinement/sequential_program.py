@@ -13,7 +13,7 @@ from scipy import sparse
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.refinement.control_variables import ControlVariables
+from tubeplanner.refinement.control_variables import FIXED, ControlVariables
 from tubeplanner.refinement.linear_program import Bounds, Step, StepProgram
 from tubeplanner.refinement.linear_rows import INNER_MARGIN, MERIT_TOLERANCE, Rows, StepSize
 from tubeplanner.refinement.link_constraints import LinkConstraints
@@ -141,7 +141,8 @@ class SequentialProgram:
             ("radius", segment) and ("rotation", segment). None of them is positive.
         """
         rows, is_elastic = self.constraints.rows(current, None)
-        near = np.flatnonzero(rows.slack < _NEAR)
+        # Rows that no variable moves, such as a start on its tolerance, cost nothing.
+        near = np.flatnonzero((rows.slack < _NEAR) & self._can_move(rows))
         step = StepProgram(
             rows.where(near),
             is_elastic[near],
@@ -152,7 +153,7 @@ class SequentialProgram:
             _MAX_PENALTY,
             _MULTIPLIER_TOLERANCE,
         ).solve()
-        if step is None:
+        if step is None or step.elastic > _BROKEN:  # then multipliers tell the penalty alone
             return {}
         names, limit = self.constraints.names, rows.limit[near]
         named = limit >= 0
@@ -163,6 +164,12 @@ class SequentialProgram:
         tolerances = ("radius", "rotation")
         share = np.array([1 - INNER_MARGIN if kind in tolerances else 1.0 for kind, _ in names])
         return dict(zip(names, -cost * share, strict=True))
+
+    def _can_move(self, rows: Rows) -> BoolArray:
+        """Return whether variables change rows at all, shape (R,)."""
+        is_free = self._variables.column[rows.first[:, None] + np.arange(DEGREE + 1)] != FIXED
+        by_control = (abs(rows.control).sum(axis=2) * is_free).sum(axis=1)
+        return by_control + abs(rows.switching).sum(axis=1) + abs(rows.duration) > 0
 
     def _moved(self, current: Iterate, step: Step) -> Iterate | None:
         points = self._variables.moved(current.spline.control_points, step.control)

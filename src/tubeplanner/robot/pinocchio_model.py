@@ -2,6 +2,7 @@
 
 import os
 import tempfile
+import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -15,6 +16,8 @@ from tubeplanner.errors import RobotError, unknown_name
 from tubeplanner.robot.urdf import Mimic, UrdfDescription, UrdfJoint, joint_id, link_id
 
 _HEAVIEST = 1e6  # [kg]
+# The standard error is the process's: one reader at a time takes it.
+_STDERR_LOCK = threading.Lock()
 
 
 @dataclass(frozen=True)
@@ -229,7 +232,7 @@ def _parse(description: UrdfDescription) -> pin.Model:
 @contextmanager
 def _captured_c_stderr() -> Iterator[IO[bytes]]:
     """Send the C standard error to a file: the URDF parser gives its reasons there only."""
-    with tempfile.TemporaryFile() as log:
+    with _STDERR_LOCK, tempfile.TemporaryFile() as log:
         try:
             kept = os.dup(2)
         except OSError:  # there is no standard error

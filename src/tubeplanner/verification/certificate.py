@@ -94,6 +94,9 @@ class Certificate:
         ordered = {name: self.conditions[name] for name in CONDITION_NAMES}
         object.__setattr__(self, "conditions", MappingProxyType(ordered))
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Certificate, (dict(self.conditions), self.tolerance)
+
     @property
     def passed(self) -> bool:
         """Whether every condition holds."""

@@ -196,7 +196,8 @@ class _Judge:
     def continuity(self) -> JudgedCondition:
         """Jumps of position, or of velocity and acceleration relative to their largest values.
 
-        The one reported is the worst, each measured by its own tolerance.
+        All jumps of a joint add up: many small ones would otherwise let it skip any part of its
+        path. The worst sum is reported, each measured by its own tolerance, at its largest jump.
         """
         found = [JudgedCondition(0.0, RELATIVE, Place(), FOR_ALL_TIMES)]
         for order in range(3):
@@ -206,11 +207,12 @@ class _Judge:
                 continue
             if order > 0:
                 jumps = jumps / self._largest[order]
-            at, joint = np.unravel_index(int(jumps.argmax()), jumps.shape)
-            time = float(self._trajectory.breakpoints[at + 1])
+            total = jumps.sum(axis=0)
+            joint = int(total.argmax())
+            time = float(self._trajectory.breakpoints[jumps[:, joint].argmax() + 1])
             place = Place(time=time, joint=self._robot.joint_names[joint])
-            unit = self._unit(int(joint)) if order == 0 else RELATIVE
-            found.append(JudgedCondition(0.0 - float(jumps.max()), unit, place, FOR_ALL_TIMES))
+            unit = self._unit(joint) if order == 0 else RELATIVE
+            found.append(JudgedCondition(0.0 - float(total[joint]), unit, place, FOR_ALL_TIMES))
         return min(found, key=self._in_tolerances)
 
     def _in_tolerances(self, condition: JudgedCondition) -> float:
