@@ -1,4 +1,4 @@
-"""How far planning has come, told to whoever asked, and the time limit that ends it."""
+"""Progress callbacks and the planning time limit."""
 
 import time
 from collections.abc import Callable
@@ -17,7 +17,7 @@ class Progress:
     """How far planning has come.
 
     Attributes:
-        stage: What is being done.
+        stage: The current stage.
         nodes: Nodes of the search so far; None outside the search.
         lower_bound: No trajectory of the search's family is faster [s]; None where not known.
         best_duration: Duration of the best trajectory so far [s]; None if there is none.
@@ -62,7 +62,7 @@ class PlanningClock:
         return time.perf_counter() - self._begin
 
     def announce(self, progress: Progress) -> None:
-        """Tell how far planning has come."""
+        """Call the progress callback."""
         self._stage = progress.stage
         # A callback may raise an interrupt that was not noticed yet; one is enough.
         if self._callback is not None and self.stopped_by is None:

@@ -27,8 +27,8 @@ def plan(
         progress: Called as each stage begins, and many times during the search.
 
     Returns:
-        A result whose status is success only if the certificate passed; else its message and
-        place say what stands in the way. Ctrl-C ends the search with the best so far.
+        A result whose status is success only if the certificate passed; else its message and place
+        say what is in the way. Ctrl-C ends the search with the best so far.
 
     Raises:
         KeyboardInterrupt: Ctrl-C before anything was certified.
@@ -40,13 +40,13 @@ def plan(
 
 
 def _planned(problem: PlanningProblem, options: PlanOptions, clock: PlanningClock) -> PlanResult:
-    """Return the answer of the first method in question that has one."""
+    """Return the answer of the first of the allowed methods that has one."""
     branches = KnownBranches(problem, clock)
     if options.method == SUH_BISHOP:
         return suh_bishop_plan(problem, branches, options, clock)
     refines = options.method == REFINEMENT and problem.tube.visit == "ordered"
-    # Under a time limit, a trajectory that stops at corners is there first, in case nothing else
-    # is.
+    # Under a time limit, a trajectory that stops at corners comes first, in case nothing else is
+    # ready.
     corners = refined = None
     if not refines or options.time_limit is not None:
         corners = stopping_plan(problem, branches, clock)
@@ -65,7 +65,7 @@ def _planned(problem: PlanningProblem, options: PlanOptions, clock: PlanningCloc
 
 
 def _with_better_reason(result: PlanResult, refined: PlanResult | None) -> PlanResult:
-    """Return a result; if links are in the way, as far as refinement could not move them away."""
+    """Return a result; if links are in the way, only those that refinement could not move away."""
     blocked = PlanStatus.TUBE_BLOCKED
     if refined is not None and result.status is blocked and refined.status is blocked:
         return replace(refined, search=result.search)

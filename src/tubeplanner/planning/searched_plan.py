@@ -24,7 +24,7 @@ def searched_plan(
 ) -> PlanResult:
     """Return what branch and bound finds, if it is faster than stopping at corners.
 
-    Even where that one failed its certificate: a search without a bound takes very long.
+    Even if that one failed its certificate: a search without a bound takes very long.
     """
     known, search = corners.result, None
     try:
@@ -52,7 +52,7 @@ def run_search(search: BranchAndBound, known: float | None, clock: PlanningClock
     Args:
         search: Its best trajectory is the answer.
         known: Duration of the best trajectory known before [s].
-        clock: Told how far the search has come; says what stopped it.
+        clock: Receives the search's progress; knows what stopped it.
     """
     while not search.finished:
         if clock.remaining <= 0:
@@ -71,7 +71,7 @@ def _better(
     options: PlanOptions,
     clock: PlanningClock,
 ) -> PlanResult:
-    """Return the search's answer, or else what was known before, and say what is to be said."""
+    """Return the search's answer, or else the one known before, with a message."""
     result = known
     if search is not None and search.best is not None and search.certificate is not None:
         result = judged_result(

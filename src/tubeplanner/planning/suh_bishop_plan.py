@@ -1,4 +1,4 @@
-"""Planning by the method of Suh & Bishop (1988): both its phases, and no other method's help."""
+"""Planning by the method of Suh & Bishop (1988): both its phases and no other method."""
 
 from dataclasses import replace
 
@@ -24,7 +24,7 @@ def suh_bishop_plan(
 ) -> PlanResult:
     """Return what both phases find, or why the first one finds nothing.
 
-    Rules for redundant joints are tried in turn until phase 1 has a certified trajectory.
+    Tries rules for redundant joints in turn until phase 1 has a certified trajectory.
 
     Raises:
         KeyboardInterrupt: Before anything was certified.
@@ -49,8 +49,8 @@ def _along(
     """Return what both phases find along a branch.
 
     Raises:
-        Infeasible: Nothing is to be moved, gravity is too strong for phase 1's trajectories, or the
-            time limit passed before it began.
+        Infeasible: There is nothing to move, gravity is too strong for phase 1's trajectories, or
+        the time limit passed before it began.
     """
     if not branch.moving_segments:
         message = "the start is the goal: there is nothing to move"
@@ -67,7 +67,7 @@ def _along(
             raise
         clock.stopped_by = "interrupt"
     if search.best is None or search.certificate is None:
-        # Says so if gravity alone is too strong somewhere on the way.
+        # Raises if gravity alone is too strong somewhere along the branch.
         scaled_to_limits(problem.robot, sequential_quartics(problem.robot.joint_names, waypoints))
         return replace(_nothing_found(search, options, clock), search=search.statistics)
     knots = waypoints[list(search.best_waypoints)]
@@ -91,7 +91,7 @@ def _phase_two(
     options: PlanOptions,
     clock: PlanningClock,
 ) -> SuhBishop:
-    """Return phase 2, done whole or until the time limit or Ctrl-C."""
+    """Return phase 2, run to its end, the time limit or Ctrl-C."""
 
     def checkpoint() -> None:
         now = phase_two.statistics
@@ -112,7 +112,7 @@ def _phase_two(
 def _nothing_found(
     search: BranchAndBound, options: PlanOptions, clock: PlanningClock
 ) -> PlanResult:
-    """Say that phase 1 ended without a trajectory."""
+    """Return the reason for phase 1 without a trajectory."""
     if clock.stopped_by == "time_limit":
         message = "the time limit passed before phase 1 found a trajectory"
         return PlanResult(PlanStatus.TIME_LIMIT, message, Place(), SUH_BISHOP)

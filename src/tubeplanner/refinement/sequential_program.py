@@ -28,7 +28,7 @@ _NEAR, _NEAR_SHARE = 0.03, 0.03
 _MAX_LAZY_ROUNDS = 5
 _BROKEN = 1e-4
 _MIN_TRUST, _MAX_TRUST = 1e-4, 1.0
-# Steps that gain less than this share of what they should are corrected.
+# Steps that gain less than this share of the prediction get a second-order correction.
 _GOOD_RATIO = 0.3
 _FIRST_PENALTY, _MAX_PENALTY = 3.0, 1e4
 _DURATION_STEP = (-0.5, 1.0)
@@ -40,7 +40,7 @@ class SequentialProgram:
     """The optimisation of splines on one knot grid.
 
     Attributes:
-        constraints: What the splines must keep.
+        constraints: The constraints of the splines.
         grid: The splines' knots.
     """
 
@@ -57,7 +57,7 @@ class SequentialProgram:
             problem: The planning problem.
             grid: The splines' knots.
             checkpoint: Called with every iterate; it may raise to end the work.
-            links: What is watched of the links already.
+            links: Links that are watched already.
         """
         self.constraints = SplineConstraints(problem, grid, links or LinkConstraints(problem))
         self._problem, self.grid, self._checkpoint = problem, grid, checkpoint
@@ -67,7 +67,7 @@ class SequentialProgram:
         self._penalty = _FIRST_PENALTY
 
     def without_checkpoint(self) -> "SequentialProgram":
-        """Return the program for use after planning: nothing is told or ends it any more."""
+        """Return the program for use after planning: no callback reports on it or ends it."""
         later = copy(self)
         later._checkpoint = lambda iterate: None
         return later
@@ -83,8 +83,9 @@ class SequentialProgram:
         Args:
             current: Where to start.
             trust: First radius of the trust region [rad or m].
-            min_gain: A step that should gain less than this share of T^2 ends it, or two that do.
-            max_steps: So many steps end it too.
+            min_gain: Ends after a step that should gain less than this share of T^2, or two that
+                do.
+            max_steps: Ends after this many steps.
         """
         small_gains, self._trust = 0, trust
         self._remembered = np.zeros(0, dtype=np.int64)
@@ -155,7 +156,7 @@ class SequentialProgram:
         return dict(zip(names, -cost * share, strict=True))
 
     def _gains(self, current: Iterate, trial: Iterate, step: Step) -> tuple[float, float]:
-        """Return what a step should have gained, and what it did, in squared durations."""
+        """Return a step's predicted and actual gain, in squared durations."""
         penalty, before = self._penalty, _beyond(current.excess)
         predicted = -step.duration + penalty * (before - _beyond(step.elastic))
         duration = trial.squared_duration / current.squared_duration
@@ -172,7 +173,7 @@ class SequentialProgram:
     def _corrected(
         self, current: Iterate, linear: "_Linearised", step: Step, trial: Iterate, gain: float
     ) -> tuple[Iterate, float]:
-        """Return a trial or, if it is better, one whose rows know how they bend towards the first.
+        """Return a trial, or a better one corrected for the constraints' curvature.
 
         (Second-order correction: Nocedal & Wright, "Numerical Optimization", 2006, section 18.3.)
         """
@@ -202,7 +203,7 @@ class SequentialProgram:
         )
 
     def _bounds(self, current: Iterate, trust: float, *, goal_moves: bool = True) -> Bounds:
-        """Return where a step must stay."""
+        """Return the bounds of a step."""
         width = np.diff(current.spline.switching_times)
         points = current.spline.control_points
         now, joints = self._variables.of(points), points.shape[1]
@@ -286,11 +287,11 @@ class _Linearised:
         return step
 
     def solve_again(self, step: Step, slack: FloatArray) -> Step | None:
-        """Return the step of rows that are corrected by what they turned out to be after one.
+        """Return the step for rows whose slack is corrected by the slack found after a first step.
 
         Args:
-            step: The one after which they were looked at.
-            slack: What they had there, by their numbers.
+            step: The first step.
+            slack: The rows' slack after it, by their numbers.
         """
         rows = self._rows
         correction = slack[rows.index] - (self._slack_after(step) - self._is_elastic * step.elastic)
@@ -309,7 +310,7 @@ class _Linearised:
 
 
 def _beyond(excess: float) -> float:
-    """Return how much of an excess counts."""
+    """Return the counted part of an excess."""
     return max(excess - MERIT_TOLERANCE, 0.0)
 
 

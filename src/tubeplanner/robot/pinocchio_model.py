@@ -212,7 +212,7 @@ def _free_value(joint: UrdfJoint, locked: Mapping[str, float]) -> float:
 
 
 def _parse(description: UrdfDescription) -> pin.Model:
-    """Return the whole robot as a Pinocchio model, its C++ complaints turned into ours."""
+    """Return the whole robot as a Pinocchio model; its C++ errors become RobotError."""
     with _captured_c_stderr() as log:
         try:
             model = pin.buildModelFromXML(description.kinematic_xml())

@@ -78,7 +78,7 @@ def load_robot(
 
 @dataclass(frozen=True)
 class BodyInertia:
-    """Mass properties of a body, as far as norms need them.
+    """Mass properties of a body that bounds on norms need.
 
     Attributes:
         mass: [kg].
@@ -94,12 +94,12 @@ class BodyInertia:
 class RobotModel:
     """An arm of n joints and its bodies; made by `load_robot`.
 
-    A body is everything that moves as one: body 0 is fixed to the base, body j > 0 is what hangs
-    rigidly from one of the n joints.
+    A body is everything that moves as one: body 0 is fixed to the base, body j > 0 is rigidly
+    attached to one of the n joints.
 
     Attributes:
         name: The robot's name.
-        urdf: The description it was made from.
+        urdf: Its description.
         package_dirs: Folders searched for `package://` meshes.
         joint_names: The n joints, in group order.
         tool_frame: Name of the tool frame.
@@ -129,7 +129,7 @@ class RobotModel:
         self.link_body, self.link_placement = _links(urdf, model)
         self._model = model
         self._tool_id = _add_tool_centre_point(model, tool_frame, tool_offset)
-        # A Data made before the last edit of its model corrupts memory without a word.
+        # A Data made before the last edit of its model corrupts memory silently.
         self._data = model.createData()
         self._pool = pin.ModelPool(model, 1)
         # Pinocchio orders joints its own way: q_model = q[:, to_model], q = q_model[:, to_group].
