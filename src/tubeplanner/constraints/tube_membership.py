@@ -67,8 +67,8 @@ def segments_reached(
 ) -> BoolArray:
     """Return the segments in which a trajectory may be at each of S samples.
 
-    Samples see no switching time that happens between them, so that one is taken to be possible
-    wherever neighbouring samples lie in neighbouring segments, or have passable ones between them.
+    Samples miss a switching time between them, so that one counts as possible wherever neighbouring
+    samples lie in neighbouring segments, or have passable ones between them.
 
     Args:
         inside: Whether each sample of N trajectories is inside each segment: bool, shape (N, S, m).

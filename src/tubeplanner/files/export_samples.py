@@ -76,8 +76,8 @@ def samples_for_export(
             slowed = found.time[-1] / trajectory.duration - 1
             note = (
                 f"CSV and ROS samples at {rate:g} Hz are {how} and last {found.time[-1]:.4f} s, "
-                f"{100 * slowed:.2g} % longer than it, so that the limits hold for whoever "
-                "joins them"
+                f"{100 * slowed:.2g} % longer than the trajectory, so that the limits hold "
+                "between samples too"
             )
             return ExportSamples(found, rate, slowed, note)
     note = (

@@ -23,7 +23,7 @@ from tubeplanner.problem.problem import PlanningProblem, Seed
 from tubeplanner.progress import Progress, ProgressCallback
 from tubeplanner.tube.tube import Tube
 
-_SEEDS = 24  # configurations from which a branch is looked for, of so many samples
+_SEEDS = 24  # configurations, of this many samples, from which to search for a branch
 _SAMPLES = 600
 _NEAR_LINE = 0.01  # [m]
 _FREE_BRANCHES = 2  # so many free branches are measured; the best counts

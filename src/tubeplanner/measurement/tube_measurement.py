@@ -44,7 +44,7 @@ _WIDENINGS = ((0.0, np.inf), (0.03, 0.3))
 _RADIUS_WORTHS = (1.0, 4.0)  # trades of radii for joint ranges that are tried, each time
 _ROUGH_SHARE = 8  # of the samples: a rough measurement has so many times fewer
 _SAMPLES_PER_PIECE = 10
-_MAX_STEP = 0.02  # [rad or m] between configurations at which the branch is looked at
+_MAX_STEP = 0.02  # [rad or m] between tested configurations of the branch
 
 
 def measure_tube(
@@ -160,7 +160,7 @@ def _segments(
     final = []
     for k in segments:
         clock.announce(
-            Progress(f"searching counterexamples in segment {k} of {neighbourhood.count}")
+            Progress(f"searching for counterexamples in segment {k} of {neighbourhood.count}")
         )
         final.append(neighbourhood.described(k, neighbourhood.without_counterexamples(k, best[k])))
     return tuple(final)
@@ -249,7 +249,7 @@ class BranchNeighbourhood:
         """Return what a rough search finds, with the collisions known so far.
 
         Raises:
-            Infeasible: Status tube_blocked: searches for counterexamples come to no end.
+            Infeasible: Status tube_blocked: searches for counterexamples do not end.
         """
         found = search_segment(
             self._boxes[k], self._pair_clearance, self._rough, self._rngs[k], preferences
@@ -278,7 +278,7 @@ class BranchNeighbourhood:
         """Return the largest set within one that a thorough counterexample search leaves.
 
         Raises:
-            Infeasible: Status tube_blocked: searches for counterexamples come to no end.
+            Infeasible: Status tube_blocked: searches for counterexamples do not end.
         """
         boxes, clearance, rng = self._boxes[k], self._pair_clearance, self._rngs[k]
         last = search_segment(boxes, clearance, self._samples, rng, found.preferences, found.box)
@@ -322,7 +322,7 @@ def _dense(q: FloatArray) -> FloatArray:
 def _require_clearance(
     problem: PlanningProblem, clearance: PairClearance, k: int, q: FloatArray
 ) -> float:
-    """Return the least clearance along a branch's segment, at most what is asked for anyway [m].
+    """Return the least clearance along a branch's segment, at most the required one [m].
 
     Raises:
         Infeasible: Status tube_blocked: there is none.

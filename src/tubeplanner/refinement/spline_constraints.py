@@ -123,7 +123,7 @@ class SplineConstraints:
 
         Args:
             current: The spline whose rows are meant.
-            trial: Where they are looked at.
+            trial: The spline at which to evaluate them.
             squared_duration: The trial's, as a multiple of the spline's.
         """
         slacks = [limits.slack(current.duration, squared_duration) for limits in trial.limits]

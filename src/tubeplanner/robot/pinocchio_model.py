@@ -72,7 +72,7 @@ class ToolOffset:
 def planning_group(
     description: UrdfDescription, tool_frame: str, joints: Sequence[str] | None
 ) -> list[str]:
-    """Return the joints to plan for: those asked for, or the movable ones on the tool's chain.
+    """Return the joints to plan for: the requested ones, or the movable ones on the tool's chain.
 
     Raises:
         RobotError: A name does not exist or is doubled, a joint mimics another, or none of the

@@ -24,7 +24,7 @@ Construction: TypeAlias = Callable[[Sequence[str], FloatArray], JointTrajectory]
 # Half of what the certificate allows: valleys between samples are estimated [m or rad].
 _TOLERANCE = 5e-7
 _COLLISION_SAMPLES = 9  # per piece
-_LIMIT_SAMPLES = 13  # per piece, before peaks are looked for
+_LIMIT_SAMPLES = 13  # per piece, before the search for peaks
 
 
 @dataclass(frozen=True, eq=False)

@@ -52,7 +52,7 @@ def measured_plan(
     """Measure the tube around corners of a route, and plan the trajectory through it.
 
     Args:
-        problem: The planning problem, its tube left aside.
+        problem: The planning problem; its tube does not count.
         space: Which configurations are free.
         corners: Reference points, and the arm between them.
         band: How far joints may leave their ranges there, before measuring [rad or m].
@@ -82,7 +82,7 @@ def in_tube(
     """Return a problem in the tube around corners of a route, not measured yet.
 
     Args:
-        problem: The planning problem, its tube left aside.
+        problem: The planning problem; its tube does not count.
         corners: Reference points, and the arm between them.
         band: How far joints may leave their ranges there [rad or m].
         radius: Of all segments [m].

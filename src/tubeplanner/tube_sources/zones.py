@@ -35,7 +35,7 @@ Zone: TypeAlias = str | float
 
 _PIECE = 0.25  # length of the pieces beside a corner, as a share of its zone
 _STRAIGHT = 1e-6  # [rad]: a reference point with a smaller turn is no corner
-_DIRECTIONS, _ZOOMS = 101, 4  # of rays from a corner, and how often the best are looked at closer
+_DIRECTIONS, _ZOOMS = 101, 4  # of rays from a corner, and how often the best are refined
 _STEPS, _TOUCHING = 400, 1e-9  # of a march along a ray, and [m] from the tube's wall
 _ROUNDING = 1e-9  # [m]
 _SLACK = 1e-7  # [m]: marches end before the wall; a zone that just fits is not lost

@@ -134,7 +134,7 @@ class Scene:
         trajectories: At least one; of no duration if no trajectory was given.
         items: Surfaces.
         offset: From each trajectory to the next, shape (3,) [m].
-        direction: From the scene to whoever looks at it, unit vector (3,).
+        direction: From the scene towards the viewer, unit vector (3,).
         outline: Points that a picture must hold, offsets included, shape (P, 3) [m].
         floor: Edges of a grid under all, shape (E, 2, 3) [m].
         floor_step: Length of one [m].
