@@ -74,8 +74,8 @@ class SearchStatistics:
         cuts = ", ".join(f"{rule} {count}" for rule, count in self.cuts.items())
         text = (
             f"{self.nodes} nodes, {self.children} segments tested, cut by rule: {cuts}; "
-            f"{self.motions} trajectories tried, {self.refused} refused; {self.forgone} forgone, which "
-            "begin like a refused one"
+            f"{self.motions} trajectories tried, {self.refused} refused; {self.forgone} forgone, "
+            "which begin like a refused one"
         )
         if self.budget_reached:
             text += "; the node budget ended it"
