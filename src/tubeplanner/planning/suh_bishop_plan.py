@@ -50,7 +50,7 @@ def _along(
 
     Raises:
         Infeasible: There is nothing to move, gravity is too strong for phase 1's trajectories, or
-        the time limit passed before it began.
+            the time limit passed before it began.
     """
     if not branch.moving_segments:
         message = "the start is the goal: there is nothing to move"

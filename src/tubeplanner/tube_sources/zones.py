@@ -152,7 +152,7 @@ def tube_from_zones(
 
     Raises:
         ProblemError: A name, count or number is wrong, a zone does not fit on its lines, or the
-        accuracy is coarser than a corner; the message says which.
+            accuracy is coarser than a corner; the message says which.
     """
     rules = _rules(controller)
     if not accuracy > 0:
