@@ -1,4 +1,4 @@
-"""How an attempt to plan ends: the status, and the place where something is wrong."""
+"""How planning ends: the status, and the place where something is wrong."""
 
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, replace
@@ -22,7 +22,7 @@ class PlanStatus(StrEnum):
 
 @dataclass(frozen=True)
 class Place:
-    """Where something holds or fails; what does not apply is None.
+    """Where something holds or fails; fields that do not apply are None.
 
     Attributes:
         time: [s].

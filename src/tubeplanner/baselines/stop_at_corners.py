@@ -26,10 +26,10 @@ _REST_POINTS = 3  # equal control points at an end put velocity and acceleration
 _MIN_INTERVALS = 16
 _MAX_INTERVALS = 128
 _FIT_POINTS_PER_INTERVAL = 8
-# The fit may use this share of radius and rotation bound; the rest is left to who improves on it.
+# The fit may use this share of radius and rotation bound; the rest is left for later refinement.
 _FIT_SHARE = 0.1
 _ON_THE_WALL = 5e-7  # [m or rad]
-# Shares of the time spent speeding up, and as much slowing down: the fastest is kept.
+# Shares of the time for speeding up, and the same for slowing down: the fastest is kept.
 _RAMP_SHARES = (0.5, 0.4, 0.3, 0.2, 0.15, 0.1)
 
 

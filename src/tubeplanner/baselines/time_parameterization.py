@@ -1,7 +1,7 @@
-"""Paths run by time parameterizations: polynomials put into polynomials, exactly.
+"""Paths composed with time parameterizations: polynomials of polynomials, exactly.
 
-A path is kept as the trajectory that runs it at unit speed, a time parameterization as the
-trajectory of one joint, the way along the path.
+A path is stored as the trajectory that runs it at unit speed, a time parameterization as the
+trajectory of a single joint: the arc length along the path.
 """
 
 import numpy as np
@@ -17,7 +17,7 @@ _DEGREE = 3
 
 
 def run_along(path: JointTrajectory, timing: JointTrajectory) -> JointTrajectory:
-    """Return the trajectory that runs a path by a time parameterization.
+    """Return the trajectory along a path with a time parameterization.
 
     Args:
         path: Over the arc length, from 0 to its length.
@@ -82,7 +82,8 @@ def _restarted(timing: JointTrajectory, times: FloatArray) -> FloatArray:
     """Return coefficients (degree+1, P) of the pieces between other times, (P+1,)."""
     polynomial = PPoly(timing.coefficients[:, :, 0], timing.breakpoints)
     powers = np.arange(len(timing.coefficients) - 1, -1, -1)
-    # Looked up at the middles, developed about the starts: no piece is mistaken for its neighbour.
+    # Looked up at the middles, expanded about the starts: rounding cannot pick a neighbouring
+    # piece.
     half = np.diff(times) / 2
     rows = np.array([polynomial.derivative(p)(times[:-1] + half) / factorial(p) for p in powers])
     return _shifted(rows, -half)
@@ -98,7 +99,7 @@ def _shifted(rows: FloatArray, by: FloatArray) -> FloatArray:
 
 
 def _composed(path: JointTrajectory, timing: FloatArray, piece: IntArray) -> FloatArray:
-    """Return a path's pieces (P,) with polynomials (r+1, P) put in: (degree*r+1, P, n)."""
+    """Return a path's pieces (P,) composed with polynomials (r+1, P): (degree*r+1, P, n)."""
     arc_length = timing.copy()
     arc_length[-1] -= path.breakpoints[piece]
     rows = path.coefficients[:, piece]

@@ -24,7 +24,7 @@ _TOUCH_SEED = 0
 
 @dataclass(frozen=True, eq=False)
 class BodyShape:
-    """One convex shape and what it belongs to.
+    """One convex shape and its owner.
 
     Attributes:
         owner: Name of the link or obstacle.
@@ -166,7 +166,7 @@ class CollisionChecker:
     def separations(
         self, rotation: FloatArray, position: FloatArray, pairs: IntArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return `distances`, and along which directions the shapes are that far apart.
+        """Return `distances`, and the directions along which the shapes are that far apart.
 
         Returns:
             Distances (P,) [m] and unit vectors (P, 3) from the first towards the second shape of
@@ -227,8 +227,8 @@ class CollisionChecker:
     ) -> FloatArray:
         """Return how far apart pairs are along given directions, each in its own configuration.
 
-        A direction that separates a pair separates it in neighbouring configurations as well,
-        hardly less far: a quick lower bound on the distance.
+        A direction that separates a pair also separates it in neighbouring configurations, almost
+        as far: a quick lower bound on the distance.
 
         Args:
             rotation: Shape (P, bodies, 3, 3).
@@ -317,7 +317,7 @@ class CollisionChecker:
             return False
         moves = self.robot.joint_moves_body
         between = moves[first.body] != moves[second.body]
-        # Neighbouring links meet at their joint; nothing else has a right to touch.
+        # Neighbouring links meet at their joint; nothing else may touch.
         solid_names = self._obstacle_names | self._attached_names
         neighbours_may_touch = not {first.owner, second.owner} & solid_names
         return int(between.sum()) > (1 if neighbours_may_touch else 0)
@@ -325,7 +325,7 @@ class CollisionChecker:
     def _without_always_touching(self, pairs: IntArray) -> IntArray:
         """Return the pairs whose links came apart in at least one random configuration.
 
-        Attached solids stay: only their touch_links excuse them.
+        Attached solids stay: only their touch_links may touch them.
         """
         limits = self.robot.limits
         lower, upper = limits.lower_position, limits.upper_position

@@ -6,7 +6,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.collision.collision_checker import BodyShape
 
 _NO_LENGTH = 1e-9  # [m]
-# Steps towards the shortest vector between the shapes; most pairs are told apart by the second.
+# Steps towards the shortest vector between the shapes; two of them separate most pairs.
 _MAX_STEPS = 12
 
 
@@ -17,7 +17,7 @@ def separation_bounds(
     position: FloatArray,
     enough: float,
 ) -> FloatArray:
-    """Return how far a direction that is looked for separates two shapes, (N,) [m].
+    """Return how far two shapes are apart along a direction that it searches for, (N,) [m].
 
     Gilbert's iteration ("An iterative procedure for computing the minimum of a quadratic form on a
     convex set", 1966) on all configurations together; each ends as soon as it has enough.

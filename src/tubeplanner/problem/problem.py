@@ -20,7 +20,7 @@ _INPUT_TOLERANCE = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Seed:
-    """Ask for the inverse kinematics of a reference point, starting from a configuration.
+    """A start for the inverse kinematics of a reference point.
 
     Attributes:
         joints: Shape (n,), group order [rad or m].
@@ -31,7 +31,7 @@ class Seed:
 
 @dataclass(frozen=True, eq=False)
 class PlanningProblem:
-    """What `plan` is asked to do.
+    """The problem that `plan` solves.
 
     Attributes:
         robot: The arm.

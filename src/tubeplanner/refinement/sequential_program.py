@@ -28,7 +28,7 @@ _NEAR, _NEAR_SHARE = 0.03, 0.03
 _MAX_LAZY_ROUNDS = 5
 _BROKEN = 1e-4
 _MIN_TRUST, _MAX_TRUST = 1e-4, 1.0
-# Steps that gain less than this share of what they should are corrected.
+# Steps that gain less than this share of the prediction get a second-order correction.
 _GOOD_RATIO = 0.3
 FIRST_PENALTY, _MAX_PENALTY = 3.0, 1e4
 _DURATION_STEP = (-0.5, 1.0)
@@ -55,7 +55,7 @@ class SequentialProgram:
     """The optimisation of splines on one knot grid.
 
     Attributes:
-        constraints: What the splines must keep.
+        constraints: The constraints of the splines.
         grid: The splines' knots.
     """
 
@@ -182,7 +182,7 @@ class SequentialProgram:
     def _corrected(
         self, current: Iterate, linear: "_Linearised", step: Step, trial: Iterate, gain: float
     ) -> tuple[Iterate, float]:
-        """Return a trial or, if it is better, one whose rows know how they bend towards the first.
+        """Return a trial, or a better one corrected for the constraints' curvature.
 
         (Second-order correction: Nocedal & Wright, "Numerical Optimization", 2006, section 18.3.)
         """
@@ -214,7 +214,7 @@ class SequentialProgram:
         )
 
     def _bounds(self, current: Iterate, trust: float, *, goal_moves: bool = True) -> Bounds:
-        """Return where a step must stay."""
+        """Return the bounds of a step."""
         width = np.diff(current.spline.switching_times)
         points = current.spline.control_points
         now, joints = self._variables.of(points), points.shape[1]
@@ -302,11 +302,11 @@ class _Linearised:
         return step
 
     def solve_again(self, step: Step, slack: FloatArray) -> Step | None:
-        """Return the step of rows that are corrected by what they turned out to be after one.
+        """Return the step for rows whose slack is corrected by the slack found after a first step.
 
         Args:
-            step: The one after which they were looked at.
-            slack: What they had there, by their numbers.
+            step: The first step.
+            slack: The rows' slack after it, by their numbers.
         """
         rows = self._rows
         correction = slack[rows.index] - (self._slack_after(step) - self._is_elastic * step.elastic)
@@ -333,7 +333,7 @@ def _gains(current: Iterate, trial: Iterate, step: Step, penalty: float) -> tupl
 
 
 def _beyond(excess: float) -> float:
-    """Return how much of an excess counts."""
+    """Return the counted part of an excess."""
     return max(excess - MERIT_TOLERANCE, 0.0)
 
 

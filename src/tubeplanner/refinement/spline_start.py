@@ -12,16 +12,16 @@ from tubeplanner.refinement.phased_spline import DEGREE, REST_POINTS, KnotGrid, 
 
 _MIN_INTERVALS = 3  # of a phase, if there are several
 _FIT_POINTS_PER_INTERVAL = 5
-# Control points that the fit leaves open are drawn to the joint line by this weight.
+# Control points that the fit leaves open are pulled to the joint line by this weight.
 _DRAW = 1e-8
-# Where the tool hardly moves, joints do: this many metres of travel per radian.
+# Joints may move while the tool hardly does: a radian counts as this many metres of travel.
 _TRAVEL_PER_RADIAN = 0.05
 
 
 def starting_spline(
     problem: PlanningProblem, branch: ReferenceBranch, intervals: int
 ) -> PhasedSpline:
-    """Return a spline that follows the branch with minimum jerk from end to end, past the corners.
+    """Return a spline along the branch, with a minimum-jerk time course over all corners.
 
     Args:
         problem: The planning problem.
@@ -103,7 +103,7 @@ def _fitted(
     points[:REST_POINTS], points[-REST_POINTS:] = start, goal
     fixed = points.copy()
     fixed[inner] = 0.0
-    # Normal equations, as a band: well conditioned, and nothing for threads to wait for.
+    # Normal equations, as a band: well conditioned, and too small for threads.
     squared = (design.T @ design).tocsr()[inner, inner]
     bands = np.zeros((DEGREE + 1, count - 2 * REST_POINTS))
     for k in range(min(DEGREE + 1, bands.shape[1])):

@@ -75,7 +75,7 @@ class ToolOffset:
 def planning_group(
     description: UrdfDescription, tool_frame: str, joints: Sequence[str] | None
 ) -> list[str]:
-    """Return the joints to plan for: those asked for, or the movable ones on the tool's chain.
+    """Return the joints to plan for: the requested ones, or the movable ones on the tool's chain.
 
     Raises:
         RobotError: A name does not exist or is doubled, a joint mimics another, or none of the
@@ -215,7 +215,7 @@ def _free_value(joint: UrdfJoint, locked: Mapping[str, float]) -> float:
 
 
 def _parse(description: UrdfDescription) -> pin.Model:
-    """Return the whole robot as a Pinocchio model, its C++ complaints turned into ours."""
+    """Return the whole robot as a Pinocchio model; its C++ errors become RobotError."""
     with _captured_c_stderr() as log:
         try:
             model = pin.buildModelFromXML(description.kinematic_xml())

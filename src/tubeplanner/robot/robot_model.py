@@ -78,7 +78,7 @@ def load_robot(
 
 @dataclass(frozen=True)
 class BodyInertia:
-    """Mass properties of a body, as far as norms need them.
+    """Mass properties of a body that bounds on norms need.
 
     Attributes:
         mass: [kg].
@@ -108,7 +108,7 @@ class RobotModel:
 
     Attributes:
         name: The robot's name.
-        urdf: The description it was made from.
+        urdf: Its description.
         package_dirs: Folders searched for `package://` meshes.
         joint_names: The n joints, in group order.
         tool_frame: Name of the tool frame.

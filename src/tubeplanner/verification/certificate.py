@@ -61,11 +61,12 @@ class JudgedCondition:
     """One condition of a certificate.
 
     Attributes:
-        margin: How much is left: negative where violated, None where not asked.
+        margin: Distance to a violation: negative where violated, None where the condition does not
+            apply.
         unit: "m", "rad" or "relative".
         where: Where the margin is smallest.
         coverage: "for all t", and whether that is undecided because bounds stayed apart; or why
-            there is no margin, or what was compared.
+            there is no margin; or what was compared.
     """
 
     margin: float | None
@@ -74,7 +75,7 @@ class JudgedCondition:
     coverage: str
 
     def holds(self, tolerance: Tolerance) -> bool:
-        """Return whether the condition is met, or not asked."""
+        """Return whether the condition holds, or does not apply."""
         return self.margin is None or self.margin >= -tolerance.of(self.unit)
 
 
@@ -84,7 +85,7 @@ class Certificate:
 
     Attributes:
         conditions: By name, in the order of `CONDITION_NAMES`.
-        tolerance: What the margins were judged with.
+        tolerance: How far below zero margins may lie.
     """
 
     conditions: Mapping[str, JudgedCondition]
@@ -114,7 +115,7 @@ class Certificate:
         """Return one line about a condition: margin, unit, place."""
         condition = self.conditions[name]
         if condition.margin is None:
-            return f"{name}: not asked ({condition.coverage})"
+            return f"{name}: not required ({condition.coverage})"
         unit = "" if condition.unit == RELATIVE else f" {condition.unit}"
         place = str(condition.where)
         return f"{name}: margin {condition.margin:.3g}{unit}" + (f" ({place})" if place else "")

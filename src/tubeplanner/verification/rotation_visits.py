@@ -2,9 +2,9 @@
 
 On an interval of width w, a curve lies within w^2 / 8 max |x''| of the chord between its ends. The
 curve here is the rotation vector v of the tool against its reference, with dv/dt = J(v) s and
-s = w_hand - E^T turn du/dt (see `RotationalTube.error_jacobian`), so that
+s = w_tool - E^T turn du/dt (see `RotationalTube.error_jacobian`), so that
 
-    |v''| <= g (|w_hand'| + |turn| (|u''| + |s| |u'|)) + g g' |s|^2
+    |v''| <= g (|w_tool'| + |turn| (|u''| + |s| |u'|)) + g g' |s|^2
 
 with the norms g of J and g' of its change, which grow with the angle only. Where the nearest point
 of the segment passes an end of it, u' jumps: that term is bounded by its size alone, to first
@@ -43,7 +43,7 @@ _MAX_GAIN = float(turning_gain(np.array(np.pi + _MAX_MOVE)))
 
 @dataclass(frozen=True, eq=False)
 class _Parts:
-    """R parts of intervals, each in one segment: what is looked at.
+    """R parts of intervals, each in one segment.
 
     Attributes:
         interval: Index of the interval, shape (R,).

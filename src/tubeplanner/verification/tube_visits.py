@@ -15,7 +15,7 @@ from tubeplanner.tube.tube import Tube
 from tubeplanner.verification.enclosure import Enclosure
 from tubeplanner.verification.switching_samples import best_switching_samples
 
-# Samples that switching times are looked for at; where they are is then refined between samples.
+# Samples among which switching times are found; they are then refined between samples.
 _MIN_SAMPLES = 2000
 _MIN_SAMPLES_PER_PIECE = 20
 _SWITCHING_TOLERANCE = 1e-10  # [s]
@@ -50,7 +50,7 @@ class LeastMargin:
         attained: The least margin that was found [m or rad].
         time: When [s].
         segment: In which segment.
-        intervals: How many intervals were looked at.
+        intervals: How many intervals were tested.
     """
 
     lower_bound: float

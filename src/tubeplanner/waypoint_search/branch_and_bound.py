@@ -33,7 +33,7 @@ from tubeplanner.waypoint_search.waypoint_interpolation import (
     sequential_quartics,
 )
 
-# So many nodes are expanded at a time, or as many as have so many children.
+# Nodes expanded at a time: this many, or as many as have this many children.
 _NODES_AT_ONCE, _CHILDREN_AT_ONCE = 32, 1024
 _END = np.array([1.0])
 _TOLERANCE = 1e-6  # [m or rad]: what the certificate allows
@@ -47,7 +47,7 @@ class SearchStatistics:
         nodes: Nodes expanded.
         children: Continuations built and tested.
         cuts: How many of them each rule cut at samples.
-        motions: Complete trajectories that were left, and judged.
+        motions: Complete trajectories that no rule cut, and were judged.
         refused: How many of those were no faster than the best, or failed their certificate.
         forgone: Nodes and trajectories passed over because they begin like one that failed.
         lower_bound: No certified trajectory of this family is faster [s]; None if none is faster
@@ -74,8 +74,8 @@ class SearchStatistics:
         cuts = ", ".join(f"{rule} {count}" for rule, count in self.cuts.items())
         text = (
             f"{self.nodes} nodes, {self.children} segments tested, cut by rule: {cuts}; "
-            f"{self.motions} tried, {self.refused} refused; {self.forgone} forgone, which "
-            "begin like a refused one"
+            f"{self.motions} trajectories tried, {self.refused} refused; {self.forgone} forgone, "
+            "which begin like a refused one"
         )
         if self.budget_reached:
             text += "; the node budget ended it"
@@ -294,7 +294,7 @@ class BranchAndBound:
             self._failed.add(waypoints[: fault + 3])
 
     def _faulty_segment(self, certificate: Certificate, trajectory: JointTrajectory) -> int | None:
-        """Return a segment that no other continuation can mend, if the certificate names one.
+        """Return a segment that no other continuation can repair, if the certificate names one.
 
         Another continuation may choose other switching times, but not other links or another union.
         """

@@ -1,4 +1,4 @@
-"""Which configurations near the reference path bring links too near to obstacles or each other.
+"""Which configurations near the reference path bring links too close to obstacles or each other.
 
 Distances are known at the waypoints; elsewhere, the joints' travel from there bounds them from
 below, and so does the direction that separates a pair there. Only pairs for which neither is enough
@@ -20,7 +20,7 @@ _TOLERANCE = 1e-6  # [m]: what the certificate allows
 class LinkClearance:
     """Links against obstacles and links, around M known configurations.
 
-    Pairs that stay far apart at all of them are taken to stay apart.
+    Pairs that are far apart at all of them are assumed to stay apart.
 
     Attributes:
         free_waypoints: Which of the known configurations are free: bool, shape (M,).
@@ -51,7 +51,7 @@ class LinkClearance:
         self._distance, self._direction = distance[:, near], direction[:, near]
 
     def around(self, q: FloatArray, nearest: IntArray) -> "LinkClearance":
-        """Return the clearance around other configurations, without measuring everything anew.
+        """Return the clearance around other configurations, without measuring everything again.
 
         Args:
             q: Shape (P, n), each near a known one.

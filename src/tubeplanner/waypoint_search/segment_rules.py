@@ -1,8 +1,8 @@
 """The rules by which phase 1 cuts segments, for many segments at once (Suh & Bishop 1988).
 
 - joint_limits (FR-1): a joint leaves its position limits;
-- duration (FR-3): the lower bound on the whole duration is no better than what is known;
-- tube (FR-2): the tool leaves the tube, is turned too far there, or a joint leaves its range;
+- duration (FR-3): the lower bound on the whole duration is no better than the known best;
+- tube (FR-2): the tool leaves the tube, rotates too far there, or a joint leaves its range;
 - collision (FR-2): a link comes too near to an obstacle or another link.
 
 Segments are tested at a few samples, which can only be too lenient.
@@ -204,6 +204,6 @@ class SegmentRules:
 
 
 def _least_times(problem: PlanningProblem, waypoints: FloatArray) -> FloatArray:
-    """Return how long the velocity limits make every way between waypoints, (M, M) [s]."""
+    """Return the least times between waypoints under the velocity limits, (M, M) [s]."""
     distance = abs(waypoints[:, None] - waypoints)
     return (distance / problem.robot.limits.velocity).max(axis=2)
