@@ -49,6 +49,7 @@ ORDER = {
     "trajectory": (
         "bernstein",
         "joint_trajectory",
+        "averaging",
     ),
     "verification": (
         "majorants",
