@@ -50,6 +50,7 @@ ORDER = {
         "bernstein",
         "joint_trajectory",
         "averaging",
+        "fitted_spline",
     ),
     "verification": (
         "majorants",
