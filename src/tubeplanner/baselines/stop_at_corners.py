@@ -13,7 +13,7 @@ from scipy.interpolate import BSpline, CubicSpline
 from tubeplanner.arrays import FloatArray
 from tubeplanner.branches.reference_branch import ReferenceBranch
 from tubeplanner.constraints.time_scaling import estimated_duration, scaled_to_limits
-from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Place, PlanStatus
 from tubeplanner.polyline import arc_lengths
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.fitted_spline import REST_POINTS, fitted_control_points, times_between
@@ -27,7 +27,7 @@ _MAX_INTERVALS = 128
 _FIT_POINTS_PER_INTERVAL = 8
 # The fit may use this share of radius and rotation bound; the rest is left to who improves on it.
 _FIT_SHARE = 0.1
-_ON_THE_WALL = 5e-7  # [m or rad]
+_ON_THE_WALL = MARGIN_TOLERANCE / 2
 # Shares of the time spent speeding up, and as much slowing down: the fastest is kept.
 _RAMP_SHARES = (0.5, 0.4, 0.3, 0.2, 0.15, 0.1)
 
