@@ -5,6 +5,10 @@ from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from typing import Any
 
+# How far below zero the margins of a certificate may lie, and a given start or goal outside its
+# bounds [m, rad or relative].
+MARGIN_TOLERANCE = 1e-6
+
 
 class PlanStatus(StrEnum):
     """How `plan` ended; the values are those of the command line's JSON."""

@@ -15,7 +15,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.baselines.tool_path import ToolPath, arc_lengths_on_line
 from tubeplanner.constraints.time_scaling import scaled_to_limits, scaling_factor
 from tubeplanner.constraints.tube_membership import first_departure
-from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Place, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
@@ -26,7 +26,6 @@ _PROBES = np.linspace(0.0, 1.0, 9)[1:-1]  # of every joint line
 _TRANSITION_SHARES = (0.49, 0.4, 0.3, 0.2, 0.1)
 # Rounds in which every interval is shortened as far as its own limits allow.
 _TIMING_ROUNDS, _TIMING_POWER, _SAMPLES_PER_PIECE = 40, 0.5, 8
-_ON_THE_WALL = 1e-6  # [m or rad]
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +62,7 @@ def bounded_deviation(problem: PlanningProblem, lines: list[ToolPath]) -> Bounde
     inside = [
         trajectory
         for trajectory in found
-        if first_departure(problem, trajectory, _ON_THE_WALL) is None
+        if first_departure(problem, trajectory, MARGIN_TOLERANCE) is None
     ]
     fastest = min(inside or found, key=lambda trajectory: trajectory.duration)
     return BoundedDeviation(fastest, len(knots))

@@ -10,11 +10,10 @@ import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray
 from tubeplanner.branches.inverse_kinematics import WantedRotation
+from tubeplanner.outcome import MARGIN_TOLERANCE
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.tube.rotational_tube import RotationalTube
 
-# How far outside its bound a given start or goal may be before it is bad input [rad].
-_INPUT_TOLERANCE = 1e-6
 # Where the arm cannot reach the wanted orientation, it must keep this share of the distance to the
 # bound, so that the planner has some freedom to start with.
 _KEPT_MARGIN_SHARE = 0.1
@@ -58,7 +57,7 @@ class ReferenceTurn:
         for segment in {self._segment, self._following if share == 1.0 else self._segment}:
             left = float(self._tube.margin_of(self._vector_after(share)[None], segment)[0])
             margin = float(self._tube.margin(rotation, tool, segment)[0])
-            if margin < _KEPT_MARGIN_SHARE * left - _INPUT_TOLERANCE:
+            if margin < _KEPT_MARGIN_SHARE * left - MARGIN_TOLERANCE:
                 return segment
         return None
 

@@ -5,7 +5,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray
 from tubeplanner.branches.inverse_kinematics import PositionSolution, solve_position
 from tubeplanner.branches.reference_turn import ReferenceTurn
-from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Place, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem
 
 _MAX_STEP = 1 / 40  # of a segment
@@ -17,7 +17,7 @@ _SETTLED = 1e-9  # [rad or m]
 # Where the centre line cannot be reached, the tool may leave it by this share of the radius.
 _ALLOWED_RADIUS_SHARE = 0.5
 # An open goal is a reference point, which the tool must reach this closely [m].
-_OPEN_GOAL_TOLERANCE = 5e-7
+_OPEN_GOAL_TOLERANCE = MARGIN_TOLERANCE / 2
 
 
 class SegmentWalk:

@@ -15,14 +15,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import BSpline
 
 from tubeplanner.constraints.time_scaling import minimum_duration
 from tubeplanner.files.trajectory_file import joined_samples
 from tubeplanner.outcome import Infeasible
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.robot.robot_model import RobotModel
-from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples, from_spline
+from tubeplanner.trajectory.averaging import averaged
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
 from tubeplanner.verification.certificate import FOREIGN_TOLERANCE
 from tubeplanner.verification.verification import verify
 
@@ -114,23 +114,12 @@ def _averaged(
     fewest = max(int(np.ceil(trajectory.duration * rate)), _MIN_PERIODS)
     periods = fewest
     while periods <= _MAX_SLOWED * fewest:
-        average = _average(trajectory, periods, rate)
+        average = averaged(trajectory, periods, periods / rate)
         needed = _needed(robot, average)
         if needed <= 1 + _RUN_OVER:
             return average.at(np.arange(periods + 1) / rate)
         periods += max(1, int((needed - 1) * periods))
     return None
-
-
-def _average(trajectory: JointTrajectory, periods: int, rate: float) -> JointTrajectory:
-    """Return the uniform cubic spline whose control points lie on the trajectory."""
-    knots = np.arange(periods + 1) / rate
-    knots = np.concatenate([np.full(3, knots[0]), knots, np.full(3, knots[-1])])
-    means = (knots[1:-3] + knots[2:-2] + knots[3:-1]) / 3  # where control points belong (Greville)
-    # The first three are the start, the last three the goal: at rest, without acceleration.
-    share = np.clip((means * rate - 1) / (periods - 2), 0.0, 1.0)
-    control_points = trajectory.position(share * trajectory.duration)
-    return from_spline(trajectory.joint_names, BSpline(knots, control_points, 3))
 
 
 def _slowed(

@@ -10,7 +10,8 @@ from scipy import sparse
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.branches.inverse_kinematics import solve_position
 from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.refinement.phased_spline import DEGREE, REST_POINTS, KnotGrid
+from tubeplanner.refinement.phased_spline import DEGREE, KnotGrid
+from tubeplanner.trajectory.fitted_spline import REST_POINTS
 
 FIXED = -1
 # Directions in which the joints at the goal move the tool by less than this [m/rad] are left free.

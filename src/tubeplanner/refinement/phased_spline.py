@@ -15,7 +15,6 @@ from scipy.interpolate import BSpline
 from tubeplanner.arrays import FloatArray, IntArray
 
 DEGREE = 3
-REST_POINTS = 3  # equal control points at an end put velocity and acceleration there to zero
 _SWITCHING_STEP = 1e-7
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray
 from tubeplanner.constraints.time_scaling import scaled_to_limits, scaling_factor
 from tubeplanner.constraints.tube_membership import worst_membership
-from tubeplanner.outcome import Infeasible
+from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.bernstein import maxima
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
@@ -22,7 +22,7 @@ from tubeplanner.waypoint_search.link_clearance import LinkClearance
 Construction: TypeAlias = Callable[[Sequence[str], FloatArray], JointTrajectory]
 
 # Half of what the certificate allows: valleys between samples are estimated [m or rad].
-_TOLERANCE = 5e-7
+_TOLERANCE = MARGIN_TOLERANCE / 2
 _COLLISION_SAMPLES = 9  # per piece
 _LIMIT_SAMPLES = 13  # per piece, before the search for peaks
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from tubeplanner.errors import OptionError
 from tubeplanner.options import NUMBER
-from tubeplanner.outcome import Place
+from tubeplanner.outcome import MARGIN_TOLERANCE, Place
 
 CONDITION_NAMES = (
     "position",
@@ -38,8 +38,8 @@ class Tolerance:
         relative: For relative margins, >= 0.
     """
 
-    absolute: float = 1e-6
-    relative: float = 1e-6
+    absolute: float = MARGIN_TOLERANCE
+    relative: float = MARGIN_TOLERANCE
 
     def __post_init__(self) -> None:
         for name in ("absolute", "relative"):

@@ -21,7 +21,7 @@ import numpy as np
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.constraints.time_scaling import scaled_to_limits
 from tubeplanner.constraints.tube_membership import first_departure
-from tubeplanner.outcome import Infeasible
+from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.verification.certificate import Certificate
@@ -36,7 +36,6 @@ from tubeplanner.waypoint_search.waypoint_interpolation import (
 # Nodes expanded at a time: this many, or as many as have this many children.
 _NODES_AT_ONCE, _CHILDREN_AT_ONCE = 32, 1024
 _END = np.array([1.0])
-_TOLERANCE = 1e-6  # [m or rad]: what the certificate allows
 
 
 @dataclass(frozen=True)
@@ -274,7 +273,7 @@ class BranchAndBound:
         if trajectory is None or trajectory.duration >= self._upper_bound:
             self._refused += 1
             return
-        fault = first_departure(self._problem, shape, _TOLERANCE)
+        fault = first_departure(self._problem, shape, MARGIN_TOLERANCE)
         if fault is None:
             begin = time.perf_counter()
             certificate = verify(self._problem, trajectory)

@@ -11,10 +11,10 @@ from copy import copy
 import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
+from tubeplanner.outcome import MARGIN_TOLERANCE
 from tubeplanner.problem.problem import PlanningProblem
 
 _MAX_DISTANCE = 0.3  # [m]: pairs that are never nearer at a waypoint are left out
-_TOLERANCE = 1e-6  # [m]: what the certificate allows
 
 
 class LinkClearance:
@@ -36,7 +36,7 @@ class LinkClearance:
         self._problem, self._checker = problem, problem.collision
         checker = problem.collision
         self._pairs = checker.pairs
-        self._required = checker.required(problem.clearance) - _TOLERANCE
+        self._required = checker.required(problem.clearance) - MARGIN_TOLERANCE
         self._waypoints = waypoints
         found = []
         for rotation, position in zip(*problem.robot.body_poses(waypoints), strict=True):

@@ -20,6 +20,7 @@ from tubeplanner.constraints.tube_membership import (
     passable_segments,
     segments_reached,
 )
+from tubeplanner.outcome import MARGIN_TOLERANCE
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.waypoint_search.link_clearance import LinkClearance
 from tubeplanner.waypoint_search.waypoint_interpolation import power_basis
@@ -30,7 +31,6 @@ _IN_ORDER = np.argsort(np.concatenate(_STAGES))
 # Polynomials are cheap to look at: finely enough to miss their peaks by 0.1 %.
 _RATE_TIMES = np.linspace(0, 1, 33)
 _COLLISION_TIMES = np.arange(1, 8) / 8
-_TOLERANCE = 1e-6  # [m or rad]: what input and certificate allow
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +159,7 @@ class SegmentRules:
         limits = self._problem.robot.limits
         q = batch.at(times, 0)
         outside = np.maximum(limits.lower_position - q, q - limits.upper_position)
-        return np.all(outside <= _TOLERANCE, axis=(1, 2, 3))
+        return np.all(outside <= MARGIN_TOLERANCE, axis=(1, 2, 3))
 
     def _rate_factor(self, batch: SegmentBatch) -> FloatArray:
         """Return how much faster velocity, acceleration and jerk limits let it be run, (C,)."""
@@ -183,7 +183,7 @@ class SegmentRules:
         """Return in which tube segments the samples are: bool, shape (C, S, L, m)."""
         q = batch.at(times, 0)
         margin = membership_margin(self._problem, q.reshape(-1, q.shape[-1]))
-        return (margin >= -_TOLERANCE).reshape(*q.shape[:3], margin.shape[1])
+        return (margin >= -MARGIN_TOLERANCE).reshape(*q.shape[:3], margin.shape[1])
 
     def _reached(self, batch: SegmentBatch) -> BoolArray:
         """Return in which tube segments the tool may be at the end: bool, shape (C, m)."""
