@@ -32,6 +32,7 @@ ORDER = {
         "mesh_cover",
         "link_geometry",
         "obstacle",
+        "gilbert",
         "separation",
         "collision_checker",
     ),
