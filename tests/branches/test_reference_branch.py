@@ -261,7 +261,7 @@ ENDS = (-1.035835, 0.140170)
             ENDS,
             r"% along segment 0, .*: the rotation tolerance of segment 0, \[0.1, 0.1, 0.1\] rad, "
             r"is in the way: the tool can be turned no nearer than 0\.09.* rad to its reference "
-            r"orientation, and a tenth of the tolerance is kept to plan with; widen "
+            r"orientation, and planning keeps a tenth of the tolerance in reserve; widen "
             r"tube\.rotation_tolerance\[0\], change tube\.orientations or move",
         ),
         (

@@ -2,6 +2,7 @@
 
 import os
 import tempfile
+import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -15,6 +16,8 @@ from tubeplanner.errors import RobotError, unknown_name
 from tubeplanner.robot.urdf import Mimic, UrdfDescription, UrdfJoint, joint_id, link_id
 
 _HEAVIEST = 1e6  # [kg]
+# The standard error is the process's: one reader at a time takes it.
+_STDERR_LOCK = threading.Lock()
 
 
 @dataclass(frozen=True)
@@ -72,7 +75,7 @@ class ToolOffset:
 def planning_group(
     description: UrdfDescription, tool_frame: str, joints: Sequence[str] | None
 ) -> list[str]:
-    """Return the joints to plan for: those asked for, or the movable ones on the tool's chain.
+    """Return the joints to plan for: the requested ones, or the movable ones on the tool's chain.
 
     Raises:
         RobotError: A name does not exist or is doubled, a joint mimics another, or none of the
@@ -212,7 +215,7 @@ def _free_value(joint: UrdfJoint, locked: Mapping[str, float]) -> float:
 
 
 def _parse(description: UrdfDescription) -> pin.Model:
-    """Return the whole robot as a Pinocchio model, its C++ complaints turned into ours."""
+    """Return the whole robot as a Pinocchio model; its C++ errors become RobotError."""
     with _captured_c_stderr() as log:
         try:
             model = pin.buildModelFromXML(description.kinematic_xml())
@@ -229,7 +232,7 @@ def _parse(description: UrdfDescription) -> pin.Model:
 @contextmanager
 def _captured_c_stderr() -> Iterator[IO[bytes]]:
     """Send the C standard error to a file: the URDF parser gives its reasons there only."""
-    with tempfile.TemporaryFile() as log:
+    with _STDERR_LOCK, tempfile.TemporaryFile() as log:
         try:
             kept = os.dup(2)
         except OSError:  # there is no standard error

@@ -48,7 +48,7 @@ _IDENTIFIERS = ("uuid", "geometry", "material")  # of an object, or of what it r
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A problem and its trajectories to look at; notebooks show it by themselves.
+    """A view of a problem and its trajectories; notebooks display it.
 
     Attributes:
         scene: What is shown.
@@ -101,7 +101,7 @@ def view(
     Args:
         problem: The planning problem.
         trajectories: Of the problem's joints, in any order.
-        names: What the trajectories are called; default: numbers.
+        names: Names of the trajectories; default: numbers.
 
     Raises:
         OptionError: There are not as many names as trajectories, or two are the same.
@@ -284,7 +284,7 @@ def _page(scene: Scene) -> str:
 
 
 def panel_data(scene: Scene) -> dict[str, Any]:
-    """Return what the page's overlay says and how it frames the scene, as JSON values."""
+    """Return the text of the page's overlay and how it frames the scene, as JSON values."""
     problem, many = scene.problem, len(scene.trajectories) > 1
     trajectories = [
         {
