@@ -8,7 +8,7 @@ from tubeplanner.files.trajectory_file import TrajectoryFile, read_trajectory_fi
 
 STOP, SEARCH, REFINEMENT = "stop-at-corners", "branch-and-bound", "refinement"
 FOLDER = Path(__file__).with_name("trajectories")
-REFRESH = "python tests/refresh_trajectories.py"
+REFRESH = "make trajectories"
 STORED = (
     *((name, STOP) for name in PROBLEMS),
     *((name, REFINEMENT) for name in PROBLEMS),
@@ -31,5 +31,5 @@ def stored_trajectory(name: str, method: str) -> TrajectoryFile:
     """Return the stored trajectory of a bundled problem."""
     assert (name, method) in STORED, f"{name} by {method} is not stored: add it to STORED"
     path = stored_path(name, method)
-    assert path.exists(), f"{path} is missing: run {REFRESH}"
+    assert path.exists(), f"{path} is missing: run `{REFRESH}`"
     return read_trajectory_file(path)

@@ -11,7 +11,7 @@ def test_a_stored_trajectory_belongs_to_its_problem(name, method, bundled):
     file, problem = stored_trajectory(name, method), bundled(name)
     hashes = robot_hash(problem.robot), problem_hash(problem)
     assert (file.robot_hash, file.problem_hash) == hashes, (
-        f"{stored_path(name, method)} was planned for another {name}: run {REFRESH} {name}"
+        f"{stored_path(name, method)} was planned for another {name}: run `{REFRESH}`"
     )
 
 

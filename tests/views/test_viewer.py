@@ -2,7 +2,10 @@
 
 import html
 import json
+import os
 import re
+import subprocess
+import sys
 import webbrowser
 from pathlib import Path
 
@@ -11,6 +14,7 @@ import pytest
 
 import tubeplanner
 from cases import PROBLEMS
+from stored_trajectories import STOP, stored_path
 from tubeplanner import OptionError, OutputError, TrajectoryError, load_problem
 from tubeplanner.collision.link_geometry import read_geometry
 from tubeplanner.commands.cli import main
@@ -250,6 +254,20 @@ def test_a_page_is_saved_whole_or_not_at_all(shown, tmp_path):
     assert (tmp_path / "page.html").read_text() == page.html
     with pytest.raises(OutputError, match="does not exist"):
         page.save(tmp_path / "nowhere" / "page.html")
+
+
+def test_the_page_is_the_same_in_another_process(tmp_path):
+    """Whatever is a hash, a time or an address there."""
+    problem, trajectory = "two_link/around_a_post", stored_path("two_link/around_a_post", STOP)
+    pages = [tmp_path / name for name in ("here.html", "there.html")]
+    here, there = (
+        ["view", f"example:{problem}", str(trajectory), "--html", str(page)] for page in pages
+    )
+    assert main(here) == 0
+    command = f"from tubeplanner.commands.cli import main; main({there})"
+    environment = {**os.environ, "PYTHONHASHSEED": "7"}
+    subprocess.run([sys.executable, "-c", command], env=environment, check=True)
+    assert pages[0].read_bytes() == pages[1].read_bytes()
 
 
 @pytest.mark.parametrize("found", [True, False])
