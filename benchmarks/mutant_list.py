@@ -26,6 +26,7 @@ class Mutant(NamedTuple):
 # Tests of a module beside its own, tests/<folder>/test_<module>.py and test_<module>_*.py.
 TESTS = {
     "collision/collision_checker": ("verification/test_closest_approach.py",),
+    "collision/gilbert": ("collision/test_collision_checker.py",),
     "collision/link_geometry": ("collision/test_collision_checker.py",),
     "collision/mesh_cover": ("collision/test_link_geometry.py", "collision/test_obstacle.py"),
     "collision/separation": ("collision/test_collision_checker.py",),
@@ -39,6 +40,7 @@ TESTS = {
         "planning/test_best_known.py",
     ),
     "refinement/sequential_program": ("planning/test_best_known.py",),
+    "trajectory/bernstein": ("verification/test_enclosure.py",),
     "verification/certificate": ("verification/test_verification.py",),
     "verification/closest_approach": ("verification/test_verification_between_samples.py",),
     "verification/majorants": ("verification/test_enclosure.py",),
@@ -78,6 +80,21 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "_product": [("range(order)", "range(order - 1)")],
     "_derivative": [("np.arange(1, len(a))[:, None] * a[1:]", "a[1:]")],
     "_turning": [("/ (k + 1)", "/ (k + 2)")],
+    # --- trajectory/bernstein -----------------------------------------------------------------
+    "halves": [
+        ("start[1::2] += width[1::2]", "start[1::2] += 0"),
+        ("width / 2, 2", "width, 2"),
+    ],
+    "bernstein_coefficients": [
+        ("start ** (orders - power)", "start ** (power - orders)"),
+        ("scaled[power] *= (width**power)", "scaled[power] *= (width**degree)"),
+    ],
+    "maxima": [
+        ("open_ = bounds.max(axis=0)", "open_ = bounds[0]"),
+        ("((bounds[0], start), (bounds[-1], start + width))", "((bounds[0], start),)"),
+        ("best_time[column[better]] = times[better]", "pass"),
+    ],
+    "peak_magnitudes": [("[coefficients, -coefficients]", "[coefficients, coefficients]")],
     # --- verification/enclosure ---------------------------------------------------------------
     "_NODE_PRODUCT": [("2.0 /", "0.2 /"), ("2.0 /", "1.0 /")],
     "Enclosure.at": [("[interval]) /", "[0]) /")],
@@ -94,7 +111,6 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "_enclosed": [
         ("missed > tolerance", "missed > 2 * tolerance"),
         ("(width > _MIN_WIDTH)", "(width > 0.1)"),
-        ("start[1::2] += width[1::2]", "start[1::2] += 0"),
         ("width[order], missed[order]", "width[order], missed"),
         ("_NODE_PRODUCT * error", "0 * error"),
     ],
@@ -162,7 +178,6 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("margin.min(axis=0) -", "ends.min(axis=0) -"),
         ("(width > _MIN_WIDTH)", "(width > 0.2)"),
         ("_RELATIVE_RESOLUTION * abs(attained)", "0.5 * abs(attained)"),
-        ("start[1::2] += width[1::2]", "start[1::2] += 0"),
         ("width[row] if end else 0.0", "0.0"),
         (
             "min(lower_bound, float(lower[~split].min(initial=np.inf)))",
@@ -198,8 +213,8 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         (".any()]", ".all()]"),
     ],
     "_halves": [
-        ("start[1::2] += half", "start[1::2] += 0"),
-        ("halves[1, 0::2] = halves[0, 1::2] = between", "halves[0, 1::2] = between"),
+        ("pairs[1, 0::2] = pairs[0, 1::2] = between", "pairs[0, 1::2] = between"),
+        ("start[1::2])", "start[0::2])"),
     ],
     "_bounded": [
         ("- off - error", "- error"),
@@ -301,6 +316,8 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("range(3)", "range(1, 3)"),
         ("min(found", "max(found"),
         ("jumps / self._largest[order]", "jumps / self._largest[0]"),
+        ("total = jumps.sum(axis=0)", "total = jumps.max(axis=0)"),
+        ("jumps[:, joint].argmax() + 1", "jumps[:, joint].argmax()"),
     ],
     "_Judge.obstacles": [("self._problem.clearance", "0.0")],
     "_Judge.self_collision": [("collision.link_pairs", "collision.obstacle_pairs")],
@@ -365,8 +382,8 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     "CollisionChecker._measured": [
         (
-            "separation(self._placed[i], self._placed[j])",
-            "separation(self._placed[j], self._placed[i])",
+            "separation(placed[i], placed[j])",
+            "separation(placed[j], placed[i])",
         )
     ],
     "_carried_shapes": [("shape.transformed(placement)", "shape")],
@@ -387,15 +404,40 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "separation": [
         (" - first.radius", ""),
         (" - second.radius", ""),
-        ("best, along = -behind, -direction", "pass"),
-        ("best > length - _LOOSE", "True"),
-        ("ahead > best", "ahead > -np.inf"),
-        ("best, along = ahead, direction", "best, along = ahead, gap"),
-        ("gap = _nearest_to_origin(gap, difference)", "break"),
+        ("not overlap and best <= length - _LOOSE", "False"),
+        ("not overlap and ", ""),
+        (
+            "max((best, along), first.separated(second, gap), key=itemgetter(0))",
+            "first.separated(second, gap)",
+        ),
+        ("gap = first.center_to(second)", "gap = gap"),
+    ],
+    "_apart": [
+        ("(-behind, -direction)", "(ahead, direction)"),
+        ("(-behind, -direction)", "(-behind, direction)"),
+        ("back_2 - ahead_1", "back_2 - back_1"),
+    ],
+    "PlacedShape.separated": [
+        ("other._rotation @ direction[0]", "direction[0]"),
+        ("(back @ self._rotation)[None]", "self._rotation[None]"),
+        ("self._position - other._position", "other._position - self._position"),
+    ],
+    # --- collision/gilbert --------------------------------------------------------------------
+    "separating_directions": [
+        ("(local @ first.T).argmax(axis=1)", "(local @ first.T).argmin(axis=1)"),
+        ("(direction @ second.T).argmin(axis=1)", "(direction @ second.T).argmax(axis=1)"),
+        ("behind - moved[live] -", "behind -"),
+        ("better = apart > bound[live]", "better = apart > -np.inf"),
+        ("known = length\n", "known = length * 2\n"),
+        ("np.minimum(enough, known - loose)", "known - loose"),
+        ("gap = _nearest_to_origin(gap, end)", "gap = end"),
     ],
     "_nearest_to_origin": [
-        ("min(max(share, 0.0), 1.0)", "share"),
-        ("-float(start @ along)", "float(start @ along)"),
+        (
+            "np.clip(-np.sum(start * edge, axis=1) / squared, 0.0, 1.0)",
+            "-np.sum(start * edge, axis=1) / squared",
+        ),
+        ("-np.sum(start * edge, axis=1)", "np.sum(start * edge, axis=1)"),
     ],
     "_fcl_geometry": [
         ("_CORE_THICKNESS, length)", "_CORE_THICKNESS, length / 2)"),

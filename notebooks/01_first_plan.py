@@ -13,7 +13,7 @@
 #
 # A UR5 has to lift something over a wall. You know a rough route for its tool, and how far the tool may stray from it: 30 mm
 # beside the wall, 80 mm above it. That is a **tube**. tubeplanner finds the fastest smooth trajectory inside it that the
-# motors can produce, and proves that it keeps what was asked.
+# motors can produce, and proves that it satisfies every condition.
 #
 # Run the cells from top to bottom; the whole notebook takes about ten seconds.
 
@@ -28,13 +28,13 @@ from tubeplanner import Obstacle, PlanningProblem, Tube, load_robot, placement_o
 from tubeplanner import plot_convergence, plot_trajectory
 
 # %% [markdown]
-# ## Say what is asked
+# ## State the problem
 #
 # - The **robot**: its URDF, and which frame is the tool. `example:ur5` is bundled; a path to your own file works as well
 #   (notebook 3).
-# - The **tube**: four points make three segments; each has its radius. `joint_signs` says which arm configuration is meant:
+# - The **tube**: four points make three segments; each has its radius. `joint_signs` selects the arm configuration:
 #   elbow up.
-# - The **start**, in joint angles. The goal is left open here: whichever joint angles reach the last point fastest.
+# - The **start**, in joint angles. The goal is open here: the planner chooses the joint angles that reach the last point fastest.
 # - The **wall**.
 
 # %%
@@ -49,7 +49,7 @@ problem = PlanningProblem(robot, tube, start, obstacles=[wall], name="over the w
 # ## Plan
 #
 # `plan` returns the answer or the reason why there is none; it raises no exception for an impossible task. The callback is
-# optional: it is told how far planning has come.
+# optional: it receives the progress of planning.
 
 # %%
 steps = []
@@ -62,8 +62,8 @@ print(
 # %% [markdown]
 # ## What the certificate says
 #
-# Every condition has a margin, the place where it is smallest, and how it was judged. *For all t* means just that: not at
-# samples, but on the whole trajectory. A margin of zero is what a time-optimal trajectory looks like: it uses the
+# Every condition has a margin, the place where it is smallest, and the method of judgement. *For all t* means the whole
+# trajectory, not only samples. A margin of zero is what a time-optimal trajectory looks like: it uses the
 # limit, and does not exceed it.
 
 # %%
@@ -74,9 +74,9 @@ for name, condition in result.certificate.conditions.items():
 # %% [markdown]
 # ## What the trajectory looks like
 #
-# Left: the joints against their limits, and `b(t)`, how many times faster each instant could be run. Where it is 1, some
+# Left: the joints against their limits, and `b(t)`, how many times faster the arm could move at each instant. Where it is 1, some
 # motor or velocity is at its limit: there is nothing left to gain on this path. Right: the tool in its tube, how much
-# of the tolerance it uses, and its speed. Colours behind the curves are those of the segments.
+# of the tolerance it uses, and its speed. The colours behind the curves mark the segments.
 
 # %%
 plot_trajectory(problem, result.trajectory)
@@ -84,8 +84,8 @@ plot_trajectory(problem, result.trajectory)
 # %% [markdown]
 # ## How the answer was found
 #
-# From a trajectory that follows the route, step by step shorter, on few knots first and then on finer ones (the jumps up are
-# where finer samples find a limit broken).
+# Refinement starts from a trajectory that follows the route and shortens it step by step, first on few knots, then on finer
+# ones (it jumps up where finer samples find a violated limit).
 
 # %%
 plot_convergence({"over the wall": steps})
@@ -93,8 +93,8 @@ plot_convergence({"over the wall": steps})
 # %% [markdown]
 # ## What costs the time
 #
-# What would 10 % more of each limit save? The multipliers of the optimisation tell, without planning again (notebook 4 shows that
-# they can be trusted).
+# What would 10 % more of each limit save? The multipliers of the optimisation answer this without planning again (notebook 4
+# checks them).
 
 # %%
 for sensitivity in result.sensitivities[:5]:
@@ -113,7 +113,7 @@ print(np.round(result.trajectory.position(times), 3))
 # For a controller, write files. On the command line, this is
 # `tubeplanner plan problem.yaml -o t.json --csv t.csv --ros t.yaml --plot t.png`. The JSON holds the polynomials themselves.
 # The acceleration of such a trajectory has kinks that samples at 500 Hz cannot follow; the CSV and ROS files hold samples
-# that keep the limits, however they are joined, and say what that costs.
+# that keep the limits when a controller joins them, and state what that costs.
 
 # %%
 from tubeplanner.files.export import trajectory_csv

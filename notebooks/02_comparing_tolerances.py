@@ -26,8 +26,8 @@ plt.rcParams.update({"figure.dpi": 100, "axes.grid": True, "grid.alpha": 0.25})
 # %% [markdown]
 # ## Minimum time against tolerance
 #
-# The tool goes straight up from (0.3, -0.5) to (0.3, 0.5) m, in a horizontal plane. Every radius is planned afresh; the grey strokes
-# are the slopes that each plan's sensitivities predict, from its multipliers alone.
+# The tool goes straight up from (0.3, -0.5) to (0.3, 0.5) m, in a horizontal plane. The sweep plans every radius from scratch; the
+# grey strokes are the slopes that each plan's sensitivities predict, from its multipliers alone.
 
 # %%
 problem = load_problem("example:two_link/paper_1_30mm")
@@ -41,12 +41,12 @@ for row in durations.rows:
     print(f"{1000 * row.value:4.0f} mm  {row.duration:.4f} s  {-row.slope:6.2f} ms")
 
 # %% [markdown]
-# The first millimetres are the dearest. What the paper printed for this path (on the computers of 1988): 0.90 s at 10 mm, 0.75 s at
+# The first millimetres save most. For this path the paper prints (from the computers of 1988) 0.90 s at 10 mm, 0.75 s at
 # 30 mm, 0.73 s at 50 mm.
 #
 # ## Where the tool goes
 #
-# It cuts to the inside of the straight line, where the arm's inertia is small, as far as the tube lets it. The scale across is
+# It cuts to the inside of the straight line, where the arm's inertia is small, as far as the tube allows. The horizontal scale is
 # stretched.
 
 # %%
@@ -86,12 +86,12 @@ plt.show()
 # %% [markdown]
 # ## From W to U: is the arm used?
 #
-# `b(t)` says how many times faster each instant could be run; where it is 1, a motor is at its limit. The paper draws it for
-# trajectories of few polynomials and finds two shapes. A **U** means that the motors work all the way, but for the start and the end at
-# rest. A **W** means that the shape is bound, and the motors idle in between: by a tight tube, or by too few polynomials to
-# follow what the motors could do.
+# `b(t)` says how many times faster the arm could move at each instant; where it is 1, a motor is at its limit. The paper draws it for
+# trajectories of few polynomials and finds two shapes. A **U** means that the motors work at their limits all the time, except at
+# rest at both ends. A **W** means that something else limits the shape, and the motors idle in between: a tight tube, or too few
+# polynomials to use the motors fully.
 #
-# Here are both causes. Refinement is stopped at few knots (its inner parts, for once) and then run as usual.
+# The next cell shows both causes: it calls parts of refinement that are not public, to stop at few knots, then plans as usual.
 
 # %%
 from tubeplanner.branches.reference_branch import reference_branch, redundancy_rules
@@ -101,7 +101,7 @@ from tubeplanner.constraints.time_scaling import scaled_to_limits
 
 
 def with_few_knots(case, intervals):
-    """Return the fastest trajectory that refinement finds on so many knot intervals."""
+    """Return the fastest trajectory that refinement finds on this number of knot intervals."""
     branch = reference_branch(case, redundancy_rules(case)[0])
     refinement = Refinement(case, starting_spline(case, branch, intervals), ())
     refinement.run()
@@ -121,12 +121,12 @@ for axis, radius in zip(axes, (0.01, 0.05), strict=True):
 plt.show()
 
 # %% [markdown]
-# With 6 knots both tubes give a W, and in the tight one the motors idle longer; with 8 the U begins to show; and as planned, `b` lies on 1 in the
-# tight tube too: what is left of the duration is what the tube and the motors cost.
+# With 6 knots both tubes give a W, and in the tight one the motors idle longer; with 8 the U begins to show; and as planned, `b` is 1 in the
+# tight tube too: tube and motors alone determine the duration.
 #
 # ## The same for a Panda
 #
-# Three segments between shelves, each with its own radius: now all radii are scaled together.
+# Three segments between shelves, each with its own radius: now the sweep scales all radii together.
 
 # %%
 shelves = load_problem("example:panda/between_shelves")

@@ -11,7 +11,7 @@
 # %% [markdown]
 # # Your own robot
 #
-# From a URDF to a first plan, with the mistakes on the way that most URDFs have. The arm here is made up: a turning column,
+# From a URDF to a first plan, with the mistakes that most URDFs contain. The arm here is invented: a rotating column,
 # a shoulder and an elbow, lifting parts over a fence. It takes about half a minute.
 
 # %%
@@ -92,8 +92,8 @@ def lifter(elbow_limit):
 # %% [markdown]
 # ## The problem
 #
-# The same fields as in a problem file (YAML); `tubeplanner schema` describes them all. `seed` asks for the inverse
-# kinematics of the first point, searched from these joint angles.
+# The same fields as in a problem file (YAML); `tubeplanner schema` describes them all. `seed` requests the inverse
+# kinematics of the first point, starting from these joint angles.
 
 # %%
 fields = {
@@ -114,10 +114,10 @@ def problem_with(elbow_limit, **changes):
 
 
 # %% [markdown]
-# ## A mistake, and what is said about it
+# ## A mistake, and its message
 #
-# The elbow has no velocity limit. Guessing one, or taking zero for "none", is how robots are broken; so it is refused by
-# name, with what to do about it.
+# The elbow has no velocity limit. Guessing one, or taking zero for "none", can break a robot; so the error names
+# the joint and says what to do about it.
 
 # %%
 URDF_LIMIT = 'lower="-2.6" upper="2.6" effort="60"'
@@ -127,7 +127,7 @@ except RobotError as error:
     print(error)
 
 # %% [markdown]
-# Give the limit in the URDF, or in the problem file, which leaves the manufacturer's file alone:
+# Give the limit in the URDF, or in the problem file, so that the manufacturer's file stays unchanged:
 
 # %%
 limits = {"velocity": {"elbow": 3.5}}
@@ -143,7 +143,7 @@ print(result.message)
 print(*result.notes, sep="\n")
 
 # %% [markdown]
-# The note is about jerk: without a limit, the trajectory uses as much as its knots allow. Give the machine's own.
+# The note is about jerk: without a limit, the trajectory uses as much as its knots allow. Give the machine's limits.
 
 # %%
 limits["jerk"] = {"column": 600, "shoulder": 600, "elbow": 900}
@@ -154,7 +154,7 @@ print(result.message)
 # %% [markdown]
 # ## A load in the gripper
 #
-# Masses at the gripper count: the payload has its mass and its centre in the frame of the tool. Ask for too much, and the answer is the
+# Masses at the gripper count: the payload has its mass and its centre in the frame of the tool. If it is too heavy, the answer names the
 # joint that cannot hold it.
 
 # %%
@@ -167,7 +167,7 @@ for mass in (2, 6, 16):
 # ## A fence in the way
 #
 # Obstacles are boxes, spheres, cylinders, capsules or meshes. Links keep clear of them, and of each
-# other. Here, 40 mm of clearance cost next to nothing: the trajectory bends a little, and touches the bound.
+# other. Here, 40 mm of clearance cost next to nothing: the trajectory bends a little, and the links come exactly that close.
 
 # %%
 loaded = {**arm, "payload": {"mass": 2, "com": [0, 0, 0.05]}}
@@ -182,7 +182,7 @@ for clearance in (0.0, 0.04):
 plot_trajectory(fenced, answer.trajectory)
 
 # %% [markdown]
-# A fence that is too high is no error in the file; it is an answer, with the place:
+# A fence that is too high is not an error in the file; the answer says that it is in the way, and where:
 
 # %%
 high = [{"name": "fence", "box": [0.9, 0.06, 1.6], "position": [0.65, 0, 0.8]}]

@@ -30,19 +30,19 @@ plt.rcParams.update({"figure.dpi": 100, "axes.grid": True, "grid.alpha": 0.25})
 # %% [markdown]
 # ## Read the sensitivities
 #
-# Each entry is the *elasticity* d ln T / d ln limit: by which share the duration falls, per share by which the limit rises. Most
-# limits cost nothing, because something else is in the way first.
+# Each entry is the *elasticity* d ln T / d ln limit: the relative fall of the duration per relative rise of the limit. Most
+# limits cost nothing, because another limit applies first.
 
 # %%
 
 
 def name(sensitivity):
-    """Return what an entry is about."""
+    """Return the limit of an entry, and its joint or segment."""
     return f"{sensitivity.limit}, {sensitivity.joint or f'segment {sensitivity.segment}'}"
 
 
 def show(result, title, most=8):
-    """Draw the dearest entries."""
+    """Draw the entries that would save most."""
     sensitivities = result.sensitivities[:most][::-1]
     _, axis = plt.subplots(figsize=(8, 0.4 * most + 0.9), layout="constrained")
     saved = [1000 * sensitivity.saved for sensitivity in sensitivities]
@@ -61,13 +61,13 @@ around = plan(post)
 show(around, "Two-link arm around a post", most=5)
 
 # %% [markdown]
-# The UR5 is held up by how fast its base turns, more than by any motor. The two-link arm has no velocity limits: its second
+# The velocity of the base joint slows the UR5 more than any motor does. The two-link arm has no velocity limits: its second
 # motor counts most, and the radius of the short segment in the middle nearly as much.
 #
-# ## Does it hold?
+# ## Is the prediction right?
 #
 # Raise one limit by 10 %, plan again, and compare. For the radii, a problem takes another tube. For motors and velocities, the
-# problem file takes other limits; here the robot's are changed in place of the file's.
+# problem file takes other limits; the next cell adds them to its fields.
 
 # %%
 
@@ -132,5 +132,6 @@ axis.legend()
 plt.show()
 
 # %% [markdown]
-# The list is a derivative, so 10 % more saves a little less or more than it says: less where the next limit soon takes over (the
-# two-link arm's first motor), more where one limit opens the way to use another. The order holds, and that is what decides what to buy.
+# The entries are derivatives, so 10 % more saves a little less or more than predicted: less where the next limit soon takes over
+# (the two-link arm's first motor), more where one limit lets the arm use another. The order is right, and the order decides what to
+# buy.

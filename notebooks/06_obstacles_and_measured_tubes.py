@@ -9,10 +9,10 @@
 # ---
 
 # %% [markdown]
-# # Obstacles, and tubes that are measured
+# # Obstacles, and measured tubes
 #
-# A tube says: with the tool in here, and the arm in this configuration, nothing collides. Who says that it is true? This notebook measures
-# it, for the two-link arm, where everything can be drawn, and finds a tube where there is only a start and a goal. It takes about a
+# A tube says: with the tool in here, and the arm in this configuration, nothing collides. Is that true? This notebook measures a
+# tube for the two-link arm, where it can draw everything, and finds a tube from a start and a goal alone. It takes about a
 # minute.
 
 # %%
@@ -65,7 +65,7 @@ def draw_arm(axis, q, **style):
 
 
 # %% [markdown]
-# ## What the file says, and what there is room for
+# ## The radii in the file, and the largest ones
 
 # %%
 written = load_problem("example:two_link/around_a_post")
@@ -76,8 +76,8 @@ for k, segment in enumerate(measured.segments):
         print(f"   {end.bound}: {end.place}")
 
 # %% [markdown]
-# The arm has as many joints as the position of its tool needs, so the sign of the elbow is enough. What ends each radius is a configuration;
-# it touches the post while the tool is at the edge of the capsule.
+# The arm has as many joints as the position of its tool needs, so the sign of the elbow is enough. A configuration limits each
+# radius: there a link touches the post while the tool is at the edge of the capsule.
 
 # %%
 before, after = plan(written), plan(measured.problem)
@@ -97,8 +97,8 @@ for segment in measured.segments:
 # %% [markdown]
 # ## Counterexamples
 #
-# Draw configurations at random until many have their tool in the tube and the elbow where it should be, and look how near they come to the
-# post. This shares nothing with the measuring but the robot and the distances.
+# Draw random configurations until many have their tool in the tube and the right sign of the elbow, and compute how near they come to
+# the post. This shares only the robot and the distances with `measure_tube`.
 
 # %%
 rng = np.random.default_rng(0)
@@ -118,7 +118,7 @@ print(
 )
 
 # %% [markdown]
-# ## Which configurations are there?
+# ## Which configurations are possible?
 
 # %%
 survey = survey_patterns(written, MeasureOptions(samples=1000))
@@ -131,8 +131,8 @@ print("suggested:", survey.suggested)
 # %% [markdown]
 # ## From start and goal alone
 #
-# The paper leaves open where tubes come from. Here the arm reaches into one gap, has to fold to get out of it, and into another. OMPL finds
-# routes, the tool's path becomes a few reference points, and the tube around them is measured.
+# The paper leaves open where tubes come from. Here the arm reaches into one gap, must fold to leave it, and reaches into another. OMPL
+# finds routes, `find_route` turns the tool's path into a few reference points, and measures the tube around them.
 
 # %%
 task = load_problem("example:two_link/through_the_gap", reads_tube=False)

@@ -1,7 +1,7 @@
-"""What can be wrong with the input: one family of exceptions.
+"""Exceptions for bad input: one family.
 
-Bad input raises. A task that cannot be done is no error: `plan` returns a result whose status,
-message and place say why.
+Bad input raises. An impossible task is not an error: `plan` returns a result whose status, message
+and place say why.
 """
 
 import difflib

@@ -1,9 +1,13 @@
-"""How an attempt to plan ends: the status, and the place where something is wrong."""
+"""How planning ends: the status, and the place where something is wrong."""
 
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 from typing import Any
+
+# How far below zero the margins of a certificate may lie, and a given start or goal outside its
+# bounds [m, rad or relative].
+MARGIN_TOLERANCE = 1e-6
 
 
 class PlanStatus(StrEnum):
@@ -22,7 +26,7 @@ class PlanStatus(StrEnum):
 
 @dataclass(frozen=True)
 class Place:
-    """Where something holds or fails; what does not apply is None.
+    """Where something holds or fails; fields that do not apply are None.
 
     Attributes:
         time: [s].

@@ -20,7 +20,7 @@ class Progress:
     """How far planning has come.
 
     Attributes:
-        stage: What is being done.
+        stage: The current stage.
         nodes: Nodes of the search so far; None outside the search.
         lower_bound: No trajectory of the search's family is faster [s]; None where not known.
         best_duration: Duration of the best trajectory so far [s]; None if there is none.

@@ -188,7 +188,7 @@ def find_mesh(filename: str, urdf: Path, package_dirs: tuple[Path, ...] = ()) ->
 
 
 def _exists(path: Path) -> bool:
-    """Return whether a path exists; one that the system refuses as too long does not."""
+    """Return whether a path exists; one that is too long for the system does not."""
     try:
         return path.exists()
     except OSError:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from tubeplanner import (
     LimitOverrides,
@@ -102,3 +103,16 @@ def test_only_refinement_has_sensitivities():
         sensitivity for sensitivity in result.sensitivities if sensitivity.limit == "radius"
     )
     assert (radius.joint, radius.segment) == (None, 0)
+
+
+def test_a_start_on_its_rotation_tolerance_costs_nothing(two_link):
+    """No variable moves the start, so what holds there has no sensitivity."""
+    start, goal = np.array([-0.9, 1.2]), np.array([0.1, 1.2])
+    tool = two_link.tool_position(np.array([start, goal]))
+    turned = Rotation.from_rotvec(np.outer([start.sum() + 0.1, goal.sum()], [0, 0, 1])).as_quat()
+    tube = Tube(tool, 0.3, orientations=turned, rotation_tolerance=0.1)
+    result = plan(PlanningProblem(two_link, tube, start, goal))
+    assert result.succeeded
+    assert result.certificate.conditions["rotation"].margin == pytest.approx(0.0, abs=1e-6)
+    assert sum(one.elasticity for one in result.sensitivities) > -1.5
+    assert all(one.saved < 0.1 * result.duration for one in result.sensitivities)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tubeplanner.trajectory.bernstein import bernstein_coefficients, maxima, peak_magnitudes
+from tubeplanner.trajectory.bernstein import bernstein_coefficients, halves, maxima, peak_magnitudes
 
 DEGREES = range(1, 8)
 
@@ -136,3 +136,9 @@ def test_peak_magnitudes_are_the_larger_of_maximum_and_minimum(degree):
         assert value == pytest.approx(max(both), rel=1e-9)
         there = np.polyval(coefficients[:, piece, j], found.local_time[j])
         assert abs(there) == pytest.approx(value, rel=1e-12)
+
+
+def test_halves_of_intervals_cover_them_in_turn():
+    start, width = halves(np.array([0.0, 3.0]), np.array([1.0, 4.0]))
+    assert start.tolist() == [0.0, 0.5, 3.0, 5.0]
+    assert width.tolist() == [0.5, 0.5, 2.0, 2.0]

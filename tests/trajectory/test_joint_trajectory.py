@@ -3,6 +3,7 @@ import pytest
 from scipy.interpolate import BSpline, PPoly
 
 from tubeplanner import JointTrajectory, TrajectoryError
+from tubeplanner.trajectory.averaging import averaged
 from tubeplanner.trajectory.joint_trajectory import concatenate, from_spline
 
 NAMES = ("a", "b")
@@ -125,3 +126,17 @@ def test_a_part_that_ends_on_a_breakpoint_is_not_cut_there_again():
     assert part.duration == pytest.approx(2.33)
     assert len(part.widths) == 1
     assert part.position(part.duration)[0] == pytest.approx(3.07)
+
+
+def test_an_averaged_trajectory_has_means_of_it_at_its_knots():
+    trajectory, intervals, duration = random_trajectory(), 10, 3.0
+    smooth = averaged(trajectory, intervals, duration)
+    np.testing.assert_allclose(smooth.breakpoints, duration * np.arange(11) / 10)
+    step = trajectory.duration / (intervals - 2)  # two intervals come on top
+    inner = np.arange(3, intervals - 2)
+    before, at, after = (trajectory.position((inner - 1 + k) * step) for k in (-1, 0, 1))
+    found = smooth.position(smooth.breakpoints[inner])
+    np.testing.assert_allclose(found, (before + 4 * at + after) / 6, atol=1e-12)
+    ends = smooth.at(np.array([0.0, duration]))
+    np.testing.assert_allclose(ends.position, trajectory.position([0, trajectory.duration]))
+    np.testing.assert_allclose([ends.velocity, ends.acceleration], 0.0, atol=1e-9)

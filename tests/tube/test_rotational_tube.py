@@ -166,8 +166,8 @@ def test_rounded_quaternions_are_made_unit():
         (
             [STILL, [0, 1, 0, 0]],
             0.1,
-            "tube.orientations: from point 0 to 1 the tool turns by 180 degrees, so that which way "
-            "round is not determined; add a reference point between them",
+            "tube.orientations: from point 0 to 1 the tool turns by 180 degrees, so that the "
+            "direction is undetermined; add a reference point between them",
         ),
         (
             [STILL, STILL],

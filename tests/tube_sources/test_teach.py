@@ -56,7 +56,7 @@ def test_a_noisy_trail_becomes_few_points(taught):
 
 
 def test_the_way_out_and_back_is_left_out_and_said(taught):
-    notes = [note for note in taught[2]["notes"] if note.startswith("left out: a way out and back")]
+    notes = [note for note in taught[2]["notes"] if note.startswith("removed: a detour")]
     assert len(notes) == 1
 
 

@@ -305,9 +305,9 @@ def test_the_hull_of_the_polynomials_holds_the_tool(ur5):
     np.testing.assert_allclose(hull[0], enclosure.at(first), atol=1e-12)
 
 
-def test_few_intervals_are_enough(planned):
-    problem, result = planned("ur5/over_the_wall", "branch-and-bound")
-    robot, trajectory = problem.robot, result.trajectory
+def test_few_intervals_are_enough(stored):
+    problem, trajectory = stored("ur5/over_the_wall", "branch-and-bound")
+    robot = problem.robot
     assert len(enclosed_tool(robot, trajectory, 1e-7).width) < 40
     assert len(enclosed_efforts(robot, trajectory, 1e-7 * robot.limits.effort).width) < 80
     assert len(enclosed_tool(robot, trajectory, 1e-3).width) < 12

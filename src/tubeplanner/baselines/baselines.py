@@ -1,7 +1,7 @@
 """The schemes that Suh & Bishop (1988) compare with, each as an ordinary trajectory.
 
-What a scheme breaks is for `verify` to say: most of them are not smooth, and none of them knows of
-links and obstacles.
+`verify` reports what a scheme violates: most of them are not smooth, and all ignore links and
+obstacles.
 """
 
 from collections.abc import Callable, Mapping
@@ -29,20 +29,20 @@ from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.verification.certificate import Certificate
 from tubeplanner.verification.verification import verify
 
-# Into how many intervals the run of every segment is averaged: the fastest is kept. The finest is
-# about as fine as refinement's knots.
+# Numbers of intervals over which each segment's time parameterization is averaged: the fastest is
+# kept. The finest is about as fine as refinement's knots.
 _SMOOTHED_INTERVALS = (64, 32, 16)
-# What a scheme whose acceleration jumps cannot keep.
+# The conditions that a scheme whose acceleration jumps cannot satisfy.
 _SMOOTHNESS = {"rest", "continuity", "jerk"}
 
 
 @dataclass(frozen=True, eq=False)
 class Baseline:
-    """What a scheme makes of a problem.
+    """The trajectory of a scheme.
 
     Attributes:
         trajectory: The trajectory.
-        note: What else is worth knowing about it.
+        note: Further information about it.
     """
 
     trajectory: JointTrajectory
@@ -62,7 +62,7 @@ def conventional(problem: PlanningProblem, branch: ReferenceBranch) -> Baseline:
 
 
 def bang_bang(problem: PlanningProblem, branch: ReferenceBranch) -> Baseline:
-    """The least time for the tool's straight lines, with stops, by motors that switch at once."""
+    """The least time for the tool's straight lines, with stops, if motors switch instantly."""
     return _switched(problem, tool_paths(problem, branch, arcs=False), "")
 
 
@@ -103,10 +103,10 @@ BASELINES: Mapping[str, Callable[[PlanningProblem, ReferenceBranch], Baseline]] 
 def judged_baseline(
     problem: PlanningProblem, name: str, progress: ProgressCallback | None = None
 ) -> tuple[Baseline, Certificate]:
-    """Return what a scheme makes of a problem, and its certificate, passed or not.
+    """Return a scheme's trajectory for a problem, and its certificate, passed or not.
 
-    Rules for redundant joints are tried in turn until nothing but smoothness is broken; if
-    something always is, the first trajectory there is counts.
+    Tries rules for redundant joints in turn until only smoothness is violated; if none gets that
+    far, the first trajectory counts.
 
     Args:
         problem: The planning problem.

@@ -15,7 +15,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.baselines.tool_path import ToolPath, arc_lengths_on_line
 from tubeplanner.constraints.time_scaling import scaled_to_limits, scaling_factor
 from tubeplanner.constraints.tube_membership import first_departure
-from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Place, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
@@ -24,9 +24,8 @@ _MAX_ROUNDS = 10  # of adding knots
 _PROBES = np.linspace(0.0, 1.0, 9)[1:-1]  # of every joint line
 # How much of the shorter neighbour the half of a transition takes: the fastest is kept.
 _TRANSITION_SHARES = (0.49, 0.4, 0.3, 0.2, 0.1)
-# Intervals are shortened by what their own limits leave, over and over.
+# Rounds in which every interval is shortened as far as its own limits allow.
 _TIMING_ROUNDS, _TIMING_POWER, _SAMPLES_PER_PIECE = 40, 0.5, 8
-_ON_THE_WALL = 1e-6  # [m or rad]
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,8 +33,8 @@ class BoundedDeviation:
     """A trajectory by Taylor's scheme.
 
     Attributes:
-        trajectory: Parabolas and lines, C1, at the limits but for those of jerk.
-        knots: How many.
+        trajectory: Parabolas and lines, C1, at all limits except jerk.
+        knots: Number of knots.
     """
 
     trajectory: JointTrajectory
@@ -45,8 +44,8 @@ class BoundedDeviation:
 def bounded_deviation(problem: PlanningProblem, lines: list[ToolPath]) -> BoundedDeviation:
     """Return the fastest trajectory by Taylor's scheme that stays in the tube, or else the fastest.
 
-    His time for an interval comes from velocity limits alone; here intervals take as long as the
-    limits of effort, velocity and acceleration ask for around them.
+    His time for an interval comes from velocity limits alone; here each interval lasts as long as
+    the limits of effort, velocity and acceleration require around it.
 
     Args:
         problem: The planning problem; its radii are the tolerances.
@@ -63,7 +62,7 @@ def bounded_deviation(problem: PlanningProblem, lines: list[ToolPath]) -> Bounde
     inside = [
         trajectory
         for trajectory in found
-        if first_departure(problem, trajectory, _ON_THE_WALL) is None
+        if first_departure(problem, trajectory, MARGIN_TOLERANCE) is None
     ]
     fastest = min(inside or found, key=lambda trajectory: trajectory.duration)
     return BoundedDeviation(fastest, len(knots))
@@ -89,7 +88,7 @@ def _knots(robot: RobotModel, line: ToolPath, tolerance: float) -> FloatArray:
 
 
 def _deviation(robot: RobotModel, line: ToolPath, knots: FloatArray) -> FloatArray:
-    """Return how far joint lines lead the tool from its line, shape (K-1,) [m]."""
+    """Return how far the tool deviates from its line on joint lines, shape (K-1,) [m]."""
     steps = np.diff(knots, axis=0)
     probes = knots[:-1, None] + _PROBES[:, None] * steps[:, None]
     offset = robot.tool_position(probes.reshape(-1, knots.shape[1])) - line.curve.start[0]

@@ -19,10 +19,9 @@ from tubeplanner.trajectory.joint_trajectory import JointTrajectory, concatenate
 PAPER_SPEED, PAPER_ACCELERATION = 0.75, 1.2  # [m/s], [m/s^2]
 _TOLERANCE = 2e-6  # [m] between the tool and where it should be at that time
 _MIN_NODES, _MAX_NODES = 16, 2048  # per phase of constant acceleration
-# How much of the longest line may be spent speeding up and slowing down: the fastest is taken.
+# Shares of the longest line for speeding up and slowing down: the fastest is taken.
 _RAMP_SHARES = np.geomspace(1.0, 0.02, 12)
-# A tool that moves less per arc length of the joints [m/rad] stands still: the arm is singular
-# there.
+# A tool that moves less per joint-space arc length [m/rad] stands still: the arm is singular there.
 _MIN_GAIN = 1e-3
 
 
@@ -94,7 +93,7 @@ def conventional_trajectory(
 
 
 def _scaled_speed(robot: RobotModel, lines: list[ToolPath], ramps: float) -> TrapezoidalSpeed:
-    """Return the largest speed whose ramps take so much of the arc length [m]."""
+    """Return the largest speed whose ramps take a given length of the line [m]."""
     shape = TrapezoidalSpeed(float(np.sqrt(ramps)), 1.0)
     trajectory = conventional_trajectory(robot, lines, shape)
     faster = trajectory.duration / minimum_duration(robot, trajectory, with_jerk=False)

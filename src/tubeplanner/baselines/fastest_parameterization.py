@@ -1,9 +1,9 @@
-"""How fast a path can be run by motors that switch at once: bang-bang control.
+"""How fast motors that switch instantly can run a path: bang-bang control.
 
 Solved by TOPP-RA (Pham & Pham, "A new approach to time-optimal path parameterization based on
 reachability analysis", IEEE T-RO 34(3), 2018); first by Bobrow et al. and Shin & McKay (1985).
 
-A path is kept as the trajectory that runs it at unit speed: its times are the arc length in joint
+A path is stored as the trajectory that runs it at unit speed: its times are the arc length in joint
 space.
 """
 
@@ -15,17 +15,17 @@ from tubeplanner.constraints.time_scaling import estimated_duration
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
-# A limit that is not given: so many times what a gentle run of the path uses.
+# In place of a missing limit: this multiple of what a gentle run of the path uses.
 _AMPLE, _SAMPLES_PER_PIECE = 1e3, 20
 
 
 def fastest_parameterization(
     robot: RobotModel, path: JointTrajectory, arc_length: FloatArray, *, at_both_ends: bool = True
 ) -> JointTrajectory | None:
-    """Return the fastest arc length over time, from rest to rest, along a path.
+    """Return a path's fastest time parameterization: arc length over time, from rest to rest.
 
-    Under the limits of velocity, acceleration and effort; jerk, and so smoothness, is not asked
-    for. The limits are judged at points of the path; in between they may be exceeded.
+    It keeps the limits of velocity, acceleration and effort at points of the path and may exceed
+    them in between; jerk is unlimited, so it is not smooth.
 
     Args:
         robot: The arm.
@@ -89,13 +89,13 @@ def _gentle_run(path: JointTrajectory) -> JointTrajectory:
 
 
 def _finite(limit: FloatArray, used: FloatArray) -> FloatArray:
-    """Return limits (n,), those that are not given being ample for what is used, (N, n)."""
+    """Return limits (n,); missing ones become ample for the values used, (N, n)."""
     most = np.maximum(abs(used).max(axis=0), 1e-6)
     return np.where(np.isfinite(limit), limit, _AMPLE * most)
 
 
 class _Path:
-    """A path as TOPP-RA asks for it."""
+    """A path with the interface that TOPP-RA requires."""
 
     waypoints = None
 

@@ -1,8 +1,8 @@
 """Bang-bang control on given paths: the least time in which the arm can run them, rest to rest.
 
-At every instant some motor or velocity is at its limit, and motors switch at once: the acceleration
-jumps. (Bobrow, Dubowsky & Gibson, "Time-optimal control of robotic manipulators along specified
-paths", 1985; Shin & McKay, 1985.)
+At every instant some motor or velocity is at its limit, and motors switch instantly: the
+acceleration jumps. (Bobrow, Dubowsky & Gibson, "Time-optimal control of robotic manipulators along
+specified paths", 1985; Shin & McKay, 1985.)
 """
 
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ _PATH_STEPS, _PIECE_STEPS = 800, 400
 def bang_bang_parameterizations(
     robot: RobotModel, paths: Sequence[ToolPath]
 ) -> list[JointTrajectory]:
-    """Return the arc length over time in which each path is run fastest, from rest to rest.
+    """Return the fastest time parameterization of each path, from rest to rest.
 
     Raises:
         Infeasible: Gravity exceeds a motor's effort, or no time parameterization is found.
@@ -37,11 +37,11 @@ def bang_bang_parameterizations(
 def bang_bang_trajectory(
     robot: RobotModel, paths: Sequence[ToolPath], timings: Sequence[JointTrajectory]
 ) -> tuple[JointTrajectory, float]:
-    """Return the trajectory that runs paths so parameterized: degree 6, slowed into limits.
+    """Return the trajectory along paths with these time parameterizations: degree 6, within limits.
 
-    The time parameterizations keep the limits at points of their paths; all are slowed by the share
-    by which limits are exceeded in between. Limits of jerk are left out, since the acceleration
-    jumps.
+    The time parameterizations keep the limits at points of their paths; all are slowed uniformly by
+    the share by which the trajectory exceeds limits in between. Limits of jerk are left out, since
+    the acceleration jumps.
 
     Returns:
         The trajectory, and the share by which it is slowed.

@@ -1,9 +1,8 @@
-"""Bang-bang control made smooth: the same path, run by an average of its time parameterization.
+"""Smoothed bang-bang control: the same path with an average of its time parameterization.
 
-The average is C2 and begins and ends at rest without acceleration. Where that breaks a limit, the
-time parameterization takes more time before it is averaged again; what is left is slowed as a
-whole. Finer averages cost less, without a bound: what smoothness costs depends on the jerk that is
-allowed.
+The average is C2 and begins and ends at rest without acceleration. Where that violates a limit, the
+time parameterization is slowed locally before it is averaged again; the rest is slowed uniformly.
+Finer averages cost ever less: the allowed jerk sets the price of smoothness.
 """
 
 from collections.abc import Sequence
@@ -24,7 +23,7 @@ from tubeplanner.trajectory.joint_trajectory import JointTrajectory, concatenate
 
 _ROUNDS = 8
 _SAMPLES_PER_INTERVAL = 8  # at the limits, per interval
-# What one look asks for is given to the intervals beside it, too, in steps.
+# A round's slowing is spread over neighbouring intervals too, in steps.
 _WINDOW, _POWER, _MAX_GAIN = 2 * _SAMPLES_PER_INTERVAL + 1, 0.6, 1.2
 
 
@@ -67,7 +66,7 @@ def _smoothed(
 
 
 def _stretched(timing: JointTrajectory, factor: FloatArray) -> JointTrajectory:
-    """Return a time parameterization whose pieces take so many times longer, (pieces,)."""
+    """Return a time parameterization whose pieces last longer by given factors, (pieces,)."""
     powers = np.arange(len(timing.coefficients) - 1, -1, -1)
     times = np.concatenate([[0.0], np.cumsum(factor * timing.widths)])
     rows = timing.coefficients / (factor ** powers[:, None])[:, :, None]

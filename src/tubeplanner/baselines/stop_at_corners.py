@@ -9,27 +9,26 @@ from collections.abc import Callable
 
 import numpy as np
 from scipy.interpolate import BSpline, CubicSpline
-from scipy.linalg import solve
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.branches.reference_branch import ReferenceBranch
 from tubeplanner.constraints.time_scaling import estimated_duration, scaled_to_limits
-from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Place, PlanStatus
 from tubeplanner.polyline import arc_lengths
 from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.trajectory.fitted_spline import REST_POINTS, fitted_control_points, times_between
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, concatenate, from_spline
 
 _DEGREE = 5
 # Configurations nearer to their neighbour than this share of the largest step carry no direction.
 _MIN_STEP_SHARE = 1e-4
-_REST_POINTS = 3  # equal control points at an end put velocity and acceleration there to zero
 _MIN_INTERVALS = 16
 _MAX_INTERVALS = 128
 _FIT_POINTS_PER_INTERVAL = 8
-# The fit may use this share of radius and rotation bound; the rest is left to who improves on it.
+# The fit may use this share of radius and rotation bound; the rest is left for later refinement.
 _FIT_SHARE = 0.1
-_ON_THE_WALL = 5e-7  # [m or rad]
-# Shares of the time spent speeding up, and as much slowing down: the fastest is kept.
+_ON_THE_WALL = MARGIN_TOLERANCE / 2
+# Shares of the time for speeding up, and the same for slowing down: the fastest is kept.
 _RAMP_SHARES = (0.5, 0.4, 0.3, 0.2, 0.15, 0.1)
 
 
@@ -123,26 +122,13 @@ def _fit(
     """
     breakpoints = (1 - np.cos(np.pi * np.arange(intervals + 1) / intervals)) / 2
     knots = np.concatenate([np.zeros(_DEGREE), breakpoints, np.ones(_DEGREE)])
-    times = _between(breakpoints, _FIT_POINTS_PER_INTERVAL)
+    times = times_between(breakpoints, _FIT_POINTS_PER_INTERVAL)
     wanted = _along(q)(_ramped(times, ramp))
-    design = BSpline.design_matrix(times, knots, _DEGREE).toarray()
-    control_points = np.empty((design.shape[1], q.shape[1]))
-    control_points[:_REST_POINTS], control_points[-_REST_POINTS:] = q[0], q[-1]
-    inner = slice(_REST_POINTS, -_REST_POINTS)
-    fixed = design[:, :_REST_POINTS].sum(axis=1)[:, None] * q[0]
-    fixed = fixed + design[:, -_REST_POINTS:].sum(axis=1)[:, None] * q[-1]
-    # Normal equations: well conditioned, and small enough to need no threads.
-    matrix = design[:, inner].T @ design[:, inner]
-    solution = solve(matrix, design[:, inner].T @ (wanted - fixed), assume_a="pos")
+    points = fitted_control_points(knots, _DEGREE, times, wanted, (q[0], q[-1]))
     lower, upper = problem.joint_lower[segment], problem.joint_upper[segment]
-    control_points[inner] = np.clip(solution, lower, upper)
-    return from_spline(problem.robot.joint_names, BSpline(knots, control_points, _DEGREE))
-
-
-def _between(breakpoints: FloatArray, count: int) -> FloatArray:
-    """Return `count` times in every interval, none on its ends."""
-    local = (np.arange(count) + 0.5) / count
-    return (breakpoints[:-1, None] + local * np.diff(breakpoints)[:, None]).ravel()
+    inner = slice(REST_POINTS, -REST_POINTS)
+    points[inner] = np.clip(points[inner], lower, upper)
+    return from_spline(problem.robot.joint_names, BSpline(knots, points, _DEGREE))
 
 
 def _along(q: FloatArray) -> CubicSpline:

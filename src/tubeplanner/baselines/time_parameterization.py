@@ -1,23 +1,23 @@
-"""Paths run by time parameterizations: polynomials put into polynomials, exactly.
+"""Paths composed with time parameterizations: polynomials of polynomials, exactly.
 
-A path is kept as the trajectory that runs it at unit speed, a time parameterization as the
-trajectory of one joint, the way along the path.
+A path is stored as the trajectory that runs it at unit speed, a time parameterization as the
+trajectory of a single joint: the arc length along the path.
 """
 
 import numpy as np
-from scipy.interpolate import BSpline, PPoly
+from scipy.interpolate import PPoly
 from scipy.optimize import elementwise
 from scipy.special import factorial
 
 from tubeplanner.arrays import FloatArray, IntArray
-from tubeplanner.trajectory.joint_trajectory import JointTrajectory, from_spline
+from tubeplanner.trajectory.averaging import averaged
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
 _SAME_TIME = 1e-9  # of the duration: pieces shorter than this are none
-_DEGREE = 3
 
 
 def run_along(path: JointTrajectory, timing: JointTrajectory) -> JointTrajectory:
-    """Return the trajectory that runs a path by a time parameterization.
+    """Return the trajectory along a path with a time parameterization.
 
     Args:
         path: Over the arc length, from 0 to its length.
@@ -60,29 +60,20 @@ def times_at(timing: JointTrajectory, arc_length: FloatArray) -> FloatArray:
 def averaged_parameterization(timing: JointTrajectory, intervals: int) -> JointTrajectory:
     """Return the average over neighbouring intervals: a C2 cubic spline that never falls.
 
-    Its control points lie on the time parameterization (Schoenberg's operator; de Boor, "A
-    Practical Guide to Splines", chapter XI), the first three at its start and the last three at its
-    end, so that it begins and ends at rest and without acceleration.
-
     Args:
         timing: The arc length over time.
-        intervals: How many equal ones, at least 3; they last as long as the time parameterization.
+        intervals: How many equal ones, at least 3; two of them come on top of its duration.
     """
-    knots = np.linspace(0.0, 1.0, intervals + 1)
-    knots = np.concatenate([np.zeros(_DEGREE), knots, np.ones(_DEGREE)])
-    means = (knots[1:-3] + knots[2:-2] + knots[3:-1]) / _DEGREE  # where control points belong
-    first, last = means[2], means[-3]
-    share = np.clip((means - first) / (last - first), 0.0, 1.0)
-    control_points = timing.position(share * timing.duration)
-    duration = timing.duration / (last - first)  # the time parameterization's own speed in between
-    return from_spline(timing.joint_names, BSpline(knots * duration, control_points, _DEGREE))
+    # In between, the time parameterization's own speed.
+    return averaged(timing, intervals, timing.duration * intervals / (intervals - 2))
 
 
 def _restarted(timing: JointTrajectory, times: FloatArray) -> FloatArray:
     """Return coefficients (degree+1, P) of the pieces between other times, (P+1,)."""
     polynomial = PPoly(timing.coefficients[:, :, 0], timing.breakpoints)
     powers = np.arange(len(timing.coefficients) - 1, -1, -1)
-    # Looked up at the middles, developed about the starts: no piece is mistaken for its neighbour.
+    # Looked up at the middles, expanded about the starts: rounding cannot pick a neighbouring
+    # piece.
     half = np.diff(times) / 2
     rows = np.array([polynomial.derivative(p)(times[:-1] + half) / factorial(p) for p in powers])
     return _shifted(rows, -half)
@@ -98,7 +89,7 @@ def _shifted(rows: FloatArray, by: FloatArray) -> FloatArray:
 
 
 def _composed(path: JointTrajectory, timing: FloatArray, piece: IntArray) -> FloatArray:
-    """Return a path's pieces (P,) with polynomials (r+1, P) put in: (degree*r+1, P, n)."""
+    """Return a path's pieces (P,) composed with polynomials (r+1, P): (degree*r+1, P, n)."""
     arc_length = timing.copy()
     arc_length[-1] -= path.breakpoints[piece]
     rows = path.coefficients[:, piece]

@@ -11,7 +11,7 @@ from tubeplanner.polyline import arc_lengths
 
 _STRAIGHT, _BACK = 1e-6, 1e-3  # [rad]: smaller turns need no arc, turns nearer to pi allow none
 _MIN_LENGTH = 1e-9  # [m]
-# Arcs keep away from the wall by this share of the radius: what follows them is not exact.
+# Arcs stay away from the wall by this share of the radius: the arm follows them only closely.
 _KEPT_SHARE = 1e-3
 
 

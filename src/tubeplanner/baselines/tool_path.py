@@ -46,7 +46,7 @@ class ToolPath:
 
 
 def tool_paths(problem: PlanningProblem, branch: ReferenceBranch, *, arcs: bool) -> list[ToolPath]:
-    """Return the arm along the straight lines of the tool between a branch's corners.
+    """Return the arm along the tool's straight lines between the reference points of a branch.
 
     Args:
         problem: The planning problem.
@@ -91,7 +91,7 @@ def follow(problem: PlanningProblem, branch: ReferenceBranch, curve: ToolCurve) 
 
 
 def arc_lengths_on_line(robot: RobotModel, line: ToolPath, distance: FloatArray) -> FloatArray:
-    """Return the arc lengths of the joints at which the tool is so far along its line [m], (N,)."""
+    """Return the joint-space arc lengths at which the tool is at places (N,) on its line [m]."""
     start, direction = line.curve.start[0], line.curve.direction[0]
 
     def excess(arc_length: FloatArray, distance: FloatArray) -> FloatArray:
@@ -162,12 +162,12 @@ class _Follower:
         return table
 
     def _segment(self, arc_length: FloatArray) -> IntArray:
-        """Return the tube's segments (N,) that arc lengths (N,) on the curve are counted to."""
+        """Return the tube's segments (N,) to which arc lengths (N,) on the curve belong."""
         polyline = np.interp(arc_length, self._curve.arc_lengths, self._curve.polyline_arc_lengths)
         return np.searchsorted(self._before[1:-1], polyline)
 
     def _on_curve(self, table: FloatArray) -> FloatArray:
-        """Return a table whose tools are moved to the curve, not turned if that is bounded.
+        """Return a table with its tools moved onto the curve, orientation kept if it is bounded.
 
         Raises:
             Infeasible: Status unreachable.
@@ -188,7 +188,7 @@ class _Follower:
         return moved
 
     def _off_curve(self, spline: CubicSpline) -> FloatArray:
-        """Return how far from the curve each step of a spline leads the tool, (steps,) [m]."""
+        """Return how far the tool is from the curve within each step of a spline, (steps,) [m]."""
         x = spline.x
         arc_lengths = x[:-1, None] + np.diff(x)[:, None] * _PROBES
         probes = spline(arc_lengths.ravel())

@@ -1,10 +1,10 @@
-"""Inverse kinematics of one tool position, and of a rotation as far as asked, in joint bounds.
+"""Inverse kinematics of one tool position, optionally of its rotation, within joint bounds.
 
 Damped least squares with the damping of Sugihara, "Solvability-unconcerned inverse kinematics by
 the Levenberg-Marquardt method" (IEEE T-RO 27(5), 2011): it converges at a fully stretched arm, and
 comes as near as possible to a point out of reach. The rotation comes second: it uses what the
-position leaves, in the null space of its Jacobian. Joints that are redundant even then are pulled
-towards a preferred configuration, in the null space of both.
+position leaves, in the null space of its Jacobian. A third task pulls redundant joints towards a
+preferred configuration, in the null space of both.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from tubeplanner.tube.rotations import inverse_right_jacobian, nearest_branch, r
 
 _DAMPING = 1e-10  # added to half the squared error [m^2]
 _POSITION_TOLERANCE = 1e-10  # [m]
-# The last step [rad or m]: what it leaves is of its square.
+# The last step [rad or m]: the remaining error is of the order of its square.
 _POSTURE_TOLERANCE = 1e-6
 _MAX_ITERATIONS = 100
 # Near full stretch a joint is all but redundant, and a pull on it would keep the tool from its
@@ -33,7 +33,7 @@ _BENDS = (0.05, -0.05)  # [rad or m], its sign alternating from joint to joint
 
 @dataclass(frozen=True, eq=False)
 class WantedRotation:
-    """How the tool should be turned.
+    """The wanted orientation of the tool.
 
     Attributes:
         reference: Reference orientation, shape (3, 3), base frame.
@@ -80,7 +80,7 @@ def solve_position(
         lower: Lower joint bounds, shape (n,).
         upper: Upper joint bounds, shape (n,).
         preferred: Where redundant joints go, shape (n,); default: back to the seed.
-        rotation: How the tool should be turned there; default: any.
+        rotation: Wanted orientation of the tool there; default: any.
 
     Returns:
         The solution; its errors say whether the target was reached.
@@ -135,7 +135,7 @@ class _Descent:
         return PositionSolution(q, _length(tasks[:1]), _length(tasks[1:]))
 
     def _tasks(self, q: FloatArray) -> list[_Task]:
-        """Return what is to be done at a configuration (n,), the position first."""
+        """Return the tasks at a configuration (n,), the position first."""
         rotation, position, jacobian = (part[0] for part in self.robot.tool_pose_jacobian(q[None]))
         tasks = [(jacobian[:3], self.target - position)]
         wanted = self.rotation

@@ -1,7 +1,7 @@
 """Straight lines in joint space between configurations at the reference points.
 
 Refinement may start from them where no continuous branch follows the reference path, or where a
-branch leads it to a trajectory that is not the fastest: the tool need not be in the tube yet.
+branch leads it to a trajectory that is not the fastest. The tool may still be outside the tube.
 """
 
 from itertools import pairwise
@@ -46,7 +46,7 @@ def joint_lines(problem: PlanningProblem) -> ReferenceBranch:
 def _corner(problem: PlanningProblem, k: int, near: FloatArray) -> FloatArray:
     """Return a configuration (n,) at reference point k, near another one.
 
-    Where that has the tool turned as it must not be, others near by are looked for.
+    Where that violates the rotation tolerance, it searches for others nearby.
     """
     segments = [k - 1, min(k, problem.tube.segment_count - 1)]
     lower, upper = (

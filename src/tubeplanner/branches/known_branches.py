@@ -1,4 +1,4 @@
-"""Branches of the arm along a problem's tube, each found once, when it is asked for."""
+"""Branches of the arm along a problem's tube, each computed once, on first use."""
 
 from collections.abc import Callable
 from functools import partial
@@ -19,7 +19,7 @@ _JOINT_LINES, _POSITION_ONLY = "joint lines", "position only"
 
 
 class KnownBranches:
-    """Branches by the rule that moves the joints which the tool leaves free, and joint lines."""
+    """Branches by the rule for redundant joints, and joint lines."""
 
     def __init__(self, problem: PlanningProblem, clock: PlanningClock) -> None:
         self._problem, self._clock = problem, clock
@@ -45,7 +45,7 @@ class KnownBranches:
         search = partial(
             reference_branch, self._problem, rule, self._clock.check, with_rotation=False
         )
-        return self._once(_POSITION_ONLY, "inverse kinematics of the tool's place alone", search)
+        return self._once(_POSITION_ONLY, "inverse kinematics of the tool's position alone", search)
 
     def joint_lines(self) -> ReferenceBranch:
         """Return joint lines between the reference points, the tool not in the tube.

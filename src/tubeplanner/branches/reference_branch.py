@@ -1,9 +1,9 @@
 """The arm along the reference path: one continuous branch of the inverse kinematics.
 
-The tool goes from where the start configuration has it, through the inner reference points, to
-where the goal configuration has it; each leg is straight, so it stays in its capsule. Where its
-rotation is bounded, it is turned as the reference is, as far as the arm can. The joint
-ranges of each segment choose the branch, a rule moves the joints that are left free.
+The tool goes from its position in the start configuration through the inner reference points to its
+position in the goal configuration; each leg is straight, so it stays in its capsule. Where its
+rotation is bounded, it follows the reference orientation as far as the arm can. The joint ranges of
+each segment select the branch, and a rule moves redundant joints.
 """
 
 from collections.abc import Callable
@@ -68,7 +68,7 @@ class ReferenceBranch:
 
 
 class RedundancyRule(StrEnum):
-    """What joints do that the tool's position leaves free."""
+    """How redundant joints move."""
 
     AS_NEEDED = "they move as little as possible, and to the goal at the end"
     PROPORTIONAL = "they go from start to goal in proportion to the arc length"
@@ -95,13 +95,13 @@ def reference_branch(
     *,
     with_rotation: bool = True,
 ) -> ReferenceBranch:
-    """Return the branch that the joint signs, the start and the goal ask for.
+    """Return the branch that the joint signs, the start and the goal select.
 
     Args:
         problem: The planning problem.
-        rule: What joints do that the tool's position leaves free.
+        rule: How redundant joints move.
         checkpoint: Called before every segment; it may raise to end the work.
-        with_rotation:Whether the rotation tolerance, if there is one, is kept.
+        with_rotation: Whether the branch keeps the rotation tolerance, if there is one.
 
     Raises:
         Infeasible: Status unreachable: the message says where the branch ends and why.
@@ -133,7 +133,7 @@ def _pulls(
     goal: FloatArray | None,
     rule: RedundancyRule,
 ) -> FloatArray | None:
-    """Return where redundant joints are pulled at each point of a route, (m+1, n), if anywhere."""
+    """Return the values (m+1, n) towards which redundant joints move at each point, if any."""
     if rule is RedundancyRule.HELD:
         return np.tile(start, (len(route), 1))
     if rule is RedundancyRule.CENTRED:
@@ -174,7 +174,7 @@ def end_configuration(problem: PlanningProblem, given: FloatArray | Seed, point:
 
 
 def _route(problem: PlanningProblem, start: FloatArray, goal: FloatArray | None) -> FloatArray:
-    """Return where the tool goes: the reference points, its ends where start and goal have it."""
+    """Return the tool's route: reference points, its ends from start and goal configurations."""
     route = problem.tube.points.copy()
     route[0] = problem.robot.tool_position(start[None])[0]
     if goal is not None:

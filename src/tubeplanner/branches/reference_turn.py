@@ -1,27 +1,26 @@
-"""How the tool should be turned along one tube segment.
+"""The wanted orientation of the tool along one tube segment.
 
-At inner reference points the tool is turned as the reference is; a given start or goal may have it
-off by what the tolerance allows. In between, the rotation vector goes from one to the other in
-proportion to the way. Components that the segment leaves free are left to the joints, unless the
-next segment bounds them: they then come in on time for the switching time.
+At inner reference points the tool has the reference orientation; a given start or goal may deviate
+from it within the tolerance. In between, the rotation vector goes from one to the other in
+proportion to the arc length. Components that the segment leaves free follow from the joints, unless
+the next segment bounds them: they then enter their bounds by the switching time.
 """
 
 import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray
 from tubeplanner.branches.inverse_kinematics import WantedRotation
+from tubeplanner.outcome import MARGIN_TOLERANCE
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.tube.rotational_tube import RotationalTube
 
-# How far outside its bound a given start or goal may be [rad]: what bad input is judged by.
-_INPUT_TOLERANCE = 1e-6
-# Where the arm cannot be turned as wanted, it must keep this share of what was left to the bound:
-# something to go on from for those who plan.
+# Where the arm cannot reach the wanted orientation, it must keep this share of the distance to the
+# bound, so that the planner has some freedom to start with.
 _KEPT_MARGIN_SHARE = 0.1
 
 
 class ReferenceTurn:
-    """The rotation wanted after every share of a segment, and whether the tool is too far off."""
+    """The wanted rotation at every share of a segment, and whether the tool deviates too far."""
 
     def __init__(
         self,
@@ -48,17 +47,17 @@ class ReferenceTurn:
         self._end = np.zeros(3) if goal is None else self._vector(goal)
 
     def wanted(self, share: float, point: FloatArray) -> WantedRotation:
-        """Return how the tool should be turned at a point (3,) after a share of the way."""
+        """Return the tool's wanted orientation at a point (3,), after a share of the segment."""
         reference = self._tube.reference(point[None], self._segment)[0]
         return WantedRotation(reference, self._vector_after(share), self._components)
 
     def off_segment(self, q: FloatArray, share: float) -> int | None:
-        """Return the segment for which a configuration (n,) has the tool turned too far, if any."""
+        """Return the segment whose rotation tolerance a configuration (n,) violates, if any."""
         rotation, tool = self._robot.tool_pose(q[None])
         for segment in {self._segment, self._following if share == 1.0 else self._segment}:
             left = float(self._tube.margin_of(self._vector_after(share)[None], segment)[0])
             margin = float(self._tube.margin(rotation, tool, segment)[0])
-            if margin < _KEPT_MARGIN_SHARE * left - _INPUT_TOLERANCE:
+            if margin < _KEPT_MARGIN_SHARE * left - MARGIN_TOLERANCE:
                 return segment
         return None
 
@@ -79,7 +78,7 @@ def bounded_components(tube: RotationalTube, segment: int) -> BoolArray:
 def wanted_at(
     problem: PlanningProblem, point: FloatArray, segment: int, near: FloatArray | None = None
 ) -> WantedRotation | None:
-    """Return how the tool should be turned at a point (3,): as the reference, or as it is near.
+    """Return the tool's wanted orientation at a point (3,): the reference, or that of `near`.
 
     Args:
         problem: The planning problem.

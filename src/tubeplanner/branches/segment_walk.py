@@ -5,7 +5,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray
 from tubeplanner.branches.inverse_kinematics import PositionSolution, solve_position
 from tubeplanner.branches.reference_turn import ReferenceTurn
-from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Place, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem
 
 _MAX_STEP = 1 / 40  # of a segment
@@ -17,15 +17,15 @@ _SETTLED = 1e-9  # [rad or m]
 # Where the centre line cannot be reached, the tool may leave it by this share of the radius.
 _ALLOWED_RADIUS_SHARE = 0.5
 # An open goal is a reference point, which the tool must reach this closely [m].
-_OPEN_GOAL_TOLERANCE = 5e-7
+_OPEN_GOAL_TOLERANCE = MARGIN_TOLERANCE / 2
 
 
 class SegmentWalk:
     """Follows a straight line of the tool from a configuration, in small joint steps.
 
-    redundant joints are pulled towards where they are wanted, a little at every step; what the
-    switching time to the next segment asks of a joint narrows in on it in time. Where that is not
-    enough, they go the rest of the way at the segment's end, the tool standing still.
+    Every step moves redundant joints a little towards their wanted values, and narrows joint bounds
+    towards those at the switching time to the next segment. Where that is not enough, the joints
+    move the rest at the segment's end, while the tool stands still.
     """
 
     def __init__(
@@ -46,10 +46,10 @@ class SegmentWalk:
             segment: Index of the tube's segment.
             ends: Where the tool starts and ends, shape (2, 3) [m].
             begin: Configuration at the start, shape (n,).
-            wanted: Where redundant joints are pulled at the start and at the end, shape (2, n);
-                None: nowhere.
+            wanted: Values towards which redundant joints move at the start and at the end, shape
+                (2, n); None: none.
             goal: Configuration to settle in at the end; None: any that the next segment allows.
-            with_rotation:Whether the rotation tolerance, if there is one, is kept.
+            with_rotation: Whether the walk keeps the rotation tolerance, if there is one.
         """
         self._problem, self._segment = problem, segment
         self._ends, self._begin = ends, begin
@@ -116,7 +116,7 @@ class SegmentWalk:
         solution = self._solve_with(share, seed, wanted)
         if abs(solution.q - last).max() <= _MAX_JOINT_STEP:
             return solution
-        # Too far at once, however short the step: redundant joints have to go there by and by.
+        # Too far for one step, however short: redundant joints go there gradually.
         pull = np.clip(wanted - last, -_MAX_PULL, _MAX_PULL)
         return self._solve_with(share, seed, last + pull)
 
@@ -201,7 +201,7 @@ def explain_error(
     segment: int,
     solution: PositionSolution,
 ) -> str:
-    """Say which condition keeps the tool from a point, by dropping one after the other."""
+    """Return which condition keeps the tool from a point, by dropping one after the other."""
     robot, limits = problem.robot, problem.robot.limits
     short = f"the tool gets no nearer than {solution.error:.4g} m"
     free = np.full(robot.joint_count, np.inf)
@@ -221,7 +221,7 @@ def explain_error(
 
 
 def explain_turn(problem: PlanningProblem, segment: int, why: str) -> str:
-    """Say that only the rotation tolerance keeps the tool from a point, why, and what to do."""
+    """Explain that only the rotation tolerance keeps the tool from a point, and what to do."""
     rotation = problem.tube.rotation
     bounds = [np.inf] if rotation is None else rotation.bounds[segment].tolist()
     asked = f"{bounds[-1]:.3g}"
@@ -234,8 +234,8 @@ def explain_turn(problem: PlanningProblem, segment: int, why: str) -> str:
 
 
 def turned_off(solution: PositionSolution) -> str:
-    """Say how near to its reference the tool can be turned."""
+    """Return how close the tool gets to its reference orientation."""
     return (
         f"the tool can be turned no nearer than {solution.rotation_error:.3g} rad to its reference "
-        "orientation, and a tenth of the tolerance is kept to plan with"
+        "orientation, and planning keeps a tenth of the tolerance in reserve"
     )

@@ -1,8 +1,10 @@
 """Links against obstacles and against each other: which pairs, and how far apart they are."""
 
+import threading
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -22,7 +24,7 @@ _TOUCH_SEED = 0
 
 @dataclass(frozen=True, eq=False)
 class BodyShape:
-    """One convex shape and what it belongs to.
+    """One convex shape and its owner.
 
     Attributes:
         owner: Name of the link or obstacle.
@@ -52,8 +54,17 @@ class ClosestPoints:
     second: FloatArray
 
 
+class _PlacedShapes(threading.local):
+    """Shapes that are moved to where they are measured, for every thread its own."""
+
+    def __init__(self, shapes: Sequence[BodyShape]) -> None:
+        self.shapes = [PlacedShape(body_shape.shape) for body_shape in shapes]
+
+
 class CollisionChecker:
     """Which pairs of shapes must stay apart, and how far apart they are.
+
+    Several threads may use one checker; it pickles by content, without any file.
 
     Left out are links that no joint moves against obstacles and each other, links on the same or
     on neighbouring bodies, link pairs that always touch, and the pairs the problem ignores.
@@ -109,7 +120,7 @@ class CollisionChecker:
             for obstacle in obstacles
             for shape in obstacle.shapes
         ]
-        self._placed = [PlacedShape(body_shape.shape) for body_shape in self.shapes]
+        self._placed = _PlacedShapes(self.shapes)
         self._ignored = {frozenset(pair) for pair in (*ignore, *touching)}
         carried, standing = range(link_count), range(link_count, len(self.shapes))
         self.obstacle_pairs = self._select((i, j) for i in carried for j in standing)
@@ -118,6 +129,13 @@ class CollisionChecker:
             candidates = self._select((i, j) for i in carried for j in carried if i < j)
             self.link_pairs = self._without_always_touching(candidates)
         self.pairs = np.concatenate([self.obstacle_pairs, self.link_pairs])
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name != "_placed"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self._placed = _PlacedShapes(self.shapes)
 
     def required(self, clearance: float) -> FloatArray:
         """Return the distance that each of `pairs` must keep, shape (P,) [m].
@@ -148,7 +166,7 @@ class CollisionChecker:
     def separations(
         self, rotation: FloatArray, position: FloatArray, pairs: IntArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return `distances`, and along which directions the shapes are that far apart.
+        """Return `distances`, and the directions along which the shapes are that far apart.
 
         Returns:
             Distances (P,) [m] and unit vectors (P, 3) from the first towards the second shape of
@@ -209,8 +227,8 @@ class CollisionChecker:
     ) -> FloatArray:
         """Return how far apart pairs are along given directions, each in its own configuration.
 
-        A direction that separates a pair separates it in neighbouring configurations as well,
-        hardly less far: a quick lower bound on the distance.
+        A direction that separates a pair also separates it in neighbouring configurations, almost
+        as far: a quick lower bound on the distance.
 
         Args:
             rotation: Shape (P, bodies, 3, 3).
@@ -278,10 +296,11 @@ class CollisionChecker:
     def _measured(
         self, rotation: FloatArray, position: FloatArray, pairs: IntArray
     ) -> list[Separation]:
+        placed = self._placed.shapes
         for index in set(pairs.flat):
             body = self.shapes[index].body
-            self._placed[index].move(rotation[body], position[body])
-        return [separation(self._placed[i], self._placed[j]) for i, j in pairs]
+            placed[index].move(rotation[body], position[body])
+        return [separation(placed[i], placed[j]) for i, j in pairs]
 
     @cached_property
     def _spheres(self) -> tuple[IntArray, FloatArray, FloatArray]:
@@ -298,7 +317,7 @@ class CollisionChecker:
             return False
         moves = self.robot.joint_moves_body
         between = moves[first.body] != moves[second.body]
-        # Neighbouring links meet at their joint; nothing else has a right to touch.
+        # Neighbouring links meet at their joint; nothing else may touch.
         solid_names = self._obstacle_names | self._attached_names
         neighbours_may_touch = not {first.owner, second.owner} & solid_names
         return int(between.sum()) > (1 if neighbours_may_touch else 0)
@@ -306,7 +325,7 @@ class CollisionChecker:
     def _without_always_touching(self, pairs: IntArray) -> IntArray:
         """Return the pairs whose links came apart in at least one random configuration.
 
-        Attached solids stay: only their touch_links excuse them.
+        Attached solids stay: only their touch_links may touch them.
         """
         limits = self.robot.limits
         lower, upper = limits.lower_position, limits.upper_position

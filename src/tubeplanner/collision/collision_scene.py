@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, fields
 from functools import cached_property
+from typing import Any
 
 from tubeplanner.collision.collision_checker import CollisionChecker
 from tubeplanner.collision.obstacle import AttachedSolid, Obstacle
@@ -36,6 +37,10 @@ class CollisionScene:
             self_collision=self.self_collision,
             ignore=self.ignore,
         )
+
+    def __getstate__(self) -> dict[str, Any]:
+        _ = self.checker  # built from files now: where the pickle goes, there may be none
+        return dict(vars(self))
 
     def is_as(self, other: "CollisionScene") -> bool:
         """Return whether another scene is made of the same objects."""

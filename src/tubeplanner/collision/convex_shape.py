@@ -1,7 +1,7 @@
-"""Solids as unions of convex shapes: what collision checking is done with.
+"""Solids as unions of convex shapes, the representation for collision checking.
 
 A shape is a polytope grown by a radius (a sphere is one grown point, a capsule a grown edge), so
-that one bound on distance serves all of them. Every conversion covers the original solid.
+that one bound on distance works for all of them. Every conversion covers the original solid.
 """
 
 from collections.abc import Iterable

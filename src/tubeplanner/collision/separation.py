@@ -5,6 +5,7 @@ the separation of the two shapes along the direction that FCL finds, and exact n
 """
 
 import math
+from operator import itemgetter
 from typing import NamedTuple
 
 import fcl
@@ -12,6 +13,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.collision.convex_shape import ConvexShape
+from tubeplanner.collision.gilbert import separating_directions
 
 # FCL needs a solid where a shape is a grown point or edge: a core this thin [m].
 _CORE_THICKNESS = 1e-9
@@ -68,6 +70,20 @@ class PlacedShape:
         """Return the vector from the middle of this shape to that of another, (3,)."""
         return other._world_center() - self._world_center()
 
+    def separated(self, other: "PlacedShape", gap: FloatArray) -> tuple[float, FloatArray]:
+        """Return how far apart both cores are [m], along which direction (3,): found from a gap."""
+        back = other._rotation.T
+        distance, direction = separating_directions(
+            self._vertices,
+            other._vertices,
+            (back @ self._rotation)[None],
+            (back @ (self._position - other._position))[None],
+            (back @ gap)[None],
+            max_steps=_MAX_IMPROVEMENTS,
+            loose=_LOOSE,
+        )
+        return float(distance[0]), other._rotation @ direction[0]
+
     def _world_center(self) -> FloatArray:
         return self._rotation @ self._center + self._position
 
@@ -92,9 +108,7 @@ def separation(first: PlacedShape, second: PlacedShape) -> Separation:
     """Return how far two shapes are apart.
 
     Any direction gives a bound: how far the second begins beyond the end of the first. FCL's
-    nearest points give the best direction nearly always. Where they do not, it is improved by
-    Gilbert's iteration ("An iterative procedure for computing the minimum of a quadratic form on
-    a convex set", 1966): the shortest vector to the set of differences of both cores' points.
+    nearest points give the best direction nearly always. Where they do not, it is improved.
     """
     near, far, overlap = first.nearest_points(second)
     gap = far - near
@@ -104,35 +118,24 @@ def separation(first: PlacedShape, second: PlacedShape) -> Separation:
         length = _length(gap)
     if length <= _NO_LENGTH:
         gap, length = np.eye(3)[0], 1.0
-    best, along = -np.inf, gap
-    for _ in range(_MAX_IMPROVEMENTS):
-        direction = gap / length
-        back_1, ahead_1 = first.extremes(direction)
-        back_2, ahead_2 = second.extremes(direction)
-        difference = back_2 - ahead_1
-        ahead, behind = float(direction @ difference), float(direction @ (ahead_2 - back_1))
-        if ahead > best:
-            best, along = ahead, direction
-        if -behind > best:
-            best, along = -behind, -direction
-        if overlap or best > length - _LOOSE:
-            break
-        gap = _nearest_to_origin(gap, difference)
-        length = _length(gap)
-        if length < _LOOSE:
-            break
+    best, along = _apart(first, second, gap / length)
+    if not overlap and best <= length - _LOOSE:
+        best, along = max((best, along), first.separated(second, gap), key=itemgetter(0))
     return Separation(best - first.radius - second.radius, along, near, far)
+
+
+def _apart(
+    first: PlacedShape, second: PlacedShape, direction: FloatArray
+) -> tuple[float, FloatArray]:
+    """Return how far apart two cores are along a line [m], and which way the second lies."""
+    back_1, ahead_1 = first.extremes(direction)
+    back_2, ahead_2 = second.extremes(direction)
+    ahead, behind = float(direction @ (back_2 - ahead_1)), float(direction @ (ahead_2 - back_1))
+    return (ahead, direction) if ahead >= -behind else (-behind, -direction)
 
 
 def _length(vector: FloatArray) -> float:
     return math.sqrt(vector @ vector)
-
-
-def _nearest_to_origin(start: FloatArray, end: FloatArray) -> FloatArray:
-    """Return the point of a straight line between two points that is nearest to the origin."""
-    along = end - start
-    share = -float(start @ along) / max(float(along @ along), _NO_LENGTH**2)
-    return start + min(max(share, 0.0), 1.0) * along
 
 
 def _fcl_geometry(shape: ConvexShape) -> tuple[object, FloatArray]:

@@ -112,7 +112,7 @@ def cli() -> None:
 )
 @click.option("--quality", default="balanced", show_default=True, help="fast, balanced or best.")
 @click.option("--time-limit", type=float, help="End after so many seconds with the best so far.")
-@click.option("--time-left", is_flag=True, help="Say what bang-bang motors would take on the path.")
+@click.option("--time-left", is_flag=True, help="Report the path's least time, bang-bang.")
 @AS_JSON
 def plan(
     problem: str,
@@ -128,9 +128,9 @@ def plan(
     time_left: bool,
     as_json: bool,
 ) -> int:
-    """Plan PROBLEM, certify the answer, and write it where asked.
+    """Plan PROBLEM, certify the answer, and write the requested files.
 
-    Nothing is written unless the certificate passes.
+    Writes nothing unless the certificate passes.
     """
     from tubeplanner.planning.plan_options import METHODS, PlanOptions
     from tubeplanner.planning.planner import plan as plan_problem
@@ -147,7 +147,6 @@ def plan(
             with interrupts_held() as held:
                 written_notes = outputs.write(loaded, result.method, result.trajectory)
                 result = replace(result, notes=(*result.notes, *written_notes))
-                _ = result.sensitivities  # before Ctrl-C could make a success look interrupted
             interrupted = bool(held)
     if as_json:
         stopped_by = "interrupt" if interrupted else result.stopped_by
@@ -212,13 +211,13 @@ def check(problem: str, trajectory: Path, tolerance: str | None, as_json: bool) 
 @cli.command()
 @AS_JSON
 def robots(as_json: bool) -> None:
-    """List the robots and problems that example: names."""
+    """List the robots and problems that `example:` finds."""
     from tubeplanner.resources import bundled_problems, bundled_robots, example_robot_names
 
     problems = list(bundled_problems())
     if as_json:
         fields = {"robots": example_robot_names(), "problems": problems}
-        print_json({**empty_report("success", "what example: names", nowhere()), **fields})
+        print_json({**empty_report("success", "names for example:", nowhere()), **fields})
         return
     print("Problems (example:ROBOT/NAME):")
     print(*(f"  example:{name}" for name in problems), sep="\n")
@@ -243,7 +242,7 @@ for command in (draw, sweep, compare, measure, teach, route, view, reproduce):
 
 @dataclass(frozen=True)
 class _Outputs:
-    """The files a plan was asked to write."""
+    """The output files of a plan."""
 
     trajectory: Path | None
     csv: Path | None
@@ -253,7 +252,7 @@ class _Outputs:
     html: Path | None
 
     def paths(self) -> list[tuple[str, Path]]:
-        """Return what was asked for: kind and path."""
+        """Return the requested files: kind and path."""
         asked = {
             "trajectory": self.trajectory,
             "CSV": self.csv,
@@ -279,7 +278,7 @@ class _Outputs:
     def write(
         self, problem: "PlanningProblem", method: str, trajectory: "JointTrajectory"
     ) -> list[str]:
-        """Write all files, or none of them; return what there is to say about them."""
+        """Write all files, or none of them; return notes about them."""
         from tubeplanner.files.export import trajectory_csv, trajectory_json, trajectory_ros
         from tubeplanner.files.export_samples import samples_for_export
         from tubeplanner.files.fingerprint import origin

@@ -55,7 +55,7 @@ def shown_progress() -> Iterator[Callable[[object], None]]:
 
 
 def fail(status: str, message: str, as_json: bool, code: int) -> int:
-    """Say why a run ends without an answer; return its exit status."""
+    """Report why a run ends without an answer; return its exit status."""
     if as_json:
         print_json(empty_report(status, message, nowhere()))
     else:
@@ -77,7 +77,7 @@ def empty_report(status: str, message: str, where: dict[str, Any]) -> dict[str, 
 
 
 def nowhere() -> dict[str, Any]:
-    """Return the place of what has none, as JSON values."""
+    """Return the place of a run without one, as JSON values."""
     from tubeplanner.outcome import Place
 
     return Place().as_dict()

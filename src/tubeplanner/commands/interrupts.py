@@ -27,14 +27,14 @@ def interrupts_remembered() -> Iterator[Callable[[], None]]:
         try:
             yield raise_pending
         except Exception:
-            # What becomes of a library that was interrupted while it was imported is no error.
+            # An exception from a library that was interrupted during its import is not an error.
             raise_pending()
             raise
 
 
 @contextmanager
 def interrupts_held() -> Iterator[list[int]]:
-    """Keep Ctrl-C waiting while a certified answer is written; yield a list of what came."""
+    """Delay Ctrl-C while a certified answer is written; yield the list of signals received."""
     held: list[int] = []
     with _handled_interrupts(lambda number, _: held.append(number)):
         yield held

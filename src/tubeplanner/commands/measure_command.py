@@ -43,7 +43,7 @@ def measure(
 ) -> int:
     """Measure how wide the tube of PROBLEM may be: radii and joint ranges without a collision.
 
-    The file's own radii do not count; its joint signs and its start choose the configuration.
+    Ignores the file's own radii; its joint signs and its start select the configuration.
     """
     from tubeplanner.measurement.measured_tube import MeasureOptions
 

@@ -17,7 +17,7 @@ from tubeplanner.tube_sources.tube_answer import TubeAnswer
 from tubeplanner.verification.certificate import RELATIVE, Certificate, JudgedCondition
 
 _WIDTH_OF_A_FILE = 160  # [characters]
-# Rounding errors of the machine are shown as what they are: nothing.
+# Rounding errors of the machine are shown as zero.
 _NOTHING = 1e-10
 _SENSITIVITIES_SHOWN = 3
 
@@ -25,13 +25,13 @@ _SENSITIVITIES_SHOWN = 3
 def plan_text(
     problem: PlanningProblem, result: PlanResult, loading_time: float, *, with_minimum: bool = False
 ) -> str:
-    """Return what came of planning, in lines.
+    """Return the result of planning as text.
 
     Args:
         problem: The planning problem.
-        result: What came of it.
+        result: Its result.
         loading_time: [s].
-        with_minimum: Whether to say how fast the path could be run by motors that switch at once.
+        with_minimum: Whether to report the least time for the path, if motors switch instantly.
     """
     robot = problem.robot
     lines = [
@@ -56,7 +56,7 @@ def plan_text(
     if with_minimum and result.path_minimum is not None and result.duration:
         left = max(1 - result.path_minimum / result.duration, 0.0)
         lines.append(
-            f"time left on this path: motors that switch at once would take "
+            f"time left on this path: motors that switch instantly would take "
             f"{result.path_minimum:.4f} s, {100 * left:.1f} % less"
         )
     lines += [f"note: {note}" for note in result.notes]
@@ -119,14 +119,14 @@ def comparison_text(result: Comparison) -> str:
 
 
 def _excess(condition: JudgedCondition) -> str:
-    """Return by how much a condition is missed, with its unit."""
+    """Return by how much a trajectory violates a condition, with its unit."""
     missed = -(condition.margin or 0.0)
     percent = condition.unit == RELATIVE
     return f"{100 * missed:.3g} %" if percent else f"{missed:.3g} {condition.unit}"
 
 
 def measurement_text(problem: PlanningProblem, result: TubeMeasurement, loading_time: float) -> str:
-    """Return a measured tube as a table of what ends each radius and range, and the counts."""
+    """Return a measured tube as a table of what limits each radius and range, and the counts."""
     lines = [
         f"{problem.name}: {problem.robot.name}, loaded in {loading_time:.2f} s, measured in "
         f"{result.measuring_time:.1f} s"
@@ -142,8 +142,8 @@ def measurement_text(problem: PlanningProblem, result: TubeMeasurement, loading_
         lines.append(_rendered(table))
         for k, segment in enumerate(result.segments):
             lines.append(
-                f"segment {k}: tested with{segment.samples} random configurations, no collision "
-                f"(the {segment.collisions} that were found on the way are left outside)"
+                f"segment {k}: tested with {segment.samples} random configurations, no collision "
+                f"(the {segment.collisions} found before lie outside)"
             )
     lines.append(f"{result.status}: {result.message}")
     place = str(result.place)
@@ -151,7 +151,7 @@ def measurement_text(problem: PlanningProblem, result: TubeMeasurement, loading_
 
 
 def patterns_text(problem: PlanningProblem, survey: PatternSurvey) -> str:
-    """Return sign patterns as a table, and what is suggested."""
+    """Return sign patterns as a table, and the suggested one."""
     table = Table(title=f"{problem.name}: configurations by segment", title_justify="left")
     for heading in ("segment", "signs", "reachable", "free", "radius up to", "why not"):
         table.add_column(heading)
@@ -164,7 +164,7 @@ def patterns_text(problem: PlanningProblem, survey: PatternSurvey) -> str:
 
 
 def _measured_rows(segment: SegmentMeasurement) -> list[tuple[str, str, str]]:
-    """Return what is bounded, by how much, and what ends it there."""
+    """Return what is bounded, by how much, and what limits it there."""
     ended: dict[str | None, list[str]] = {}
     for binding in segment.bindings:
         side = "" if binding.bound == "radius" else f"{binding.bound}: "
@@ -177,11 +177,11 @@ def _measured_rows(segment: SegmentMeasurement) -> list[tuple[str, str, str]]:
 
 
 def tube_text(name: str, answer: TubeAnswer) -> str:
-    """Return what came of looking for a tube, in lines.
+    """Return the result of a search for a tube as text.
 
     Args:
         name: Of the problem.
-        answer: What came of it.
+        answer: Its result.
     """
     lines = [f"{name}: searched for {answer.search_time:.1f} s"]
     if answer.compared:
@@ -206,7 +206,7 @@ def certificate_text(certificate: Certificate) -> str:
         table.add_column(heading, justify="right" if heading == "margin" else "left")
     for name, condition in certificate.conditions.items():
         if condition.margin is None:
-            table.add_row(name, "", "not asked", "", condition.coverage)
+            table.add_row(name, "", "not required", "", condition.coverage)
             continue
         shown = 0.0 if abs(condition.margin) < _NOTHING else condition.margin
         percent = condition.unit == RELATIVE

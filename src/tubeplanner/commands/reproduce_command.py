@@ -30,7 +30,7 @@ PAGE = "the_paper.md"
 def reproduce(output: Path, as_json: bool) -> int:
     """Plan what Suh & Bishop (1988) tabulate: their tables and figures beside the printed values.
 
-    By the method as published and by the default one. It takes some minutes.
+    Uses the published method and the default one. It takes some minutes.
     """
     from tubeplanner.files.output_files import make_folder, require_writable, write_files
     from tubeplanner.studies.reproduction import reproduce as reproduce_tables
@@ -48,7 +48,7 @@ def reproduce(output: Path, as_json: bool) -> int:
         contents = {page: reproduction_page(reproduction, files).encode()}
         for name, (_, draw) in FIGURES.items():
             contents[output / f"{name}.png"] = figure_png(draw(reproduction))
-        make_folder(output)  # only now, so that an interrupted run leaves none behind
+        make_folder(output)  # only now, so that an interrupted run leaves no folder behind
         write_files(contents)
     if as_json:
         report = empty_report("success", f"{len(reproduction.cells)} cases", nowhere())

@@ -1,4 +1,4 @@
-"""The commands that look at plans: figures, sweeps over the tolerance, methods compared."""
+"""The commands that study plans: figures, sweeps over the tolerance, comparisons of methods."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -34,7 +34,7 @@ _INTERRUPTED = "; interrupted, the others were not tried"
 def plot(problem: str, trajectory: Path, output: Path | None, as_json: bool) -> int:
     """Draw the TRAJECTORY file against the limits and the tube of PROBLEM.
 
-    Without -o the figure goes beside the trajectory, under its name with the ending .png.
+    Without -o the figure goes next to the trajectory, under its name with the ending .png.
     """
     from tubeplanner.files.file_notes import notes_on_file
     from tubeplanner.files.output_files import require_writable
@@ -81,7 +81,7 @@ def sweep(
 ) -> int:
     """Plan PROBLEM at several tolerances: how much time does each millimetre buy?
 
-    Exit status 0 if any of them has a certified trajectory; the others say why not.
+    Exit status 0 if any of them has a certified trajectory; the other rows say why not.
     """
     from tubeplanner.files.output_files import require_writable
     from tubeplanner.planning.plan_options import PlanOptions
@@ -135,9 +135,9 @@ def compare(
     quality: str,
     as_json: bool,
 ) -> int:
-    """Let every method answer PROBLEM, and the schemes that Suh & Bishop compared with.
+    """Plan PROBLEM with every method, and with the schemes that Suh & Bishop compared with.
 
-    Exit status 0 if any of them has a certified trajectory; the others say what they break.
+    Exit status 0 if any of them has a certified trajectory; the others say which conditions fail.
     """
     from tubeplanner.files.output_files import require_writable
     from tubeplanner.planning.plan_options import PlanOptions
@@ -175,7 +175,7 @@ def compare(
 def _write_comparison(
     result: "Comparison", output: Path | None, figure: Path | None, folder: Path | None
 ) -> list[Path]:
-    """Write what was asked for, all of it or nothing; return the paths of the trajectories."""
+    """Write all requested files or none; return the paths of the trajectories."""
     from tubeplanner.files.output_files import write_files
     from tubeplanner.views.comparison_plot import plot_comparison
     from tubeplanner.views.figure_files import figure_png

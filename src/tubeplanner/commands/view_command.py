@@ -49,7 +49,7 @@ def view(problem: str, trajectories: tuple[Path, ...], html: Path | None, as_jso
 
 
 def require_page(path: Path | None) -> None:
-    """Check that a page is asked for under the name of one.
+    """Check that the name of a page ends like one.
 
     Raises:
         OptionError: It is not.

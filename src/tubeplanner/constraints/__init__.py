@@ -1,1 +1,1 @@
-"""What a trajectory must keep, as those who plan test it: limits and tube, at samples."""
+"""What the planners share to test a trajectory at samples: limits and tube."""

@@ -24,7 +24,7 @@ _SAFETY = 1e-8
 
 
 def scaling_factor(robot: RobotModel, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
-    """Return how many times faster the limits allow each sample of a trajectory to be run: b(t).
+    """Return how many times faster the limits allow a trajectory to run at each sample: b(t).
 
     Args:
         robot: The arm.
@@ -68,7 +68,7 @@ def minimum_duration(
     Args:
         robot: The arm.
         trajectory: The shape.
-        with_jerk: Whether limits of jerk count; not where the acceleration jumps anyway.
+        with_jerk: Whether limits of jerk count; False where the acceleration jumps anyway.
 
     Raises:
         Infeasible: Status gravity_exceeds_effort.

@@ -1,4 +1,4 @@
-"""Whether configurations and trajectories keep to the tube: tool, rotation, joint ranges.
+"""Whether configurations and trajectories stay in the tube: tool, rotation, joint ranges.
 
 Segments are visited in order, and at a switching time both sides must hold; with `visit: any` some
 segment must hold at every instant.
@@ -33,9 +33,9 @@ def membership_margin(problem: PlanningProblem, q: FloatArray) -> FloatArray:
 
 
 def current_segments(problem: PlanningProblem, q: FloatArray) -> IntArray:
-    """Return the segment that N configurations in order are counted to, shape (N,).
+    """Return the segments to which N configurations in order belong, shape (N,).
 
-    Switching times are where they leave the largest margin.
+    The switching times are those with the largest margin.
     """
     margin = membership_margin(problem, q)
     if problem.tube.visit == "any":
@@ -67,8 +67,8 @@ def segments_reached(
 ) -> BoolArray:
     """Return the segments in which a trajectory may be at each of S samples.
 
-    Samples see no switching time that happens between them, so that one is taken to be possible
-    wherever neighbouring samples lie in neighbouring segments, or have passable ones between them.
+    Samples miss a switching time between them, so that one counts as possible wherever neighbouring
+    samples lie in neighbouring segments, or have passable ones between them.
 
     Args:
         inside: Whether each sample of N trajectories is inside each segment: bool, shape (N, S, m).
@@ -106,7 +106,7 @@ def first_departure(
     """Return the first polynomial piece in which a trajectory leaves the tube; None if none does.
 
     Margins are taken at 65 samples per piece; valleys between samples are estimated by parabolas.
-    What happens at switching times between samples is not seen: too lenient, never too strict.
+    It misses what happens at switching times between samples: too lenient, never too strict.
 
     Args:
         problem: The planning problem.
@@ -126,7 +126,7 @@ def first_departure(
 
 
 def worst_membership(problem: PlanningProblem, trajectory: JointTrajectory) -> float:
-    """Return how well a trajectory keeps to the tube where it does so worst [m or rad].
+    """Return a trajectory's least margin in the tube [m or rad].
 
     Margins are taken as for `first_departure`, and where the tool passes from nearer to one segment
     to nearer to the next; a switching time needs one of these samples inside both. Too strict by

@@ -1,4 +1,4 @@
-"""Samples at a rate that keep the limits for whoever joins them.
+"""Samples at a rate that keep the limits when polynomials join them.
 
 The acceleration of a time-optimal trajectory has kinks between samples, the sharpest at its ends,
 where it rises to a limit within a fraction of a period. Polynomials through samples cannot follow:
@@ -15,18 +15,18 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import BSpline
 
 from tubeplanner.constraints.time_scaling import minimum_duration
 from tubeplanner.files.trajectory_file import joined_samples
 from tubeplanner.outcome import Infeasible
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.robot.robot_model import RobotModel
-from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples, from_spline
+from tubeplanner.trajectory.averaging import averaged
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
 from tubeplanner.verification.certificate import FOREIGN_TOLERANCE
 from tubeplanner.verification.verification import verify
 
-# Averaging asks for that many periods; slowing down ends where the trajectory takes this much
+# Averaging tries at most this many periods; slowing down ends where the trajectory takes this much
 # longer.
 _MIN_PERIODS, _MAX_SLOWED = 6, 2.0
 # Limits hold when the joined samples need no more than this share of their time more.
@@ -41,7 +41,8 @@ class ExportSamples:
         samples: One every period, the last one at their duration.
         rate: [Hz].
         slowed: By which share they last longer than the trajectory; 0 if they lie on it.
-        note: What was done to the trajectory, or what joining the samples breaks; None: nothing.
+        note: How the samples differ from the trajectory, or what joining them violates; None:
+            nothing.
     """
 
     samples: TrajectorySamples
@@ -61,7 +62,7 @@ def samples_for_export(
         rate: [Hz].
 
     Returns:
-        If nothing passes, samples of the trajectory itself; the note says what joining them breaks.
+        If nothing passes, samples of the trajectory itself; the note says which conditions fail.
 
     Raises:
         TrajectoryError: The rate is not positive, or makes too many samples.
@@ -75,8 +76,8 @@ def samples_for_export(
             slowed = found.time[-1] / trajectory.duration - 1
             note = (
                 f"CSV and ROS samples at {rate:g} Hz are {how} and last {found.time[-1]:.4f} s, "
-                f"{100 * slowed:.2g} % longer than it, so that the limits hold for whoever "
-                "joins them"
+                f"{100 * slowed:.2g} % longer than the trajectory, so that the limits hold "
+                "between samples too"
             )
             return ExportSamples(found, rate, slowed, note)
     note = (
@@ -89,7 +90,7 @@ def samples_for_export(
 def _broken(
     problem: PlanningProblem, trajectory: JointTrajectory, samples: TrajectorySamples
 ) -> str | None:
-    """Return the conditions that joined samples break, None if they pass."""
+    """Return the conditions that joined samples violate, None if they pass."""
     joined = _joined(trajectory, samples)
     return ", ".join(verify(problem, joined, FOREIGN_TOLERANCE).failures()) or None
 
@@ -113,23 +114,12 @@ def _averaged(
     fewest = max(int(np.ceil(trajectory.duration * rate)), _MIN_PERIODS)
     periods = fewest
     while periods <= _MAX_SLOWED * fewest:
-        average = _average(trajectory, periods, rate)
+        average = averaged(trajectory, periods, periods / rate)
         needed = _needed(robot, average)
         if needed <= 1 + _RUN_OVER:
             return average.at(np.arange(periods + 1) / rate)
         periods += max(1, int((needed - 1) * periods))
     return None
-
-
-def _average(trajectory: JointTrajectory, periods: int, rate: float) -> JointTrajectory:
-    """Return the uniform cubic spline whose control points lie on the trajectory."""
-    knots = np.arange(periods + 1) / rate
-    knots = np.concatenate([np.full(3, knots[0]), knots, np.full(3, knots[-1])])
-    means = (knots[1:-3] + knots[2:-2] + knots[3:-1]) / 3  # where control points belong (Greville)
-    # The first three are the start, the last three the goal: at rest, without acceleration.
-    share = np.clip((means * rate - 1) / (periods - 2), 0.0, 1.0)
-    control_points = trajectory.position(share * trajectory.duration)
-    return from_spline(trajectory.joint_names, BSpline(knots, control_points, 3))
 
 
 def _slowed(

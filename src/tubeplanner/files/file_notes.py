@@ -1,4 +1,4 @@
-"""What there is to say about a trajectory file, beside its certificate."""
+"""Notes about a trajectory file, besides its certificate."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ _NEAR = 1e-2  # [rad or m]: starts this close to each other are the same
 
 
 def notes_on_file(problem: PlanningProblem, file: TrajectoryFile, *, failed: bool) -> list[str]:
-    """Return sentences: how samples were read, what else the file was made for, what it may mean.
+    """Return sentences: how samples were joined, for what the file was made, likely mistakes.
 
     Args:
         problem: The planning problem.

@@ -1,4 +1,4 @@
-"""Hashes of robots and problems: do two files speak of the same thing?
+"""Hashes of robots and problems: are two files about the same thing?
 
 They are taken from what a robot does, not from how its files are written: numbers are rounded to
 nine digits, so that another machine or library version gives the same hash.
@@ -63,7 +63,7 @@ def _shape_parts(shape: ConvexShape) -> list[object]:
 
 
 def origin(problem: PlanningProblem, method: str) -> dict[str, Any]:
-    """Return what a trajectory file says of where it comes from, as JSON values."""
+    """Return the origin that a trajectory file states, as JSON values."""
     return {
         "method": method,
         "tubeplanner_version": __version__,

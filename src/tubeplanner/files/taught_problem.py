@@ -19,7 +19,7 @@ _SAMPLES_PER_PIECE = 20  # of a trail that is a trajectory of ours
 
 @dataclass(frozen=True, eq=False)
 class Cell:
-    """A robot and what stands around it, as a problem file has them.
+    """A robot and its surroundings, as a problem file has them.
 
     Attributes:
         fields: What the problem file holds; tube, start and goal do not count.
@@ -62,7 +62,7 @@ def taught_problem(
     """Return the problem from a trail's start to its end, the tool anywhere, and the trail (N, n).
 
     Args:
-        cell: The robot and what stands around it.
+        cell: The robot and its surroundings.
         read: The file of the trail.
         source: What messages call that file.
 

@@ -1,7 +1,7 @@
 """Trajectory files read back: our JSON, and CSV and ROS messages made anywhere.
 
-Our JSON holds the polynomials themselves. The others hold samples, which are joined by polynomials:
-what lies between samples is this reading of them, and is said with it.
+Our JSON holds the polynomials themselves. The others hold samples, which are joined by polynomials;
+`interpolation` states how.
 """
 
 import csv
@@ -58,7 +58,7 @@ def read_trajectory_file(path: str | Path) -> TrajectoryFile:
     """Read a trajectory file: `.json` (ours), `.csv`, or `.yaml` / `.yml` (ROS).
 
     CSV has a header: `time` and, for every joint, `JOINT.position` and, if at hand for all of them,
-    `JOINT.velocity` and `JOINT.acceleration`; further columns are left out. ROS is a
+    `JOINT.velocity` and `JOINT.acceleration`; further columns are ignored. ROS is a
     trajectory_msgs/JointTrajectory, or a goal that has one as `trajectory`.
 
     Raises:
@@ -222,7 +222,7 @@ def _ros_time(index: int, point: dict[str, Any]) -> float:
 def _from_samples(
     joints: list[str], time: FloatArray, tables: dict[str, FloatArray]
 ) -> TrajectoryFile:
-    """Return samples joined by polynomials of the degree that what is known of them asks for."""
+    """Return samples joined by polynomials of the degree that their columns determine."""
     if len(time) < 2 or "position" not in tables:
         raise TrajectoryError("at least two samples with positions are needed")
     time = time - time[0]
@@ -257,7 +257,7 @@ def joined_samples(
 
 
 def _require_same_units(time: FloatArray, tables: dict[str, FloatArray]) -> None:
-    """Compare velocities with the slopes of the positions: degrees and milliseconds show."""
+    """Compare velocities with the slopes of the positions: detects degrees and milliseconds."""
     for quantity, derivative in (("position", "velocity"), ("velocity", "acceleration")):
         if derivative not in tables or len(time) < 3:
             continue

@@ -16,7 +16,7 @@ _NEAR_SHARE, _NEAR_TURN = 0.1, 0.01
 _INSIDE = 1e-9  # [m or rad]
 # So many of the samples are wanted at the surface of what is allowed: extremes are there.
 _AT_SURFACE = 0.5
-_WITHIN = 0.999  # of a bound is aimed at, so that rounding does not end outside
+_WITHIN = 0.999  # of a bound is the target, so that rounding does not end outside
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,9 +52,8 @@ class ConfigurationSet:
     def sample(self, count: int, rng: np.random.Generator) -> FloatArray:
         """Return random configurations of the set, `count` of them at most, shape (N, n).
 
-        Joint values are drawn in their ranges, then moved until the tool is where it was drawn in
-        the capsule, turned as was drawn in the rotation tolerance; what does not get there is
-        left out.
+        Draws joint values in their ranges and tool poses in the capsule and the rotation tolerance,
+        then moves the joints until the tool has its pose; drops those that do not get there.
         """
         q = rng.uniform(self.lower, self.upper, (count, len(self.lower)))
         moved = self._moved(q, self._targets(count, rng), self._turns(count, rng))
@@ -87,7 +86,7 @@ class ConfigurationSet:
             q: Where to start, shape (N, n).
             targets: Where the tools are wanted, shape (N, 3) [m].
             turns: Rotation vectors wanted against the reference, shape (N, 3) [rad]; None: any.
-            near: How near is near enough, a share of what is for samples.
+            near: How near is near enough, as a share of the value for samples.
         """
         q, live = q.copy(), np.arange(len(q))
         close = near * np.array([_NEAR_SHARE * self.radius, _NEAR_TURN])

@@ -14,22 +14,22 @@ _STARTS_PER_PAIR = 4
 _DESCENT_STEPS = 12
 _MAX_STEP = 0.15  # [rad or m] of all joints together
 _FLAT = 1e-6  # [m/rad or 1]: a clearance that changes less does not change
-_AIM = 2e-3  # [m] of overlap that a step of the descent goes for
+_AIM = 2e-3  # [m] of overlap that a step of the descent aims at
 _MIN_SAMPLES, _MAX_SAMPLES = 1024, 4096  # samples at once
-_ENOUGH = 48  # collisions that end an counterexample search
+_ENOUGH = 48  # collisions that end a search
 
 
 @dataclass(frozen=True, eq=False)
 class CounterexampleSearch:
-    """What an counterexample search on a set found.
+    """What a counterexample search in a set found.
 
     Attributes:
-        q: Configurations in which links are too close, shape (C, n); none of them: the
-            counterexample search failed.
+        q: Configurations in which links are too close, shape (C, n); empty if the search found no
+            counterexample.
         pair: The pair of shapes that is too close in each, shape (C,).
         least_clearance: The least clearance that was seen [m]; infinite if no pair came near.
-        samples: How many configurations were looked at.
-        tried: How many were drawn; not all of them get to where they should be.
+        samples: How many configurations were tested.
+        tried: How many were drawn; not all of them reach their tool pose.
     """
 
     q: FloatArray
@@ -44,7 +44,7 @@ class CounterexampleSearch:
         return len(self.q) == 0
 
     def then(self, later: "CounterexampleSearch") -> "CounterexampleSearch":
-        """Return what this counterexample search and a later one on the same set found together."""
+        """Return what this search and a later one in the same set found together."""
         return CounterexampleSearch(
             np.concatenate([self.q, later.q]),
             np.concatenate([self.pair, later.pair]),
@@ -59,7 +59,7 @@ def search_counterexamples(
 ) -> CounterexampleSearch:
     """Look for configurations of a set in which links are too close.
 
-    It goes on, with more samples at a time, until some are found or the budget is spent.
+    It continues, with more samples at a time, until it finds some or the budget is spent.
 
     Args:
         allowed: The set.

@@ -1,7 +1,7 @@
-"""The joints whose signs tell an arm's configurations apart: elbows, and what folds like them.
+"""The joints whose signs distinguish an arm's configurations: elbows, and joints like them.
 
-Where such a joint is at zero the arm is nearer to a singularity than elsewhere: there two
-configurations of the same tool meet.
+Where such a joint is at zero, the arm is nearer to a singularity than elsewhere: there two
+configurations with the same tool position meet.
 """
 
 from functools import lru_cache
@@ -26,7 +26,7 @@ def is_determined(robot: RobotModel) -> bool:
 
 @lru_cache(maxsize=16)
 def folding_joints(robot: RobotModel) -> tuple[int, ...]:
-    """Return the joints whose signs tell configurations apart, as indices of the group.
+    """Return the joints whose signs distinguish configurations, as indices of the group.
 
     Of a two-link arm the elbow, of a UR5 elbow and second wrist joint, of a Panda the second,
     fourth and sixth joint.
@@ -73,7 +73,7 @@ def _rank(robot: RobotModel) -> int:
 def _min_gain(robot: RobotModel, q: FloatArray) -> float:
     """Return how little joints move the tool in the worst direction: a share, typical of (N, n).
 
-    Its position alone counts if the joints do for no more, its rotation as well otherwise.
+    Only its position counts if the joints suffice for no more, otherwise its rotation too.
     """
     jacobian = robot.tool_jacobian(q)[1]
     if is_determined(robot):

@@ -10,7 +10,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
 
-# Of the logarithms of random speeds, and how it calms down from one search to the next.
+# Of the logarithms of random speeds, and by how much it shrinks from one search to the next.
 _FIRST_SPREAD, _CALMING, _MIN_SPREAD = 0.8, 0.95, 0.3
 # Margins grow from search to search: the box shrinks until no point is left to be found.
 _MARGIN_GROWTH = 1.05
@@ -42,12 +42,12 @@ class BoxSearch:
         already: FloatArray,
         rng: np.random.Generator,
     ) -> None:
-        """Say what is wanted, in each of c directions.
+        """Set the goals in each of c directions.
 
         Args:
             margin: How far a box stays away from the point that ends it, as far as there is space,
                 shape (c,); it grows from search to search.
-            worth: What the logarithm of each size counts.
+            worth: Weight of the logarithm of each size.
             enough: Extents beyond which more counts nothing.
             already: What an extent adds to, to make a size; positive.
             rng: Random numbers: boxes differ by how fast they grow in which direction.

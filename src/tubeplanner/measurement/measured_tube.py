@@ -1,4 +1,4 @@
-"""What measuring a tube is asked for, and what it says: radii, ranges, and what ends them."""
+"""Options and results of measuring a tube: radii, ranges, and what limits them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,8 +19,8 @@ class MeasureOptions:
 
     Attributes:
         max_radius: No segment gets a larger radius [m].
-        samples: How many configurations of a segment the last counterexample search draws, which
-            must find nothing. Time is in proportion.
+        samples: How many configurations of a segment the last counterexample search draws without
+            finding a collision. Time is proportional.
         seed: Of the random numbers: the same seed gives the same tube.
     """
 
@@ -61,10 +61,10 @@ class SegmentMeasurement:
     Attributes:
         radius: Of the tube, the tool radius included [m].
         joint_ranges: By joint name [rad or m]; joints that need no range are left out.
-        bindings: What ends the set, one entry per bound that something ends.
+        bindings: What limits the set, one entry per bound that something limits.
         samples: How many configurations the last counterexample search drew; it found no collision.
-        searched: How many the counterexample searches drew by which the set became what it is.
-        collisions: How many collisions were found since the search began, all outside the set now.
+        searched: How many configurations all counterexample searches for this set drew.
+        collisions: How many collisions all searches found; all are outside the set now.
         least_clearance: The least distance beyond what is required that the last counterexample
             search found [m]; None if nothing came near.
     """
@@ -96,7 +96,7 @@ class SegmentMeasurement:
 
 @dataclass(frozen=True, eq=False)
 class TubeMeasurement:
-    """What came of measuring a tube.
+    """The result of measuring a tube.
 
     Attributes:
         status: Success, or why there is no tube.

@@ -1,4 +1,4 @@
-"""By how much links clear what is required at random configurations, and its derivative."""
+"""The links' clearance beyond the required one at many configurations, and its derivative."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ class LeastClearance:
     """The pair of shapes with the least clearance, in N configurations.
 
     Attributes:
-        clearance: Its distance beyond what is required, negative where that is broken, shape (N,)
+        clearance: Its distance beyond the required one, negative where it is too close, shape (N,)
             [m]; infinite where no pair is near.
         pair: Its index, shape (N,).
     """
@@ -39,7 +39,7 @@ class PairClearance:
         self.required = checker.required(problem.clearance) + extra
 
     def least(self, q: FloatArray, near: float) -> LeastClearance:
-        """Return the least clearance in configurations (N, n), as far as it is below `near` [m].
+        """Return the least clearance in configurations (N, n), where it is below `near` [m].
 
         A positive clearance may be given as less than it is; a negative one is exact for the pair
         that is named, and others may have even less.

@@ -1,10 +1,10 @@
-"""The largest set of one segment in which an counterexample search finds no collision.
+"""The largest set of one segment in which a counterexample search finds no collision.
 
 The set is the product of a capsule around the segment and a range for every joint; it holds the
-branch along the centre line. Collisions that counterexample searches find are kept as points, and
-the set is the largest box that leaves them all out; it is searched again until nothing is found.
-(Shrinking by counterexamples is the idea of IRIS-NP: Petersen & Tedrake, "Growing convex
-collision-free regions in configuration space using nonlinear programming", ICRA 2023.)
+branch along the centre line. Counterexample searches find collisions, and the set is the largest
+box that excludes them all; searches continue until they find nothing. (Shrinking by counterexamples
+is the idea of IRIS-NP: Petersen & Tedrake, "Growing convex collision-free regions in configuration
+space using nonlinear programming", ICRA 2023.)
 """
 
 from dataclasses import dataclass
@@ -27,18 +27,18 @@ from tubeplanner.problem.problem import PlanningProblem
 _MIN_RADIUS, _MIN_RANGE = 1e-3, 1e-3
 WANTED_RANGE = 0.05
 _WIDEST_RANGE = 0.8  # [rad or m]: how far ranges may reach beyond the branch
-# Where nothing says how much of a range is needed, more than this counts nothing [rad or m]; else,
-# more than what is needed and a little: [m], and [rad or m].
+# More than this is worth nothing: of a range whose need is unknown [rad or m]; else beyond the
+# need, of a radius [m] and of a range [rad or m].
 _ENOUGH_RANGE, _EXTRA_RADIUS, _EXTRA_RANGE = 0.3, 5e-3, 0.05
 # How far the set ends before a collision [m], [rad or m]: so that searches come to an end.
 _MARGIN_RADIUS, _MARGIN_RANGE = 1e-3, 1e-2
 _FIRST_SAMPLES = 2000
 _FIRST_SHARE = 8  # the first search has so many times fewer samples than the last
-# After so many counterexample searches, or one that failed, the set shrinks only: where it was,
-# most is known.
+# After so many counterexample searches, or one without a collision, the set only shrinks: most is
+# known where it was.
 _FREE_ROUNDS = 25
 _MAX_ROUNDS = 200
-# So many collisions of an counterexample search are moved to the edge of what collides, by so many
+# So many collisions of a search are moved to the edge of the colliding region, in so many
 # bisections.
 _MAX_MOVED, _BISECTIONS = 48, 8
 _DECIMALS = 4  # of the numbers written to files
@@ -86,7 +86,7 @@ class SegmentSearch:
         allowed: The set.
         box: How far it reaches beyond the branch, in which direction, and what ends it there.
         preferences: What it should be like.
-        q: Collisions that were found on the way, shape (B, n); what a box calls its blockers.
+        q: Collisions found during the search, shape (B, n); the blockers of the box.
         pair: The pair of shapes that is too close in each, shape (B,).
         last: The counterexample search that found nothing.
         samples: How many configurations the counterexample searches of this search looked at.
@@ -184,7 +184,7 @@ class CollisionBoxes:
         return np.hstack([tool - self.radius, self._lower - q, q - self._upper])
 
     def _edge(self, q: FloatArray, pair: IntArray) -> FloatArray:
-        """Return the first collisions on straight ways from the branch to collisions (N, n)."""
+        """Return the first collisions on joint lines from the branch to collisions (N, n)."""
         apart = np.linalg.norm(q[:, None] - self._branch, axis=2)
         begin = self._branch[apart.argmin(axis=1)]
         free, hit = np.zeros((len(q), 1)), np.ones((len(q), 1))
@@ -216,7 +216,7 @@ def search_segment(
     """Return the largest set found around a branch, or a collision that leaves none.
 
     Args:
-        boxes: Around the branch; they learn the collisions that are found.
+        boxes: Around the branch; they store the collisions that searches find.
         clearance: Of the pairs of links.
         samples: How many configurations the counterexample search draws that must find nothing.
         rng: Random numbers.

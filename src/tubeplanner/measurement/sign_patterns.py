@@ -1,6 +1,6 @@
 """Which configurations of an arm are reachable and free along each segment of a tube.
 
-A configuration is told by the signs of the joints that fold: elbow up or down, and what is like it.
+The signs of the joints that fold distinguish configurations: elbow up or down, and the like.
 """
 
 from collections.abc import Iterator, Mapping
@@ -23,7 +23,7 @@ from tubeplanner.problem.problem import PlanningProblem, Seed
 from tubeplanner.progress import Progress, ProgressCallback
 from tubeplanner.tube.tube import Tube
 
-_SEEDS = 24  # configurations from which a branch is looked for, of so many samples
+_SEEDS = 24  # configurations, of this many samples, from which to search for a branch
 _SAMPLES = 600
 _NEAR_LINE = 0.01  # [m]
 _FREE_BRANCHES = 2  # so many free branches are measured; the best counts
@@ -69,7 +69,7 @@ class PatternSurvey:
 
     @property
     def message(self) -> str:
-        """What is suggested, in one sentence."""
+        """The suggestion, in one sentence."""
         if self.suggested is None:
             return "no sign pattern is free in all segments"
         if not self.suggested:
@@ -95,8 +95,8 @@ def survey_patterns(
 ) -> PatternSurvey:
     """Find out which sign patterns are reachable and free in each segment of a tube.
 
-    The file's own signs of folding joints do not count, nor do its start and goal; its ranges of
-    other joints do.
+    Ignores the file's signs of folding joints, its start and its goal; its ranges of other joints
+    count.
 
     Args:
         problem: The planning problem.

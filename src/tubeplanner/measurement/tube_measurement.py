@@ -35,8 +35,8 @@ from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, Progress, ProgressCallback
 from tubeplanner.tube.tube import JointRange, Tube
 
-# Distance asked for beside the clearance [m], for what later counterexample searches may find
-# beyond what was found here: the second where the first leaves nothing around the branch.
+# Extra distance beyond the clearance [m], in reserve for what later counterexample searches find:
+# the second value where the first leaves nothing around the branch.
 EXTRA_CLEARANCES = (1e-3, 1e-4)
 _ROUNDING = 1e-9
 # How far a trajectory may leave the sets found so far, to say what it needs: [m], and [rad or m].
@@ -44,7 +44,7 @@ _WIDENINGS = ((0.0, np.inf), (0.03, 0.3))
 _RADIUS_WORTHS = (1.0, 4.0)  # trades of radii for joint ranges that are tried, each time
 _ROUGH_SHARE = 8  # of the samples: a rough measurement has so many times fewer
 _SAMPLES_PER_PIECE = 10
-_MAX_STEP = 0.02  # [rad or m] between configurations at which the branch is looked at
+_MAX_STEP = 0.02  # [rad or m] between tested configurations of the branch
 
 
 def measure_tube(
@@ -56,8 +56,8 @@ def measure_tube(
 
     For every segment: the largest radius and joint ranges around the branch along the centre line
     such that in all configurations with the tool in that capsule and the joints in those ranges
-    everything keeps clear, as far as an counterexample search of many configurations can tell.
-    Where a radius can only grow at the cost of a range, a fast trajectory's needs decide. The
+    everything keeps clear, as far as a counterexample search over many configurations can tell.
+    Where a radius can only grow at the cost of a range, the needs of a fast trajectory decide. The
     problem's own radii do not count; its joint signs do.
 
     Args:
@@ -136,10 +136,10 @@ def _segments(
 ) -> tuple[SegmentMeasurement, ...]:
     """Return what was measured around a branch.
 
-    A first, rough measurement is made without regard to trajectories. Then, time after time, a fast
-    trajectory that may leave the best sets a little says which radii and joint ranges it needs;
-    trades of one for the other are searched for and planned in. The sets of the fastest trajectory
-    are searched thoroughly for counterexamples.
+    A first, rough measurement ignores trajectories. Then, repeatedly, a fast trajectory that may
+    leave the best sets a little shows which radii and joint ranges it needs; sets with other
+    compromises between them are measured and planned in. The sets of the fastest trajectory get a
+    thorough counterexample search.
 
     Raises:
         Infeasible: Status tube_blocked.
@@ -160,14 +160,14 @@ def _segments(
     final = []
     for k in segments:
         clock.announce(
-            Progress(f"searching counterexamples in segment {k} of {neighbourhood.count}")
+            Progress(f"searching for counterexamples in segment {k} of {neighbourhood.count}")
         )
         final.append(neighbourhood.described(k, neighbourhood.without_counterexamples(k, best[k])))
     return tuple(final)
 
 
 class BranchNeighbourhood:
-    """The surroundings of a branch, and what searches learn of them.
+    """The surroundings of a branch, and what searches find there.
 
     Attributes:
         count: Number of segments.
@@ -180,13 +180,13 @@ class BranchNeighbourhood:
         options: MeasureOptions,
         extra: float = EXTRA_CLEARANCES[0],
     ) -> None:
-        """Look along the branch.
+        """Test the branch.
 
         Args:
             problem: The planning problem; its radii are the largest wanted.
             branch: Along the centre line.
             options: How to measure.
-            extra: LeastClearance asked for beside the clearance, unless the branch has less [m].
+            extra: Extra distance beyond the clearance, unless the branch has less [m].
 
         Raises:
             Infeasible: Status tube_blocked: the branch itself collides.
@@ -249,7 +249,7 @@ class BranchNeighbourhood:
         """Return what a rough search finds, with the collisions known so far.
 
         Raises:
-            Infeasible: Status tube_blocked: searches for counterexamples come to no end.
+            Infeasible: Status tube_blocked: searches for counterexamples do not end.
         """
         found = search_segment(
             self._boxes[k], self._pair_clearance, self._rough, self._rngs[k], preferences
@@ -257,7 +257,7 @@ class BranchNeighbourhood:
         return self._unless_collision(k, found)
 
     def duration(self, found: list[SegmentSearch]) -> float:
-        """Return how long a trajectory within sets takes [s]; infinite where none is found."""
+        """Return the duration of a trajectory within sets [s]; infinite where there is none."""
         duration = self._planned(found).duration
         return np.inf if duration is None else duration
 
@@ -278,14 +278,14 @@ class BranchNeighbourhood:
         """Return the largest set within one that a thorough counterexample search leaves.
 
         Raises:
-            Infeasible: Status tube_blocked: searches for counterexamples come to no end.
+            Infeasible: Status tube_blocked: searches for counterexamples do not end.
         """
         boxes, clearance, rng = self._boxes[k], self._pair_clearance, self._rngs[k]
         last = search_segment(boxes, clearance, self._samples, rng, found.preferences, found.box)
         return self._unless_collision(k, last)
 
     def described(self, k: int, found: SegmentSearch) -> SegmentMeasurement:
-        """Return what a search found, in the terms of a tube."""
+        """Return the result of a search as radius and joint ranges of a tube segment."""
         least = found.last.least_clearance
         return SegmentMeasurement(
             radius=found.allowed.radius + self._problem.tube.tool_radius,
@@ -312,7 +312,7 @@ class BranchNeighbourhood:
 def _require_clearance(
     problem: PlanningProblem, clearance: PairClearance, k: int, q: FloatArray
 ) -> float:
-    """Return the least clearance along a branch's segment, at most what is asked for anyway [m].
+    """Return the least clearance along a branch's segment, at most the required one [m].
 
     Raises:
         Infeasible: Status tube_blocked: there is none.
@@ -333,7 +333,7 @@ def _require_clearance(
 def _ranges(
     problem: PlanningProblem, lower_bounds: FloatArray, upper_bounds: FloatArray
 ) -> dict[str, JointRange]:
-    """Return the ranges that say more than the position limits, by joint name; signs as such."""
+    """Return the ranges tighter than the position limits, by joint name; signs as such."""
     limits, ranges = problem.robot.limits, {}
     for joint, name in enumerate(problem.robot.joint_names):
         lower, upper = float(lower_bounds[joint]), float(upper_bounds[joint])

@@ -1,4 +1,4 @@
-"""How fast the path of a trajectory could be run by motors that switch at once."""
+"""How fast motors that switch instantly could run the path of a trajectory."""
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -15,10 +15,10 @@ _APART = 1e-6
 
 
 def path_minimum(robot: RobotModel, trajectory: JointTrajectory) -> float | None:
-    """Return the least time [s] in which the path of a trajectory can be run, from rest to rest.
+    """Return the least time [s] for the path of a trajectory, from rest to rest.
 
-    Under the limits of velocity, acceleration and effort; jerk, and so smoothness, is not asked
-    for. Judged at 1,600 points of the path: good to about 0.1 %.
+    Under the limits of velocity, acceleration and effort at 1,600 points of the path, jerk
+    unlimited: good to about 0.1 %.
 
     Args:
         robot: The arm.

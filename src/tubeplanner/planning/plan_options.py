@@ -13,12 +13,12 @@ METHODS = (REFINEMENT, BRANCH_AND_BOUND, STOP_AT_CORNERS, SUH_BISHOP)
 
 @dataclass(frozen=True)
 class Quality:
-    """How much refinement does.
+    """How thoroughly refinement works.
 
     Attributes:
-        knots: About how many knot intervals it begins with, and into how many parts they are then
-            divided, time after time; once for every pair, from the most natural start.
-        every_start: Whether other starts are tried too, though there is a certified trajectory.
+        knots: About how many knot intervals it begins with, and into how many parts it then divides
+            them, repeatedly; one run per pair, from the most natural start.
+        every_start: Whether it tries other starts too, even after a certified trajectory.
     """
 
     knots: tuple[tuple[int, tuple[int, ...]], ...]

@@ -1,4 +1,4 @@
-"""What came of planning: a certified trajectory, or the reason why there is none."""
+"""The result of planning: a certified trajectory, or the reason why there is none."""
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
@@ -19,7 +19,7 @@ from tubeplanner.verification.refusal import refusal
 from tubeplanner.verification.verification import verify
 from tubeplanner.waypoint_search.branch_and_bound import SearchStatistics
 
-# A reference point that the tool passes farther away than this is pointed out.
+# The message names a reference point that the tool passes farther away than this.
 _FAR_IN_RADII = 3.0
 _SAMPLES_PER_PIECE = 20
 
@@ -30,22 +30,22 @@ def _no_path() -> None:
 
 @dataclass(frozen=True, eq=False)
 class PlanResult:
-    """What came of planning.
+    """The result of planning.
 
     Attributes:
         status: Success means that the certificate passed.
         message: One sentence: the answer, or why there is none.
         place: Where, if there is no answer.
-        method: What made the answer: one of `METHODS`.
+        method: The method that found the answer: one of `METHODS`.
         trajectory: The answer; None unless successful.
         certificate: Of the answer, or of the best attempt; None if there was none.
         planning_time: Wall time from the loaded problem to the certified result [s].
-        certificate_time: The part of it that the answer's certificate took [s].
+        certificate_time: The share of it for the answer's certificate [s].
         search: What branch and bound did; None if it did not run.
         phase_two: What "suh-bishop" did after that; None if it did not.
         stopped_by: "time_limit" or "interrupt" if that ended planning early; None otherwise.
-        sensitivities: What every limit costs, the dearest first; computed when first asked for.
-            Empty unless the answer is refinement's.
+        sensitivities: What every limit costs, the dearest first; empty unless the answer is
+            refinement's.
         notes: What else is worth knowing about the answer.
         path_minimum: The least time [s] in which motors that switch at once could run the answer's
             path; computed when first asked for. None if there is no answer.
@@ -63,17 +63,12 @@ class PlanResult:
     phase_two: PhaseTwoStatistics | None = None
     stopped_by: StoppedBy | None = None
     notes: tuple[str, ...] = ()
-    _sensitivities: Callable[[], tuple[Sensitivity, ...]] = tuple
+    sensitivities: tuple[Sensitivity, ...] = ()
     _path_minimum: Callable[[], float | None] = _no_path
 
     @cached_property
-    def sensitivities(self) -> tuple[Sensitivity, ...]:
-        """What every limit costs, the dearest first."""
-        return self._sensitivities()
-
-    @cached_property
     def path_minimum(self) -> float | None:
-        """The least time for the answer's path [s], by motors that switch at once."""
+        """The least time for the answer's path [s], if motors switch instantly."""
         return self._path_minimum()
 
     @property
@@ -88,7 +83,7 @@ class PlanResult:
 
     @property
     def phase1_duration(self) -> float | None:
-        """Duration of what branch and bound found [s], None if it found nothing faster."""
+        """Duration of branch and bound's trajectory [s], None if it found nothing faster."""
         return None if self.search is None else self.search.best_duration
 
     def as_dict(self) -> dict[str, Any]:
@@ -160,7 +155,7 @@ def judged_result(
 
 
 def _success_message(problem: PlanningProblem, trajectory: JointTrajectory) -> str:
-    """Return what is to be said about a certified trajectory."""
+    """Return the message about a certified trajectory."""
     message = f"certified trajectory of {trajectory.duration:.4f} s"
     if problem.goal is None:
         q = ", ".join(f"{value:.4f}" for value in trajectory.position(trajectory.duration))

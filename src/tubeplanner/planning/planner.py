@@ -28,8 +28,8 @@ def plan(
         progress: Called as each stage begins, and many times during the search.
 
     Returns:
-        A result whose status is success only if the certificate passed; else its message and
-        place say what stands in the way. Ctrl-C ends the search with the best so far.
+        A result whose status is success only if the certificate passed; else its message and place
+        say what is in the way. Ctrl-C ends the search with the best so far.
 
     Raises:
         KeyboardInterrupt: Ctrl-C before anything was certified.
@@ -93,7 +93,7 @@ def _searched(
 
 
 def _with_better_reason(result: PlanResult, refined: PlanResult | None) -> PlanResult:
-    """Return a result; if links are in the way, as far as refinement could not move them away."""
+    """Return a result; if links are in the way, only those that refinement could not move away."""
     blocked = PlanStatus.TUBE_BLOCKED
     if refined is not None and result.status is blocked and refined.status is blocked:
         return replace(refined, search=result.search)

@@ -20,7 +20,7 @@ from tubeplanner.refinement.sensitivities import limit_sensitivities
 from tubeplanner.refinement.spline_start import starting_spline
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
-# How often a certificate's objections are handed back to refinement.
+# How often refinement gets the times of failed conditions from a certificate.
 _MAX_OBJECTIONS = 5
 # Where the segments need more knots than the quality has, there are at most this many times more.
 _MAX_KNOTS_SHARE = 1.5
@@ -31,8 +31,7 @@ def refined_plan(
 ) -> PlanResult | None:
     """Return the fastest certified trajectory, or why refinement's first one is refused.
 
-    Starts are tried until one leads to a certified trajectory, or all of them if the quality says
-    so.
+    Tries starts until one leads to a certified trajectory, or all of them if the quality says so.
 
     Returns:
         None if there was nothing to start from.
@@ -92,7 +91,7 @@ def _branch_searches(
 
 
 def _divisions(count: int, wanted: int, divisions: tuple[int, ...]) -> tuple[int, ...]:
-    """Return into how many parts intervals are divided that are more than a quality wants.
+    """Return the divisions for a spline with more knot intervals than the quality's.
 
     Every segment has some: of many segments, the finest knots are reached by fewer divisions.
     """
@@ -108,9 +107,9 @@ def _divisions(count: int, wanted: int, divisions: tuple[int, ...]) -> tuple[int
 def _from_start(
     problem: PlanningProblem, start: PhasedSpline, divisions: tuple[int, ...], clock: PlanningClock
 ) -> PlanResult:
-    """Return what refinement makes of one start, the certificate's objections handed back to it.
+    """Return refinement's result from one start, with samples added where its certificate fails.
 
-    Ctrl-C and the time limit leave the best so far to be certified.
+    After Ctrl-C or the time limit, certifies the best so far.
 
     Raises:
         Infeasible: Nothing to start from.
@@ -140,12 +139,12 @@ def _from_start(
         work = partial(refinement.answer, result.certificate, trajectory.duration)
     if not result.succeeded:
         return result
-    sensitivities = partial(limit_sensitivities, problem, refinement, trajectory.duration)
-    return replace(result, notes=_notes(problem, trajectory), _sensitivities=sensitivities)
+    sensitivities = limit_sensitivities(problem, refinement, trajectory.duration)
+    return replace(result, notes=_notes(problem, trajectory), sensitivities=sensitivities)
 
 
 def _notes(problem: PlanningProblem, trajectory: JointTrajectory) -> tuple[str, ...]:
-    """Return what the trajectory's jerk means, where nothing limits it."""
+    """Return a note on the trajectory's jerk, where nothing limits it."""
     robot = problem.robot
     peak = abs(trajectory.derivative_coefficients(3)).max(axis=(0, 1))
     peak = np.where(np.isfinite(robot.limits.jerk), 0.0, peak)

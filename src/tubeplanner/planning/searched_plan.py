@@ -24,7 +24,7 @@ def searched_plan(
 ) -> PlanResult:
     """Return what branch and bound finds, if it is faster than stopping at corners.
 
-    Even where that one failed its certificate: a search without a bound takes very long.
+    Even if that one failed its certificate: a search without a bound takes very long.
     """
     known = corners.result
 

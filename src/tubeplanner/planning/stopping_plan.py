@@ -15,7 +15,7 @@ from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
 @dataclass(frozen=True, eq=False)
 class StoppingPlan:
-    """What stopping at corners gave: its result, certified or not, and what that was made from."""
+    """The result of stopping at corners, certified or not, with its branch and trajectory."""
 
     result: PlanResult
     branch: ReferenceBranch | None = None
@@ -27,8 +27,8 @@ def stopping_plan(
 ) -> StoppingPlan:
     """Return the first certified trajectory that stops at corners.
 
-    If there is none, the most natural rule for the redundant joints says why; branch and trajectory
-    are the first there are.
+    If there is none, the reason is that of the most natural rule for redundant joints; branch and
+    trajectory are the first found.
     """
     reasons: dict[RedundancyRule, PlanResult] = {}
     first_branch = first_trajectory = None

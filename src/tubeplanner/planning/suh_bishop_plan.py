@@ -1,4 +1,4 @@
-"""Planning by the method of Suh & Bishop (1988): both its phases, and no other method's help."""
+"""Planning by the method of Suh & Bishop (1988): both its phases and no other method."""
 
 from dataclasses import replace
 
@@ -24,7 +24,7 @@ def suh_bishop_plan(
 ) -> PlanResult:
     """Return what both phases find, or why the first one finds nothing.
 
-    Rules for redundant joints are tried in turn until phase 1 has a certified trajectory.
+    Tries rules for redundant joints in turn until phase 1 has a certified trajectory.
 
     Raises:
         TimeLimitReached: Before there was anything; likewise KeyboardInterrupt.
@@ -62,7 +62,7 @@ def _along(
     if search.best is None and stopped_by == "interrupt":
         return stopped_result(clock, stopped_by, SUH_BISHOP)
     if search.best is None or search.certificate is None:
-        # Says so if gravity alone is too strong somewhere on the way.
+        # Raises if gravity alone is too strong somewhere along the branch.
         scaled_to_limits(problem.robot, sequential_quartics(problem.robot.joint_names, waypoints))
         nothing = _nothing_found(search, options, stopped_by)
         return replace(nothing, search=search.statistics, stopped_by=stopped_by)

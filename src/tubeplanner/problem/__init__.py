@@ -1,1 +1,1 @@
-"""What is asked: robot, tube, start, goal, obstacles; read from files and checked."""
+"""The planning problem: robot, tube, start, goal, obstacles; read from files and checked."""

@@ -10,17 +10,15 @@ from tubeplanner.collision.collision_checker import CollisionChecker
 from tubeplanner.collision.collision_scene import CollisionScene
 from tubeplanner.collision.obstacle import MAX_SIZE, AttachedSolid, Obstacle
 from tubeplanner.errors import ProblemError, unknown_name
+from tubeplanner.outcome import MARGIN_TOLERANCE
 from tubeplanner.problem.joint_values import configuration_of
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.tube.tube import Tube
 
-# How far outside a bound a given start or goal may be and still count as on it [rad, m].
-_INPUT_TOLERANCE = 1e-6
-
 
 @dataclass(frozen=True, eq=False)
 class Seed:
-    """Ask for the inverse kinematics of a reference point, starting from a configuration.
+    """A start for the inverse kinematics of a reference point.
 
     Attributes:
         joints: Shape (n,), group order [rad or m].
@@ -31,7 +29,7 @@ class Seed:
 
 @dataclass(frozen=True, eq=False)
 class PlanningProblem:
-    """What `plan` is asked to do.
+    """The problem that `plan` solves.
 
     Attributes:
         robot: The arm.
@@ -157,8 +155,8 @@ class PlanningProblem:
     def _require_within_limits(self, what: str, q: FloatArray) -> None:
         limits = self.robot.limits
         low, high = (
-            limits.lower_position - _INPUT_TOLERANCE,
-            limits.upper_position + _INPUT_TOLERANCE,
+            limits.lower_position - MARGIN_TOLERANCE,
+            limits.upper_position + MARGIN_TOLERANCE,
         )
         for joint in np.flatnonzero((q < low) | (q > high)):
             raise ProblemError(
@@ -170,14 +168,14 @@ class PlanningProblem:
     def _require_inside(self, end: str, q: FloatArray, segment: int) -> None:
         lower, upper = self.joint_lower[segment], self.joint_upper[segment]
         for name, value, low, high in zip(self.robot.joint_names, q, lower, upper, strict=True):
-            if not low - _INPUT_TOLERANCE <= value <= high + _INPUT_TOLERANCE:
+            if not low - MARGIN_TOLERANCE <= value <= high + MARGIN_TOLERANCE:
                 raise ProblemError(
                     f"{end}: joint '{name}' at {value:g} is outside [{low:g}, {high:g}], its "
                     f"position limits and joint sign in segment {segment}"
                 )
         rotation, tool = self.robot.tool_pose(q[None])
         margin = float(self.tube.margin(tool)[0, segment])
-        if margin < -_INPUT_TOLERANCE:
+        if margin < -MARGIN_TOLERANCE:
             point = self.tube.points[segment + (end == "goal")]
             raise ProblemError(
                 f"{end}: the tool is at {np.round(tool[0], 4).tolist()} m, {-margin:.3g} m outside "
@@ -191,7 +189,7 @@ class PlanningProblem:
     ) -> None:
         """Raise unless a tool is within a segment's rotation tolerance."""
         tube = self.tube.rotation
-        if tube is None or tube.margin(rotation, tool, segment)[0] >= -_INPUT_TOLERANCE:
+        if tube is None or tube.margin(rotation, tool, segment)[0] >= -MARGIN_TOLERANCE:
             return
         error = tube.error(rotation, tool, segment)[0]
         turned = [*error.tolist(), float(np.linalg.norm(error))]

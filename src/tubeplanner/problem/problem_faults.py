@@ -1,4 +1,4 @@
-"""What pydantic finds wrong in a problem file, in the words of that file."""
+"""The faults that pydantic finds in a problem file, in terms of that file."""
 
 from typing import Any, get_args
 
@@ -8,7 +8,7 @@ from tubeplanner.errors import unknown_name
 
 _Path = tuple[int | str, ...]
 
-# What pydantic's kinds of fault ask for.
+# The wanted value for each of pydantic's fault types.
 _WANTED = {
     "bool_type": "true or false",
     "dict_type": "a map",
@@ -24,12 +24,12 @@ _MAX_VALUE_LENGTH = 60
 
 
 def first_fault(data: dict[str, Any], error: ValidationError, root: type[BaseModel]) -> str:
-    """Return the first fault of a document: where, which value, what is wanted.
+    """Return the first fault of a document: field, value, and what it must be.
 
     Args:
         data: The document.
-        error: What pydantic says of it.
-        root: The model it was held against.
+        error: Pydantic's report on it.
+        root: The model that it must match.
     """
     # A union reports each of its members: the fault that lies deepest is the one the user made.
     faults = error.errors()

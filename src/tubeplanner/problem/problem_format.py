@@ -30,7 +30,7 @@ def _no_flag(value: object) -> object:
 
 
 def _sign_or_range(value: object) -> object:
-    """Say at once what a sign may be, rather than what each of its alternatives asks for."""
+    """Report what a sign may be, rather than the fault of each alternative."""
     _no_flag(value)
     is_range = isinstance(value, list | tuple) and len(value) == 2
     if not is_range and value not in ("+", "-", "0", 1, -1, 0):
@@ -44,7 +44,7 @@ Sign: TypeAlias = Annotated[
 
 
 def _angle_or_bounds(value: object) -> object:
-    """Say at once what a bound on the rotation may be."""
+    """Report what a bound on the rotation may be."""
     numbers = list(value) if isinstance(value, list | tuple) else [value]
     right = all(isinstance(n, int | float) and not isinstance(n, bool) for n in numbers)
     if not right or (isinstance(value, list | tuple) and len(numbers) != 3):
@@ -59,7 +59,7 @@ Version: TypeAlias = Annotated[Literal[1], BeforeValidator(_no_flag)]
 
 PROBLEM_FORMAT: Final = "tubeplanner/problem"
 _MAX_BYTES = 10_000_000
-# What the readers raise for malformed input, whatever it says of the fault.
+# The readers' exceptions for malformed input.
 _READER_ERRORS = (YAMLError, ValueError, RecursionError, LookupError, TypeError, AttributeError)
 
 
@@ -142,7 +142,7 @@ class RobotFields(_Section):
 
 
 class TubeFields(_Section):
-    """Where the tool may be, and how it may be turned."""
+    """Where the tool may be, and its orientation there."""
 
     points: list[Vector] = Field(description="m+1 reference points, base frame [m]")
     radius: Finite | list[Finite] = Field(description="one or m path tolerances [m]")

@@ -1,7 +1,7 @@
 """Which control points of a spline an optimiser may move, and how far.
 
-Those at rest at both ends stay where they are. If the goal is open, its control points move as one,
-the tool staying where it is.
+Those at rest at both ends are fixed. If the goal is open, its control points move as one, and the
+tool keeps its position.
 """
 
 import numpy as np
@@ -10,7 +10,8 @@ from scipy import sparse
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.branches.inverse_kinematics import solve_position
 from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.refinement.phased_spline import DEGREE, REST_POINTS, KnotGrid
+from tubeplanner.refinement.phased_spline import DEGREE, KnotGrid
+from tubeplanner.trajectory.fitted_spline import REST_POINTS
 
 FIXED = -1
 # Directions in which the joints at the goal move the tool by less than this [m/rad] are left free.
@@ -24,7 +25,7 @@ class ControlVariables:
 
     Attributes:
         column: The variable of every control point, -1 where it is fixed, shape (K,).
-        selection: What control points take of the variables, sparse, shape (K, F).
+        selection: How control points depend on the variables, sparse, shape (K, F).
         lower: Bounds of the variables, shape (F, n) [rad or m].
         upper: Likewise.
     """
@@ -56,7 +57,7 @@ class ControlVariables:
         return padded[self.column]
 
     def within_bounds(self, control_points: FloatArray) -> FloatArray:
-        """Return control points (K, n), those that may move moved into their bounds."""
+        """Return control points (K, n), the movable ones clipped to their bounds."""
         moving = self.column != FIXED
         inside = np.clip(self.of(control_points), self.lower, self.upper)
         points = control_points.copy()
@@ -80,7 +81,7 @@ class ControlVariables:
         return points
 
     def held(self, control_points: FloatArray) -> FloatArray:
-        """Return what the tool at an open goal forbids: directions of its joints, shape (r, n)."""
+        """Return the joint directions (r, n) that would move the tool away from an open goal."""
         joints = control_points.shape[1]
         if not self._goal_moves:
             return np.zeros((0, joints))
@@ -96,7 +97,7 @@ class ControlVariables:
         return column
 
     def _control_bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Return joint bounds of the control points, (K, n): those of all phases they count in.
+        """Return joint bounds of the control points, (K, n): those of all phases they belong to.
 
         A spline lies in the hull of its control points, so the bounds hold for all t.
         """

@@ -76,7 +76,7 @@ class EvaluatedLimits:
         at: The spline at the samples.
         gravity: Efforts against gravity, shape (N, n).
         effort: Efforts of the spline run in one second, shape (N, n).
-        asked: For every kind that is asked for, the bounded joints and their limits' numbers.
+        asked: For every requested kind, the bounded joints and their limits' numbers.
     """
 
     robot: RobotModel

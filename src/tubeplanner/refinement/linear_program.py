@@ -39,7 +39,7 @@ class Bounds:
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """What a linear program gives.
+    """The solution of a linear program.
 
     Attributes:
         control: Shape (F, n).

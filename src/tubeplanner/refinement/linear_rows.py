@@ -14,15 +14,15 @@ from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 # Rows with less slack than this are kept, however short the step.
 _CLOSE = 0.3
 NO_LIMIT = -1
-# Steps aim this far inside tube and clearances, a share of a radius; the merit lets go of most of
-# it, so that what lies between samples and what rounding does stays inside too.
+# Steps aim this far inside tube and clearances, as a share of a radius; the merit function ignores
+# most of it, which absorbs violations between samples and rounding.
 INNER_MARGIN = 0.005
 MERIT_TOLERANCE = 0.8 * INNER_MARGIN
 
 
 @dataclass(frozen=True)
 class StepSize:
-    """How far a step may go: control points [rad or m] and switching times."""
+    """The largest step: control points [rad or m] and switching times."""
 
     control: float
     switching: float

@@ -19,17 +19,18 @@ from tubeplanner.refinement.linear_rows import (
 from tubeplanner.refinement.phased_spline import PhasedSpline, Samples
 from tubeplanner.refinement.sampled_spline import SampledSpline, sampled
 
-# What a row calls one [m]: as a radius does for the tube.
+# The unit of the rows [m], as the radius is for the tube.
 _UNIT = 0.05
 # Steps aim at this much more than what is required, unless start or goal have less [m].
 _INNER_MARGIN = INNER_MARGIN * _UNIT
 # Pairs that come closer than this beyond what is required are watched [m].
 _WATCHED = 0.01
 _PER_INTERVAL = 4  # samples looked at
-# Every so manieth of them is looked at first; the others know what separates a pair near by.
+# Samples are visited coarse to fine, with this stride first; a nearby sample then provides a
+# direction that separates a pair.
 _STRIDES = (64, 16, 4, 1)
-# Samples of a pair that are this near to each other, a share of their spacing, are one; those that
-# are asked for nearly always count.
+# Samples of a pair closer than this share of their spacing count as one; requested ones nearly
+# always count.
 _SAME_SHARE, _SAME_SHARE_ASKED = 0.3, 1e-3
 
 
@@ -51,7 +52,7 @@ class LinkConstraints:
         pairs = self._pairs[self._pair]
         closest = self._checker.closest_points(rotation, position, pairs)
         aim, required = self._aim[self._pair], self._required[self._pair]
-        # Where there is less distance to aim at, there is less that may be let go of.
+        # Where the aimed distance is smaller, the merit function may ignore less of it.
         strict = MERIT_TOLERANCE * (1 - (aim - required) / _INNER_MARGIN)
         return EvaluatedLinks(self._problem, at, pairs, aim, strict, rotation, position, closest)
 
@@ -63,7 +64,7 @@ class LinkConstraints:
         return moved
 
     def look(self, spline: PhasedSpline) -> bool:
-        """Watch pairs where they come closest; return whether one is too close and was not seen."""
+        """Watch pairs where they come closest; return whether a new one is too close."""
         if len(self._pairs) == 0:
             return False
         samples = spline.grid.samples(np.arange(_PER_INTERVAL) / _PER_INTERVAL)
@@ -108,7 +109,7 @@ class LinkConstraints:
         return bool(too_close.any())
 
     def _set_aims(self, spline: PhasedSpline, pairs: IntArray) -> None:
-        """Set what is aimed at: a little more than is required, where start and goal have it."""
+        """Set the aimed distances: a little more than required, where start and goal have it."""
         pairs = pairs[np.isnan(self._aim[pairs])]
         ends = spline.control_points[[0] if self._problem.goal is None else [0, -1]]
         rotation, position = self._problem.robot.body_poses(ends)
@@ -155,7 +156,7 @@ class _Distances:
         self._is_known = np.zeros(self.found.shape, dtype=bool)
 
     def measure(self, samples: IntArray, stride: int) -> None:
-        """Look at some samples, after those that are multiples of a stride."""
+        """Visit some samples, after those that are multiples of a stride."""
         row, pair = np.nonzero(self._near[samples])
         row = samples[row]
         last = row - row % stride
@@ -184,7 +185,7 @@ class EvaluatedLinks:
         at: The spline at those instants.
         pairs: Indices of the shapes, shape (E, 2).
         aim: Distances aimed at, shape (E,) [m].
-        strict: What the excess counts in addition, shape (E,).
+        strict: Added to the excess, shape (E,).
         rotation: Of all bodies, shape (E, bodies, 3, 3).
         position: Likewise, shape (E, bodies, 3) [m].
         closest: Where the pairs are closest.

@@ -1,7 +1,7 @@
 """Cubic B-splines of joint positions over phases, one per tube segment, whose ends may move.
 
 Time x runs from 0 to 1. Phase k lies between the switching times k and k+1; its knots sit at fixed
-shares of it, and so do samples: when a switching time moves, both move along. Joints are C2
+shares of it, and so do samples: when a switching time moves, they move with it. Joints are C2
 everywhere. The first three control points are the start and the last three the goal, so that
 velocity and acceleration vanish exactly at both ends.
 """
@@ -15,7 +15,6 @@ from scipy.interpolate import BSpline
 from tubeplanner.arrays import FloatArray, IntArray
 
 DEGREE = 3
-REST_POINTS = 3  # equal control points at an end put velocity and acceleration there to zero
 _SWITCHING_STEP = 1e-7
 
 
@@ -39,7 +38,7 @@ class Samples:
         return self.interval
 
     def basis(self, grid: "KnotGrid", switching_times: FloatArray) -> FloatArray:
-        """Return what position and its derivatives take of four control points, (4, N, 4)."""
+        """Return the weights of four control points in position and derivatives, (4, N, 4)."""
         return _basis_functions(
             grid.knots(switching_times), self.interval + DEGREE, self.times(switching_times)
         )
@@ -170,7 +169,7 @@ def basis_by_switching(
 
 @dataclass(frozen=True, eq=False)
 class PhasedSpline:
-    """A spline over phases with its control points; how fast it runs is left open.
+    """A spline over phases with its control points, without a duration.
 
     Attributes:
         grid: Where the knots are.

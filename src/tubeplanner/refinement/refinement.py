@@ -1,10 +1,10 @@
 """Phase 2: path and speed optimised together, from coarse to fine knots.
 
 The paper's phase 2 moves its knots along discretised gradients and doubles them (Suh & Bishop
-1988). Here, a spline over phases, one per tube segment, is shortened by sequential linear programs
-on few knots; then its knot intervals are divided, which leaves it as it is, and it is shortened
-again. Links are watched where they come close. On the finest knots, samples are added where
-anything is broken between them.
+1988). Here, sequential linear programs shorten a spline over phases, one per tube segment, on few
+knots; then its knot intervals are divided, which does not change it, and it is shortened again.
+Links are watched where they come close. On the finest knots, samples are added where a constraint
+is violated between them.
 """
 
 from collections.abc import Callable
@@ -24,16 +24,15 @@ from tubeplanner.verification.certificate import Certificate
 _FIRST_TRUST, _LATER_TRUST, _LAST_TRUST = 0.2, 0.03, 0.02  # [rad or m]
 _MIN_LAST_TRUST = 0.002
 _GAIN, _LAST_GAIN = 5e-4, 3e-4
-_POLISH_TRUST, _POLISH_GAIN, _POLISH_STEPS = 0.01, 1e-7, 20
 _MAX_STEPS, _STEPS_PER_ROUND, _MAX_ROUNDS = 60, 3, 8
-# On coarse knots, links that came close on the way are given this much.
+# On coarse knots, links that came close during the search keep this much clearance.
 _MAX_COARSE_ROUNDS, _STEPS_PER_COARSE_ROUND = 6, 10
-# The exchange of samples ends when this is all that lies between them, a share of T^2.
+# The exchange of samples ends when violations between them are below this share of T^2.
 _BETWEEN_SAMPLES = 0.003
 
 
 class Refinement:
-    """Refinement of one trajectory, and the best that it has found so far."""
+    """Refinement of one spline, and the best one found so far."""
 
     def __init__(
         self,
@@ -47,7 +46,7 @@ class Refinement:
         Args:
             problem: The planning problem; segments are visited in order.
             start: Where to start; its phases are the tube's segments.
-            divisions: Into how many parts every knot interval is divided, time after time.
+            divisions: Into how many parts every knot interval is divided, in each round.
             checkpoint: Called with the duration [s] after every step; it may raise to end the work.
         """
         self._problem, self._start, self._divisions = problem, start, divisions
@@ -63,7 +62,7 @@ class Refinement:
 
     @property
     def trajectory(self) -> JointTrajectory:
-        """The best so far, or else the one nearest to what is allowed; it takes one second."""
+        """The best so far, or else the least infeasible one; it takes one second."""
         if self._best is None:
             raise RuntimeError("refinement has not run")
         return from_spline(self._problem.robot.joint_names, self._best.spline.bspline())
@@ -86,9 +85,9 @@ class Refinement:
         return True
 
     def answer(self, certificate: Certificate, duration: float) -> bool:
-        """Go on with samples where a certificate objects; return whether there was anything to do.
+        """Continue with samples where a certificate fails; return whether there was anything to do.
 
-        There is not if the best trajectory is not inside at the samples there are.
+        There is nothing to do if the best trajectory is infeasible at the present samples.
 
         Args:
             certificate: Of the best trajectory, scaled to the limits.
@@ -109,17 +108,10 @@ class Refinement:
         """Return d ln T / d ln p for every limit p, as `SequentialProgram.elasticities`."""
         if self._best is None:
             return {}
-        spline, program, penalty = self._best.spline, self._program, self._penalty
+        spline, program = self._best.spline, self._program
         if spline.grid is not program.grid:  # ended before there was a trajectory on finer knots
-            program, penalty = SequentialProgram(self._problem, spline.grid), FIRST_PENALTY
-        polished = program.improved(
-            program.iterate(spline),
-            _POLISH_TRUST,
-            penalty,
-            min_gain=_POLISH_GAIN,
-            max_steps=_POLISH_STEPS,
-        )
-        return program.elasticities(polished.iterate)
+            program = SequentialProgram(self._problem, spline.grid)
+        return program.elasticities(program.iterate(spline))
 
     def _on_coarse_knots(self, spline: PhasedSpline, trust: float) -> Iterate:
         """Return a trajectory that is about the shortest, links not yet clear between samples."""

@@ -1,4 +1,4 @@
-"""The tool turned no farther than its segment allows, at samples of a spline."""
+"""The tool's orientation within its segment's tolerance, at samples of a spline."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -23,10 +23,10 @@ class EvaluatedRotation:
 
     Attributes:
         robot: The arm.
-        tube: How the tool may be turned.
+        tube: The rotational part of the tube.
         at: The spline at the samples.
         samples: Each is in the phase of its segment.
-        margin: The share of the tolerances that is kept free.
+        margin: The share of the tolerances that stays unused.
         first_limit: Number of the first segment's tolerance among the limits.
     """
 

@@ -20,7 +20,7 @@ class SampledSpline:
 
     Attributes:
         spline: The spline.
-        evaluation_points: Where it is looked at.
+        evaluation_points: The N points.
         basis: Weights of the four control points that count, shape (orders, N, 4).
         by_x: Position and derivatives by x, as many as there are weights, shape (orders, N, n).
     """

@@ -5,20 +5,20 @@ from dataclasses import dataclass
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.refinement.refinement import Refinement
 
-_RISE = 0.1  # what a limit is raised by, to say what that would save
+_RISE = 0.1  # the rise of a limit for which `saved` holds
 
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """What one limit costs, start and goal and all other limits being as they are.
+    """What one limit costs, with start, goal and all other limits fixed.
 
     Attributes:
         limit: "effort" (both directions together), "velocity", "acceleration", "jerk", "radius" or
             "rotation".
         joint: Whose limit; None for a radius or a rotation tolerance.
         segment: Which segment's radius or rotation tolerance; None for a joint.
-        elasticity: d ln T / d ln limit, at most 0: the share by which the duration falls, per share
-            by which the limit rises.
+        elasticity: d ln T / d ln limit, at most 0: the relative change of the duration per relative
+            rise of the limit.
         saved: What 10 % more would save [s], to first order.
     """
 
@@ -36,11 +36,11 @@ class Sensitivity:
 def limit_sensitivities(
     problem: PlanningProblem, refinement: Refinement, duration: float
 ) -> tuple[Sensitivity, ...]:
-    """Return what every limit costs, the dearest first.
+    """Return what every limit costs, largest first.
 
     Args:
         problem: The planning problem.
-        refinement: What was found.
+        refinement: The finished refinement.
         duration: Of the answer [s].
     """
     found = []

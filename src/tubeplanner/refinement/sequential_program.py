@@ -13,7 +13,7 @@ from scipy import sparse
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.refinement.control_variables import ControlVariables
+from tubeplanner.refinement.control_variables import FIXED, ControlVariables
 from tubeplanner.refinement.linear_program import Bounds, Step, StepProgram
 from tubeplanner.refinement.linear_rows import INNER_MARGIN, MERIT_TOLERANCE, Rows, StepSize
 from tubeplanner.refinement.link_constraints import LinkConstraints
@@ -28,7 +28,7 @@ _NEAR, _NEAR_SHARE = 0.03, 0.03
 _MAX_LAZY_ROUNDS = 5
 _BROKEN = 1e-4
 _MIN_TRUST, _MAX_TRUST = 1e-4, 1.0
-# Steps that gain less than this share of what they should are corrected.
+# Steps that gain less than this share of the prediction get a second-order correction.
 _GOOD_RATIO = 0.3
 FIRST_PENALTY, _MAX_PENALTY = 3.0, 1e4
 _DURATION_STEP = (-0.5, 1.0)
@@ -55,7 +55,7 @@ class SequentialProgram:
     """The optimisation of splines on one knot grid.
 
     Attributes:
-        constraints: What the splines must keep.
+        constraints: The constraints of the splines.
         grid: The splines' knots.
     """
 
@@ -141,7 +141,8 @@ class SequentialProgram:
             ("radius", segment) and ("rotation", segment). None of them is positive.
         """
         rows, is_elastic = self.constraints.rows(current, None)
-        near = np.flatnonzero(rows.slack < _NEAR)
+        # Rows that no variable moves, such as a start on its tolerance, cost nothing.
+        near = np.flatnonzero((rows.slack < _NEAR) & self._can_move(rows))
         step = StepProgram(
             rows.where(near),
             is_elastic[near],
@@ -152,7 +153,7 @@ class SequentialProgram:
             _MAX_PENALTY,
             _MULTIPLIER_TOLERANCE,
         ).solve()
-        if step is None:
+        if step is None or step.elastic > _BROKEN:  # then multipliers tell the penalty alone
             return {}
         names, limit = self.constraints.names, rows.limit[near]
         named = limit >= 0
@@ -163,6 +164,12 @@ class SequentialProgram:
         tolerances = ("radius", "rotation")
         share = np.array([1 - INNER_MARGIN if kind in tolerances else 1.0 for kind, _ in names])
         return dict(zip(names, -cost * share, strict=True))
+
+    def _can_move(self, rows: Rows) -> BoolArray:
+        """Return whether variables change rows at all, shape (R,)."""
+        is_free = self._variables.column[rows.first[:, None] + np.arange(DEGREE + 1)] != FIXED
+        by_control = (abs(rows.control).sum(axis=2) * is_free).sum(axis=1)
+        return by_control + abs(rows.switching).sum(axis=1) + abs(rows.duration) > 0
 
     def _moved(self, current: Iterate, step: Step) -> Iterate | None:
         points = self._variables.moved(current.spline.control_points, step.control)
@@ -175,7 +182,7 @@ class SequentialProgram:
     def _corrected(
         self, current: Iterate, linear: "_Linearised", step: Step, trial: Iterate, gain: float
     ) -> tuple[Iterate, float]:
-        """Return a trial or, if it is better, one whose rows know how they bend towards the first.
+        """Return a trial, or a better one corrected for the constraints' curvature.
 
         (Second-order correction: Nocedal & Wright, "Numerical Optimization", 2006, section 18.3.)
         """
@@ -207,7 +214,7 @@ class SequentialProgram:
         )
 
     def _bounds(self, current: Iterate, trust: float, *, goal_moves: bool = True) -> Bounds:
-        """Return where a step must stay."""
+        """Return the bounds of a step."""
         width = np.diff(current.spline.switching_times)
         points = current.spline.control_points
         now, joints = self._variables.of(points), points.shape[1]
@@ -295,11 +302,11 @@ class _Linearised:
         return step
 
     def solve_again(self, step: Step, slack: FloatArray) -> Step | None:
-        """Return the step of rows that are corrected by what they turned out to be after one.
+        """Return the step for rows whose slack is corrected by the slack found after a first step.
 
         Args:
-            step: The one after which they were looked at.
-            slack: What they had there, by their numbers.
+            step: The first step.
+            slack: The rows' slack after it, by their numbers.
         """
         rows = self._rows
         correction = slack[rows.index] - (self._slack_after(step) - self._is_elastic * step.elastic)
@@ -326,7 +333,7 @@ def _gains(current: Iterate, trial: Iterate, step: Step, penalty: float) -> tupl
 
 
 def _beyond(excess: float) -> float:
-    """Return how much of an excess counts."""
+    """Return the counted part of an excess."""
     return max(excess - MERIT_TOLERANCE, 0.0)
 
 

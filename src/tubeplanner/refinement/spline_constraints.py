@@ -1,4 +1,4 @@
-"""All constraints of a spline at samples, which are added as they turn out to be needed."""
+"""All constraints of a spline at samples, with samples added where necessary."""
 
 from dataclasses import dataclass
 
@@ -41,9 +41,9 @@ class Iterate:
     Attributes:
         spline: Control points and switching times.
         squared_duration: The least T^2 that the limits allow at the samples [s^2].
-        excess: How far tool or links are beyond what is allowed to them, >= 0: of the tool in
+        excess: How far tool or links violate their constraints, >= 0: of the tool in
             radii or rotation tolerances beyond the narrowed tube, of links in units of 5 cm.
-        limits: What it was found from: efforts and rates, as far as they are limited.
+        limits: What it was computed from: efforts and rates, as far as they are limited.
         tube: Likewise, the tool's position.
         rotation: Likewise, the tool's rotation; None where it is free.
         links: Likewise.
@@ -59,7 +59,7 @@ class Iterate:
 
     @property
     def tool(self) -> tuple[EvaluatedTube | EvaluatedRotation, ...]:
-        """What the tube asks of the tool."""
+        """The constraints of the tube on the tool."""
         return (self.tube,) if self.rotation is None else (self.tube, self.rotation)
 
     @property
@@ -72,7 +72,7 @@ class SplineConstraints:
     """What splines on one knot grid must keep."""
 
     def __init__(self, problem: PlanningProblem, grid: KnotGrid, links: LinkConstraints) -> None:
-        """Take the usual samples, and links that may be watched already."""
+        """Set up the usual samples, and links that may be watched already."""
         self._problem, self._grid, self._links = problem, grid, links
         self._limits = LimitConstraints(problem.robot)
         # A switching time has a sample on either side, so that the tool is in both capsules there.
@@ -104,7 +104,7 @@ class SplineConstraints:
         return self._at(spline, self._limited, self._tube_samples)
 
     def rows(self, current: Iterate, size: StepSize | None) -> tuple[Rows, FloatArray]:
-        """Return all rows at a spline, and 1 for those that may be violated at a penalty.
+        """Return all rows at a spline, and 1 for those that may be violated at a penalty, else 0.
 
         Args:
             current: The spline.
@@ -123,7 +123,7 @@ class SplineConstraints:
 
         Args:
             current: The spline whose rows are meant.
-            trial: Where they are looked at.
+            trial: The spline at which to evaluate them.
             squared_duration: The trial's, as a multiple of the spline's.
         """
         slacks = [limits.slack(current.duration, squared_duration) for limits in trial.limits]

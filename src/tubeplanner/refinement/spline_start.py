@@ -1,27 +1,25 @@
 """Where refinement starts: a spline along the reference branch, and one knot grid from another."""
 
 import numpy as np
-from scipy.interpolate import BSpline
-from scipy.linalg import solveh_banded
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.branches.reference_branch import ReferenceBranch
-from tubeplanner.polyline import arc_lengths
 from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.refinement.phased_spline import DEGREE, REST_POINTS, KnotGrid, PhasedSpline
+from tubeplanner.refinement.phased_spline import DEGREE, KnotGrid, PhasedSpline
+from tubeplanner.trajectory.fitted_spline import fitted_control_points, times_between
 
 _MIN_INTERVALS = 3  # of a phase, if there are several
 _FIT_POINTS_PER_INTERVAL = 5
-# Control points that the fit leaves open are drawn to the joint line by this weight.
+# Control points that the fit leaves open are pulled to the joint line by this weight.
 _DRAW = 1e-8
-# Where the tool hardly moves, joints do: this many metres of travel per radian.
+# Joints may move while the tool hardly does: a radian counts as this many metres of travel.
 _TRAVEL_PER_RADIAN = 0.05
 
 
 def starting_spline(
     problem: PlanningProblem, branch: ReferenceBranch, intervals: int
 ) -> PhasedSpline:
-    """Return a spline that follows the branch with minimum jerk from end to end, past the corners.
+    """Return a spline along the branch, with a minimum-jerk time course over all corners.
 
     Args:
         problem: The planning problem.
@@ -30,15 +28,16 @@ def starting_spline(
     """
     q = np.concatenate(branch.segments)
     tool = problem.robot.tool_position(q)
-    travel = arc_lengths(tool) + _TRAVEL_PER_RADIAN * arc_lengths(q)
-    travel /= travel[-1]
+    steps = np.linalg.norm(np.diff(tool, axis=0), axis=1)
+    steps += _TRAVEL_PER_RADIAN * np.linalg.norm(np.diff(q, axis=0), axis=1)
+    travel = np.concatenate([[0.0], np.cumsum(steps)]) / steps.sum()
     corners = travel[np.cumsum([len(segment) for segment in branch.segments]) - 1]
     x = np.linspace(0, 1, 2001)
     covered = x**3 * (10 - 15 * x + 6 * x**2)
     switching_times = np.concatenate([[0.0], np.interp(corners[:-1], covered, x), [1.0]])
     grid = knot_grid(switching_times, intervals)
     apart = np.concatenate([[True], np.diff(travel) > 0])
-    times = _fit_times(grid, switching_times)
+    times = times_between(grid.breakpoints(switching_times), _FIT_POINTS_PER_INTERVAL)
     wanted = np.interp(times, x, covered)
     path = np.array([np.interp(wanted, travel[apart], column[apart]) for column in q.T]).T
     return _fitted(grid, switching_times, times, path, branch.start, branch.goal)
@@ -56,7 +55,7 @@ def subdivided(spline: PhasedSpline, parts: int) -> PhasedSpline:
         finer[::parts] = share
         shares.append(finer)
     grid = KnotGrid(tuple(shares))
-    times = _fit_times(grid, switching_times)
+    times = times_between(grid.breakpoints(switching_times), _FIT_POINTS_PER_INTERVAL)
     ends = spline.control_points[[0, -1]]
     return _fitted(grid, switching_times, times, spline.bspline()(times), *ends)
 
@@ -78,14 +77,6 @@ def knot_grid(switching_times: FloatArray, intervals: int) -> KnotGrid:
     return KnotGrid(tuple(shares))
 
 
-def _fit_times(grid: KnotGrid, switching_times: FloatArray) -> FloatArray:
-    """Return times inside every knot interval."""
-    breakpoints = grid.breakpoints(switching_times)
-    local = (np.arange(_FIT_POINTS_PER_INTERVAL) + 0.5) / _FIT_POINTS_PER_INTERVAL
-    times: FloatArray = breakpoints[:-1, None] + np.diff(breakpoints)[:, None] * local
-    return times.ravel()
-
-
 def _fitted(
     grid: KnotGrid,
     switching_times: FloatArray,
@@ -95,20 +86,6 @@ def _fitted(
     goal: FloatArray,
 ) -> PhasedSpline:
     """Return the least-squares spline through configurations (N, n), at rest at its ends."""
-    count = grid.control_point_count
-    design = BSpline.design_matrix(times, grid.knots(switching_times), DEGREE)
-    inner = slice(REST_POINTS, count - REST_POINTS)
-    line = start + np.linspace(0, 1, count)[:, None] * (goal - start)
-    points = line.copy()
-    points[:REST_POINTS], points[-REST_POINTS:] = start, goal
-    fixed = points.copy()
-    fixed[inner] = 0.0
-    # Normal equations, as a band: well conditioned, and nothing for threads to wait for.
-    squared = (design.T @ design).tocsr()[inner, inner]
-    bands = np.zeros((DEGREE + 1, count - 2 * REST_POINTS))
-    for k in range(min(DEGREE + 1, bands.shape[1])):
-        bands[k, : bands.shape[1] - k] = squared.diagonal(-k)
-    bands[0] += _DRAW
-    wanted = (design.T @ (path - design @ fixed))[inner] + _DRAW * line[inner]
-    points[inner] = solveh_banded(bands, wanted, lower=True)
+    knots = grid.knots(switching_times)
+    points = fitted_control_points(knots, DEGREE, times, path, (start, goal), _DRAW)
     return PhasedSpline(grid, switching_times, points)

@@ -25,7 +25,7 @@ class EvaluatedTube:
         problem: The planning problem.
         at: The spline at the samples.
         samples: Each is in the phase of its segment.
-        margin: The share of the radii that is kept free.
+        margin: The share of the radii that stays unused.
         first_limit: Number of the first segment's radius among the limits.
     """
 

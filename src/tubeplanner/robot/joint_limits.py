@@ -1,4 +1,4 @@
-"""Limits of the planned joints: the URDF's, replaced and scaled by the problem's."""
+"""Limits of the planned joints: those of the URDF, replaced and scaled by those of the problem."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -15,7 +15,7 @@ _SCALABLE = ("effort", "velocity", "acceleration")
 
 @dataclass(frozen=True)
 class LimitOverrides:
-    """What a problem says about limits, by joint name.
+    """Limits that a problem gives, by joint name.
 
     Attributes:
         effort: Replaces the URDF's effort limit [N m or N]; inf on purpose is allowed.

@@ -2,6 +2,7 @@
 
 import os
 import tempfile
+import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -10,11 +11,13 @@ from typing import IO
 import numpy as np
 import pinocchio as pin
 
-from tubeplanner.arrays import FloatArray
+from tubeplanner.arrays import FloatArray, read_only
 from tubeplanner.errors import RobotError, unknown_name
 from tubeplanner.robot.urdf import Mimic, UrdfDescription, UrdfJoint, joint_id, link_id
 
 _HEAVIEST = 1e6  # [kg]
+# The standard error is the process's: one reader at a time takes it.
+_STDERR_LOCK = threading.Lock()
 
 
 @dataclass(frozen=True)
@@ -72,7 +75,7 @@ class ToolOffset:
 def planning_group(
     description: UrdfDescription, tool_frame: str, joints: Sequence[str] | None
 ) -> list[str]:
-    """Return the joints to plan for: those asked for, or the movable ones on the tool's chain.
+    """Return the joints to plan for: the requested ones, or the movable ones on the tool's chain.
 
     Raises:
         RobotError: A name does not exist or is doubled, a joint mimics another, or none of the
@@ -137,6 +140,30 @@ def build_model(
     if needs_masses:
         _require_masses(description, model)
     return model
+
+
+def link_placements(
+    description: UrdfDescription, model: pin.Model
+) -> tuple[dict[str, int], dict[str, FloatArray]]:
+    """Return the body of every link, and its pose in that body's frame, shape (4, 4), by name."""
+    body, placement = {}, {}
+    for name in description.links:
+        frame = model.frames[model.getFrameId(link_id(name), pin.FrameType.BODY)]
+        body[name] = int(frame.parentJoint)
+        placement[name] = read_only(frame.placement.homogeneous)
+    return body, placement
+
+
+def add_tool_centre_point(model: pin.Model, tool_frame: str, offset: ToolOffset) -> int:
+    """Add the tool centre point to a model; return the index of its frame."""
+    tool = model.frames[model.getFrameId(link_id(tool_frame), pin.FrameType.BODY)]
+    placement = tool.placement * pin.SE3(
+        pin.rpy.rpyToMatrix(*offset.rpy), np.array(offset.position, dtype=float)
+    )
+    frame = pin.Frame(
+        "tool centre point", tool.parentJoint, tool.parentFrame, placement, pin.FrameType.OP_FRAME
+    )
+    return int(model.addFrame(frame))
 
 
 def _reduced_model(
@@ -212,7 +239,7 @@ def _free_value(joint: UrdfJoint, locked: Mapping[str, float]) -> float:
 
 
 def _parse(description: UrdfDescription) -> pin.Model:
-    """Return the whole robot as a Pinocchio model, its C++ complaints turned into ours."""
+    """Return the whole robot as a Pinocchio model; its C++ errors become RobotError."""
     with _captured_c_stderr() as log:
         try:
             model = pin.buildModelFromXML(description.kinematic_xml())
@@ -229,7 +256,7 @@ def _parse(description: UrdfDescription) -> pin.Model:
 @contextmanager
 def _captured_c_stderr() -> Iterator[IO[bytes]]:
     """Send the C standard error to a file: the URDF parser gives its reasons there only."""
-    with tempfile.TemporaryFile() as log:
+    with _STDERR_LOCK, tempfile.TemporaryFile() as log:
         try:
             kept = os.dup(2)
         except OSError:  # there is no standard error

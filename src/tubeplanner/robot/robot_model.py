@@ -5,10 +5,12 @@ is expressed in it. A configuration is a plain vector of n joint values in group
 joints are not wrapped.
 """
 
+import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -17,8 +19,15 @@ from tubeplanner.arrays import BoolArray, FloatArray, IntArray, read_only
 from tubeplanner.errors import RobotError
 from tubeplanner.resources import find_description
 from tubeplanner.robot.joint_limits import JointLimits, LimitOverrides, resolve_limits
-from tubeplanner.robot.pinocchio_model import Payload, ToolOffset, build_model, planning_group
-from tubeplanner.robot.urdf import UrdfDescription, joint_id, link_id, read_urdf
+from tubeplanner.robot.pinocchio_model import (
+    Payload,
+    ToolOffset,
+    add_tool_centre_point,
+    build_model,
+    link_placements,
+    planning_group,
+)
+from tubeplanner.robot.urdf import UrdfDescription, joint_id, read_urdf
 
 EARTH_GRAVITY = (0.0, 0.0, -9.81)  # [m/s^2]
 
@@ -61,24 +70,22 @@ def load_robot(
     folders = tuple(directory / folder for folder in package_dirs)
     description = read_urdf(find_description(urdf, directory, folders))
     group = planning_group(description, tool_frame, joints)
-    joint_limits = resolve_limits(description, group, limits or LimitOverrides())
-    model = build_model(
-        description,
-        group,
-        tool_frame,
-        locked_joints=locked_joints or {},
-        gravity=gravity,
-        payload=payload,
-        needs_masses=bool(np.isfinite(joint_limits.effort).any()),
-    )
     return RobotModel(
-        description, model, group, tool_frame, tool_offset or ToolOffset(), joint_limits, folders
+        description,
+        tuple(group),
+        tool_frame,
+        tool_offset or ToolOffset(),
+        resolve_limits(description, group, limits or LimitOverrides()),
+        folders,
+        dict(locked_joints or {}),
+        tuple(gravity),
+        payload,
     )
 
 
 @dataclass(frozen=True)
 class BodyInertia:
-    """Mass properties of a body, as far as norms need them.
+    """Mass properties of a body that bounds on norms need.
 
     Attributes:
         mass: [kg].
@@ -91,15 +98,24 @@ class BodyInertia:
     moment: float
 
 
+class _Scratch(threading.local):
+    """What Pinocchio writes its results into, one for every thread."""
+
+    def __init__(self, model: pin.Model) -> None:
+        self.data = model.createData()
+        self.pool = pin.ModelPool(model, 1)
+
+
 class RobotModel:
     """An arm of n joints and its bodies; made by `load_robot`.
 
     A body is everything that moves as one: body 0 is fixed to the base, body j > 0 is what hangs
-    rigidly from one of the n joints.
+    rigidly from one of the n joints. Several threads may use one model; it pickles by content, the
+    URDF's text included.
 
     Attributes:
         name: The robot's name.
-        urdf: The description it was made from.
+        urdf: Its description.
         package_dirs: Folders searched for `package://` meshes.
         joint_names: The n joints, in group order.
         tool_frame: Name of the tool frame.
@@ -112,31 +128,56 @@ class RobotModel:
     def __init__(
         self,
         urdf: UrdfDescription,
-        model: pin.Model,
-        joint_names: Sequence[str],
+        joint_names: tuple[str, ...],
         tool_frame: str,
         tool_offset: ToolOffset,
         limits: JointLimits,
         package_dirs: tuple[Path, ...],
+        locked_joints: Mapping[str, float],
+        gravity: Sequence[float],
+        payload: Payload | None,
     ) -> None:
+        model = build_model(
+            urdf,
+            joint_names,
+            tool_frame,
+            locked_joints=locked_joints,
+            gravity=gravity,
+            payload=payload,
+            needs_masses=bool(np.isfinite(limits.effort).any()),
+        )
+        self._others = (tool_offset, locked_joints, payload)
         self.name = urdf.name
         self.urdf = urdf
         self.package_dirs = package_dirs
-        self.joint_names = tuple(joint_names)
+        self.joint_names = joint_names
         self.tool_frame = tool_frame
         self.gravity = read_only(model.gravity.linear)
         self.limits = limits
-        self.link_body, self.link_placement = _links(urdf, model)
+        self.link_body, self.link_placement = link_placements(urdf, model)
         self._model = model
-        self._tool_id = _add_tool_centre_point(model, tool_frame, tool_offset)
+        self._tool_id = add_tool_centre_point(model, tool_frame, tool_offset)
         # A Data made before the last edit of its model corrupts memory without a word.
-        self._data = model.createData()
-        self._pool = pin.ModelPool(model, 1)
+        self._scratch = _Scratch(model)
         # Pinocchio orders joints its own way: q_model = q[:, to_model], q = q_model[:, to_group].
         self._to_model = np.array(
             [self.joint_names.index(name.removeprefix(joint_id(""))) for name in model.names[1:]]
         )
         self._to_group = np.argsort(self._to_model)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        tool_offset, locked_joints, payload = self._others
+        return RobotModel, (
+            self.urdf,
+            self.joint_names,
+            self.tool_frame,
+            tool_offset,
+            self.limits,
+            self.package_dirs,
+            locked_joints,
+            tuple(self.gravity.tolist()),
+            payload,
+        )
 
     @property
     def joint_count(self) -> int:
@@ -154,7 +195,7 @@ class RobotModel:
 
     def tool_pose(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return rotation (N, 3, 3) and position (N, 3) [m] of the tool centre point."""
-        model, data, tool_id = self._model, self._data, self._tool_id
+        model, data, tool_id = self._model, self._scratch.data, self._tool_id
         rotation, position = np.empty((len(q), 3, 3)), np.empty((len(q), 3))
         placement = data.oMf[tool_id]
         for i, q_i in enumerate(self._model_order(q)):
@@ -173,7 +214,7 @@ class RobotModel:
 
     def tool_pose_jacobian(self, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return rotation (N, 3, 3), position (N, 3) [m] and Jacobian (N, 6, n) of that point."""
-        model, data, tool_id = self._model, self._data, self._tool_id
+        model, data, tool_id = self._model, self._scratch.data, self._tool_id
         rotation, position = np.empty((len(q), 3, 3)), np.empty((len(q), 3))
         shape = (6, self.joint_count)
         jacobian = np.empty((len(q), *shape))
@@ -187,7 +228,7 @@ class RobotModel:
 
     def body_poses(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return rotations (N, bodies, 3, 3) and origins (N, bodies, 3) [m] of all bodies."""
-        model, data = self._model, self._data
+        model, data = self._model, self._scratch.data
         rotation = np.empty((len(q), self.body_count, 3, 3))
         position = np.empty((len(q), self.body_count, 3))
         placements = list(enumerate(data.oMi))
@@ -231,7 +272,7 @@ class RobotModel:
         """
         columns = [self._model_order(array).T for array in (q, v, a)]
         # One thread: two were measured up to 50 times slower on a machine with a busy core.
-        tau = pin.rneaInParallel(1, self._pool, *columns)
+        tau = pin.rneaInParallel(1, self._scratch.pool, *columns)
         # A single row or column comes back one-dimensional.
         tau = np.reshape(tau, (self.joint_count, len(q)))
         return np.ascontiguousarray(tau[self._to_group].T)
@@ -247,7 +288,7 @@ class RobotModel:
         self, q: FloatArray, v: FloatArray, a: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return d tau / d q, d tau / d v and d tau / d a, each (N, effort joint, n)."""
-        model, data = self._model, self._data
+        model, data = self._model, self._scratch.data
         derivatives = np.empty((3, len(q), self.joint_count, self.joint_count))
         for i, (q_i, v_i, a_i) in enumerate(
             zip(*(self._model_order(array) for array in (q, v, a)), strict=True)
@@ -347,25 +388,3 @@ class RobotModel:
 
     def _model_order(self, values: FloatArray) -> FloatArray:
         return np.ascontiguousarray(values[:, self._to_model], dtype=np.float64)
-
-
-def _links(
-    description: UrdfDescription, model: pin.Model
-) -> tuple[dict[str, int], dict[str, FloatArray]]:
-    body, placement = {}, {}
-    for name in description.links:
-        frame = model.frames[model.getFrameId(link_id(name), pin.FrameType.BODY)]
-        body[name] = int(frame.parentJoint)
-        placement[name] = read_only(frame.placement.homogeneous)
-    return body, placement
-
-
-def _add_tool_centre_point(model: pin.Model, tool_frame: str, offset: ToolOffset) -> int:
-    tool = model.frames[model.getFrameId(link_id(tool_frame), pin.FrameType.BODY)]
-    placement = tool.placement * pin.SE3(
-        pin.rpy.rpyToMatrix(*offset.rpy), np.array(offset.position, dtype=float)
-    )
-    frame = pin.Frame(
-        "tool centre point", tool.parentJoint, tool.parentFrame, placement, pin.FrameType.OP_FRAME
-    )
-    return int(model.addFrame(frame))

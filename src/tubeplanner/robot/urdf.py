@@ -1,7 +1,7 @@
 """A URDF read strictly: structure, joints and limits, before any library sees it.
 
-The libraries accept much broken URDF in silence, or reject it without saying why. Here every fault
-is named. Limits are read here and only here; what Pinocchio gets is a plain kinematic copy.
+The libraries accept much broken URDF silently, or reject it without a reason. Here every error
+names the fault. Limits are read here and only here; what Pinocchio gets is a plain kinematic copy.
 """
 
 import xml.etree.ElementTree as ElementTree

@@ -1,4 +1,4 @@
-"""What a URDF's link must look like: inertia that a body can have, geometry with a size."""
+"""Checks of a URDF's links: a physical inertia, geometry with a size."""
 
 from xml.etree.ElementTree import Element
 

@@ -1,4 +1,4 @@
-"""One problem, every method and baseline: what each makes of it, and what the certificate says."""
+"""One problem, every method and baseline: each trajectory, and its certificate."""
 
 import csv
 import io
@@ -24,18 +24,18 @@ _NO_MEASURES = {name: None for name in TrajectoryMeasures.__dataclass_fields__}
 
 @dataclass(frozen=True, eq=False)
 class ComparisonRow:
-    """What one method or baseline makes of the problem.
+    """The result of one method or baseline.
 
     Attributes:
         method: Its name: one of `METHODS` or `BASELINES`.
         status: Success if there is a certified trajectory; certificate_failed if the trajectory
             failed.
-        message: One sentence: what there is to know about the trajectory, or why there is none.
+        message: One sentence: notes on the trajectory, or why there is none.
         planning_time: Wall time, the certificate included [s].
         trajectory: The trajectory; of a baseline also one that failed its certificate.
         certificate: Of the trajectory, or of the best attempt; None if there was none.
         measures: Of the trajectory; None if there is none.
-        answered_by: The method whose trajectory it is, where the one asked for had none that was
+        answered_by: The method whose trajectory it is, where the requested one had none that was
             better; None: itself.
     """
 
@@ -90,12 +90,12 @@ class ComparisonRow:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """What several methods make of one problem.
+    """The results of several methods on one problem.
 
     Attributes:
         problem: The planning problem.
-        rows: One per method, in the order asked for.
-        stopped_by: "interrupt" if Ctrl-C kept the other methods from their turn; None otherwise.
+        rows: One per method, in the requested order.
+        stopped_by: "interrupt" if Ctrl-C came before the other methods; None otherwise.
     """
 
     problem: PlanningProblem
@@ -130,17 +130,17 @@ def compare(
     options: PlanOptions | None = None,
     progress: Callable[[object], None] | None = None,
 ) -> Comparison:
-    """Let several methods and baselines answer the same problem.
+    """Plan the same problem with several methods and baselines.
 
     Args:
         problem: The planning problem.
         methods: Names from `METHODS` and `BASELINES`; default: all of both.
         options: How the methods plan, but for `method`.
-        progress: Called as `plan` does, what it says naming the method.
+        progress: Called as by `plan`; its stage names the method.
 
     Returns:
         A row for every method. One that has no answer says why; it never stops the others. After
-        Ctrl-C, the rows that are done.
+        Ctrl-C, the finished rows.
 
     Raises:
         OptionError: A name is unknown, or there is none.
@@ -182,7 +182,7 @@ def _row(
         row = answer(problem, name, options, report)
     except Infeasible as reason:
         row = ComparisonRow(name, reason.status, str(reason), time.perf_counter() - begin)
-    except Exception as error:  # whatever it is, the other methods have their turn
+    except Exception as error:  # whatever it is, the other methods must still run
         ours = isinstance(error, TubePlannerError)
         message = str(error) if ours else f"internal error, {type(error).__name__}: {error}"
         spent = time.perf_counter() - begin

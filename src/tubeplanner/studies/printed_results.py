@@ -1,4 +1,4 @@
-"""What Suh & Bishop (1988) printed: the numbers to be compared with, and what is wrong with them.
+"""The printed results of Suh & Bishop (1988), and the errors in them.
 
 J. Robotic Systems 5(6), 497-525; Tables II to IV. Durations are in seconds, tolerances in metres;
 `NO_TUBE` stands for a tool that may go anywhere.
@@ -18,7 +18,7 @@ class PrintedExample:
     Attributes:
         conventional: Straight lines with stops [s].
         phases: By tolerance [m]: the durations after phase 1 and after phase 2 [s].
-        remark: What is to be known of the printed numbers; empty: nothing.
+        remark: A remark on the printed numbers; empty: none.
     """
 
     conventional: float
@@ -31,12 +31,12 @@ class PrintedLine:
     """A path of Table III or IV, which are about one line each.
 
     Attributes:
-        example: The example of Table II whose line is taken for it.
-        bang_bang: The least time on the line itself, by motors that switch at once [s].
+        example: The example of Table II whose line stands for it.
+        bang_bang: The least time on the line itself, if motors switch instantly [s].
         smoothed: The same with the paper's cost of smoothness, 26 % [s].
         durations: By tolerance [m] [s].
         shown: The tolerances that its figures show [m].
-        remark: What is to be known of the printed numbers.
+        remark: A remark on the printed numbers.
     """
 
     example: int

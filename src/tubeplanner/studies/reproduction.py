@@ -51,7 +51,7 @@ class ReproducedCell:
     default: PlanResult
 
     def result(self, method: str) -> PlanResult:
-        """Return what a method made of it."""
+        """Return the result of a method."""
         return self.published if method == SUH_BISHOP else self.default
 
     def as_dict(self) -> dict[str, Any]:
@@ -71,7 +71,7 @@ class ReproducedCell:
 
 @dataclass(frozen=True, eq=False)
 class ReproducedPath:
-    """What the schemes that have no tube make of an example's path.
+    """The results of the schemes without a tube on an example's path.
 
     Attributes:
         example: Of Table II.
@@ -119,7 +119,7 @@ def reproduce(progress: Callable[[object], None] | None = None) -> Reproduction:
     """Plan all that Suh & Bishop (1988) tabulate, by their method and by the default one.
 
     Args:
-        progress: Called with what is being planned.
+        progress: Called with each stage.
 
     Raises:
         KeyboardInterrupt: Ctrl-C.

@@ -19,33 +19,33 @@ _INTRODUCTION = """\
 
 "Collision-avoidance trajectory planning using tube concept: analysis and simulation", J. Robotic
 Systems 5(6), 497-525. The two-link arm of its Table I, horizontal plane, motors of 95 and 27 N m,
-elbow kept on one side. The paper does not say where the masses sit: with each at the end of its
-link the bang-bang times come out. Durations are in seconds.
+elbow kept on one side. The paper does not say where the masses are: with each at the end of its
+link, ours match its bang-bang times. Durations are in seconds.
 
 The paper plans in two phases. Phase 1 takes points of the reference path as knots of a joint
 polynomial and finds the fastest choice by branch and bound. Phase 2 moves the knots within the tube
-and doubles them.
+and doubles their number.
 
 **Published** is `--method suh-bishop`, the algorithm as printed; what the paper leaves open (the
 increments, the line search, when to stop) is ours. **Default** is `refinement`. Both are certified.
-**Ratio** is ours by printed. Made by `tubeplanner reproduce`.
+**Ratio** is our value divided by the printed one. `tubeplanner reproduce` made this page.
 """
 
 _NOT_MONOTONE = """\
 - Where a wider tube gives a slower published trajectory, its search ended in another local optimum:
 the
-  narrower tube's trajectory keeps to the wider one too.
+  narrower tube's trajectory stays in the wider one too.
 """
 
 _SCHEMES = f"""\
 The schemes that the paper compares with. Conventional: straight lines with stops at trapezoidal
 speed, by the constants of Table I or as fast as the limits allow. Bang-bang: the least time on the
-lines, by motors that switch at once; smoothed until the acceleration is continuous. Arc corners and
+lines, if motors switch instantly; smoothed until the acceleration is continuous. Arc corners and
 Taylor's bounded deviation cut corners, within {1000 * PATH_RADIUS:.0f} mm. All but the smoothed
 ones have accelerations that jump.
 """
 
-# What a ratio can be of, and where it stands in Table II.
+# The quantities with a ratio, and their columns in Table II.
 _PHASE_ONE, _PUBLISHED, _DEFAULT = "phase 1", "phase 2, published", "default"
 
 
@@ -53,7 +53,7 @@ def reproduction_page(reproduction: Reproduction, figures: Mapping[str, str]) ->
     """Return the page.
 
     Args:
-        reproduction: All that was planned.
+        reproduction: The results.
         figures: The file of each figure, by its caption.
     """
     parts = [
@@ -79,7 +79,7 @@ def reproduction_page(reproduction: Reproduction, figures: Mapping[str, str]) ->
 
 
 def _on_examples() -> list[str]:
-    """Return what is to be known of the printed numbers; what is said of several, once."""
+    """Return the remarks on the printed numbers; one that is about several examples, once."""
     examples: dict[str, list[int]] = {}
     for number, row in TABLE_TWO.items():
         if row.remark:
@@ -138,7 +138,7 @@ def _pairs(
 
 
 def _table_of_paths(reproduction: Reproduction) -> str:
-    """Return what the schemes without a tube take; only the first column is printed."""
+    """Return the durations of the schemes without a tube; only the first column is printed."""
     schemes = list(next(iter(reproduction.paths.values())).trajectories)
     rows = [
         [str(number), f"{TABLE_TWO[number].conventional:.2f}"]
@@ -160,7 +160,7 @@ def _table_of_line(reproduction: Reproduction, table: PrintedLine) -> str:
 
 
 def _line_itself(reproduction: Reproduction, table: PrintedLine) -> str:
-    """Return a sentence on motors that switch at once, and on what smoothness costs."""
+    """Return a sentence on motors that switch instantly, and on the cost of smoothness."""
     path = reproduction.paths[table.example]
     switched, smoothed = path.duration("bang-bang"), path.duration("smoothed-bang-bang")
     return (

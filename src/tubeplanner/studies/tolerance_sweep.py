@@ -1,7 +1,7 @@
 """The duration against the tolerance: one problem planned at several radii.
 
-Every radius is planned afresh, exactly as `plan` would: a start from the neighbour's trajectory
-could end in another local optimum, and a row must not depend on the rows beside it.
+Every radius is planned from scratch, exactly as by `plan`: a start from the neighbour's trajectory
+could end in another local optimum, and a row must not depend on its neighbours.
 """
 
 import csv
@@ -27,16 +27,16 @@ _SAME = 1e-3  # durations nearer to each other (relative) do not differ
 
 @dataclass(frozen=True, eq=False)
 class SweepRow:
-    """One tolerance, and what came of planning with it.
+    """One tolerance, and the result of planning with it.
 
     Attributes:
         value: The radius of all segments [m], or the factor by which all radii are scaled.
         problem: The problem with that tolerance; None where it cannot be posed.
-        result: What came of planning; None where it cannot be posed.
+        result: The result of planning; None where the problem cannot be posed.
         message: One sentence: the answer, or why there is none.
         elasticity: d ln T / d ln radius of all segments together, from the sensitivities: the share
             by which the duration falls, per share by which the tolerance grows; None if not known.
-        note: What else is worth knowing about the answer; None: nothing.
+        note: Further information about the answer; None: none.
     """
 
     value: float
@@ -58,7 +58,7 @@ class SweepRow:
 
     @property
     def slope(self) -> float | None:
-        """What the duration changes by per unit of `value` [s/m, or s]; None if not known."""
+        """The change of the duration per unit of `value` [s/m, or s]; None if not known."""
         if self.elasticity is None or self.duration is None:
             return None
         return self.elasticity * self.duration / self.value
@@ -129,18 +129,18 @@ def sweep(
     options: PlanOptions | None = None,
     progress: Callable[[object], None] | None = None,
 ) -> SweepResult:
-    """Plan a problem at several tolerances, each afresh.
+    """Plan a problem at several tolerances, each from scratch.
 
     Args:
         problem: The planning problem, but for the radii.
         radii: Path tolerances, each for all segments [m]; either these or `scales`.
         scales: Factors for the problem's own radii.
         options: How to plan.
-        progress: Called as `plan` does, what it says naming the tolerance.
+        progress: Called as by `plan`; its stage names the tolerance.
 
     Returns:
         A row for every tolerance, the narrowest first. A tolerance that cannot be planned has the
-        reason in its row. After Ctrl-C, the rows that are done.
+        reason in its row. After Ctrl-C, the finished rows.
 
     Raises:
         OptionError: Not exactly one of radii and scales is given, or one is not positive.

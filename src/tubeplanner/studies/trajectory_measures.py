@@ -1,4 +1,4 @@
-"""What trajectories are compared by: smoothness, jerk, use of the motors and of the tube."""
+"""Measures for comparing trajectories: smoothness, jerk, use of the motors and of the tube."""
 
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -19,7 +19,7 @@ _STILL_SHARE = 1e-6  # a joint that moves less than this share of the fastest st
 
 @dataclass(frozen=True)
 class TrajectoryMeasures:
-    """What a trajectory is compared by.
+    """Measures of a trajectory.
 
     Attributes:
         smoothness: "C2": position, velocity and acceleration are continuous, also at the ends,

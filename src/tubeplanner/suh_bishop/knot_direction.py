@@ -1,4 +1,4 @@
-"""The discretised gradient: in which direction all knots are moved at once, by branch and bound.
+"""The discretised gradient, by branch and bound: the direction in which to move all knots.
 
 Each interior knot moves by an increment along one joint axis, forwards or backwards, or stays:
 2n+1 choices, (2n+1)^(K-2) directions for K knots. A node of the search has chosen for the first
@@ -32,7 +32,7 @@ _SEGMENTS_PER_DEPTH, _TRAJECTORIES_PER_SWEEP = 300, 8
 
 @dataclass(frozen=True, eq=False)
 class Direction:
-    """What a search for the best direction found.
+    """The result of a search for the best direction.
 
     Attributes:
         candidate: The trajectory whose knots are moved along it; None if no direction is faster.
@@ -178,7 +178,7 @@ class _Search:
         return self._completed(nodes) if self._last == 2 else nodes
 
     def _expand(self, nodes: _Open) -> None:
-        """Choose for one knot more, in every way; keep what the rules let pass."""
+        """Expand nodes by every choice for one more knot; keep those that pass the rules."""
         count, depth = len(self._moves), nodes.choices.shape[1] + 1
         parent = np.repeat(np.arange(len(nodes)), count)
         chosen = np.tile(np.arange(count), len(nodes))

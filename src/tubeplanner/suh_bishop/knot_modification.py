@@ -24,9 +24,9 @@ class ModificationOptions:
     Attributes:
         increment: By how much a knot moves along a revolute joint's axis at first [rad].
         linear_increment: Likewise along a prismatic joint's [m].
-        halvings: How often the increments are halved, each time that no direction helps.
-        growth: Each step of the line search goes so many times as far as the one before.
-        min_gain: What counts as help, as a share of the duration.
+        halvings: How often the increments are halved, each time after no direction helped.
+        growth: The factor from each step of the line search to the next.
+        min_gain: The least gain that counts as an improvement, as a share of the duration.
         direction_nodes: After how many nodes the search for a direction ends with the best it has.
     """
 
@@ -49,9 +49,9 @@ class KnotModification:
     """A gradient search over the knots' places.
 
     Attributes:
-        candidates: What it began with and every better trajectory, the last one the fastest.
+        candidates: The first trajectory and every better one, the last one the fastest.
         nodes: Nodes expanded by all searches for a direction.
-        directions: How many directions were looked for.
+        directions: How many directions it searched for.
         proved: In how many of these searches every other direction was ruled out.
     """
 

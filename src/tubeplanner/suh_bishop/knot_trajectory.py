@@ -12,7 +12,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray
 from tubeplanner.constraints.time_scaling import scaled_to_limits, scaling_factor
 from tubeplanner.constraints.tube_membership import worst_membership
-from tubeplanner.outcome import Infeasible
+from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.bernstein import maxima
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
@@ -22,9 +22,9 @@ from tubeplanner.waypoint_search.link_clearance import LinkClearance
 Construction: TypeAlias = Callable[[Sequence[str], FloatArray], JointTrajectory]
 
 # Half of what the certificate allows: valleys between samples are estimated [m or rad].
-_TOLERANCE = 5e-7
+_TOLERANCE = MARGIN_TOLERANCE / 2
 _COLLISION_SAMPLES = 9  # per piece
-_LIMIT_SAMPLES = 13  # per piece, before peaks are looked for
+_LIMIT_SAMPLES = 13  # per piece, before the search for peaks
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +33,7 @@ class KnotTrajectory:
 
     Attributes:
         knots: Shape (K, n) [rad or m], the first is the start, the last the goal.
-        construction: What made the polynomials between them.
+        construction: How the polynomials between them follow from the knots.
         trajectory: At the limits.
     """
 
@@ -66,7 +66,7 @@ def feasible_trajectory(
     Args:
         problem: The planning problem.
         knots: Shape (K, n).
-        construction: What makes the polynomials.
+        construction: How the polynomials follow from the knots.
         clearance: Around K configurations near the knots.
         upper_bound: Only a faster trajectory is of interest [s].
     """

@@ -29,7 +29,7 @@ from tubeplanner.waypoint_search.link_clearance import LinkClearance
 from tubeplanner.waypoint_search.waypoint_interpolation import quartic_spline
 
 _MIN_KNOTS = 4
-# How much of the node budget may be used up to the end of: other numbers of knots, first doubling.
+# Shares of the node budget that may be used by the end of: other numbers of knots, first doubling.
 _SHARES = (0.5, 0.85)
 
 
@@ -82,13 +82,13 @@ class KnotStep:
 
 @dataclass(frozen=True)
 class PhaseTwoStatistics:
-    """What phase 2 did.
+    """Statistics of phase 2.
 
     Attributes:
         steps: In the order in which they were done.
         knots: Of the best trajectory.
         nodes: Nodes expanded by all searches for a direction.
-        directions: How many directions were looked for.
+        directions: How many directions it searched for.
         proved: In how many of these searches every other direction was ruled out.
         budget_reached: Whether the node budget ended a step: there may be better trajectories.
     """
@@ -144,7 +144,7 @@ class SuhBishop:
             problem: The planning problem.
             candidate: At the limits, certified.
             certificate: Of that trajectory.
-            options: How to go on.
+            options: How to continue.
             checkpoint: Called before every search for a direction; it may raise to end the work.
         """
         self.best, self.certificate, self.certificate_time = candidate, certificate, 0.0
@@ -156,7 +156,7 @@ class SuhBishop:
 
     @property
     def statistics(self) -> PhaseTwoStatistics:
-        """What has been done."""
+        """Statistics so far."""
         return PhaseTwoStatistics(
             steps=tuple(self._steps),
             knots=len(self.best.knots),
@@ -192,7 +192,7 @@ class SuhBishop:
             work = KnotModification(self._problem, candidate, self._options.modification, scale)
             try:
                 work.run(share, self._checkpoint)
-            finally:  # what is found is kept when the checkpoint ends the work, too
+            finally:  # keep the result even if the checkpoint ends the work
                 self._nodes += work.nodes
                 self._directions += work.directions
                 self._proved += work.proved
@@ -209,8 +209,8 @@ class SuhBishop:
         bisection.
 
         Returns:
-            What to go on from: that trajectory, or the fastest if none is better than what is
-            known.
+            The trajectory to continue from: that one, or the fastest if none is better than the
+            known best.
         """
         better = [candidate for candidate in candidates if candidate.duration < self.best.duration]
         if not better:

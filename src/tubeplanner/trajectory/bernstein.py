@@ -57,6 +57,14 @@ def bernstein_coefficients(
     return np.einsum("bk,kpn->bpn", _power_to_bernstein(degree), scaled)
 
 
+def halves(start: FloatArray, width: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return starts and widths of both halves of intervals (P,), one after the other: (2P,)."""
+    width = np.repeat(width / 2, 2)
+    start = np.repeat(start, 2)
+    start[1::2] += width[1::2]
+    return start, width
+
+
 def maxima(coefficients: FloatArray, widths: FloatArray) -> Extrema:
     """Return the largest value of each of n piecewise polynomials, by Bernstein subdivision.
 
@@ -90,9 +98,7 @@ def maxima(coefficients: FloatArray, widths: FloatArray) -> Extrema:
         if not open_.any():
             break
         piece, column = np.repeat(piece[open_], 2), np.repeat(column[open_], 2)
-        width = np.repeat(width[open_] / 2, 2)
-        start = np.repeat(start[open_], 2)
-        start[1::2] += width[1::2]
+        start, width = halves(start[open_], width[open_])
     return Extrema(value, best_piece, best_time)
 
 

@@ -122,7 +122,7 @@ class JointTrajectory:
         )
 
     def per_piece(self, count: int) -> TrajectorySamples:
-        """Return `count` samples of every piece, both its ends included as that piece sees them.
+        """Return `count` samples of every piece, both its ends included, evaluated on that piece.
 
         At a breakpoint the two neighbouring pieces give two samples at the same time, which differ
         where a derivative jumps.

@@ -1,1 +1,1 @@
-"""Where the tool may be, and how it may be turned: pure geometry."""
+"""Where the tool may be, and its orientation there: pure geometry."""

@@ -1,9 +1,9 @@
-"""The tube's rotational part: how the tool may be turned along each segment. Pure geometry.
+"""The tube's rotational part: the tool's orientations along each segment. Pure geometry.
 
 Between two reference points the reference orientation turns about one axis, the short way round,
-in proportion to the arc length: R_ref(u) = R_A exp(u log(R_A^T R_B)). A tool is held against the
+in proportion to the arc length: R_ref(u) = R_A exp(u log(R_A^T R_B)). A tool is compared with the
 reference at the point of the segment nearest to it (Suh & Bishop 1988, equations 4 to 7; digest:
-the deviation at the matched lambda). How far it is off is the rotation vector log(R_ref^T R), its
+the deviation at the matched lambda). Its deviation is the rotation vector log(R_ref^T R), its
 components along the axes of the reference. Rotations and positions are in the base frame.
 """
 
@@ -28,9 +28,9 @@ _HALF_TURN_TOLERANCE = 1e-6  # [rad]: nearer to 180 degrees the short way round 
 
 @dataclass(frozen=True, eq=False)
 class RotationalTube:
-    """Reference orientations and how far the tool may be turned away from them.
+    """Reference orientations and how far the tool may deviate from them.
 
-    Wherever a `segment` is asked for, it is one index or an array of one per sample.
+    Every parameter `segment` is one index or an array of one per sample.
 
     Attributes:
         begin: Orientation at the start of each segment, shape (m, 3, 3).
@@ -108,7 +108,7 @@ class RotationalTube:
         return error, inverse_right_jacobian(error) @ spin
 
     def margin(self, rotation: FloatArray, tool: FloatArray, segment: Segment) -> FloatArray:
-        """Return how far inside a segment's bounds tools are turned, shape (N,) [rad].
+        """Return how far inside a segment's bounds the tools' rotations are, shape (N,) [rad].
 
         The least of bound - |component| and bound - angle; infinite where all is free.
         """
@@ -142,7 +142,7 @@ def rotational_tube(
         if angle > np.pi - _HALF_TURN_TOLERANCE:
             raise ProblemError(
                 f"tube.orientations: from point {k} to {k + 1} the tool turns by 180 degrees, so "
-                "that which way round is not determined; add a reference point between them"
+                "that the direction is undetermined; add a reference point between them"
             )
     bounds = np.full((len(tolerance), 4), np.inf)
     for k, bound in enumerate(tolerance):

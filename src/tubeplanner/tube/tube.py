@@ -1,4 +1,4 @@
-"""The tube: where the tool may be, how turned, and in which arm configuration. Pure geometry.
+"""The tube: the tool's positions and orientations, and the arm's configuration. Pure geometry.
 
 Segment k joins reference points k and k+1; its capsule is all points within the path tolerance of
 it (Suh & Bishop 1988, section on the tube model; digest: F_j). All positions are in the base
@@ -91,9 +91,9 @@ class Tube:
             visit: "ordered" or "any".
             orientations: m+1 quaternions x y z w of the tool centre point frame at the reference
                 points; between them it turns about one axis, the short way round.
-            rotation_tolerance: m entries, each one angle by which the tool may be turned away, or
-                bounds on the components of the rotation vector log(R_ref^T R), infinite where
-                free; one number serves for all segments [rad].
+            rotation_tolerance: m entries, each one angle by which the tool may deviate, or bounds
+                on the components of the rotation vector log(R_ref^T R), infinite where free; one
+                number serves for all segments [rad].
 
         Raises:
             ProblemError: A count, a number or a sign is wrong; the message names it.
@@ -117,7 +117,7 @@ class Tube:
 
     @classmethod
     def anywhere(cls, begin: FloatArray, end: FloatArray) -> "Tube":
-        """Return the tube from one tool position to another (3,) that keeps the tool from nowhere.
+        """Return a tube from one tool position to another (3,) that excludes no tool position.
 
         Where both are the same, the second is moved a little: a tube has a direction.
         """
@@ -188,7 +188,7 @@ class Tube:
 
 
 def sign_of(bounds: JointRange) -> str | None:
-    """Return the sign that says the same as a range: "+", "-" or "0"; None if none does."""
+    """Return the sign that is equivalent to a range: "+", "-" or "0"; None if none does."""
     return next((str(sign) for sign, same in _SIGNS.items() if same == bounds), None)
 
 

@@ -12,16 +12,16 @@ _SHARE_AT_ENDS = 0.9
 
 
 class FreeSpace:
-    """The configurations in which links are farther apart than a problem asks for."""
+    """The configurations in which links are farther apart than a problem requires."""
 
     def __init__(self, problem: PlanningProblem, margin: float, ends: FloatArray) -> None:
         """Take the pairs of a problem.
 
         Args:
             problem: Its arm, obstacles and clearance count; its tube does not.
-            margin: Distance asked for beyond the clearance [m].
-            ends: Configurations (E, n) of which at least one is asked for: pairs of shapes that
-                are nearer there need not be farther apart elsewhere.
+            margin: Required distance beyond the clearance [m].
+            ends: Configurations (E, n), at least one: pairs of shapes that are nearer there need
+                not be farther apart elsewhere.
         """
         checker = problem.collision
         self._robot, self._checker = problem.robot, checker

@@ -1,4 +1,4 @@
-"""Configurations in which the trajectory may end: the one given, or those of a tool position."""
+"""Configurations in which the trajectory may end: the given one, or those of a tool position."""
 
 import numpy as np
 

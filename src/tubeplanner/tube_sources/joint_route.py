@@ -14,7 +14,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import OptionError
 from tubeplanner.tube_sources.free_space import FreeSpace
 
-_STEP = 0.05  # [rad or m] between configurations that are looked at along an edge
+_STEP = 0.05  # [rad or m] between configurations tested along an edge
 # How far beyond start and goals joints may go that have no nearer limit [rad or m].
 _BEYOND = np.pi
 _MIN_SPAN = 1e-6  # [rad or m]: OMPL wants bounds that differ
@@ -22,7 +22,7 @@ _SHORTENINGS = 5
 
 
 def require_ompl() -> None:
-    """Raise unless OMPL is there, before work is spent.
+    """Raise unless OMPL is installed, before any work.
 
     Raises:
         OptionError: It is not installed.
@@ -40,7 +40,7 @@ class RouteSearch:
     """A search from one configuration to any of some others; the same for the same seed.
 
     Attributes:
-        checks: How many configurations the last search looked at.
+        checks: How many configurations the last search tested.
         reached: Of the last search that found no route, the configuration (n,) nearest to a goal
             that was reached from the start.
     """
@@ -58,7 +58,7 @@ class RouteSearch:
         Args:
             space: Which configurations are free.
             start: Shape (n,) [rad or m].
-            goals: Configurations of which one is to be reached, shape (G, n).
+            goals: Configurations, one of which it must reach, shape (G, n).
             lower: Lower position limits, shape (n,).
             upper: Upper position limits, shape (n,).
 

@@ -1,7 +1,7 @@
-"""The end of both ways to a tube: its radii and ranges are measured, and it is planned.
+"""The common end of `route` and `teach`: measure a tube's radii and ranges, and plan in it.
 
-Measuring goes by the planner's own branch along the reference points. Where that is too narrow,
-though the route has, the segment gets another reference point.
+Measuring uses the planner's own branch along the reference points. Where that has too little space,
+although the route has enough, the segment gets another reference point.
 """
 
 from collections.abc import Callable
@@ -52,10 +52,10 @@ def measured_plan(
     """Measure the tube around corners of a route, and plan the trajectory through it.
 
     Args:
-        problem: The planning problem, its tube left aside.
+        problem: The planning problem; its tube does not count.
         space: Which configurations are free.
         corners: Reference points, and the arm between them.
-        band: How far joints may leave what they do there, before measuring [rad or m].
+        band: How far joints may leave their ranges there, before measuring [rad or m].
         options: How to measure.
         enter: Called with every stage as it begins.
 
@@ -82,9 +82,9 @@ def in_tube(
     """Return a problem in the tube around corners of a route, not measured yet.
 
     Args:
-        problem: The planning problem, its tube left aside.
+        problem: The planning problem; its tube does not count.
         corners: Reference points, and the arm between them.
-        band: How far joints may leave what they do there [rad or m].
+        band: How far joints may leave their ranges there [rad or m].
         radius: Of all segments [m].
     """
     segments = [np.vstack(pair) for pair in zip(corners.lines, corners.parts, strict=True)]

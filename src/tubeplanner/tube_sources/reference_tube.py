@@ -1,4 +1,4 @@
-"""A tube around reference points and what the arm does between them."""
+"""A tube around reference points and the arm's configurations between them."""
 
 from collections.abc import Sequence
 
@@ -18,9 +18,9 @@ def reference_tube(
     band: float,
     radius: float,
 ) -> Tube:
-    """Return the tube whose joint ranges hold what the arm does in each segment, and a band more.
+    """Return the tube whose joint ranges hold the arm's path in each segment, plus a band.
 
-    A joint that has one sign in all segments keeps it: signs tell the arm's configurations apart
+    A joint that has one sign in all segments keeps it: signs distinguish the arm's configurations
     (Suh & Bishop 1988, section on the tube model).
 
     Args:

@@ -16,7 +16,8 @@ from tubeplanner.tube_sources.free_space import FreeSpace
 from tubeplanner.tube_sources.joint_route import RouteSearch
 from tubeplanner.tube_sources.tool_corners import ToolCorners, tool_corners
 
-# Distance kept from obstacles beyond the clearance [m]: wide tubes are fast, narrow ways are short.
+# Distance kept from obstacles beyond the clearance [m]: wide tubes are fast, narrow passages are
+# short.
 _MARGINS = (0.03, 0.01)
 _MIN_MARGIN = 0.002  # where there is no route with more
 _SAMPLES_PER_PIECE = 10
@@ -28,9 +29,9 @@ class RouteOptions:
 
     Attributes:
         seed: Of all random numbers, >= 1; the same seed gives the same answer.
-        tries: How many routes are looked for with each distance from obstacles.
-        checks: How many configurations a try looks at before it gives up.
-        band: How far joints may leave what the route does in a segment, before measuring [rad, m].
+        tries: How many routes to search for with each distance from obstacles.
+        checks: How many configurations a try tests before it gives up.
+        band: How far joints may leave the route's ranges in a segment, before measuring [rad, m].
         max_radius: No segment gets a larger radius [m].
         samples: How many configurations of a segment the last counterexample search draws.
     """
@@ -78,7 +79,7 @@ def route_candidates(
     Args:
         problem: Its arm and obstacles count.
         start: Shape (n,).
-        goals: Free configurations of which one is to be reached, shape (G, n).
+        goals: Free configurations, one of which it must reach, shape (G, n).
         options: How to find them.
         enter: Called with every stage as it begins.
 
@@ -116,7 +117,7 @@ def _candidates(
 
 
 def _trajectory(problem: PlanningProblem, goal: FloatArray, margin: float) -> FloatArray | None:
-    """Return the fastest trajectory from straight joint lines, if it finds past all obstacles."""
+    """Return the fastest trajectory from straight joint lines, if it avoids all obstacles."""
     wider = replace(problem, goal=goal, clearance=problem.clearance + margin)
     planned = plan(wider, PlanOptions(quality="fast"))
     if planned.trajectory is None:

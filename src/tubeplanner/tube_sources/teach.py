@@ -1,4 +1,4 @@
-"""A tube from a recorded trail: its corners, and what its joints did between them."""
+"""A tube from a recorded trail: its corners, and its joints' ranges between them."""
 
 import time
 from collections.abc import Callable
@@ -25,7 +25,7 @@ class TeachOptions:
 
     Attributes:
         deviation: How far the tool of the trail may be from the lines between reference points [m].
-        band: How far joints may leave what they did in the trail's segment [rad or m].
+        band: How far joints may leave the trail's ranges in the segment [rad or m].
         max_radius: No segment gets a larger radius [m].
         samples: How many configurations of a segment the last counterexample search draws.
         seed: Of measuring's random numbers.
@@ -68,11 +68,11 @@ def teach(
     kept = moving_part(trail)
     moving, turns = without_ways_back(problem.robot, kept, options.deviation)
     notes = [
-        f"left out: {len(trail) - len(kept)} of {len(trail)} samples, in which no joint moved by "
+        f"removed: {len(trail) - len(kept)} of {len(trail)} samples, in which no joint moved by "
         f"{MIN_MOVE:g} rad or m since the one before: pauses and noise"
     ] * (len(kept) < len(trail))
     notes += [
-        f"left out: a way out and back that turned with the tool at {np.round(turn, 3).tolist()} m "
+        f"removed: a detour out and back that turned at {np.round(turn, 3).tolist()} m "
         "(no tube can ask for it; record two trails to have the tool go there)"
         for turn in turns
     ]
@@ -89,7 +89,7 @@ def teach(
 
 
 def _left_by_trail(problem: PlanningProblem, trail: FloatArray) -> list[str]:
-    """Say so if a tube's joint ranges do not hold the trail (N, n) itself."""
+    """Return a note if a tube's joint ranges do not hold the trail (N, n) itself."""
     beyond = np.maximum(problem.joint_lower - trail[:, None], trail[:, None] - problem.joint_upper)
     inside = problem.tube.margin(problem.robot.tool_position(trail)) >= 0
     most = np.where(inside, beyond.max(axis=2), np.inf)
@@ -100,7 +100,7 @@ def _left_by_trail(problem: PlanningProblem, trail: FloatArray) -> list[str]:
     if beyond[row, segment, joint] <= 0:
         return []
     return [
-        "the measured joint ranges are those around the planner's own way along the lines; the "
+        "the measured joint ranges are those around the planner's own branch along the lines; the "
         f"trail leaves them by up to {beyond[row, segment, joint]:.2g} rad or m "
         f"('{problem.robot.joint_names[joint]}', segment {segment})"
     ]

@@ -1,7 +1,7 @@
 """Few reference points along a route: straight lines of the tool that the arm can follow freely.
 
-Between two points of the route the tool goes straight, the other joints as the route has them.
-Where links collide on the way, a point of the route is put in between.
+Between two points of the route the tool goes straight, and redundant joints follow the route. Where
+links collide in between, another point of the route is added.
 """
 
 from dataclasses import dataclass
@@ -117,7 +117,7 @@ class _Corners:
         return None if before is None or after is None else before + after
 
     def _without_superfluous(self, chosen: list[int]) -> list[int]:
-        """Return the corners without those that a longer free line can do without."""
+        """Return the corners without those that a longer free line makes unnecessary."""
         k = 1
         while k < len(chosen) - 1:
             if self._line(chosen[k - 1], chosen[k + 1]) is not None:

@@ -1,4 +1,4 @@
-"""A recorded trail of the joints: matched, unwrapped, and freed of pauses and of ways back."""
+"""A recorded trail of the joints: matched, unwrapped, without pauses and detours."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -72,10 +72,10 @@ def moving_part(q: FloatArray) -> FloatArray:
 def without_ways_back(
     robot: RobotModel, q: FloatArray, deviation: float
 ) -> tuple[FloatArray, list[FloatArray]]:
-    """Return a trail without what the arm went out and came back on, and where it turned.
+    """Return a trail without detours out and back the same way, and where they turned.
 
-    A tube cannot keep such a detour: its capsules overlap all along, and the tool may go from one
-    to the other anywhere.
+    A tube cannot enforce such a detour: its capsules overlap all along, and the tool may pass from
+    one to the other anywhere.
 
     Args:
         robot: The arm.
@@ -86,7 +86,7 @@ def without_ways_back(
         TrajectoryError: The whole trail goes out and back, or its tool does not move.
     """
     turns: list[FloatArray] = []
-    joint = -1  # where what was left out last had been
+    joint = -1  # where the last removed detour was
     while True:
         tool = robot.tool_position(q)
         found = _way_back(q, tool, deviation)
@@ -98,7 +98,7 @@ def without_ways_back(
                 "the trail ends where it starts and comes back the way it went; record the way out "
                 "and the way back as two trails"
             )
-        if not i <= joint <= j:  # otherwise it is the rest of the same way
+        if not i <= joint <= j:  # otherwise it is the rest of the same detour
             away = np.linalg.norm(tool[i : j + 1] - tool[i], axis=1)
             turns.append(tool[i + int(away.argmax())])
         joint = i

@@ -1,4 +1,4 @@
-"""What came of looking for a tube: a problem to plan, or the reason why there is none."""
+"""The result of a search for a tube: a problem to plan, or the reason why there is none."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -9,14 +9,14 @@ from tubeplanner.tube_sources.measured_plan import MeasuredPlan
 
 @dataclass(frozen=True, eq=False)
 class TubeAnswer:
-    """What came of looking for a tube.
+    """The result of a search for a tube.
 
     Attributes:
         status: Success means that the trajectory through the measured tube is certified.
         message: One sentence.
         place: Where, if there is no answer.
         found: The problem with its tube, and its plan; None unless successful.
-        notes: What else is worth knowing.
+        notes: Further information.
         compared: Durations of the trajectories through the tubes that were compared before
             measuring, each of the same radius [s]; None where there was no trajectory.
         search_time: Wall time from the loaded problem to the answer [s].

@@ -17,7 +17,7 @@ g(a, b) <= z: a + b in the triangle, (sqrt(a) + sqrt(b))^2 under the parabola. T
 the least g where a ray from R leaves the capsules of both lines. For one radius r on both lines and
 a turn by the angle t it is 2 r / sin(t) in the triangle, 4 r / sin(t) under the parabola.
 
-What is assumed of each controller, and from where: `CONTROLLERS`.
+The assumptions about each controller, and their sources: `CONTROLLERS`.
 """
 
 import math
@@ -35,7 +35,7 @@ Zone: TypeAlias = str | float
 
 _PIECE = 0.25  # length of the pieces beside a corner, as a share of its zone
 _STRAIGHT = 1e-6  # [rad]: a reference point with a smaller turn is no corner
-_DIRECTIONS, _ZOOMS = 101, 4  # of rays from a corner, and how often the best are looked at closer
+_DIRECTIONS, _ZOOMS = 101, 4  # of rays from a corner, and how often the best are refined
 _STEPS, _TOUCHING = 400, 1e-9  # of a march along a ray, and [m] from the tube's wall
 _ROUNDING = 1e-9  # [m]
 _SLACK = 1e-7  # [m]: marches end before the wall; a zone that just fits is not lost
@@ -48,7 +48,7 @@ class Controller:
 
     Attributes:
         title: Maker and the name of its zone.
-        source: What is assumed, and where it is written.
+        source: The assumptions, and their source.
         unit: Of numbers, in metres; None where zones have names only.
         half: Whether a zone may not pass the middle of a line; else zones may not overlap.
         blend: "parabola" where the maker says so, else only "triangle".
@@ -117,7 +117,7 @@ CONTROLLERS: dict[str, Controller] = {
 
 @dataclass(frozen=True, eq=False)
 class ZonedPath:
-    """What a controller's program needs.
+    """Points and zones of a controller's program.
 
     Attributes:
         points: Where the lines begin and end, shape (k+2, 3) [m].
@@ -151,7 +151,7 @@ def tube_from_zones(
         one z/4 before and behind it. Beside the corner the radius is 3/4 z, elsewhere `accuracy`.
 
     Raises:
-        ProblemError: A name, count or number is wrong, a zone has no available on its lines, or the
+        ProblemError: A name, count or number is wrong, a zone does not fit on its lines, or the
             accuracy is coarser than a corner; the message says which.
     """
     rules = _rules(controller)
@@ -183,8 +183,8 @@ def zones_of_tube(tube: Tube, controller: str) -> ZonedPath:
     """Return the largest zones with which a controller stays in the tube.
 
     Reference points without a turn are no points of the program. No zone passes the middle of a
-    line. The tool is held against the capsules of both lines of a corner; where they overlap far,
-    on a way out and back, the tube lets the tool turn round early, and so does the zone.
+    line. Only the capsules of both lines of a corner count; where they overlap far, out and back
+    the same way, the tube lets the tool turn round early, and so does the zone.
 
     Args:
         tube: Where the tool may be; rotation tolerances and joint signs do not matter here.

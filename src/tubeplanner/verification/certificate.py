@@ -7,7 +7,7 @@ from typing import Any
 
 from tubeplanner.errors import OptionError
 from tubeplanner.options import NUMBER
-from tubeplanner.outcome import Place
+from tubeplanner.outcome import MARGIN_TOLERANCE, Place
 
 CONDITION_NAMES = (
     "position",
@@ -38,8 +38,8 @@ class Tolerance:
         relative: For relative margins, >= 0.
     """
 
-    absolute: float = 1e-6
-    relative: float = 1e-6
+    absolute: float = MARGIN_TOLERANCE
+    relative: float = MARGIN_TOLERANCE
 
     def __post_init__(self) -> None:
         for name in ("absolute", "relative"):
@@ -61,11 +61,12 @@ class JudgedCondition:
     """One condition of a certificate.
 
     Attributes:
-        margin: How much is left: negative where violated, None where not asked.
+        margin: Distance to a violation: negative where violated, None where the condition does not
+            apply.
         unit: "m", "rad" or "relative".
         where: Where the margin is smallest.
         coverage: "for all t", and whether that is undecided because bounds stayed apart; or why
-            there is no margin, or what was compared.
+            there is no margin; or what was compared.
     """
 
     margin: float | None
@@ -74,7 +75,7 @@ class JudgedCondition:
     coverage: str
 
     def holds(self, tolerance: Tolerance) -> bool:
-        """Return whether the condition is met, or not asked."""
+        """Return whether the condition holds, or does not apply."""
         return self.margin is None or self.margin >= -tolerance.of(self.unit)
 
 
@@ -84,7 +85,7 @@ class Certificate:
 
     Attributes:
         conditions: By name, in the order of `CONDITION_NAMES`.
-        tolerance: What the margins were judged with.
+        tolerance: How far below zero margins may lie.
     """
 
     conditions: Mapping[str, JudgedCondition]
@@ -93,6 +94,9 @@ class Certificate:
     def __post_init__(self) -> None:
         ordered = {name: self.conditions[name] for name in CONDITION_NAMES}
         object.__setattr__(self, "conditions", MappingProxyType(ordered))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Certificate, (dict(self.conditions), self.tolerance)
 
     @property
     def passed(self) -> bool:
@@ -111,7 +115,7 @@ class Certificate:
         """Return one line about a condition: margin, unit, place."""
         condition = self.conditions[name]
         if condition.margin is None:
-            return f"{name}: not asked ({condition.coverage})"
+            return f"{name}: not required ({condition.coverage})"
         unit = "" if condition.unit == RELATIVE else f" {condition.unit}"
         place = str(condition.where)
         return f"{name}: margin {condition.margin:.3g}{unit}" + (f" ({place})" if place else "")

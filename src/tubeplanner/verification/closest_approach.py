@@ -38,7 +38,7 @@ class ClosestApproach:
         distance: The least distance that was found [m].
         time: When [s].
         pair: Indices of the two shapes.
-        intervals: How many pairs and intervals were looked at.
+        intervals: How many pairs and intervals were tested.
     """
 
     lower_bound: float
@@ -122,7 +122,7 @@ class _Search:
         self.intervals = 0
 
     def halve_until_settled(self) -> None:
-        """Look at every pair on every piece, halve what may hold the minimum, and so on."""
+        """Bound every pair on every piece, halve what may hold the minimum, and repeat."""
         rows = self._beginning()
         most = max(_MAX_INTERVALS, _MAX_ROUNDS * len(rows.node))
         while len(rows.node):

@@ -18,7 +18,7 @@ from scipy.special import comb
 
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.robot.robot_model import RobotModel
-from tubeplanner.trajectory.bernstein import bernstein_coefficients
+from tubeplanner.trajectory.bernstein import bernstein_coefficients, halves
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.verification.majorants import effort_majorant, tool_majorant
 
@@ -175,9 +175,8 @@ def _enclosed(
         coarse &= count < _MAX_INTERVALS
         fine = ~coarse
         done.append((piece[fine], start[fine], width[fine], missed[fine]))
-        piece, width = np.repeat(piece[coarse], 2), np.repeat(width[coarse] / 2, 2)
-        start = np.repeat(start[coarse], 2)
-        start[1::2] += width[1::2]
+        piece = np.repeat(piece[coarse], 2)
+        start, width = halves(start[coarse], width[coarse])
     piece = np.concatenate([part[0] for part in done])
     start, width, missed = (np.concatenate([part[i] for part in done]) for i in (1, 2, 3))
     order = np.lexsort((start, piece))

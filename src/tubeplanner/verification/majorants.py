@@ -1,4 +1,4 @@
-"""Bounds on the Taylor coefficients of what a trajectory does: tool pose and joint efforts.
+"""Bounds on the Taylor coefficients of a trajectory's tool pose and joint efforts.
 
 A trajectory in joint space is polynomial, what follows from it is not. Here, every vector of the
 recursive Newton-Euler algorithm is replaced by a power series whose coefficients bound the norms of

@@ -2,9 +2,9 @@
 
 On an interval of width w, a curve lies within w^2 / 8 max |x''| of the chord between its ends. The
 curve here is the rotation vector v of the tool against its reference, with dv/dt = J(v) s and
-s = w_hand - E^T turn du/dt (see `RotationalTube.error_jacobian`), so that
+s = w_tool - E^T turn du/dt (see `RotationalTube.error_jacobian`), so that
 
-    |v''| <= g (|w_hand'| + |turn| (|u''| + |s| |u'|)) + g g' |s|^2
+    |v''| <= g (|w_tool'| + |turn| (|u''| + |s| |u'|)) + g g' |s|^2
 
 with the norms g of J and g' of its change, which grow with the angle only. Where the nearest point
 of the segment passes an end of it, u' jumps: that term is bounded by its size alone, to first
@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
+from tubeplanner.trajectory.bernstein import halves
 from tubeplanner.tube.rotational_tube import RotationalTube
 from tubeplanner.tube.rotations import (
     MATRIX_ERROR_GAIN,
@@ -43,7 +44,7 @@ _MAX_GAIN = float(turning_gain(np.array(np.pi + _MAX_MOVE)))
 
 @dataclass(frozen=True, eq=False)
 class _Parts:
-    """R parts of intervals, each in one segment: what is looked at.
+    """R parts of intervals, each in one segment.
 
     Attributes:
         interval: Index of the interval, shape (R,).
@@ -104,16 +105,14 @@ def _first_parts(tube: RotationalTube, pose: EnclosedPose, visits: list[Visit]) 
 def _halves(tube: RotationalTube, pose: EnclosedPose, parts: _Parts, rows: BoolArray) -> _Parts:
     """Return the two halves of some of the parts, one after the other."""
     interval, segment = parts.interval[rows], parts.segment[rows]
-    start, half = parts.start[rows], parts.width[rows] / 2
-    middle = _vector_at(tube, pose, interval, segment, start + half)
+    start, width = halves(parts.start[rows], parts.width[rows])
+    middle = _vector_at(tube, pose, interval, segment, start[1::2])
     both = []
     for ends, between in zip((parts.vector[:, rows], parts.share[:, rows]), middle, strict=True):
-        halves = np.repeat(ends, 2, axis=1)
-        halves[1, 0::2] = halves[0, 1::2] = between
-        both.append(halves)
-    start = np.repeat(start, 2)
-    start[1::2] += half
-    return _Parts(np.repeat(interval, 2), start, np.repeat(half, 2), np.repeat(segment, 2), *both)
+        pairs = np.repeat(ends, 2, axis=1)
+        pairs[1, 0::2] = pairs[0, 1::2] = between
+        both.append(pairs)
+    return _Parts(np.repeat(interval, 2), start, width, np.repeat(segment, 2), *both)
 
 
 def _bounded(

@@ -1,7 +1,7 @@
 """When a trajectory passes from one tube segment to the next.
 
 Segments are visited in order, and at a switching time the tool is in both capsules. Of all choices
-of switching times the one is taken that leaves the largest worst margin.
+of switching times, it takes the one with the largest worst margin.
 """
 
 import numpy as np
@@ -17,7 +17,7 @@ def best_switching_samples(margin: FloatArray) -> IntArray:
             order of time.
 
     Returns:
-        Shape (m-1,), never decreasing: sample s is counted to segment k if it lies between the
+        Shape (m-1,), never decreasing: sample s belongs to segment k if it lies between the
         switching times k-1 and k, both included, so that a switching time counts in both its
         segments.
     """
@@ -58,7 +58,7 @@ def _best_after_switch(before: FloatArray, margin: FloatArray) -> FloatArray:
 def _switch_before(
     best_before: FloatArray, margin_before: FloatArray, margin_after: FloatArray, last: int
 ) -> int:
-    """Return the best sample to tool over at, not after the sample `last`."""
+    """Return the best sample for a switching time, not after the sample `last`."""
     rest = np.minimum.accumulate(margin_after[last::-1])[::-1]
     worst = np.minimum(best_before[: last + 1], rest)
     candidates = np.flatnonzero(worst >= worst.max())

@@ -9,13 +9,13 @@ from scipy.optimize import minimize_scalar
 
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.trajectory.bernstein import bernstein_coefficients
+from tubeplanner.trajectory.bernstein import bernstein_coefficients, halves
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.tube.tube import Tube
 from tubeplanner.verification.enclosure import Enclosure
 from tubeplanner.verification.switching_samples import best_switching_samples
 
-# Samples that switching times are looked for at; where they are is then refined between samples.
+# Samples among which switching times are found; they are then refined between samples.
 _MIN_SAMPLES = 2000
 _MIN_SAMPLES_PER_PIECE = 20
 _SWITCHING_TOLERANCE = 1e-10  # [s]
@@ -50,7 +50,7 @@ class LeastMargin:
         attained: The least margin that was found [m or rad].
         time: When [s].
         segment: In which segment.
-        intervals: How many intervals were looked at.
+        intervals: How many intervals were tested.
     """
 
     lower_bound: float
@@ -131,9 +131,7 @@ def least_margin(tube: Tube, tool: Enclosure, visits: list[Visit]) -> LeastMargi
         split &= count < _MAX_ROWS
         lower_bound = min(lower_bound, float(lower[~split].min(initial=np.inf)))
         interval, segment = np.repeat(interval[split], 2), np.repeat(segment[split], 2)
-        width = np.repeat(width[split] / 2, 2)
-        start = np.repeat(start[split], 2)
-        start[1::2] += width[1::2]
+        start, width = halves(start[split], width[split])
     return LeastMargin(lower_bound, attained, time, worst_segment, count)
 
 

@@ -1,4 +1,4 @@
-"""The independent judge: does a trajectory do what the problem asks?
+"""The independent judge: does a trajectory solve the problem?
 
 It uses robot, tube, collision geometry and the trajectory's polynomials, and nothing of the code
 that made the trajectory.
@@ -32,8 +32,8 @@ from tubeplanner.verification.rotation_visits import least_rotation_margin
 from tubeplanner.verification.tube_visits import Visit, least_margin, tube_visits
 
 _STILL_SHARE = 1e-6  # a joint slower than this share of the fastest counts as standing still
-# How closely efforts [share of their limits] and tool [m] are enclosed: what is left of the
-# certificate's tolerance is for those who plan.
+# How closely efforts [share of their limits] and tool [m] are enclosed: tighter than the
+# certificate's tolerance, so that the planner may use most of it.
 _EFFORT_ENCLOSURE = 1e-8
 _TOOL_ENCLOSURE = 1e-7
 # Where the rotation is judged too: an error of the tool is one of its reference orientation.
@@ -196,7 +196,8 @@ class _Judge:
     def continuity(self) -> JudgedCondition:
         """Jumps of position, or of velocity and acceleration relative to their largest values.
 
-        The one reported is the worst, each measured by its own tolerance.
+        All jumps of a joint add up: many small ones would otherwise let it skip any part of its
+        path. The worst sum is reported, each measured by its own tolerance, at its largest jump.
         """
         found = [JudgedCondition(0.0, RELATIVE, Place(), FOR_ALL_TIMES)]
         for order in range(3):
@@ -206,11 +207,12 @@ class _Judge:
                 continue
             if order > 0:
                 jumps = jumps / self._largest[order]
-            at, joint = np.unravel_index(int(jumps.argmax()), jumps.shape)
-            time = float(self._trajectory.breakpoints[at + 1])
+            total = jumps.sum(axis=0)
+            joint = int(total.argmax())
+            time = float(self._trajectory.breakpoints[jumps[:, joint].argmax() + 1])
             place = Place(time=time, joint=self._robot.joint_names[joint])
-            unit = self._unit(int(joint)) if order == 0 else RELATIVE
-            found.append(JudgedCondition(0.0 - float(jumps.max()), unit, place, FOR_ALL_TIMES))
+            unit = self._unit(joint) if order == 0 else RELATIVE
+            found.append(JudgedCondition(0.0 - float(total[joint]), unit, place, FOR_ALL_TIMES))
         return min(found, key=self._in_tolerances)
 
     def _in_tolerances(self, condition: JudgedCondition) -> float:
@@ -249,7 +251,7 @@ class _Judge:
 
     @cached_property
     def _pose(self) -> EnclosedPose | None:
-        """The tool's path and orientation, if that is asked for."""
+        """The tool's path and, if the tube bounds it, orientation."""
         if self._tube.rotation is None:
             return None
         return enclosed_pose(self._robot, self._trajectory, _POSE_ENCLOSURE, _ROTATION_ENCLOSURE)
@@ -295,8 +297,8 @@ class _Judge:
     def _largest(self) -> list[FloatArray]:
         """The largest magnitudes of position, velocity and acceleration per joint, each (n,).
 
-        A joint that all but stands still is measured by the others: its own rounding errors are
-        no trajectory that could jump.
+        A joint that all but stands still is measured by the others: its own rounding errors are not
+        jumps.
         """
         found = []
         for order in range(3):
@@ -315,7 +317,7 @@ def _highest(extrema: Extrema, trajectory: JointTrajectory) -> tuple[float, floa
 
 
 def _bracketed(lower: float, attained: float, unit: str) -> str:
-    """Say that a margin is known for all t, unless its bounds are far apart."""
+    """Return the coverage of a margin: for all t, undecided if its bounds are far apart."""
     allowed = max(_UNDECIDED_LENGTH, _UNDECIDED_SHARE * abs(attained))
     return FOR_ALL_TIMES if lower >= attained - allowed else _undecided(attained, unit)
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _OTHERS = "#888888"  # of bars whose speed is not drawn
-_LABEL_SPACE = 1.9  # of the longest bar: what is said beside it needs as much
+_LABEL_SPACE = 1.9  # of the longest bar: space for the text beside it
 
 
 def plot_comparison(result: Comparison, path: str | Path | None = None) -> "Figure":

@@ -38,9 +38,9 @@ class TrajectoryCurves:
         tool: Shape (N, 3) [m].
         speed: Of the tool, shape (N,) [m/s].
         factor: How many times faster each sample could be run, shape (N,).
-        segment: The tube segment each sample is counted to, shape (N,).
+        segment: The tube segment of each sample, shape (N,).
         tube_use: The tool's distance from the segment as a share of its radius, shape (N,).
-        rotation_use: The same of the rotation tolerance; None where none is asked.
+        rotation_use: The same of the rotation tolerance; None where there is none.
     """
 
     problem: PlanningProblem
@@ -129,7 +129,7 @@ def draw_efforts(axis: "Axes", curves: TrajectoryCurves) -> None:
 def draw_factor(
     axis: "Axes", curves: TrajectoryCurves, label: str | None = None, number: int = 0
 ) -> None:
-    """Draw how many times faster each instant could be run, over the share of the duration.
+    """Draw how many times faster the arm could move, over the share of the duration.
 
     Args:
         axis: Where; several trajectories may share it.

@@ -1,4 +1,4 @@
-"""What is shown of a problem and its trajectories: surfaces, colours, placements; no viewer.
+"""The scene of a problem and its trajectories: surfaces, colours, placements; no viewer.
 
 Everything is in the base frame, in m and s. Several trajectories stand side by side, each with its
 own arm and tube, and start together.
@@ -97,7 +97,7 @@ class ShownTrajectory:
     """Where the bodies are at T times; one time stands for an arm at rest.
 
     Attributes:
-        name: What it is called.
+        name: Its name.
         time: Shape (T,), from 0 to the duration [s].
         rotation: Of all bodies, shape (T, bodies, 3, 3).
         position: Of all bodies, shape (T, bodies, 3) [m].
@@ -134,7 +134,7 @@ class Scene:
         trajectories: At least one; of no duration if no trajectory was given.
         items: Surfaces.
         offset: From each trajectory to the next, shape (3,) [m].
-        direction: From the scene to whoever looks at it, unit vector (3,).
+        direction: From the scene towards the viewer, unit vector (3,).
         outline: Points that a picture must hold, offsets included, shape (P, 3) [m].
         floor: Edges of a grid under all, shape (E, 2, 3) [m].
         floor_step: Length of one [m].
@@ -165,7 +165,7 @@ class Scene:
 
 
 def build_scene(problem: PlanningProblem, named: Mapping[str, JointTrajectory]) -> Scene:
-    """Return what is to be shown of a problem and some trajectories, by name.
+    """Return the scene of a problem and some trajectories, by name.
 
     Without a trajectory the arm rests at the start.
 

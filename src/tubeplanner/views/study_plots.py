@@ -22,10 +22,10 @@ _WIDE = 10.0  # tolerances that differ by more than this factor are drawn on a l
 def plot_convergence(
     histories: Mapping[str, Sequence[Progress]], path: str | Path | None = None
 ) -> "Figure":
-    """Draw how the duration falls, step by step, towards the shortest that was found.
+    """Draw how the duration falls, step by step, towards the shortest one found.
 
     Args:
-        histories: By name, what `plan` reported to its `progress` callback, in order.
+        histories: By name, the reports of `plan` to its `progress` callback, in order.
         path: Where to save the figure as PNG; None: nowhere.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Surfaces to look at: triangles of convex shapes, of the tube, of lines with a thickness.
+"""Surfaces for display: triangles of convex shapes, of the tube, of lines with a thickness.
 
 What is drawn here judges nothing: round things become polyhedra inside them.
 """

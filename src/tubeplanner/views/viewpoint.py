@@ -20,12 +20,12 @@ _FLAT = 0.02  # of the longest side
 def best_direction(
     path: FloatArray, solids: Sequence[ConvexShape], arms: Sequence[Sequence[ConvexShape]] = ()
 ) -> FloatArray:
-    """Return the unit vector (3,) from the path towards whoever looks at it, never from below.
+    """Return the unit vector (3,) from the path towards the viewer, never from below.
 
     Args:
         path: Where the tool passes, shape (N, 3) [m].
-        solids: What stands in the way of sight, in the base frame; it is taken to be translucent.
-        arms: What hides the path at some times, one after the other; it is not.
+        solids: Solids that may hide the path, in the base frame; they count as translucent.
+        arms: Hulls that hide the path at some times, one after the other; they count as opaque.
     """
     standing = _hulls(solids)
     moving = [_hulls(arm) for arm in arms]

@@ -21,7 +21,7 @@ import numpy as np
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.constraints.time_scaling import scaled_to_limits
 from tubeplanner.constraints.tube_membership import first_departure
-from tubeplanner.outcome import Infeasible
+from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.verification.certificate import Certificate
@@ -33,10 +33,9 @@ from tubeplanner.waypoint_search.waypoint_interpolation import (
     sequential_quartics,
 )
 
-# So many nodes are expanded at a time, or as many as have so many children.
+# Nodes expanded at a time: this many, or as many as have this many children.
 _NODES_AT_ONCE, _CHILDREN_AT_ONCE = 32, 1024
 _END = np.array([1.0])
-_TOLERANCE = 1e-6  # [m or rad]: what the certificate allows
 
 
 @dataclass(frozen=True)
@@ -47,7 +46,7 @@ class SearchStatistics:
         nodes: Nodes expanded.
         children: Continuations built and tested.
         cuts: How many of them each rule cut at samples.
-        motions: Complete trajectories that were left, and judged.
+        motions: Complete trajectories that no rule cut, and were judged.
         refused: How many of those were no faster than the best, or failed their certificate.
         forgone: Nodes and trajectories passed over because they begin like one that failed.
         lower_bound: No certified trajectory of this family is faster [s]; None if none is faster
@@ -74,8 +73,8 @@ class SearchStatistics:
         cuts = ", ".join(f"{rule} {count}" for rule, count in self.cuts.items())
         text = (
             f"{self.nodes} nodes, {self.children} segments tested, cut by rule: {cuts}; "
-            f"{self.motions} tried, {self.refused} refused; {self.forgone} forgone, which "
-            "begin like a refused one"
+            f"{self.motions} trajectories tried, {self.refused} refused; {self.forgone} forgone, "
+            "which begin like a refused one"
         )
         if self.budget_reached:
             text += "; the node budget ended it"
@@ -274,7 +273,7 @@ class BranchAndBound:
         if trajectory is None or trajectory.duration >= self._upper_bound:
             self._refused += 1
             return
-        fault = first_departure(self._problem, shape, _TOLERANCE)
+        fault = first_departure(self._problem, shape, MARGIN_TOLERANCE)
         if fault is None:
             begin = time.perf_counter()
             certificate = verify(self._problem, trajectory)
@@ -294,7 +293,7 @@ class BranchAndBound:
             self._failed.add(waypoints[: fault + 3])
 
     def _faulty_segment(self, certificate: Certificate, trajectory: JointTrajectory) -> int | None:
-        """Return a segment that no other continuation can mend, if the certificate names one.
+        """Return a segment that no other continuation can repair, if the certificate names one.
 
         Another continuation may choose other switching times, but not other links or another union.
         """

@@ -12,7 +12,7 @@ from tubeplanner.polyline import arc_lengths
 from tubeplanner.problem.problem import PlanningProblem
 
 _STILL = 1e-9  # [m]: a tool that moves less stands still
-# Where inverse kinematics goes farther from the branch than this, it left it [rad or m].
+# Inverse kinematics that goes farther from the branch than this has left it [rad or m].
 _MAX_BRANCH_DISTANCE = 0.1
 
 

@@ -1,4 +1,4 @@
-"""Which configurations near the reference path bring links too near to obstacles or each other.
+"""Which configurations near the reference path bring links too close to obstacles or each other.
 
 Distances are known at the waypoints; elsewhere, the joints' travel from there bounds them from
 below, and so does the direction that separates a pair there. Only pairs for which neither is enough
@@ -11,16 +11,16 @@ from copy import copy
 import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
+from tubeplanner.outcome import MARGIN_TOLERANCE
 from tubeplanner.problem.problem import PlanningProblem
 
 _MAX_DISTANCE = 0.3  # [m]: pairs that are never nearer at a waypoint are left out
-_TOLERANCE = 1e-6  # [m]: what the certificate allows
 
 
 class LinkClearance:
     """Links against obstacles and links, around M known configurations.
 
-    Pairs that stay far apart at all of them are taken to stay apart.
+    Pairs that are far apart at all of them are assumed to stay apart.
 
     Attributes:
         free_waypoints: Which of the known configurations are free: bool, shape (M,).
@@ -36,7 +36,7 @@ class LinkClearance:
         self._problem, self._checker = problem, problem.collision
         checker = problem.collision
         self._pairs = checker.pairs
-        self._required = checker.required(problem.clearance) - _TOLERANCE
+        self._required = checker.required(problem.clearance) - MARGIN_TOLERANCE
         self._waypoints = waypoints
         found = []
         for rotation, position in zip(*problem.robot.body_poses(waypoints), strict=True):
@@ -51,7 +51,7 @@ class LinkClearance:
         self._distance, self._direction = distance[:, near], direction[:, near]
 
     def around(self, q: FloatArray, nearest: IntArray) -> "LinkClearance":
-        """Return the clearance around other configurations, without measuring everything anew.
+        """Return the clearance around other configurations, without measuring everything again.
 
         Args:
             q: Shape (P, n), each near a known one.

@@ -1,8 +1,8 @@
 """The rules by which phase 1 cuts segments, for many segments at once (Suh & Bishop 1988).
 
 - joint_limits (FR-1): a joint leaves its position limits;
-- duration (FR-3): the lower bound on the whole duration is no better than what is known;
-- tube (FR-2): the tool leaves the tube, is turned too far there, or a joint leaves its range;
+- duration (FR-3): the lower bound on the whole duration is no better than the known best;
+- tube (FR-2): the tool leaves the tube, rotates too far there, or a joint leaves its range;
 - collision (FR-2): a link comes too near to an obstacle or another link.
 
 Segments are tested at a few samples, which can only be too lenient.
@@ -20,6 +20,7 @@ from tubeplanner.constraints.tube_membership import (
     passable_segments,
     segments_reached,
 )
+from tubeplanner.outcome import MARGIN_TOLERANCE
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.waypoint_search.link_clearance import LinkClearance
 from tubeplanner.waypoint_search.waypoint_interpolation import power_basis
@@ -30,7 +31,6 @@ _IN_ORDER = np.argsort(np.concatenate(_STAGES))
 # Polynomials are cheap to look at: finely enough to miss their peaks by 0.1 %.
 _RATE_TIMES = np.linspace(0, 1, 33)
 _COLLISION_TIMES = np.arange(1, 8) / 8
-_TOLERANCE = 1e-6  # [m or rad]: what input and certificate allow
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +159,7 @@ class SegmentRules:
         limits = self._problem.robot.limits
         q = batch.at(times, 0)
         outside = np.maximum(limits.lower_position - q, q - limits.upper_position)
-        return np.all(outside <= _TOLERANCE, axis=(1, 2, 3))
+        return np.all(outside <= MARGIN_TOLERANCE, axis=(1, 2, 3))
 
     def _rate_factor(self, batch: SegmentBatch) -> FloatArray:
         """Return how much faster velocity, acceleration and jerk limits let it be run, (C,)."""
@@ -183,7 +183,7 @@ class SegmentRules:
         """Return in which tube segments the samples are: bool, shape (C, S, L, m)."""
         q = batch.at(times, 0)
         margin = membership_margin(self._problem, q.reshape(-1, q.shape[-1]))
-        return (margin >= -_TOLERANCE).reshape(*q.shape[:3], margin.shape[1])
+        return (margin >= -MARGIN_TOLERANCE).reshape(*q.shape[:3], margin.shape[1])
 
     def _reached(self, batch: SegmentBatch) -> BoolArray:
         """Return in which tube segments the tool may be at the end: bool, shape (C, m)."""
@@ -204,6 +204,6 @@ class SegmentRules:
 
 
 def _least_times(problem: PlanningProblem, waypoints: FloatArray) -> FloatArray:
-    """Return how long the velocity limits make every way between waypoints, (M, M) [s]."""
+    """Return the least times between waypoints under the velocity limits, (M, M) [s]."""
     distance = abs(waypoints[:, None] - waypoints)
     return (distance / problem.robot.limits.velocity).max(axis=2)

@@ -1,0 +1,238 @@
+"""Problem files with a witness: a tube around the tool path of a trajectory known to solve them."""
+
+import math
+from collections import Counter
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from scipy.spatial.transform import Rotation
+
+from campaign_arms import Unsuitable, random_arm, without_efforts
+from campaign_witness import MAX_RADIUS, RADIUS_FACTOR, Witness, random_witness
+from outside.arm import Arm, placed, solid_geometry
+from outside.files import BUNDLED, BadInput
+from outside.nearest import Poses, least_margin
+from outside.problem import Problem, TubeFields
+from outside.tube import rotation_error
+from outside_judge import Judge, passes
+
+MAX_ATTEMPTS = 60
+MIN_MARGIN = 0.002  # [m] that the witness keeps beyond what is asked
+SIGN_MARGIN = 1e-3  # [rad, m]
+MAX_TURN = math.radians(150)  # of the reference orientation along a segment
+MAX_OBSTACLES, MAX_DRAWS, MAX_SHIFTS = 4, 12, 4
+PART = BUNDLED / "ur5" / "part.stl"
+
+
+@dataclass(frozen=True, eq=False)
+class Built:
+    """A problem file with a witness.
+
+    Attributes:
+        path: The file.
+        fields: What it holds.
+        arm: Which arm, in words.
+        judge: For its trajectories.
+        witness: What solves it.
+    """
+
+    path: Path
+    fields: dict[str, Any]
+    arm: str
+    judge: Judge
+    witness: Witness
+
+
+def build(seed: int, folder: Path) -> Built:
+    """Write the problem of a seed into a folder; always the same.
+
+    Draws that cannot become a problem are replaced by further ones of the same seed.
+
+    Raises:
+        Unsuitable: None became one; the message counts the reasons.
+    """
+    reasons: Counter[str] = Counter()
+    for attempt in range(MAX_ATTEMPTS):
+        try:
+            return _attempt(np.random.default_rng([seed, attempt]), folder)
+        except (Unsuitable, BadInput) as reason:
+            reasons[str(reason)[:100]] += 1
+    counted = "; ".join(f"{count} x {reason}" for reason, count in reasons.most_common(4))
+    raise Unsuitable(f"no problem in {MAX_ATTEMPTS} draws: {counted}")
+
+
+def write(fields: dict[str, Any], path: Path) -> None:
+    """Write a problem file."""
+    path.write_text(yaml.safe_dump(fields, sort_keys=False, default_flow_style=None, width=140))
+
+
+def _attempt(rng: np.random.Generator, folder: Path) -> Built:
+    name, robot = random_arm(rng, folder)
+    _vary_robot(rng, robot, name)
+    arm = _arm(robot, folder)
+    witness = random_witness(rng, arm)
+    tube = _tube(rng, arm, witness)
+    fields: dict[str, Any] = {"robot": robot, "tube": tube}
+    fields["start"] = {"joints": witness.q[0].tolist()}
+    if rng.random() < 0.6:
+        fields["goal"] = {"joints": witness.q[-1].tolist()}
+    clearance = float(rng.choice([0.0, 0.0, 0.005, 0.01]))
+    if rng.random() < 0.5:
+        count = int(rng.integers(1, MAX_OBSTACLES + 1))
+        poses = Poses(*arm.poses(witness.q[::10]))
+        solids = [_obstacle(rng, arm, poses, clearance, f"o{k}") for k in range(count)]
+        fields["obstacles"] = [solid for solid in solids if solid is not None]
+        fields["clearance"] = clearance
+    path = folder / "problem.yaml"
+    write(fields, path)
+    judge = Judge(path)
+    _require_solved(judge, witness)
+    return Built(path, fields, name, judge, witness)
+
+
+def _require_solved(judge: Judge, witness: Witness) -> None:
+    """Raise unless the witness keeps all that the file asks, links and obstacles something more."""
+    found = judge.judge(witness.trajectory)
+    if not passes(found, 1e-9):
+        broken = [name for name, one in found.items() if not one.holds(1e-9)]
+        raise Unsuitable(f"the witness breaks {', '.join(broken)}")
+    for name in ("obstacles", "self_collision"):
+        margin = found[name].margin
+        if margin is not None and margin < MIN_MARGIN:
+            raise Unsuitable(f"the witness comes within 2 mm of breaking {name}")
+
+
+def _vary_robot(rng: np.random.Generator, robot: dict[str, Any], name: str) -> None:
+    if rng.random() < 0.3:
+        offset = {"position": rng.uniform(-0.1, 0.1, 3).tolist()}
+        robot["tool_offset"] = offset | {"rpy": rng.uniform(-3, 3, 3).tolist()}
+    if rng.random() < 0.2 and name != "two_link":
+        direction = rng.normal(size=3)
+        robot["gravity"] = (9.81 * direction / np.linalg.norm(direction)).tolist()
+    if rng.random() < 0.15:
+        robot["payload"] = {"mass": float(rng.uniform(0.05, 0.5)), "com": [0.0, 0.0, 0.05]}
+    if rng.random() < 0.2:
+        scale = {"velocity": float(rng.uniform(0.3, 1.0)), "effort": float(rng.uniform(0.8, 1.0))}
+        robot.setdefault("limits", {})["scale"] = scale
+
+
+def _arm(robot: dict[str, Any], folder: Path) -> Arm:
+    """Return the arm of a section `robot`, whose limits are completed.
+
+    Raises:
+        Unsuitable: It has no masses and cannot do without.
+    """
+    point = TubeFields(np.zeros((2, 3)), np.ones(1), [{}], None, None, True)
+    problem = Problem(folder, robot, point, {}, {}, [], 0.0, True, [])
+    arm = Arm(problem)
+    if not arm.has_masses:
+        without_efforts(robot, arm.joint_names)
+        arm = Arm(problem)
+    return arm
+
+
+def _tube(rng: np.random.Generator, arm: Arm, witness: Witness) -> dict[str, Any]:
+    """Return the section `tube`: as narrow as drawn, with what the witness keeps."""
+    count = len(witness.needed)
+    if rng.random() < 0.5:
+        drawn = np.full(count, witness.scale)
+    else:
+        drawn = np.maximum(
+            RADIUS_FACTOR * witness.needed, witness.scale * rng.uniform(0.3, 1.0, count)
+        )
+    radius = np.minimum(drawn, MAX_RADIUS)
+    tube: dict[str, Any] = {"points": witness.points.tolist(), "radius": radius.tolist()}
+    spans = list(pairwise(witness.gates))
+    if rng.random() < 0.4:
+        tube["joint_signs"] = [_signs(rng, arm, witness.q[a : b + 1]) for a, b in spans]
+    if rng.random() < 0.25:
+        tube |= _rotation(rng, arm, witness, spans)
+    return tube
+
+
+def _signs(rng: np.random.Generator, arm: Arm, q: np.ndarray) -> dict[str, Any]:
+    """Return signs of some joints where the witness (N, n) keeps them, and a range now and then."""
+    signs: dict[str, Any] = {}
+    for name, column in zip(arm.joint_names, q.T, strict=True):
+        low, high = float(column.min()), float(column.max())
+        draw = rng.random()
+        if draw < 0.3 and max(low, -high) > SIGN_MARGIN:
+            signs[name] = "+" if low > 0 else "-"
+        elif draw > 0.9:
+            wider = float(rng.uniform(0.01, 0.5))
+            signs[name] = [low - wider, high + wider]
+    return signs
+
+
+def _rotation(
+    rng: np.random.Generator, arm: Arm, witness: Witness, spans: list[tuple[int, int]]
+) -> dict[str, Any]:
+    """Return orientations and tolerances that the witness keeps, or nothing if it turns too far."""
+    rotation, position = arm.tool(witness.q)
+    gates = rotation[witness.gates]
+    turns = Rotation.from_matrix(gates[:-1]).inv() * Rotation.from_matrix(gates[1:])
+    if turns.magnitude().max() > MAX_TURN:
+        return {}
+    orientations = Rotation.from_matrix(gates).as_quat()
+    ranges: list[dict[str, tuple[float, float]]] = [{}] * len(spans)
+    tube = TubeFields(witness.points, witness.needed, ranges, orientations, None, True)
+    least, by_component = float(rng.uniform(0.01, 0.5)), rng.random() < 0.5
+    bounds: list[Any] = []
+    for k, (a, b) in enumerate(spans):
+        error = rotation_error(tube, rotation[a : b + 1], position[a : b + 1], k)
+        if by_component:
+            bounds.append(
+                np.maximum(least, RADIUS_FACTOR * abs(error).max(axis=0) + 0.005).tolist()
+            )
+        else:
+            angle = float(np.linalg.norm(error, axis=1).max())
+            bounds.append(max(least, RADIUS_FACTOR * angle + 0.005))
+    return {"orientations": orientations.tolist(), "rotation_tolerance": bounds}
+
+
+def _obstacle(
+    rng: np.random.Generator, arm: Arm, poses: Poses, clearance: float, name: str
+) -> dict[str, Any] | None:
+    """Return a solid beside a link of the witness, clear of all true meshes; None if none is."""
+    moving = [solid for solid in arm.solids if arm.moved_by[solid.joint].any()]
+    if not moving:
+        return None
+    for _ in range(MAX_DRAWS):
+        solid, row = moving[int(rng.integers(len(moving)))], int(rng.integers(len(poses.position)))
+        rotation, origin = poses.rotation[row, solid.joint], poses.position[row, solid.joint]
+        direction = rng.normal(size=3)
+        direction /= np.linalg.norm(direction)
+        gap = float(np.exp(rng.uniform(*np.log([0.005, 0.2]))))
+        fields = _random_solid(rng, name)
+        away = gap + solid.radius
+        for _ in range(MAX_SHIFTS):
+            centre = origin + rotation @ solid.centre + away * direction
+            fields["position"] = centre.tolist()
+            distance = _distance(moving, poses, fields)
+            if distance >= clearance + 2 * MIN_MARGIN:
+                return fields
+            away += max(gap, -distance)
+    return None
+
+
+def _random_solid(rng: np.random.Generator, name: str) -> dict[str, Any]:
+    size = float(np.exp(rng.uniform(*np.log([0.01, 0.2]))))
+    kind = str(rng.choice(["box", "sphere", "cylinder", "capsule", "mesh"]))
+    sizes: dict[str, Any] = {
+        "box": {"box": (2 * size * rng.uniform(0.1, 1, 3)).tolist()},
+        "sphere": {"sphere": size},
+        "cylinder": {"cylinder": [size / 2, 3 * size]},
+        "capsule": {"capsule": [size / 2, 2 * size]},
+        "mesh": {"mesh": str(PART), "scale": float(rng.uniform(0.3, 1.5))},
+    }
+    return {"name": name, **sizes[kind], "rpy": rng.uniform(-3, 3, 3).tolist()}
+
+
+def _distance(moving: list[Any], poses: Poses, fields: dict[str, Any]) -> float:
+    geometry, placement = solid_geometry(fields, Path(), [])
+    obstacle = placed(fields["name"], "obstacle", 0, placement, geometry)
+    return least_margin([(solid, obstacle, 0.0) for solid in moving], poses)[0].margin

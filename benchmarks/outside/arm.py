@@ -1,0 +1,299 @@
+"""The arm of a problem as Pinocchio has it: kinematics, efforts, limits and solids."""
+
+import math
+import xml.etree.ElementTree as ElementTree
+from dataclasses import dataclass
+from typing import Any
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from outside.files import BadInput, find_file, find_urdf
+from outside.problem import Problem
+from outside.urdf import Description, Joint, read_description
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """Limits of the n joints, in group order, infinite where there is none.
+
+    Attributes:
+        lower: Of the position, shape (n,) [rad or m].
+        upper: Likewise.
+        velocity: Shape (n,) [rad/s or m/s].
+        acceleration: Shape (n,) [rad/s^2 or m/s^2].
+        jerk: Shape (n,) [rad/s^3 or m/s^3].
+        effort: Shape (n,) [N m or N].
+    """
+
+    lower: np.ndarray
+    upper: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    jerk: np.ndarray
+    effort: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """Something that can collide.
+
+    Attributes:
+        owner: The link, attached solid or obstacle that it belongs to.
+        kind: "link", "attached" or "obstacle".
+        joint: Pinocchio's index of the joint that carries it; 0 stands still.
+        placement: In the frame of that joint.
+        geometry: Of coal: a primitive, or the triangles of a mesh.
+        centre: Of its bounding sphere, in the frame of that joint, shape (3,) [m].
+        radius: Of its bounding sphere [m].
+    """
+
+    owner: str
+    kind: str
+    joint: int
+    placement: pin.SE3
+    geometry: Any
+    centre: np.ndarray
+    radius: float
+
+
+class Arm:
+    """An arm of n joints; everything is in the base frame and in group order.
+
+    Attributes:
+        joint_names: The n joints of the planning group.
+        slides: Which of them slide, shape (n,).
+        limits: Their limits.
+        solids: Of links and attached solids.
+        moved_by: Per Pinocchio joint (0: the base), the joints that move it: bool, (joints, n).
+        allowed: Pairs of links that the SRDF allows to touch.
+        has_masses: Whether everything that a joint carries has a mass, as efforts need.
+        tool_frame: The link that carries the tool.
+        links: Names of all links.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        fields = problem.robot
+        folders = [problem.folder / folder for folder in fields.get("package_dirs") or []]
+        path = find_urdf(fields["urdf"], problem.folder, folders)
+        description = read_description(path, folders)
+        self.tool_frame, self.links = str(fields["tool_frame"]), description.links
+        if self.tool_frame not in self.links:
+            raise BadInput(f"robot.tool_frame: '{self.tool_frame}' is no link")
+        self.joint_names = _group(description, self.tool_frame, fields.get("joints"))
+        joints = [description.joints[name] for name in self.joint_names]
+        self.slides = np.array([joint.kind == "prismatic" for joint in joints])
+        self.limits = _limits(self.joint_names, joints, fields.get("limits") or {})
+        self._model, self.solids = _model(description, self.joint_names, fields)
+        self._order = [
+            self.joint_names.index(name.removeprefix("joint:")) for name in self._model.names[1:]
+        ]
+        tool = self._model.frames[self._model.getFrameId(self.tool_frame, pin.FrameType.BODY)]
+        self._carry(fields.get("payload"), tool)
+        offset = placement_of(fields.get("tool_offset") or {})
+        self._tool_joint, self._tool = tool.parentJoint, tool.placement * offset
+        for solid in fields.get("attached") or []:
+            geometry, placement = solid_geometry(solid, problem.folder, folders)
+            place = tool.placement * placement
+            name = str(solid["name"])
+            self.solids.append(placed(name, "attached", tool.parentJoint, place, geometry))
+        self._data, self._pool = self._model.createData(), pin.ModelPool(self._model, 1)
+        self.moved_by = self._moved_by()
+        self.has_masses = all(inertia.mass > 0 for inertia in list(self._model.inertias)[1:])
+        srdf = fields.get("srdf")
+        self.allowed = [] if srdf is None else _allowed(srdf, problem, folders)
+
+    def poses(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return where what each joint carries is, for configurations (N, n).
+
+        Returns:
+            Rotations (N, joints, 3, 3) and origins (N, joints, 3) [m]; joint 0 is the base.
+        """
+        model, data = self._model, self._data
+        rotation = np.empty((len(q), model.njoints, 3, 3))
+        position = np.empty((len(q), model.njoints, 3))
+        places = list(enumerate(data.oMi))
+        for k, row in enumerate(np.ascontiguousarray(q[:, self._order])):
+            pin.forwardKinematics(model, data, row)
+            for j, place in places:
+                rotation[k, j], position[k, j] = place.rotation, place.translation
+        return rotation, position
+
+    def tool(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return rotation (N, 3, 3) and position (N, 3) [m] of the tool centre point."""
+        model, data, joint = self._model, self._data, self._tool_joint
+        rotation, position = np.empty((len(q), 3, 3)), np.empty((len(q), 3))
+        place = data.oMi[joint]
+        for k, row in enumerate(np.ascontiguousarray(q[:, self._order])):
+            pin.forwardKinematics(model, data, row)
+            rotation[k], position[k] = place.rotation, place.translation
+        position += rotation @ self._tool.translation
+        return rotation @ self._tool.rotation, position
+
+    def efforts(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
+        """Return what the joints must exert, by recursive Newton-Euler, shape (N, n) [N m or N]."""
+        columns = (np.asfortranarray(values[:, self._order].T) for values in (q, v, a))
+        found = np.reshape(pin.rneaInParallel(1, self._pool, *columns), q.shape[::-1]).T
+        result = np.empty_like(q)
+        result[:, self._order] = found
+        return result
+
+    def random(self, rng: np.random.Generator, count: int) -> np.ndarray:
+        """Return configurations within the limits, within one turn where there are none."""
+        lower, upper = self.limits.lower, self.limits.upper
+        low = np.maximum(lower, np.minimum(-np.pi, upper - 2 * np.pi))
+        return rng.uniform(low, np.minimum(upper, low + 2 * np.pi), (count, len(low)))
+
+    def _carry(self, payload: dict[str, Any] | None, tool: pin.Frame) -> None:
+        if payload is None:
+            return
+        xx, yy, zz, xy, xz, yz = payload.get("inertia", [0.0] * 6)
+        inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], dtype=float)
+        com = np.array(payload.get("com", [0.0] * 3), dtype=float)
+        carried = pin.Inertia(float(payload["mass"]), com, inertia)
+        self._model.appendBodyToJoint(tool.parentJoint, carried, tool.placement)
+
+    def _moved_by(self) -> np.ndarray:
+        moved = np.zeros((self._model.njoints, len(self.joint_names)), dtype=bool)
+        for joint in range(1, self._model.njoints):
+            moved[joint] = moved[self._model.parents[joint]]
+            moved[joint, self._order[joint - 1]] = True
+        return moved
+
+
+def placement_of(fields: dict[str, Any]) -> pin.SE3:
+    """Return the pose of something with `position` and `rpy` (as in URDF) or `quaternion`."""
+    position = np.array(fields.get("position") or [0.0] * 3, dtype=float)
+    if fields.get("quaternion") is not None:
+        x, y, z, w = fields["quaternion"]
+        turn = pin.Quaternion(float(w), float(x), float(y), float(z)).normalized()
+        return pin.SE3(turn.matrix(), position)
+    roll, pitch, yaw = fields.get("rpy") or [0.0] * 3
+    return pin.SE3(pin.rpy.rpyToMatrix(float(roll), float(pitch), float(yaw)), position)
+
+
+def solid_geometry(fields: dict[str, Any], folder: Any, folders: list[Any]) -> tuple[Any, pin.SE3]:
+    """Return an obstacle's or an attached solid's geometry and its pose.
+
+    Raises:
+        BadInput: It has no kind, or more than one, or its mesh cannot be read.
+    """
+    kinds = [
+        k for k in ("box", "sphere", "cylinder", "capsule", "mesh") if fields.get(k) is not None
+    ]
+    if len(kinds) != 1:
+        raise BadInput(f"'{fields['name']}' must be one of box, sphere, cylinder, capsule, mesh")
+    sizes = fields[kinds[0]]
+    if kinds[0] == "mesh":
+        path = find_file(sizes, folder, folders)
+        scale = np.full(3, float(fields.get("scale", 1.0)))
+        geometry = coal.MeshLoader(coal.BV_OBBRSS).load(str(path), scale)
+    else:
+        make = {"box": coal.Box, "sphere": coal.Sphere}
+        make |= {"cylinder": coal.Cylinder, "capsule": coal.Capsule}
+        values = sizes if isinstance(sizes, list) else [sizes]
+        geometry = make[kinds[0]](*map(float, values))
+    return geometry, placement_of(fields)
+
+
+def placed(owner: str, kind: str, joint: int, placement: pin.SE3, geometry: Any) -> Solid:
+    """Return a geometry as a solid, its bounding sphere measured."""
+    geometry.computeLocalAABB()
+    centre = placement.act(np.array(geometry.aabb_center))
+    return Solid(owner, kind, joint, placement, geometry, centre, float(geometry.aabb_radius))
+
+
+def _group(description: Description, tool_frame: str, given: list[str] | None) -> list[str]:
+    group = description.chain(tool_frame) if given is None else [str(name) for name in given]
+    for name in group:
+        if name not in description.joints:
+            raise BadInput(f"robot.joints: '{name}' is no movable joint")
+        if description.joints[name].mimic is not None:
+            raise BadInput(f"robot.joints: '{name}' mimics another joint")
+    if not group:
+        raise BadInput(f"no joint moves '{tool_frame}'")
+    return group
+
+
+def _limits(names: list[str], joints: list[Joint], fields: dict[str, Any]) -> Limits:
+    scale = fields.get("scale") or {}
+
+    def row(quantity: str, given: list[float | None]) -> np.ndarray:
+        own = fields.get(quantity) or {}
+        if unknown := set(own) - set(names):
+            raise BadInput(f"robot.limits.{quantity}: {unknown.pop()} is no joint of the group")
+        values = [own.get(name, value) for name, value in zip(names, given, strict=True)]
+        for name, value in zip(names, values, strict=True):
+            if not isinstance(value, int | float) or not value > 0:
+                raise BadInput(f"joint '{name}' has the {quantity} limit {value}")
+        return np.array(values, dtype=float) * float(scale.get(quantity, 1.0))
+
+    ranges = fields.get("position") or {}
+    both = zip(names, joints, strict=True)
+    position = np.array([ranges.get(name, (joint.lower, joint.upper)) for name, joint in both])
+    free = [math.inf] * len(names)
+    return Limits(
+        position[:, 0].astype(float),
+        position[:, 1].astype(float),
+        row("velocity", [joint.velocity for joint in joints]),
+        row("acceleration", list(free)),
+        row("jerk", list(free)),
+        row("effort", [joint.effort for joint in joints]),
+    )
+
+
+def _model(
+    description: Description, group: list[str], fields: dict[str, Any]
+) -> tuple[pin.Model, list[Solid]]:
+    """Return the model of the group alone, all other joints locked, and the links' solids."""
+    full, geometries = _whole_robot(description)
+    owners = [full.frames[item.parentFrame].name for item in geometries.geometryObjects]
+    values, given = pin.neutral(full), fields.get("locked_joints") or {}
+    outside = [name for name in description.joints if name not in group]
+    if unknown := set(given) - set(outside):
+        raise BadInput(f"robot.locked_joints: {unknown.pop()} is no joint outside the group")
+    ids = [full.getJointId(f"joint:{name}") for name in outside]
+    for name, index in zip(outside, ids, strict=True):
+        values[full.joints[index].idx_q] = _locked(description, name, group, given)
+    model, geometries = pin.buildReducedModel(full, geometries, ids, values)
+    gravity = fields.get("gravity") or [0.0, 0.0, -9.81]
+    model.gravity = pin.Motion(np.array(gravity, dtype=float), np.zeros(3))
+    solids = [
+        placed(owner, "link", item.parentJoint, item.placement, item.geometry)
+        for owner, item in zip(owners, geometries.geometryObjects, strict=True)
+    ]
+    return model, solids
+
+
+def _whole_robot(description: Description) -> tuple[pin.Model, pin.GeometryModel]:
+    try:
+        model = pin.buildModelFromXML(description.xml)
+        kind = pin.GeometryType.COLLISION
+        return model, pin.buildGeomFromUrdfString(model, description.xml, kind, None, [])
+    except (ValueError, RuntimeError) as error:
+        raise BadInput(f"Pinocchio cannot read the robot: {error}") from error
+
+
+def _locked(
+    description: Description, name: str, group: list[str], given: dict[str, float]
+) -> float:
+    """Return the value of a joint outside the group: given, zero, or what its master makes it."""
+    factor, offset, seen = 1.0, 0.0, [name]
+    joint = description.joints[name]
+    while joint.mimic is not None:
+        master, multiplier, shift = joint.mimic
+        if master in group or master in seen or master not in description.joints:
+            raise BadInput(f"joint '{seen[-1]}' mimics '{master}', which is planned or no joint")
+        factor, offset = factor * multiplier, offset + factor * shift
+        seen.append(master)
+        joint = description.joints[master]
+    has_limits = not joint.lower == joint.upper == 0.0
+    default = float(np.clip(0.0, joint.lower, joint.upper)) if has_limits else 0.0
+    return factor * float(given.get(seen[-1], default)) + offset
+
+
+def _allowed(srdf: str, problem: Problem, folders: list[Any]) -> list[tuple[str, str]]:
+    root = ElementTree.parse(find_file(srdf, problem.folder, folders)).getroot()
+    pairs = root.findall("disable_collisions")
+    return [(pair.get("link1", ""), pair.get("link2", "")) for pair in pairs]

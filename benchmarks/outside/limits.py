@@ -1,0 +1,152 @@
+"""Limits, ends and continuity of a trajectory at its samples."""
+
+import math
+
+import numpy as np
+
+from outside.arm import Arm
+from outside.problem import Problem
+from outside.trajectory import ORDERS, Samples, Trajectory
+from outside.verdict import RELATIVE, Condition
+
+QUANTITIES = ("position", "velocity", "acceleration", "jerk")
+STILL = 1e-6  # of the fastest joint's speed: a slower joint is measured by that
+NEAR_SHARE, NEAR_ABSOLUTE = 0.01, 1e-3  # relative; [rad, m]: where steps are divided
+PARTS = 20  # into so many
+
+
+def judge_limits(arm: Arm, trajectory: Trajectory, samples: Samples) -> dict[str, Condition]:
+    """Return the conditions position, velocity, acceleration, jerk and effort.
+
+    Args:
+        arm: Its limits are judged.
+        trajectory: Of the arm's joints.
+        samples: Steps beside one that is within 1 % or 1 mm of a limit are divided.
+    """
+    margins = _margins(arm, trajectory, samples)
+    found = {name: _condition(arm, name, margin, samples) for name, margin in margins.items()}
+    near = np.zeros(len(samples), dtype=bool)
+    for name, margin in margins.items():
+        near |= (margin < (NEAR_ABSOLUTE if name == "position" else NEAR_SHARE)).any(axis=1)
+    rows = np.flatnonzero(near)
+    finer = samples.between(np.concatenate([rows - 1, rows]), PARTS)
+    if len(finer) == 0:
+        return found
+    more = _margins(arm, trajectory, finer)
+    for name, margin in more.items():
+        found[name] = min(found[name], _condition(arm, name, margin, finer), key=_margin)
+    return found
+
+
+def judge_ends(problem: Problem, arm: Arm, trajectory: Trajectory) -> dict[str, Condition]:
+    """Return the conditions start, goal, rest and continuity."""
+    ends = Samples(*(np.array(row) for row in zip(*_end_rows(trajectory), strict=True)))
+    q = trajectory.at(ends)
+    asked = (("start", problem.start, 0, 0), ("goal", problem.goal, 1, -1))
+    found = {
+        name: _end(arm, given, q[row], problem.tube.points[point], float(ends.time[row]))
+        for name, given, row, point in asked
+    }
+    largest = _largest(trajectory)
+    shares = [abs(trajectory.at(ends, order)) / largest[order] for order in (1, 2)]
+    share = np.maximum(*shares)
+    row, joint = np.unravel_index(int(share.argmax()), share.shape)
+    where = f"joint {arm.joint_names[joint]}"
+    found["rest"] = Condition(-float(share.max()), RELATIVE, float(ends.time[row]), where)
+    found["continuity"] = _continuity(arm, trajectory, largest)
+    return found
+
+
+def _margin(condition: Condition) -> float:
+    return math.inf if condition.margin is None else condition.margin
+
+
+def _margins(arm: Arm, trajectory: Trajectory, samples: Samples) -> dict[str, np.ndarray]:
+    """Return how far each joint is inside its limits, shape (N, n): rad or m, then relative."""
+    limits = arm.limits
+    q, v, a, jerk = (trajectory.at(samples, order) for order in range(ORDERS))
+    margins = {
+        "position": np.minimum(q - limits.lower, limits.upper - q),
+        "velocity": 1 - abs(v) / limits.velocity,
+        "acceleration": 1 - abs(a) / limits.acceleration,
+        "jerk": 1 - abs(jerk) / limits.jerk,
+    }
+    is_bounded = np.isfinite(limits.effort)
+    efforts = arm.efforts(q, v, a) if is_bounded.any() else np.zeros_like(q)
+    margins["effort"] = 1 - abs(efforts) / limits.effort
+    bounds = {"velocity": limits.velocity, "acceleration": limits.acceleration}
+    for name, bound in {**bounds, "jerk": limits.jerk, "effort": limits.effort}.items():
+        margins[name][:, ~np.isfinite(bound)] = math.inf
+    return margins
+
+
+def _condition(arm: Arm, name: str, margin: np.ndarray, samples: Samples) -> Condition:
+    row, joint = np.unravel_index(int(margin.argmin()), margin.shape)
+    unit = ("m" if arm.slides[joint] else "rad") if name == "position" else RELATIVE
+    if not np.isfinite(margin[row, joint]):
+        return Condition(None, unit)
+    where = f"joint {arm.joint_names[joint]}"
+    return Condition(float(margin[row, joint]), unit, float(samples.time[row]), where)
+
+
+def _end_rows(trajectory: Trajectory) -> list[tuple[int, float, float]]:
+    last = len(trajectory.breakpoints) - 2
+    width = float(trajectory.breakpoints[-1] - trajectory.breakpoints[-2])
+    return [(0, 0.0, 0.0), (last, width, trajectory.duration)]
+
+
+def _end(arm: Arm, given: dict, q: np.ndarray, point: np.ndarray, time: float) -> Condition:
+    """Return whether an end is the given configuration, or else has its tool at the point."""
+    joints = given.get("joints")
+    if joints is None:
+        error = float(np.linalg.norm(arm.tool(q[None])[1][0] - point))
+        return Condition(-error, "m", time, "tool at the reference point")
+    if isinstance(joints, dict):
+        joints = [joints[name] for name in arm.joint_names]
+    error = abs(q - np.array(joints, dtype=float))
+    joint = int(error.argmax())
+    unit = "m" if arm.slides[joint] else "rad"
+    return Condition(-float(error[joint]), unit, time, f"joint {arm.joint_names[joint]}")
+
+
+def _sides(trajectory: Trajectory, order: int) -> np.ndarray:
+    """Return a derivative at the beginning and the end of every piece, shape (2, P, n)."""
+    widths = np.diff(trajectory.breakpoints)
+    every = np.arange(len(widths))
+    local = np.concatenate([np.zeros_like(widths), widths])
+    both = Samples(np.tile(every, 2), local, trajectory.breakpoints[np.tile(every, 2)] + local)
+    return trajectory.at(both, order).reshape(2, len(widths), -1)
+
+
+def _largest(trajectory: Trajectory) -> list[np.ndarray]:
+    """Return the largest position, velocity and acceleration of each joint, each (n,)."""
+    samples = trajectory.samples(2000)
+    found = []
+    for order in range(3):
+        largest = abs(trajectory.at(samples, order)).max(axis=0)
+        overall = float(largest.max())
+        found.append(np.maximum(largest, STILL * overall if overall > 0 else 1.0))
+    return found
+
+
+def _continuity(arm: Arm, trajectory: Trajectory, largest: list[np.ndarray]) -> Condition:
+    """Return whether position, velocity and acceleration go on across breakpoints.
+
+    The jumps of a joint are added up: many small ones lead as far as a large one. Of position in
+    rad or m, of its derivatives relative to their largest value.
+    """
+    worst = Condition(0.0, RELATIVE, 0.0)
+    for order in range(3):
+        begins, ends = _sides(trajectory, order)
+        jumps = abs(begins[1:] - ends[:-1])
+        if order:
+            jumps = jumps / largest[order]
+        total = jumps.sum(axis=0)
+        joint = int(total.argmax())
+        if -float(total[joint]) < _margin(worst) or order == 0:
+            at = int(jumps[:, joint].argmax()) if len(jumps) else 0
+            unit = RELATIVE if order else ("m" if arm.slides[joint] else "rad")
+            where = f"{QUANTITIES[order]} of joint {arm.joint_names[joint]}"
+            time = float(trajectory.breakpoints[at + 1])
+            worst = Condition(0.0 - float(total[joint]), unit, time, where)
+    return worst

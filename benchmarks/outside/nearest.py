@@ -1,0 +1,169 @@
+"""How near pairs of solids come along a trajectory, by coal on the true shapes.
+
+Meshes are their triangles, not hulls. Distances are measured where they can matter: from one
+sample to another a distance changes by no more than the solids move, seen from each other, and no
+sample is nearer than the bounding spheres. What these bounds leave out cannot be the least.
+"""
+
+import heapq
+import math
+from dataclasses import dataclass, field
+
+import coal
+import numpy as np
+
+from outside.arm import Solid
+from outside.inside import is_mesh
+
+NEAR = 1e-3  # [m]: steps beside a smaller margin are looked at again, divided
+DEEP = -1e-3  # [m]: who penetrates by more need not be measured any closer
+MAX_NEAR = 100  # samples whose neighbourhood is looked at again, the nearest ones
+MAX_CONTACTS = 200  # pairs of triangles that are asked how deep they are in each other
+
+Pair = tuple[Solid, Solid, float]  # the last is the distance that is asked for [m]
+
+
+@dataclass(frozen=True)
+class Nearest:
+    """The least margin of some pairs; infinite if there is none.
+
+    Attributes:
+        margin: Distance less what is asked [m].
+        row: In which configuration.
+        owners: Of which solids.
+    """
+
+    margin: float = math.inf
+    row: int = 0
+    owners: tuple[str, str] = ("", "")
+
+
+@dataclass
+class Poses:
+    """Where N configurations put what the joints carry, and what was computed from that.
+
+    Attributes:
+        rotation: Shape (N, joints, 3, 3).
+        position: Shape (N, joints, 3) [m].
+    """
+
+    rotation: np.ndarray
+    position: np.ndarray
+    _relative: dict[tuple[int, int], tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
+
+    def relative(self, first: int, second: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return the pose of one joint's frame in another's: (N, 3, 3) and (N, 3) [m]."""
+        if (first, second) not in self._relative:
+            back = self.rotation[:, first].transpose(0, 2, 1)
+            offset = self.position[:, second] - self.position[:, first]
+            turned = np.einsum("nij,nj->ni", back, offset)
+            self._relative[first, second] = back @ self.rotation[:, second], turned
+        return self._relative[first, second]
+
+
+def least_margin(pairs: list[Pair], poses: Poses) -> tuple[Nearest, np.ndarray]:
+    """Return the least margin over N configurations in the order of a trajectory.
+
+    Returns:
+        It, and the configurations in which a margin below `NEAR` was met, the nearest first.
+    """
+    best: Nearest = Nearest()
+    met: dict[int, float] = {}
+    spheres = [(float(_sphere_margin(pair, poses).min()), k) for k, pair in enumerate(pairs)]
+    for bound, k in sorted(spheres):
+        if bound >= best.margin or best.margin < DEEP:
+            break
+        best = _least_of(pairs[k], poses, best, met)
+    near = sorted((margin, row) for row, margin in met.items() if margin < NEAR)
+    return best, np.array([row for _, row in near[:MAX_NEAR]], dtype=int)
+
+
+def signed_distance(pair: Pair, poses: Poses, row: int) -> float:
+    """Return the signed distance of a pair in a configuration [m].
+
+    How deep triangles are in each other is that of the deepest two: no more than it is.
+    """
+    first, second, _ = pair
+    places = [coal.Transform3s(*place(solid, poses, row)) for solid in (first, second)]
+    where = first.geometry, places[0], second.geometry, places[1]
+    request = coal.DistanceRequest()
+    request.enable_signed_distance = True
+    distance = float(coal.distance(*where, request, coal.DistanceResult()))
+    if distance > 0 or not any(is_mesh(solid.geometry) for solid in (first, second)):
+        return distance
+    found = coal.CollisionResult()
+    coal.collide(*where, coal.CollisionRequest(coal.CONTACT, MAX_CONTACTS), found)
+    depths = (found.getContact(k).penetration_depth for k in range(found.numContacts()))
+    return min(depths, default=0.0)
+
+
+def place(solid: Solid, poses: Poses, row: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return a solid's rotation (3, 3) and position (3,) [m] in a configuration."""
+    rotation = poses.rotation[row, solid.joint]
+    offset = rotation @ solid.placement.translation
+    return rotation @ solid.placement.rotation, poses.position[row, solid.joint] + offset
+
+
+def _least_of(pair: Pair, poses: Poses, best: Nearest, met: dict[int, float]) -> Nearest:
+    """Return the least margin of a pair if it is less than the best, else the best.
+
+    Stretches of samples are halved, the one with the lowest bound first.
+    """
+    spheres, displacement = _sphere_margin(pair, poses), _displacement(pair, poses)
+
+    def measured(row: int) -> Nearest:
+        margin = signed_distance(pair, poses, row) - pair[2]
+        met[row] = min(margin, met.get(row, math.inf))
+        return Nearest(margin, row, (pair[0].owner, pair[1].owner))
+
+    def bound(low: Nearest, high: Nearest) -> float:
+        by_spheres = float(spheres[low.row : high.row + 1].min())
+        return max(
+            (low.margin + high.margin - (displacement[high.row] - displacement[low.row])) / 2,
+            by_spheres,
+        )
+
+    first, last = measured(0), measured(len(displacement) - 1)
+    best = min(best, first, last, key=_margin)
+    heap = [(bound(first, last), 0, first, last)]
+    while heap and best.margin >= DEEP:
+        lowest, _, low, high = heapq.heappop(heap)
+        if lowest >= best.margin:
+            break
+        if high.row - low.row < 2:
+            continue
+        middle = measured((low.row + high.row) // 2)
+        best = min(best, middle, key=_margin)
+        for part in ((low, middle), (middle, high)):
+            if bound(*part) < best.margin:
+                heapq.heappush(heap, (bound(*part), part[0].row, *part))
+    return best
+
+
+def _margin(nearest: Nearest) -> float:
+    return nearest.margin
+
+
+def _sphere_margin(pair: Pair, poses: Poses) -> np.ndarray:
+    """Return lower bounds on a pair's margins, from bounding spheres, shape (N,) [m]."""
+    first, second, asked = pair
+    gap = np.linalg.norm(_centre(pair, poses) - first.centre, axis=1)
+    return gap - first.radius - second.radius - asked
+
+
+def _centre(pair: Pair, poses: Poses) -> np.ndarray:
+    """Return the second's bounding sphere's centre, seen from the first's joint, shape (N, 3)."""
+    rotation, position = poses.relative(pair[0].joint, pair[1].joint)
+    return rotation @ pair[1].centre + position
+
+
+def _displacement(pair: Pair, poses: Poses) -> np.ndarray:
+    """Return how far any point of a solid has come, seen from the other, shape (N,) [m].
+
+    From one sample to the next that is at most what its bounding sphere's centre moves, and its
+    radius times the greatest singular value of the change of rotation, 2 sin(angle / 2).
+    """
+    rotation, _ = poses.relative(pair[0].joint, pair[1].joint)
+    moved = np.linalg.norm(np.diff(_centre(pair, poses), axis=0), axis=1)
+    turned = np.linalg.norm(np.diff(rotation, axis=0), axis=(1, 2)) / math.sqrt(2)
+    return np.concatenate([[0.0], np.cumsum(moved + pair[1].radius * turned)])

@@ -1,0 +1,188 @@
+"""A problem file as the outside judge reads it. What it does not know, it refuses by name."""
+
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+
+from outside.files import BadInput
+
+SOLID = {"name", *("box", "sphere", "cylinder", "capsule", "mesh"), "scale"}
+SOLID |= {"position", "rpy", "quaternion"}
+LIMITS = {"effort", "velocity", "position", "acceleration", "jerk", "scale"}
+ROBOT = {"urdf", "package_dirs", "srdf", "tool_frame", "tool_offset", "joints", "locked_joints"}
+ROBOT |= {"gravity", "payload", "attached", "limits"}
+TUBE = {"points", "radius", "tool_radius", "joint_signs", "orientations", "rotation_tolerance"}
+TUBE |= {"visit"}
+TOP = {"format", "version", "robot", "tube", "start", "goal", "obstacles", "clearance", "collision"}
+SIGNS = {"+": (0.0, math.inf), "-": (-math.inf, 0.0), "0": (-math.inf, math.inf)}
+SIGNS_BY_NUMBER = {1: "+", -1: "-", 0: "0"}
+
+
+@dataclass(frozen=True, eq=False)
+class TubeFields:
+    """What a problem asks of the tool between start and goal.
+
+    Attributes:
+        points: Reference points, base frame, shape (m+1, 3) [m].
+        radius: What the tool centre point may be off each segment, shape (m,) [m].
+        ranges: Per segment: joint name to (lower, upper) [rad or m].
+        orientations: At the points, quaternions x y z w, shape (m+1, 4), or None.
+        bounds: On the components and the length of log(R_ref^T R), shape (m, 4) [rad], or None.
+        is_ordered: Whether segments are visited one after the other.
+    """
+
+    points: np.ndarray
+    radius: np.ndarray
+    ranges: list[dict[str, tuple[float, float]]]
+    orientations: np.ndarray | None
+    bounds: np.ndarray | None
+    is_ordered: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A problem file.
+
+    Attributes:
+        folder: Where its relative paths start.
+        robot: Its section `robot`, keys checked.
+        tube: Its tube.
+        start: Its section `start`: `joints` or `seed`.
+        goal: Likewise, or empty.
+        obstacles: Solids in the base frame, keys checked.
+        clearance: Least distance of links to obstacles [m].
+        checks_links: Whether links are held against each other.
+        ignored: Pairs of names that may touch.
+    """
+
+    folder: Path
+    robot: dict[str, Any]
+    tube: TubeFields
+    start: dict[str, Any]
+    goal: dict[str, Any]
+    obstacles: list[dict[str, Any]]
+    clearance: float
+    checks_links: bool
+    ignored: list[tuple[str, str]]
+
+
+def read_problem(path: Path) -> Problem:
+    """Read a problem file.
+
+    Raises:
+        BadInput: It cannot be read, is incomplete, or has a field that this judge does not know.
+    """
+    try:
+        return _problem(_document(path), path.resolve().parent)
+    except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
+        raise BadInput(f"{path}: {type(error).__name__}: {error}") from error
+
+
+def _document(path: Path) -> Any:
+    try:
+        text = path.read_text("utf-8-sig")
+        return (
+            json.loads(text)
+            if path.suffix == ".json"
+            else YAML(typ="safe", pure=True).load(text)  # YAML 1.2, as other readers of the file
+        )
+    except (OSError, ValueError, YAMLError) as error:
+        raise BadInput(f"{path} cannot be read: {error}") from error
+
+
+def _problem(fields: Any, folder: Path) -> Problem:
+    _require_known(fields, TOP, "")
+    if fields.get("format", "tubeplanner/problem") != "tubeplanner/problem":
+        raise BadInput(f"format {fields['format']} is unknown")
+    if fields.get("version", 1) != 1:
+        raise BadInput(f"version {fields['version']} is unknown")
+    robot = fields["robot"]
+    _require_known(robot, ROBOT, "robot.")
+    _require_known(robot.get("tool_offset") or {}, {"position", "rpy"}, "robot.tool_offset.")
+    _require_known(robot.get("payload") or {}, {"mass", "com", "inertia"}, "robot.payload.")
+    _require_known(robot.get("limits") or {}, LIMITS, "robot.limits.")
+    scale = (robot.get("limits") or {}).get("scale") or {}
+    _require_known(scale, {"effort", "velocity", "acceleration"}, "robot.limits.scale.")
+    for solid in robot.get("attached") or []:
+        _require_known(solid, SOLID | {"touch_links"}, "robot.attached.")
+    for solid in fields.get("obstacles") or []:
+        _require_known(solid, SOLID, "obstacles.")
+    collision = fields.get("collision") or {}
+    _require_known(collision, {"self", "ignore"}, "collision.")
+    for end in ("start", "goal"):
+        _require_known(fields.get(end) or {}, {"joints", "seed"}, f"{end}.")
+    if not isinstance(fields.get("clearance", 0.0), int | float):
+        raise BadInput("clearance: only one number is known")
+    return Problem(
+        folder,
+        robot,
+        _tube(fields["tube"]),
+        fields["start"],
+        fields.get("goal") or {},
+        fields.get("obstacles") or [],
+        float(fields.get("clearance", 0.0)),
+        bool(collision.get("self", True)),
+        [(first, second) for first, second in collision.get("ignore") or []],
+    )
+
+
+def _require_known(fields: Any, known: set[str], where: str) -> None:
+    if not isinstance(fields, dict):
+        raise BadInput(f"{where.rstrip('.') or 'the file'} must be a map")
+    for key in fields:
+        if key not in known:
+            raise BadInput(f"{where}{key} is not known here, so it cannot be judged")
+
+
+def _tube(fields: Any) -> TubeFields:
+    _require_known(fields, TUBE, "tube.")
+    points = np.array(fields["points"], dtype=float)
+    if points.ndim != 2 or points.shape[1] != 3 or len(points) < 2:
+        raise BadInput("tube.points must be two or more positions")
+    count = len(points) - 1
+    radius = np.broadcast_to(np.array(fields["radius"], dtype=float), (count,))
+    signs = fields.get("joint_signs") or {}
+    maps = [signs] * count if isinstance(signs, dict) else signs
+    if len(maps) != count:
+        raise BadInput(f"tube.joint_signs has {len(maps)} maps for {count} segments")
+    visit = fields.get("visit", "ordered")
+    if visit not in ("ordered", "any"):
+        raise BadInput(f"tube.visit {visit} is not known here")
+    orientations = fields.get("orientations")
+    if orientations is not None and np.shape(orientations) != (count + 1, 4):
+        raise BadInput("tube.orientations must be one quaternion per point")
+    tolerance = fields.get("rotation_tolerance")
+    return TubeFields(
+        points,
+        radius - float(fields.get("tool_radius", 0.0)),
+        [{name: _range(sign) for name, sign in (row or {}).items()} for row in maps],
+        None if orientations is None else np.array(orientations, dtype=float),
+        None if tolerance is None else _bounds(tolerance, count),
+        visit == "ordered",
+    )
+
+
+def _range(sign: Any) -> tuple[float, float]:
+    if isinstance(sign, list):
+        lower, upper = sign
+        return float(lower), float(upper)
+    return SIGNS[SIGNS_BY_NUMBER.get(sign, sign)]
+
+
+def _bounds(tolerance: Any, count: int) -> np.ndarray:
+    entries = tolerance if isinstance(tolerance, list) else [tolerance] * count
+    if len(entries) != count:
+        raise BadInput(f"tube.rotation_tolerance has {len(entries)} entries for {count} segments")
+    bounds = np.full((count, 4), math.inf)
+    for row, entry in zip(bounds, entries, strict=True):
+        if isinstance(entry, list):
+            row[:3] = entry
+        else:
+            row[3] = entry
+    return bounds

@@ -1,0 +1,290 @@
+"""Whether a trajectory goes through a tube: which segment it is in at which instant.
+
+Of all visits of the segments in order, those are taken whose least margin is greatest. The
+margin of an instant in a segment is the least of that of the capsule [m], of the joints' signs or
+ranges [rad, m] and of the rotation tolerance [rad]; at a switching time both segments' count.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from outside.arm import Arm
+from outside.problem import TubeFields
+from outside.trajectory import Samples, Trajectory
+
+CONDITIONS = ("tube", "joint_signs", "rotation")
+NEAR = 1e-3  # [m, rad]: steps beside a smaller margin are looked at again, divided
+PARTS = 20  # into so many
+MAX_LOOKS_BETWEEN = 4
+MAX_ROUNDS = 40  # of dividing the steps where the least margin is; each gains a factor of 20
+SETTLED = 1e-9  # [m, rad] by which a round must change the least margin
+BROKEN = -1e-6  # [m, rad]: below it no visits keep all conditions
+
+
+@dataclass(frozen=True)
+class Least:
+    """A condition's least margin; infinite where it is not asked.
+
+    Attributes:
+        margin: [m or rad].
+        time: When [s].
+        segment: In which segment.
+        joint: Index of the joint, for signs and ranges.
+    """
+
+    margin: float = math.inf
+    time: float = 0.0
+    segment: int = 0
+    joint: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class _Margins:
+    """Margins of N samples in m segments, each (N, m); the worst joint likewise.
+
+    `counted` are those by which the visits are chosen.
+    """
+
+    counted: tuple[str, ...]
+
+    tube: np.ndarray
+    joint_signs: np.ndarray
+    rotation: np.ndarray
+    joint: np.ndarray
+
+    @property
+    def least(self) -> np.ndarray:
+        least: np.ndarray = np.min([getattr(self, name) for name in self.counted], axis=0)
+        return least
+
+
+def judge_tube(
+    tube: TubeFields, arm: Arm, trajectory: Trajectory, samples: Samples
+) -> dict[str, Least]:
+    """Return the least margins of `CONDITIONS` on the best visits of the segments.
+
+    Where none keep all of them, they are the best for the first of them that can be kept, so
+    that the blame falls on the one that cannot.
+
+    Args:
+        tube: What is asked.
+        arm: Whose trajectory it is.
+        trajectory: Of the arm's joints.
+        samples: Where to begin looking; steps are divided where margins are small.
+    """
+    found = {}
+    for count in range(len(CONDITIONS), 0, -1):
+        found = _on_best_visits(tube, arm, trajectory, samples, CONDITIONS[:count])
+        if min(found[name].margin for name in CONDITIONS[:count]) >= BROKEN:
+            break
+    return found
+
+
+def _on_best_visits(
+    tube: TubeFields, arm: Arm, trajectory: Trajectory, samples: Samples, counted: tuple[str, ...]
+) -> dict[str, Least]:
+    """Return the least margins of all conditions on the best visits for some of them."""
+
+    def margins_at(where: Samples, segments: np.ndarray | None = None) -> _Margins:
+        return _margins(tube, arm, trajectory.at(where), counted, segments)
+
+    choose = _ordered_visits if tube.is_ordered else _union_visits
+    margins, found = margins_at(samples), dict.fromkeys(CONDITIONS, Least())
+    for _ in range(MAX_LOOKS_BETWEEN):
+        samples, margins = _settled(choose, samples, margins, margins_at)
+        rows, segments = choose(margins.least)
+        found = _least_on(margins, samples, rows, segments)
+        between = _between(samples, rows, segments, margins, margins_at)
+        worst, least = (min((e[n] for n in counted), key=_margin) for e in (between, found))
+        found = {name: min(found[name], between[name], key=_margin) for name in CONDITIONS}
+        if worst.margin > least.margin - SETTLED:
+            break
+        at = int(np.searchsorted(samples.time, worst.time))
+        new = samples.between(np.array([at - 2, at - 1, at]), PARTS)
+        samples, margins = _with(samples, margins, new, margins_at(new))
+    return found
+
+
+def _settled(
+    choose: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
+    samples: Samples,
+    margins: "_Margins",
+    margins_at: Callable[..., "_Margins"],
+) -> tuple[Samples, "_Margins"]:
+    """Return more samples, where the least margin is and at tight switching times.
+
+    A switching time may be a single instant, at which a joint whose sign changes is at zero.
+    """
+    before, times_alike = math.inf, 0
+    for _ in range(MAX_ROUNDS):
+        rows, segments = choose(margins.least)
+        values = margins.least[rows, segments]
+        times_alike = times_alike + 1 if abs(values.min() - before) < SETTLED else 0
+        if times_alike == 2:
+            break
+        before = values.min()
+        switches = np.diff(segments, prepend=segments[0]) != 0
+        tight = rows[(values == before) | (switches & (values < NEAR))]
+        new = samples.between(np.concatenate([tight - 1, tight]), PARTS)
+        if len(new) == 0:
+            break
+        samples, margins = _with(samples, margins, new, margins_at(new))
+    return samples, margins
+
+
+def rotation_error(
+    tube: TubeFields, rotation: np.ndarray, position: np.ndarray, segment: int
+) -> np.ndarray:
+    """Return log(R_ref^T R) of tools in a segment, shape (N, 3) [rad].
+
+    The reference turns from one point's orientation to the next, the short way, in proportion to
+    the distance along the segment; it is taken at the point of the segment nearest to the tool.
+
+    Args:
+        tube: It has orientations.
+        rotation: Of the tool centre point, shape (N, 3, 3).
+        position: Likewise, shape (N, 3) [m].
+        segment: Index.
+    """
+    assert tube.orientations is not None
+    begin, end = (Rotation.from_quat(tube.orientations[segment + k]) for k in (0, 1))
+    turn = (begin.inv() * end).as_rotvec()
+    share, _ = _nearest(tube.points, position, segment)
+    reference = begin * Rotation.from_rotvec(share[:, None] * turn)
+    return (reference.inv() * Rotation.from_matrix(rotation)).as_rotvec()
+
+
+def distance(points: np.ndarray, position: np.ndarray, segment: int) -> np.ndarray:
+    """Return how far positions (N, 3) are from a segment of reference points, shape (N,) [m]."""
+    return _nearest(points, position, segment)[1]
+
+
+def _margin(least: Least) -> float:
+    return least.margin
+
+
+def _nearest(
+    points: np.ndarray, position: np.ndarray, segment: int
+) -> tuple[np.ndarray, np.ndarray]:
+    begin, along = points[segment], points[segment + 1] - points[segment]
+    square = max(float(along @ along), 1e-300)  # a segment of no length is a ball
+    share = np.clip((position - begin) @ along / square, 0, 1)
+    return share, np.linalg.norm(position - begin - share[:, None] * along, axis=1)
+
+
+def _margins(
+    tube: TubeFields,
+    arm: Arm,
+    q: np.ndarray,
+    counted: tuple[str, ...],
+    segments: np.ndarray | None = None,
+) -> _Margins:
+    """Return the margins of configurations (N, n) in all segments, or in one per sample (N, 1)."""
+    rotation, position = arm.tool(q)
+    count = len(tube.radius)
+    shape = (len(q), count if segments is None else 1)
+    free = np.full((len(CONDITIONS), *shape), math.inf)
+    found = _Margins(counted, free[0], free[1], free[2], np.zeros(shape, dtype=int))
+    for k in range(count):
+        rows = np.arange(len(q)) if segments is None else np.flatnonzero(segments == k)
+        column = k if segments is None else 0
+        if len(rows) == 0:
+            continue
+        found.tube[rows, column] = tube.radius[k] - distance(tube.points, position[rows], k)
+        if tube.orientations is not None and tube.bounds is not None:
+            error = rotation_error(tube, rotation[rows], position[rows], k)
+            sizes = np.hstack([abs(error), np.linalg.norm(error, axis=1, keepdims=True)])
+            found.rotation[rows, column] = (tube.bounds[k] - sizes).min(axis=1)
+        for name, (lower, upper) in tube.ranges[k].items():
+            joint = arm.joint_names.index(name)
+            inside = np.minimum(q[rows, joint] - lower, upper - q[rows, joint])
+            closer = rows[inside < found.joint_signs[rows, column]]
+            found.joint[closer, column] = joint
+            found.joint_signs[rows, column] = np.minimum(found.joint_signs[rows, column], inside)
+    return found
+
+
+def _ordered_visits(least: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return samples and segments of the ordered visits whose least margin is greatest.
+
+    value[s][k] is the best least margin of visits that are in segment s at sample k. They came
+    from the sample before in the same segment, or at this sample from the segment before.
+    """
+    count = least.shape[1]
+    value: list[list[float]] = []
+    for s in range(count):
+        column = least[:, s].tolist()
+        entries = value[-1] if s else [math.inf] + [-math.inf] * (len(column) - 1)
+        row, last = [], -math.inf
+        for margin, entry in zip(column, entries, strict=True):
+            last = min(margin, max(last, entry))
+            row.append(last)
+        value.append(row)
+    k, s = len(least) - 1, count - 1
+    visits = [(k, s)]
+    while k > 0 or s > 0:
+        stays = value[s][k - 1] if k > 0 else -math.inf
+        enters = value[s - 1][k] if s > 0 else -math.inf
+        k, s = (k - 1, s) if k > 0 and (s == 0 or stays >= enters) else (k, s - 1)
+        visits.append((k, s))
+    rows, segments = np.array(visits[::-1]).T
+    return rows, segments
+
+
+def _union_visits(least: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return np.arange(len(least)), least.argmax(axis=1)
+
+
+def _least_on(
+    margins: _Margins, samples: Samples, rows: np.ndarray, segments: np.ndarray
+) -> dict[str, Least]:
+    found = {}
+    for name in CONDITIONS:
+        values = getattr(margins, name)[rows, segments]
+        at = int(values.argmin())
+        joint = int(margins.joint[rows[at], segments[at]]) if name == "joint_signs" else None
+        where = float(samples.time[rows[at]]), int(segments[at])
+        found[name] = Least(float(values[at]), *where, joint) if values[at] < math.inf else Least()
+    return found
+
+
+def _between(
+    samples: Samples,
+    rows: np.ndarray,
+    segments: np.ndarray,
+    margins: _Margins,
+    margins_at: Callable[..., _Margins],
+) -> dict[str, Least]:
+    """Return the least margins inside the steps of visits that have a small margin at an end."""
+    is_near = margins.least[rows, segments] < NEAR
+    steps = (is_near[:-1] | is_near[1:]) & (segments[:-1] == segments[1:])
+    segment_after = np.zeros(len(samples), dtype=int)
+    segment_after[rows[:-1][steps]] = segments[:-1][steps]
+    inner = samples.between(rows[:-1][steps], PARTS)
+    if len(inner) == 0:
+        return dict.fromkeys(CONDITIONS, Least())
+    owner = np.searchsorted(samples.time, inner.time, side="left") - 1
+    inner_segments = segment_after[owner]
+    found = margins_at(inner, inner_segments)
+    least = _least_on(found, inner, np.arange(len(inner)), np.zeros(len(inner), dtype=int))
+    at = {name: int(getattr(found, name)[:, 0].argmin()) for name in CONDITIONS}
+    return {
+        name: Least(one.margin, one.time, int(inner_segments[at[name]]), one.joint)
+        for name, one in least.items()
+    }
+
+
+def _with(
+    samples: Samples, margins: _Margins, new: Samples, more: _Margins
+) -> tuple[Samples, _Margins]:
+    joined = samples.joined(new)
+    order = np.lexsort(
+        (np.concatenate([samples.local, new.local]), np.concatenate([samples.piece, new.piece]))
+    )
+    names = (*CONDITIONS, "joint")
+    values = (np.concatenate([getattr(margins, n), getattr(more, n)])[order] for n in names)
+    return joined, _Margins(margins.counted, *values)

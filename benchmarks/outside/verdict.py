@@ -1,0 +1,26 @@
+"""What the outside judge says of one condition."""
+
+from dataclasses import dataclass
+
+RELATIVE = "relative"
+
+
+@dataclass(frozen=True)
+class Condition:
+    """One condition's least margin.
+
+    Attributes:
+        margin: How far it is kept; None where it is not asked.
+        unit: "m", "rad" or "relative".
+        time: When it is least [s].
+        where: Which joint, segment, links or obstacle.
+    """
+
+    margin: float | None
+    unit: str
+    time: float | None = None
+    where: str = ""
+
+    def holds(self, tolerance: float) -> bool:
+        """Return whether it is kept, or broken by no more than a tolerance."""
+        return self.margin is None or self.margin >= -tolerance

@@ -1,0 +1,197 @@
+"""Judge a trajectory with Pinocchio and coal alone, at samples, apart from the certificate.
+
+    python benchmarks/outside_judge.py PROBLEM.yaml TRAJECTORY.json [--json] [--tolerance 1e-5]
+
+Nothing of tubeplanner is imported: the problem file, the trajectory, the URDF and the meshes are
+read anew, the links' true triangles take the place of convex covers. 5,000 uniform samples and both
+sides of every breakpoint are looked at, with steps near a limit divided by 20. Exit status: 0 it
+passes, 1 it fails, 2 the files cannot be judged; a field that is not known here is refused by name.
+"""
+
+import argparse
+import json
+import sys
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from outside.arm import Arm, Solid, placed, solid_geometry
+from outside.clearance import Clearance
+from outside.files import BadInput
+from outside.limits import judge_ends, judge_limits
+from outside.nearest import Nearest, Poses, least_margin
+from outside.problem import Problem, read_problem
+from outside.trajectory import Samples, Trajectory, read_trajectory
+from outside.tube import CONDITIONS, Least, judge_tube
+from outside.verdict import Condition
+
+SAMPLES = 5000
+PARTS = 20  # into which steps are divided where links come nearest
+# [m], [rad] and relative. A trajectory is certified to 1e-6; distances by coal are good to about as
+# much, and a fault that matters is larger than a hundredth of a millimetre.
+TOLERANCE = 1e-5
+
+
+class Judge:
+    """Judges trajectories for one problem, whose robot and meshes are read once.
+
+    Attributes:
+        problem: What is asked.
+        arm: Its arm.
+        clearance: Which solids must stay apart.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        """Read a problem file.
+
+        Raises:
+            BadInput: It cannot be judged.
+        """
+        self.problem = read_problem(Path(path))
+        try:
+            self.arm = Arm(self.problem)
+            _require_names(self.problem, self.arm)
+            self.clearance = Clearance(self.problem, self.arm, obstacles_of(self.problem))
+        except (KeyError, TypeError, ValueError, RuntimeError, AttributeError) as error:
+            raise BadInput(f"{path}: {type(error).__name__}: {error}") from error
+
+    def judge(self, trajectory: Trajectory) -> dict[str, Condition]:
+        """Return all conditions by name.
+
+        Raises:
+            BadInput: The trajectory is of other joints than the problem's.
+        """
+        trajectory = trajectory.ordered(self.arm.joint_names)
+        samples = trajectory.samples(SAMPLES)
+        found = judge_limits(self.arm, trajectory, samples)
+        found |= self._tube(trajectory, samples)
+        found |= judge_ends(self.problem, self.arm, trajectory)
+        return found | self._clearance(trajectory, samples)
+
+    def _tube(self, trajectory: Trajectory, samples: Samples) -> dict[str, Condition]:
+        least = judge_tube(self.problem.tube, self.arm, trajectory, samples)
+        return {name: self._tube_condition(name, least[name]) for name in CONDITIONS}
+
+    def _tube_condition(self, name: str, least: Least) -> Condition:
+        joint = least.joint
+        slides = joint is not None and self.arm.slides[joint]
+        unit = "m" if name == "tube" or slides else "rad"
+        if not np.isfinite(least.margin):
+            return Condition(None, unit)
+        where = f"segment {least.segment}"
+        if joint is not None:
+            where += f", joint {self.arm.joint_names[joint]}"
+        return Condition(least.margin, unit, least.time, where)
+
+    def _clearance(self, trajectory: Trajectory, samples: Samples) -> dict[str, Condition]:
+        poses = Poses(*self.arm.poses(trajectory.at(samples)))
+        found = {}
+        kinds = {"obstacles": self.clearance.obstacle_pairs}
+        kinds["self_collision"] = self.clearance.link_pairs
+        for name, pairs in kinds.items():
+            nearest, near = least_margin(pairs, poses)
+            finer = samples.between(np.concatenate([near - 1, near]), PARTS)
+            where = samples
+            if name == "obstacles":
+                nearest = min(nearest, self.clearance.inside(poses, 0), key=lambda one: one.margin)
+            if len(finer):
+                closer, _ = least_margin(pairs, Poses(*self.arm.poses(trajectory.at(finer))))
+                nearest, where = min(
+                    (nearest, where), (closer, finer), key=lambda one: one[0].margin
+                )
+            found[name] = _clearance_condition(nearest, where)
+        return found
+
+
+def obstacles_of(problem: Problem) -> list[Solid]:
+    """Return a problem's obstacles."""
+    folders = [problem.folder / folder for folder in problem.robot.get("package_dirs") or []]
+    solids = []
+    for fields in problem.obstacles:
+        geometry, placement = solid_geometry(fields, problem.folder, folders)
+        solids.append(placed(str(fields["name"]), "obstacle", 0, placement, geometry))
+    return solids
+
+
+def judge(problem: str | Path, trajectory: str | Path) -> dict[str, Condition]:
+    """Return what the outside judge says of a trajectory file.
+
+    Raises:
+        BadInput: A file cannot be judged.
+    """
+    return Judge(problem).judge(read_trajectory(Path(trajectory)))
+
+
+def passes(conditions: dict[str, Condition], tolerance: float = TOLERANCE) -> bool:
+    """Return whether all conditions hold."""
+    return all(condition.holds(tolerance) for condition in conditions.values())
+
+
+def table(conditions: dict[str, Condition], tolerance: float = TOLERANCE) -> str:
+    """Return the conditions as lines of text."""
+    lines = [f"{'condition':<15}{'margin':>12} {'unit':<9}{'time [s]':>9}  where"]
+    for name, each in conditions.items():
+        if each.margin is None:
+            lines.append(f"{name:<15}{'not asked':>12}")
+            continue
+        mark = "" if each.holds(tolerance) else "  BROKEN"
+        time = "" if each.time is None else f"{each.time:.4f}"
+        lines.append(f"{name:<15}{each.margin:>12.3g} {each.unit:<9}{time:>9}  {each.where}{mark}")
+    return "\n".join(lines)
+
+
+def as_dict(conditions: dict[str, Condition], tolerance: float = TOLERANCE) -> dict[str, Any]:
+    """Return the verdict as JSON has it."""
+    each = {name: asdict(one) | {"holds": one.holds(tolerance)} for name, one in conditions.items()}
+    return {"passes": passes(conditions, tolerance), "tolerance": tolerance, "conditions": each}
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Print a verdict and return the exit status."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("problem", type=Path)
+    parser.add_argument("trajectory", type=Path)
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    parser.add_argument("--tolerance", type=float, default=TOLERANCE, help="m, rad and relative")
+    options = parser.parse_args(arguments)
+    try:
+        found = judge(options.problem, options.trajectory)
+    except BadInput as error:
+        print(error, file=sys.stderr)
+        return 2
+    if options.json:
+        print(json.dumps(as_dict(found, options.tolerance), allow_nan=False))
+    else:
+        print(table(found, options.tolerance))
+        print("passes" if passes(found, options.tolerance) else "fails")
+    return 0 if passes(found, options.tolerance) else 1
+
+
+def _clearance_condition(nearest: Nearest, samples: Samples) -> Condition:
+    if not np.isfinite(nearest.margin):
+        return Condition(None, "m")
+    time = float(samples.time[nearest.row])
+    return Condition(nearest.margin, "m", time, " and ".join(nearest.owners))
+
+
+def _require_names(problem: Problem, arm: Arm) -> None:
+    """Raise if ends, signs or ignored pairs are of what does not exist: they would ask nothing."""
+    for ranges in problem.tube.ranges:
+        if unknown := set(ranges) - set(arm.joint_names):
+            raise BadInput(f"tube.joint_signs: '{unknown.pop()}' is no joint of the group")
+    for end in (problem.start, problem.goal):
+        joints = end.get("joints") or arm.joint_names
+        is_named = isinstance(joints, dict) and set(joints) != set(arm.joint_names)
+        if is_named or len(joints) != len(arm.joint_names):
+            raise BadInput(f"start or goal: joints must be those of {', '.join(arm.joint_names)}")
+    solids = [*problem.obstacles, *(problem.robot.get("attached") or [])]
+    known = arm.links | {str(solid.get("name")) for solid in solids}
+    for pair in problem.ignored:
+        if unknown := set(pair) - known:
+            raise BadInput(f"collision.ignore: '{unknown.pop()}' is no link or solid")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

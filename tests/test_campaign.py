@@ -1,0 +1,96 @@
+"""The campaign: problems that are the same every time, and what counts as wrong and as stuck."""
+
+import json
+
+import pytest
+import yaml
+
+import campaign
+from campaign_problems import build
+from outside_judge import passes
+
+# A two-link arm, and a random chain with a sliding joint and obstacles: quick to build.
+QUICK, WITH_OBSTACLES = 2, 10
+OPTIONS = campaign.Options(pairs=True, time_limit=30.0, keep=None)
+
+
+@pytest.mark.parametrize("seed", [QUICK, WITH_OBSTACLES])
+def test_a_seed_is_always_the_same_problem_and_its_witness_solves_it(seed, tmp_path):
+    texts = []
+    for name in ("first", "second"):
+        (tmp_path / name).mkdir()
+        built = build(seed, tmp_path / name)
+        texts.append(built.path.read_text())
+        assert passes(built.judge.judge(built.witness.trajectory), 1e-9)
+    assert texts[0] == texts[1]
+    assert yaml.safe_load(texts[0]) == built.fields
+
+
+def test_a_problem_is_planned_and_its_answer_judged():
+    line = campaign.examine(QUICK, OPTIONS)
+    assert line["status"] == "success"
+    assert line["judged"]
+    assert not campaign.is_wrong(line)
+    assert json.loads(json.dumps(line)) == line
+
+
+def test_the_other_way_round_twice_is_the_same(tmp_path):
+    fields = build(WITH_OBSTACLES, tmp_path).fields
+    fields["goal"] = {"joints": [0.0] * 4}
+    turned = campaign.reversed_problem(fields)
+    assert turned["start"] == fields["goal"]
+    assert turned["tube"]["points"] == fields["tube"]["points"][::-1]
+    assert campaign.reversed_problem(turned) == fields
+
+
+def test_narrower_is_all_the_same_but_for_the_radii(tmp_path):
+    fields = build(QUICK, tmp_path).fields
+    narrower = campaign.narrower_problem(fields)
+    assert narrower["tube"]["radius"] == [0.9 * radius for radius in fields["tube"]["radius"]]
+    assert narrower["tube"]["points"] == fields["tube"]["points"]
+
+
+@pytest.mark.parametrize(
+    "forwards, backwards, narrower, slow",
+    [
+        (1.0, 1.005, 1.05, []),
+        (1.02, 1.0, 1.05, ["forwards"]),
+        (1.02, 1.02, 1.0, ["forwards", "backwards"]),
+        (1.0, None, None, ["backwards"]),
+        (None, None, None, []),
+    ],
+)
+def test_stuck_is_slower_than_the_best_by_a_hundredth(forwards, backwards, narrower, slow):
+    pairs = {"forwards": forwards, "backwards": backwards, "narrower": narrower}
+    assert campaign.stuck({"pairs": pairs}) == slow
+
+
+def _line(seed, **more):
+    return {"seed": seed, "arm": "ur5", "segments": 1, "scale": 0.01, "message": "", **more}
+
+
+def test_what_is_wrong_is_listed_and_ends_with_status_1(tmp_path, monkeypatch, capsys):
+    answers = [
+        _line(0, status="success", judged=True, duration=1.0, planning_time=1.0),
+        _line(1, status="success", judged=False, worst="tube", duration=1.0, planning_time=1.0),
+        _line(2, status="tube_blocked"),
+    ]
+    monkeypatch.setattr(campaign, "examine", lambda seed, options: answers[seed])
+    output = tmp_path / "lines.jsonl"
+    monkeypatch.setattr("sys.argv", ["campaign.py", "--count", "3", "--output", str(output)])
+    assert campaign.main() == 1
+    assert "2 solved, 1 refused, 1 wrong" in capsys.readouterr().out
+    assert len(output.read_text().splitlines()) == 3
+
+
+def test_seeds_that_are_done_are_skipped(tmp_path, monkeypatch, capsys):
+    output = tmp_path / "lines.jsonl"
+    output.write_text(json.dumps(_line(0, status="tube_blocked")) + "\n")
+    done = []
+    monkeypatch.setattr(
+        campaign, "examine", lambda seed, options: done.append(seed) or _line(seed, status="crash")
+    )
+    monkeypatch.setattr("sys.argv", ["campaign.py", "--count", "2", "--output", str(output)])
+    assert campaign.main() == 0
+    assert done == [1]
+    assert "2 refused" in capsys.readouterr().out

@@ -1,0 +1,365 @@
+"""The outside judge finds one planted fault per condition, and passes what is sound."""
+
+import ast
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+import outside_judge
+from outside.files import BadInput, find_urdf
+from outside.nearest import Poses, least_margin, signed_distance
+from outside.trajectory import Trajectory, read_trajectory
+from outside.tube import _ordered_visits
+from outside_judge import Judge, main, passes
+from tubeplanner.errors import RobotError
+from tubeplanner.files.export import trajectory_json
+from tubeplanner.resources import bundled_problems, example_robot_names, find_description
+
+BENCHMARKS = Path(outside_judge.__file__).parent
+CASES = Path(__file__).parent / "cases"
+SLIGHTLY = 1e-3
+
+FOLDING = """<robot name="folding"><link name="base"/>
+{links}<link name="tip"/><joint name="end" type="fixed"><parent link="link3"/><child link="tip"/>
+<origin xyz="0.3 0 0"/></joint></robot>"""
+FOLDING_LINK = """<link name="link{k}"><inertial><origin xyz="0.15 0 0"/><mass value="1"/>
+<inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>
+<collision><origin xyz="0.15 0 0"/><geometry><box size="0.2 0.04 0.04"/></geometry></collision>
+</link><joint name="joint{k}" type="revolute"><parent link="{parent}"/><child link="link{k}"/>
+<origin xyz="{x} 0 0"/><axis xyz="0 0 1"/>
+<limit lower="-3.1" upper="3.1" effort="100" velocity="5"/></joint>
+"""
+
+
+class Case:
+    """A problem's fields and a trajectory, to be changed before they are judged."""
+
+    def __init__(self, fields, trajectory):
+        self.fields, self.trajectory = fields, trajectory
+        self.robot, self.tube = fields["robot"], fields["tube"]
+
+    def limit(self, quantity, values):
+        self.robot.setdefault("limits", {}).setdefault(quantity, {}).update(values)
+
+    def peak(self, order):
+        samples = self.trajectory.samples(2000)
+        return float(abs(self.trajectory.at(samples, order)[:, 0]).max())
+
+    def positions(self):
+        return self.trajectory.at(self.trajectory.samples(2000))
+
+    def add(self, piece, polynomial, joint=0):
+        """Add a polynomial in the share of a piece, highest power first."""
+        width = np.diff(self.trajectory.breakpoints)[piece]
+        old = self.trajectory.coefficients
+        degree = max(len(old), len(polynomial))
+        new = np.zeros((degree, *old.shape[1:]))
+        new[degree - len(old) :] = old
+        powers = width ** np.arange(len(polynomial) - 1, -1, -1)
+        new[degree - len(polynomial) :, piece, joint] += polynomial / powers
+        self.trajectory = Trajectory(self.trajectory.joint_names, self.trajectory.breakpoints, new)
+
+    def write(self, folder):
+        problem, trajectory = folder / "problem.yaml", folder / "trajectory.json"
+        problem.write_text(yaml.safe_dump(self.fields))
+        fields = {
+            "format": "tubeplanner/trajectory",
+            "version": 1,
+            "joint_names": self.trajectory.joint_names,
+            "duration": self.trajectory.duration,
+            "breakpoints": self.trajectory.breakpoints.tolist(),
+            "coefficients": self.trajectory.coefficients.tolist(),
+        }
+        trajectory.write_text(json.dumps(fields))
+        return problem, trajectory
+
+    def broken(self, folder):
+        found = outside_judge.judge(*self.write(folder))
+        return {n for n, one in found.items() if not one.holds(outside_judge.TOLERANCE)}
+
+
+@pytest.fixture(scope="session")
+def certified(stored, tmp_path_factory):
+    """A certified trajectory of the two-link arm, and what its problem file holds."""
+    _, trajectory = stored("two_link/around_a_post")
+    path = tmp_path_factory.mktemp("certified") / "trajectory.json"
+    path.write_text(trajectory_json(trajectory))
+    text = bundled_problems()["two_link/around_a_post"].read_text()
+    return text, read_trajectory(path)
+
+
+@pytest.fixture
+def case(certified):
+    text, trajectory = certified
+    return Case(yaml.safe_load(text), trajectory)
+
+
+def bump(case):
+    x = np.poly1d([1.0, 0.0])
+    case.add(len(case.trajectory.breakpoints) // 2, 30.0 * ((x * (1 - x)) ** 3).coeffs)
+
+
+def beside(case):
+    """The tool stays inside the wider segments, and leaves the first by a millimetre."""
+    aside = case.tube["radius"][0] + SLIGHTLY
+    case.tube["points"] = [[x, y, z + aside] for x, y, z in case.tube["points"]]
+    q = case.positions()
+    case.fields["start"], case.fields["goal"] = ({"joints": end.tolist()} for end in (q[0], q[-1]))
+
+
+def wrong_side(case):
+    case.tube["joint_signs"] = {"joint2": "+"}
+
+
+def out_of_range(case):
+    highest = float(case.positions()[:, 1].max())
+    case.tube["joint_signs"] = {"joint2": [-3.0, highest - SLIGHTLY]}
+
+
+def too_far(case):
+    highest = float(case.positions()[:, 0].max())
+    case.limit("position", {"joint1": [-6.0, highest - SLIGHTLY]})
+
+
+def too_fast(case):
+    case.limit("velocity", {"joint1": case.peak(1) * (1 - SLIGHTLY)})
+
+
+def too_quick(case):
+    case.limit("acceleration", {"joint1": case.peak(2) * (1 - SLIGHTLY)})
+
+
+def too_jerky(case):
+    case.limit("jerk", {"joint1": case.peak(3) * (1 - SLIGHTLY)})
+
+
+def too_strong(case):
+    # 95 and 27 N m are what the trajectory was planned for, and uses.
+    case.limit("effort", {"joint1": 95 * (1 - SLIGHTLY), "joint2": 27 * (1 - SLIGHTLY)})
+
+
+def jump(case):
+    coefficients = case.trajectory.coefficients.copy()
+    coefficients[-1, -3:, 0] += 1e-4
+    case.trajectory = Trajectory(
+        case.trajectory.joint_names, case.trajectory.breakpoints, coefficients
+    )
+
+
+def kink(case):
+    case.add(3, np.array([-1e-4, 1e-4, 0.0]))
+
+
+def moves_at_the_end(case):
+    case.add(-1, np.array([-1e-4, 1e-4, 0.0, 0.0, 0.0]))
+
+
+def wrong_start(case):
+    case.fields["start"] = {"joints": (case.positions()[0] + SLIGHTLY).tolist()}
+
+
+def wrong_goal(case):
+    q = case.positions()[-1] + SLIGHTLY
+    case.fields["goal"] = {"joints": dict(zip(("joint1", "joint2"), q.tolist(), strict=True))}
+
+
+def through_a_ball(case):
+    ball = {"name": "ball", "sphere": 0.02, "position": [0.44, 0.0, 0.02]}
+    case.fields["obstacles"].append(ball)
+
+
+def too_near(case):
+    case.fields["clearance"] = 0.2
+
+
+def turned(case):
+    angle = abs(case.positions().sum(axis=1)).max()
+    case.tube["orientations"] = [[0.0, 0.0, 0.0, 1.0]] * 4
+    bound = [np.inf, np.inf, float(angle) - SLIGHTLY]
+    case.tube["rotation_tolerance"] = [bound] * 3
+
+
+def other_way_round(case):
+    for key in ("points", "radius"):
+        case.tube[key] = case.tube[key][::-1]
+    q = case.positions()
+    case.fields["start"], case.fields["goal"] = ({"joints": end.tolist()} for end in (q[0], q[-1]))
+
+
+# The condition that each fault breaks, and whether it is to break no other.
+FAULTS = {
+    bump: ("tube", False),
+    beside: ("tube", True),
+    other_way_round: ("tube", True),
+    wrong_side: ("joint_signs", True),
+    out_of_range: ("joint_signs", True),
+    too_far: ("position", True),
+    too_fast: ("velocity", True),
+    too_quick: ("acceleration", True),
+    too_jerky: ("jerk", True),
+    too_strong: ("effort", True),
+    jump: ("continuity", False),
+    kink: ("continuity", False),
+    moves_at_the_end: ("rest", False),
+    wrong_start: ("start", True),
+    wrong_goal: ("goal", True),
+    through_a_ball: ("obstacles", True),
+    too_near: ("obstacles", True),
+    turned: ("rotation", True),
+}
+
+
+def test_a_certified_trajectory_passes(case, tmp_path):
+    assert case.broken(tmp_path) == set()
+
+
+@pytest.mark.parametrize("plant", FAULTS, ids=lambda plant: plant.__name__)
+def test_a_planted_fault_is_found(plant, case, tmp_path):
+    condition, alone = FAULTS[plant]
+    plant(case)
+    broken = case.broken(tmp_path)
+    assert condition in broken
+    assert not alone or broken == {condition}
+
+
+def test_a_trajectory_the_other_way_round_is_in_the_union(case, tmp_path):
+    other_way_round(case)
+    case.tube["visit"] = "any"
+    assert case.broken(tmp_path) == set()
+
+
+def test_a_rotation_tolerance_that_is_kept_is_no_fault(case, tmp_path):
+    turned(case)
+    for bound in case.tube["rotation_tolerance"]:
+        bound[2] += 2 * SLIGHTLY
+    assert case.broken(tmp_path) == set()
+
+
+def test_many_small_jumps_are_added_up(case, tmp_path):
+    trajectory = case.trajectory
+    at = np.linspace(0, trajectory.duration, 2001)
+    q = trajectory.at(trajectory.samples(2001))[:2000]
+    stairs = Trajectory(
+        trajectory.joint_names, at, q[None] * 0 + 8e-7 * np.arange(2000)[None, :, None]
+    )
+    case.trajectory = stairs
+    assert "continuity" in case.broken(tmp_path)
+
+
+def test_a_solid_that_encloses_the_arm_is_met(case, tmp_path):
+    part = bundled_problems()["ur5/every_field"].with_name("part.stl")
+    shell = {"name": "shell", "mesh": str(part), "scale": 1000.0}
+    case.fields["obstacles"] = [shell | {"position": [0.0, 0.0, -10.0]}]
+    assert case.broken(tmp_path) == {"obstacles"}
+
+
+def test_links_of_primitives_meet(tmp_path):
+    links = [("base", 0.0), ("link1", 0.3), ("link2", 0.3)]
+    parts = (FOLDING_LINK.format(k=k + 1, parent=p, x=x) for k, (p, x) in enumerate(links))
+    (tmp_path / "folding.urdf").write_text(FOLDING.format(links="".join(parts)))
+    begin, end = np.array([0.0, 1.5, 0.2]), np.array([0.0, 2.2, 2.6])
+    rest_to_rest = np.array([6.0, -15.0, 10.0, 0.0, 0.0, 0.0])  # of a unit step in a unit time
+    coefficients = rest_to_rest[:, None, None] * (end - begin)
+    coefficients[-1] += begin
+    trajectory = Trajectory(["joint1", "joint2", "joint3"], np.array([0.0, 1.0]), coefficients)
+    robot = {"urdf": "folding.urdf", "tool_frame": "tip", "gravity": [0, 0, 0]}
+    robot["limits"] = {"velocity": dict.fromkeys(trajectory.joint_names, 50.0)}
+    tube = {"points": [[-1, 0, 0], [1, 0, 0]], "radius": 2.0}
+    ends = {"start": {"joints": begin.tolist()}, "goal": {"joints": end.tolist()}}
+    case = Case({"robot": robot, "tube": tube, **ends}, trajectory)
+    assert case.broken(tmp_path) == {"self_collision"}
+    case.fields["collision"] = {"ignore": [["link1", "link3"]]}
+    assert case.broken(tmp_path) == set()
+
+
+def test_concave_links_that_pass_through_each_other_are_found():
+    found = outside_judge.judge(CASES / "hextilt_1.yaml", CASES / "hextilt_1.answer.json")
+    met = found["self_collision"]
+    assert met.where == "flying_arm_5__link_2 and flying_arm_5__link_4"
+    assert met.margin < -0.01
+    assert all(one.holds(1e-5) for name, one in found.items() if name != "self_collision")
+
+
+def test_the_trajectory_of_an_arm_with_meshes_passes(stored, tmp_path):
+    _, trajectory = stored("ur5/over_the_wall")
+    path = tmp_path / "trajectory.json"
+    path.write_text(trajectory_json(trajectory))
+    assert main([str(bundled_problems()["ur5/over_the_wall"]), str(path)]) == 0
+
+
+def test_the_least_distance_is_that_of_all_samples(stored, tmp_path):
+    _, trajectory = stored("ur5/over_the_wall")
+    path = tmp_path / "trajectory.json"
+    path.write_text(trajectory_json(trajectory))
+    judge, trajectory = Judge(bundled_problems()["ur5/over_the_wall"]), read_trajectory(path)
+    poses = Poses(*judge.arm.poses(trajectory.at(trajectory.samples(25))))
+    for pairs in (judge.clearance.link_pairs, judge.clearance.obstacle_pairs):
+        rows = range(len(poses.position))
+        every = min(signed_distance(pair, poses, row) - pair[2] for pair in pairs for row in rows)
+        assert least_margin(pairs, poses)[0].margin == pytest.approx(every, abs=1e-9)
+
+
+def test_the_way_in_order_takes_the_best_switching_times():
+    inside = np.array([[9.0, -9, -9], [2, 1, -9], [5, 3, 4], [-9, 6, 4], [-9, -9, 7]])
+    rows, segments = _ordered_visits(inside)
+    assert list(zip(rows, segments, strict=True))[-1] == (4, 2)
+    assert inside[rows, segments].min() == 2  # at the second sample
+    assert (np.diff(segments) >= 0).all()
+
+
+def test_a_field_that_is_not_known_is_refused_by_name(case, tmp_path, capsys):
+    case.tube["cross_section"] = None
+    files = [str(path) for path in case.write(tmp_path)]
+    assert main(files) == 2
+    assert "tube.cross_section" in capsys.readouterr().err
+
+
+def test_json_is_one_object(case, tmp_path, capsys):
+    wrong_start(case)
+    files = [str(path) for path in case.write(tmp_path)]
+    assert main([*files, "--json"]) == 1
+    verdict = json.loads(capsys.readouterr().out)
+    assert not verdict["passes"]
+    assert verdict["conditions"]["start"]["margin"] == pytest.approx(-SLIGHTLY)
+
+
+def test_a_trajectory_of_other_joints_is_refused(case, tmp_path):
+    problem, _ = case.write(tmp_path)
+    other = Trajectory(["a", "b"], case.trajectory.breakpoints, case.trajectory.coefficients)
+    with pytest.raises(BadInput, match="joint1"):
+        Judge(problem).judge(other)
+
+
+def test_joints_may_come_in_another_order(case, tmp_path):
+    problem, _ = case.write(tmp_path)
+    trajectory = case.trajectory
+    other = Trajectory(
+        ["joint2", "joint1"], trajectory.breakpoints, trajectory.coefficients[:, :, ::-1]
+    )
+    assert passes(Judge(problem).judge(other))
+
+
+def test_names_of_robots_mean_the_same_to_both():
+    for name in example_robot_names():
+        try:
+            mine = find_urdf(f"example:{name}", Path(), [])
+        except BadInput:
+            continue  # it does not guess
+        try:
+            assert mine == find_description(f"example:{name}", Path()).resolve()
+        except RobotError:
+            pytest.fail(name)
+
+
+def test_nothing_of_tubeplanner_is_imported():
+    for path in [BENCHMARKS / "outside_judge.py", *(BENCHMARKS / "outside").glob("*.py")]:
+        for node in ast.walk(ast.parse(path.read_text())):
+            names = [alias.name for alias in getattr(node, "names", [])]
+            assert not any("tubeplanner" in n for n in [*names, getattr(node, "module", "") or ""])
+    code = "import outside_judge, sys; sys.exit(any('tubeplanner' in n for n in sys.modules))"
+    subprocess.run([sys.executable, "-c", code], cwd=BENCHMARKS, check=True)
