@@ -415,8 +415,13 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         (
             "max((best, along), first.separated(second, gap), key=itemgetter(0))",
             "first.separated(second, gap)",
+            "only stricter: the better of two bounds is taken",
         ),
-        ("gap = first.center_to(second)", "gap = gap"),
+        (
+            "gap = first.center_to(second)",
+            "gap = gap",
+            "only stricter: any direction gives a bound",
+        ),
     ],
     "_apart": [
         ("(-behind, -direction)", "(ahead, direction)"),
