@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 from cases import ANGLE, INERTIA, PEAK_ACCELERATION, PEAK_JERK, PEAK_VELOCITY, one_joint, quintic
+from tubeplanner import JointTrajectory, Payload, load_robot
 from tubeplanner.constraints.time_scaling import (
+    effort_factor_of,
+    estimated_duration,
     minimum_duration,
     scaled_to_limits,
     scaling_factor,
@@ -51,13 +54,15 @@ def test_gravity_takes_its_share_of_the_effort(tmp_path):
     assert abs(effort).max() <= 5.0 * (1 + 1e-9)
 
 
-def test_scaling_factor_says_how_much_faster_each_sample_could_be_run(tmp_path):
-    robot = one_joint(tmp_path, mass=0.5)
+@pytest.mark.parametrize("acceleration", [np.inf, 1.0, 0.1])
+def test_scaling_factor_says_how_much_faster_each_sample_could_be_run(tmp_path, acceleration):
+    robot = one_joint(tmp_path, mass=0.5, acceleration=acceleration)
     samples = quintic(duration=2.0).at(np.array([0.4, 1.1]))
     factor = scaling_factor(robot, samples.position, samples.velocity, samples.acceleration)[:, 0]
     for i, b in enumerate(factor):
         q, v, a = samples.position[[i]], b * samples.velocity[[i]], b**2 * samples.acceleration[[i]]
-        use = max(abs(robot.inverse_dynamics(q, v, a)[0, 0]) / 5, abs(v[0, 0]) / 4)
+        effort = abs(robot.inverse_dynamics(q, v, a)[0, 0]) / 5
+        use = max(effort, abs(v[0, 0]) / 4, abs(a[0, 0]) / acceleration)
         assert use == pytest.approx(1.0, rel=1e-12)
 
 
@@ -73,3 +78,34 @@ def test_gravity_beyond_the_motor_is_an_answer_with_joint_and_place(tmp_path):
         minimum_duration(robot, quintic())
     assert caught.value.status is PlanStatus.GRAVITY_EXCEEDS_EFFORT
     assert caught.value.place.joint == "turn"
+
+
+def test_jerk_counts_only_where_it_is_asked_for(tmp_path):
+    robot = one_joint(tmp_path, velocity=1.5, effort=np.inf, jerk=1.0)
+    free = minimum_duration(robot, quintic(), with_jerk=False)
+    assert free == pytest.approx(ANGLE * PEAK_VELOCITY / 1.5, rel=1e-7)
+    assert minimum_duration(robot, quintic()) == pytest.approx(np.cbrt(ANGLE * PEAK_JERK), rel=1e-7)
+
+
+@pytest.mark.parametrize("angle", [ANGLE, -ANGLE])
+def test_an_estimate_is_never_too_short_in_either_direction(tmp_path, angle):
+    robot = one_joint(tmp_path, velocity=1.5, effort=np.inf)
+    exact = ANGLE * PEAK_VELOCITY / 1.5
+    assert exact * (1 - 1e-9) <= estimated_duration(robot, quintic(angle)) <= 3 * exact
+
+
+def test_the_joint_that_is_overloaded_most_is_named():
+    robot = load_robot("example:ur5", "tool0", payload=Payload(mass=60.0))
+    q = np.array([-0.773861, -1.294184, 1.830514, -1.925057, -1.682929, 0.0])
+    move = JointTrajectory(robot.joint_names, [0, 1.0], [np.full((1, 6), 1e-6), [q]])
+    overload = abs(robot.gravity_effort(q[None])[0]) - robot.limits.effort
+    with pytest.raises(Infeasible) as caught:
+        minimum_duration(robot, move)
+    assert caught.value.place.joint == robot.joint_names[overload.argmax()]
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_gravity_beyond_the_motor_stops_it_in_either_direction(sign):
+    limit, gravity = np.array([5.0]), sign * np.array([6.0, 4.0])
+    tau = gravity - sign * np.array([2.0, 2.0])
+    np.testing.assert_allclose(effort_factor_of(limit, tau, gravity), [0.0, np.sqrt(9 / 2)])

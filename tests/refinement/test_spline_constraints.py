@@ -182,6 +182,15 @@ def test_every_limit_has_a_name_and_rows(case):
     assert ("jerk", 1) not in conditions.names
 
 
+def test_rows_of_the_tool_name_their_segments_tolerance(case):
+    problem, spline, samples = case
+    tube = evaluated_tube(problem, spline, samples, 0.005, 7)
+    robot, rotation = problem.robot, problem.tube.rotation
+    turned = evaluated_rotation(robot, rotation, spline, samples, 0.005, 9)
+    assert np.unique(tube.rows(None).limit).tolist() == [7, 8]
+    assert np.unique(turned.rows(None).limit).tolist() == [9, 10]
+
+
 def test_planes_hold_the_capsule_and_touch_it(case):
     """A tool behind every plane is inside; the outward plane's slack is the wall's distance."""
     problem, spline, samples = case

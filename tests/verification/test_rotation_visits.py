@@ -284,6 +284,8 @@ BETWEEN_ENDS = {
     "the reference turns": ([-1.0, 1.0, 0.4], [0, 0, 0.4], 0.25),
     "the reference stops half-way": ([0, 1.0, 0.5], [0, 0.5, 0.5], 0.25),
     "the reference begins half-way": ([0, 1.0, -0.5], [0, 0.5, 0.0], 0.25),
+    "the reference stops for a while": ([-0.8, 0.8, 0.9], [0, 0, 0.9], 0.1),
+    "the reference goes back for a while": ([0.4, -0.4, 1.05], [0, 0, 1.0], 0.05),
 }
 
 
@@ -303,3 +305,79 @@ def test_what_happens_between_two_ends_is_bounded(extended, turned, largest, sli
     least = least_rotation_margin(tube.rotation, pose, [Visit(0, 0.0, 1.0)])
     assert least.intervals <= 3
     assert 0.97 * dense <= least.lower_bound <= dense + 1e-12
+
+
+def test_a_tool_that_turns_where_an_unturned_reference_ends_is_bounded(slide):
+    """Nothing jumps there, and what the tool does in between counts as it does elsewhere."""
+    coefficients = np.zeros((3, 1, 3))
+    coefficients[:, 0, 1], coefficients[:, 0, 2] = [0, 1.0, 0.5], [-0.02, 0.02, 0.004]
+    trajectory = JointTrajectory(slide.joint_names, [0, 1.0], coefficients)
+    points = [[0.6, 0, 0.5], [1.6, 0, 0.5]]
+    tube = Tube(points, 9.0, orientations=[[0, 0, 0, 1]] * 2, rotation_tolerance=[[INF, 1.0, INF]])
+    pose = pose_of(slide, trajectory)
+    least = least_rotation_margin(tube.rotation, pose, [Visit(0, 0.0, 1.0)])
+    assert least.intervals <= 3
+    assert 0.97 <= least.lower_bound <= 1.0 - 0.009 + 1e-12
+
+
+@pytest.mark.parametrize("beside", [-1e-3, 1e-3, 1.001, 0.999])
+def test_a_tool_that_may_be_before_an_end_or_beyond_it_is_bounded(slide, beside):
+    """Its place is known to a centimetre: its reference may turn by as much as it does there."""
+    turn, miss = 0.5, 1e-2
+    coefficients = np.zeros((1, 1, 3))
+    coefficients[0, 0, 1], coefficients[0, 0, 2] = beside, turn * np.clip(beside, 0, 1)
+    trajectory = JointTrajectory(slide.joint_names, [0, 1.0], coefficients)
+    quaternions = Rotation.from_euler("y", [[0.0], [turn]]).as_quat()
+    points = [[0.6, 0, 0.5], [1.6, 0, 0.5]]
+    tube = Tube(points, 9.0, orientations=quaternions, rotation_tolerance=[[INF, 1.0, INF]])
+    pose = pose_of(slide, trajectory)
+    rough = replace(pose, tool=replace(pose.tool, error=pose.tool.error + miss))
+    least = least_rotation_margin(tube.rotation, rough, [Visit(0, 0.0, 1.0)])
+    assert least.attained == pytest.approx(1.0)
+    assert 0.97 <= least.lower_bound <= 1.0 - turn * (miss - 1e-3)
+
+
+# How turn, boom and lift move, from and to [rad or m]; the segment; the reference at both its ends.
+FAR = Rotation.from_euler("x", 2.0)
+NEAR = Rotation.from_euler("x", 0.02)
+ALONG = [[0.6, 0, 0.5], [1.6, 0, 0.5]]
+BENDS = {
+    "the reference turns far from the tool": (
+        ([0, 0.12, 0], [0, 0.89, 0]),
+        ALONG,
+        [Rotation.from_euler("z", angle) * FAR for angle in (-0.5, 0.5)],
+    ),
+    "the tool turns where a far reference ends": (
+        ([-0.37, 0, 0], [0.42, 0, 0]),
+        [[0.6, 0, 0.5], [0.6, 1.0, 0.5]],
+        [FAR, FAR],
+    ),
+    "the tool turns far from its reference": (
+        ([-0.37, 0, 0], [0.42, 0, 0]),
+        [[0.6, -1.0, 0.5], [0.6, 1.0, 0.5]],
+        [FAR, FAR],
+    ),
+    "both turn about different axes": (
+        ([0, 0.02, -0.05], [0, 0.97, 0.06]),
+        ALONG,
+        [NEAR * Rotation.from_euler("z", angle) for angle in (-0.05, 0.05)],
+    ),
+}
+
+
+@pytest.mark.parametrize(("ends", "points", "reference"), BENDS.values(), ids=BENDS)
+def test_a_rotation_vector_that_bends_is_bounded(ends, points, reference, slide):
+    """Joints and reference move evenly, the rotation vector does not: it just keeps its bound."""
+    begin, end = (np.array(each) for each in ends)
+    trajectory = JointTrajectory(slide.joint_names, [0, 1.0], [[end - begin], [begin]])
+    quaternions = [each.as_quat() for each in reference]
+
+    def bounded(bound):
+        tolerance = [[bound, INF, INF]]
+        return Tube(points, 9.0, orientations=quaternions, rotation_tolerance=tolerance)
+
+    dense = margins(slide, bounded(3.0), trajectory, np.linspace(0, 1, 10_001), 0)
+    assert dense.min() < min(dense[0], dense[-1]) - 5e-4
+    tube, visit = bounded(3.0 - dense.min() + 1e-4), [Visit(0, 0.0, 1.0)]
+    least = least_rotation_margin(tube.rotation, pose_of(slide, trajectory), visit)
+    assert 0.95e-4 <= least.lower_bound <= 1e-4 + 1e-9

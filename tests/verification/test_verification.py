@@ -434,6 +434,18 @@ def test_what_is_undecided_says_so_and_fails(two_link):
         assert condition.coverage.startswith("for all t, undecided: the margin found is ")
 
 
+def test_bounds_that_stay_apart_by_a_millimetre_are_undecided(two_link, monkeypatch):
+    """Of a margin of a few millimetres, halving having ended too early."""
+    monkeypatch.setattr("tubeplanner.verification.tube_visits._MAX_ROWS", 1)
+    sweep = JointTrajectory(two_link.joint_names, [0, 1.0], [[[0.6, 0]], [[-0.3, -0.0]]])
+    ends = two_link.tool_position(sweep.position(np.array([0.0, 1.0])))
+    tube = Tube(ends, 0.6 - 0.6 * np.cos(0.3) + 1e-3)
+    condition = verify(PlanningProblem(two_link, tube, sweep.position(0.0)), sweep)
+    tube_condition = condition.conditions["tube"]
+    assert tube_condition.margin < 0
+    assert tube_condition.coverage.startswith("for all t, undecided: the margin found is ")
+
+
 NAMES = ("two_link/around_a_post", "ur5/over_the_wall", "ur10/onto_a_conveyor")
 
 
