@@ -32,7 +32,11 @@ TESTS = {
     "collision/obstacle": ("collision/test_collision_checker.py",),
     "collision/separation": ("collision/test_collision_checker.py",),
     "refinement/limit_constraints": ("refinement/test_spline_constraints.py",),
-    "refinement/linear_rows": ("refinement/test_spline_constraints.py",),
+    "refinement/linear_rows": (
+        "refinement/test_spline_constraints.py",
+        "planning/test_best_known.py",
+    ),
+    "refinement/refinement": ("planning/test_best_known.py",),
     "refinement/rotation_constraints": ("refinement/test_spline_constraints.py",),
     "refinement/tube_constraints": ("refinement/test_spline_constraints.py",),
     "refinement/link_constraints": ("refinement/test_spline_constraints.py",),
@@ -559,7 +563,11 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     "EvaluatedRotation.rows": [
         (" / self._bounds[:, :, None]", ""),
-        ("np.where(np.isfinite(self._bounds), slack, np.inf)", "slack"),
+        (
+            "np.where(np.isfinite(self._bounds), slack, np.inf)",
+            "slack",
+            "only slower: rows that nothing can break",
+        ),
     ],
     "EvaluatedRotation._bounds": [
         ("bounds[:, :3], bounds[:, :3], angle", "bounds[:, :3], bounds[:, [1, 2, 0]], angle")
@@ -595,7 +603,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("scale - sign", "1 - sign"),
     ],
     "plane_rows": [
-        ("np.isfinite(slack) & ", ""),
+        ("np.isfinite(slack) & ", "", "equivalent: infinity is within no reach"),
         ("sample * slack.shape[1] + plane", "sample + plane"),
     ],
     "_reach": [
@@ -604,6 +612,8 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     "EvaluatedLinks.slack": [("self.closest.distance - self.aim", "self.closest.distance")],
     "EvaluatedLinks.rows": [("-gradient[None", "gradient[None"), (" / _UNIT", "")],
+    "INNER_MARGIN": [("0.005", "0.055")],
+    "Refinement._on_coarse_knots": [("_GAIN, _MAX_STEPS", "_GAIN, 4")],
     "SequentialProgram.improved": [
         ("gain < _GOOD_RATIO * predicted", "False"),
         (

@@ -11,7 +11,7 @@ from tubeplanner.refinement.link_constraints import LinkConstraints
 from tubeplanner.refinement.phased_spline import PhasedSpline, VelocityHull
 from tubeplanner.refinement.rotation_constraints import evaluated_rotation
 from tubeplanner.refinement.spline_start import knot_grid
-from tubeplanner.refinement.tube_constraints import evaluated_tube
+from tubeplanner.refinement.tube_constraints import _normals, evaluated_tube
 
 SWITCHING_TIMES = np.array([0.0, 0.4, 1.0])
 STEP = 1e-6
@@ -136,14 +136,19 @@ def test_rows_left_out_cannot_be_broken_by_the_step(case, kind):
     size = StepSize(0.01, 0.005)
     every, some = kinds.rows(spline, 0.8), kinds.rows(spline, 0.8, size)
     left_out = ~np.isin(every.index, some.index)
-    assert (every.slack[left_out] >= every.reach(size)[left_out]).all()
+    farthest = StepSize(0.01, 0.005)  # every control point and switching time, either way
+    worst = farthest.control * np.einsum("rkj,rkj->r", every.control, np.sign(every.control))
+    worst += farthest.switching * np.einsum("rs,rs->r", every.switching, np.sign(every.switching))
+    np.testing.assert_allclose(every.reach(size), worst, rtol=1e-12)
+    assert (every.slack[left_out] >= worst[left_out]).all()
     np.testing.assert_array_equal(every.where(~left_out).slack, some.slack)
 
 
-def test_rows_know_what_the_duration_gives(case):
+@pytest.mark.parametrize("kinds", [EVERY_LIMIT, ("effort",)], ids=["all", "effort"])
+def test_rows_know_what_the_duration_gives(case, kinds):
     """At the duration that the limits allow, the tightest row has no slack; beyond it, some."""
     problem, spline, samples = case
-    limits = LimitConstraints(problem.robot).at(spline, samples, EVERY_LIMIT)
+    limits = LimitConstraints(problem.robot).at(spline, samples, kinds)
     y = float(limits.squared_durations.max())
     rows = limits.rows(np.sqrt(y), None)
     assert rows.slack.min() == pytest.approx(0.0, abs=1e-9)
@@ -205,14 +210,37 @@ def test_planes_hold_the_capsule_and_touch_it(case):
     np.testing.assert_allclose(tube.excess - 0.005, -own / radius, atol=1e-9)
 
 
-def test_the_rotations_rows_are_its_margin(case):
+@pytest.mark.parametrize("margin", [0.0, 0.1])
+def test_the_rotations_rows_are_its_margin(case, margin):
     """The tightest row of a sample has the slack that the tube's own margin says."""
     problem, spline, samples = case
     tube = problem.tube.rotation
-    evaluated = evaluated_rotation(problem.robot, tube, spline, samples, 0.0, 0)
+    evaluated = evaluated_rotation(problem.robot, tube, spline, samples, margin, 0)
     error = tube.error(*problem.robot.tool_pose(evaluated.at.position), samples.phase)
     used = np.hstack([abs(error), np.linalg.norm(error, axis=1, keepdims=True)])
     worst = (used / tube.bounds[samples.phase]).max(axis=1)
-    np.testing.assert_allclose(evaluated.excess, worst - 1, atol=1e-12)
+    np.testing.assert_allclose(evaluated.excess, worst - 1 + margin, atol=1e-12)
     slack = evaluated.slack(evaluated).reshape(len(worst), -1).min(axis=1)
-    np.testing.assert_allclose(slack, 1 - worst, atol=1e-12)
+    np.testing.assert_allclose(slack, 1 - margin - worst, atol=1e-12)
+
+
+def test_supporting_planes_look_outward_all_around_the_axis_and_at_both_caps():
+    """Unit normals: outward, across the axis on all sides, and along it both ways."""
+    rng = np.random.default_rng(3)
+    axis = rng.normal(size=(20, 3))
+    axis /= np.linalg.norm(axis, axis=1, keepdims=True)
+    away = rng.normal(size=(20, 3))
+    normals = _normals(away, axis)
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=2), 1.0)
+    np.testing.assert_allclose(
+        normals[:, 0], away / np.linalg.norm(away, axis=1, keepdims=True), atol=1e-12
+    )
+    np.testing.assert_allclose(normals[:, -2:], np.stack([axis, -axis], axis=1))
+    fan = normals[:, 1:-2]
+    np.testing.assert_allclose(np.einsum("npi,ni->np", fan, axis), 0.0, atol=1e-12)
+    # Whatever the direction across the axis, a plane of the fan is within 46 degrees of it, or of
+    # its opposite.
+    across = np.cross(axis, rng.normal(size=(20, 3)))
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    nearest = abs(np.einsum("npi,ni->np", fan, across)).max(axis=1)
+    assert (nearest > np.cos(np.radians(46))).all()
