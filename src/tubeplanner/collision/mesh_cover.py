@@ -67,6 +67,17 @@ def cover_mesh(mesh: "trimesh.Trimesh") -> list[ConvexShape]:
     The solid inside a slab lies in the hull of the surface inside that slab, because every
     cross-section is bounded by surface.
     """
+    return _cover_and_slabs(mesh)[0]
+
+
+def slab_cuts(mesh: "trimesh.Trimesh") -> list[tuple[int, float]]:
+    """Return where `cover_mesh` cuts a mesh: axis and coordinate [m]."""
+    slabs = _cover_and_slabs(mesh)[1]
+    axis, bounds = _slab_bounds(mesh, slabs)
+    return [(axis, float(height)) for height in bounds[1:-1]]
+
+
+def _cover_and_slabs(mesh: "trimesh.Trimesh") -> tuple[list[ConvexShape], int]:
     cover = [convex_hull(mesh.vertices)]
     slabs = 2
     while slabs <= _MAX_SLABS:
@@ -74,17 +85,21 @@ def cover_mesh(mesh: "trimesh.Trimesh") -> list[ConvexShape]:
         if _volume(finer) > _WORTHWHILE_VOLUME_RATIO * _volume(cover):
             break
         cover, slabs = finer, 2 * slabs
-    return cover
+    return cover, slabs // 2
 
 
 def _slab_hulls(mesh: "trimesh.Trimesh", count: int) -> list[ConvexShape]:
-    axis = int(np.argmax(mesh.extents))
-    bounds = np.linspace(mesh.bounds[0, axis], mesh.bounds[1, axis], count + 1)
+    axis, bounds = _slab_bounds(mesh, count)
     return [
         convex_hull(points)
         for points in (_slab_points(mesh, axis, low, high) for low, high in pairwise(bounds))
         if len(points)
     ]
+
+
+def _slab_bounds(mesh: "trimesh.Trimesh", count: int) -> tuple[int, np.ndarray]:
+    axis = int(np.argmax(mesh.extents))
+    return axis, np.linspace(mesh.bounds[0, axis], mesh.bounds[1, axis], count + 1)
 
 
 def _slab_points(mesh: "trimesh.Trimesh", axis: int, low: float, high: float) -> np.ndarray:

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from tubeplanner.arrays import FloatArray
 from tubeplanner.collision import convex_shape
 from tubeplanner.collision.convex_shape import ConvexShape
-from tubeplanner.collision.mesh_cover import cover_mesh, load_mesh
+from tubeplanner.collision.mesh_file import MeshFile
 from tubeplanner.errors import ProblemError
 
 # Lengths that make sense around an arm [m]; far outside them distances are only rounding.
@@ -61,8 +61,8 @@ class Obstacle:
     ) -> "Obstacle":
         """Return a solid mesh in a placement (4, 4).
 
-        It is covered by the convex hulls of at most eight slabs across its longest axis, so that a
-        hollow counts as solid unless it lies between slabs.
+        It is covered by at most 64 convex shapes that stand off its surface by 2 mm, or as little
+        as so many allow; hollows that are larger are free.
 
         Raises:
             RobotError: The file is no readable mesh.
@@ -72,7 +72,7 @@ class Obstacle:
             raise ProblemError(
                 f"obstacle '{name}': scale {scale:g}; {MIN_SIZE:g} to {MAX_SIZE:g} are accepted"
             )
-        shapes = cover_mesh(load_mesh(f"obstacle '{name}'", Path(path), scale))
+        shapes = MeshFile(f"obstacle '{name}'", Path(path), scale).close_cover()
         return cls(name, tuple(shape.transformed(placement) for shape in shapes))
 
 
