@@ -15,6 +15,7 @@ OUTER_ERROR = 2e-3  # [m] that a cover may stand off its mesh where it matters
 MAX_PIECES = 64
 # A piece matters if what must stay clear of it is in it, or this near [m].
 _NEAR = 5e-3
+_MAX_PROBES = 1500  # kept of those near a piece
 _SEED = 0
 
 
@@ -99,6 +100,8 @@ class _Search:
     def add(self, piece: MeshPiece, probes: FloatArray | None) -> None:
         """Add a piece; of the probes, those in or near it matter."""
         near = None if probes is None else probes[piece.depth(probes) > -_NEAR]
+        if near is not None and len(near) > _MAX_PROBES:
+            near = self._rng.choice(near, _MAX_PROBES, replace=False)
         error = 0.0
         if near is None or len(near):
             samples = piece.hull_samples(self._rng)
