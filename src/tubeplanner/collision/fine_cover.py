@@ -13,7 +13,8 @@ from tubeplanner.collision.mesh_solid import MeshSolid
 
 OUTER_ERROR = 2e-3  # [m] that a cover may stand off its mesh where it matters
 MAX_PIECES = 64
-# A piece matters if what must stay clear of it is in it, or this near [m].
+# A piece matters if what must stay clear of it is in it, or this near [m]: as much as it is farther
+# in than that.
 _NEAR = 5e-3
 _MAX_PROBES = 1500  # kept of those near a piece
 _SEED = 0
@@ -65,9 +66,8 @@ def fine_cover(
         max_pieces: At most so many shapes.
     """
     search = _Search(solid)
-    search.add(search.whole(), probes)
-    for axis, height in cuts:
-        search.cut_all(axis, height)
+    for piece in search.beginning(cuts):
+        search.add(piece, probes)
     while search.waiting and search.count < max_pieces:
         worst = heapq.heappop(search.waiting)
         parts = worst.piece.cut() if worst.error > outer_error else None
@@ -92,34 +92,36 @@ class _Search:
     def count(self) -> int:
         return len(self.waiting) + len(self.done)
 
-    def whole(self) -> MeshPiece:
-        """Return the solid as one piece."""
+    def beginning(self, cuts: Sequence[tuple[int, float]]) -> list[MeshPiece]:
+        """Return the solid in pieces, cut at planes."""
         everywhere = np.full(3, np.inf)
-        return MeshPiece(self._solid.triangles, -everywhere, everywhere, self._solid.contains)
+        whole = MeshPiece(self._solid.triangles, -everywhere, everywhere, self._solid.contains)
+        pieces = [whole]
+        for axis, height in cuts:
+            parts = [
+                piece.part(axis, height, below=below) for piece in pieces for below in (True, False)
+            ]
+            pieces = [part for part in parts if len(part.triangles)]
+        return pieces
 
     def add(self, piece: MeshPiece, probes: FloatArray | None) -> None:
         """Add a piece; of the probes, those in or near it matter."""
-        near = None if probes is None else probes[piece.depth(probes) > -_NEAR]
-        if near is not None and len(near) > _MAX_PROBES:
-            near = self._rng.choice(near, _MAX_PROBES, replace=False)
+        matters = np.inf
+        if probes is not None:
+            outside = piece.outside(probes)
+            matters = _NEAR - float(outside.min(initial=_NEAR))
+            probes = probes[outside < _NEAR]
+            if len(probes) > _MAX_PROBES:
+                probes = self._rng.choice(probes, _MAX_PROBES, replace=False)
         error = 0.0
-        if near is None or len(near):
+        if matters > 0:
             samples = piece.hull_samples(self._rng)
-            error = float(self._solid.distance(samples).max(initial=0.0))
-        heapq.heappush(self.waiting, _Piece((-error, self._made), piece, near))
+            error = min(matters, float(self._solid.distance(samples).max(initial=0.0)))
+        heapq.heappush(self.waiting, _Piece((-error, self._made), piece, probes))
         self._made += 1
-
-    def cut_all(self, axis: int, height: float) -> None:
-        """Cut all pieces at a plane."""
-        pieces, self.waiting = self.waiting, []
-        for each in pieces:
-            for below in (True, False):
-                part = each.piece.part(axis, height, below=below)
-                if len(part.triangles):
-                    self.add(part, each.probes)
 
     def cover(self) -> Cover:
         """Return the cover by all pieces."""
         pieces = [*self.done, *self.waiting]
-        shapes = tuple(each.piece.shape for each in pieces)
+        shapes = tuple(each.piece.shape() for each in pieces)
         return Cover(shapes, max(each.error for each in pieces))

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import trimesh
 
 # Each shape of one link is checked against each of another: fewer than for obstacles.
-_LINK_PIECES = 24
+_LINK_PIECES = 48
 # Formats whose files hold all of the mesh: only these are cached.
 _SELF_CONTAINED = {".stl", ".obj", ".dae", ".ply", ".off", ".glb", ".3mf"}
 
@@ -69,9 +69,7 @@ class MeshFile:
 
     def fine_cover(self, probes: FloatArray) -> Cover:
         """Return shapes that cover the mesh closely where probes, shape (N, 3) [m], come near."""
-        return fine_cover(
-            self.solid, probes, cuts=slab_cuts(self._mesh), max_pieces=_LINK_PIECES
-        )
+        return fine_cover(self.solid, probes, cuts=slab_cuts(self._mesh), max_pieces=_LINK_PIECES)
 
     def _close_cover(self) -> Sequence[ConvexShape]:
         cover = cover_mesh(self._mesh)

@@ -13,8 +13,8 @@ from itertools import product
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from tubeplanner.arrays import BoolArray, FloatArray
-from tubeplanner.collision.convex_shape import ConvexShape, convex_hull, flat_hull
+from tubeplanner.arrays import BoolArray, FloatArray, read_only
+from tubeplanner.collision.convex_shape import ConvexShape, flat_hull
 from tubeplanner.collision.cover_error import surface_samples
 
 # Where a piece may be cut: the coordinates that most of its corners have, and its middle. A cut at
@@ -24,7 +24,7 @@ _CORNER_SHARE = 0.05
 # A cut this close to an end of a piece [m], or this share of its extent, leaves nothing to gain.
 _END, _END_SHARE = 1e-5, 0.02
 _EXACT_BELOW = 400  # triangles: only so few are cut to see what a cut is worth
-_SCORED_POINTS = 150  # of a piece's corners otherwise
+_SCORED_POINTS = 100  # of a piece's corners otherwise
 _SAMPLES = 60  # points on a hull at which its distance from the surface is measured
 _ON_PLANE = 2e-7  # [m], beyond what counts as on a cut
 # Corners of triangles this near a cut lie on it [m], and corners of boxes are looked at this far
@@ -51,23 +51,29 @@ class MeshPiece:
     inside: Inside
 
     @cached_property
-    def shape(self) -> ConvexShape:
-        """The hull of the solid inside the box, grown by what rounding left outside of it."""
-        points = np.vstack([self._points, self._corners])
+    def hull(self) -> ConvexShape:
+        """The hull of the solid inside the box, as exact as rounding allows."""
+        points = self._all_points
         try:
-            hull = ConvexHull(points)
+            return ConvexShape(points[ConvexHull(points).vertices])
         except QhullError:
             return flat_hull(points)
-        outside = points @ hull.equations[:, :3].T + hull.equations[:, 3]
-        shape = convex_hull(points)
-        return ConvexShape(shape.vertices, max(0.0, float(outside.max())))
 
-    def depth(self, points: FloatArray) -> FloatArray:
-        """Return how deep points (N, 3) are in the hull, at most: negative outside, (N,) [m]."""
-        hull = ConvexHull(self.shape.vertices)
-        values = points @ hull.equations[:, :3].T + hull.equations[:, 3]
-        depth: FloatArray = -values.max(axis=1)
-        return depth
+    def shape(self) -> ConvexShape:
+        """Return the hull, grown by what rounding left outside of it: nothing of the solid is."""
+        outside = self.outside(self._all_points).max()
+        return ConvexShape(read_only(self.hull.vertices), max(0.0, float(outside)))
+
+    def outside(self, points: FloatArray) -> FloatArray:
+        """Return how far points (N, 3) are outside of the hull at least, shape (N,) [m]."""
+        vertices = self.hull.vertices
+        low, high = vertices.min(axis=0), vertices.max(axis=0)
+        outside: FloatArray = np.maximum(low - points, points - high).max(axis=1)
+        inside = outside <= 0
+        hull = ConvexHull(vertices)
+        beyond = points[inside] @ hull.equations[:, :3].T + hull.equations[:, 3]
+        outside[inside] = np.maximum(outside[inside], beyond.max(axis=1))
+        return outside
 
     def cut(self) -> "tuple[MeshPiece, MeshPiece] | None":
         """Return both parts of the cut that makes their hulls smallest; None if none does."""
@@ -90,7 +96,7 @@ class MeshPiece:
 
     def hull_samples(self, rng: np.random.Generator) -> FloatArray:
         """Return points on the hull's surface, shape (N, 3) [m]; none on the box around it."""
-        triangles = self.shape.vertices[self.shape.faces]
+        triangles = self.hull.vertices[self.hull.faces]
         on_cut = np.zeros(len(triangles), dtype=bool)
         for bound in (self.low, self.high):
             on_cut |= (abs(triangles - bound) < _ON_PLANE).all(axis=1).any(axis=1)
@@ -98,6 +104,10 @@ class MeshPiece:
         if len(triangles) == 0:
             return np.zeros((0, 3))
         return surface_samples(triangles, _SAMPLES, rng)
+
+    @property
+    def _all_points(self) -> FloatArray:
+        return np.vstack([self._points, self._corners])
 
     @cached_property
     def _points(self) -> FloatArray:
