@@ -18,7 +18,7 @@ TESTS = Path(__file__).parent
 # Who may know which library.
 KNOWS = {
     "pinocchio": {"robot.pinocchio_model", "robot.robot_model"},
-    "fcl": {"collision.separation"},
+    "fcl": {"collision.mesh_solid", "collision.separation"},
     "yourdfpy": {"collision.link_geometry"},
     "trimesh": {"collision.mesh_cover", "views.visual_mesh"},
     "matplotlib": {

@@ -16,6 +16,7 @@ from tubeplanner.errors import ProblemError, unknown_name
 from tubeplanner.robot.robot_model import RobotModel
 
 _BASE = 0
+# Why pairs are left out.
 NEIGHBOURS, ALWAYS_TOUCHING, IGNORED = "neighbours", "always touching", "ignored"
 
 

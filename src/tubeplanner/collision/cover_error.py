@@ -41,7 +41,7 @@ def surface_samples(triangles: FloatArray, count: int, rng: np.random.Generator)
     """Return random points on triangles (T, 3, 3), evenly by area, shape (count, 3) [m]."""
     sides = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     area = np.linalg.norm(sides, axis=1)
-    if not area.sum() > 0:
+    if len(area) == 0 or not area.sum() > 0:
         return triangles.reshape(-1, 3)[:count]
     chosen = rng.choice(len(area), count, p=area / area.sum())
     return np.einsum("nk,nki->ni", rng.dirichlet(np.ones(3), count), triangles[chosen])

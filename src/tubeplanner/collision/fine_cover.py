@@ -101,7 +101,7 @@ class _Search:
             parts = [
                 piece.part(axis, height, below=below) for piece in pieces for below in (True, False)
             ]
-            pieces = [part for part in parts if len(part.triangles)]
+            pieces = [part for part in parts if not part.is_empty]
         return pieces
 
     def add(self, piece: MeshPiece, probes: FloatArray | None) -> None:

@@ -34,7 +34,7 @@ _TOUCH_SEED = 0
 _FALSE_SHARE = 0.05
 _FALSE_SAMPLES = 200
 # Of a pair's links so many points each, in so many configurations, show where covers must be close.
-_PROBES, _PROBED = 150, 40
+_PROBES, _PROBED = 200, 40
 _PROBE_SEED = 0
 
 Pair = tuple[str, str]

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -16,11 +16,10 @@ from tubeplanner.collision.fine_cover import OUTER_ERROR, Cover, fine_cover
 from tubeplanner.collision.mesh_cover import cover_mesh, load_mesh, slab_cuts
 from tubeplanner.collision.mesh_solid import MeshSolid
 
-if TYPE_CHECKING:
-    import trimesh
-
-# Each shape of one link is checked against each of another: fewer than for obstacles.
-_LINK_PIECES = 48
+# Each shape of one link is checked against each of another: fewer than for obstacles. Both links of
+# a pair have a cover: each may stand off half as much [m].
+_LINK_PIECES = 32
+_LINK_ERROR = OUTER_ERROR / 2
 # Formats whose files hold all of the mesh: only these are cached.
 _SELF_CONTAINED = {".stl", ".obj", ".dae", ".ply", ".off", ".glb", ".3mf"}
 
@@ -69,7 +68,13 @@ class MeshFile:
 
     def fine_cover(self, probes: FloatArray) -> Cover:
         """Return shapes that cover the mesh closely where probes, shape (N, 3) [m], come near."""
-        return fine_cover(self.solid, probes, cuts=slab_cuts(self._mesh), max_pieces=_LINK_PIECES)
+        return fine_cover(
+            self.solid,
+            probes,
+            cuts=slab_cuts(self._mesh),
+            outer_error=_LINK_ERROR,
+            max_pieces=_LINK_PIECES,
+        )
 
     def _close_cover(self) -> Sequence[ConvexShape]:
         cover = cover_mesh(self._mesh)
@@ -80,5 +85,5 @@ class MeshFile:
         return finer.shapes if finer.outer_error < error else cover
 
     @cached_property
-    def _mesh(self) -> "trimesh.Trimesh":
+    def _mesh(self) -> Any:
         return load_mesh(self.owner, self.path, self.scale)

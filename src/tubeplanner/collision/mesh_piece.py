@@ -21,11 +21,11 @@ from tubeplanner.collision.cover_error import surface_samples
 # a corner is preferred to one that is better by less than this share.
 _MAX_COORDINATES = 5
 _CORNER_SHARE = 0.05
-# A cut this close to an end of a piece [m], or this share of its extent, leaves nothing to gain.
-_END, _END_SHARE = 1e-5, 0.02
+_END = 5e-4  # [m]: a cut closer to an end of a piece leaves nothing to gain
 _EXACT_BELOW = 400  # triangles: only so few are cut to see what a cut is worth
 _SCORED_POINTS = 100  # of a piece's corners otherwise
-_SAMPLES = 60  # points on a hull at which its distance from the surface is measured
+_CUT_SAMPLES = 12
+_FACETS = 40  # of a hull at which its distance from the surface is measured
 _ON_PLANE = 2e-7  # [m], beyond what counts as on a cut
 # Corners of triangles this near a cut lie on it [m], and corners of boxes are looked at this far
 # inside of their box: there the solid's own surface, on which they may lie, is no matter.
@@ -76,7 +76,7 @@ class MeshPiece:
         return outside
 
     def cut(self) -> "tuple[MeshPiece, MeshPiece] | None":
-        """Return both parts of the cut that makes their hulls smallest; None if none does."""
+        """Return both parts of the cut that makes their hulls smallest; None if there is none."""
         places = list(self._places())
         if not places:
             return None
@@ -85,7 +85,7 @@ class MeshPiece:
             for axis, height, worse in places
         )
         parts = [self.part(*best[1:], below=below) for below in (True, False)]
-        return (parts[0], parts[1]) if all(len(part.triangles) for part in parts) else None
+        return None if any(part.is_empty for part in parts) else (parts[0], parts[1])
 
     def part(self, axis: int, height: float, *, below: bool) -> "MeshPiece":
         """Return the part on one side of a plane across an axis at a coordinate [m]."""
@@ -95,15 +95,20 @@ class MeshPiece:
         return MeshPiece(triangles, low, high, self.inside)
 
     def hull_samples(self, rng: np.random.Generator) -> FloatArray:
-        """Return points on the hull's surface, shape (N, 3) [m]; none on the box around it."""
+        """Return points on the hull's surface that are not inside the solid, shape (N, 3) [m]."""
         triangles = self.hull.vertices[self.hull.faces]
         on_cut = np.zeros(len(triangles), dtype=bool)
         for bound in (self.low, self.high):
             on_cut |= (abs(triangles - bound) < _ON_PLANE).all(axis=1).any(axis=1)
-        triangles = triangles[~on_cut]
-        if len(triangles) == 0:
-            return np.zeros((0, 3))
-        return surface_samples(triangles, _SAMPLES, rng)
+        # Where it was cut, a piece is nearly always inside the solid; elsewhere, never.
+        cut = surface_samples(triangles[on_cut], _CUT_SAMPLES, rng)
+        free = _middles(triangles[~on_cut])
+        return np.vstack([free, cut[~self.inside(cut)]])
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether the box has nothing of the solid."""
+        return len(self._all_points) == 0
 
     @property
     def _all_points(self) -> FloatArray:
@@ -124,18 +129,17 @@ class MeshPiece:
 
     def _places(self) -> Iterator[tuple[int, float, float]]:
         """Yield where the piece may be cut: axis, coordinate, and by what its volume counts."""
-        low, high = self._points.min(axis=0), self._points.max(axis=0)
+        low, high = self._all_points.min(axis=0), self._all_points.max(axis=0)
         for axis in range(3):
-            end = max(_END, _END_SHARE * (high[axis] - low[axis]))
             _, first, counts = np.unique(
                 self._points[:, axis].round(6), return_index=True, return_counts=True
             )
             common = self._points[first, axis][
                 np.argsort(-counts, kind="stable")[:_MAX_COORDINATES]
             ]
-            for height in common[(common > low[axis] + end) & (common < high[axis] - end)]:
+            for height in common[(common > low[axis] + _END) & (common < high[axis] - _END)]:
                 yield axis, float(height), 1.0
-            if high[axis] - low[axis] > 2 * end:
+            if high[axis] - low[axis] > 2 * _END:
                 yield axis, float(low[axis] + high[axis]) / 2, 1 + _CORNER_SHARE
 
     def _hull_volume(self, axis: int, height: float) -> float:
@@ -188,6 +192,15 @@ def clipped(triangles: FloatArray, axis: int, height: float, *, below: bool) -> 
         else:
             parts += [np.stack([ab, b, c], axis=1), np.stack([ab, c, ac], axis=1)]
     return np.concatenate(parts)
+
+
+def _middles(triangles: FloatArray) -> FloatArray:
+    """Return the middles of the largest triangles and of their edges, shape (N, 3)."""
+    sides = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    largest = np.argsort(-np.linalg.norm(sides, axis=1), kind="stable")[:_FACETS]
+    corners = triangles[largest]
+    edges = (corners + np.roll(corners, 1, axis=1)) / 2
+    return np.vstack([corners.mean(axis=1), edges.reshape(-1, 3)])
 
 
 def _faces_up(triangles: FloatArray, axis: int) -> BoolArray:

@@ -75,7 +75,7 @@ def verify(
         "obstacles": judge.obstacles(),
         "self_collision": judge.self_collision(),
     }
-    return Certificate(conditions, tolerance)
+    return Certificate(conditions, tolerance, problem.collision.left_out)
 
 
 class _Judge:
