@@ -72,12 +72,12 @@ def judged_pairs(
     """
     if not pairs:
         return LinkPairs((), (), {})
-    judge = _Judge(robot, parts, covers)
+    judge = LinkJudge(robot, parts, covers)
     found = cached("pairs", judge.key(pairs), lambda: _as_arrays(judge.judged(pairs)))
     return _of_arrays(found)
 
 
-class _Judge:
+class LinkJudge:
     """Links in random configurations."""
 
     def __init__(
@@ -86,6 +86,7 @@ class _Judge:
         parts: Mapping[str, Sequence[LinkPart]],
         covers: Mapping[str, Sequence[ConvexShape]],
     ) -> None:
+        """Take links by their elements and their usual covers, see `judged_pairs`."""
         self._robot, self._parts = robot, parts
         shapes: list[BodyShape] = []
         self._indices: dict[str, range] = {}
@@ -105,6 +106,11 @@ class _Judge:
             contents += [content for part in own for content in part.contents()]
         return content_hash([*contents, *(name for pair in pairs for name in pair)])
 
+    def overlapping(self, pair: Pair) -> bool:
+        """Return whether a pair's covers overlap in all configurations."""
+        indices = self._pairs_of(pair)
+        return all(self._overlap(indices, k) for k in range(_TOUCH_SAMPLES))
+
     def judged(self, pairs: Sequence[Pair]) -> LinkPairs:
         """Judge pairs of links."""
         touching = tuple(pair for pair in pairs if self._always_touch(pair))
@@ -123,10 +129,8 @@ class _Judge:
 
     def _always_touch(self, pair: Pair) -> bool:
         """Return whether a pair's covers overlap and its solids touch in all configurations."""
-        indices, samples = self._pairs_of(pair), range(_TOUCH_SAMPLES)
-        return all(self._overlap(indices, k) for k in samples) and all(
-            self._touch(pair, k) for k in samples
-        )
+        samples = range(_TOUCH_SAMPLES)
+        return self.overlapping(pair) and all(self._touch(pair, k) for k in samples)
 
     def _falsely_overlapping(self, pair: Pair) -> IntArray:
         """Return in which configurations only the covers overlap; none if these are too few."""
