@@ -40,10 +40,11 @@ def test_a_trajectory_file_is_what_scipy_takes(planned):
 
 def test_csv_has_every_quantity_of_every_joint(planned):
     problem, result = planned(UR5)
-    rows = list(
-        csv.DictReader(io.StringIO(trajectory_csv(problem.robot, result.trajectory.sample(100))))
+    names, samples = problem.robot.joint_names, result.trajectory.sample(100)
+    effort = problem.robot.inverse_dynamics(
+        samples.position, samples.velocity, samples.acceleration
     )
-    names = problem.robot.joint_names
+    rows = list(csv.DictReader(io.StringIO(trajectory_csv(names, samples, effort))))
     quantities = ("position", "velocity", "acceleration", "effort")
     assert list(rows[0]) == ["time", *(f"{name}.{what}" for what in quantities for name in names)]
     time = np.array([float(row["time"]) for row in rows])
@@ -147,10 +148,10 @@ def test_samples_of_a_refined_trajectory_read_back_pass(name, suffix, planned, t
     assert 0 < sampled.slowed < 0.02
     assert "averaged" in sampled.note
     path = tmp_path / f"t{suffix}"
+    names = problem.robot.joint_names
     if suffix == ".csv":
-        path.write_text(trajectory_csv(problem.robot, sampled.samples))
+        path.write_text(trajectory_csv(names, sampled.samples))
     else:
-        names = problem.robot.joint_names
         path.write_text(trajectory_ros(names, sampled.samples, sampled.note))
         assert path.read_text().startswith("# CSV and ROS samples at 500 Hz are averaged")
     read = read_trajectory_file(path)
@@ -167,7 +168,7 @@ def test_samples_of_a_refined_trajectory_read_back_pass(name, suffix, planned, t
 EXPORTED = {  # method, how many times slower than planned, rate, note
     "what the motors can do at leisure is sampled as it is": ("stop-at-corners", 2, 500, None),
     "few samples are slowed down": ("refinement", 1, 60, "slowed down|averaged"),
-    "too few are written with the reason": ("refinement", 1, 8, "too few.*raise --rate"),
+    "too few are written with the reason": ("refinement", 1, 8, "too few.*raise the rate"),
 }
 
 

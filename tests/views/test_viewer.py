@@ -267,7 +267,7 @@ def files(planned, tmp_path):
     problem, result = planned("two_link/around_a_post")
     (tmp_path / "t.json").write_text(trajectory_json(result.trajectory))
     samples = result.trajectory.sample(500)
-    (tmp_path / "t.csv").write_text(trajectory_csv(problem.robot, samples))
+    (tmp_path / "t.csv").write_text(trajectory_csv(problem.robot.joint_names, samples))
     (tmp_path / "t.yaml").write_text(trajectory_ros(problem.robot.joint_names, samples))
     return tmp_path
 

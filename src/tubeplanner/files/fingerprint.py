@@ -62,10 +62,15 @@ def _shape_parts(shape: ConvexShape) -> list[object]:
     return [np.sort(shape.vertices, axis=0), shape.radius]
 
 
-def origin(problem: PlanningProblem, method: str) -> dict[str, Any]:
-    """Return the origin that a trajectory file states, as JSON values."""
+def origin(problem: PlanningProblem, method: str | None = None) -> dict[str, Any]:
+    """Return the origin that a trajectory file states, as JSON values.
+
+    Args:
+        problem: The planning problem.
+        method: How the trajectory was made; None: not known, and not stated.
+    """
     return {
-        "method": method,
+        **({} if method is None else {"method": method}),
         "tubeplanner_version": __version__,
         "problem": problem.name,
         "problem_hash": problem_hash(problem),
