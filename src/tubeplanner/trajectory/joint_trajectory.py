@@ -197,8 +197,8 @@ class JointTrajectory:
             rate: Of the samples [Hz].
 
         Returns:
-            Notes about the samples: how they differ from the trajectory, or what joining them
-            breaks; empty if there is nothing to say.
+            Notes on how the samples differ from the trajectory, or on what joining them breaks;
+            empty if there is nothing to say.
 
         Raises:
             OutputError: The suffix is another one, or the file could not be written.
