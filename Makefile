@@ -4,15 +4,32 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 PROBLEM ?= example:ur5/over_the_wall
+JOBS ?= 2
+# One thread of linear algebra per worker: more would fight for the same cores.
+PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(JOBS) --dist loadfile
 
-.PHONY: demo test lint notebooks docs wheel clean
+.PHONY: demo test test-slow test-all test-processors trajectories lint notebooks docs wheel clean
 
 demo: $(VENV)/.installed
 	mkdir -p output
 	$(BIN)/tubeplanner plan $(PROBLEM) -o output/trajectory.json --csv output/trajectory.csv --plot output/trajectory.png --html output/trajectory.html
 
 test: $(VENV)/.installed-test lint
-	$(BIN)/python -m pytest
+	$(PYTEST) -m "not slow"
+
+test-slow: $(VENV)/.installed-test
+	$(PYTEST) -m slow
+
+test-all: $(VENV)/.installed-test lint
+	$(PYTEST)
+
+# The numerics again, rounded as other processors round.
+test-processors: $(VENV)/.installed-test
+	$(BIN)/python tests/other_processors.py "$(PYTEST)"
+
+# Those that tests only look at, planned again; needed when a bundled problem changes.
+trajectories: $(VENV)/.installed-test
+	$(BIN)/python tests/refresh_trajectories.py
 
 lint: $(VENV)/.installed-test
 	$(BIN)/ruff check src tests benchmarks notebooks docs

@@ -1,8 +1,11 @@
 """Robots and problems that many tests share; loaded once."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
+from stored_trajectories import STOP, stored_trajectory
 from tubeplanner import (
     LimitOverrides,
     PlanningProblem,
@@ -55,18 +58,35 @@ def slider(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
-def planned():
+def bundled():
+    """Return a function from a bundled problem's name to the problem, loaded once."""
+    return cache(lambda name: load_problem(f"example:{name}"))
+
+
+@pytest.fixture(scope="session")
+def stored(bundled):
+    """Return a function from a bundled problem's name to the problem and a stored trajectory.
+
+    For tests that only look at trajectories. Unless asked otherwise, it stops at corners: its shape
+    is known.
+    """
+
+    def of(name, method=STOP):
+        return bundled(name), stored_trajectory(name, method).trajectory
+
+    return of
+
+
+@pytest.fixture(scope="session")
+def planned(bundled):
     """Return a function from a bundled problem's name to the problem and its plan, made once.
 
-    Unless asked otherwise, the trajectory stops at corners: quick, and its shape is known.
+    For tests of planning.
     """
-    made = {}
 
-    def of(name, method="stop-at-corners"):
-        if (name, method) not in made:
-            problem = load_problem(f"example:{name}")
-            made[name, method] = (problem, plan(problem, PlanOptions(method)))
-        return made[name, method]
+    @cache
+    def of(name, method=STOP):
+        return bundled(name), plan(bundled(name), PlanOptions(method))
 
     return of
 

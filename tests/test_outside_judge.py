@@ -84,11 +84,11 @@ class Case:
 
 
 @pytest.fixture(scope="session")
-def certified(planned, tmp_path_factory):
+def certified(stored, tmp_path_factory):
     """A certified trajectory of the two-link arm, and what its problem file holds."""
-    _, result = planned("two_link/around_a_post")
+    _, trajectory = stored("two_link/around_a_post")
     path = tmp_path_factory.mktemp("certified") / "trajectory.json"
-    path.write_text(trajectory_json(result.trajectory))
+    path.write_text(trajectory_json(trajectory))
     text = bundled_problems()["two_link/around_a_post"].read_text()
     return text, read_trajectory(path)
 
@@ -285,17 +285,17 @@ def test_concave_links_that_pass_through_each_other_are_found():
     assert all(one.holds(1e-5) for name, one in found.items() if name != "self_collision")
 
 
-def test_the_trajectory_of_an_arm_with_meshes_passes(planned, tmp_path):
-    _, result = planned("ur5/over_the_wall")
+def test_the_trajectory_of_an_arm_with_meshes_passes(stored, tmp_path):
+    _, trajectory = stored("ur5/over_the_wall")
     path = tmp_path / "trajectory.json"
-    path.write_text(trajectory_json(result.trajectory))
+    path.write_text(trajectory_json(trajectory))
     assert main([str(bundled_problems()["ur5/over_the_wall"]), str(path)]) == 0
 
 
-def test_the_least_distance_is_that_of_all_samples(planned, tmp_path):
-    _, result = planned("ur5/over_the_wall")
+def test_the_least_distance_is_that_of_all_samples(stored, tmp_path):
+    _, trajectory = stored("ur5/over_the_wall")
     path = tmp_path / "trajectory.json"
-    path.write_text(trajectory_json(result.trajectory))
+    path.write_text(trajectory_json(trajectory))
     judge, trajectory = Judge(bundled_problems()["ur5/over_the_wall"]), read_trajectory(path)
     poses = Poses(*judge.arm.poses(trajectory.at(trajectory.samples(25))))
     for pairs in (judge.clearance.link_pairs, judge.clearance.obstacle_pairs):

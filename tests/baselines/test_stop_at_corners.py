@@ -1,3 +1,4 @@
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -30,10 +31,20 @@ def conventional_duration(points):
     return times.sum()
 
 
+@pytest.fixture(scope="module")
+def stopping(bundled):
+    """Return a function from a bundled problem's name to the problem and what stops at corners."""
+
+    @cache
+    def of(name):
+        return bundled(name), stop_at_corners(bundled(name), branch_of(bundled(name)))
+
+    return of
+
+
 @pytest.mark.parametrize("name", PROBLEMS)
-def test_the_arm_rests_at_every_reference_point(name, planned):
-    problem, result = planned(name)
-    trajectory = result.trajectory
+def test_the_arm_rests_at_every_reference_point(name, stopping):
+    problem, trajectory = stopping(name)
     t = np.linspace(0, trajectory.duration, 20_000)
     speed = abs(trajectory.velocity(t)).max(axis=1)
     tool = problem.robot.tool_position(trajectory.position(t))
@@ -45,10 +56,9 @@ def test_the_arm_rests_at_every_reference_point(name, planned):
 
 
 @pytest.mark.parametrize("name", PROBLEMS)
-def test_every_segment_runs_at_its_limits(name, planned):
+def test_every_segment_runs_at_its_limits(name, stopping):
     """No segment could be run faster, and none breaks a limit: its own minimum is its duration."""
-    problem, result = planned(name)
-    trajectory = result.trajectory
+    problem, trajectory = stopping(name)
     moving = abs(trajectory.velocity(trajectory.breakpoints)).max(axis=1) > 1e-9
     stops = trajectory.breakpoints[~moving]
     assert len(stops) == problem.tube.segment_count + 1
@@ -57,20 +67,20 @@ def test_every_segment_runs_at_its_limits(name, planned):
         assert minimum_duration(problem.robot, part) == pytest.approx(end - begin, rel=1e-5)
 
 
-def test_it_beats_the_conventional_scheme_of_the_paper(planned):
-    problem, result = planned("two_link/around_a_post")
-    assert result.duration < conventional_duration(problem.tube.points)
+def test_it_beats_the_conventional_scheme_of_the_paper(stopping):
+    problem, trajectory = stopping("two_link/around_a_post")
+    assert trajectory.duration < conventional_duration(problem.tube.points)
 
 
-def test_the_same_problem_gives_the_same_numbers(planned):
-    problem, result = planned("panda/between_shelves")
+def test_the_same_problem_gives_the_same_numbers(stopping):
+    problem, trajectory = stopping("panda/between_shelves")
     again = stop_at_corners(problem, branch_of(problem))
-    np.testing.assert_array_equal(again.coefficients, result.trajectory.coefficients)
+    np.testing.assert_array_equal(again.coefficients, trajectory.coefficients)
 
 
-def test_splines_follow_the_branch_within_the_rotation_tolerance(planned):
+def test_splines_follow_the_branch_within_the_rotation_tolerance(bundled):
     """A tenth of a milliradian, while the reference turns by a radian a leg: few knots are off."""
-    tray, _ = planned("ur5/level_tray")
+    tray = bundled("ur5/level_tray")
     turns = [(0, 0, 0), (0, 0.5, 0.6), (0.5, 0, 1.5), (0, 0, 2.5)]
     first = Rotation.from_matrix(tray.robot.tool_pose(tray.start[None])[0][0])
     tube = Tube(
@@ -85,13 +95,13 @@ def test_splines_follow_the_branch_within_the_rotation_tolerance(planned):
     assert verify(problem, trajectory).passed
 
 
-def test_a_fit_is_held_against_the_rotation_too(planned):
+def test_a_fit_is_held_against_the_rotation_too(bundled):
     """Its margins are those of the tool and, where that is bounded, of the rotation."""
-    tray, _ = planned("ur5/level_tray")
+    tray = bundled("ur5/level_tray")
     q = tray.start + np.array([[0] * 6, [0, 0, 0, 0, 0.01, 0]])
     turned = tray.tube.rotation.margin(*tray.robot.tool_pose(q), 0)
     tool = tray.tube.margin(tray.robot.tool_position(q))[:, 0]
     expected = [tool.min(), turned[1]]
     np.testing.assert_allclose(stop_at_corners_module._least_margins(tray, q, 0), expected)
-    free, _ = planned("ur5/over_the_wall")
+    free = bundled("ur5/over_the_wall")
     assert stop_at_corners_module._least_margins(free, free.start[None], 0).shape == (1,)

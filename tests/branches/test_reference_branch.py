@@ -29,8 +29,8 @@ def two_link_problem(two_link, points, radius=0.03, signs=None, start=(0.0, -1.0
 
 
 @pytest.mark.parametrize("name", PROBLEMS)
-def test_the_branch_follows_the_reference_path_in_small_steps(name, planned):
-    problem, _ = planned(name)
+def test_the_branch_follows_the_reference_path_in_small_steps(name, bundled):
+    problem = bundled(name)
     branch = branch_of(problem)
     for k, q in enumerate(branch.segments):
         tool = problem.robot.tool_position(q)
@@ -63,8 +63,8 @@ def test_a_fully_stretched_goal_is_reached(two_link):
     assert plan(problem).succeeded
 
 
-def test_a_given_goal_is_met_exactly_with_redundant_joints_blended(planned):
-    problem, _ = planned("panda/between_shelves")
+def test_a_given_goal_is_met_exactly_with_redundant_joints_blended(bundled):
+    problem = bundled("panda/between_shelves")
     branch = branch_of(problem)
     np.testing.assert_array_equal(branch.start, problem.start)
     np.testing.assert_array_equal(branch.goal, problem.goal)
@@ -141,9 +141,9 @@ def test_a_sign_may_change_where_the_joint_is_zero(ur5):
 
 
 @pytest.mark.parametrize("rule", RedundancyRule)
-def test_redundant_joints_follow_their_rule(rule, planned):
+def test_redundant_joints_follow_their_rule(rule, bundled):
     """The Panda's last joint turns by 1 rad from start to goal, and the tool does not need it."""
-    problem, _ = planned("panda/between_shelves")
+    problem = bundled("panda/between_shelves")
     goal = problem.goal + np.array([0, 0, 0, 0, 0, 0, 1.0])
     problem = PlanningProblem(problem.robot, problem.tube, problem.start, goal)
     branch = reference_branch(problem, rule)
@@ -160,9 +160,9 @@ def test_redundant_joints_follow_their_rule(rule, planned):
 DOWN = Rotation.from_quat([0.7071068, -0.7071068, 0, 0])
 
 
-def tray_problem(planned, tolerance, turns=((0, 0, 0),) * 4, first=DOWN, **changes):
+def tray_problem(bundled, tolerance, turns=((0, 0, 0),) * 4, first=DOWN, **changes):
     """The level tray's tube, its orientations turned from one point to the next, its rules new."""
-    problem, _ = planned("ur5/level_tray")
+    problem = bundled("ur5/level_tray")
     quaternions = [(first * Rotation.from_rotvec(turn)).as_quat() for turn in turns]
     fields = {"start": problem.start, **changes}
     tube = Tube(
@@ -184,14 +184,14 @@ def errors_of(problem, branch):
 @pytest.mark.parametrize(
     "rule", [RedundancyRule.AS_NEEDED, RedundancyRule.HELD, RedundancyRule.CENTRED]
 )
-def test_the_tool_is_turned_as_the_reference_is(rule, planned):
+def test_the_tool_is_turned_as_the_reference_is(rule, bundled):
     """In all components, or in two of them, while the reference turns by up to 1.6 rad a leg."""
-    robot = planned("ur5/level_tray")[0].robot
-    start = planned("ur5/level_tray")[0].start
+    robot = bundled("ur5/level_tray").robot
+    start = bundled("ur5/level_tray").start
     first = Rotation.from_matrix(robot.tool_pose(start[None])[0][0])
     turns = [(0, 0, 0), (0, 0.5, 0), (0.5, 0, 1.5), (0, 0, 3.0)]
     for tolerance in (0.05, [[0.05, 0.05, np.inf]] * 3):
-        problem = tray_problem(planned, tolerance, turns, first)
+        problem = tray_problem(bundled, tolerance, turns, first)
         branch = reference_branch(problem, rule)
         for k, error in enumerate(errors_of(problem, branch)):
             bounded = np.isfinite(problem.tube.rotation.bounds[k, :3])
@@ -200,14 +200,14 @@ def test_the_tool_is_turned_as_the_reference_is(rule, planned):
             assert abs(np.diff(branch.segments[k], axis=0)).max() <= 0.1
 
 
-def test_a_start_off_the_reference_comes_back_to_it_in_proportion_to_the_way(planned):
+def test_a_start_off_the_reference_comes_back_to_it_in_proportion_to_the_way(bundled):
     """At its bound at first; a component that is free there, but not in the next leg, comes in."""
-    problem = planned("ur5/level_tray")[0]
+    problem = bundled("ur5/level_tray")
     rotation = Rotation.from_matrix(problem.robot.tool_pose(problem.start[None])[0][0])
     off = np.array([0.05, -0.03, 0.6])
     first = rotation * Rotation.from_rotvec(-off)
     tolerance = [[0.05, 0.05, np.inf], 0.1, 0.1]
-    asked = tray_problem(planned, tolerance, first=first)
+    asked = tray_problem(bundled, tolerance, first=first)
     branch = branch_of(asked)
     errors = errors_of(asked, branch)
     np.testing.assert_allclose(errors[0][0], off, atol=1e-9)
@@ -217,20 +217,20 @@ def test_a_start_off_the_reference_comes_back_to_it_in_proportion_to_the_way(pla
     assert plan(asked, PlanOptions("stop-at-corners")).succeeded
 
 
-def test_a_goal_off_the_reference_is_met(planned):
-    _, result = planned("ur5/level_tray")
-    q = result.trajectory.position(result.duration) + np.array([0, 0, 0, 0.02, 0.0, 0.8])
-    asked = tray_problem(planned, [[0.05, 0.05, np.inf]] * 3, goal=q)
+def test_a_goal_off_the_reference_is_met(bundled, stored):
+    _, trajectory = stored("ur5/level_tray")
+    q = trajectory.position(trajectory.duration) + np.array([0, 0, 0, 0.02, 0.0, 0.8])
+    asked = tray_problem(bundled, [[0.05, 0.05, np.inf]] * 3, goal=q)
     branch = branch_of(asked)
     np.testing.assert_array_equal(branch.goal, q)
     assert asked.tube.rotation_margin(*asked.robot.tool_pose(branch.segments[2]))[:, 2].min() > 0
     assert plan(asked, PlanOptions("stop-at-corners")).succeeded
 
 
-def test_seeds_are_turned_as_the_reference_is(planned):
-    problem = planned("ur5/level_tray")[0]
+def test_seeds_are_turned_as_the_reference_is(bundled):
+    problem = bundled("ur5/level_tray")
     seed = Seed(problem.start + np.array([0.05, -0.1, 0.1, 0.1, 0.1, 0.3]))
-    asked = tray_problem(planned, 0.02, start=seed)
+    asked = tray_problem(bundled, 0.02, start=seed)
     branch = branch_of(asked)
     assert max(abs(error).max() for error in errors_of(asked, branch)) < 1e-6
 

@@ -7,6 +7,7 @@ from tubeplanner import (
     AttachedSolid,
     Obstacle,
     PlanningProblem,
+    PlanOptions,
     PlanStatus,
     ProblemError,
     Seed,
@@ -18,6 +19,7 @@ from tubeplanner import (
 
 # A bar that the tool holds across its way, 0.3 m long.
 BAR = Obstacle.box("bar", [0.02, 0.3, 0.02], placement_of([0, 0, 0.02])).shapes
+STOPPING = PlanOptions("stop-at-corners")  # what is refused is refused sooner
 POST = Obstacle.cylinder("post", 0.02, 0.3, placement_of([0.42, 0.05, 0]))
 
 
@@ -29,7 +31,7 @@ def problem(two_link, attached=(), points=((0.3, -0.3, 0), (0.3, 0.3, 0)), **mor
 def test_what_is_carried_must_clear_the_obstacles(two_link):
     assert plan(problem(two_link, obstacles=[POST])).succeeded
     carried = AttachedSolid("bar", BAR)
-    result = plan(problem(two_link, [carried], obstacles=[POST]))
+    result = plan(problem(two_link, [carried], obstacles=[POST]), STOPPING)
     assert result.status is PlanStatus.TUBE_BLOCKED
     assert result.place.links == ("bar",)
     assert result.place.obstacle == "post"
@@ -76,7 +78,7 @@ def test_the_file_says_the_same():
         "start": {"seed": [0, -1]},
         "obstacles": [{"name": "post", "cylinder": [0.02, 0.3], "position": [0.42, 0.05, 0]}],
     }
-    result = plan(parse_problem(fields))
+    result = plan(parse_problem(fields), STOPPING)
     assert result.status is PlanStatus.TUBE_BLOCKED
     assert result.place.links == ("bar",)
 

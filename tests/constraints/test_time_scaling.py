@@ -31,11 +31,11 @@ def test_one_joint_move_takes_its_known_minimum_time(tmp_path, limits, expected)
         assert minimum_duration(robot, quintic(duration=given)) == pytest.approx(expected, rel=1e-7)
 
 
-def test_scaling_again_changes_nothing(planned):
-    problem, result = planned("ur5/over_the_wall")
-    segment = result.trajectory.between(0.0, result.trajectory.duration)
+def test_scaling_again_changes_nothing(stored):
+    problem, trajectory = stored("ur5/over_the_wall")
+    segment = trajectory.between(0.0, trajectory.duration)
     again = minimum_duration(problem.robot, segment)
-    assert again == pytest.approx(result.trajectory.duration, rel=1e-5)
+    assert again == pytest.approx(trajectory.duration, rel=1e-5)
 
 
 def test_gravity_takes_its_share_of_the_effort(tmp_path):

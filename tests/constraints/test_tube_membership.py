@@ -95,18 +95,18 @@ def lines(two_link, q):
     return JointTrajectory(two_link.joint_names, np.arange(len(q)), coefficients)
 
 
-def test_the_first_piece_that_leaves_the_tube_is_named(planned):
-    problem, result = planned("two_link/around_a_post")
-    assert first_departure(problem, result.trajectory, 1e-6) is None
-    bent = result.trajectory.coefficients.copy()
+def test_the_first_piece_that_leaves_the_tube_is_named(stored):
+    problem, trajectory = stored("two_link/around_a_post")
+    assert first_departure(problem, trajectory, 1e-6) is None
+    bent = trajectory.coefficients.copy()
     bent[-1, 7, 0] += 0.3
-    moved = JointTrajectory(problem.robot.joint_names, result.trajectory.breakpoints, bent)
+    moved = JointTrajectory(problem.robot.joint_names, trajectory.breakpoints, bent)
     assert first_departure(problem, moved, 1e-6) == 7
 
 
-def test_a_trajectory_must_arrive_in_the_last_segment(planned):
-    problem, result = planned("two_link/around_a_post")
-    part = result.trajectory.between(0.0, result.duration / 2)
+def test_a_trajectory_must_arrive_in_the_last_segment(stored):
+    problem, trajectory = stored("two_link/around_a_post")
+    part = trajectory.between(0.0, trajectory.duration / 2)
     assert first_departure(problem, part, 1e-6) == len(part.widths) - 1
 
 
@@ -134,10 +134,10 @@ def test_a_union_may_be_visited_backwards(two_link):
     assert first_departure(corner(two_link), back, 1e-6) == 3  # it never arrives
 
 
-def test_the_margin_knows_the_rotation(planned):
+def test_the_margin_knows_the_rotation(stored):
     """The tool is well inside its capsule: how far it is turned decides."""
-    problem, result = planned("ur5/level_tray")
-    q = result.trajectory.position(np.array([0.6, 0.6, 0.6]))
+    problem, trajectory = stored("ur5/level_tray")
+    q = trajectory.position(np.array([0.6, 0.6, 0.6]))
     q[1, 4] += 0.04
     q[2, 4] += 0.07
     rotation, tool = problem.robot.tool_pose(q)
@@ -147,11 +147,11 @@ def test_the_margin_knows_the_rotation(planned):
     np.testing.assert_allclose(membership_margin(problem, q)[1:, 1], turned[1:], atol=1e-12)
 
 
-def test_the_first_piece_that_turns_the_tool_too_far_is_named(planned):
-    problem, result = planned("ur5/level_tray")
-    assert first_departure(problem, result.trajectory, 1e-6) is None
-    piece = len(result.trajectory.widths) // 2
-    bent = result.trajectory.coefficients.copy()
+def test_the_first_piece_that_turns_the_tool_too_far_is_named(stored):
+    problem, trajectory = stored("ur5/level_tray")
+    assert first_departure(problem, trajectory, 1e-6) is None
+    piece = len(trajectory.widths) // 2
+    bent = trajectory.coefficients.copy()
     bent[-1, piece, 4] += 0.07
-    moved = JointTrajectory(problem.robot.joint_names, result.trajectory.breakpoints, bent)
+    moved = JointTrajectory(problem.robot.joint_names, trajectory.breakpoints, bent)
     assert first_departure(problem, moved, 1e-6) == piece

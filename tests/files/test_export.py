@@ -18,29 +18,29 @@ from tubeplanner.verification.certificate import FOREIGN_TOLERANCE
 UR5 = "ur5/over_the_wall"
 
 
-def test_a_trajectory_file_reads_back_to_the_last_bit(planned, tmp_path):
-    _, result = planned(UR5)
+def test_a_trajectory_file_reads_back_to_the_last_bit(stored, tmp_path):
+    _, trajectory = stored(UR5)
     path = tmp_path / "t.json"
-    path.write_text(trajectory_json(result.trajectory, method="stop-at-corners"))
+    path.write_text(trajectory_json(trajectory, method="stop-at-corners"))
     again = read_trajectory(str(path))
-    np.testing.assert_array_equal(again.coefficients, result.trajectory.coefficients)
-    np.testing.assert_array_equal(again.breakpoints, result.trajectory.breakpoints)
-    assert again.joint_names == result.trajectory.joint_names
+    np.testing.assert_array_equal(again.coefficients, trajectory.coefficients)
+    np.testing.assert_array_equal(again.breakpoints, trajectory.breakpoints)
+    assert again.joint_names == trajectory.joint_names
 
 
-def test_a_trajectory_file_is_what_scipy_takes(planned):
-    _, result = planned(UR5)
-    fields = json.loads(trajectory_json(result.trajectory))
+def test_a_trajectory_file_is_what_scipy_takes(stored):
+    _, trajectory = stored(UR5)
+    fields = json.loads(trajectory_json(trajectory))
     assert fields["format"] == "tubeplanner/trajectory"
     assert fields["version"] == 1
-    assert fields["duration"] == fields["breakpoints"][-1] == result.duration
+    assert fields["duration"] == fields["breakpoints"][-1] == trajectory.duration
     position = PPoly(np.array(fields["coefficients"]), np.array(fields["breakpoints"]))
-    np.testing.assert_array_equal(position(0.3), result.trajectory.position(0.3))
+    np.testing.assert_array_equal(position(0.3), trajectory.position(0.3))
 
 
-def test_csv_has_every_quantity_of_every_joint(planned):
-    problem, result = planned(UR5)
-    names, samples = problem.robot.joint_names, result.trajectory.sample(100)
+def test_csv_has_every_quantity_of_every_joint(stored):
+    problem, trajectory = stored(UR5)
+    names, samples = problem.robot.joint_names, trajectory.sample(100)
     effort = problem.robot.inverse_dynamics(
         samples.position, samples.velocity, samples.acceleration
     )
@@ -49,20 +49,20 @@ def test_csv_has_every_quantity_of_every_joint(planned):
     assert list(rows[0]) == ["time", *(f"{name}.{what}" for what in quantities for name in names)]
     time = np.array([float(row["time"]) for row in rows])
     np.testing.assert_allclose(np.diff(time)[:-1], 0.01)
-    assert time[-1] == result.duration
+    assert time[-1] == trajectory.duration
     q, v, a, tau = (
         np.array([[float(row[f"{name}.{what}"]) for name in names] for row in rows])
         for what in quantities
     )
-    np.testing.assert_array_equal(q, result.trajectory.position(time))
-    np.testing.assert_array_equal(v, result.trajectory.velocity(time))
+    np.testing.assert_array_equal(q, trajectory.position(time))
+    np.testing.assert_array_equal(v, trajectory.velocity(time))
     np.testing.assert_allclose(tau, problem.robot.inverse_dynamics(q, v, a))
 
 
-def test_ros_is_a_joint_trajectory_without_efforts(planned):
-    _, result = planned(UR5)
-    names = result.trajectory.joint_names
-    text = trajectory_ros(names, result.trajectory.sample(50))
+def test_ros_is_a_joint_trajectory_without_efforts(stored):
+    _, trajectory = stored(UR5)
+    names = trajectory.joint_names
+    text = trajectory_ros(names, trajectory.sample(50))
     message = YAML(typ="safe", pure=True).load(text)
     assert message["joint_names"] == list(names)
     point = message["points"][7]
@@ -70,9 +70,9 @@ def test_ros_is_a_joint_trajectory_without_efforts(planned):
     stamp = point["time_from_start"]
     time = stamp["sec"] + 1e-9 * stamp["nanosec"]
     assert time == pytest.approx(7 / 50)
-    np.testing.assert_allclose(point["positions"], result.trajectory.position(7 / 50))
+    np.testing.assert_allclose(point["positions"], trajectory.position(7 / 50))
     last = message["points"][-1]["time_from_start"]
-    assert last["sec"] + 1e-9 * last["nanosec"] == pytest.approx(result.duration, abs=1e-9)
+    assert last["sec"] + 1e-9 * last["nanosec"] == pytest.approx(trajectory.duration, abs=1e-9)
     assert all(isinstance(value, float) for row in message["points"] for value in row["positions"])
 
 
@@ -139,19 +139,19 @@ def test_the_undamaged_one_is_read(tmp_path):
 
 @pytest.mark.parametrize("name", PROBLEMS)
 @pytest.mark.parametrize("suffix", [".csv", ".yaml"])
-def test_samples_of_a_refined_trajectory_read_back_pass(name, suffix, planned, tmp_path):
-    problem, result = planned(name, "refinement")
-    sampled = samples_for_export(problem, result.trajectory, 500)
+def test_samples_of_a_refined_trajectory_read_back_pass(name, suffix, stored, tmp_path):
+    problem, trajectory = stored(name, "refinement")
+    sampled = samples_for_export(problem, trajectory, 500)
     time = sampled.samples.time
     np.testing.assert_allclose(np.diff(time), 0.002, atol=1e-12)
-    assert time[-1] == pytest.approx(result.duration * (1 + sampled.slowed))
+    assert time[-1] == pytest.approx(trajectory.duration * (1 + sampled.slowed))
     assert 0 < sampled.slowed < 0.02
     assert "averaged" in sampled.note
     path = tmp_path / f"t{suffix}"
-    names = problem.robot.joint_names
     if suffix == ".csv":
-        path.write_text(trajectory_csv(names, sampled.samples))
+        path.write_text(trajectory_csv(problem.robot.joint_names, sampled.samples))
     else:
+        names = problem.robot.joint_names
         path.write_text(trajectory_ros(names, sampled.samples, sampled.note))
         assert path.read_text().startswith("# CSV and ROS samples at 500 Hz are averaged")
     read = read_trajectory_file(path)
@@ -159,8 +159,8 @@ def test_samples_of_a_refined_trajectory_read_back_pass(name, suffix, planned, t
     assert verify(problem, read.trajectory, FOREIGN_TOLERANCE).passed
     # Near the trajectory itself, where both have run the same share of their time.
     share = np.linspace(0, 1, 500)
-    apart = read.trajectory.position(share * time[-1]) - result.trajectory.position(
-        share * result.duration
+    apart = read.trajectory.position(share * time[-1]) - trajectory.position(
+        share * trajectory.duration
     )
     assert abs(apart).max() < 0.02
 
@@ -173,9 +173,9 @@ EXPORTED = {  # method, how many times slower than planned, rate, note
 
 
 @pytest.mark.parametrize(("method", "factor", "rate", "note"), EXPORTED.values(), ids=EXPORTED)
-def test_what_is_exported_fits_the_rate(method, factor, rate, note, planned):
-    problem, result = planned(UR5, method)
-    trajectory = result.trajectory.scaled(factor)
+def test_what_is_exported_fits_the_rate(method, factor, rate, note, stored):
+    problem, trajectory = stored(UR5, method)
+    trajectory = trajectory.scaled(factor)
     sampled = samples_for_export(problem, trajectory, rate)
     if note is None:
         assert sampled.note is None

@@ -30,9 +30,9 @@ def as_message(store, fields):
 
 @pytest.mark.parametrize("release", [Stores.ROS2_HUMBLE, Stores.ROS2_JAZZY])
 @pytest.mark.parametrize("name", ["ur5/over_the_wall", "panda/between_shelves"])
-def test_the_file_is_a_ros_2_message_and_survives_the_wire(release, name, planned):
-    problem, result = planned(name, "refinement")
-    sampled = samples_for_export(problem, result.trajectory, 500)
+def test_the_file_is_a_ros_2_message_and_survives_the_wire(release, name, stored):
+    problem, trajectory = stored(name, "refinement")
+    sampled = samples_for_export(problem, trajectory, 500)
     names, samples = problem.robot.joint_names, sampled.samples
     fields = YAML(typ="safe", pure=True).load(trajectory_ros(names, samples, sampled.note))
     known = {"joint_names", "positions", "velocities", "accelerations", "time_from_start"}

@@ -13,17 +13,17 @@ def file_of(trajectory, **more):
     return TrajectoryFile(trajectory, **more)
 
 
-def test_a_file_of_this_problem_needs_no_note(planned):
-    problem, result = planned(UR5)
+def test_a_file_of_this_problem_needs_no_note(stored):
+    problem, trajectory = stored(UR5)
     hashes = {"problem_hash": problem_hash(problem), "robot_hash": robot_hash(problem.robot)}
-    assert notes_on_file(problem, file_of(result.trajectory, **hashes), failed=True) == []
-    assert notes_on_file(problem, file_of(result.trajectory), failed=True) == []
+    assert notes_on_file(problem, file_of(trajectory, **hashes), failed=True) == []
+    assert notes_on_file(problem, file_of(trajectory), failed=True) == []
 
 
-def test_another_problem_and_another_robot_are_told_apart(planned):
-    problem, result = planned(UR5)
+def test_another_problem_and_another_robot_are_told_apart(stored):
+    problem, trajectory = stored(UR5)
     file = file_of(
-        result.trajectory,
+        trajectory,
         problem_hash=problem_hash(problem),
         robot_hash=robot_hash(problem.robot),
     )
@@ -39,28 +39,28 @@ def test_another_problem_and_another_robot_are_told_apart(planned):
     ]
 
 
-def test_how_samples_were_joined_is_told(planned):
-    problem, result = planned(UR5)
-    file = file_of(result.trajectory, interpolation="cubics that meet every sample")
+def test_how_samples_were_joined_is_told(stored):
+    problem, trajectory = stored(UR5)
+    file = file_of(trajectory, interpolation="cubics that meet every sample")
     assert notes_on_file(problem, file, failed=False) == [
         "samples are joined by cubics that meet every sample"
     ]
 
 
-def test_degrees_are_guessed(planned):
-    problem, result = planned(UR5)
-    t = result.trajectory
-    degrees = JointTrajectory(t.joint_names, t.breakpoints, np.degrees(t.coefficients))
+def test_degrees_are_guessed(stored):
+    problem, trajectory = stored(UR5)
+    degrees = JointTrajectory(
+        trajectory.joint_names, trajectory.breakpoints, np.degrees(trajectory.coefficients)
+    )
     (note,) = notes_on_file(problem, file_of(degrees), failed=True)
     assert note == "its positions look like degrees; radians are needed"
 
 
-def test_swapped_joints_are_guessed_and_named(planned):
-    problem, result = planned(UR5)
+def test_swapped_joints_are_guessed_and_named(stored):
+    problem, trajectory = stored(UR5)
     names = list(problem.robot.joint_names)
     names[0], names[2] = names[2], names[0]
-    t = result.trajectory
-    swapped = JointTrajectory(names, t.breakpoints, t.coefficients)
+    swapped = JointTrajectory(names, trajectory.breakpoints, trajectory.coefficients)
     (note,) = notes_on_file(problem, file_of(swapped), failed=True)
     assert note.startswith("its joints look to be in another order: ")
     assert "'elbow_joint' starts where 'shoulder_pan_joint' should" in note
@@ -68,12 +68,11 @@ def test_swapped_joints_are_guessed_and_named(planned):
     assert "wrist" not in note
 
 
-def test_another_start_is_no_misreading(planned):
-    problem, result = planned(UR5)
-    t = result.trajectory
-    coefficients = t.coefficients.copy()
+def test_another_start_is_no_misreading(stored):
+    problem, trajectory = stored(UR5)
+    coefficients = trajectory.coefficients.copy()
     coefficients[-1] += 0.1
-    moved = JointTrajectory(t.joint_names, t.breakpoints, coefficients)
+    moved = JointTrajectory(trajectory.joint_names, trajectory.breakpoints, coefficients)
     assert notes_on_file(problem, file_of(moved), failed=True) == []
 
 
@@ -119,14 +118,14 @@ def rebuilt(problem, **changes):
 
 
 @pytest.mark.parametrize("change", HASHED.values(), ids=HASHED)
-def test_whatever_changes_the_verdict_changes_the_hash(change, planned):
-    problem, _ = planned(UR5)
+def test_whatever_changes_the_verdict_changes_the_hash(change, bundled):
+    problem = bundled(UR5)
     assert problem_hash(rebuilt(problem)) == problem_hash(problem)
     assert problem_hash(rebuilt(problem, **change(problem))) != problem_hash(problem)
 
 
-def test_no_two_of_these_changes_have_the_same_hash(planned):
-    problem, _ = planned(UR5)
+def test_no_two_of_these_changes_have_the_same_hash(bundled):
+    problem = bundled(UR5)
     hashes = {problem_hash(rebuilt(problem, **change(problem))) for change in HASHED.values()}
     assert len(hashes) == len(HASHED)
 

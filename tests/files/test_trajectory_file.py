@@ -19,8 +19,8 @@ def written(tmp_path, name, text):
 
 
 @pytest.fixture
-def good(planned):
-    return planned(UR5, "branch-and-bound")
+def good(stored):
+    return stored(UR5, "branch-and-bound")
 
 
 def without(text, *quantities):
@@ -43,31 +43,31 @@ def without(text, *quantities):
     ],
 )
 def test_csv_is_joined_by_what_its_columns_allow(good, tmp_path, left_out, interpolation, close):
-    problem, result = good
+    problem, trajectory = good
     names = problem.robot.joint_names
-    text = without(trajectory_csv(names, result.trajectory.sample(500)), *left_out)
+    text = without(trajectory_csv(names, trajectory.sample(500)), *left_out)
     read = read_trajectory_file(written(tmp_path, "t.csv", text))
     assert read.interpolation == interpolation
     assert read.problem_hash is None
-    t = np.linspace(0, result.duration, 3000)
-    off = read.trajectory.position(t) - result.trajectory.position(t)
+    t = np.linspace(0, trajectory.duration, 3000)
+    off = read.trajectory.position(t) - trajectory.position(t)
     assert abs(off).max() < close
-    assert read.trajectory.duration == pytest.approx(result.duration, abs=1e-12)
+    assert read.trajectory.duration == pytest.approx(trajectory.duration, abs=1e-12)
 
 
 def test_what_was_written_passes_as_foreign(good, tmp_path):
-    problem, result = good
+    problem, trajectory = good
     for name, text in (
-        ("t.csv", trajectory_csv(problem.robot.joint_names, result.trajectory.sample(250))),
-        ("t.yaml", trajectory_ros(problem.robot.joint_names, result.trajectory.sample(250))),
+        ("t.csv", trajectory_csv(problem.robot.joint_names, trajectory.sample(250))),
+        ("t.yaml", trajectory_ros(problem.robot.joint_names, trajectory.sample(250))),
     ):
         read = read_trajectory_file(written(tmp_path, name, text))
         assert verify(problem, read.trajectory, FOREIGN_TOLERANCE).failures() == []
 
 
 def test_columns_come_in_any_order_and_are_matched_by_name(good, tmp_path):
-    problem, result = good
-    text = trajectory_csv(problem.robot.joint_names, result.trajectory.sample(250))
+    problem, trajectory = good
+    text = trajectory_csv(problem.robot.joint_names, trajectory.sample(250))
     rows = [line.split(",") for line in text.splitlines()]
     backwards = "\n".join(",".join(reversed(row)) for row in rows)
     read = read_trajectory_file(written(tmp_path, "t.csv", backwards))
@@ -76,9 +76,9 @@ def test_columns_come_in_any_order_and_are_matched_by_name(good, tmp_path):
 
 
 def test_a_ros_goal_and_its_older_dialect_are_read(good, tmp_path):
-    _, result = good
+    _, trajectory = good
     message = YAML(typ="safe", pure=True).load(
-        trajectory_ros(result.trajectory.joint_names, result.trajectory.sample(100))
+        trajectory_ros(trajectory.joint_names, trajectory.sample(100))
     )
     for point in message["points"]:
         stamp = point["time_from_start"]
@@ -88,10 +88,8 @@ def test_a_ros_goal_and_its_older_dialect_are_read(good, tmp_path):
         YAML(typ="safe", pure=True).dump({"trajectory": message, "path_tolerance": []}, file)
     path.write_text(path.read_text() + "---\n")
     read = read_trajectory_file(path)
-    t = np.linspace(0, result.duration, 500)
-    np.testing.assert_allclose(
-        read.trajectory.position(t), result.trajectory.position(t), atol=5e-6
-    )
+    t = np.linspace(0, trajectory.duration, 500)
+    np.testing.assert_allclose(read.trajectory.position(t), trajectory.position(t), atol=5e-6)
 
 
 CSV = "time,a.position,b.position\n0,0,0\n0.1,0.1,0\n0.2,0.3,0.1\n"

@@ -25,10 +25,9 @@ SUFFIXES = (".json", ".csv", ".yaml", ".yml", ".JSON")
 
 
 @pytest.fixture(scope="module")
-def post(planned):
+def post(stored):
     """A time-optimal trajectory, whose plain samples break limits when they are joined."""
-    problem, result = planned(POST, "refinement")
-    return problem, result.trajectory
+    return stored(POST, "refinement")
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
@@ -204,11 +203,13 @@ def test_targets_that_cannot_be_written_are_named(post, tmp_path, monkeypatch):
 
 
 def test_the_command_line_writes_the_same_files(post, run, tmp_path):
-    problem, trajectory = post
-    status, *_ = run("plan", f"example:{POST}", "--csv", tmp_path / "a.csv")
-    assert status == 0
-    trajectory.save(tmp_path / "b.csv", problem)
-    assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "b.csv").read_bytes()
+    paths = [tmp_path / f"a{suffix}" for suffix in (".json", ".csv", ".yaml")]
+    options = zip(("-o", "--csv", "--ros"), paths, strict=True)
+    assert run("plan", f"example:{POST}", *(word for pair in options for word in pair))[0] == 0
+    for path in paths[1:]:
+        again = path.with_stem("b")
+        read_trajectory(paths[0]).save(again, post[0])
+        assert again.read_bytes() == path.read_bytes()
 
 
 def test_several_files_share_samples_and_notes(post, tmp_path):

@@ -177,9 +177,9 @@ def test_the_bound_is_near_for_a_joint_that_speeds_up(tmp_path, kind, inertia):
         assert (bound[:2] < 2.5 * exact).all()
 
 
-def test_few_intervals_are_enough(planned):
-    problem, result = planned("ur5/over_the_wall", "branch-and-bound")
-    robot, trajectory = problem.robot, result.trajectory
+def test_few_intervals_are_enough(stored):
+    problem, trajectory = stored("ur5/over_the_wall", "branch-and-bound")
+    robot = problem.robot
     assert len(enclosed_tool(robot, trajectory, 1e-7).width) < 40
     assert len(enclosed_efforts(robot, trajectory, 1e-7 * robot.limits.effort).width) < 80
     assert len(enclosed_tool(robot, trajectory, 1e-3).width) < 12

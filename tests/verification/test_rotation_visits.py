@@ -105,9 +105,9 @@ def turning_wrist(ur5, tray, end):
 
 
 @pytest.mark.parametrize("end", [2.0, 3.5, 6.2])
-def test_a_turn_beyond_half_a_turn_is_followed(end, planned):
+def test_a_turn_beyond_half_a_turn_is_followed(end, bundled):
     """Tilt 0.02 about x, then a turn by a: |v| sin(0.01) (cos(a/2), sin(a/2)), most at a = pi."""
-    tray, _ = planned("ur5/level_tray")
+    tray = bundled("ur5/level_tray")
     trajectory, tube = turning_wrist(tray.robot, tray, end)
     pose = pose_of(tray.robot, trajectory)
     least = least_rotation_margin(tube.rotation, pose, [Visit(0, 0.0, end)])
@@ -123,9 +123,9 @@ def test_a_turn_beyond_half_a_turn_is_followed(end, planned):
         assert expected == pytest.approx(0.04 - np.pi * np.sin(0.01), abs=1e-6)
 
 
-def test_half_a_turn_between_two_ends_is_seen(planned):
+def test_half_a_turn_between_two_ends_is_seen(bundled):
     """From 3 to 3.3 rad: the angle is pi in between, and at both ends less."""
-    tray, _ = planned("ur5/level_tray")
+    tray = bundled("ur5/level_tray")
     rotation, tool = tray.robot.tool_pose(tray.start[None])
     first = (Rotation.from_matrix(rotation[0]) * Rotation.from_rotvec([0, 0, -3.0])).as_quat()
     points = tool + np.array([[0, 0, 0], [0.1, 0, 0]])
@@ -160,12 +160,12 @@ def spiked(trajectory, joint, size, when, width):
     return JointTrajectory(trajectory.joint_names, breakpoints, coefficients)
 
 
-def test_a_spike_between_two_thousand_samples_is_found(planned):
+def test_a_spike_between_two_thousand_samples_is_found(stored):
     """The fifth joint tilts the tray by 4 degrees and back, within 20 microseconds."""
-    problem, result = planned("ur5/level_tray")
-    regular = np.linspace(0, result.duration, 2001)
+    problem, trajectory = stored("ur5/level_tray")
+    regular = np.linspace(0, trajectory.duration, 2001)
     when = regular[1000] + 2e-4
-    trajectory = spiked(result.trajectory, 4, 0.07, when, 2e-5)
+    trajectory = spiked(trajectory, 4, 0.07, when, 2e-5)
     rotation, tool = problem.robot.tool_pose(trajectory.position(regular))
     assert problem.tube.rotation.margin(rotation, tool, 1).min() > 0.05
     condition = verify(problem, trajectory).conditions["rotation"]
@@ -179,10 +179,10 @@ def test_a_spike_between_two_thousand_samples_is_found(planned):
 
 
 @pytest.mark.parametrize(("slack", "passes"), [(2e-5, True), (-2e-5, False)])
-def test_a_bound_is_judged_to_hundredths_of_a_milliradian(slack, passes, planned):
+def test_a_bound_is_judged_to_hundredths_of_a_milliradian(slack, passes, stored):
     """The largest tilt of a wavering tool, and a bound that is beside it by 2e-5 rad."""
-    problem, result = planned("ur5/level_tray")
-    trajectory = spiked(result.trajectory, 4, 0.03, 0.6, 0.2)
+    problem, trajectory = stored("ur5/level_tray")
+    trajectory = spiked(trajectory, 4, 0.03, 0.6, 0.2)
     rotation, tool = problem.robot.tool_pose(trajectory.position(np.linspace(0.6, 0.8, 20_001)))
     largest = abs(problem.tube.rotation.error(rotation, tool, 1)[:, :2]).max()
     tube = problem.tube

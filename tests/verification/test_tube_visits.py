@@ -55,16 +55,16 @@ def test_touching_the_wall_is_decided_with_few_intervals(two_link):
     assert touching.intervals < 1000
 
 
-def test_visits_cover_the_trajectory_in_order_and_switching_time_inside_both(planned):
-    problem, result = planned("two_link/around_a_post", "branch-and-bound")
-    tool = enclosed_tool(problem.robot, result.trajectory, 1e-7)
-    visits = tube_visits(problem, result.trajectory, tool)
+def test_visits_cover_the_trajectory_in_order_and_switching_time_inside_both(stored):
+    problem, trajectory = stored("two_link/around_a_post", "branch-and-bound")
+    tool = enclosed_tool(problem.robot, trajectory, 1e-7)
+    visits = tube_visits(problem, trajectory, tool)
     assert [visit.segment for visit in visits] == [0, 1, 2]
     assert visits[0].begin == 0
-    assert visits[-1].end == result.duration
+    assert visits[-1].end == trajectory.duration
     for before, after in pairwise(visits):
         assert before.end == after.begin
-        point = problem.robot.tool_position(result.trajectory.position(np.array([before.end])))
+        point = problem.robot.tool_position(trajectory.position(np.array([before.end])))
         assert problem.tube.margin(point)[0, [before.segment, after.segment]].min() > 0
 
 
@@ -112,11 +112,11 @@ def test_a_wide_margin_is_settled_at_once(two_link):
     assert least.intervals < 2 * len(tool.width)
 
 
-def test_halving_ends_after_so_many_rows(planned, monkeypatch):
+def test_halving_ends_after_so_many_rows(stored, monkeypatch):
     """The bounds then count as they stand."""
-    problem, result = planned("two_link/paper_1_30mm", "branch-and-bound")
-    tool = enclosed_tool(problem.robot, result.trajectory, 1e-7)
-    visit = [Visit(0, 0.0, result.duration)]
+    problem, trajectory = stored("two_link/paper_1_30mm", "branch-and-bound")
+    tool = enclosed_tool(problem.robot, trajectory, 1e-7)
+    visit = [Visit(0, 0.0, trajectory.duration)]
     wide = least_margin(problem.tube, tool, visit)
     touching = Tube(problem.tube.points, 0.03 - wide.attained)
     whole = least_margin(touching, tool, visit)
@@ -126,24 +126,24 @@ def test_halving_ends_after_so_many_rows(planned, monkeypatch):
     assert least.lower_bound < least.attained - 1e-6
 
 
-def test_switching_times_are_refined_between_samples(planned):
+def test_switching_times_are_refined_between_samples(stored):
     """At the corner, a radius that leaves 10 um at the best instant, and less at all others."""
-    problem, result = planned("two_link/around_a_post", "branch-and-bound")
-    tool = enclosed_tool(problem.robot, result.trajectory, 1e-7)
-    visits = tube_visits(problem, result.trajectory, tool)
+    problem, trajectory = stored("two_link/around_a_post", "branch-and-bound")
+    tool = enclosed_tool(problem.robot, trajectory, 1e-7)
+    visits = tube_visits(problem, trajectory, tool)
     least = least_margin(problem.tube, tool, visits)
     at_switch = min(abs(least.time - visit.end) for visit in visits[:-1])
     assert at_switch < 1e-6
     radius = problem.tube.radius - least.attained + 1e-5
     tight = Tube(problem.tube.points, radius, joint_signs=problem.tube.joint_ranges)
     narrow = PlanningProblem(problem.robot, tight, problem.start)
-    visits = tube_visits(narrow, result.trajectory, tool)
+    visits = tube_visits(narrow, trajectory, tool)
     again = least_margin(tight, tool, visits)
     assert 5e-6 < again.lower_bound <= again.attained < 1.5e-5
 
 
-def test_switching_times_are_looked_for_at_two_thousand_samples(planned, monkeypatch):
-    problem, result = planned("two_link/around_a_post", "branch-and-bound")
+def test_switching_times_are_looked_for_at_two_thousand_samples(stored, monkeypatch):
+    problem, trajectory = stored("two_link/around_a_post", "branch-and-bound")
     seen = []
 
     def counting(margin):
@@ -151,7 +151,7 @@ def test_switching_times_are_looked_for_at_two_thousand_samples(planned, monkeyp
         return best_switching_samples(margin)
 
     monkeypatch.setattr("tubeplanner.verification.tube_visits.best_switching_samples", counting)
-    tube_visits(problem, result.trajectory, enclosed_tool(problem.robot, result.trajectory, 1e-7))
+    tube_visits(problem, trajectory, enclosed_tool(problem.robot, trajectory, 1e-7))
     (shape,) = seen
     assert shape[0] >= 2000
     assert shape[1] == 3
@@ -171,9 +171,8 @@ def test_the_switching_time_is_when_the_joint_ranges_meet(two_link, visit):
 
 
 @pytest.mark.parametrize("shift", [-1e-4, 0.0, 1e-4])
-def test_a_breakpoint_beside_the_switching_time_does_not_hide_it(planned, shift):
-    problem, result = planned("two_link/around_a_post", "branch-and-bound")
-    trajectory = result.trajectory
+def test_a_breakpoint_beside_the_switching_time_does_not_hide_it(stored, shift):
+    problem, trajectory = stored("two_link/around_a_post", "branch-and-bound")
     tool = enclosed_tool(problem.robot, trajectory, 1e-7)
     expected = tube_visits(problem, trajectory, tool)
     when = expected[0].end + shift

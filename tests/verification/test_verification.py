@@ -38,27 +38,27 @@ def with_radius(tube, radius):
 
 
 @pytest.mark.parametrize("name", PROBLEMS)
-def test_a_planned_trajectory_passes(name, planned):
-    problem, result = planned(name)
-    certificate = verify(problem, result.trajectory)
+def test_a_planned_trajectory_passes(name, stored):
+    problem, trajectory = stored(name)
+    certificate = verify(problem, trajectory)
     assert certificate.passed
     assert tuple(certificate.conditions) == CONDITION_NAMES
 
 
 @pytest.mark.parametrize("name", PROBLEMS)
-def test_two_parts_in_a_thousand_faster_is_too_fast(name, planned):
-    problem, result = planned(name)
-    certificate = verify(problem, result.trajectory.scaled(1 / 1.002))
+def test_two_parts_in_a_thousand_faster_is_too_fast(name, stored):
+    problem, trajectory = stored(name)
+    certificate = verify(problem, trajectory.scaled(1 / 1.002))
     assert set(certificate.failures()) <= {"effort", "velocity"}
     assert certificate.failures()
     worst = min(certificate.conditions[name].margin for name in certificate.failures())
     assert -0.0045 < worst < -0.0015
 
 
-def test_a_tool_pushed_out_of_the_tube_by_a_fraction_of_a_millimetre_is_found(planned):
+def test_a_tool_pushed_out_of_the_tube_by_a_fraction_of_a_millimetre_is_found(stored):
     """A bump of the shoulder in mid-segment, and the radius that it exceeds by 0.2 mm."""
-    problem, result = planned(UR5)
-    trajectory, when = bumped(result.trajectory, joint=0, size=0.02)
+    problem, trajectory = stored(UR5)
+    trajectory, when = bumped(trajectory, joint=0, size=0.02)
     near = trajectory.position(np.linspace(when - 0.05, when + 0.05, 4001))
     segment = 1
     off = problem.tube.distance(problem.robot.tool_position(near))[:, segment].max()
@@ -93,9 +93,8 @@ def bumped(trajectory, joint, size):
 @pytest.mark.parametrize(
     ("order", "condition"), [(0, "continuity"), (1, "continuity"), (2, "continuity")]
 )
-def test_a_jump_is_found_at_its_joint_and_time(order, condition, planned):
-    problem, result = planned(UR5)
-    trajectory = result.trajectory
+def test_a_jump_is_found_at_its_joint_and_time(order, condition, stored):
+    problem, trajectory = stored(UR5)
     coefficients = trajectory.coefficients.copy()
     coefficients[-1 - order, 20, 3] += 1e-3
     jumping = JointTrajectory(trajectory.joint_names, trajectory.breakpoints, coefficients)
@@ -106,10 +105,9 @@ def test_a_jump_is_found_at_its_joint_and_time(order, condition, planned):
     assert where.time in trajectory.breakpoints[[20, 21]]
 
 
-def test_a_jump_of_position_is_judged_in_radians(planned):
+def test_a_jump_of_position_is_judged_in_radians(stored):
     """There and back: a milliradian in sum, within a thousandth but not within the tolerance."""
-    problem, result = planned(UR5)
-    trajectory = result.trajectory
+    problem, trajectory = stored(UR5)
     coefficients = trajectory.coefficients.copy()
     coefficients[-1, 20, 1] += 5e-4
     jumping = JointTrajectory(trajectory.joint_names, trajectory.breakpoints, coefficients)
@@ -134,9 +132,8 @@ def test_many_small_jumps_add_up(two_link):
     assert not condition.holds(tolerance)
 
 
-def test_slices_that_are_shifted_add_up(planned):
-    problem, result = planned(UR5)
-    trajectory = result.trajectory
+def test_slices_that_are_shifted_add_up(stored):
+    problem, trajectory = stored(UR5)
     times = np.linspace(0.0, trajectory.duration, 3001)
     parts = [trajectory.between(a, b) for a, b in pairwise(times)]
     whole = concatenate([part for part in parts if len(part.widths) == 1])
@@ -148,10 +145,10 @@ def test_slices_that_are_shifted_add_up(planned):
     assert condition.margin < -1e-3
 
 
-def test_a_trajectory_through_the_wall_is_found(planned):
+def test_a_trajectory_through_the_wall_is_found(stored):
     """The same trajectory with its lift left out: straight from pick to place."""
-    problem, result = planned(UR5)
-    ends = result.trajectory.position(np.array([0.0, result.trajectory.duration]))
+    problem, trajectory = stored(UR5)
+    ends = trajectory.position(np.array([0.0, trajectory.duration]))
     shape = np.array([6.0, -15.0, 10.0, 0.0, 0.0, 0.0])
     coefficients = shape[:, None, None] * (ends[1] - ends[0])
     coefficients[-1] = ends[0]
@@ -164,11 +161,11 @@ def test_a_trajectory_through_the_wall_is_found(planned):
     assert condition.where.time == pytest.approx(1.5, abs=0.6)
 
 
-def test_the_clearance_is_asked_for(planned):
-    problem, result = planned(UR5)
-    kept = verify(problem, result.trajectory).conditions["obstacles"].margin
+def test_the_clearance_is_asked_for(stored):
+    problem, trajectory = stored(UR5)
+    kept = verify(problem, trajectory).conditions["obstacles"].margin
     wider = changed(problem, clearance=problem.clearance + kept + 2e-3)
-    condition = verify(wider, result.trajectory).conditions["obstacles"]
+    condition = verify(wider, trajectory).conditions["obstacles"]
     assert -3e-3 < condition.margin < -1e-3
 
 
@@ -186,34 +183,34 @@ def test_links_that_meet_are_found(ur5):
     assert "upper_arm_link" in certificate.conditions["self_collision"].where.links
 
 
-def test_a_flipped_sign_is_found(planned):
-    problem, result = planned("two_link/around_a_post")
+def test_a_flipped_sign_is_found(stored):
+    problem, trajectory = stored("two_link/around_a_post")
     tube = problem.tube
     flipped = Tube(tube.points, tube.radius, joint_signs={"joint2": "+"})
-    certificate = verify(changed(problem, tube=flipped), result.trajectory)
+    certificate = verify(changed(problem, tube=flipped), trajectory)
     assert "joint_signs" in certificate.failures()
     assert certificate.conditions["joint_signs"].where.joint == "joint2"
 
 
-def test_a_range_broken_for_an_instant_between_samples_is_found(planned):
+def test_a_range_broken_for_an_instant_between_samples_is_found(stored):
     """The joint's largest value, found exactly; a range that ends 1e-5 rad below it is broken."""
-    problem, result = planned("two_link/around_a_post")
-    peak = result.trajectory.per_piece(400).position[:, 1].max()
+    problem, trajectory = stored("two_link/around_a_post")
+    peak = trajectory.per_piece(400).position[:, 1].max()
     for slack, holds in ((-1e-5, False), (1e-5, True)):
         ranges = {"joint2": [-3.0, peak + slack]}
         tube = Tube(problem.tube.points, problem.tube.radius, joint_signs=ranges)
-        certificate = verify(changed(problem, tube=tube), result.trajectory)
+        certificate = verify(changed(problem, tube=tube), trajectory)
         assert ("joint_signs" not in certificate.failures()) is holds
 
 
-def test_position_limits_are_judged_exactly(planned):
-    problem, result = planned("two_link/around_a_post")
-    q = result.trajectory.per_piece(400).position
+def test_position_limits_are_judged_exactly(stored):
+    problem, trajectory = stored("two_link/around_a_post")
+    q = trajectory.per_piece(400).position
     for slack, holds in ((-1e-5, False), (1e-5, True)):
         ranges = {"joint1": (-3.0, q[:, 0].max() + slack)}
         limits = LimitOverrides(velocity=unlimited().velocity, position=ranges)
         robot = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=limits)
-        certificate = verify(changed(problem, robot=robot), result.trajectory)
+        certificate = verify(changed(problem, robot=robot), trajectory)
         assert ("position" not in certificate.failures()) is holds
 
 
@@ -236,10 +233,9 @@ def test_a_trajectory_that_skips_a_segment_fails_ordered_and_passes_any(two_link
     assert "tube" not in certificate.failures()
 
 
-def test_the_rounding_errors_of_a_joint_at_rest_are_no_jumps(planned):
+def test_the_rounding_errors_of_a_joint_at_rest_are_no_jumps(stored):
     """The joint that stands still is given the noise that sums of large numbers leave."""
-    problem, result = planned(UR5)
-    trajectory = result.trajectory
+    problem, trajectory = stored(UR5)
     still = trajectory.coefficients.copy()
     still[:, :, 5] = 0.0
     still[:-1, :, 5] = np.random.default_rng(0).normal(size=still[:-1, :, 5].shape) * 1e-15
@@ -249,59 +245,59 @@ def test_the_rounding_errors_of_a_joint_at_rest_are_no_jumps(planned):
     assert "continuity" not in failures
 
 
-def test_another_start_or_goal_is_found(planned):
-    problem, result = planned("panda/between_shelves")
+def test_another_start_or_goal_is_found(stored):
+    problem, trajectory = stored("panda/between_shelves")
     for end in ("start", "goal"):
         q = getattr(problem, end) + 1e-4
-        certificate = verify(changed(problem, **{end: q}), result.trajectory)
+        certificate = verify(changed(problem, **{end: q}), trajectory)
         assert certificate.failures() == [end]
         assert certificate.conditions[end].margin == pytest.approx(-1e-4)
 
 
-def test_a_trajectory_that_does_not_stop_is_found(planned):
-    problem, result = planned(UR5)
-    moving = result.trajectory.between(0.0, result.trajectory.duration * 0.97)
+def test_a_trajectory_that_does_not_stop_is_found(stored):
+    problem, trajectory = stored(UR5)
+    moving = trajectory.between(0.0, trajectory.duration * 0.97)
     failures = verify(problem, moving).failures()
     assert {"rest", "goal"} <= set(failures)
 
 
-def test_degrees_for_radians_are_found(planned):
-    problem, result = planned(UR5)
+def test_degrees_for_radians_are_found(stored):
+    problem, trajectory = stored(UR5)
     degrees = JointTrajectory(
-        result.trajectory.joint_names,
-        result.trajectory.breakpoints,
-        np.degrees(result.trajectory.coefficients),
+        trajectory.joint_names,
+        trajectory.breakpoints,
+        np.degrees(trajectory.coefficients),
     )
     assert {"position", "start", "tube"} <= set(verify(problem, degrees).failures())
 
 
-def test_joints_may_come_in_any_order_but_must_be_the_problems(planned):
-    problem, result = planned(UR5)
-    names = result.trajectory.joint_names[::-1]
-    assert verify(problem, result.trajectory.reordered(names)).passed
+def test_joints_may_come_in_any_order_but_must_be_the_problems(stored):
+    problem, trajectory = stored(UR5)
+    names = trajectory.joint_names[::-1]
+    assert verify(problem, trajectory.reordered(names)).passed
     alien = JointTrajectory(["x"], [0, 1], np.zeros((2, 1, 1)))
     with pytest.raises(TrajectoryError, match="the trajectory moves the joints x"):
         verify(problem, alien)
 
 
-def test_limits_on_acceleration_and_jerk_are_judged(planned):
-    problem, result = planned("two_link/around_a_post")
+def test_limits_on_acceleration_and_jerk_are_judged(stored):
+    problem, trajectory = stored("two_link/around_a_post")
     peaks = [
-        abs(result.trajectory.per_piece(300).acceleration).max(),
-        abs(result.trajectory.derivative_coefficients(3)[-1]).max(),
+        abs(trajectory.per_piece(300).acceleration).max(),
+        abs(trajectory.derivative_coefficients(3)[-1]).max(),
     ]
     for quantity, peak in zip(("acceleration", "jerk"), peaks, strict=True):
         values = {joint: 0.9 * peak for joint in problem.robot.joint_names}
         limits = LimitOverrides(velocity=unlimited().velocity, **{quantity: values})
         robot = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=limits)
-        certificate = verify(changed(problem, robot=robot), result.trajectory)
+        certificate = verify(changed(problem, robot=robot), trajectory)
         assert certificate.failures() == [quantity]
         assert certificate.conditions[quantity].coverage == "for all t"
 
 
-def test_a_wider_tolerance_forgives(planned):
-    problem, result = planned(UR5)
-    faster = result.trajectory.scaled(1 / 1.002)
+def test_a_wider_tolerance_forgives(stored):
+    problem, trajectory = stored(UR5)
+    faster = trajectory.scaled(1 / 1.002)
     assert not verify(problem, faster).passed
     assert verify(problem, faster, Tolerance(1e-4, 1e-2)).passed
 
@@ -345,22 +341,22 @@ def test_a_tolerance_must_be_small_and_not_negative(absolute, relative):
         Tolerance(absolute, relative)
 
 
-def test_two_parts_in_a_thousand_of_effort_are_found_with_joint_and_time(planned):
+def test_two_parts_in_a_thousand_of_effort_are_found_with_joint_and_time(stored):
     """A motor that is weaker by 0.2 %, under a trajectory that uses all of it."""
-    problem, result = planned("two_link/around_a_post", "branch-and-bound")
-    tau = effort_shares(problem.robot, result.trajectory)
+    problem, trajectory = stored("two_link/around_a_post", "branch-and-bound")
+    tau = effort_shares(problem.robot, trajectory)
     joint = problem.robot.joint_names[int(tau.max(axis=0).argmax())]
     weak = LimitOverrides(
         velocity=unlimited().velocity,
         effort={joint: 0.998 * problem.robot.limits.effort[int(tau.max(axis=0).argmax())]},
     )
     robot = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=weak)
-    certificate = verify(changed(problem, robot=robot), result.trajectory)
+    certificate = verify(changed(problem, robot=robot), trajectory)
     assert certificate.failures() == ["effort"]
     condition = certificate.conditions["effort"]
     assert condition.margin == pytest.approx(1 - 1 / 0.998, abs=1e-6)
     assert condition.where.joint == joint
-    t = np.linspace(0, result.duration, len(tau))
+    t = np.linspace(0, trajectory.duration, len(tau))
     assert condition.where.time == pytest.approx(t[tau.max(axis=1).argmax()], abs=1e-3)
 
 
@@ -369,12 +365,13 @@ def effort_shares(robot, trajectory, count=20_001):
     return abs(robot.inverse_dynamics(s.position, s.velocity, s.acceleration)) / robot.limits.effort
 
 
-def test_two_joints_in_each_others_place_are_found_at_the_start(planned):
-    problem, result = planned(UR5)
+def test_two_joints_in_each_others_place_are_found_at_the_start(stored):
+    problem, trajectory = stored(UR5)
     names = list(problem.robot.joint_names)
     names[0], names[1] = names[1], names[0]
-    t = result.trajectory
-    certificate = verify(problem, JointTrajectory(names, t.breakpoints, t.coefficients))
+    certificate = verify(
+        problem, JointTrajectory(names, trajectory.breakpoints, trajectory.coefficients)
+    )
     assert "start" in certificate.failures()
     assert certificate.conditions["start"].where.joint in names[:2]
     assert certificate.conditions["start"].where.time == 0.0
@@ -397,18 +394,18 @@ NAMES = ("two_link/around_a_post", "ur5/over_the_wall", "ur10/onto_a_conveyor")
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("method", ["stop-at-corners", "branch-and-bound"])
-def test_everything_is_decided_for_all_t(name, method, planned):
-    problem, result = planned(name, method)
-    for condition in verify(problem, result.trajectory).conditions.values():
+def test_everything_is_decided_for_all_t(name, method, stored):
+    problem, trajectory = stored(name, method)
+    for condition in verify(problem, trajectory).conditions.values():
         if condition.margin is not None and condition.coverage != "tool at the reference point":
             assert condition.coverage == "for all t"
 
 
-def test_position_and_signs_say_where_they_are_nearest_to_their_ends(planned):
-    problem, result = planned("two_link/around_a_post", "branch-and-bound")
-    t = np.linspace(0, result.duration, 40_001)
-    q = result.trajectory.position(t)
-    certificate = verify(problem, result.trajectory)
+def test_position_and_signs_say_where_they_are_nearest_to_their_ends(stored):
+    problem, trajectory = stored("two_link/around_a_post", "branch-and-bound")
+    t = np.linspace(0, trajectory.duration, 40_001)
+    q = trajectory.position(t)
+    certificate = verify(problem, trajectory)
     limits = problem.robot.limits
     joint_margin = np.minimum(q - limits.lower_position, limits.upper_position - q)
     sample, joint = np.unravel_index(joint_margin.argmin(), joint_margin.shape)
@@ -423,22 +420,22 @@ def test_position_and_signs_say_where_they_are_nearest_to_their_ends(planned):
 
 
 @pytest.mark.parametrize("joint", [0, 2, 5])
-def test_the_joint_that_is_farthest_from_the_start_is_named(joint, planned):
-    problem, result = planned(UR5)
+def test_the_joint_that_is_farthest_from_the_start_is_named(joint, stored):
+    problem, trajectory = stored(UR5)
     other = np.array(problem.start)
     other += 1e-4
     other[joint] -= 5e-3
-    condition = verify(changed(problem, start=other), result.trajectory).conditions["start"]
+    condition = verify(changed(problem, start=other), trajectory).conditions["start"]
     assert condition.margin == pytest.approx(-4.9e-3, abs=1e-9)
     assert condition.where.joint == problem.robot.joint_names[joint]
 
 
 @pytest.mark.parametrize("at_end", [False, True])
 @pytest.mark.parametrize("order", [1, 2])
-def test_trajectory_at_an_end_is_measured_by_the_largest(order, at_end, planned):
+def test_trajectory_at_an_end_is_measured_by_the_largest(order, at_end, stored):
     """A slope or a bend of one joint at the start or the end, as a share of its largest."""
-    problem, result = planned("two_link/around_a_post", "branch-and-bound")
-    trajectory, joint = result.trajectory, 1
+    problem, trajectory = stored("two_link/around_a_post", "branch-and-bound")
+    joint = 1
     coefficients = trajectory.coefficients.copy()
     piece = -1 if at_end else 0
     coefficients[-1 - order, piece, joint] += 0.3
@@ -462,9 +459,9 @@ def test_trajectory_at_an_end_is_measured_by_the_largest(order, at_end, planned)
 
 
 @pytest.mark.parametrize("order", [1, 2])
-def test_a_jump_is_measured_by_the_largest(order, planned):
-    problem, result = planned("two_link/around_a_post", "branch-and-bound")
-    trajectory, joint, piece = result.trajectory, 1, 3
+def test_a_jump_is_measured_by_the_largest(order, stored):
+    problem, trajectory = stored("two_link/around_a_post", "branch-and-bound")
+    joint, piece = 1, 3
     coefficients = trajectory.coefficients.copy()
     coefficients[-1 - order, piece, joint] += 0.5
     jumping = JointTrajectory(trajectory.joint_names, trajectory.breakpoints, coefficients)
@@ -478,35 +475,35 @@ def test_a_jump_is_measured_by_the_largest(order, planned):
     assert condition.margin == pytest.approx(-worst, rel=1e-3)
 
 
-def test_the_error_of_an_enclosure_is_taken_off_the_margin(planned, monkeypatch):
+def test_the_error_of_an_enclosure_is_taken_off_the_margin(stored, monkeypatch):
     """Polynomials that miss a hundredth: the margin is then a hundredth on the safe side."""
-    problem, result = planned("two_link/around_a_post", "branch-and-bound")
-    exact = verify(problem, result.trajectory).conditions["effort"].margin
+    problem, trajectory = stored("two_link/around_a_post", "branch-and-bound")
+    exact = verify(problem, trajectory).conditions["effort"].margin
     monkeypatch.setattr("tubeplanner.verification.verification._EFFORT_ENCLOSURE", 1e-2)
-    rough = verify(problem, result.trajectory).conditions["effort"].margin
+    rough = verify(problem, trajectory).conditions["effort"].margin
     assert exact - 2e-2 < rough < exact - 1e-6
 
 
-def test_an_undecided_effort_tells_what_was_found(planned, monkeypatch):
-    problem, result = planned("two_link/around_a_post", "branch-and-bound")
+def test_an_undecided_effort_tells_what_was_found(stored, monkeypatch):
+    problem, trajectory = stored("two_link/around_a_post", "branch-and-bound")
     monkeypatch.setattr("tubeplanner.verification.enclosure._MAX_INTERVALS", 1)
-    condition = verify(problem, result.trajectory).conditions["effort"]
+    condition = verify(problem, trajectory).conditions["effort"]
     found = float(condition.coverage.removeprefix("for all t, undecided: the margin found is ")
                   .removesuffix(" relative"))  # fmt: skip
     assert found == pytest.approx(0.0, abs=0.1)
     assert condition.margin < found
 
 
-def test_the_time_of_a_sign_counts_from_the_beginning(planned):
+def test_the_time_of_a_sign_counts_from_the_beginning(stored):
     """The tightest range is that of the last segment, which is visited late."""
-    problem, result = planned("two_link/around_a_post", "branch-and-bound")
-    t = np.linspace(0, result.duration, 40_001)
-    elbow = result.trajectory.position(t)[:, 1]
-    late = t > 0.8 * result.duration
+    problem, trajectory = stored("two_link/around_a_post", "branch-and-bound")
+    t = np.linspace(0, trajectory.duration, 40_001)
+    elbow = trajectory.position(t)[:, 1]
+    late = t > 0.8 * trajectory.duration
     highest = elbow[late].max()
     signs = [{"joint2": "-"}, {"joint2": "-"}, {"joint2": [-3.0, float(highest) + 1e-4]}]
     tube = Tube(problem.tube.points, problem.tube.radius, joint_signs=signs)
-    condition = verify(changed(problem, tube=tube), result.trajectory).conditions["joint_signs"]
+    condition = verify(changed(problem, tube=tube), trajectory).conditions["joint_signs"]
     assert condition.margin <= 1e-4 + 1e-9
     assert condition.where.segment == 2
     near = np.flatnonzero(abs(t - condition.where.time) < 1e-4)
@@ -514,9 +511,8 @@ def test_the_time_of_a_sign_counts_from_the_beginning(planned):
 
 
 @pytest.mark.parametrize("slower", [1.0, 50.0])
-def test_a_jump_counts_the_same_however_slow_the_trajectory(slower, planned):
-    problem, result = planned("two_link/around_a_post", "branch-and-bound")
-    trajectory = result.trajectory
+def test_a_jump_counts_the_same_however_slow_the_trajectory(slower, stored):
+    problem, trajectory = stored("two_link/around_a_post", "branch-and-bound")
     coefficients = trajectory.coefficients.copy()
     coefficients[-2, 3, 1] += 0.5
     jumping = JointTrajectory(trajectory.joint_names, trajectory.breakpoints, coefficients)

@@ -52,9 +52,9 @@ def sampled(trajectory):
     return trajectory.at(np.linspace(0, trajectory.duration, SAMPLES))
 
 
-def test_an_effort_above_its_limit_for_a_tenth_of_a_millisecond(planned):
-    problem, result = planned("two_link/around_a_post", "branch-and-bound")
-    slow = result.trajectory.scaled(1.5)
+def test_an_effort_above_its_limit_for_a_tenth_of_a_millisecond(stored):
+    problem, trajectory = stored("two_link/around_a_post", "branch-and-bound")
+    slow = trajectory.scaled(1.5)
     begin = between_samples(slow, 0.9, 2e-4)
     spiked = with_bump(slow, 1, begin, 2e-4, 2.5e-7)
     samples = sampled(spiked)
@@ -73,16 +73,16 @@ def test_an_effort_above_its_limit_for_a_tenth_of_a_millisecond(planned):
     assert condition.coverage == "for all t"
 
 
-def test_a_tool_outside_the_tube_for_a_tenth_of_a_millisecond(planned):
+def test_a_tool_outside_the_tube_for_a_tenth_of_a_millisecond(stored):
     """A radius that the trajectory just keeps, and a spike of 0.6 mm at its worst place."""
-    problem, result = planned("two_link/paper_1_30mm", "branch-and-bound")
-    least = verify(problem, result.trajectory).conditions["tube"]
+    problem, trajectory = stored("two_link/paper_1_30mm", "branch-and-bound")
+    least = verify(problem, trajectory).conditions["tube"]
     radius = problem.tube.radius - (least.margin - 1e-4)
     tube = Tube(problem.tube.points, radius, joint_signs=problem.tube.joint_ranges)
     tight = PlanningProblem(problem.robot, tube, problem.start)
-    begin = between_samples(result.trajectory, least.where.time, 2e-4)
-    spiked = with_bump(result.trajectory, 0, begin, 2e-4, 2e-3)
-    other = with_bump(result.trajectory, 0, begin, 2e-4, -2e-3)
+    begin = between_samples(trajectory, least.where.time, 2e-4)
+    spiked = with_bump(trajectory, 0, begin, 2e-4, 2e-3)
+    other = with_bump(trajectory, 0, begin, 2e-4, -2e-3)
     failing = [verify(tight, trajectory).conditions["tube"] for trajectory in (spiked, other)]
     worst = min(failing, key=lambda condition: condition.margin)
     assert worst.margin < -2e-5

@@ -2,7 +2,10 @@
 
 import html
 import json
+import os
 import re
+import subprocess
+import sys
 import webbrowser
 from pathlib import Path
 
@@ -11,6 +14,7 @@ import pytest
 
 import tubeplanner
 from cases import PROBLEMS
+from stored_trajectories import STOP, stored_path
 from tubeplanner import OptionError, OutputError, TrajectoryError, load_problem
 from tubeplanner.collision.link_geometry import read_geometry
 from tubeplanner.commands.cli import main
@@ -23,13 +27,13 @@ MEGABYTE = 1e6
 
 
 @pytest.fixture(scope="module")
-def shown(planned):
+def shown(stored):
     made = {}
 
     def of(name):
         if name not in made:
-            problem, result = planned(name)
-            made[name] = view(problem, result.trajectory)
+            problem, trajectory = stored(name)
+            made[name] = view(problem, trajectory)
         return made[name]
 
     return of
@@ -81,8 +85,8 @@ def test_obstacles_and_what_is_carried_are_there(shown):
 
 
 @pytest.mark.parametrize("name", ["two_link/around_a_post", "panda/between_shelves"])
-def test_the_animation_is_the_trajectory(name, shown, planned):
-    problem, result = planned(name)
+def test_the_animation_is_the_trajectory(name, shown, stored):
+    problem, trajectory = stored(name)
     scene = shown(name).scene
     (animation,) = (c for c in recorded_commands(scene) if c["type"] == "set_animation")
     last = {}
@@ -90,9 +94,9 @@ def test_the_animation_is_the_trajectory(name, shown, planned):
         position = track["clip"]["tracks"][0]
         assert track["clip"]["fps"] == 1  # times are seconds
         assert position["keys"][0]["time"] == 0
-        assert position["keys"][-1]["time"] == pytest.approx(result.duration)
+        assert position["keys"][-1]["time"] == pytest.approx(trajectory.duration)
         last[track["path"]] = position["keys"][-1]["value"]
-    q = result.trajectory.reordered(problem.robot.joint_names).position([result.duration])
+    q = trajectory.reordered(problem.robot.joint_names).position([trajectory.duration])
     expected = problem.robot.body_poses(q)[1][0]
     bodies = {problem.robot.link_body[item.name.split("/")[0]] for item in of_layer(scene, "arm")}
     for body in bodies - {0}:
@@ -156,10 +160,10 @@ def test_many_segments_are_named_by_the_first_few():
     assert "9 segments" in entries[-1]["text"]
 
 
-def test_trajectories_stand_side_by_side(planned):
-    problem, slow = planned("ur5/over_the_wall")
-    _, fast = planned("ur5/over_the_wall", "refinement")
-    shown = view(problem, fast.trajectory, slow.trajectory, names=["fast", "slow"])
+def test_trajectories_stand_side_by_side(stored):
+    problem, slow = stored("ur5/over_the_wall")
+    _, fast = stored("ur5/over_the_wall", "refinement")
+    shown = view(problem, fast, slow, names=["fast", "slow"])
     scene = shown.scene
     assert scene.duration == slow.duration
     commands = recorded_commands(scene)
@@ -192,21 +196,21 @@ def test_a_seed_that_leads_nowhere_is_said():
     assert panel_data(scene)["notes"] == list(scene.notes)
 
 
-def test_joints_are_known_by_name(planned):
-    problem, result = planned("ur5/over_the_wall")
-    turned = result.trajectory.reordered(problem.robot.joint_names[::-1])
+def test_joints_are_known_by_name(stored):
+    problem, trajectory = stored("ur5/over_the_wall")
+    turned = trajectory.reordered(problem.robot.joint_names[::-1])
     assert view(problem, turned).scene.trajectories[0].tool == pytest.approx(
-        view(problem, result.trajectory).scene.trajectories[0].tool
+        view(problem, trajectory).scene.trajectories[0].tool
     )
 
 
-def test_a_trajectory_of_other_joints_is_refused_by_name(planned):
-    problem, _ = planned("ur5/over_the_wall")
-    _, other = planned("two_link/around_a_post")
+def test_a_trajectory_of_other_joints_is_refused_by_name(bundled, stored):
+    problem = bundled("ur5/over_the_wall")
+    _, other = stored("two_link/around_a_post")
     with pytest.raises(TrajectoryError, match=r"elbow\.json: the trajectory moves the joints"):
-        view(problem, other.trajectory, names=["elbow.json"])
+        view(problem, other, names=["elbow.json"])
     with pytest.raises(OptionError, match="one each, all different"):
-        view(problem, other.trajectory, names=["a", "b"])
+        view(problem, other, names=["a", "b"])
 
 
 def test_a_link_whose_mesh_is_missing_is_drawn_by_its_collision_geometry(tmp_path):
@@ -233,12 +237,12 @@ def test_a_notebook_gets_the_whole_page(shown):
     assert html.unescape(re.search(r'srcdoc="([^"]*)"', frame).group(1)) == page.html
 
 
-def test_what_a_name_holds_does_not_break_the_page(planned):
-    problem, result = planned("two_link/around_a_post")
+def test_what_a_name_holds_does_not_break_the_page(stored):
+    problem, trajectory = stored("two_link/around_a_post")
     named = tubeplanner.PlanningProblem(
         problem.robot, problem.tube, problem.start, name="</script><b>&"
     )
-    page = view(named, result.trajectory, names=["</script>"]).html
+    page = view(named, trajectory, names=["</script>"]).html
     assert page.count("</script>") == 5
     data = re.search(r'id="data">(.*?)</script>', page, re.S).group(1)
     assert json.loads(data)["trajectories"][0]["name"] == "</script>"
@@ -252,6 +256,20 @@ def test_a_page_is_saved_whole_or_not_at_all(shown, tmp_path):
         page.save(tmp_path / "nowhere" / "page.html")
 
 
+def test_the_page_is_the_same_in_another_process(tmp_path):
+    """Whatever is a hash, a time or an address there."""
+    problem, trajectory = "two_link/around_a_post", stored_path("two_link/around_a_post", STOP)
+    pages = [tmp_path / name for name in ("here.html", "there.html")]
+    here, there = (
+        ["view", f"example:{problem}", str(trajectory), "--html", str(page)] for page in pages
+    )
+    assert main(here) == 0
+    command = f"from tubeplanner.commands.cli import main; main({there})"
+    environment = {**os.environ, "PYTHONHASHSEED": "7"}
+    subprocess.run([sys.executable, "-c", command], env=environment, check=True)
+    assert pages[0].read_bytes() == pages[1].read_bytes()
+
+
 @pytest.mark.parametrize("found", [True, False])
 def test_a_page_is_opened_in_a_browser(found, shown, monkeypatch):
     asked = []
@@ -263,10 +281,10 @@ def test_a_page_is_opened_in_a_browser(found, shown, monkeypatch):
 
 
 @pytest.fixture
-def files(planned, tmp_path):
-    problem, result = planned("two_link/around_a_post")
-    (tmp_path / "t.json").write_text(trajectory_json(result.trajectory))
-    samples = result.trajectory.sample(500)
+def files(stored, tmp_path):
+    problem, trajectory = stored("two_link/around_a_post")
+    (tmp_path / "t.json").write_text(trajectory_json(trajectory))
+    samples = trajectory.sample(500)
     (tmp_path / "t.csv").write_text(trajectory_csv(problem.robot.joint_names, samples))
     (tmp_path / "t.yaml").write_text(trajectory_ros(problem.robot.joint_names, samples))
     return tmp_path

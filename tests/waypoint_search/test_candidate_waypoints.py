@@ -9,8 +9,8 @@ from tubeplanner.waypoint_search.candidate_waypoints import candidate_waypoints
 
 @pytest.mark.parametrize("name", PROBLEMS)
 @pytest.mark.parametrize("count", [2, 3, 30])
-def test_the_tools_are_equally_spaced_along_the_reference_path(name, count, planned):
-    problem, _ = planned(name)
+def test_the_tools_are_equally_spaced_along_the_reference_path(name, count, bundled):
+    problem = bundled(name)
     branch = reference_branch(problem, redundancy_rules(problem)[0])
     waypoints = candidate_waypoints(problem, branch, count)
     assert waypoints.shape == (count, problem.robot.joint_count)

@@ -25,9 +25,9 @@ def is_free(problem, q):
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("spread", [0.02, 0.1, 0.5])
-def test_configurations_are_judged_as_by_measuring_every_pair(name, spread, planned):
+def test_configurations_are_judged_as_by_measuring_every_pair(name, spread, bundled):
     """Near the waypoints, where bounds decide, and far away, where pairs are measured."""
-    problem, _ = planned(name)
+    problem = bundled(name)
     waypoints = waypoints_of(problem)
     rng = np.random.default_rng(7)
     nearest = rng.integers(len(waypoints), size=60)
@@ -39,8 +39,8 @@ def test_configurations_are_judged_as_by_measuring_every_pair(name, spread, plan
         assert 0 < expected.sum() < len(expected)
 
 
-def test_waypoints_in_collision_are_known(planned, two_link):
-    problem, _ = planned("two_link/around_a_post")
+def test_waypoints_in_collision_are_known(bundled, two_link):
+    problem = bundled("two_link/around_a_post")
     waypoints = waypoints_of(problem)
     tool = two_link.tool_position(waypoints)
     ball = Obstacle.sphere("ball", 0.01, placement_of(tool[5]))

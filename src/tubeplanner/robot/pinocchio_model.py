@@ -11,7 +11,7 @@ from typing import IO
 import numpy as np
 import pinocchio as pin
 
-from tubeplanner.arrays import FloatArray
+from tubeplanner.arrays import FloatArray, read_only
 from tubeplanner.errors import RobotError, unknown_name
 from tubeplanner.robot.urdf import Mimic, UrdfDescription, UrdfJoint, joint_id, link_id
 
@@ -140,6 +140,30 @@ def build_model(
     if needs_masses:
         _require_masses(description, model)
     return model
+
+
+def link_placements(
+    description: UrdfDescription, model: pin.Model
+) -> tuple[dict[str, int], dict[str, FloatArray]]:
+    """Return the body of every link, and its pose in that body's frame, shape (4, 4), by name."""
+    body, placement = {}, {}
+    for name in description.links:
+        frame = model.frames[model.getFrameId(link_id(name), pin.FrameType.BODY)]
+        body[name] = int(frame.parentJoint)
+        placement[name] = read_only(frame.placement.homogeneous)
+    return body, placement
+
+
+def add_tool_centre_point(model: pin.Model, tool_frame: str, offset: ToolOffset) -> int:
+    """Add the tool centre point to a model; return the index of its frame."""
+    tool = model.frames[model.getFrameId(link_id(tool_frame), pin.FrameType.BODY)]
+    placement = tool.placement * pin.SE3(
+        pin.rpy.rpyToMatrix(*offset.rpy), np.array(offset.position, dtype=float)
+    )
+    frame = pin.Frame(
+        "tool centre point", tool.parentJoint, tool.parentFrame, placement, pin.FrameType.OP_FRAME
+    )
+    return int(model.addFrame(frame))
 
 
 def _reduced_model(

@@ -19,8 +19,15 @@ from tubeplanner.arrays import BoolArray, FloatArray, IntArray, read_only
 from tubeplanner.errors import RobotError
 from tubeplanner.resources import find_description
 from tubeplanner.robot.joint_limits import JointLimits, LimitOverrides, resolve_limits
-from tubeplanner.robot.pinocchio_model import Payload, ToolOffset, build_model, planning_group
-from tubeplanner.robot.urdf import UrdfDescription, joint_id, link_id, read_urdf
+from tubeplanner.robot.pinocchio_model import (
+    Payload,
+    ToolOffset,
+    add_tool_centre_point,
+    build_model,
+    link_placements,
+    planning_group,
+)
+from tubeplanner.robot.urdf import UrdfDescription, joint_id, read_urdf
 
 EARTH_GRAVITY = (0.0, 0.0, -9.81)  # [m/s^2]
 
@@ -147,9 +154,9 @@ class RobotModel:
         self.tool_frame = tool_frame
         self.gravity = read_only(model.gravity.linear)
         self.limits = limits
-        self.link_body, self.link_placement = _links(urdf, model)
+        self.link_body, self.link_placement = link_placements(urdf, model)
         self._model = model
-        self._tool_id = _add_tool_centre_point(model, tool_frame, tool_offset)
+        self._tool_id = add_tool_centre_point(model, tool_frame, tool_offset)
         # A Data made before the last edit of its model corrupts memory without a word.
         self._scratch = _Scratch(model)
         # Pinocchio orders joints its own way: q_model = q[:, to_model], q = q_model[:, to_group].
@@ -381,25 +388,3 @@ class RobotModel:
 
     def _model_order(self, values: FloatArray) -> FloatArray:
         return np.ascontiguousarray(values[:, self._to_model], dtype=np.float64)
-
-
-def _links(
-    description: UrdfDescription, model: pin.Model
-) -> tuple[dict[str, int], dict[str, FloatArray]]:
-    body, placement = {}, {}
-    for name in description.links:
-        frame = model.frames[model.getFrameId(link_id(name), pin.FrameType.BODY)]
-        body[name] = int(frame.parentJoint)
-        placement[name] = read_only(frame.placement.homogeneous)
-    return body, placement
-
-
-def _add_tool_centre_point(model: pin.Model, tool_frame: str, offset: ToolOffset) -> int:
-    tool = model.frames[model.getFrameId(link_id(tool_frame), pin.FrameType.BODY)]
-    placement = tool.placement * pin.SE3(
-        pin.rpy.rpyToMatrix(*offset.rpy), np.array(offset.position, dtype=float)
-    )
-    frame = pin.Frame(
-        "tool centre point", tool.parentJoint, tool.parentFrame, placement, pin.FrameType.OP_FRAME
-    )
-    return int(model.addFrame(frame))

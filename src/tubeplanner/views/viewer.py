@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
+from uuid import UUID
 
 import numpy as np
 
@@ -42,6 +43,7 @@ _RENDER_ORDER = {
 _FLOOR_COLOR = 0xC3CAD4
 _LIGHT_DISTANCE = 50.0  # [m]
 _FRONT_SIDE, _BOTH_SIDES = 0, 2
+_IDENTIFIERS = ("uuid", "geometry", "material")  # of an object, or of what it refers to
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,13 +128,27 @@ def names_of_files(paths: Sequence[Path]) -> list[str]:
 
 
 class _Recorder:
-    """Takes the place of meshcat's window: keeps what would be sent to a server."""
+    """Takes the place of meshcat's window: keeps what would be sent to a server.
+
+    meshcat identifies objects by time and machine; here they are counted, so that the same scene
+    gives the same page.
+    """
 
     def __init__(self) -> None:
         self.commands: list[dict[str, Any]] = []
+        self._counted: dict[str, str] = {}
 
     def send(self, command: Any) -> None:
-        self.commands.append(command.lower())
+        self.commands.append(self._with_counted(command.lower()))
+
+    def _with_counted(self, value: Any, key: str | None = None) -> Any:
+        if isinstance(value, dict):
+            return {name: self._with_counted(inner, name) for name, inner in value.items()}
+        if isinstance(value, list):
+            return [self._with_counted(inner) for inner in value]
+        if key in _IDENTIFIERS and isinstance(value, str):
+            return self._counted.setdefault(value, str(UUID(int=len(self._counted))))
+        return value
 
 
 def recorded_commands(scene: Scene) -> list[dict[str, Any]]:
