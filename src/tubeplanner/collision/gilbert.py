@@ -40,12 +40,12 @@ def separating_directions(
         distance is negative, and says nothing about the depth.
     """
     bound, found = np.full(len(gap), -np.inf), np.zeros_like(gap)
-    live = np.arange(len(gap))
+    live, known = np.arange(len(gap)), np.full(len(gap), np.inf)
     for _ in range(max_steps):
         length = np.linalg.norm(gap, axis=1)
-        wanted = np.minimum(enough, length - loose)
-        unsettled = (length > _NO_LENGTH) & (bound[live] < wanted)
+        unsettled = (length > _NO_LENGTH) & (bound[live] < np.minimum(enough, known - loose))
         live, gap, length = live[unsettled], gap[unsettled], length[unsettled]
+        known = length
         if len(live) == 0:
             break
         direction = gap / length[:, None]

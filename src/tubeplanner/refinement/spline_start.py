@@ -4,7 +4,6 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.branches.reference_branch import ReferenceBranch
-from tubeplanner.polyline import arc_lengths
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.refinement.phased_spline import DEGREE, KnotGrid, PhasedSpline
 from tubeplanner.trajectory.fitted_spline import fitted_control_points, times_between
@@ -29,8 +28,9 @@ def starting_spline(
     """
     q = np.concatenate(branch.segments)
     tool = problem.robot.tool_position(q)
-    travel = arc_lengths(tool) + _TRAVEL_PER_RADIAN * arc_lengths(q)
-    travel /= travel[-1]
+    steps = np.linalg.norm(np.diff(tool, axis=0), axis=1)
+    steps += _TRAVEL_PER_RADIAN * np.linalg.norm(np.diff(q, axis=0), axis=1)
+    travel = np.concatenate([[0.0], np.cumsum(steps)]) / steps.sum()
     corners = travel[np.cumsum([len(segment) for segment in branch.segments]) - 1]
     x = np.linspace(0, 1, 2001)
     covered = x**3 * (10 - 15 * x + 6 * x**2)
