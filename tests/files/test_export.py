@@ -8,7 +8,7 @@ import pytest
 from ruamel.yaml import YAML
 from scipy.interpolate import PPoly
 
-from cases import PROBLEMS
+from cases import PROBLEMS, slow_but
 from tubeplanner import TrajectoryError, read_trajectory, verify
 from tubeplanner.files.export import trajectory_csv, trajectory_json, trajectory_ros
 from tubeplanner.files.export_samples import samples_for_export
@@ -137,8 +137,11 @@ def test_the_undamaged_one_is_read(tmp_path):
     assert read_trajectory(path).duration == 1.0
 
 
-@pytest.mark.parametrize("name", PROBLEMS)
-@pytest.mark.parametrize("suffix", [".csv", ".yaml"])
+@pytest.mark.parametrize(
+    ("name", "suffix"),
+    [(name, ".csv") for name in PROBLEMS]
+    + slow_but([("ur5/level_tray", ".yaml")], [(name, ".yaml") for name in PROBLEMS]),
+)
 def test_samples_of_a_refined_trajectory_read_back_pass(name, suffix, stored, tmp_path):
     problem, trajectory = stored(name, "refinement")
     sampled = samples_for_export(problem, trajectory, 500)
