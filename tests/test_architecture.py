@@ -44,7 +44,7 @@ KNOWS = {
     "rich": {"commands.report", "commands.console"},
     "piqp": {"refinement.linear_program"},
     "toppra": {"baselines.fastest_parameterization"},
-    "yaml": {"files.trajectory_file"},
+    "yaml": {"documents"},
     "ompl": {"tube_sources.joint_route"},
     "pydantic": {"problem.problem_faults", "problem.problem_format"},
 }

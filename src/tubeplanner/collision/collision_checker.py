@@ -175,7 +175,7 @@ class CollisionChecker:
         found = self._measured(rotation, position, pairs)
         distance = np.array([each.distance for each in found])
         world = np.array([each.direction for each in found]).reshape(-1, 3)
-        frames = rotation[[self.shapes[j].body for j in pairs[:, 1]]]
+        frames = rotation[np.array([self.shapes[j].body for j in pairs[:, 1]], dtype=np.int64)]
         return distance, np.einsum("pij,pi->pj", frames, world)
 
     def closest_points(
@@ -278,7 +278,7 @@ class CollisionChecker:
         `weights @ |dq|`. A joint that moves both shapes of a pair does not count.
         """
         robot = self.robot
-        bodies = np.array([shape.body for shape in self.shapes])
+        bodies = np.array([shape.body for shape in self.shapes], dtype=np.int64)
         reach = np.array([shape.shape.reach(np.zeros(3)) for shape in self.shapes])
         weights = np.where(robot.revolute, robot.lever_arm[bodies] + reach[:, None], 1.0)
         moves = robot.joint_moves_body[bodies]

@@ -1,5 +1,7 @@
 """Trajectories as text: our JSON, CSV, ROS."""
 
+import csv
+import io
 import json
 from collections.abc import Sequence
 from typing import Any
@@ -7,8 +9,11 @@ from typing import Any
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
+from tubeplanner.errors import OutputError, shown
 from tubeplanner.files.trajectory_file import TRAJECTORY_FORMAT, TRAJECTORY_VERSION
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
+
+_FORMULA_BEGINS = ("=", "+", "-", "@")
 
 
 def trajectory_json(trajectory: JointTrajectory, **more: Any) -> str:
@@ -39,7 +44,11 @@ def trajectory_csv(
         joint_names: In the order of the samples.
         samples: What to write.
         effort: At the samples, shape (N, n) [N m or N]; None: no columns of them.
+
+    Raises:
+        OutputError: A joint's name would be a formula to spreadsheets.
     """
+    require_no_formula(joint_names)
     columns = {
         "position": samples.position,
         "velocity": samples.velocity,
@@ -49,8 +58,24 @@ def trajectory_csv(
         columns["effort"] = effort
     header = ["time"] + [f"{name}.{what}" for what in columns for name in joint_names]
     table = np.column_stack([samples.time, *columns.values()])
-    rows = [",".join(map(repr, row)) for row in table.tolist()]
-    return "\n".join([",".join(header), *rows]) + "\n"
+    stream = io.StringIO()
+    csv.writer(stream, lineterminator="\n").writerow(header)
+    stream.writelines(",".join(map(repr, row)) + "\n" for row in table.tolist())
+    return stream.getvalue()
+
+
+def require_no_formula(joint_names: Sequence[str]) -> None:
+    """Raise unless spreadsheets take all names of joints, as columns of a CSV file, for text.
+
+    Raises:
+        OutputError: A name begins as a formula does, which they would run.
+    """
+    for name in joint_names:
+        if name.lstrip().startswith(_FORMULA_BEGINS):
+            raise OutputError(
+                f"CSV: the column of joint {shown(name)} would begin with '{name.lstrip()[0]}', "
+                "a formula to spreadsheets; rename the joint, or write JSON or ROS"
+            )
 
 
 def trajectory_ros(joint_names: Sequence[str], samples: TrajectorySamples, *comments: str) -> str:

@@ -1,12 +1,13 @@
 """Limits of the planned joints: those of the URDF, replaced and scaled by those of the problem."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, read_only
-from tubeplanner.errors import RobotError, unknown_name
+from tubeplanner.errors import RobotError, shown, unknown_name
+from tubeplanner.options import in_figures, is_number
 from tubeplanner.robot.urdf import UrdfDescription, UrdfJoint
 
 _MIN_LIMIT, _MAX_LIMIT = 1e-6, 1e9  # limits that make sense, in SI units
@@ -34,18 +35,35 @@ class LimitOverrides:
     scale: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        for field_ in fields(self):
+            given = getattr(self, field_.name)
+            if not isinstance(given, Mapping):
+                raise RobotError(
+                    f"robot.limits.{field_.name} is {shown(given)}; it must be a map by name, such "
+                    "as {'elbow_joint': 1.5}"
+                )
         for quantity in (*_SCALABLE, "jerk"):
             for name, value in getattr(self, quantity).items():
-                if not (_MIN_LIMIT <= value <= _MAX_LIMIT or value == np.inf):
+                in_range = is_number(value) and (
+                    _MIN_LIMIT <= value <= _MAX_LIMIT or value == np.inf
+                )
+                if not in_range:
                     raise RobotError(
-                        f"robot.limits.{quantity}: joint '{name}' at {value:g}; give a number from "
-                        f"{_MIN_LIMIT:g} to {_MAX_LIMIT:g}, or .inf for none"
+                        f"robot.limits.{quantity}: joint '{name}' at {in_figures(value)}; give a "
+                        f"number from {_MIN_LIMIT:g} to {_MAX_LIMIT:g}, or .inf for none"
                     )
+        for name, range_ in self.position.items():
+            if np.shape(range_) != (2,) or not all(is_number(bound) for bound in range_):
+                raise RobotError(
+                    f"robot.limits.position: joint '{name}' at {shown(range_)}; give [lower, upper]"
+                )
         for name, factor in self.scale.items():
             if name not in _SCALABLE:
                 raise RobotError(f"robot.limits.scale: {unknown_name('quantity', name, _SCALABLE)}")
-            if not 0 < factor <= 1:
-                raise RobotError(f"robot.limits.scale: {name} at {factor:g} must be in (0, 1]")
+            if not is_number(factor) or not 0 < factor <= 1:
+                raise RobotError(
+                    f"robot.limits.scale: {name} at {in_figures(factor)} must be in (0, 1]"
+                )
 
 
 @dataclass(frozen=True, eq=False)
