@@ -10,7 +10,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.collision.convex_shape import ConvexShape
-from tubeplanner.collision.link_geometry import link_shapes
+from tubeplanner.collision.link_geometry import link_contents, link_shapes
 from tubeplanner.collision.obstacle import AttachedSolid, Obstacle
 from tubeplanner.collision.separation import PlacedShape, Separation, separation
 from tubeplanner.errors import ProblemError, unknown_name
@@ -76,6 +76,7 @@ class CollisionChecker:
         link_pairs: Link against link, likewise.
         pairs: All of them, those with obstacles first.
         has_link_geometry: Whether the robot itself has any collision geometry.
+        link_contents: What the links' collision geometry was made from, by link name.
     """
 
     def __init__(
@@ -103,6 +104,7 @@ class CollisionChecker:
         """
         links = link_shapes(robot)
         self.has_link_geometry = bool(links)
+        self.link_contents = link_contents(robot)
         touching = [(solid.name, link) for solid in attached for link in solid.touch_links]
         _require_names(robot, obstacles, attached, [*ignore, *touching])
         self.robot = robot

@@ -11,6 +11,11 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.collision import convex_shape
 from tubeplanner.collision.convex_shape import ConvexShape
 from tubeplanner.collision.mesh_cover import cover_mesh, load_mesh
+from tubeplanner.collision.solid_contents import (
+    SolidContents,
+    mesh_contents,
+    simple_contents,
+)
 from tubeplanner.errors import ProblemError
 
 # Lengths that make sense around an arm [m]; far outside them distances are only rounding.
@@ -24,36 +29,42 @@ class Obstacle:
     Attributes:
         name: Unique among the obstacles of a problem.
         shapes: Convex shapes in the base frame that together cover it.
+        contents: What it was made from; None: of the shapes themselves.
 
     The constructors of each kind raise ProblemError for a size outside 1e-6 to 1e4 m.
     """
 
     name: str
     shapes: tuple[ConvexShape, ...]
+    contents: SolidContents | None = None
 
     @classmethod
     def box(cls, name: str, size: Sequence[float], placement: FloatArray) -> "Obstacle":
         """Return a box of full side lengths [m], centred in a placement (4, 4)."""
         _require_positive(name, "box", size)
-        return cls(name, (convex_shape.box(size).transformed(placement),))
+        contents = simple_contents("box", size, placement)
+        return cls(name, (convex_shape.box(size).transformed(placement),), contents)
 
     @classmethod
     def sphere(cls, name: str, radius: float, placement: FloatArray) -> "Obstacle":
         """Return a sphere [m], centred in a placement (4, 4)."""
         _require_positive(name, "sphere", [radius])
-        return cls(name, (convex_shape.sphere(radius).transformed(placement),))
+        contents = simple_contents("sphere", [radius], placement)
+        return cls(name, (convex_shape.sphere(radius).transformed(placement),), contents)
 
     @classmethod
     def cylinder(cls, name: str, radius: float, length: float, placement: FloatArray) -> "Obstacle":
         """Return a cylinder [m] along z of a placement (4, 4), centred in it."""
         _require_positive(name, "cylinder", [radius, length])
-        return cls(name, (convex_shape.cylinder(radius, length).transformed(placement),))
+        contents = simple_contents("cylinder", [radius, length], placement)
+        return cls(name, (convex_shape.cylinder(radius, length).transformed(placement),), contents)
 
     @classmethod
     def capsule(cls, name: str, radius: float, length: float, placement: FloatArray) -> "Obstacle":
         """Return a capsule [m] along z of a placement (4, 4); length between its caps' centres."""
         _require_positive(name, "capsule", [radius, length])
-        return cls(name, (convex_shape.capsule(radius, length).transformed(placement),))
+        contents = simple_contents("capsule", [radius, length], placement)
+        return cls(name, (convex_shape.capsule(radius, length).transformed(placement),), contents)
 
     @classmethod
     def mesh(
@@ -73,7 +84,8 @@ class Obstacle:
                 f"obstacle '{name}': scale {scale:g}; {MIN_SIZE:g} to {MAX_SIZE:g} are accepted"
             )
         shapes = cover_mesh(load_mesh(f"obstacle '{name}'", Path(path), scale))
-        return cls(name, tuple(shape.transformed(placement) for shape in shapes))
+        contents = mesh_contents(Path(path), [scale] * 3, placement)
+        return cls(name, tuple(shape.transformed(placement) for shape in shapes), contents)
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,11 +96,13 @@ class AttachedSolid:
         name: Unique among links, obstacles and attached solids.
         shapes: Convex shapes in the tool frame that together cover it.
         touch_links: Names of links that it may touch.
+        contents: What it was made from, in the tool frame; None: of the shapes themselves.
     """
 
     name: str
     shapes: tuple[ConvexShape, ...]
     touch_links: tuple[str, ...] = ()
+    contents: SolidContents | None = None
 
 
 def placement_of(
