@@ -277,16 +277,14 @@ class CollisionChecker:
         """Return how fast joints can bring pairs together: shape (P, n) [m per rad or m].
 
         When the joints travel by `|dq|`, the distance of a pair changes by at most
-        `weights @ |dq|`. A joint that moves both shapes of a pair does not count.
+        `weights @ |dq|`. A joint that moves both shapes of a pair as one does not count.
         """
-        robot = self.robot
-        bodies = np.array([shape.body for shape in self.shapes])
+        bodies = np.array([shape.body for shape in self.shapes], dtype=np.int64)
         reach = np.array([shape.shape.reach(np.zeros(3)) for shape in self.shapes])
-        weights = np.where(robot.revolute, robot.lever_arm[bodies] + reach[:, None], 1.0)
-        moves = robot.joint_moves_body[bodies]
         first, second = pairs.T
-        relative = moves[first] != moves[second]
-        return np.where(relative, np.where(moves[first], weights[first], weights[second]), 0.0)
+        return self.robot.approach_rates(
+            (bodies[first], bodies[second]), (reach[first], reach[second])
+        )
 
     def owners(self, pair: IntArray | tuple[int, int]) -> tuple[tuple[str, ...], str | None]:
         """Return the links of a pair, and its obstacle or None."""
@@ -317,7 +315,7 @@ class CollisionChecker:
         first, second = self.shapes[i], self.shapes[j]
         if frozenset((first.owner, second.owner)) in self._ignored:
             return False
-        moves = self.robot.joint_moves_body
+        moves = self.robot.carries
         between = moves[first.body] != moves[second.body]
         # Neighbouring links meet at their joint; nothing else may touch.
         solid_names = self._obstacle_names | self._attached_names
