@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 
 from follower_arm import JOINTS, LINKS, RULES, follower_arm
-from tubeplanner import LimitOverrides, Obstacle, RobotError, load_robot
+from tubeplanner import (
+    LimitOverrides,
+    Obstacle,
+    PlanningProblem,
+    PlanOptions,
+    RobotError,
+    Tube,
+    load_robot,
+    plan,
+)
 from tubeplanner.collision.collision_checker import CollisionChecker
 from tubeplanner.collision.obstacle import placement_of
 from tubeplanner.robot.followers import followers_of, leader_of
@@ -168,6 +177,24 @@ def test_links_with_a_follower_between_them_are_not_neighbours(arms):
     assert frozenset(("upper", "fore")) not in names
 
 
+def test_what_is_certified_holds_for_the_arm_with_every_joint_planned(tmp_path, arms):
+    strong = LimitOverrides(effort={"lift": 500, "first": 300, "wrist": 100, "side_joint": 50})
+    robot, plain = load(tmp_path, RULES, joints=PLANNED, limits=strong), arms[1]
+    start = np.array([0.2, 0.1, 0.3, 0.0])
+    tube = Tube(robot.tool_position(start + np.linspace(0, 0.4, 3)[:, None]), 0.05)
+    problem = PlanningProblem(robot, tube, start, start + 0.4)
+    result = plan(problem, PlanOptions("stop-at-corners"))
+    assert result.certificate.passed
+    samples = result.trajectory.per_piece(200)
+    matrix, offset = map_of(robot)
+    full = (
+        samples.position @ matrix.T + offset,
+        *(rate @ matrix.T for rate in (samples.velocity, samples.acceleration)),
+    )
+    assert (abs(plain.inverse_dynamics(*full) @ matrix) <= robot.limits.effort * (1 + 1e-6)).all()
+    assert (tube.margin(plain.tool_position(full[0])).max(axis=1) >= -1e-6).all()
+
+
 def test_limits_of_followers_bound_their_master(tmp_path):
     limits = {
         "second": '<limit lower="-1" upper="1.5" effort="1" velocity="4"/>',
@@ -237,8 +264,7 @@ def test_a_mimic_joint_on_the_tools_chain_is_planned_by_its_master(tmp_path):
     ],
 )
 def test_tiago_pro_loads_with_its_gripper(tool, last):
-    efforts = LimitOverrides(effort={}, velocity={})
-    robot = load_robot("example:tiago_pro", tool, limits=efforts)
+    robot = load_robot("example:tiago_pro", tool)
     assert robot.joint_names[-1] == last
     q = np.clip(np.full((1, robot.joint_count), 0.3), robot.limits.lower_position, None)
     assert np.isfinite(robot.inverse_dynamics(q, q, q)).all()
