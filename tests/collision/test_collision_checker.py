@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from cases import slow_but
 from tubeplanner import LimitOverrides, Obstacle, load_robot, placement_of
 from tubeplanner.collision.collision_checker import CollisionChecker
 from tubeplanner.errors import ProblemError
@@ -92,7 +93,7 @@ def all_distances(distance, robot, q):
     return np.array([distance(*poses) for poses in zip(*robot.body_poses(q), strict=True)])
 
 
-@pytest.fixture(scope="module", params=["ur5", "panda"])
+@pytest.fixture(scope="module", params=slow_but(["ur5"], ["ur5", "panda"]))
 def compared(request):
     """Ours, the bounding spheres' and coal's distances of links to obstacles of every kind.
 

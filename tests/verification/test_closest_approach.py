@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from cases import slow_but
 from tubeplanner import JointTrajectory, Obstacle, placement_of
 from tubeplanner.collision.collision_checker import CollisionChecker
 from tubeplanner.verification.closest_approach import closest_approach
@@ -21,8 +22,11 @@ def sampled(checker, trajectory, pairs, count=600):
     )
 
 
-@pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("name", ["ur5", "two_link"])
+@pytest.mark.parametrize(
+    ("name", "seed"),
+    [("two_link", seed) for seed in range(4)]
+    + slow_but([("ur5", 0)], [("ur5", seed) for seed in range(4)]),
+)
 def test_the_bound_is_below_every_sample_and_close_to_the_least(name, seed, request):
     robot = request.getfixturevalue(name)
     block = Obstacle.box("block", [0.2, 0.2, 0.2], placement_of([0.6, 0.3 * seed - 0.4, 0.3]))

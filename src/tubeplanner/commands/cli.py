@@ -41,6 +41,7 @@ from tubeplanner.commands.view_command import require_page, view
 from tubeplanner.errors import OptionError, TubePlannerError
 
 if TYPE_CHECKING:
+    from tubeplanner.files.trajectory_writer import TrajectoryFiles
     from tubeplanner.problem.problem import PlanningProblem
     from tubeplanner.trajectory.joint_trajectory import JointTrajectory
     from tubeplanner.verification.certificate import Tolerance
@@ -132,11 +133,12 @@ def plan(
 
     Writes nothing unless the certificate passes.
     """
+    from tubeplanner.files.trajectory_writer import TrajectoryFiles
     from tubeplanner.planning.plan_options import METHODS, PlanOptions
     from tubeplanner.planning.planner import plan as plan_problem
 
     options = PlanOptions(method or METHODS[0], quality, time_limit=time_limit)
-    outputs = _Outputs(output, csv, ros, rate, plot, html)
+    outputs = _Outputs(TrajectoryFiles(output, csv, ros, rate), plot, html)
     outputs.require_usable(problem)
     interrupted = False
     with shown_progress() as enter:
@@ -244,19 +246,16 @@ for command in (draw, sweep, compare, measure, teach, route, view, reproduce):
 class _Outputs:
     """The output files of a plan."""
 
-    trajectory: Path | None
-    csv: Path | None
-    ros: Path | None
-    rate: float
+    files: "TrajectoryFiles"
     plot: Path | None
     html: Path | None
 
     def paths(self) -> list[tuple[str, Path]]:
         """Return the requested files: kind and path."""
         asked = {
-            "trajectory": self.trajectory,
-            "CSV": self.csv,
-            "ROS": self.ros,
+            "trajectory": self.files.json,
+            "CSV": self.files.csv,
+            "ROS": self.files.ros,
             "plot": self.plot,
             "view": self.html,
         }
@@ -266,8 +265,6 @@ class _Outputs:
         """Raise if a file could not be written, before any work is done."""
         from tubeplanner.files.output_files import require_writable
 
-        if not 0 < self.rate < float("inf"):
-            raise OptionError(f"--rate is {self.rate:g} Hz; it must be > 0 and finite")
         if self.plot is not None and self.plot.suffix.lower() != ".png":
             raise OptionError(
                 f"--plot {self.plot}: a PNG is written; name a file that ends in .png"
@@ -277,27 +274,11 @@ class _Outputs:
 
     def write(
         self, problem: "PlanningProblem", method: str, trajectory: "JointTrajectory"
-    ) -> list[str]:
+    ) -> tuple[str, ...]:
         """Write all files, or none of them; return notes about them."""
-        from tubeplanner.files.export import trajectory_csv, trajectory_json, trajectory_ros
-        from tubeplanner.files.export_samples import samples_for_export
-        from tubeplanner.files.fingerprint import origin
         from tubeplanner.files.output_files import write_files
 
-        contents: dict[Path, bytes] = {}
-        notes: list[str] = []
-        if self.trajectory:
-            text = trajectory_json(trajectory, **origin(problem, method))
-            contents[self.trajectory] = text.encode()
-        if self.csv or self.ros:
-            sampled = samples_for_export(problem, trajectory, self.rate)
-            notes += [] if sampled.note is None else [sampled.note]
-        if self.csv:
-            contents[self.csv] = trajectory_csv(problem.robot, sampled.samples).encode()
-        if self.ros:
-            contents[self.ros] = trajectory_ros(
-                problem.robot.joint_names, sampled.samples, *notes
-            ).encode()
+        contents, notes = self.files.contents(trajectory, problem, method)
         if self.plot:
             from tubeplanner.views.figure_files import figure_png
             from tubeplanner.views.plotting import plot_trajectory

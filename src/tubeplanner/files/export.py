@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from tubeplanner.arrays import FloatArray
 from tubeplanner.files.trajectory_file import TRAJECTORY_FORMAT, TRAJECTORY_VERSION
-from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
 
 
@@ -30,19 +30,25 @@ def trajectory_json(trajectory: JointTrajectory, **more: Any) -> str:
     return json.dumps(fields, allow_nan=False) + "\n"
 
 
-def trajectory_csv(robot: RobotModel, samples: TrajectorySamples) -> str:
-    """Return samples as CSV: time, positions, velocities, accelerations, efforts.
+def trajectory_csv(
+    joint_names: Sequence[str], samples: TrajectorySamples, effort: FloatArray | None = None
+) -> str:
+    """Return samples as CSV: time, positions, velocities, accelerations and, if given, efforts.
 
     Args:
-        robot: For the joints' names and the efforts.
-        samples: In the robot's joint order.
+        joint_names: In the order of the samples.
+        samples: What to write.
+        effort: At the samples, shape (N, n) [N m or N]; None: no columns of them.
     """
-    effort = robot.inverse_dynamics(samples.position, samples.velocity, samples.acceleration)
-    quantities = ("position", "velocity", "acceleration", "effort")
-    header = ["time"] + [f"{name}.{what}" for what in quantities for name in robot.joint_names]
-    table = np.column_stack(
-        [samples.time, samples.position, samples.velocity, samples.acceleration, effort]
-    )
+    columns = {
+        "position": samples.position,
+        "velocity": samples.velocity,
+        "acceleration": samples.acceleration,
+    }
+    if effort is not None:
+        columns["effort"] = effort
+    header = ["time"] + [f"{name}.{what}" for what in columns for name in joint_names]
+    table = np.column_stack([samples.time, *columns.values()])
     rows = [",".join(map(repr, row)) for row in table.tolist()]
     return "\n".join([",".join(header), *rows]) + "\n"
 

@@ -130,10 +130,15 @@ def _sampled(robot: RobotModel) -> FloatArray:
     return np.random.default_rng(_SEED).uniform(-1, 1, shape)
 
 
-def origin(problem: PlanningProblem, method: str) -> dict[str, Any]:
-    """Return the origin that a trajectory file states, as JSON values."""
+def origin(problem: PlanningProblem, method: str | None = None) -> dict[str, Any]:
+    """Return the origin that a trajectory file states, as JSON values.
+
+    Args:
+        problem: The planning problem.
+        method: How the trajectory was made; None: not known, and not stated.
+    """
     return {
-        "method": method,
+        **({} if method is None else {"method": method}),
         "tubeplanner_version": __version__,
         "problem": problem.name,
         "problem_hash": problem_hash(problem),

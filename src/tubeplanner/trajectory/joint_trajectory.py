@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.interpolate import BSpline, PPoly
@@ -9,6 +11,9 @@ from scipy.special import factorial
 
 from tubeplanner.arrays import FloatArray, read_only
 from tubeplanner.errors import TrajectoryError
+
+if TYPE_CHECKING:
+    from tubeplanner.problem.problem import PlanningProblem
 
 _MAX_POSITION = 1e6  # [rad or m]
 _MAX_SAMPLES = 1_000_000
@@ -175,6 +180,35 @@ class JointTrajectory:
             )
         columns = [self.joint_names.index(name) for name in joint_names]
         return JointTrajectory(joint_names, self.breakpoints, self.coefficients[:, :, columns])
+
+    def save(
+        self, path: str | Path, problem: "PlanningProblem | None" = None, rate: float = 500.0
+    ) -> tuple[str, ...]:
+        """Write the trajectory to a file, replaced whole or not at all.
+
+        Args:
+            path: Its suffix chooses the format. `.json`: the trajectory itself. `.csv`: samples.
+                `.yaml` or `.yml`: samples as trajectory_msgs/JointTrajectory (ROS). All of them
+                are what `read_trajectory` reads.
+            problem: What the trajectory was made for. The JSON then has hashes of problem and
+                robot, the CSV has efforts, and samples are such that the limits hold when they
+                are joined, where the rate allows it; joints are in the problem's order. None:
+                none of these, and samples are the trajectory's own.
+            rate: Of the samples [Hz].
+
+        Returns:
+            Notes on how the samples differ from the trajectory, or on what joining them breaks;
+            empty if there is nothing to say.
+
+        Raises:
+            OutputError: The suffix is another one, or the file could not be written.
+            OptionError: The rate is not positive and finite.
+            TrajectoryError: The problem has other joints, or the rate makes too many samples.
+        """
+        # The one import from above, so that a trajectory writes itself: see `ignore_imports`.
+        from tubeplanner.files.trajectory_writer import write_trajectory
+
+        return write_trajectory(path, self, problem, rate)
 
     def _clip(self, t: object) -> FloatArray:
         return np.clip(np.asarray(t, dtype=np.float64), 0.0, self.duration)
