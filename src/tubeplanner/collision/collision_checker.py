@@ -10,7 +10,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.collision.convex_shape import ConvexShape
-from tubeplanner.collision.link_geometry import link_shapes
+from tubeplanner.collision.link_geometry import link_contents, link_shapes
 from tubeplanner.collision.obstacle import AttachedSolid, Obstacle
 from tubeplanner.collision.separation import PlacedShape, Separation, separation
 from tubeplanner.errors import ProblemError, unknown_name
@@ -76,6 +76,7 @@ class CollisionChecker:
         link_pairs: Link against link, likewise.
         pairs: All of them, those with obstacles first.
         has_link_geometry: Whether the robot itself has any collision geometry.
+        link_contents: What the links' collision geometry was made from, by link name.
     """
 
     def __init__(
@@ -103,6 +104,7 @@ class CollisionChecker:
         """
         links = link_shapes(robot)
         self.has_link_geometry = bool(links)
+        self.link_contents = link_contents(robot)
         touching = [(solid.name, link) for solid in attached for link in solid.touch_links]
         _require_names(robot, obstacles, attached, [*ignore, *touching])
         self.robot = robot
@@ -275,16 +277,14 @@ class CollisionChecker:
         """Return how fast joints can bring pairs together: shape (P, n) [m per rad or m].
 
         When the joints travel by `|dq|`, the distance of a pair changes by at most
-        `weights @ |dq|`. A joint that moves both shapes of a pair does not count.
+        `weights @ |dq|`. A joint that moves both shapes of a pair as one does not count.
         """
-        robot = self.robot
         bodies = np.array([shape.body for shape in self.shapes], dtype=np.int64)
         reach = np.array([shape.shape.reach(np.zeros(3)) for shape in self.shapes])
-        weights = np.where(robot.revolute, robot.lever_arm[bodies] + reach[:, None], 1.0)
-        moves = robot.joint_moves_body[bodies]
         first, second = pairs.T
-        relative = moves[first] != moves[second]
-        return np.where(relative, np.where(moves[first], weights[first], weights[second]), 0.0)
+        return self.robot.approach_rates(
+            (bodies[first], bodies[second]), (reach[first], reach[second])
+        )
 
     def owners(self, pair: IntArray | tuple[int, int]) -> tuple[tuple[str, ...], str | None]:
         """Return the links of a pair, and its obstacle or None."""
@@ -315,7 +315,7 @@ class CollisionChecker:
         first, second = self.shapes[i], self.shapes[j]
         if frozenset((first.owner, second.owner)) in self._ignored:
             return False
-        moves = self.robot.joint_moves_body
+        moves = self.robot.carries
         between = moves[first.body] != moves[second.body]
         # Neighbouring links meet at their joint; nothing else may touch.
         solid_names = self._obstacle_names | self._attached_names

@@ -11,6 +11,11 @@ from tubeplanner.arrays import FloatArray, read_only
 from tubeplanner.collision import convex_shape
 from tubeplanner.collision.convex_shape import ConvexShape
 from tubeplanner.collision.mesh_cover import cover_mesh, load_mesh
+from tubeplanner.collision.solid_contents import (
+    SolidContents,
+    mesh_contents,
+    simple_contents,
+)
 from tubeplanner.errors import ProblemError, shown
 from tubeplanner.names import require_name
 from tubeplanner.options import in_figures, is_number
@@ -26,6 +31,7 @@ class Obstacle:
     Attributes:
         name: Unique among the obstacles of a problem.
         shapes: Convex shapes in the base frame that together cover it.
+        contents: What it was made from; None: of the shapes themselves.
 
     The constructors of each kind raise ProblemError for a size outside 1e-6 to 1e4 m, a placement
     that is no rotation and translation, and a name that is no text or cannot be shown.
@@ -33,6 +39,7 @@ class Obstacle:
 
     name: str
     shapes: tuple[ConvexShape, ...]
+    contents: SolidContents | None = None
 
     def __post_init__(self) -> None:
         _require_solid(self.name, self.shapes)
@@ -41,25 +48,29 @@ class Obstacle:
     def box(cls, name: str, size: Sequence[float], placement: FloatArray) -> "Obstacle":
         """Return a box of full side lengths [m], centred in a placement (4, 4)."""
         _require_positive(name, "box", size)
-        return cls(name, (_placed(name, convex_shape.box(size), placement),))
+        shape = _placed(name, convex_shape.box(size), placement)
+        return cls(name, (shape,), simple_contents("box", size, placement))
 
     @classmethod
     def sphere(cls, name: str, radius: float, placement: FloatArray) -> "Obstacle":
         """Return a sphere [m], centred in a placement (4, 4)."""
         _require_positive(name, "sphere", [radius])
-        return cls(name, (_placed(name, convex_shape.sphere(radius), placement),))
+        shape = _placed(name, convex_shape.sphere(radius), placement)
+        return cls(name, (shape,), simple_contents("sphere", [radius], placement))
 
     @classmethod
     def cylinder(cls, name: str, radius: float, length: float, placement: FloatArray) -> "Obstacle":
         """Return a cylinder [m] along z of a placement (4, 4), centred in it."""
         _require_positive(name, "cylinder", [radius, length])
-        return cls(name, (_placed(name, convex_shape.cylinder(radius, length), placement),))
+        shape = _placed(name, convex_shape.cylinder(radius, length), placement)
+        return cls(name, (shape,), simple_contents("cylinder", [radius, length], placement))
 
     @classmethod
     def capsule(cls, name: str, radius: float, length: float, placement: FloatArray) -> "Obstacle":
         """Return a capsule [m] along z of a placement (4, 4); length between its caps' centres."""
         _require_positive(name, "capsule", [radius, length])
-        return cls(name, (_placed(name, convex_shape.capsule(radius, length), placement),))
+        shape = _placed(name, convex_shape.capsule(radius, length), placement)
+        return cls(name, (shape,), simple_contents("capsule", [radius, length], placement))
 
     @classmethod
     def mesh(
@@ -81,7 +92,8 @@ class Obstacle:
                 "accepted"
             )
         shapes = cover_mesh(load_mesh(f"obstacle '{name}'", Path(path), scale))
-        return cls(name, tuple(_placed(name, shape, placement) for shape in shapes))
+        contents = mesh_contents(Path(path), [scale] * 3, placement)
+        return cls(name, tuple(_placed(name, shape, placement) for shape in shapes), contents)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,11 +104,13 @@ class AttachedSolid:
         name: Unique among links, obstacles and attached solids.
         shapes: Convex shapes in the tool frame that together cover it.
         touch_links: Names of links that it may touch.
+        contents: What it was made from, in the tool frame; None: of the shapes themselves.
     """
 
     name: str
     shapes: tuple[ConvexShape, ...]
     touch_links: tuple[str, ...] = ()
+    contents: SolidContents | None = None
 
     def __post_init__(self) -> None:
         _require_solid(self.name, self.shapes)
