@@ -1,6 +1,7 @@
 """Problems, robots and moves that tests of several folders use."""
 
 import numpy as np
+import pytest
 
 from tubeplanner import JointTrajectory, LimitOverrides, load_robot
 
@@ -12,13 +13,21 @@ PROBLEMS = (
     "panda/between_shelves",
     "xarm7/from_crate_to_crate",
 )
+# It turns, extends and lifts; the boxes of its links do not reach each other.
 SLIDE = """<robot name="slide"><link name="base"/>
 <link name="carriage"><inertial><origin xyz="0.1 0 0"/><mass value="3"/>
-  <inertia ixx="0.1" iyy="0.2" izz="0.3" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <inertia ixx="0.1" iyy="0.2" izz="0.3" ixy="0" ixz="0" iyz="0"/></inertial>
+  <collision><origin xyz="0.1 0 -0.1"/><geometry><box size="0.3 0.2 0.1"/></geometry></collision>
+  </link>
 <link name="boom"><inertial><origin xyz="0.3 0.1 0"/><mass value="2"/>
-  <inertia ixx="0.02" iyy="0.2" izz="0.3" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <inertia ixx="0.02" iyy="0.2" izz="0.3" ixy="0" ixz="0" iyz="0"/></inertial>
+  <collision><origin xyz="0.2 0 0"/><geometry><box size="0.4 0.06 0.06"/></geometry></collision>
+  </link>
 <link name="tip"><inertial><origin xyz="0 0 -0.1"/><mass value="1"/>
-  <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>
+  <collision><origin xyz="0 0 -0.1" rpy="0.2 0.1 0.3"/>
+    <geometry><box size="0.05 0.1 0.2"/></geometry></collision>
+  </link>
 <joint name="turn" type="revolute"><parent link="base"/><child link="carriage"/>
   <origin xyz="0 0 0.5"/><axis xyz="0 0 1"/>
   <limit lower="-3" upper="3" effort="60" velocity="3"/></joint>
@@ -31,6 +40,16 @@ SLIDE = """<robot name="slide"><link name="base"/>
 INERTIA, ANGLE = 0.7, 1.3  # [kg m^2], [rad]
 # Peaks of the quintic rest-to-rest move of one radian in one second.
 PEAK_VELOCITY, PEAK_ACCELERATION, PEAK_JERK = 1.875, 10 / np.sqrt(3), 60.0
+
+
+def slow_but(quick, cases):
+    """Return cases for `parametrize`: those that are not among the quick ones are slow."""
+
+    def slow(case):
+        values = case if isinstance(case, tuple) else (case,)
+        return pytest.param(*values, marks=pytest.mark.slow)
+
+    return [case if case in quick else slow(case) for case in cases]
 
 
 def one_joint(tmp_path, mass=0.0, **limits):

@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from cases import SLIDE
 from stored_trajectories import STOP, stored_trajectory
 from tubeplanner import (
     LimitOverrides,
@@ -42,6 +43,14 @@ def panda():
 @pytest.fixture(scope="session", params=["two_link", "ur5", "panda"])
 def robot(request):
     return request.getfixturevalue(request.param)
+
+
+@pytest.fixture(scope="session")
+def slide(tmp_path_factory):
+    """An arm that turns, extends and lifts."""
+    path = tmp_path_factory.mktemp("slide") / "slide.urdf"
+    path.write_text(SLIDE)
+    return load_robot(path, "tip")
 
 
 @pytest.fixture(scope="session")

@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tubeplanner import LimitOverrides, Obstacle, load_robot, placement_of
+from cases import slow_but
+from tubeplanner import AttachedSolid, LimitOverrides, Obstacle, load_robot, placement_of
 from tubeplanner.collision.collision_checker import CollisionChecker
 from tubeplanner.errors import ProblemError
 
 CONFIGURATIONS = 1000  # of each arm
+SEEDS = {"ur5": 31, "panda": 31, "slide": 61}  # of obstacles that the arm can run into
 
 
 def random_placement(rng):
@@ -92,69 +94,6 @@ def all_distances(distance, robot, q):
     return np.array([distance(*poses) for poses in zip(*robot.body_poses(q), strict=True)])
 
 
-@pytest.fixture(scope="module", params=["ur5", "panda"])
-def compared(request):
-    """Ours, the bounding spheres' and coal's distances of links to obstacles of every kind.
-
-    For coal the cylinder is our prism here: its depth of overlap with round cylinders is unsound.
-    """
-    robot = request.getfixturevalue(request.param)
-    obstacles, solids = random_obstacles(np.random.default_rng(31))
-    checker = CollisionChecker(robot, obstacles, self_collision=False)
-    pairs = checker.obstacle_pairs
-    kinds = np.array([checker.shapes[j].owner for _, j in pairs])
-    del solids["cylinder"]
-    placed = coal_solids(checker, solids)
-    q = random_configurations(robot, CONFIGURATIONS, seed=32)
-    ours = all_distances(lambda r, p: checker.distances(r, p, pairs), robot, q)
-    exact = all_distances(lambda r, p: coal_distances(checker, placed, r, p, pairs), robot, q)
-    return kinds, ours, exact, checker.sphere_distances(*robot.body_poses(q), pairs)
-
-
-@pytest.mark.parametrize("kind", ["box", "sphere", "capsule", "cylinder"])
-def test_distances_are_never_above_those_of_coal_and_nearly_always_equal(compared, kind):
-    kinds, ours, exact, _ = compared
-    ours, exact = ours[:, kinds == kind], exact[:, kinds == kind]
-    assert (exact < 0).any()
-    assert (exact > 0).any()
-    assert (ours - exact).max() < 1e-9
-    assert np.mean(exact - ours > 1e-6) < 0.01
-    assert (exact - ours).max() < 2e-3
-
-
-def test_sphere_distances_are_never_above_the_distances(compared):
-    _, ours, exact, spheres = compared
-    assert (spheres <= exact + 1e-9).all()
-    assert (spheres <= ours + 1e-9).all()
-    assert spheres.max() > 0.3
-
-
-def test_a_cylinder_is_never_farther_than_it_is_and_hardly_nearer(panda):
-    obstacles, solids = random_obstacles(np.random.default_rng(33))
-    (cylinder,) = (obstacle for obstacle in obstacles if obstacle.name == "cylinder")
-    checker = CollisionChecker(panda, [cylinder], self_collision=False)
-    placed, pairs = coal_solids(checker, solids), checker.obstacle_pairs
-    q = random_configurations(panda, 200, seed=34)
-    ours = all_distances(lambda r, p: checker.distances(r, p, pairs), panda, q)
-    exact = all_distances(lambda r, p: coal_distances(checker, placed, r, p, pairs), panda, q)
-    apart = exact > 0
-    assert apart.mean() > 0.5
-    assert (ours[apart] <= exact[apart] + 1e-9).all()
-    one_percent_of_the_radius = 0.0087 * solids["cylinder"][0].radius
-    assert np.mean(exact[apart] - ours[apart] > one_percent_of_the_radius + 1e-6) < 1e-2
-
-
-def test_link_to_link_distances_agree_with_coal(ur5):
-    checker = CollisionChecker(ur5)
-    placed = coal_solids(checker, {})
-    q, pairs = random_configurations(ur5, 50, seed=13), checker.link_pairs
-    ours = all_distances(lambda r, p: checker.distances(r, p, pairs), ur5, q)
-    exact = all_distances(lambda r, p: coal_distances(checker, placed, r, p, pairs), ur5, q)
-    assert (exact < 0).any()
-    assert (ours <= exact + 1e-9).all()
-    assert np.mean(exact - ours > 1e-6) < 0.01
-
-
 @pytest.mark.parametrize(
     ("obstacle", "distance"),
     [
@@ -172,33 +111,6 @@ def test_distances_to_the_two_link_arm_are_those_of_a_drawing(two_link, obstacle
     (pair,) = [p for p in checker.obstacle_pairs if checker.shapes[p[0]].owner == "link1"]
     found = checker.distances(rotation[0], position[0], pair[None])
     np.testing.assert_allclose(found, [distance], atol=1e-8)
-
-
-@pytest.mark.parametrize("name", ["ur5", "panda"])
-def test_joint_moves_change_distances_by_no_more_than_the_motion_weights(request, name):
-    robot = request.getfixturevalue(name)
-    rng = np.random.default_rng(14)
-    obstacles, solids = random_obstacles(rng)
-    checker = CollisionChecker(robot, obstacles)
-    placed = coal_solids(checker, solids)
-    pairs = np.vstack([checker.obstacle_pairs, checker.link_pairs])
-    weights = checker.motion_weights(pairs)
-    before = random_configurations(robot, 40, seed=15)
-    move = rng.normal(size=before.shape) * rng.choice([0.01, 0.3], size=(40, 1))
-    move[::2] *= np.eye(robot.joint_count)[rng.integers(robot.joint_count, size=20)]
-    after = robot.limits.clip(before + move)
-    distances = [
-        all_distances(lambda r, p: coal_distances(checker, placed, r, p, pairs), robot, q)
-        for q in (before, after)
-    ]
-    change = abs(distances[1] - distances[0])
-    bound = abs(after - before) @ weights.T
-    apart = (distances[0] > 0) & (distances[1] > 0)
-    assert apart.mean() > 0.5
-    assert (change <= bound + 1e-6)[apart].all()
-    still = weights == 0
-    assert still.any()
-    assert (change[::2][bound[::2] == 0] < 1e-6).all()
 
 
 # --- which pairs are checked -------------------------------------------------------------------
@@ -264,6 +176,25 @@ def test_links_behind_a_locked_joint_belong_to_the_cell(snake):
     assert owners(checker, checker.obstacle_pairs) == {(x, "block") for x in ("b", "c", "tool")}
     pairs = owners(checker, checker.link_pairs)
     assert pairs == {(x, y) for x in ("base", "flange", "a") for y in ("c", "tool")}
+
+
+def test_motion_weights_are_the_farthest_a_joint_can_move_a_point(snake):
+    """Balls of 0.1 m, a metre from joint to joint; what moves both of a pair does not count."""
+    checker = CollisionChecker(snake(), [BLOCK])
+    expected = {
+        ("a", "block"): [0.1, 0, 0],
+        ("b", "block"): [1.1, 0.1, 0],
+        ("c", "block"): [2.1, 1.1, 0.1],
+        ("tool", "block"): [3.1, 2.1, 1.1],
+        ("base", "b"): [1.1, 0.1, 0],
+        ("a", "c"): [0, 1.1, 0.1],
+        ("a", "tool"): [0, 2.1, 1.1],
+    }
+    for pair, weights in zip(checker.pairs, checker.motion_weights(checker.pairs), strict=True):
+        names = tuple(checker.shapes[index].owner for index in pair)
+        if names in expected:
+            np.testing.assert_allclose(weights, expected.pop(names), atol=1e-12)
+    assert not expected
 
 
 def test_all_pairs_are_those_with_obstacles_and_then_links(snake):
@@ -435,19 +366,21 @@ def test_pairs_are_not_lost_where_limits_lie_a_turn_away():
     assert kept[0] == kept[1]
 
 
-def test_a_separating_direction_separates_neighbouring_configurations_too(ur5):
+@pytest.mark.parametrize("name", ["ur5", "slide"])
+def test_a_separating_direction_separates_neighbouring_configurations_too(request, name):
     """Along the direction found at one configuration: exact there, a lower bound elsewhere."""
+    robot = request.getfixturevalue(name)
     boxes = [
         Obstacle.box(f"box{i}", [0.2, 0.1, 0.3], placement_of(center))
         for i, center in enumerate(([0.6, 0.1, 0.3], [-0.4, 0.5, 0.4], [0.1, -0.6, 0.8]))
     ]
-    checker = CollisionChecker(ur5, boxes)
+    checker = CollisionChecker(robot, boxes)
     pairs = np.concatenate([checker.obstacle_pairs, checker.link_pairs])
     rng = np.random.default_rng(3)
     for _ in range(10):
-        q = rng.uniform(-2, 2, (2, 6))
-        q[1] = q[0] + rng.uniform(-0.05, 0.05, 6)
-        rotation, position = ur5.body_poses(q)
+        q = rng.uniform(-2, 2, (2, robot.joint_count))
+        q[1] = q[0] + rng.uniform(-0.05, 0.05, robot.joint_count)
+        rotation, position = robot.body_poses(q)
         there, direction = checker.separations(rotation[0], position[0], pairs)
         copies = [np.repeat(poses[:, None], len(pairs), axis=1) for poses in (rotation, position)]
         same, near = (
@@ -460,20 +393,126 @@ def test_a_separating_direction_separates_neighbouring_configurations_too(ur5):
         assert np.median((here - near)[apart]) < 0.005
 
 
-def test_the_distance_gradient_is_that_of_central_differences(ur5):
-    checker = CollisionChecker(ur5, [Obstacle.sphere("ball", 0.1, placement_of((0.6, 0.1, 0.9)))])
-    pairs = np.vstack([checker.obstacle_pairs[-2:], checker.link_pairs[-2:]])
+@pytest.mark.parametrize("name", ["ur5", "slide"])
+def test_the_distance_gradient_is_that_of_central_differences(request, name):
+    robot = request.getfixturevalue(name)
+    ball = Obstacle.sphere("ball", 0.1, placement_of((0.6, 0.1, 0.9)))
+    turned = placement_of((0.03, 0.02, 0.1), rpy=(0.4, 0.7, 0.2))
+    attached = [
+        AttachedSolid("rod", Obstacle.capsule("rod", 0.01, 0.1, turned).shapes),
+        AttachedSolid("bead", Obstacle.sphere("bead", 0.01, turned).shapes),
+    ]
+    checker = CollisionChecker(robot, [ball], attached=attached)
+    pairs = np.vstack([checker.obstacle_pairs[-4:], checker.link_pairs[:2]])
     q = np.array([0.3, -1.2, 1.5, 0.2, 0.7, 0.1])
+    q = q if name == "ur5" else np.array([0.5, 0.3, 0.4])
 
     def distances(q):
-        rotation, position = ur5.body_poses(q[None])
+        rotation, position = robot.body_poses(q[None])
         return checker.distances(rotation[0], position[0], pairs)
 
-    poses = [np.repeat(pose, len(pairs), axis=0) for pose in ur5.body_poses(q[None])]
+    poses = [np.repeat(pose, len(pairs), axis=0) for pose in robot.body_poses(q[None])]
     closest = checker.closest_points(*poses, pairs)
     assert (closest.distance > 0.01).all()
     exact = checker.distance_gradient(*poses, pairs, closest)
     step = 1e-5
-    difference = [distances(q + move) - distances(q - move) for move in step * np.eye(6)]
+    difference = [distances(q + move) - distances(q - move) for move in step * np.eye(len(q))]
     np.testing.assert_allclose(exact.T, np.array(difference) / (2 * step), atol=1e-3)
     assert abs(exact).max() > 0.1
+
+
+# --- against coal, in many configurations -------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["ur5", "panda", "slide"])
+def test_joint_moves_change_distances_by_no_more_than_the_motion_weights(request, name):
+    robot = request.getfixturevalue(name)
+    rng = np.random.default_rng(14)
+    obstacles, solids = random_obstacles(rng)
+    checker = CollisionChecker(robot, obstacles)
+    placed = coal_solids(checker, solids)
+    pairs = np.vstack([checker.obstacle_pairs, checker.link_pairs])
+    weights = checker.motion_weights(pairs)
+    before = random_configurations(robot, 40, seed=15)
+    move = rng.normal(size=before.shape) * rng.choice([0.01, 0.3], size=(40, 1))
+    move[::2] *= np.eye(robot.joint_count)[rng.integers(robot.joint_count, size=20)]
+    after = robot.limits.clip(before + move)
+    distances = [
+        all_distances(lambda r, p: coal_distances(checker, placed, r, p, pairs), robot, q)
+        for q in (before, after)
+    ]
+    change = abs(distances[1] - distances[0])
+    bound = abs(after - before) @ weights.T
+    apart = (distances[0] > 0) & (distances[1] > 0)
+    assert apart.mean() > 0.5
+    assert (change <= bound + 1e-6)[apart].all()
+    still = weights == 0
+    assert still.any()
+    assert (change[::2][bound[::2] == 0] < 1e-6).all()
+
+
+@pytest.fixture(scope="module", params=slow_but(["ur5", "slide"], ["ur5", "panda", "slide"]))
+def compared(request):
+    """Ours, the bounding spheres' and coal's distances of links to obstacles of every kind.
+
+    For coal the cylinder is our prism here: its depth of overlap with round cylinders is unsound.
+    """
+    robot = request.getfixturevalue(request.param)
+    obstacles, solids = random_obstacles(np.random.default_rng(SEEDS[request.param]))
+    checker = CollisionChecker(robot, obstacles, self_collision=False)
+    pairs = checker.obstacle_pairs
+    kinds = np.array([checker.shapes[j].owner for _, j in pairs])
+    del solids["cylinder"]
+    placed = coal_solids(checker, solids)
+    q = random_configurations(robot, CONFIGURATIONS, seed=32)
+    ours = all_distances(lambda r, p: checker.distances(r, p, pairs), robot, q)
+    exact = all_distances(lambda r, p: coal_distances(checker, placed, r, p, pairs), robot, q)
+    return kinds, ours, exact, checker.sphere_distances(*robot.body_poses(q), pairs)
+
+
+@pytest.mark.parametrize("kind", ["box", "sphere", "capsule", "cylinder"])
+def test_distances_are_never_above_those_of_coal_and_nearly_always_equal(compared, kind):
+    kinds, ours, exact, _ = compared
+    ours, exact = ours[:, kinds == kind], exact[:, kinds == kind]
+    assert (exact < 0).any()
+    assert (exact > 0).any()
+    assert (ours - exact).max() < 1e-9
+    assert np.mean(exact - ours > 1e-6) < 0.01
+    assert (exact - ours).max() < 2e-3
+
+
+def test_sphere_distances_are_never_above_the_distances(compared):
+    _, ours, exact, spheres = compared
+    assert (spheres <= exact + 1e-9).all()
+    assert (spheres <= ours + 1e-9).all()
+    assert spheres.max() > 0.3
+
+
+@pytest.mark.parametrize("name", ["panda", "slide"])
+def test_a_cylinder_is_never_farther_than_it_is_and_hardly_nearer(request, name):
+    robot = request.getfixturevalue(name)
+    obstacles, solids = random_obstacles(np.random.default_rng(33))
+    (cylinder,) = (obstacle for obstacle in obstacles if obstacle.name == "cylinder")
+    checker = CollisionChecker(robot, [cylinder], self_collision=False)
+    placed, pairs = coal_solids(checker, solids), checker.obstacle_pairs
+    q = random_configurations(robot, 200, seed=34)
+    ours = all_distances(lambda r, p: checker.distances(r, p, pairs), robot, q)
+    exact = all_distances(lambda r, p: coal_distances(checker, placed, r, p, pairs), robot, q)
+    apart = exact > 0
+    assert apart.mean() > 0.5
+    assert (ours[apart] <= exact[apart] + 1e-9).all()
+    one_percent_of_the_radius = 0.0087 * solids["cylinder"][0].radius
+    assert np.mean(exact[apart] - ours[apart] > one_percent_of_the_radius + 1e-6) < 1e-2
+
+
+@pytest.mark.parametrize("name", ["ur5", "slide"])
+def test_link_to_link_distances_agree_with_coal(request, name):
+    robot = request.getfixturevalue(name)
+    checker = CollisionChecker(robot)
+    placed = coal_solids(checker, {})
+    q, pairs = random_configurations(robot, 50, seed=13), checker.link_pairs
+    ours = all_distances(lambda r, p: checker.distances(r, p, pairs), robot, q)
+    exact = all_distances(lambda r, p: coal_distances(checker, placed, r, p, pairs), robot, q)
+    assert (exact < 0).any()
+    assert (ours <= exact + 1e-9).all()
+    assert np.mean(exact - ours > 1e-6) < 0.01

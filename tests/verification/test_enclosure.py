@@ -7,20 +7,27 @@ import pytest
 from numpy.polynomial import Chebyshev
 from numpy.polynomial.chebyshev import chebpts1
 
-from cases import SLIDE
+from cases import one_joint as pendulum
+from follower_arm import follower_arm
 from tubeplanner import JointTrajectory, Payload, load_robot
 from tubeplanner.trajectory.bernstein import bernstein_coefficients
-from tubeplanner.verification.enclosure import _joint_bounds, enclosed_efforts, enclosed_tool
+from tubeplanner.verification.enclosure import (
+    _enclosed,
+    _joint_bounds,
+    enclosed_efforts,
+    enclosed_pose,
+    enclosed_tool,
+)
 from tubeplanner.verification.majorants import effort_majorant, tool_majorant
 
 
-@pytest.fixture(scope="module", params=["two_link", "ur5", "ur10", "panda", "slide"])
+@pytest.fixture(scope="module", params=["two_link", "ur5", "ur10", "panda", "slide", "followers"])
 def arm(request, tmp_path_factory):
     if request.param == "ur10":
         return load_robot("example:ur10", "tool0", payload=Payload(8.0, (0.1, 0, 0.2)))
-    if request.param == "slide":
-        path = tmp_path_factory.mktemp("slide") / "slide.urdf"
-        path.write_text(SLIDE)
+    if request.param == "followers":
+        path = tmp_path_factory.mktemp("followers") / "followers.urdf"
+        path.write_text(follower_arm())
         return load_robot(path, "tip")
     return request.getfixturevalue(request.param)
 
@@ -54,10 +61,176 @@ def taylor_coefficients(function, width, orders, points=13):
     return np.array(largest).T
 
 
+def one_joint(tmp_path, kind):
+    path = tmp_path / f"{kind}.urdf"
+    path.write_text(
+        f"""<robot name="bar"><link name="base"/>
+        <link name="bar"><inertial><origin xyz="0 0 0"/><mass value="2"/>
+          <inertia ixx="1" iyy="1" izz="0.7" ixy="0" ixz="0" iyz="0"/></inertial></link>
+        <link name="tip"/>
+        <joint name="move" type="{kind}"><parent link="base"/><child link="bar"/>
+          <axis xyz="0 0 1"/><limit lower="-9" upper="9" effort="5" velocity="4"/></joint>
+        <joint name="end" type="fixed"><parent link="bar"/><child link="tip"/>
+          <origin xyz="0.4 0 0"/></joint></robot>"""
+    )
+    return load_robot(path, "tip", gravity=(0, 0, 0))
+
+
+def test_the_bound_is_exact_for_a_joint_that_turns_uniformly(tmp_path):
+    """The k-th derivative of a point on a circle has the length r w^k."""
+    robot, speed = one_joint(tmp_path, "revolute"), 3.0
+    trajectory = JointTrajectory(["move"], [0, 0.2], [[[speed]], [[0.0]]])
+    joints = _joint_bounds(trajectory, np.array([0]), np.zeros(1), np.array([0.2]))
+    expected = [0.4 * (0.2 * speed) ** k / factorial(k) for k in range(1, 9)]
+    np.testing.assert_allclose(tool_majorant(robot, joints).position[1:9, 0], expected, rtol=1e-12)
+
+
+def test_what_is_said_of_a_uniform_turn_is_exact(tmp_path):
+    """Tool and axes go round in circles: errors of order 8, speeds and accelerations."""
+    robot, speed, width = one_joint(tmp_path, "revolute"), 3.0, 0.5
+    trajectory = JointTrajectory(["move"], [0, width], [[[speed]], [[0.0]]])
+    error = 2 / 4**8 * (speed * width) ** 8 / factorial(8)
+    tool = enclosed_tool(robot, trajectory, 1.0)
+    np.testing.assert_allclose(tool.error, [[0.4 * error] * 3], rtol=1e-12)
+    pose = enclosed_pose(robot, trajectory, 1.0, 1.0)
+    np.testing.assert_allclose(pose.tool.error, [[0.4 * error] * 3], rtol=1e-12)
+    np.testing.assert_allclose(pose.rotation.error, [[error] * 9], rtol=1e-12)
+    np.testing.assert_allclose(pose.speed, 0.4 * speed)
+    np.testing.assert_allclose(pose.acceleration, 0.4 * speed**2)
+    np.testing.assert_allclose(pose.spin, speed)
+    np.testing.assert_allclose(pose.spin_rate, 0.0)
+
+
+def test_spin_that_grows_is_bounded_by_its_growth(tmp_path):
+    """Angle c t^2: the tool's axis spins up by 2 c."""
+    robot = one_joint(tmp_path, "revolute")
+    trajectory = JointTrajectory(["move"], [0, 0.5], [[[1.5]], [[0.0]], [[0.0]]])
+    pose = enclosed_pose(robot, trajectory, 1.0, 1.0)
+    np.testing.assert_allclose(pose.spin_rate, 3.0)
+    np.testing.assert_allclose(pose.spin, 1.5)
+
+
+def test_errors_belong_to_their_intervals():
+    """Pieces of different widths, halved differently often: an error as large as its width."""
+    breakpoints = [0, 1.0, 1.05, 1.35]
+    trajectory = JointTrajectory(["u"], breakpoints, np.zeros((1, 3, 1)))
+    enclosure = _enclosed(
+        trajectory, lambda q, v, a: q, lambda joints, width: width[:, None], np.array([1e-5])
+    )
+    assert len(np.unique(enclosure.width.round(9))) > 1
+    np.testing.assert_allclose(enclosure.error[:, 0] / enclosure.width, 2 / 4**8)
+
+
+@pytest.mark.parametrize(("kind", "inertia"), [("prismatic", 2.0), ("revolute", 0.7)])
+def test_the_bound_is_near_for_a_joint_that_speeds_up(tmp_path, kind, inertia):
+    """Effort is inertia times acceleration, 2 + 6 c t; the bound takes the largest moment."""
+    robot = one_joint(tmp_path, kind)
+    trajectory = JointTrajectory(["move"], [0, 0.1], [[[5.0]], [[1.0]], [[0.0]], [[0.0]]])
+    joints = _joint_bounds(trajectory, np.array([0]), np.zeros(1), np.array([0.1]))
+    bound = effort_majorant(robot, joints, np.array([0.1]))[:, 0, 0]
+    exact = inertia * np.array([2 + 30 * 0.1, 30 * 0.1])
+    if kind == "prismatic":
+        np.testing.assert_allclose(bound[:2], exact, rtol=1e-12)
+        np.testing.assert_allclose(bound[2:], 0, atol=1e-12)
+    else:
+        assert (bound[:2] >= exact).all()
+        assert (bound[:2] < 2.5 * exact).all()
+
+
+def test_the_error_is_just_that_of_the_next_power():
+    """Of degree 8, one more than the polynomials have: the bound is met, not only kept."""
+    trajectory = JointTrajectory(["u"], [0, 1.0], [[[1.0]], [[0.0]]])
+    enclosure = _enclosed(
+        trajectory, lambda q, v, a: q**8, lambda joints, width: np.ones((1, 1)), np.ones(1)
+    )
+    u = np.linspace(0, 1, 100_001)
+    off = abs(enclosure.at(u)[:, 0] - u**8)
+    assert off.max() == pytest.approx(enclosure.error[0, 0], rel=1e-6)
+
+
+def test_a_slow_pendulums_bound_is_its_gravity(tmp_path):
+    """Turned uniformly, effort is m g l cos(w t): the k-th coefficient is m g l (w T)^k / k!."""
+    robot, speed, width = pendulum(tmp_path, mass=0.5), 1e-3, 600.0
+    trajectory = JointTrajectory(["turn"], [0, width], [[[speed]], [[0.0]]])
+    joints = _joint_bounds(trajectory, np.array([0]), np.zeros(1), np.array([width]))
+    bound = effort_majorant(robot, joints, np.array([width]))[:9, 0, 0]
+    expected = [0.5 * 9.81 * 0.5 * (speed * width) ** k / factorial(k) for k in range(9)]
+    np.testing.assert_allclose(bound, expected, rtol=1e-3)
+    efforts = enclosed_efforts(robot, trajectory, np.array([1.0]))
+    np.testing.assert_allclose(efforts.error, [[2 / 4**8 * expected[8]]], rtol=1e-3)
+
+
+def test_a_slow_slides_bound_is_its_gravity(tmp_path):
+    """It turns uniformly with what carries it: its force is m g cos(w t)."""
+    (tmp_path / "slide.urdf").write_text(
+        """<robot name="slide"><link name="base"/>
+        <link name="rail"><inertial><mass value="1e-9"/>
+          <inertia ixx="1e-9" iyy="1e-9" izz="1e-9" ixy="0" ixz="0" iyz="0"/></inertial></link>
+        <link name="cart"><inertial><mass value="2"/>
+          <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>
+        <joint name="turn" type="continuous"><parent link="base"/><child link="rail"/>
+          <axis xyz="0 0 1"/><limit effort="5" velocity="4"/></joint>
+        <joint name="slide" type="prismatic"><parent link="rail"/><child link="cart"/>
+          <axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="50" velocity="4"/></joint>
+        </robot>"""
+    )
+    robot = load_robot(tmp_path / "slide.urdf", "cart", gravity=(0, -9.81, 0))
+    speed, width = 1e-3, 600.0
+    coefficients = [[[speed, 0.0]], [[0.0, 0.1]]]
+    trajectory = JointTrajectory(robot.joint_names, [0, width], coefficients)
+    joints = _joint_bounds(trajectory, np.array([0]), np.zeros(1), np.array([width]))
+    bound = effort_majorant(robot, joints, np.array([width]))[:9, 0, 1]
+    expected = [2 * 9.81 * (speed * width) ** k / factorial(k) for k in range(9)]
+    np.testing.assert_allclose(bound, expected, rtol=1e-3)
+
+
+ROTOR = """<robot name="rotor"><link name="base"/>
+<link name="frame"><inertial><mass value="1"/>
+  <inertia ixx="1e-9" iyy="1e-9" izz="1e-9" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="rod"><inertial><mass value="1"/>
+  <inertia ixx="1e-9" iyy="0.5" izz="0.5" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="tilt" type="continuous"><parent link="base"/><child link="frame"/>
+  <axis xyz="1 0 0"/><limit effort="5" velocity="40"/></joint>
+<joint name="spin" type="continuous"><parent link="frame"/><child link="rod"/>
+  <axis xyz="0 0 1"/><limit effort="5" velocity="40"/></joint></robot>"""
+
+
+def test_the_bound_on_spin_is_exact_for_an_axis_that_turns_uniformly(tmp_path):
+    """Angular velocity p x + w z(t), where z is tilted at p: its k-th derivative is w p^k."""
+    (tmp_path / "rotor.urdf").write_text(ROTOR)
+    robot = load_robot(tmp_path / "rotor.urdf", "rod", gravity=(0, 0, 0))
+    tilt, spin, width = 2.0, 5.0, 0.4
+    trajectory = JointTrajectory(robot.joint_names, [0, width], [[[tilt, spin]], [[0.0, 0.0]]])
+    joints = _joint_bounds(trajectory, np.array([0]), np.zeros(1), np.array([width]))
+    expected = [width * spin * (width * tilt) ** k / factorial(k) for k in range(8)]
+    expected[0] += width * tilt
+    np.testing.assert_allclose(tool_majorant(robot, joints).spin[:8, 0], expected, rtol=1e-12)
+
+
+def test_a_rods_inertia_turns_twice_as_fast_as_the_rod(tmp_path):
+    """About the tilting axis it is I sin^2(w t): effort p I w sin(2 w t) at a tilting speed p."""
+    (tmp_path / "rotor.urdf").write_text(ROTOR)
+    robot = load_robot(tmp_path / "rotor.urdf", "rod", gravity=(0, 0, 0))
+    inertia, tilt, spin, width = 0.5, 0.1, 5.0, 0.4
+    trajectory = JointTrajectory(robot.joint_names, [0, width], [[[tilt, spin]], [[0.0, 0.0]]])
+    t = np.linspace(0, width, 9)
+    states = trajectory.at(t)
+    effort = robot.inverse_dynamics(states.position, states.velocity, states.acceleration)
+    expected = tilt * inertia * spin * np.sin(2 * spin * t)
+    np.testing.assert_allclose(effort[:, 0], expected, atol=1e-6)
+    joints = _joint_bounds(trajectory, np.array([0]), np.zeros(1), np.array([width]))
+    bound = effort_majorant(robot, joints, np.array([width]))[:9, 0, 0]
+    # Over 2 w T = 4 rad, sine and cosine both reach their largest value.
+    exact = [tilt * inertia * spin * (2 * spin * width) ** k / factorial(k) for k in range(1, 9)]
+    assert (bound[1:] >= exact).all()
+
+
+@pytest.mark.parametrize("slower", [1, 1000])
 @pytest.mark.parametrize("seed", range(4))
-def test_no_taylor_coefficient_exceeds_its_bound(arm, seed):
-    width = 0.05
-    trajectory = random_trajectory(arm, seed, pieces=1, width=width)
+def test_no_taylor_coefficient_exceeds_its_bound(arm, seed, slower):
+    """Fast, where inertia counts; and slowly, where little but gravity does."""
+    width = 0.05 * slower
+    trajectory = random_trajectory(arm, seed, pieces=1, width=0.05).scaled(slower)
     joints = _joint_bounds(trajectory, np.array([0]), np.zeros(1), np.array([width]))
     orders = range(1, 9)
     tool = taylor_coefficients(lambda t: arm.tool_position(trajectory.position(t)), width, orders)
@@ -135,46 +308,6 @@ def test_the_hull_of_the_polynomials_holds_the_tool(ur5):
     middle = enclosure.at(np.nextafter(first + enclosure.width / 2, 0))
     np.testing.assert_allclose(hull[-1], middle, atol=1e-9)
     np.testing.assert_allclose(hull[0], enclosure.at(first), atol=1e-12)
-
-
-def one_joint(tmp_path, kind):
-    path = tmp_path / f"{kind}.urdf"
-    path.write_text(
-        f"""<robot name="bar"><link name="base"/>
-        <link name="bar"><inertial><origin xyz="0 0 0"/><mass value="2"/>
-          <inertia ixx="1" iyy="1" izz="0.7" ixy="0" ixz="0" iyz="0"/></inertial></link>
-        <link name="tip"/>
-        <joint name="move" type="{kind}"><parent link="base"/><child link="bar"/>
-          <axis xyz="0 0 1"/><limit lower="-9" upper="9" effort="5" velocity="4"/></joint>
-        <joint name="end" type="fixed"><parent link="bar"/><child link="tip"/>
-          <origin xyz="0.4 0 0"/></joint></robot>"""
-    )
-    return load_robot(path, "tip", gravity=(0, 0, 0))
-
-
-def test_the_bound_is_exact_for_a_joint_that_turns_uniformly(tmp_path):
-    """The k-th derivative of a point on a circle has the length r w^k."""
-    robot, speed = one_joint(tmp_path, "revolute"), 3.0
-    trajectory = JointTrajectory(["move"], [0, 0.2], [[[speed]], [[0.0]]])
-    joints = _joint_bounds(trajectory, np.array([0]), np.zeros(1), np.array([0.2]))
-    expected = [0.4 * (0.2 * speed) ** k / factorial(k) for k in range(1, 9)]
-    np.testing.assert_allclose(tool_majorant(robot, joints).position[1:9, 0], expected, rtol=1e-12)
-
-
-@pytest.mark.parametrize(("kind", "inertia"), [("prismatic", 2.0), ("revolute", 0.7)])
-def test_the_bound_is_near_for_a_joint_that_speeds_up(tmp_path, kind, inertia):
-    """Effort is inertia times acceleration, 2 + 6 c t; the bound takes the largest moment."""
-    robot = one_joint(tmp_path, kind)
-    trajectory = JointTrajectory(["move"], [0, 0.1], [[[5.0]], [[1.0]], [[0.0]], [[0.0]]])
-    joints = _joint_bounds(trajectory, np.array([0]), np.zeros(1), np.array([0.1]))
-    bound = effort_majorant(robot, joints, np.array([0.1]))[:, 0, 0]
-    exact = inertia * np.array([2 + 30 * 0.1, 30 * 0.1])
-    if kind == "prismatic":
-        np.testing.assert_allclose(bound[:2], exact, rtol=1e-12)
-        np.testing.assert_allclose(bound[2:], 0, atol=1e-12)
-    else:
-        assert (bound[:2] >= exact).all()
-        assert (bound[:2] < 2.5 * exact).all()
 
 
 def test_few_intervals_are_enough(stored):

@@ -1,11 +1,12 @@
 """The rotation's least margin for all t, against dense evaluation and closed forms."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from cases import SLIDE
-from tubeplanner import JointTrajectory, PlanningProblem, Seed, Tube, load_robot, verify
+from tubeplanner import JointTrajectory, PlanningProblem, Seed, Tube, verify
 from tubeplanner.verification.enclosure import enclosed_pose
 from tubeplanner.verification.rotation_visits import least_rotation_margin
 from tubeplanner.verification.tube_visits import Visit, tube_visits
@@ -90,6 +91,24 @@ def test_touching_a_bound_is_decided(seed, ur5):
         used -= least.attained
     assert -1e-6 < least.lower_bound <= least.attained < 1e-6
     assert least.intervals < 3000
+
+
+def test_what_the_polynomials_miss_is_taken_off_the_margin(two_link):
+    """Of the rotation itself; and of the tool's place, where the reference turns along."""
+    trajectory = JointTrajectory(two_link.joint_names, [0, 1.0], [[[0.1, 0.1]], [[0.3, -1.0]]])
+    tool = two_link.tool_position(trajectory.position(np.array([0.0])))[0]
+    points = tool + np.array([[-0.5, 0, 0], [0.5, 0, 0]])
+    quaternions = Rotation.from_euler("z", [[0.0], [1.0]]).as_quat()
+    tube = Tube(points, 9.0, orientations=quaternions, rotation_tolerance=3.0).rotation
+    pose, visit, miss = pose_of(two_link, trajectory), [Visit(0, 0.0, 1.0)], 1e-2
+    exact = least_rotation_margin(tube, pose, visit)
+    for part in ("rotation", "tool"):
+        enclosure = getattr(pose, part)
+        rough = replace(pose, **{part: replace(enclosure, error=enclosure.error + miss)})
+        least = least_rotation_margin(tube, rough, visit)
+        assert least.attained == exact.attained
+        # The reference turns by one radian over one metre.
+        assert least.lower_bound <= exact.attained - miss
 
 
 def turning_wrist(ur5, tray, end):
@@ -266,11 +285,9 @@ BETWEEN_ENDS = {
 
 
 @pytest.mark.parametrize(("extended", "turned", "largest"), BETWEEN_ENDS.values(), ids=BETWEEN_ENDS)
-def test_what_happens_between_two_ends_is_bounded(extended, turned, largest, tmp_path):
+def test_what_happens_between_two_ends_is_bounded(extended, turned, largest, slide):
     """In closed form, for a sliding tool; so little that it is settled at the first look."""
-    path = tmp_path / "slide.urdf"
-    path.write_text(SLIDE)
-    robot, turn, bound = load_robot(path, "tip"), 0.02, 1.0
+    robot, turn, bound = slide, 0.02, 1.0
     coefficients = np.zeros((3, 1, 3))
     coefficients[:, 0, 1], coefficients[:, 0, 2] = extended, turn * np.array(turned)
     trajectory = JointTrajectory(robot.joint_names, [0, 1.0], coefficients)

@@ -32,3 +32,25 @@ def test_switching_times_may_share_an_instant():
 def test_of_equal_choices_the_one_deepest_in_both_segments_is_taken():
     margin = np.array([[0.1, 0.1], [0.5, 0.2], [0.5, 0.5], [0.2, 0.5], [0.1, 0.1]])
     assert best_switching_samples(margin).tolist() == [2]
+
+
+def chain(margin):
+    """Return the largest worst margin of an ordered visit: sample after sample, segment by segment.
+
+    Whoever is in segment k was there at the sample before, or in segment k-1 at this one.
+    """
+    best = np.minimum.accumulate(margin[:, 0])
+    for inside in margin.T[1:]:
+        arrived, last = best.copy(), -np.inf
+        for i, here in enumerate(inside):
+            last = best[i] = min(here, max(last, arrived[i]))
+    return best[-1]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_no_other_choice_leaves_more_among_many_samples(seed):
+    rng = np.random.default_rng(seed)
+    drift = np.linspace(-3, 3, 60)[:, None] - np.array([-2.0, 0.0, 2.0])
+    margin = rng.normal(size=(60, 3)) - 0.3 * drift**2
+    found = best_switching_samples(margin)
+    assert worst_margin(margin, found) == chain(margin)

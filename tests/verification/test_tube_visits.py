@@ -1,3 +1,4 @@
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -40,6 +41,17 @@ def test_the_least_margin_is_bracketed(two_link, seed, radius):
     assert least.attained - least.lower_bound <= max(5e-7, 0.02 * abs(least.attained) + 2e-7)
     here = tube.margin(two_link.tool_position(trajectory.position(np.array([least.time]))))
     assert here[0, least.segment] == pytest.approx(least.attained, abs=2e-7)
+
+
+def test_what_the_polynomials_miss_is_taken_off_the_margin(two_link):
+    """A tool that may be a millimetre elsewhere: a bound that is lower by as much."""
+    trajectory = wavy(two_link, 1)
+    tool = enclosed_tool(two_link, trajectory, 1e-7)
+    rough = replace(tool, error=tool.error + 1e-3)
+    visit = [Visit(0, 0.0, trajectory.duration)]
+    exact, least = (least_margin(Tube(POINTS, 0.5), each, visit) for each in (tool, rough))
+    assert least.attained == exact.attained
+    assert least.lower_bound == pytest.approx(exact.lower_bound - 1e-3, abs=1e-9)
 
 
 def test_touching_the_wall_is_decided_with_few_intervals(two_link):

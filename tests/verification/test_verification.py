@@ -169,6 +169,40 @@ def test_the_clearance_is_asked_for(stored):
     assert -3e-3 < condition.margin < -1e-3
 
 
+def test_a_cart_that_would_drive_through_a_plate_is_refused(tmp_path):
+    """Two metres in a second, through two millimetres: at no start, end or middle of a piece."""
+    cart = """<robot name="cart"><link name="rail"/>
+        <link name="cart"><inertial><mass value="2"/>
+          <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+          <collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision></link>
+        <joint name="slide" type="prismatic"><parent link="rail"/><child link="cart"/>
+          <axis xyz="1 0 0"/><limit lower="-1" upper="1" effort="100" velocity="100"/></joint>
+        </robot>"""
+    (tmp_path / "cart.urdf").write_text(cart)
+    robot = load_robot(tmp_path / "cart.urdf", "cart")
+    drive = JointTrajectory(["slide"], [0, 1.0], [[[2.0]], [[-1.0]]])
+    plate = Obstacle.box("plate", [2e-3, 1, 1], placement_of([0.4, 0, 0]))
+    tube = Tube([[-1, 0, 0], [1, 0, 0]], 0.1)
+    problem = PlanningProblem(robot, tube, np.array([-1.0]), obstacles=[plate])
+    condition = verify(problem, drive).conditions["obstacles"]
+    assert condition.margin == pytest.approx(-0.051, abs=2e-3)
+    assert condition.where.time == pytest.approx(0.7, abs=0.01)
+    assert condition.where.links == ("cart",)
+
+
+def test_a_clearance_is_never_said_to_be_more_than_it_is(two_link):
+    """The stretched arm passes a ball at a distance known in closed form, at no special instant."""
+    ball = Obstacle.sphere("ball", 0.05, placement_of([0.95, 0, 0]))
+    sweep = JointTrajectory(two_link.joint_names, [0, 1.0], [[[1.0, 0]], [[-0.3123, 0.0]]])
+    tube = Tube([[0.3, -0.3, 0], [0.3, 0.3, 0]], 5.0)
+    problem = PlanningProblem(two_link, tube, sweep.position(0.0), obstacles=[ball], clearance=0.01)
+    corner = np.array([0.62, 0.02])  # of the stretched arm's end [m]
+    exact = 0.95 - 0.05 - np.linalg.norm(corner) - 0.01
+    condition = verify(problem, sweep).conditions["obstacles"]
+    assert 0.975 * exact <= condition.margin <= exact + 1e-9
+    assert condition.coverage == "for all t"
+
+
 def test_links_that_meet_are_found(ur5):
     """The elbow folds until the wrist is in the upper arm."""
     q0, q1 = np.array([0, -1.2, 1.5, -1.5, -1.5, 0.0]), np.array([0, -1.2, 3.1, -1.5, -1.5, 0])
@@ -378,8 +412,8 @@ def test_two_joints_in_each_others_place_are_found_at_the_start(stored):
 
 
 def test_what_is_undecided_says_so_and_fails(two_link):
-    """A million radians in a microsecond: no bound on it is worth anything."""
-    wild = JointTrajectory(two_link.joint_names, [0, 1e-6], [[[1e11, 1e11]], [[0.0, -1.0]]])
+    """Nine thousand radians in ten nanoseconds: no bound on it is worth anything."""
+    wild = JointTrajectory(two_link.joint_names, [0, 1e-8], [[[9e11, 9e11]], [[0.0, -1.0]]])
     tube = Tube([[0.3, -0.3, 0], [0.3, 0.3, 0]], 5.0)
     problem = PlanningProblem(two_link, tube, wild.position(0.0))
     certificate = verify(problem, wild)
@@ -482,6 +516,15 @@ def test_the_error_of_an_enclosure_is_taken_off_the_margin(stored, monkeypatch):
     monkeypatch.setattr("tubeplanner.verification.verification._EFFORT_ENCLOSURE", 1e-2)
     rough = verify(problem, trajectory).conditions["effort"].margin
     assert exact - 2e-2 < rough < exact - 1e-6
+
+
+def test_the_error_of_the_tools_enclosure_is_taken_off_the_tubes_margin(stored, monkeypatch):
+    """Where the bound is the tube's: polynomials that miss a tenth of a millimetre."""
+    problem, trajectory = stored("two_link/around_a_post", "branch-and-bound")
+    exact = verify(problem, trajectory).conditions["tube"].margin
+    monkeypatch.setattr("tubeplanner.verification.verification._TOOL_ENCLOSURE", 1e-3)
+    rough = verify(problem, trajectory).conditions["tube"].margin
+    assert exact - 2e-3 < rough < exact - 1e-6
 
 
 def test_an_undecided_effort_tells_what_was_found(stored, monkeypatch):

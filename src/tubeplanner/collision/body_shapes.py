@@ -112,7 +112,7 @@ class BodyShapes:
         found = self._measured(rotation, position, pairs)
         distance = np.array([each.distance for each in found])
         world = np.array([each.direction for each in found]).reshape(-1, 3)
-        frames = rotation[[self.shapes[j].body for j in pairs[:, 1]]]
+        frames = rotation[np.array([self.shapes[j].body for j in pairs[:, 1]], dtype=np.int64)]
         return distance, np.einsum("pij,pi->pj", frames, world)
 
     def closest_points(
@@ -212,16 +212,14 @@ class BodyShapes:
         """Return how fast joints can bring pairs together: shape (P, n) [m per rad or m].
 
         When the joints travel by `|dq|`, the distance of a pair changes by at most
-        `weights @ |dq|`. A joint that moves both shapes of a pair does not count.
+        `weights @ |dq|`. A joint that moves both shapes of a pair as one does not count.
         """
-        robot = self.robot
-        bodies = np.array([shape.body for shape in self.shapes])
+        bodies = np.array([shape.body for shape in self.shapes], dtype=np.int64)
         reach = np.array([shape.shape.reach(np.zeros(3)) for shape in self.shapes])
-        weights = np.where(robot.revolute, robot.lever_arm[bodies] + reach[:, None], 1.0)
-        moves = robot.joint_moves_body[bodies]
         first, second = pairs.T
-        relative = moves[first] != moves[second]
-        return np.where(relative, np.where(moves[first], weights[first], weights[second]), 0.0)
+        return self.robot.approach_rates(
+            (bodies[first], bodies[second]), (reach[first], reach[second])
+        )
 
     def _measured(
         self, rotation: FloatArray, position: FloatArray, pairs: IntArray

@@ -9,7 +9,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.collision.body_shapes import BodyShape, BodyShapes
 from tubeplanner.collision.convex_shape import ConvexShape
-from tubeplanner.collision.link_geometry import LinkPart, link_parts
+from tubeplanner.collision.link_geometry import LinkPart, link_contents, link_parts
 from tubeplanner.collision.link_pairs import judged_pairs
 from tubeplanner.collision.obstacle import AttachedSolid, Obstacle
 from tubeplanner.errors import ProblemError, unknown_name
@@ -51,6 +51,7 @@ class CollisionChecker(BodyShapes):
         pairs: All of them, those with obstacles first.
         left_out: Solids that joints move against each other and that are not checked, and why.
         has_link_geometry: Whether the robot itself has any collision geometry.
+        link_contents: What the links' collision geometry was made from, by link name.
     """
 
     def __init__(
@@ -79,6 +80,7 @@ class CollisionChecker(BodyShapes):
         parts = link_parts(robot)
         covers = {link: _cover(own) for link, own in parts.items()}
         self.has_link_geometry = bool(covers)
+        self.link_contents = link_contents(robot)
         touching = [(solid.name, link) for solid in attached for link in solid.touch_links]
         _require_names(robot, obstacles, attached, [*ignore, *touching])
         self._obstacle_names = {obstacle.name for obstacle in obstacles}
@@ -124,7 +126,7 @@ class CollisionChecker(BodyShapes):
         first, second = self.shapes[i], self.shapes[j]
         if frozenset((first.owner, second.owner)) in self._ignored:
             return False
-        moves = self.robot.joint_moves_body
+        moves = self.robot.carries
         between = moves[first.body] != moves[second.body]
         # Neighbouring links meet at their joint; nothing else may touch.
         solid_names = self._obstacle_names | self._attached_names
@@ -163,7 +165,7 @@ class CollisionChecker(BodyShapes):
         body = {shape.owner: shape.body for shape in self.shapes}
         found = []
         for first, second in combinations(body, 2):
-            moves = self.robot.joint_moves_body
+            moves = self.robot.carries
             joints = int((moves[body[first]] != moves[body[second]]).sum())
             solid = {first, second} & (self._obstacle_names | self._attached_names)
             is_checked_kind = self_collision or {first, second} & self._obstacle_names

@@ -6,7 +6,7 @@ yourdfpy reads the URDF's geometry; it is imported when first needed.
 import io
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property, lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,11 @@ from tubeplanner.collision.convex_shape import (
 )
 from tubeplanner.collision.mesh_file import MeshFile
 from tubeplanner.collision.mesh_solid import MeshSolid
+from tubeplanner.collision.solid_contents import (
+    SolidContents,
+    mesh_contents,
+    simple_contents,
+)
 from tubeplanner.errors import RobotError
 from tubeplanner.resources import find_mesh
 from tubeplanner.robot.robot_model import RobotModel
@@ -98,6 +103,23 @@ def link_shapes(robot: RobotModel) -> dict[str, list[ConvexShape]]:
     return {link: [shape for part in own for shape in part.cover()] for link, own in parts.items()}
 
 
+def link_contents(robot: RobotModel) -> dict[str, tuple[SolidContents, ...]]:
+    """Return what the collision geometry of every link that has any was made from.
+
+    Returns:
+        By link name: one entry per <collision>, placed in the frame of the link.
+
+    Raises:
+        RobotError: As `link_shapes`.
+    """
+    return {
+        link.name: tuple(_contents(robot, link.name, element) for element in link.collisions)
+        for link in read_geometry(robot).links
+        if link.collisions
+    }
+
+
+@lru_cache(maxsize=1)
 def read_geometry(robot: RobotModel) -> Any:
     """Return links and materials of a robot's URDF, as yourdfpy has them; meshes are not loaded.
 
@@ -136,7 +158,30 @@ def _part(robot: RobotModel, link: str, placement: FloatArray, geometry: Any) ->
     if geometry.mesh is not None:
         path = find_mesh(geometry.mesh.filename, robot.urdf.path, robot.package_dirs)
         return LinkPart(placement, MeshFile(f"link '{link}'", path, geometry.mesh.scale))
-    raise RobotError(f"{robot.urdf.path}: link '{link}' has a <collision> without a known geometry")
+    raise _no_known_geometry(robot, link)
+
+
+def _contents(robot: RobotModel, link: str, element: Any) -> SolidContents:
+    """Return what one <collision> was made from."""
+    geometry, placement = element.geometry, placement_in_link(element)
+    if geometry.box is not None:
+        return simple_contents("box", geometry.box.size, placement)
+    if geometry.sphere is not None:
+        return simple_contents("sphere", [geometry.sphere.radius], placement)
+    if geometry.cylinder is not None:
+        sizes = [geometry.cylinder.radius, geometry.cylinder.length]
+        return simple_contents("cylinder", sizes, placement)
+    if geometry.mesh is None:
+        raise _no_known_geometry(robot, link)
+    path = find_mesh(geometry.mesh.filename, robot.urdf.path, robot.package_dirs)
+    scale = 1.0 if geometry.mesh.scale is None else geometry.mesh.scale
+    return mesh_contents(path, np.broadcast_to(scale, 3), placement)
+
+
+def _no_known_geometry(robot: RobotModel, link: str) -> RobotError:
+    return RobotError(
+        f"{robot.urdf.path}: link '{link}' has a <collision> without a known geometry"
+    )
 
 
 def simple_shape(geometry: Any) -> ConvexShape | None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tubeplanner.collision.convex_shape import ConvexShape, convex_hull
-from tubeplanner.errors import RobotError
+from tubeplanner.errors import RobotError, shown
 
 if TYPE_CHECKING:
     import trimesh
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 # A mesh is cut into twice as many slabs as long as that makes its cover this much smaller.
 _WORTHWHILE_VOLUME_RATIO = 0.95
 _MAX_SLABS = 8
+_MAX_REASON = 200  # [characters]
+_MAX_LENGTH = 1e4  # [m]: no arm and no cell is larger
 
 
 def load_mesh(
@@ -35,24 +37,50 @@ def load_mesh(
     import trimesh
 
     try:
-        loaded = trimesh.load(str(path), force="mesh")
+        # Unprocessed: processing drops what is not finite, and the solid has a hole.
+        loaded = trimesh.load(str(path), force="mesh", process=False)
+        unit = length_unit(path)
     except Exception as error:  # trimesh's readers raise whatever their formats' libraries raise
         raise RobotError(
             f"{owner}: mesh {path} is no readable {path.suffix[1:].upper()} file; export it "
-            f"again ({error})"
+            f"again ({shown(str(error), _MAX_REASON)})"
         ) from error
-    if len(loaded.vertices) == 0 or not np.isfinite(loaded.vertices).all():
-        raise RobotError(
-            f"{owner}: mesh {path} has no vertices, or some that are not finite; export it again"
-        )
-    loaded.apply_scale(length_unit(path))
+    fault = _fault(loaded, unit * np.asarray(1.0 if scale is None else scale, dtype=float))
+    if fault is not None:
+        raise RobotError(f"{owner}: mesh {path} {fault}; export it again")
+    loaded.process()
+    loaded.apply_scale(unit)
     if scale is not None:
         loaded.apply_scale(scale)
     return loaded
 
 
+def _fault(mesh: "trimesh.Trimesh", scale: np.ndarray) -> str | None:
+    """Return what keeps a mesh, as it was read, from being a solid [m] when it is scaled."""
+    vertices = np.asarray(getattr(mesh, "vertices", ()), dtype=float)
+    faces = np.asarray(getattr(mesh, "faces", ()))
+    if len(vertices) == 0 or len(faces) == 0 or not np.isfinite(vertices).all():
+        return "has no vertices or triangles, or some that are not finite"
+    if vertices.shape[1] != 3:
+        return f"has points of {vertices.shape[1]} coordinates; a solid has 3"
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        return f"has a triangle of vertex {faces.max()}; it has {len(vertices)} vertices"
+    with np.errstate(over="ignore"):
+        largest = float(abs(vertices * scale).max())
+    if not largest <= _MAX_LENGTH:
+        return (
+            f"reaches {largest:.3g} m from its origin, where at most {_MAX_LENGTH:g} m make sense"
+        )
+    return None
+
+
 def length_unit(path: Path) -> float:
-    """Return the length [m] of a mesh file's unit: COLLADA states it, and trimesh leaves it out."""
+    """Return the length [m] of a mesh file's unit: COLLADA states it, and trimesh leaves it out.
+
+    Raises:
+        ValueError: It is no number.
+        ElementTree.ParseError: The file is not well-formed.
+    """
     if path.suffix.lower() != ".dae":
         return 1.0
     for element in ElementTree.parse(path).iter():

@@ -1,0 +1,593 @@
+"""The mutants of `mutants.py`: what is changed where, and which of them may live."""
+
+from typing import NamedTuple
+
+
+class Mutant(NamedTuple):
+    """One wrong line.
+
+    Attributes:
+        where: Qualified name of a function, a method or a module's constant.
+        old: A fragment that occurs once in it.
+        new: What stands there instead.
+        reason: Why no test need notice; empty if one must.
+    """
+
+    where: str
+    old: str
+    new: str
+    reason: str = ""
+
+    def __str__(self) -> str:
+        """Say what is changed where."""
+        return f"{self.where}: `{self.old}` -> `{self.new}`"
+
+
+# Tests of a module beside its own, tests/<folder>/test_<module>.py and test_<module>_*.py.
+TESTS = {
+    "collision/collision_checker": ("verification/test_closest_approach.py",),
+    "collision/gilbert": ("collision/test_collision_checker.py",),
+    "collision/link_geometry": ("collision/test_collision_checker.py",),
+    "collision/mesh_cover": ("collision/test_link_geometry.py", "collision/test_obstacle.py"),
+    "collision/separation": ("collision/test_collision_checker.py",),
+    "refinement/limit_constraints": ("refinement/test_spline_constraints.py",),
+    "refinement/linear_rows": ("refinement/test_spline_constraints.py",),
+    "refinement/rotation_constraints": ("refinement/test_spline_constraints.py",),
+    "refinement/tube_constraints": ("refinement/test_spline_constraints.py",),
+    "refinement/link_constraints": ("refinement/test_spline_constraints.py",),
+    "refinement/spline_constraints": (
+        "refinement/test_sequential_program.py",
+        "planning/test_best_known.py",
+    ),
+    "refinement/sequential_program": ("planning/test_best_known.py",),
+    "trajectory/bernstein": ("verification/test_enclosure.py",),
+    "verification/certificate": ("verification/test_verification.py",),
+    "verification/closest_approach": ("verification/test_verification_between_samples.py",),
+    "verification/majorants": ("verification/test_enclosure.py",),
+    "verification/tube_visits": ("verification/test_verification_between_samples.py",),
+    "verification/verification": ("verification/test_rotation_visits.py",),
+}
+
+_CHANGES: dict[str, list[tuple[str, ...]]] = {
+    # --- verification/majorants ---------------------------------------------------------------
+    "tool_majorant": [
+        ("robot.tool_reach * body.unit", "0 * body.unit"),
+        ("body.origin + robot", "robot"),
+    ],
+    "effort_majorant": [
+        ("inertia.mass * gravity", "0.0"),
+        ("_turning(2 * body.spin)", "_turning(body.spin)"),
+        ("moments[i] if robot.revolute[joint] else forces[i]", "moments[i]"),
+        (" + _product(bodies[child].link, forces[child])", ""),
+        ("force + forces[child]", "force"),
+        ("moment + moments[child] +", "moment +"),
+        (" + _product(arm, force)", ""),
+        ("_derivative(momentum) / width**2 + ", ""),
+        ("_derivative(body.origin + arm, 2)", "_derivative(body.origin, 2)"),
+        ("inertia.moment * ", "0.1 * inertia.moment * "),
+        ("_product(axis, load)", "load"),
+    ],
+    "_motions": [
+        (
+            "_product(parent.unit, _derivative(joints[:, :, joint]))",
+            "_derivative(joints[:, :, joint])",
+        ),
+        ("_product(parent.unit, joints[:, :, joint])", "joints[:, :, joint]"),
+        ("robot.body_offsets[i] * parent.unit", "0 * parent.unit"),
+        ("parent.origin + link", "link"),
+        ("_turning(spin), link", "parent.unit, link"),
+    ],
+    "_product": [("range(order)", "range(order - 1)")],
+    "_derivative": [("np.arange(1, len(a))[:, None] * a[1:]", "a[1:]")],
+    "_turning": [("/ (k + 1)", "/ (k + 2)")],
+    # --- trajectory/bernstein -----------------------------------------------------------------
+    "halves": [
+        ("start[1::2] += width[1::2]", "start[1::2] += 0"),
+        ("width / 2, 2", "width, 2"),
+    ],
+    "bernstein_coefficients": [
+        ("start ** (orders - power)", "start ** (power - orders)"),
+        ("scaled[power] *= (width**power)", "scaled[power] *= (width**degree)"),
+    ],
+    "maxima": [
+        ("open_ = bounds.max(axis=0)", "open_ = bounds[0]"),
+        ("((bounds[0], start), (bounds[-1], start + width))", "((bounds[0], start),)"),
+        ("best_time[column[better]] = times[better]", "pass"),
+    ],
+    "peak_magnitudes": [("[coefficients, -coefficients]", "[coefficients, coefficients]")],
+    # --- verification/enclosure ---------------------------------------------------------------
+    "_NODE_PRODUCT": [("2.0 /", "0.2 /"), ("2.0 /", "1.0 /")],
+    "Enclosure.at": [("[interval]) /", "[0]) /")],
+    "enclosed_tool": [("position[_POINTS]", "position[_POINTS + 1]")],
+    "enclosed_pose": [
+        ("position[_POINTS]", "position[_POINTS + 1]"),
+        ("axis[_POINTS]", "axis[_POINTS + 1]"),
+        ("rates.position[1]", "0.5 * rates.position[1]"),
+        ("2 * rates.position[2]", "rates.position[2]"),
+        ("rates.spin[0]", "0.5 * rates.spin[0]"),
+        ("rates.spin[1]", "0.5 * rates.spin[1]"),
+    ],
+    "enclosed_efforts": [("[_POINTS]", "[_POINTS + 1]")],
+    "_enclosed": [
+        ("missed > tolerance", "missed > 2 * tolerance"),
+        ("(width > _MIN_WIDTH)", "(width > 0.1)"),
+        ("width[order], missed[order]", "width[order], missed"),
+        ("_NODE_PRODUCT * error", "0 * error"),
+    ],
+    "_joint_bounds": [
+        ("comb(degree, k) * ", ""),
+        (".max(axis=0)", ".min(axis=0)"),
+        ("range(min(degree + 1, len(bounds)))", "range(min(degree, len(bounds)))"),
+    ],
+    # --- verification/closest_approach --------------------------------------------------------
+    "closest_approach": [
+        ("min(search.lower_bound, search.distance)", "search.distance"),
+    ],
+    "_Rows.halves": [
+        ("node[1::2] += 1", "node[1::2] += 0"),
+    ],
+    "_Search.halve_until_settled": [
+        ("lower < self._settled_above()", "lower < self._settled_above() - 0.01"),
+        ("lower[~undecided | final]", "lower[~undecided]"),
+        ("width < _MIN_INTERVAL", "width < 0.02"),
+        (
+            "min(self.lower_bound, float(settled.min(initial=np.inf)))",
+            "float(settled.min(initial=np.inf))",
+        ),
+    ],
+    "_Search._settled_above": [
+        ("max(_RESOLUTION, _RELATIVE_RESOLUTION * gap)", "_RESOLUTION"),
+        ("_RELATIVE_RESOLUTION * gap", "0.2 * gap"),
+        ("self.distance - self._required", "self.distance"),
+    ],
+    "_Search._lower_bounds": [
+        ("spheres[interval, rows.pair] - travelled", "spheres[interval, rows.pair]"),
+        ("bound - travelled[near]", "bound"),
+        ("distance - travelled[batch]", "distance"),
+        ("travel[interval])", "travel[interval]) / 2"),
+        ("rows.pair[batch])\n", "rows.pair[batch] * 0)\n"),
+    ],
+    "_Search._middles": [
+        ("abs(hull - middle).max(axis=0)", "abs(hull - middle).min(axis=0)"),
+        (
+            "start + width / 2",
+            "start + width / 4",
+            "only slower: the bounds hold about any instant",
+        ),
+    ],
+    "_Search._remember": [
+        ("distance.argmin()", "distance.argmax()"),
+        ("float(time[least])", "0.0"),
+    ],
+    # --- verification/tube_visits -------------------------------------------------------------
+    "tube_visits": [
+        (
+            "np.maximum.accumulate([0.0, *times, trajectory.duration])",
+            "np.array([0.0, *times, trajectory.duration])",
+        ),
+        ("values.argmax(axis=1)", "values.argmin(axis=1)"),
+        (
+            'np.searchsorted(time, time[samples], "left") - 1',
+            'np.searchsorted(time, time[samples], "left")',
+        ),
+        ('np.searchsorted(time, time[samples], "right")', "samples"),
+    ],
+    "least_margin": [
+        ("margin.min(axis=0) - tool.error[interval, 0]", "margin.min(axis=0)"),
+        ("margin[[0, -1]]", "margin[[0, 0]]"),
+        ("margin.min(axis=0) -", "ends.min(axis=0) -"),
+        ("(width > _MIN_WIDTH)", "(width > 0.2)"),
+        ("_RELATIVE_RESOLUTION * abs(attained)", "0.5 * abs(attained)"),
+        ("width[row] if end else 0.0", "0.0"),
+        (
+            "min(lower_bound, float(lower[~split].min(initial=np.inf)))",
+            "float(lower[~split].min(initial=np.inf))",
+        ),
+    ],
+    "visited_parts": [
+        ("high - low", "(high - low) / 2"),
+        ("tool.start <= visit.end", "tool.start + tool.width / 2 <= visit.end"),
+        ("ends >= visit.begin", "tool.start >= visit.begin"),
+    ],
+    "_distances": [("np.clip(share, 0.0, 1.0)", "share")],
+    "_Fit.at": [
+        ("np.minimum(q[:, None] - lower, upper - q[:, None])", "(q[:, None] - lower)"),
+        ("np.minimum(q[:, None] - lower, upper - q[:, None])", "(upper - q[:, None])"),
+        ("np.minimum(margin[:, column], turned)", "margin[:, column]"),
+        ("np.minimum(self._tube.margin(tool)[:, columns], joint_margin)", "joint_margin"),
+        (
+            "np.minimum(self._tube.margin(tool)[:, columns], joint_margin)",
+            "self._tube.margin(tool)[:, columns]",
+        ),
+    ],
+    "_Fit.best_time": [("candidates.append(float(found.x))", "pass"), (".min())", ".max())")],
+    # --- verification/rotation_visits ---------------------------------------------------------
+    "least_rotation_margin": [
+        ("resolution - error)", "10 * resolution - error)"),
+        ("(parts.width > _MIN_WIDTH)", "(parts.width > 0.2)"),
+        ("parts.width[row] if end else 0.0", "0.0"),
+        (
+            "min(lower_bound, float(lower[~split].min(initial=np.inf)))",
+            "float(lower[~split].min(initial=np.inf))",
+        ),
+        (".any()]", ".all()]"),
+    ],
+    "_halves": [
+        ("pairs[1, 0::2] = pairs[0, 1::2] = between", "pairs[0, 1::2] = between"),
+        ("start[1::2])", "start[0::2])"),
+    ],
+    "_bounded": [
+        ("- off - error", "- error"),
+        ("- off - error", "- off"),
+        ("nearest_branch(last, first, _ALL)", "last"),
+        ("bounds.min(axis=1) - np.pi", "bounds.min(axis=1)"),
+        ("np.maximum(_measures(first), ", "np.maximum(0 * _measures(first), "),
+    ],
+    "_vector_at": [("np.clip(u, 0.0, 1.0)", "u")],
+    "_measures": [("abs(v)", "v")],
+    "_chord_distance": [
+        ("smooth * width**2 / 8", "smooth * width**2 / 16"),
+        ("broken * width**2 / 8", "broken * width**2 / 16"),
+        ("/ 8 + jump", "/ 8"),
+        ("bend * width**2 / 8 + 2 * off", "2 * off"),
+        ("bend * width**2 / 8 + 2 * off", "bend * width**2 / 8"),
+        ("turn * (bend + relative * rate)", "turn * bend"),
+        ("turn * (bend + relative * rate)", "turn * relative * rate"),
+        (" + gain_rate * relative**2", ""),
+        (" + gain_rate * relative * spin", ""),
+        ("spin + turn * rate", "spin"),
+        ("MATRIX_ERROR_GAIN * pose.rotation.error[parts.interval, 0] + ", ""),
+        (" + turn * off)", ")"),
+        ("np.where(move <= _MAX_MOVE, distance, np.inf)", "distance"),
+        ("angle + move / 2", "angle"),
+        ("(low - slack < 0) | ", ""),
+        (" | (high + slack > 1)", ""),
+        ("high - low + bend * width**2 + 4 * off", "high - low"),
+        ("distance = gain * ", "distance = "),
+        ("(high + slack <= 0)", "(low + slack <= 0)"),
+    ],
+    # --- verification/switching_samples -------------------------------------------------------
+    "_switch_before": [
+        ("np.minimum(best_before[: last + 1], rest)", "best_before[: last + 1]"),
+        (
+            "np.minimum(margin_before[candidates], margin_after[candidates])",
+            "margin_before[candidates]",
+        ),
+        ("margin_after[last::-1]", "margin_after[::-1]"),
+    ],
+    "_best_after_switch": [
+        ("np.minimum(before, margin), margin", "before, margin"),
+        ("shift *= 2", "shift *= 3"),
+    ],
+    "_best_margins": [("np.minimum.accumulate(margin[:, 0])", "margin[:, 0]")],
+    # --- verification/certificate -------------------------------------------------------------
+    "Tolerance.of": [("unit == RELATIVE", "unit != RELATIVE")],
+    "JudgedCondition.holds": [("-tolerance.of(self.unit)", "-1e3 * tolerance.of(self.unit)")],
+    "Certificate.passed": [("not self.failures()", "len(self.failures()) < 2")],
+    # --- verification/verification ------------------------------------------------------------
+    "verify": [
+        (
+            "judge.derivative(1, problem.robot.limits.velocity)",
+            "judge.derivative(2, problem.robot.limits.velocity)",
+        ),
+        ("judge.derivative(3,", "judge.derivative(2,"),
+        ("trajectory.reordered(problem.robot.joint_names)", "trajectory"),
+        ("judge.endpoint(-1)", "judge.endpoint(0)"),
+    ],
+    "_Judge.position": [
+        (
+            "limits.lower_position, limits.upper_position",
+            "-limits.upper_position, limits.upper_position",
+        )
+    ],
+    "_Judge.derivative": [("1 - peak", "2 - peak"), ("bounded[column]", "column")],
+    "_Judge.effort": [
+        ("peaks.value + error", "peaks.value"),
+        ("error[worst] > _EFFORT_ENCLOSURE", "False"),
+        ("1 - float(above[worst])", "1 - float(peaks.value[worst])"),
+        ("* efforts.width[interval]", ""),
+        ("_EFFORT_ENCLOSURE * limit", "1e4 * _EFFORT_ENCLOSURE * limit"),
+    ],
+    "_Judge.tube": [
+        ('least.lower_bound, "m", place', 'least.attained, "m", place'),
+        ("least.attained", "least.lower_bound"),
+    ],
+    "_Judge.rotation": [('least.lower_bound, "rad", place', 'least.attained, "rad", place')],
+    "_Judge.joint_signs": [
+        ("visit.begin + (place.time or 0.0)", "place.time or 0.0"),
+        ("lower[visit.segment], upper[visit.segment]", "lower[0], upper[0]"),
+        ("min(found", "max(found"),
+    ],
+    "_Judge.endpoint": [
+        ("0.0 - error", "0.0"),
+        ("0.0 - float(abs(q - given).max())", "0.0 - float((q - given).max())"),
+        ("0.0 - float(abs(q - given).max())", "0.0 - float(abs(q - given).min())"),
+        ("self._problem.start if index == 0 else self._problem.goal", "self._problem.start"),
+    ],
+    "_Judge.rest": [
+        ("for order in (1, 2)", "for order in (1,)"),
+        ("for order in (1, 2)", "for order in (2,)"),
+        ("values[1, -1]", "values[0, 0]"),
+        ("values[0, 0], ", "values[1, -1], "),
+        (" / self._largest[order]", ""),
+    ],
+    "_Judge.continuity": [
+        ("range(3)", "range(2)"),
+        ("range(3)", "range(1, 3)"),
+        ("min(found", "max(found"),
+        ("jumps / self._largest[order]", "jumps / self._largest[0]"),
+        ("total = jumps.sum(axis=0)", "total = jumps.max(axis=0)"),
+        ("jumps[:, joint].argmax() + 1", "jumps[:, joint].argmax()"),
+    ],
+    "_Judge.obstacles": [("self._problem.clearance", "0.0")],
+    "_Judge.self_collision": [("collision.link_pairs", "collision.obstacle_pairs")],
+    "_Judge._clearance": [
+        ("nearest.lower_bound - required", "nearest.distance - required"),
+        ("nearest.lower_bound - required", "nearest.lower_bound"),
+        ("nearest.distance - required", "nearest.distance"),
+    ],
+    "_Judge._range_margin": [
+        ("((1.0, upper), (-1.0, -lower))", "((1.0, upper),)"),
+        ("((1.0, upper), (-1.0, -lower))", "((-1.0, -lower),)"),
+        ("return -peak", "return -peak + 1e-5"),
+    ],
+    "_Judge._largest": [("_STILL_SHARE * overall", "0 * overall")],
+    "_bracketed": [
+        ("lower >= attained - allowed", "True"),
+        ("max(_UNDECIDED_LENGTH, ", "max(0.1, "),
+    ],
+    # --- collision/collision_checker ----------------------------------------------------------
+    "CollisionChecker.motion_weights": [
+        (", 1.0)", ", 0.0)"),
+        ("robot.lever_arm[bodies] + reach[:, None]", "robot.lever_arm[bodies]"),
+        ("robot.lever_arm[bodies] + reach[:, None]", "reach[:, None]"),
+        ("np.where(moves[first], weights[first], weights[second])", "weights[first]"),
+        ("moves[first] != moves[second]", "moves[first] | moves[second]"),
+        ("moves[first] != moves[second]", "moves[first] & ~moves[second]"),
+        ("reach(np.zeros(3))", "bounding_radius"),
+    ],
+    "CollisionChecker.required": [
+        ("[clearance, 0.0]", "[0.0, 0.0]"),
+        ("[clearance, 0.0]", "[clearance, clearance]"),
+    ],
+    "CollisionChecker.separations": [('"pij,pi->pj", frames', '"pij,pj->pi", frames')],
+    "CollisionChecker.separations_along": [
+        (" + first.shape.radius", ""),
+        (" - second.shape.radius", ""),
+        (").max(axis=1)", ").min(axis=1)"),
+        ('"pij,pj->pi", rotation[rows, second.body]', '"pij,pi->pj", rotation[rows, second.body]'),
+    ],
+    "CollisionChecker.sphere_distances": [
+        (" - radii[first]", ""),
+        (" - radii[second]", ""),
+    ],
+    "CollisionChecker.distance_gradient": [
+        ("(-1, 0, closest.first)", "(1, 0, closest.first)"),
+        ("((-1, 0, closest.first), (1, 1, closest.second))", "((-1, 0, closest.first),)"),
+        ("((-1, 0, closest.first), (1, 1, closest.second))", "((1, 1, closest.second),)"),
+    ],
+    "CollisionChecker.owners": [("obstacles[0] if obstacles else None", "None")],
+    "CollisionChecker._must_stay_apart": [
+        ("1 if neighbours_may_touch else 0", "1"),
+        ("1 if neighbours_may_touch else 0", "0"),
+        ("self._obstacle_names | self._attached_names", "self._obstacle_names"),
+        ("self._obstacle_names | self._attached_names", "self._attached_names"),
+    ],
+    "CollisionChecker._without_always_touching": [
+        ("value <= 0", "value <= 0.2"),
+        ("touching &= hit", "touching |= hit"),
+        ("if not name & self._attached_names", "if name"),
+        ("lower, np.minimum(-np.pi, upper - 2 * np.pi)", "lower, -np.pi"),
+        ("upper, low + 2 * np.pi", "upper, low"),
+    ],
+    "CollisionChecker._measured": [
+        (
+            "separation(placed[i], placed[j])",
+            "separation(placed[j], placed[i])",
+        )
+    ],
+    "_carried_shapes": [("shape.transformed(placement)", "shape")],
+    # --- collision/separation -----------------------------------------------------------------
+    "PlacedShape.move": [
+        ("self._rotation @ self._core[:3, 3]", "self._core[:3, 3]"),
+        ("self._rotation @ self._core[:3, :3]", "self._rotation"),
+    ],
+    "PlacedShape.extremes": [("self._rotation.T @ direction", "self._rotation @ direction")],
+    "PlacedShape.nearest_points": [("distance <= 0", "distance <= -1")],
+    "PlacedShape.center_to": [
+        (
+            "other._world_center() - self._world_center()",
+            "self._world_center() - other._world_center()",
+            "equivalent: both directions are tried",
+        )
+    ],
+    "separation": [
+        (" - first.radius", ""),
+        (" - second.radius", ""),
+        ("not overlap and best <= length - _LOOSE", "False"),
+        ("not overlap and ", ""),
+        (
+            "max((best, along), first.separated(second, gap), key=itemgetter(0))",
+            "first.separated(second, gap)",
+        ),
+        ("gap = first.center_to(second)", "gap = gap"),
+    ],
+    "_apart": [
+        ("(-behind, -direction)", "(ahead, direction)"),
+        ("(-behind, -direction)", "(-behind, direction)"),
+        ("back_2 - ahead_1", "back_2 - back_1"),
+    ],
+    "PlacedShape.separated": [
+        ("other._rotation @ direction[0]", "direction[0]"),
+        ("(back @ self._rotation)[None]", "self._rotation[None]"),
+        ("self._position - other._position", "other._position - self._position"),
+    ],
+    # --- collision/gilbert --------------------------------------------------------------------
+    "separating_directions": [
+        ("(local @ first.T).argmax(axis=1)", "(local @ first.T).argmin(axis=1)"),
+        ("(direction @ second.T).argmin(axis=1)", "(direction @ second.T).argmax(axis=1)"),
+        ("behind - moved[live] -", "behind -"),
+        ("better = apart > bound[live]", "better = apart > -np.inf"),
+        ("known = length\n", "known = length * 2\n"),
+        ("np.minimum(enough, known - loose)", "known - loose"),
+        ("gap = _nearest_to_origin(gap, end)", "gap = end"),
+    ],
+    "_nearest_to_origin": [
+        (
+            "np.clip(-np.sum(start * edge, axis=1) / squared, 0.0, 1.0)",
+            "-np.sum(start * edge, axis=1) / squared",
+        ),
+        ("-np.sum(start * edge, axis=1)", "np.sum(start * edge, axis=1)"),
+    ],
+    "_fcl_geometry": [
+        ("_CORE_THICKNESS, length)", "_CORE_THICKNESS, length / 2)"),
+        ("_frame_along(edge / length)", "np.eye(3)"),
+    ],
+    # --- collision/convex_shape ---------------------------------------------------------------
+    "ConvexShape.reach": [(" + self.radius", ""), (".max())", ".min())")],
+    "ConvexShape.center": [("/ 2", "/ 4")],
+    "ConvexShape.faces": [("np.where(inward", "np.where(~inward")],
+    "ConvexShape.transformed": [
+        ("placement[:3, :3].T", "placement[:3, :3]"),
+        ("read_only(moved), self.radius", "read_only(moved)"),
+    ],
+    "box": [("/ 2)", "/ 4)")],
+    "capsule": [("[0, 0, length / 2]", "[0, 0, length / 4]")],
+    "cylinder": [
+        ("radius / np.cos(np.pi / _PRISM_SIDES)", "radius"),
+        ("length / 2, length / 2", "length / 2, 0.0"),
+    ],
+    "convex_hull": [
+        ("- _FLAT_HALF_THICKNESS", "+ _FLAT_HALF_THICKNESS"),
+        (" + (low + high) / 2", ""),
+    ],
+    # --- collision/mesh_cover, link_geometry, obstacle ----------------------------------------
+    "_slab_points": [
+        ("points.append(a + share[:, None] * (b - a))", "pass"),
+        ("share[:, None] * (b - a)", "(b - a) / 2"),
+    ],
+    "_slab_hulls": [("if len(points)", "if len(points) > 20")],
+    "cover_mesh": [("_WORTHWHILE_VOLUME_RATIO * ", "0 * ")],
+    "length_unit": [('float(element.get("meter", "1"))', "1.0")],
+    "load_mesh": [("loaded.apply_scale(scale)", "pass")],
+    "link_shapes": [
+        ("placement @ placement_in_link(collision)", "placement"),
+        ("placement @ placement_in_link(collision)", "placement_in_link(collision)"),
+    ],
+    "placement_of": [('"xyz", rpy', '"XYZ", rpy')],
+    # --- constraints/time_scaling -------------------------------------------------------------
+    "scaling_factor": [
+        (
+            "np.sqrt(_ratio(robot.limits.acceleration, abs(a)))",
+            "_ratio(robot.limits.acceleration, abs(a))",
+        ),
+        ("np.minimum(velocity, acceleration)", "velocity"),
+        ("np.minimum(velocity, acceleration)", "acceleration"),
+    ],
+    "effort_factor_of": [
+        ("np.where(inertial >= 0, limit - gravity, limit + gravity)", "limit - gravity"),
+        ("abs(gravity) < limit", "gravity < limit"),
+        ("tau - gravity", "tau"),
+        ("np.sqrt(_ratio(available, abs(inertial))", "np.abs(_ratio(available, abs(inertial))"),
+    ],
+    "minimum_duration": [
+        ("* (1 + _SAFETY)", ""),
+        ("min(polynomial, _least_effort_factor(robot, trajectory))", "polynomial"),
+        ("_exact_peaks", "_hull_peaks"),
+    ],
+    "estimated_duration": [
+        ("min(_polynomial_factor(robot, trajectory, _hull_peaks), effort)", "effort")
+    ],
+    "scaled_to_limits": [("duration / trajectory.duration", "trajectory.duration / duration")],
+    "_polynomial_factor": [
+        ("** (1 / order)", "** 1"),
+        ("if with_jerk", "if False"),
+        ("if with_jerk", "if True"),
+        ("(1, limits.velocity), ", ""),
+        (", (2, limits.acceleration)]", "]"),
+    ],
+    "_hull_peaks": [("abs(hull).max", "hull.max")],
+    "_least_effort_factor": [("return -highest", "return least"), ("_VALLEY_SHARE * least", "0.0")],
+    "_held_effort_factor": [("(factor == 0).any()", "False"), (".min(axis=1)", ".max(axis=1)")],
+    "_gravity_exceeds_effort": [(".argmin()", ".argmax()")],
+    # --- refinement: what the planner is constrained by ---------------------------------------
+    "EvaluatedTube.excess": [
+        (" - (1 - self.margin)", " - 1"),
+        ("self._nearest", "0 * self._nearest"),
+    ],
+    "EvaluatedTube.rows": [
+        (" / self._radius[:, None, None]", ""),
+        ("self.first_limit + self.samples.phase", "self.samples.phase"),
+    ],
+    "EvaluatedTube._slack_behind_planes": [
+        ("1 - self.margin - used", "1 - used"),
+        ("1 - self.margin - used", "0.95 - self.margin - used"),
+        ("self._normals, end)", "self._normals, begin)"),
+        (" / self._radius[:, None]", ""),
+    ],
+    "_normals": [
+        ("np.cross(axis, radial)", "np.cross(axis, helper)"),
+        ("cos * radial[:, None] +", "radial[:, None] +"),
+        ("[outward, axis, -axis]", "[outward, axis, axis]"),
+    ],
+    "EvaluatedRotation.excess": [
+        ("np.hstack([abs(self._error), angle])", "np.hstack([self._error, angle])"),
+        (" - (1 - self.margin)", " - 1"),
+    ],
+    "EvaluatedRotation.rows": [
+        (" / self._bounds[:, :, None]", ""),
+        ("np.where(np.isfinite(self._bounds), slack, np.inf)", "slack"),
+    ],
+    "EvaluatedRotation._bounds": [
+        ("bounds[:, :3], bounds[:, :3], angle", "bounds[:, :3], bounds[:, [1, 2, 0]], angle")
+    ],
+    "EvaluatedRotation._normals": [("self._error / np.maximum(angle, _NO_ANGLE)", "_AXES[0]")],
+    "EvaluatedLimits.squared_durations": [
+        ("** -2", "** -1"),
+        ("** (2 / order)", "** (1 / order)"),
+        ("np.maximum(found, least)", "least"),
+    ],
+    "EvaluatedLimits._used": [
+        (
+            "(self.effort[:, joints] - gravity) / duration**2",
+            "self.effort[:, joints] / duration**2",
+        ),
+        ("/ duration**2", "/ duration"),
+        ("(gravity / limit, 1.0)", "(0 * gravity, 1.0)"),
+        ("order / 2)", "order / 3)"),
+    ],
+    "EvaluatedLimits._change": [
+        (" / duration**k", ""),
+        ("limit * duration**order", "limit"),
+        ("scale[:, None] * self.at.by_switching", "self.at.by_switching"),
+    ],
+    "two_sided_rows": [
+        ("sign * with_side[at] - on_both", "sign * with_side[at]"),
+        ("1 - sign * used", "1 - used"),
+        ("sign * switching[at]", "switching[at]"),
+        ("np.maximum(_CLOSE, _reach(control, switching, size))", "np.full(used.shape, _CLOSE)"),
+    ],
+    "two_sided_slack": [
+        ("scale - sign * (used + resting)", "scale - sign * used"),
+        ("scale - sign", "1 - sign"),
+    ],
+    "plane_rows": [
+        ("np.isfinite(slack) & ", ""),
+        ("sample * slack.shape[1] + plane", "sample + plane"),
+    ],
+    "_reach": [
+        ("size.switching * abs(switching).sum(axis=-1)", "0.0"),
+        ("abs(control).sum", "control.sum"),
+    ],
+    "EvaluatedLinks.slack": [("self.closest.distance - self.aim", "self.closest.distance")],
+    "EvaluatedLinks.rows": [("-gradient[None", "gradient[None"), (" / _UNIT", "")],
+    "SequentialProgram.improved": [
+        ("gain < _GOOD_RATIO * predicted", "False"),
+        (
+            "_next_trust(trust, ratio, float(abs(step.control).max(initial=0.0)))",
+            "min(trust, _next_trust(trust, ratio, float(abs(step.control).max(initial=0.0))))",
+        ),
+    ],
+}
+
+MUTANTS = tuple(Mutant(where, *change) for where, changes in _CHANGES.items() for change in changes)

@@ -1,0 +1,49 @@
+"""Single steps of the optimiser, on a corner that straight steps leave."""
+
+import pytest
+
+from tubeplanner import load_problem
+from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
+from tubeplanner.refinement.sequential_program import FIRST_PENALTY, SequentialProgram
+from tubeplanner.refinement.spline_start import starting_spline
+
+
+@pytest.fixture(scope="module")
+def begun():
+    """Return a program, and the trajectory that it begins with: outside the tube by a radius."""
+    problem = load_problem("example:two_link/paper_5_10mm")
+    branch = reference_branch(problem, redundancy_rules(problem)[0])
+    spline = starting_spline(problem, branch, 8)
+    program = SequentialProgram(problem, spline.grid)
+    return program, program.iterate(spline)
+
+
+def steps(begun, trust, count):
+    program, begin = begun
+    return program.improved(begin, trust, FIRST_PENALTY, min_gain=1e-6, max_steps=count)
+
+
+@pytest.mark.parametrize("trust", [0.2, 0.4])
+def test_a_step_that_bends_out_of_the_tube_is_corrected_and_not_refused(begun, trust):
+    """Without its correction it would end farther outside than it began."""
+    begin = begun[1]
+    after = steps(begun, trust, 1).iterate
+    assert after is not begin
+    assert after.excess < 0.6 * begin.excess
+
+
+def test_a_step_costs_nothing_it_should_not(begun):
+    """Whatever is taken is better: in duration, or in what is outside at its penalty."""
+    begin = begun[1]
+    for trust in (0.01, 0.05, 0.1):
+        after = steps(begun, trust, 1).iterate
+        share = after.squared_duration / begin.squared_duration
+        assert share + FIRST_PENALTY * (after.excess - begin.excess) < 1
+
+
+def test_a_region_that_is_too_small_grows(begun):
+    assert steps(begun, 0.005, 4).trust >= 8 * 0.005
+
+
+def test_a_region_that_is_too_wide_shrinks(begun):
+    assert steps(begun, 1.0, 6).trust <= 0.5
