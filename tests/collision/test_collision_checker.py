@@ -147,6 +147,11 @@ def snake(tmp_path):
 
 
 BLOCK = Obstacle.box("block", [1, 1, 1], placement_of((0, 5, 0)))
+TURNED = placement_of((0.03, 0.02, 0.1), rpy=(0.4, 0.7, 0.2))
+CARRIED = [
+    AttachedSolid("rod", Obstacle.capsule("rod", 0.01, 0.1, TURNED).shapes),
+    AttachedSolid("bead", Obstacle.sphere("bead", 0.01, TURNED).shapes),
+]
 SPHERE = Obstacle.sphere("marble", 0.1, placement_of((0, -5, 0)))
 
 
@@ -374,7 +379,8 @@ def test_a_separating_direction_separates_neighbouring_configurations_too(reques
         Obstacle.box(f"box{i}", [0.2, 0.1, 0.3], placement_of(center))
         for i, center in enumerate(([0.6, 0.1, 0.3], [-0.4, 0.5, 0.4], [0.1, -0.6, 0.8]))
     ]
-    checker = CollisionChecker(robot, boxes)
+    boxes.append(Obstacle.sphere("ball", 0.1, placement_of([0.5, 0.5, 0.5])))
+    checker = CollisionChecker(robot, boxes, attached=CARRIED)
     pairs = np.concatenate([checker.obstacle_pairs, checker.link_pairs])
     rng = np.random.default_rng(3)
     for _ in range(10):
@@ -397,12 +403,7 @@ def test_a_separating_direction_separates_neighbouring_configurations_too(reques
 def test_the_distance_gradient_is_that_of_central_differences(request, name):
     robot = request.getfixturevalue(name)
     ball = Obstacle.sphere("ball", 0.1, placement_of((0.6, 0.1, 0.9)))
-    turned = placement_of((0.03, 0.02, 0.1), rpy=(0.4, 0.7, 0.2))
-    attached = [
-        AttachedSolid("rod", Obstacle.capsule("rod", 0.01, 0.1, turned).shapes),
-        AttachedSolid("bead", Obstacle.sphere("bead", 0.01, turned).shapes),
-    ]
-    checker = CollisionChecker(robot, [ball], attached=attached)
+    checker = CollisionChecker(robot, [ball], attached=CARRIED)
     pairs = np.vstack([checker.obstacle_pairs[-4:], checker.link_pairs[:2]])
     q = np.array([0.3, -1.2, 1.5, 0.2, 0.7, 0.1])
     q = q if name == "ur5" else np.array([0.5, 0.3, 0.4])

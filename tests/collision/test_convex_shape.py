@@ -119,3 +119,11 @@ def test_shapes_are_compared_by_identity():
     shape = ConvexShape(np.zeros((1, 3)), 1.0)
     assert shape == shape
     assert shape != ConvexShape(shape.vertices, 1.0)
+
+
+def test_the_bounding_sphere_of_a_box_is_that_of_its_diagonal():
+    placement = np.eye(4)
+    placement[:3, 3] = 0.3, -0.2, 0.7
+    moved = box([2, 3, 6]).transformed(placement)
+    np.testing.assert_allclose(moved.center, placement[:3, 3], atol=1e-15)
+    assert moved.bounding_radius == pytest.approx(3.5)

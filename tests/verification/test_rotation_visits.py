@@ -155,6 +155,9 @@ def test_half_a_turn_between_two_ends_is_seen(bundled):
     visit = [Visit(0, 0.0, 1.0)]
     least = least_rotation_margin(tube.rotation, pose_of(tray.robot, trajectory), visit)
     assert 0.97 * (4 - np.pi) <= least.lower_bound <= 4 - np.pi + 1e-9
+    assert least.attained > 4 - np.pi + 1e-6
+    judged = verify(PlanningProblem(tray.robot, tube, tray.start), trajectory)
+    assert judged.conditions["rotation"].margin == least.lower_bound
 
 
 def spiked(trajectory, joint, size, when, width):

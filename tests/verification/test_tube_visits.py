@@ -3,14 +3,16 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from numpy.polynomial import Chebyshev, Polynomial
 
 from tubeplanner import JointTrajectory, PlanningProblem, Seed, Tube
 from tubeplanner.trajectory.joint_trajectory import concatenate
-from tubeplanner.verification.enclosure import enclosed_tool
+from tubeplanner.verification.enclosure import Enclosure, enclosed_tool
 from tubeplanner.verification.switching_samples import best_switching_samples
-from tubeplanner.verification.tube_visits import Visit, least_margin, tube_visits
+from tubeplanner.verification.tube_visits import Visit, least_margin, tube_visits, visited_parts
 
 SEED = Seed(np.array([0.0, -1.0]))
+AXIS = Tube([[-9, 0, 0], [9, 0, 0]], 1.0)
 POINTS = [[0.45, -0.3, 0], [0.45, 0.1, 0], [0.2, 0.1, 0]]
 
 
@@ -52,6 +54,50 @@ def test_what_the_polynomials_miss_is_taken_off_the_margin(two_link):
     exact, least = (least_margin(Tube(POINTS, 0.5), each, visit) for each in (tool, rough))
     assert least.attained == exact.attained
     assert least.lower_bound == pytest.approx(exact.lower_bound - 1e-3, abs=1e-9)
+
+
+def along_x(*offsets):
+    """Return tools that go along x, an interval of a second each, beside it by polynomials."""
+    count, degree = len(offsets), max(len(each) for each in offsets) - 1
+    coefficients = np.zeros((degree + 1, count, 3))
+    coefficients[-2, :, 0] = 1.0
+    for i, each in enumerate(offsets):
+        coefficients[degree + 1 - len(each) :, i, 1] = each
+    return Enclosure(np.arange(count) * 1.0, np.ones(count), coefficients, np.zeros((count, 3)))
+
+
+@pytest.mark.parametrize("bow", [0.1, 0.3, 0.9])
+def test_a_bow_between_two_ends_is_bracketed(bow):
+    """A parabola over one interval, whose hull is twice as high."""
+    least = least_margin(AXIS, along_x([-4 * bow, 4 * bow, 0.0]), [Visit(0, 0.0, 1.0)])
+    true = 1.0 - bow
+    assert least.lower_bound <= true + 1e-12
+    assert least.attained >= true - 1e-12
+    assert least.attained - least.lower_bound <= 0.02 * abs(least.attained) + 2e-7
+
+
+@pytest.mark.parametrize("height", np.linspace(1e-3, 6e-3, 11))
+def test_what_is_settled_at_once_still_counts(height):
+    """A flat bow of 9 mm; and waves that are lower, but whose hull needs to be halved."""
+    waves = height * Chebyshev.basis(7, domain=[0, 1]).convert(kind=Polynomial).coef[::-1]
+    bow = 9e-3
+    least = least_margin(AXIS, along_x([-4 * bow, 4 * bow, 0.0], waves), [Visit(0, 0.0, 2.0)])
+    assert 0.975 <= least.lower_bound <= 1.0 - bow + 1e-12
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_visits_are_covered_whole(two_link, seed):
+    """Whenever they begin and end, their parts of intervals are as long as they are."""
+    trajectory = wavy(two_link, seed)
+    tool = enclosed_tool(two_link, trajectory, 1e-7)
+    times = np.sort(np.random.default_rng(seed).uniform(0, trajectory.duration, 3))
+    times = [0.0, *times, trajectory.duration]
+    visits = [Visit(k, begin, end) for k, (begin, end) in enumerate(pairwise(times))]
+    interval, start, width, segment = visited_parts(tool, visits)
+    assert (start >= 0).all()
+    assert (start + width <= 1 + 1e-12).all()
+    covered = np.bincount(segment, width * tool.width[interval])
+    np.testing.assert_allclose(covered, np.diff(times), atol=1e-12)
 
 
 def test_touching_the_wall_is_decided_with_few_intervals(two_link):

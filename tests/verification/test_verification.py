@@ -314,6 +314,17 @@ def test_joints_may_come_in_any_order_but_must_be_the_problems(stored):
         verify(problem, alien)
 
 
+@pytest.mark.parametrize("kind", ["velocity", "acceleration", "effort"])
+def test_the_only_joint_with_a_limit_is_named(kind, stored):
+    problem, trajectory = stored("two_link/around_a_post")
+    wide, tight = {"joint1": 1e9, "joint2": 1e9}, {"joint1": np.inf, "joint2": 1e-3}
+    limits = LimitOverrides(**{"velocity": wide, "effort": wide, kind: tight})
+    robot = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=limits)
+    condition = verify(changed(problem, robot=robot), trajectory).conditions[kind]
+    assert condition.margin < -1
+    assert condition.where.joint == "joint2"
+
+
 def test_limits_on_acceleration_and_jerk_are_judged(stored):
     problem, trajectory = stored("two_link/around_a_post")
     peaks = [

@@ -26,6 +26,7 @@ TRAJECTORY_FORMAT = "tubeplanner/trajectory"
 TRAJECTORY_VERSION = 1
 _DURATION_TOLERANCE = 1e-9  # [s]
 _MAX_BYTES = 200_000_000
+_MAX_POSITION = 1e4  # [rad or m]
 _MAX_SAMPLES = 100_000
 _MAX_NUMBER = 1e18  # what is larger is no reading of any joint or clock, and overflows when joined
 _COLUMNS_SHOWN = 20
@@ -80,9 +81,23 @@ def read_trajectory_file(path: str | Path) -> TrajectoryFile:
     except DocumentError as error:
         raise TrajectoryError(f"trajectory file {path} cannot be read: {error}") from error
     try:
-        return read(text)
+        file = read(text)
+        _require_positions_of_arms(file.trajectory)
     except TrajectoryError as error:
         raise TrajectoryError(f"{path}: {error}") from error
+    return file
+
+
+def _require_positions_of_arms(trajectory: JointTrajectory) -> None:
+    """Raise if a joint may travel so far that judging it would take minutes."""
+    reach = trajectory.reach()
+    if (reach <= _MAX_POSITION).all():
+        return
+    piece, joint = np.unravel_index(int(reach.argmax()), reach.shape)
+    raise TrajectoryError(
+        f"the position of '{trajectory.joint_names[joint]}' may reach {reach[piece, joint]:.3g} "
+        f"rad or m in piece {piece}; files are read up to {_MAX_POSITION:g}"
+    )
 
 
 def _read_json(text: str) -> TrajectoryFile:

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 # What makes sense for an arm, far from where rounding or time to compute would become a question.
 MAX_DEGREE, MAX_PIECES, MAX_JOINTS = 20, 100_000, 1000
 MIN_DURATION, MAX_DURATION = 1e-9, 1e6  # [s]
-_MAX_POSITION = 1e4  # [rad or m]
+# Candidates of a search may swing far before they are turned down.
+_MAX_POSITION = 1e6  # [rad or m]
 # No joint moves as fast as this per microsecond: bounds on the derivatives, [1/s], [1/s^2], ...
 _MAX_RATE = 1e6
 _UNITS = ("rad or m", "rad/s or m/s", "rad/s^2 or m/s^2", "rad/s^3 or m/s^3")
@@ -131,6 +132,19 @@ class JointTrajectory:
         Shape (degree+1-order, pieces, n), at least one row.
         """
         return self._derivatives[order].c
+
+    def reach(self, order: int = 0) -> FloatArray:
+        """Return how large a derivative of an order from 0 to 3 may get, shape (pieces, n).
+
+        An upper bound on its magnitude, from the magnitudes of the coefficients.
+        """
+        rows, width = self.derivative_coefficients(order), self.widths[:, None]
+        bound = np.zeros(rows.shape[1:])
+        with np.errstate(over="ignore"):
+            for row in rows:  # Horner's scheme: powers of small widths would vanish
+                bound *= width
+                bound += abs(row)
+        return bound
 
     def sample(self, rate: float = 500.0) -> TrajectorySamples:
         """Return samples at a rate [Hz], the last one at the duration.
@@ -280,13 +294,8 @@ class JointTrajectory:
     def _require_bounded(self) -> None:
         """Raise unless positions, velocities, accelerations and jerks are within bounds."""
         for order, what in enumerate(_DERIVATIVES):
-            rows = self.derivative_coefficients(order)
             most = _MAX_POSITION if order == 0 else _MAX_RATE * _MAX_RATE**order
-            # Horner's scheme: widths of small pieces would vanish in their powers.
-            reach, width = np.zeros(rows.shape[1:]), self.widths[:, None]
-            with np.errstate(over="ignore"):
-                for row in rows:
-                    reach = reach * width + abs(row)
+            reach = self.reach(order)
             if (reach <= most).all():
                 continue
             piece, joint = np.unravel_index(int(reach.argmax()), reach.shape)
