@@ -38,7 +38,7 @@ def _effort_and_tool(
     problem: PlanningProblem, q: np.ndarray, v: np.ndarray, a: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     robot, model = problem.robot, problem.robot._model
-    data, order = model.createData(), robot._to_model
+    data, order = model.createData(), robot._joints.planned
     effort, tool = np.empty_like(q), np.empty((len(q), 3))
     for sample, state in enumerate(zip(q, v, a, strict=True)):
         in_model_order = (values[order] for values in state)
@@ -67,7 +67,7 @@ def _missing_distance(problem: PlanningProblem, q: np.ndarray) -> float:
     pairs += [(*pair, 0.0) for pair in checker.link_pairs.tolist()]
     missing = -np.inf
     for configuration in q:
-        pin.forwardKinematics(model, data, configuration[robot._to_model])
+        pin.forwardKinematics(model, data, configuration[robot._joints.planned])
         places = [
             coal.Transform3s(data.oMi[s.body].rotation, data.oMi[s.body].translation)
             for s in checker.shapes

@@ -42,9 +42,9 @@ TESTS = {
     "refinement/link_constraints": ("refinement/test_spline_constraints.py",),
     "refinement/spline_constraints": (
         "refinement/test_sequential_program.py",
-        "planning/test_best_known.py",
+        "planning/test_planner_best_known.py",
     ),
-    "refinement/sequential_program": ("planning/test_best_known.py",),
+    "refinement/sequential_program": ("planning/test_planner_best_known.py",),
     "trajectory/bernstein": ("verification/test_enclosure.py",),
     "verification/certificate": ("verification/test_verification.py",),
     "verification/closest_approach": ("verification/test_verification_between_samples.py",),

@@ -113,14 +113,10 @@ print(np.round(result.trajectory.position(times), 3))
 # For a controller, write files. On the command line, this is
 # `tubeplanner plan problem.yaml -o t.json --csv t.csv --ros t.yaml --plot t.png`. The JSON holds the polynomials themselves.
 # The acceleration of such a trajectory has kinks that samples at 500 Hz cannot follow; the CSV and ROS files hold samples
-# that keep the limits when a controller joins them, and state what that costs.
+# that keep the limits when a controller joins them, and state what that costs. In Python, `save` writes the same files, the suffix
+# chooses the format, and the notes say what the command would.
 
 # %%
-from tubeplanner.files.export import trajectory_csv
-from tubeplanner.files.export_samples import samples_for_export
-
-sampled = samples_for_export(problem, result.trajectory, rate=500)
-print(sampled.note)
 csv = Path(mkdtemp()) / "t.csv"
-csv.write_text(trajectory_csv(robot, sampled.samples))
+print(*result.trajectory.save(csv, problem))
 print(csv.read_text()[:200], "...")

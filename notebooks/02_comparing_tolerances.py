@@ -17,11 +17,14 @@
 # %%
 # %matplotlib inline
 import matplotlib.pyplot as plt
+import numpy as np
 
-from tubeplanner import load_problem, plan, plot_sweep, sweep
-from tubeplanner.views.panels import draw_factor, line_style, trajectory_curves
+from tubeplanner import PlanOptions, load_problem, plan, plot_sweep, scaling_factor, sweep
 
 plt.rcParams.update({"figure.dpi": 100, "axes.grid": True, "grid.alpha": 0.25})
+STYLES = [
+    {"color": f"C{k}", "linestyle": dashes} for k, dashes in enumerate(("-", "--", "-.", ":"))
+]
 
 # %% [markdown]
 # ## Minimum time against tolerance
@@ -46,19 +49,26 @@ for row in durations.rows:
 #
 # ## Where the tool goes
 #
-# It cuts to the inside of the straight line, where the arm's inertia is small, as far as the tube allows. The horizontal scale is
-# stretched.
+# A trajectory gives samples, and the robot the tool's position in each of them. The tool cuts to the inside of the straight line,
+# where the arm's inertia is small, as far as the tube allows. The horizontal scale is stretched.
 
 # %%
+
+
+def tool_path(problem, trajectory):
+    """Return times (N,) [s], the tool's positions (N, 3) [m] and its speeds (N,) [m/s]."""
+    samples = trajectory.sample(rate=500)
+    tool = problem.robot.tool_position(samples.position)
+    speed = np.linalg.norm(np.gradient(tool, samples.time, axis=0), axis=1)
+    return samples.time, tool, speed
+
+
 figure, axis = plt.subplots(figsize=(5, 6), layout="constrained")
 shown = [row for row in durations.rows if row.value in (0.005, 0.01, 0.03, 0.05)]
-for number, row in enumerate(shown):
-    style = line_style(number)
-    curves = trajectory_curves(row.problem, row.result.trajectory)
-    x = 1000 * (curves.tool[:, 0] - 0.3)
-    axis.plot(
-        x, curves.tool[:, 1], label=f"{1000 * row.value:.0f} mm: {row.duration:.3f} s", **style
-    )
+for row, style in zip(shown, STYLES, strict=True):
+    _, tool, _ = tool_path(row.problem, row.result.trajectory)
+    label = f"{1000 * row.value:.0f} mm: {row.duration:.3f} s"
+    axis.plot(1000 * (tool[:, 0] - 0.3), tool[:, 1], label=label, **style)
     for side in (-1, 1):
         axis.axvline(side * 1000 * row.value, color=style["color"], linewidth=0.7, alpha=0.6)
 axis.axvline(0, color="#444444", linestyle="--", linewidth=1)
@@ -75,10 +85,9 @@ plt.show()
 
 # %%
 figure, axis = plt.subplots(figsize=(7, 3.5), layout="constrained")
-for number, row in enumerate(shown):
-    curves = trajectory_curves(row.problem, row.result.trajectory)
-    label = f"{1000 * row.value:.0f} mm"
-    axis.plot(curves.samples.time, curves.speed, label=label, **line_style(number))
+for row, style in zip(shown, STYLES, strict=True):
+    time, _, speed = tool_path(row.problem, row.result.trajectory)
+    axis.plot(time, speed, label=f"{1000 * row.value:.0f} mm", **style)
 axis.set(xlabel="time [s]", ylabel="tool speed [m/s]", ylim=(0, None))
 axis.legend(fontsize=8)
 plt.show()
@@ -91,38 +100,35 @@ plt.show()
 # rest at both ends. A **W** means that something else limits the shape, and the motors idle in between: a tight tube, or too few
 # polynomials to use the motors fully.
 #
-# The next cell shows both causes: it calls parts of refinement that are not public, to stop at few knots, then plans as usual.
+# The next cell shows the second cause: the paper's phase 1 (`branch-and-bound`) joins a handful of quartics, the default method many.
 
 # %%
-from tubeplanner.branches.reference_branch import reference_branch, redundancy_rules
-from tubeplanner.refinement.refinement import Refinement
-from tubeplanner.refinement.spline_start import starting_spline
-from tubeplanner.constraints.time_scaling import scaled_to_limits
 
 
-def with_few_knots(case, intervals):
-    """Return the fastest trajectory that refinement finds on this number of knot intervals."""
-    branch = reference_branch(case, redundancy_rules(case)[0])
-    refinement = Refinement(case, starting_spline(case, branch, intervals), ())
-    refinement.run()
-    return scaled_to_limits(case.robot, refinement.trajectory)
+def times_faster(problem, trajectory):
+    """Return b at 100 samples of every piece, and the share of the duration at which they lie."""
+    samples = trajectory.per_piece(100)
+    factor = scaling_factor(problem.robot, samples.position, samples.velocity, samples.acceleration)
+    return samples.time / trajectory.duration, factor.min(axis=1)
 
 
 figure, axes = plt.subplots(1, 2, figsize=(11, 4), sharey=True, layout="constrained")
 for axis, radius in zip(axes, (0.01, 0.05), strict=True):
     case = problem.with_tube(problem.tube.with_radius(radius))
-    trajectories = {f"{count} knots": with_few_knots(case, count) for count in (6, 8)}
-    trajectories["as planned"] = plan(case).trajectory
-    for number, (label, trajectory) in enumerate(trajectories.items()):
-        said = f"{label}: {trajectory.duration:.3f} s"
-        draw_factor(axis, trajectory_curves(case, trajectory), said, number)
-    axis.set(title=f"radius {1000 * radius:.0f} mm", ylim=(0.9, 3.1))
-    axis.legend(fontsize=8, loc="upper right")
+    for method, style in zip(("branch-and-bound", "refinement"), STYLES, strict=False):
+        trajectory = plan(case, PlanOptions(method)).trajectory
+        pieces = len(trajectory.breakpoints) - 1
+        label = f"{method}, {pieces} polynomials: {trajectory.duration:.3f} s"
+        axis.plot(*times_faster(case, trajectory), label=label, **style)
+    axis.set(xlabel="share of the duration [-]", ylim=(0.9, 3.1))
+    title = f"radius {1000 * radius:.0f} mm"
+    axis.legend(title=title, fontsize=8, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+axes[0].set_ylabel("b(t), times faster [-]")
 plt.show()
 
 # %% [markdown]
-# With 6 knots both tubes give a W, and in the tight one the motors idle longer; with 8 the U begins to show; and as planned, `b` is 1 in the
-# tight tube too: tube and motors alone determine the duration.
+# With few polynomials both tubes give a W: in between, the motors idle. With many, `b` is 1 in the tight tube as in the wide one, a U with
+# steep sides: tube and motors alone determine the duration. Notebook 5 shows what the paper's phase 2 makes of few polynomials.
 #
 # ## The same for a Panda
 #
@@ -141,11 +147,10 @@ plot_sweep(panda)
 # %%
 figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.5), layout="constrained")
 planned = [row for row in panda.rows if row.duration is not None]
-for number, row in enumerate((planned[0], *planned[-2:])):
-    curves = trajectory_curves(row.problem, row.result.trajectory)
-    style, label = line_style(number), f"{row.value:g} times the radii"
-    left.plot(curves.samples.time, curves.speed, label=label, **style)
-    right.plot(curves.tool[:, 0], curves.tool[:, 2], **style)
+for row, style in zip((planned[0], *planned[-2:]), STYLES, strict=False):
+    time, tool, speed = tool_path(row.problem, row.result.trajectory)
+    left.plot(time, speed, label=f"{row.value:g} times the radii", **style)
+    right.plot(tool[:, 0], tool[:, 2], **style)
 right.plot(*shelves.tube.points[:, [0, 2]].T, color="#444444", linestyle="--", linewidth=1)
 left.set(xlabel="time [s]", ylabel="tool speed [m/s]", ylim=(0, None))
 right.set(xlabel="x [m]", ylabel="z [m]", title="The tool from the side; dashed: the reference")

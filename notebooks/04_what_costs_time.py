@@ -17,13 +17,12 @@
 
 # %%
 # %matplotlib inline
-from pathlib import Path
+from dataclasses import replace
 
 import matplotlib.pyplot as plt
 import numpy as np
 
-from tubeplanner import load_problem, plan
-from tubeplanner.views.panels import LINE_COLORS
+from tubeplanner import LimitOverrides, load_problem, load_robot, plan
 
 plt.rcParams.update({"figure.dpi": 100, "axes.grid": True, "grid.alpha": 0.25})
 
@@ -46,7 +45,7 @@ def show(result, title, most=8):
     sensitivities = result.sensitivities[:most][::-1]
     _, axis = plt.subplots(figsize=(8, 0.4 * most + 0.9), layout="constrained")
     saved = [1000 * sensitivity.saved for sensitivity in sensitivities]
-    axis.barh([name(sensitivity) for sensitivity in sensitivities], saved, color=LINE_COLORS[0])
+    axis.barh([name(sensitivity) for sensitivity in sensitivities], saved, color="C0")
     axis.set(xlabel="10 % more saves [ms]", title=f"{title}: {result.duration:.4f} s")
     plt.show()
 
@@ -66,41 +65,44 @@ show(around, "Two-link arm around a post", most=5)
 #
 # ## Is the prediction right?
 #
-# Raise one limit by 10 %, plan again, and compare. For the radii, a problem takes another tube. For motors and velocities, the
-# problem file takes other limits; the next cell adds them to its fields.
+# Raise one limit by 10 %, plan again, and compare. For the radii, a problem takes another tube. For motors and velocities, it takes
+# another robot, loaded with a limit that replaces the URDF's.
 
 # %%
 
 
-def with_more(name_of_problem, sensitivity, more=0.1):
-    """Return the bundled problem with one limit raised."""
-    from ruamel.yaml import YAML
+def ur5(**limits):
+    """Return the robot of the first problem, with other limits."""
+    return load_robot("example:ur5", "tool0", limits=LimitOverrides(**limits))
 
-    from tubeplanner import parse_problem
-    from tubeplanner.resources import find_problem
 
-    problem = load_problem(name_of_problem)
+def two_link(**limits):
+    """Return the robot of the second problem, which has no velocity limits, with other limits."""
+    free = {"joint1": np.inf, "joint2": np.inf}
+    overrides = LimitOverrides(velocity=free, **limits)
+    return load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=overrides)
+
+
+def with_more(problem, arm, sensitivity, more=0.1):
+    """Return the problem with one limit raised."""
     if sensitivity.limit == "radius":
         radius = problem.tube.radius.copy()
         radius[sensitivity.segment] *= 1 + more
         return problem.with_tube(problem.tube.with_radius(radius))
-    path = find_problem(name_of_problem, Path())
-    fields = YAML(typ="safe", pure=True).load(path.read_text())
-    limit = getattr(problem.robot.limits, sensitivity.limit)
-    value = float(limit[problem.robot.joint_names.index(sensitivity.joint)])
-    limits = fields["robot"].setdefault("limits", {})
-    limits.setdefault(sensitivity.limit, {})[sensitivity.joint] = (1 + more) * value
-    return parse_problem(fields, path.parent, problem.name)
+    joint = problem.robot.joint_names.index(sensitivity.joint)
+    value = getattr(problem.robot.limits, sensitivity.limit)[joint]
+    raised = {sensitivity.limit: {sensitivity.joint: (1 + more) * value}}
+    return replace(problem, robot=arm(**raised))
 
 
-def checked(arm, name_of_problem, result, most):
+def checked(problem, arm, result, most):
     """Return entries with what they predict and what planning again saves [ms]."""
     rows = []
     for sensitivity in result.sensitivities[:most]:
-        again = plan(with_more(name_of_problem, sensitivity))
+        again = plan(with_more(problem, arm, sensitivity))
         rows.append(
             (
-                f"{arm}: {name(sensitivity)}",
+                f"{arm.__name__}: {name(sensitivity)}",
                 1000 * sensitivity.saved,
                 1000 * (result.duration - again.duration),
             )
@@ -108,8 +110,8 @@ def checked(arm, name_of_problem, result, most):
     return rows
 
 
-table = checked("two-link", "example:two_link/around_a_post", around, 4)
-table += checked("UR5", "example:ur5/over_the_wall", over_the_wall, 6)
+table = checked(post, two_link, around, 4)
+table += checked(wall, ur5, over_the_wall, 6)
 print(f"{'10 % more of':36} predicted    saved")
 for what, predicted, saved in table:
     print(f"{what:36} {predicted:6.1f} ms {saved:6.1f} ms")
@@ -117,12 +119,12 @@ for what, predicted, saved in table:
 # %%
 figure, axis = plt.subplots(figsize=(8, 4.2), layout="constrained")
 places = np.arange(len(table))[::-1]
-axis.barh(places + 0.2, [row[1] for row in table], 0.38, color=LINE_COLORS[0], label="predicted")
+axis.barh(places + 0.2, [row[1] for row in table], 0.38, color="C0", label="predicted")
 axis.barh(
     places - 0.2,
     [row[2] for row in table],
     0.38,
-    color=LINE_COLORS[4],
+    color="C1",
     hatch="//",
     label="planned again",
 )

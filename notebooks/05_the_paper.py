@@ -18,11 +18,9 @@
 # %%
 # %matplotlib inline
 import matplotlib.pyplot as plt
+import numpy as np
 
-from tubeplanner import PlanOptions, compare, load_problem, plan, plot_comparison
-from tubeplanner.studies.printed_results import TABLE_TWO
-from tubeplanner.studies.reproduction import paper_problem
-from tubeplanner.views.panels import draw_factor, line_style, trajectory_curves
+from tubeplanner import PlanOptions, compare, load_problem, plan, plot_comparison, scaling_factor
 
 plt.rcParams.update({"figure.dpi": 100, "axes.grid": True, "grid.alpha": 0.25})
 
@@ -38,9 +36,9 @@ plt.rcParams.update({"figure.dpi": 100, "axes.grid": True, "grid.alpha": 0.25})
 # Thirty candidates on the line, 2^28 trajectories through some of them; branch and bound finds the fastest that stays in the tube.
 
 # %%
-problem = paper_problem(3, 0.03)
+problem = load_problem("example:two_link/paper_3_30mm")
 published = plan(problem, PlanOptions("suh-bishop"))
-print(f"phase 1: {published.phase1_duration:.3f} s (printed: {TABLE_TWO[3].phases[0.03][0]} s)")
+print(f"phase 1: {published.phase1_duration:.3f} s (printed in Table II: 0.95 s)")
 print(published.search)
 
 # %% [markdown]
@@ -50,7 +48,7 @@ print(published.search)
 # and a line search follows. Then every segment gets a knot in its middle, and so on, until the gain is small.
 
 # %%
-print(f"phase 2: {published.duration:.3f} s (printed: {TABLE_TWO[3].phases[0.03][1]} s)")
+print(f"phase 2: {published.duration:.3f} s (printed in Table II: 0.83 s)")
 print(published.phase_two)
 
 # %% [markdown]
@@ -62,12 +60,17 @@ print(published.phase_two)
 # %%
 default = plan(problem)
 figure, axes = plt.subplots(1, 2, figsize=(11, 4), layout="constrained")
-for number, result in enumerate((published, default)):
-    curves = trajectory_curves(problem, result.trajectory)
+for result, dashes in ((published, "-"), (default, "--")):
+    samples = result.trajectory.sample(rate=1000)
+    q, v, a = samples.position, samples.velocity, samples.acceleration
+    tool = problem.robot.tool_position(q)
+    speed = np.linalg.norm(np.gradient(tool, samples.time, axis=0), axis=1)
+    factor = scaling_factor(problem.robot, q, v, a).min(axis=1)
     label = f"{result.method}: {result.duration:.3f} s"
-    axes[0].plot(curves.samples.time, curves.speed, label=label, **line_style(number))
-    draw_factor(axes[1], curves, label, number)
+    axes[0].plot(samples.time, speed, dashes, label=label)
+    axes[1].plot(samples.time / result.duration, factor, dashes)
 axes[0].set(xlabel="time [s]", ylabel="tool speed [m/s]")
+axes[1].set(xlabel="share of the duration [-]", ylabel="b(t), times faster [-]", ylim=(0.9, 3.1))
 _ = axes[0].legend()
 
 # %% [markdown]

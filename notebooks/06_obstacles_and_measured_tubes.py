@@ -31,7 +31,6 @@ from tubeplanner import (
     plan,
     survey_patterns,
 )
-from tubeplanner.views.palette import SEGMENT_COLORS
 
 plt.rcParams.update({"figure.dpi": 100, "axes.grid": True, "grid.alpha": 0.25})
 
@@ -50,7 +49,7 @@ def draw_cell(axis, problem):
         along = np.arctan2(*(end - begin)[::-1])
         ends = np.where(np.cos(turn - along)[:, None] > 0, end, begin)
         outline = ends + tube.effective_radius[k] * np.column_stack([np.cos(turn), np.sin(turn)])
-        axis.add_patch(Polygon(outline, color=SEGMENT_COLORS[k % 4], alpha=0.3))
+        axis.add_patch(Polygon(outline, color=f"C{k}", alpha=0.3))
     axis.plot(*tube.points[:, :2].T, "k--", linewidth=1)
     axis.set(aspect="equal", xlabel="x [m]", ylabel="y [m]")
 

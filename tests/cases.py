@@ -1,6 +1,7 @@
 """Problems, robots and moves that tests of several folders use."""
 
 import numpy as np
+import pytest
 
 from tubeplanner import JointTrajectory, LimitOverrides, load_robot
 
@@ -39,6 +40,16 @@ SLIDE = """<robot name="slide"><link name="base"/>
 INERTIA, ANGLE = 0.7, 1.3  # [kg m^2], [rad]
 # Peaks of the quintic rest-to-rest move of one radian in one second.
 PEAK_VELOCITY, PEAK_ACCELERATION, PEAK_JERK = 1.875, 10 / np.sqrt(3), 60.0
+
+
+def slow_but(quick, cases):
+    """Return cases for `parametrize`: those that are not among the quick ones are slow."""
+
+    def slow(case):
+        values = case if isinstance(case, tuple) else (case,)
+        return pytest.param(*values, marks=pytest.mark.slow)
+
+    return [case if case in quick else slow(case) for case in cases]
 
 
 def one_joint(tmp_path, mass=0.0, **limits):

@@ -1,5 +1,6 @@
 """Robots and problems that many tests share; loaded once."""
 
+import os
 from functools import cache
 
 import numpy as np
@@ -17,6 +18,8 @@ from tubeplanner import (
     plan,
 )
 from tubeplanner.commands.cli import main
+
+os.environ["TUBEPLANNER_CACHE"] = "off"  # tests neither use nor change the user's
 
 
 @pytest.fixture(scope="session")

@@ -3,6 +3,7 @@
 import ast
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -18,7 +19,7 @@ TESTS = Path(__file__).parent
 # Who may know which library.
 KNOWS = {
     "pinocchio": {"robot.pinocchio_model", "robot.robot_model"},
-    "fcl": {"collision.separation"},
+    "fcl": {"collision.mesh_solid", "collision.separation"},
     "yourdfpy": {"collision.link_geometry"},
     "trimesh": {"collision.mesh_cover", "views.visual_mesh"},
     "matplotlib": {
@@ -43,7 +44,7 @@ KNOWS = {
     "rich": {"commands.report", "commands.console"},
     "piqp": {"refinement.linear_program"},
     "toppra": {"baselines.fastest_parameterization"},
-    "yaml": {"files.trajectory_file"},
+    "yaml": {"documents"},
     "ompl": {"tube_sources.joint_route"},
     "pydantic": {"problem.problem_faults", "problem.problem_format"},
 }
@@ -82,6 +83,16 @@ def test_importing_the_package_loads_no_heavy_library():
     )
     output = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert output.stdout.strip() == "[]"
+
+
+def test_judging_loads_nothing_of_what_makes_or_writes_trajectories():
+    code = "import sys, tubeplanner.verification.verification; print(*sys.modules)"
+    output = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    loaded = {name.split(".")[1] for name in output.stdout.split() if "tubeplanner." in name}
+    settings = tomllib.loads((TESTS.parent / "pyproject.toml").read_text())["tool"]["importlinter"]
+    forbidden = next(c for c in settings["contracts"] if c["type"] == "forbidden")
+    assert "verification" in loaded
+    assert loaded & {name.split(".")[1] for name in forbidden["forbidden_modules"]} == set()
 
 
 def test_the_command_line_starts_without_numpy():

@@ -1,5 +1,6 @@
 """What the pages in docs/ show is run: Python, commands, problem files, and what they print."""
 
+import ast
 import json
 import re
 import shlex
@@ -155,6 +156,46 @@ def test_what_a_page_shows_is_compared():
     for other in ("0.56 s", "0.504 m", "1 s"):
         with pytest.raises(AssertionError, match=rf"{other} in(.|\n)*0\.504 s in 3"):
             run_page(page.format(other))
+
+
+def python_shown():
+    """Return the Python of every page and notebook."""
+    for page, text in ALL_PAGES.items():
+        for number, (_, language, block) in enumerate(BLOCK.findall(text)):
+            if language == "python":
+                yield pytest.param(block, id=f"{page}: block {number}")
+    for notebook in sorted((ROOT / "notebooks").glob("*.py")):
+        yield pytest.param(notebook.read_text(), id=notebook.name)
+
+
+def modules_of_the_package(code):
+    """Return the modules below the package, and the names not public, that code imports."""
+    for node in ast.walk(ast.parse(code)):
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+            yield from (name for name in names if name.startswith("tubeplanner."))
+        elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("tubeplanner."):
+            yield node.module
+        elif isinstance(node, ast.ImportFrom) and node.module == "tubeplanner":
+            names = [alias.name for alias in node.names]
+            yield from (name for name in names if name not in tubeplanner.__all__)
+
+
+@pytest.mark.parametrize("code", list(python_shown()))
+def test_only_public_names_are_shown(code):
+    assert list(modules_of_the_package(code)) == []
+
+
+def test_a_module_of_the_package_is_found_wherever_it_is_imported():
+    code = """
+from tubeplanner import load_problem, resources
+import numpy, tubeplanner, tubeplanner.views.palette as palette
+
+def draw():
+    from tubeplanner.views.panels import line_style
+"""
+    found = ["resources", "tubeplanner.views.palette", "tubeplanner.views.panels"]
+    assert list(modules_of_the_package(code)) == found
 
 
 def test_every_public_name_is_documented_once(monkeypatch):

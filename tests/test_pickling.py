@@ -11,7 +11,7 @@ import pytest
 from tubeplanner import load_problem, load_robot, parse_problem, plan, verify, view
 from tubeplanner.errors import RobotError
 from tubeplanner.files.fingerprint import problem_hash, robot_hash
-from tubeplanner.resources import find_description
+from tubeplanner.resources import bundled_folder
 
 COPIES = {"pickled": lambda kept: pickle.loads(pickle.dumps(kept)), "copied": copy.deepcopy}
 
@@ -58,28 +58,47 @@ def test_a_result_is_what_it_was(post, again):
         other.certificate.conditions["effort"] = None
 
 
+MESHED = """
+<robot name="meshed">
+  <link name="base"/>
+  <link name="arm">
+    <inertial><mass value="1"/><inertia ixx=".1" iyy=".1" izz=".1" ixy="0" ixz="0"
+    iyz="0"/></inertial> <visual><geometry><mesh filename="arm.stl"/></geometry></visual>
+    <collision><geometry><mesh filename="arm.stl"/></geometry></collision>
+  </link>
+  <link name="tip"/>
+  <joint name="turn" type="revolute">
+    <parent link="base"/><child link="arm"/><axis xyz="0 0 1"/>
+    <limit lower="-3" upper="3" effort="20" velocity="2"/>
+  </joint>
+  <joint name="end" type="fixed">
+    <parent link="arm"/><child link="tip"/><origin xyz="0.5 0 0"/>
+  </joint>
+</robot>
+"""
+
+
 def test_without_its_files_a_problem_is_planned_and_a_view_names_what_is_missing(tmp_path, again):
-    """One with a mesh per link; the collision geometry travels, the visual meshes do not."""
-    folder = find_description("example:xarm7", tmp_path).parents[1]
-    shutil.copytree(folder, tmp_path / folder.name)
-    urdf = next((tmp_path / folder.name).rglob("xarm7.urdf"))
-    q = [0, -0.3, 0, 1.0, 0, 1.2, 0]
-    robot = load_robot(urdf, "link7")
-    tool = robot.tool_position(np.array([q]))[0]
-    end = tool + np.array([0, 0.1, 0.05])
+    """The collision geometry travels with the problem, the visual meshes do not."""
+    folder = tmp_path / "robot"
+    folder.mkdir()
+    (folder / "meshed.urdf").write_text(MESHED)
+    shutil.copy(bundled_folder() / "ur5" / "part.stl", folder / "arm.stl")
     data = {
-        "robot": {"urdf": str(urdf), "tool_frame": "link7"},
-        "tube": {"points": [tool.tolist(), end.tolist()], "radius": 0.05},
-        "start": {"joints": q},
+        "robot": {"urdf": str(folder / "meshed.urdf"), "tool_frame": "tip"},
+        "tube": {"points": [[0.5, 0, 0], [0.3, 0.4, 0]], "radius": 0.2},
+        "start": {"joints": [0.0]},
+        "obstacles": [{"name": "post", "sphere": 0.05, "position": [-0.5, 0, 0]}],
     }
     problem = parse_problem(data)
     packed = again(problem)
     before = plan(problem)
-    shutil.rmtree(tmp_path / folder.name)
+    assert before.succeeded
+    shutil.rmtree(folder)
     after = plan(packed)
     np.testing.assert_array_equal(after.trajectory.coefficients, before.trajectory.coefficients)
-    assert verify(packed, before.trajectory).passed
-    with pytest.raises(RobotError, match=r"mesh .* does not exist"):
+    assert verify(packed, before.trajectory) == before.certificate
+    with pytest.raises(RobotError, match=r"mesh .*arm.stl.* does not exist"):
         view(packed, after.trajectory)
 
 

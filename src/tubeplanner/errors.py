@@ -7,6 +7,8 @@ and place say why.
 import difflib
 from collections.abc import Iterable
 
+MAX_SHOWN = 60  # [characters] of a value in a message
+
 
 class TubePlannerError(Exception):
     """Base of everything this package raises on purpose."""
@@ -32,6 +34,18 @@ class OutputError(TubePlannerError):
     """An output file could not be written; what was there before is untouched."""
 
 
+def shown(value: object, most: int = MAX_SHOWN) -> str:
+    """Return a value as messages show it: on one line, printable, cut after some characters."""
+    if isinstance(value, str | bytes | list | tuple):
+        value = value[: most + 1]  # a long one's whole representation would take its time
+    try:
+        text = repr(value)
+    except ValueError:  # Python writes no whole number of more than 4300 digits
+        text = f"a {type(value).__name__} too long to write"
+    text = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text[: most + 1])
+    return text if len(text) <= most else text[:most] + "..."
+
+
 def unknown_name(kind: str, name: object, known: Iterable[str]) -> str:
     """Return a message for a name that does not exist, listing those that do.
 
@@ -41,6 +55,7 @@ def unknown_name(kind: str, name: object, known: Iterable[str]) -> str:
         known: Every name that would have been accepted.
     """
     names = list(known)
-    close = difflib.get_close_matches(str(name), names, n=1)
+    word = name[: 2 * MAX_SHOWN] if isinstance(name, str) else shown(name)
+    close = difflib.get_close_matches(word, names, n=1)
     hint = f" (did you mean '{close[0]}'?)" if close else ""
-    return f"unknown {kind} {name!r}{hint}; there is: {', '.join(names) or 'none'}"
+    return f"unknown {kind} {shown(name)}{hint}; there is: {', '.join(names) or 'none'}"

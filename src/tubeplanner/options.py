@@ -1,13 +1,24 @@
 """Bounds of options: an error names the option, its value and the bounds."""
 
 from math import inf
+from typing import Any
 
 import numpy as np
 
-from tubeplanner.errors import OptionError
+from tubeplanner.errors import OptionError, shown
 
 WHOLE_NUMBER = (int, np.integer)
 NUMBER = (float, np.floating, *WHOLE_NUMBER)
+
+
+def is_number(value: object) -> bool:
+    """Return whether a value is a real number; truth values are none."""
+    return isinstance(value, NUMBER) and not isinstance(value, bool)
+
+
+def in_figures(value: Any) -> str:
+    """Return a number in six digits, and anything else as messages show it."""
+    return f"{value:g}" if is_number(value) and abs(value) < inf else shown(value)
 
 
 def require_count(options: object, least: int, *names: str, most: int | None = None) -> None:
@@ -26,7 +37,7 @@ def require_count(options: object, least: int, *names: str, most: int | None = N
     for name in names:
         value = getattr(options, name)
         if not isinstance(value, WHOLE_NUMBER):
-            raise OptionError(f"{name} is {value!r}; it must be a whole number {bounds}")
+            raise OptionError(f"{name} is {shown(value)}; it must be a whole number {bounds}")
         if value < least or (most is not None and value > most):
             raise OptionError(f"{name} is {value}; it must be {bounds}")
 
@@ -51,7 +62,7 @@ def require_between(
     for name in names:
         value = getattr(options, name)
         if not isinstance(value, NUMBER):
-            raise OptionError(f"{name} is {value!r}; it must be a number {bounds}")
+            raise OptionError(f"{name} is {shown(value)}; it must be a number {bounds}")
         if not (value > above and (below is None or value < below)):
             raise OptionError(f"{name} is {value:g}{unit and ' '}{unit}; it must be {bounds}")
 
@@ -60,4 +71,4 @@ def require_kind(options: object, name: str, kind: type) -> None:
     """Raise OptionError unless an option is an instance of a class."""
     value = getattr(options, name)
     if not isinstance(value, kind):
-        raise OptionError(f"{name} is {value!r}; it must be {kind.__name__}")
+        raise OptionError(f"{name} is {shown(value)}; it must be {kind.__name__}")

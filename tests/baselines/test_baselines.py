@@ -172,6 +172,7 @@ def test_what_cannot_be_reached_is_refused_with_its_place():
     assert caught.value.place.segment == 0
 
 
+@pytest.mark.slow
 def test_every_scheme_keeps_the_limits_of_seven_joints(judged):
     for scheme in ("conventional", "smoothed-arc-corners", "bounded-deviation"):
         problem, made, certificate = judged("panda/between_shelves_as_specified", scheme)

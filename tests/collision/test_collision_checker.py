@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from cases import slow_but
 from tubeplanner import AttachedSolid, LimitOverrides, Obstacle, load_robot, placement_of
 from tubeplanner.collision.collision_checker import CollisionChecker
 from tubeplanner.errors import ProblemError
@@ -451,7 +452,7 @@ def test_joint_moves_change_distances_by_no_more_than_the_motion_weights(request
     assert (change[::2][bound[::2] == 0] < 1e-6).all()
 
 
-@pytest.fixture(scope="module", params=["ur5", "panda", "slide"])
+@pytest.fixture(scope="module", params=slow_but(["ur5", "slide"], ["ur5", "panda", "slide"]))
 def compared(request):
     """Ours, the bounding spheres' and coal's distances of links to obstacles of every kind.
 

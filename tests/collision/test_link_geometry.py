@@ -9,7 +9,8 @@ import trimesh
 from scipy.spatial import ConvexHull
 
 from tubeplanner import load_robot
-from tubeplanner.collision.link_geometry import cover_mesh, link_shapes
+from tubeplanner.collision.link_geometry import link_shapes
+from tubeplanner.collision.mesh_cover import cover_mesh
 from tubeplanner.errors import RobotError
 from tubeplanner.resources import find_mesh
 

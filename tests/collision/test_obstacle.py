@@ -2,7 +2,14 @@ import numpy as np
 import pytest
 import trimesh
 
-from tubeplanner import Obstacle, ProblemError, RobotError, parse_problem, placement_of
+from tubeplanner import (
+    AttachedSolid,
+    Obstacle,
+    ProblemError,
+    RobotError,
+    parse_problem,
+    placement_of,
+)
 from tubeplanner.resources import bundled_folder
 
 PART = bundled_folder() / "ur5" / "part.stl"
@@ -89,3 +96,36 @@ def test_the_unit_of_a_collada_file_counts(tmp_path):
         sizes.append(np.ptp(vertices, axis=0))
     np.testing.assert_allclose(sizes[0], [1, 2, 3])
     np.testing.assert_allclose(sizes[1], [1e-3, 2e-3, 3e-3])
+
+
+@pytest.mark.parametrize("name", [5, None, "", "a\nFAKE: passes", "\x1b[31m", "x" * 300])
+def test_an_obstacle_needs_a_name_that_can_be_shown(name):
+    with pytest.raises(ProblemError, match="the name of an obstacle is"):
+        Obstacle.box(name, [1, 1, 1], placement_of())
+    with pytest.raises(ProblemError, match="the name of an obstacle is"):
+        AttachedSolid(name, ())
+
+
+@pytest.mark.parametrize(
+    ("placement", "message"),
+    [
+        (np.zeros((4, 4)), "is no rotation and translation"),
+        (np.diag([1.0, 1.0, -1.0, 1.0]), "is no rotation and translation"),
+        (np.diag([2.0, 2.0, 2.0, 1.0]), "is no rotation and translation"),
+        (np.eye(4) + np.diag([1.0], -3), "is no rotation and translation"),
+        (np.eye(3), "must be finite numbers of shape"),
+        (np.full((4, 4), np.nan), "must be finite numbers of shape"),
+        (np.eye(4) * 1j, "must be finite numbers of shape"),
+        ("a", "must be finite numbers of shape"),
+        (np.eye(4) + np.diag([1e9], 3), "position .* must be within 10000 m"),
+    ],
+)
+def test_a_placement_is_a_rotation_and_a_translation(placement, message):
+    with pytest.raises(ProblemError, match=f"obstacle 'part': .*{message}"):
+        Obstacle.sphere("part", 0.1, placement)
+
+
+@pytest.mark.parametrize("size", ["ab", 1.0, None, [1, 1, "a"], [1, 1, True], [1, 1, np.nan]])
+def test_a_size_is_of_numbers(size):
+    with pytest.raises(ProblemError, match="obstacle 'part': box "):
+        Obstacle.box("part", size, placement_of())

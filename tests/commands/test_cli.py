@@ -131,7 +131,7 @@ def test_an_infeasible_problem_is_an_answer(run, run_json, tmp_path):
         (["plan", "example:ur5/over"], "unknown bundled problem 'ur5/over'"),
         (["plan", "nowhere.yaml"], "problem file nowhere.yaml does not exist"),
         (["plan", PROBLEM, "--method", "magic"], "unknown method 'magic'"),
-        (["plan", PROBLEM, "--rate", "0"], "--rate is 0 Hz; it must be > 0"),
+        (["plan", PROBLEM, "--rate", "0"], "rate is 0 Hz; it must be > 0 and finite"),
         (["plan", PROBLEM, "--time-limit", "-1"], "time_limit is -1 s"),
         (["plan", PROBLEM, "-o", "/nowhere/t.json"], "the folder /nowhere does not exist"),
         (["plan", PROBLEM, "--plot", "x.pdf"], "name a file that ends in .png"),

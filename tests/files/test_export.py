@@ -2,14 +2,22 @@ import csv
 import io
 import json
 import re
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
 import pytest
 from ruamel.yaml import YAML
 from scipy.interpolate import PPoly
 
-from cases import PROBLEMS
-from tubeplanner import TrajectoryError, read_trajectory, verify
+from cases import PROBLEMS, slow_but
+from tubeplanner import (
+    JointTrajectory,
+    OutputError,
+    TrajectoryError,
+    load_robot,
+    read_trajectory,
+    verify,
+)
 from tubeplanner.files.export import trajectory_csv, trajectory_json, trajectory_ros
 from tubeplanner.files.export_samples import samples_for_export
 from tubeplanner.files.trajectory_file import read_trajectory_file
@@ -40,8 +48,11 @@ def test_a_trajectory_file_is_what_scipy_takes(stored):
 
 def test_csv_has_every_quantity_of_every_joint(stored):
     problem, trajectory = stored(UR5)
-    rows = list(csv.DictReader(io.StringIO(trajectory_csv(problem.robot, trajectory.sample(100)))))
-    names = problem.robot.joint_names
+    names, samples = problem.robot.joint_names, trajectory.sample(100)
+    effort = problem.robot.inverse_dynamics(
+        samples.position, samples.velocity, samples.acceleration
+    )
+    rows = list(csv.DictReader(io.StringIO(trajectory_csv(names, samples, effort))))
     quantities = ("position", "velocity", "acceleration", "effort")
     assert list(rows[0]) == ["time", *(f"{name}.{what}" for what in quantities for name in names)]
     time = np.array([float(row["time"]) for row in rows])
@@ -134,8 +145,11 @@ def test_the_undamaged_one_is_read(tmp_path):
     assert read_trajectory(path).duration == 1.0
 
 
-@pytest.mark.parametrize("name", PROBLEMS)
-@pytest.mark.parametrize("suffix", [".csv", ".yaml"])
+@pytest.mark.parametrize(
+    ("name", "suffix"),
+    [(name, ".csv") for name in PROBLEMS]
+    + slow_but([("ur5/level_tray", ".yaml")], [(name, ".yaml") for name in PROBLEMS]),
+)
 def test_samples_of_a_refined_trajectory_read_back_pass(name, suffix, stored, tmp_path):
     problem, trajectory = stored(name, "refinement")
     sampled = samples_for_export(problem, trajectory, 500)
@@ -146,7 +160,7 @@ def test_samples_of_a_refined_trajectory_read_back_pass(name, suffix, stored, tm
     assert "averaged" in sampled.note
     path = tmp_path / f"t{suffix}"
     if suffix == ".csv":
-        path.write_text(trajectory_csv(problem.robot, sampled.samples))
+        path.write_text(trajectory_csv(problem.robot.joint_names, sampled.samples))
     else:
         names = problem.robot.joint_names
         path.write_text(trajectory_ros(names, sampled.samples, sampled.note))
@@ -165,7 +179,7 @@ def test_samples_of_a_refined_trajectory_read_back_pass(name, suffix, stored, tm
 EXPORTED = {  # method, how many times slower than planned, rate, note
     "what the motors can do at leisure is sampled as it is": ("stop-at-corners", 2, 500, None),
     "few samples are slowed down": ("refinement", 1, 60, "slowed down|averaged"),
-    "too few are written with the reason": ("refinement", 1, 8, "too few.*raise --rate"),
+    "too few are written with the reason": ("refinement", 1, 8, "too few.*raise the rate"),
 }
 
 
@@ -181,3 +195,47 @@ def test_what_is_exported_fits_the_rate(method, factor, rate, note, stored):
         np.testing.assert_array_equal(sampled.samples.position, expected)
     else:
         assert re.search(note, sampled.note)
+
+
+@pytest.mark.parametrize("name", ["a,b", 'a"b', "a b.c", "関節", "'x'"])
+def test_names_with_commas_and_quotes_come_back_from_csv(tmp_path, name):
+    named_arm(tmp_path, name)
+    moving = JointTrajectory([name], [0, 1.0], [[[1.0]], [[0.0]]])
+    path = tmp_path / "t.csv"
+    path.write_text(trajectory_csv([name], moving.sample(10)))
+    assert read_trajectory(path).joint_names == (name,)
+
+
+@pytest.mark.parametrize("name", ["=1+1", "+a", "-a", "@a", " =a"])
+def test_a_name_that_is_a_formula_to_spreadsheets_is_refused(tmp_path, run, name):
+    named_arm(tmp_path, name)
+    moving = JointTrajectory([name], [0, 1.0], [[[1.0]], [[0.0]]])
+    with pytest.raises(OutputError, match="a formula to spreadsheets; rename the joint, or write"):
+        trajectory_csv([name], moving.sample(10))
+
+
+def test_a_formula_is_refused_before_anything_is_planned(tmp_path, run, monkeypatch):
+    named_arm(tmp_path, "=1+1")
+    (tmp_path / "p.json").write_text(json.dumps({
+        "robot": {"urdf": "arm.urdf", "tool_frame": "tip"},
+        "tube": {"points": [[1, 0, 0], [0, 1, 0]], "radius": 0.5},
+        "start": {"joints": [0.0]},
+    }))  # fmt: skip
+    monkeypatch.setattr("tubeplanner.planning.planner.plan", None)
+    status, _, err = run("plan", tmp_path / "p.json", "--csv", tmp_path / "t.csv")
+    assert status == 2
+    assert "would begin with '=', a formula to spreadsheets" in err
+
+
+def named_arm(folder, name):
+    """Return an arm of one joint, whose name is given."""
+    inertia = '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+    (folder / "arm.urdf").write_text(
+        f"""<robot name="arm"><link name="base"/>
+        <link name="bar"><inertial><mass value="1"/>{inertia}</inertial></link><link name="tip"/>
+        <joint name={quoteattr(name)} type="revolute"><parent link="base"/><child link="bar"/>
+          <axis xyz="0 0 1"/><limit lower="-9" upper="9" effort="5" velocity="4"/></joint>
+        <joint name="fix" type="fixed"><parent link="bar"/><child link="tip"/>
+          <origin xyz="1 0 0"/></joint></robot>"""
+    )
+    return load_robot("arm.urdf", "tip", directory=folder)

@@ -102,5 +102,5 @@ def test_a_file_without_obstacles_is_refused(cell):
 
 def test_a_malformed_file_is_refused_by_line(cell):
     (cell / "bad.yaml").write_text("obstacles: [\n")
-    with pytest.raises(ProblemError, match=r"bad.yaml is malformed: line 2"):
+    with pytest.raises(ProblemError, match=r"bad.yaml is malformed: line 1"):
         read_fields(cell / "bad.yaml")

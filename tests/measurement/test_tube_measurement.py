@@ -19,7 +19,7 @@ from tubeplanner import (
 )
 from tubeplanner.errors import OptionError
 
-QUICK = MeasureOptions(samples=1500)
+QUICK = MeasureOptions(samples=500)
 LINK, POST, POST_RADIUS = 0.3, np.array([0.4, 0.22]), 0.03
 
 

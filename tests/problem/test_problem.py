@@ -16,12 +16,16 @@ from tubeplanner import (
     Seed,
     ToolOffset,
     Tube,
+    compare,
     load_problem,
     load_robot,
     parse_problem,
     placement_of,
+    plan,
+    sweep,
+    verify,
 )
-from tubeplanner.errors import ProblemError, RobotError
+from tubeplanner.errors import ProblemError, RobotError, TrajectoryError
 from tubeplanner.resources import bundled_folder, bundled_problems
 
 # The two-link arm, stretched along x at its start, turns to y: the tool goes round the corner.
@@ -592,3 +596,69 @@ def test_collision_geometry_is_shared_until_what_it_is_made_of_is_replaced():
     moved = dataclasses.replace(problem, obstacles=[post(0.1)])
     assert moved.collision is not problem.collision
     assert moved.collision.shapes[-1].shape.center[0] == pytest.approx(0.1)
+
+
+def sweep_a_radius(problem):
+    return sweep(problem, [0.1])
+
+
+def verify_nothing(problem):
+    return verify(problem, None)
+
+
+@pytest.fixture
+def least(two_link):
+    tube = Tube([[0.6, 0, 0], [0.4, 0.4, 0], [0, 0.6, 0]], 0.1)
+    return lambda start=(0.0, 0.0), **more: PlanningProblem(two_link, tube, start, **more)
+
+
+@pytest.mark.parametrize(
+    "start",
+    [
+        np.zeros(2, dtype=complex),
+        np.zeros(2, dtype=bool),
+        [False, False],
+        [0.0, False],
+        np.ma.masked_array([0.0, 0.0], [True, False]),
+        ["0", "0"],
+        np.array(["0", "0"]),
+        None,
+        "ab",
+        5,
+        [0.0, None],
+        [0.0, 10**400],
+    ],
+)
+def test_joints_are_real_numbers(least, start):
+    with pytest.raises(ProblemError, match=r"start .* must be numbers, one per joint"):
+        least(start)
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"obstacles": "ab"}, r"obstacles\[0\] is 'a'; give Obstacle.box"),
+        ({"obstacles": 5}, r"obstacles\[0\] is 5; give Obstacle.box"),
+        ({"obstacles": [None]}, r"obstacles\[0\] is None; give Obstacle.box"),
+        ({"attached": ["a"]}, r"attached\[0\] is 'a'; give AttachedSolid"),
+        ({"ignore_collisions": ["ab"]}, r"ignore_collisions\[0\] is 'ab'; give pairs of names"),
+        ({"ignore_collisions": [(1, 2, 3)]}, r"ignore_collisions\[0\] is .*; give pairs of names"),
+        ({"clearance": "a"}, "clearance is 'a' m; 0 to 10000 m are accepted"),
+        ({"clearance": True}, "clearance is True m; 0 to 10000 m are accepted"),
+        ({"clearance": None}, "clearance is None m; 0 to 10000 m are accepted"),
+    ],
+)
+def test_what_a_problem_is_made_of_is_checked(least, fields, message):
+    with pytest.raises(ProblemError, match=message):
+        least(**fields)
+
+
+@pytest.mark.parametrize("function", [plan, compare, sweep_a_radius, verify_nothing])
+def test_what_takes_a_problem_says_so(function):
+    with pytest.raises(ProblemError, match="the problem is None; give a PlanningProblem"):
+        function(None)
+
+
+def test_a_trajectory_is_asked_for(least):
+    with pytest.raises(TrajectoryError, match="the trajectory is 'a'; give a JointTrajectory"):
+        verify(least(), "a")

@@ -200,3 +200,21 @@ def test_limits_cannot_be_written_to(describe):
     limits = resolve_limits(describe(), ["j", "k"], LimitOverrides())
     with pytest.raises(ValueError, match="read-only"):
         limits.effort[0] = 1.0
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "message"),
+    [
+        ("effort", [1, 2], r"robot.limits.effort is \[1, 2\]; it must be a map by name"),
+        ("position", 5, "robot.limits.position is 5; it must be a map by name"),
+        ("scale", "effort", "robot.limits.scale is 'effort'; it must be a map by name"),
+        ("effort", {"j": "a"}, "robot.limits.effort: joint 'j' at 'a'; give a number from 1e-06"),
+        ("velocity", {"j": True}, "robot.limits.velocity: joint 'j' at True; give a number"),
+        ("position", {"j": [1]}, r"robot.limits.position: joint 'j' at \[1\]; give \[lower, upper"),
+        ("position", {"j": ["a", "b"]}, r"joint 'j' at \['a', 'b'\]; give \[lower, upper"),
+        ("scale", {"effort": "a"}, "robot.limits.scale: effort at 'a' must be in"),
+    ],
+)
+def test_overrides_of_the_wrong_kind_are_refused(field, value, message):
+    with pytest.raises(RobotError, match=message):
+        LimitOverrides(**{field: value})

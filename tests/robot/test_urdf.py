@@ -1,5 +1,6 @@
 """A URDF read strictly: every fault is named."""
 
+import os
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
@@ -353,3 +354,48 @@ def test_the_kinematic_copy_has_no_geometry_and_only_plain_bounded_joints(tmp_pa
         assert float(limit["lower"]) < float(limit["upper"])
         assert float(limit["effort"]) > 0
         assert float(limit["velocity"]) > 0
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (collision('<box size="1e92 1 1"/>'), '<box> size="1e92 1 1" must be > 0 m and at most'),
+        (
+            collision('<sphere radius="1"/>', '<origin xyz="1e308 0 0"/>'),
+            "<origin> xyz has 1e+308 m; at most 10000 m are accepted",
+        ),
+        (
+            collision('<sphere radius="1"/>', '<origin rpy="0 1e308 0"/>'),
+            "<origin> rpy has 1e+308 rad; at most 10000 rad are accepted",
+        ),
+        (inertial(f'<mass value="{"x" * 10**6}"/>' + INERTIA), '..." must be one finite number'),
+    ],
+)
+def test_what_no_link_could_be_is_refused_in_a_short_message(tmp_path, content, message):
+    with pytest.raises(RobotError) as caught:
+        read(tmp_path, robot(f'<link name="base">{content}</link>'))
+    assert message in str(caught.value)
+    assert len(str(caught.value)) < 300 + len(str(tmp_path))
+
+
+def test_a_joint_beyond_all_bounds_is_refused(tmp_path):
+    text = robot(links("ab"), joint(inner='<origin xyz="0 0 1e308"/>' + LIMIT))
+    with pytest.raises(RobotError, match=r"joint 'j': <origin> xyz has 1e\+308 m; at most"):
+        read(tmp_path, text)
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [("\u202e", "rename it"), ("&#10;FAKE", "rename it"), ("x" * 300, "shorten")],
+)
+def test_names_that_cannot_be_shown_are_refused(tmp_path, name, reason):
+    for text in (robot(f'<link name="{name}"/>'), robot(links("a")).replace("arm", name, 1)):
+        with pytest.raises(RobotError, match=reason) as caught:
+            read(tmp_path, text)
+        assert str(caught.value).isprintable()
+
+
+def test_a_pipe_is_refused_without_waiting(tmp_path):
+    os.mkfifo(tmp_path / "arm.urdf")
+    with pytest.raises(RobotError, match="cannot be read: it is no regular file"):
+        read_urdf(tmp_path / "arm.urdf")

@@ -2,10 +2,12 @@
 
 import csv
 import json
+from dataclasses import replace
 
 import pytest
 
-from tubeplanner import OptionError, PlanOptions, compare, load_problem
+from stored_trajectories import STOP
+from tubeplanner import OptionError, PlanOptions, compare, load_problem, plan
 from tubeplanner.baselines.baselines import BASELINES, judged_baseline
 from tubeplanner.files.trajectory_file import read_trajectory
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
@@ -19,9 +21,18 @@ KEYS = (
 )
 
 
-@pytest.fixture(scope="module")
-def compared():
-    return compare(load_problem(PROBLEM), options=PlanOptions(quality="fast"))
+@pytest.fixture(scope="module", params=["quick", pytest.param("whole", marks=pytest.mark.slow)])
+def compared(request):
+    """All methods; in the quick one, what stops at corners stands for the searching methods."""
+
+    def quick(problem, options, progress):
+        searches = options.method in ("branch-and-bound", "suh-bishop")
+        return plan(problem, replace(options, method=STOP) if searches else options, progress)
+
+    with pytest.MonkeyPatch.context() as patch:
+        if request.param == "quick":
+            patch.setattr(module, "plan", quick)
+        return compare(load_problem(PROBLEM), options=PlanOptions(quality="fast"))
 
 
 def test_every_method_and_baseline_has_its_row(compared):

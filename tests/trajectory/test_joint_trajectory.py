@@ -140,3 +140,41 @@ def test_an_averaged_trajectory_has_means_of_it_at_its_knots():
     ends = smooth.at(np.array([0.0, duration]))
     np.testing.assert_allclose(ends.position, trajectory.position([0, trajectory.duration]))
     np.testing.assert_allclose([ends.velocity, ends.acceleration], 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["joint_names", "breakpoints", "coefficients", "duration", "new"])
+def test_nothing_of_a_trajectory_can_be_changed(name):
+    trajectory = JointTrajectory(["a"], [0, 1.0], [[[1.0]], [[0.0]]])
+    with pytest.raises(AttributeError, match=f"{name} of a trajectory cannot be changed; make"):
+        setattr(trajectory, name, [0, 2.0])
+
+
+@pytest.mark.parametrize(
+    ("names", "breakpoints", "coefficients", "message"),
+    [
+        (["a", "a"], [0, 1], np.ones((1, 1, 2)), "joint_names has 'a' twice"),
+        ([5], [0, 1], np.ones((1, 1, 1)), r"joint_names\[0\] is 5; a name must be text"),
+        (["a"], [0, 1], np.ones((1, 1, 1)) * 1j, "coefficients: real numbers are needed"),
+        (["a"], [False, True], np.ones((1, 1, 1)), "breakpoints: real numbers are needed"),
+        (["a"], [0, 1], np.ma.masked_all((1, 1, 1)), "coefficients: a masked array has no value"),
+        (["a"], [0, 1], np.ones((22, 1, 1)), "the degree is 21, at most 20"),
+        (["a"], [0, 1e-10], np.ones((1, 1, 1)), "the duration is 1e-10 s"),
+        (["a"], [0, 1e7], np.ones((1, 1, 1)), "the duration is 1e\\+07 s"),
+        (["a"], [0, 1e-8], [[[1e10]], [[0]]], None),
+        (["a"], [0, 1e-7, 1], [[[2e13], [0]], [[0], [0]]], "the position of 'a' may reach 2e\\+06"),
+        (["a"], [0, 1e-9, 1], [[[2e12], [0]], [[0], [0]]], "the velocity of 'a' may reach 2e\\+12"),
+    ],
+)
+def test_what_no_arm_could_do_is_refused(names, breakpoints, coefficients, message):
+    if message is None:
+        assert JointTrajectory(names, breakpoints, coefficients).duration > 0
+        return
+    with pytest.raises(TrajectoryError, match=message):
+        JointTrajectory(names, breakpoints, coefficients)
+
+
+@pytest.mark.parametrize("rate", ["a", None, True, 1j])
+def test_a_rate_is_a_number(rate):
+    trajectory = JointTrajectory(["a"], [0, 1.0], [[[1.0]], [[0.0]]])
+    with pytest.raises(TrajectoryError, match=r"rate is .*; it must be a number > 0"):
+        trajectory.sample(rate)

@@ -125,10 +125,10 @@ def test_without_signs_every_joint_is_free():
             {},
             "tube.radius has 3 values for 2 segments; give one, or one each",
         ),
-        (LINE, 0, {}, "tube.radius[0] is 0 m; it must be > 0 and at most 10000 m"),
-        (CORNER, [0.1, -0.2], {}, "tube.radius[1] is -0.2 m; it must be > 0 and at most 10000 m"),
-        (LINE, np.nan, {}, "tube.radius[0] is nan m; it must be > 0 and at most 10000 m"),
-        (LINE, INF, {}, "tube.radius[0] is inf m; it must be > 0 and at most 10000 m"),
+        (LINE, 0, {}, "tube.radius[0] is 0 m; it must be from 1e-06 to 10000 m"),
+        (CORNER, [0.1, -0.2], {}, "tube.radius[1] is -0.2 m; it must be from 1e-06 to 10000 m"),
+        (LINE, np.nan, {}, "tube.radius[0] is nan m; it must be from 1e-06 to 10000 m"),
+        (LINE, INF, {}, "tube.radius[0] is inf m; it must be from 1e-06 to 10000 m"),
         (
             CORNER,
             [0.3, 0.2],
@@ -229,3 +229,21 @@ def test_a_field_can_be_replaced():
 def test_joint_signs_that_are_no_maps_are_bad_input():
     with pytest.raises(ProblemError, match=r"tube.joint_signs: '\+' is no map"):
         Tube(LINE, 0.1, joint_signs="+")
+
+
+@pytest.mark.parametrize("radius", [1e-320, 9.9e-7, 0.0, np.nan, 1e5])
+def test_a_radius_makes_sense_for_an_arm(radius):
+    with pytest.raises(ProblemError, match=r"tube.radius\[0\] is .* m; it must be from 1e-06"):
+        Tube([[0, 0, 0], [1, 0, 0]], radius)
+
+
+@pytest.mark.parametrize("tool_radius", [0.1 - 1e-9, "a", None, True])
+def test_a_tool_radius_leaves_a_tube(tool_radius):
+    with pytest.raises(ProblemError, match=r"by at least 1e-06 m"):
+        Tube([[0, 0, 0], [1, 0, 0]], 0.1, tool_radius=tool_radius)
+
+
+@pytest.mark.parametrize("radius", [True, 1j, "1", np.ma.masked_all(1)])
+def test_a_radius_is_a_number(radius):
+    with pytest.raises(ProblemError, match="is no number or list of numbers"):
+        Tube([[0, 0, 0], [1, 0, 0]], radius)

@@ -132,6 +132,7 @@ def test_signs_that_hold_everywhere_are_kept(two_link):
 # --- the answer ---------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_tube_of_a_route_is_planned_and_certified(gap, answer):
     assert answer.succeeded
     problem = answer.found.problem

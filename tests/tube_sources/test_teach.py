@@ -103,7 +103,7 @@ def test_a_trail_through_an_obstacle_is_an_answer_with_its_place(run, tmp_path):
             ("--problem", "example:ur5/past_a_wall", "--tool-frame", "tool0"),
             "--problem has robot and obstacles; leave out the other options for them",
         ),
-        ((*ROBOT, "--deviation", "0"), "deviation is 0; it must be > 0 and finite"),
+        ((*ROBOT, "--deviation", "0"), "deviation is 0 m; it must be > 0 and finite"),
         (("--urdf", "example:ur5", "--tool-frame", "tool0"), "the trail has no joint shoulder_pan"),
         (("--urdf", "example:two_lnk", "--tool-frame", "hand"), "did you mean 'two_link'?"),
     ],

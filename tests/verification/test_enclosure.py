@@ -8,6 +8,7 @@ from numpy.polynomial import Chebyshev
 from numpy.polynomial.chebyshev import chebpts1
 
 from cases import one_joint as pendulum
+from follower_arm import follower_arm
 from tubeplanner import JointTrajectory, Payload, load_robot
 from tubeplanner.trajectory.bernstein import bernstein_coefficients
 from tubeplanner.verification.enclosure import (
@@ -20,10 +21,14 @@ from tubeplanner.verification.enclosure import (
 from tubeplanner.verification.majorants import effort_majorant, tool_majorant
 
 
-@pytest.fixture(scope="module", params=["two_link", "ur5", "ur10", "panda", "slide"])
-def arm(request):
+@pytest.fixture(scope="module", params=["two_link", "ur5", "ur10", "panda", "slide", "followers"])
+def arm(request, tmp_path_factory):
     if request.param == "ur10":
         return load_robot("example:ur10", "tool0", payload=Payload(8.0, (0.1, 0, 0.2)))
+    if request.param == "followers":
+        path = tmp_path_factory.mktemp("followers") / "followers.urdf"
+        path.write_text(follower_arm())
+        return load_robot(path, "tip")
     return request.getfixturevalue(request.param)
 
 

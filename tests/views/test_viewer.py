@@ -285,7 +285,7 @@ def files(stored, tmp_path):
     problem, trajectory = stored("two_link/around_a_post")
     (tmp_path / "t.json").write_text(trajectory_json(trajectory))
     samples = trajectory.sample(500)
-    (tmp_path / "t.csv").write_text(trajectory_csv(problem.robot, samples))
+    (tmp_path / "t.csv").write_text(trajectory_csv(problem.robot.joint_names, samples))
     (tmp_path / "t.yaml").write_text(trajectory_ros(problem.robot.joint_names, samples))
     return tmp_path
 

@@ -5,6 +5,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from cases import slow_but
 from tubeplanner import (
     LimitOverrides,
     Obstacle,
@@ -192,8 +193,13 @@ def test_a_beginning_that_failed_between_samples_is_not_tried_again(two_link):
     assert search.best is None
 
 
-@pytest.mark.parametrize("y", [-0.2, -0.1, 0.0, 0.05])
-@pytest.mark.parametrize("x", [0.45, 0.46, 0.47, 0.48])
+@pytest.mark.parametrize(
+    ("x", "y"),
+    slow_but(
+        [(0.45, 0.0), (0.46, -0.1), (0.47, 0.05), (0.48, -0.2)],
+        [(x, y) for x in (0.45, 0.46, 0.47, 0.48) for y in (-0.2, -0.1, 0.0, 0.05)],
+    ),
+)
 def test_what_it_finds_past_a_needle_is_certified(x, y, two_link):
     """Among them, searches whose last open nodes all begin like one that failed."""
     needle = Obstacle.cylinder("needle", 0.0005, 0.3, placement_of([x, y, 0]))

@@ -1,81 +1,57 @@
 """Links against obstacles and against each other: which pairs, and how far apart they are."""
 
-import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
+from itertools import combinations
 
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.collision.body_shapes import BodyShape, BodyShapes
 from tubeplanner.collision.convex_shape import ConvexShape
-from tubeplanner.collision.link_geometry import link_shapes
+from tubeplanner.collision.link_geometry import LinkPart, link_contents, link_parts
+from tubeplanner.collision.link_pairs import judged_pairs
 from tubeplanner.collision.obstacle import AttachedSolid, Obstacle
-from tubeplanner.collision.separation import PlacedShape, Separation, separation
 from tubeplanner.errors import ProblemError, unknown_name
 from tubeplanner.robot.robot_model import RobotModel
 
 _BASE = 0
-# Link pairs that touch in all of so many random configurations are taken to touch always.
-_TOUCH_SAMPLES = 400
-_TOUCH_SEED = 0
+# Why pairs are left out.
+NEIGHBOURS, ALWAYS_TOUCHING, IGNORED = "neighbours", "always touching", "ignored"
 
 
-@dataclass(frozen=True, eq=False)
-class BodyShape:
-    """One convex shape and its owner.
-
-    Attributes:
-        owner: Name of the link or obstacle.
-        body: Body of the robot that carries it; 0 stands still.
-        shape: In the body's frame.
-    """
-
-    owner: str
-    body: int
-    shape: ConvexShape
-
-
-@dataclass(frozen=True, eq=False)
-class ClosestPoints:
-    """Where P pairs of shapes are closest.
+@dataclass(frozen=True)
+class LeftOutPair:
+    """Two solids that are not checked against each other.
 
     Attributes:
-        distance: Lower bounds on the signed distances, exact nearly always, shape (P,) [m].
-        direction: Unit vectors from the first towards the second shape, base frame, shape (P, 3).
-        first: Points of the first shapes (of the cores, if these are rounded), shape (P, 3) [m].
-        second: Likewise, of the second shapes.
+        links: Their names.
+        reason: "neighbours" (a joint connects them), "always touching" (as they are, in all sampled
+            configurations) or "ignored" (by the problem, the SRDF or an attached solid).
     """
 
-    distance: FloatArray
-    direction: FloatArray
-    first: FloatArray
-    second: FloatArray
+    links: tuple[str, str]
+    reason: str
 
 
-class _PlacedShapes(threading.local):
-    """Shapes that are moved to where they are measured, for every thread its own."""
-
-    def __init__(self, shapes: Sequence[BodyShape]) -> None:
-        self.shapes = [PlacedShape(body_shape.shape) for body_shape in shapes]
-
-
-class CollisionChecker:
+class CollisionChecker(BodyShapes):
     """Which pairs of shapes must stay apart, and how far apart they are.
 
     Several threads may use one checker; it pickles by content, without any file.
 
     Left out are links that no joint moves against obstacles and each other, links on the same or
     on neighbouring bodies, link pairs that always touch, and the pairs the problem ignores.
+    Pairs of links whose usual covers overlap where the links do not are judged by closer ones.
 
     Attributes:
         robot: The arm.
-        shapes: All shapes, links first.
+        shapes: All shapes: links first, closer covers of some links last.
         obstacle_pairs: Link against obstacle, as indices of `shapes`: int, shape (P, 2).
         link_pairs: Link against link, likewise.
         pairs: All of them, those with obstacles first.
+        left_out: Solids that joints move against each other and that are not checked, and why.
         has_link_geometry: Whether the robot itself has any collision geometry.
+        link_contents: What the links' collision geometry was made from, by link name.
     """
 
     def __init__(
@@ -101,41 +77,31 @@ class CollisionChecker:
                 not exist.
             RobotError: A link's geometry cannot be read.
         """
-        links = link_shapes(robot)
-        self.has_link_geometry = bool(links)
+        parts = link_parts(robot)
+        covers = {link: _cover(own) for link, own in parts.items()}
+        self.has_link_geometry = bool(covers)
+        self.link_contents = link_contents(robot)
         touching = [(solid.name, link) for solid in attached for link in solid.touch_links]
         _require_names(robot, obstacles, attached, [*ignore, *touching])
-        self.robot = robot
-        self.shapes = [
-            BodyShape(link, robot.link_body[link], shape)
-            for link, shapes in links.items()
-            for shape in shapes
-        ]
-        self.shapes += _carried_shapes(robot, attached)
-        link_count = len(self.shapes)
         self._obstacle_names = {obstacle.name for obstacle in obstacles}
         self._attached_names = {solid.name for solid in attached}
-        self.shapes += [
+        self._ignored = {frozenset(pair) for pair in (*ignore, *touching)}
+        links, carried = _link_shapes(robot, covers), _carried_shapes(robot, attached)
+        standing = [
             BodyShape(obstacle.name, _BASE, shape)
             for obstacle in obstacles
             for shape in obstacle.shapes
         ]
-        self._placed = _PlacedShapes(self.shapes)
-        self._ignored = {frozenset(pair) for pair in (*ignore, *touching)}
-        carried, standing = range(link_count), range(link_count, len(self.shapes))
-        self.obstacle_pairs = self._select((i, j) for i in carried for j in standing)
+        super().__init__(robot, [*links, *carried, *standing])
+        moving, fixed = range(len(links + carried)), range(len(links + carried), len(self.shapes))
+        self.obstacle_pairs = self._select((i, j) for i in moving for j in fixed)
         self.link_pairs = _as_pairs([])
+        always_touching: Sequence[tuple[str, str]] = ()
         if self_collision:
-            candidates = self._select((i, j) for i in carried for j in carried if i < j)
-            self.link_pairs = self._without_always_touching(candidates)
+            candidates = self._select(combinations(moving, 2))
+            always_touching = self._judge_links(parts, covers, candidates)
         self.pairs = np.concatenate([self.obstacle_pairs, self.link_pairs])
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in vars(self).items() if name != "_placed"}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        vars(self).update(state)
-        self._placed = _PlacedShapes(self.shapes)
+        self.left_out = self._left_out(always_touching, self_collision)
 
     def required(self, clearance: float) -> FloatArray:
         """Return the distance that each of `pairs` must keep, shape (P,) [m].
@@ -146,167 +112,12 @@ class CollisionChecker:
         counts = [len(self.obstacle_pairs), len(self.link_pairs)]
         return np.repeat([clearance, 0.0], counts)
 
-    def distances(self, rotation: FloatArray, position: FloatArray, pairs: IntArray) -> FloatArray:
-        """Return lower bounds on the signed distances of pairs at one configuration [m].
-
-        Args:
-            rotation: Of all bodies, shape (bodies, 3, 3), from `RobotModel.body_poses`.
-            position: Of all bodies, shape (bodies, 3) [m].
-            pairs: Shape (P, 2).
-
-        Returns:
-            Shape (P,); negative where shapes overlap. Never above the true distance, except by
-            rounding.
-
-        Raises:
-            ValueError: A pose is not finite.
-        """
-        return self.separations(rotation, position, pairs)[0]
-
-    def separations(
-        self, rotation: FloatArray, position: FloatArray, pairs: IntArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return `distances`, and the directions along which the shapes are that far apart.
-
-        Returns:
-            Distances (P,) [m] and unit vectors (P, 3) from the first towards the second shape of
-            each pair, in the frame of the second shape's body.
-        """
-        found = self._measured(rotation, position, pairs)
-        distance = np.array([each.distance for each in found])
-        world = np.array([each.direction for each in found]).reshape(-1, 3)
-        frames = rotation[[self.shapes[j].body for j in pairs[:, 1]]]
-        return distance, np.einsum("pij,pi->pj", frames, world)
-
-    def closest_points(
-        self, rotation: FloatArray, position: FloatArray, pairs: IntArray
-    ) -> ClosestPoints:
-        """Return where pairs are closest, each in its own configuration.
-
-        Args:
-            rotation: Shape (P, bodies, 3, 3).
-            position: Shape (P, bodies, 3) [m].
-            pairs: Shape (P, 2).
-        """
-        found = [
-            self._measured(turned, placed, pair[None])[0]
-            for turned, placed, pair in zip(rotation, position, pairs, strict=True)
-        ]
-        vectors = (
-            np.array([each[column] for each in found]).reshape(-1, 3) for column in range(1, 4)
-        )
-        return ClosestPoints(np.array([each.distance for each in found]), *vectors)
-
-    def distance_gradient(
-        self, rotation: FloatArray, position: FloatArray, pairs: IntArray, closest: ClosestPoints
-    ) -> FloatArray:
-        """Return the derivative of the distances of pairs, each in its own configuration.
-
-        Args:
-            rotation: Shape (P, bodies, 3, 3).
-            position: Shape (P, bodies, 3) [m].
-            pairs: Shape (P, 2).
-            closest: What `closest_points` returns of these.
-
-        Returns:
-            By the joints, shape (P, n) [m/rad or 1].
-        """
-        gradient = np.zeros((len(pairs), self.robot.joint_count))
-        for sign, column, point in ((-1, 0, closest.first), (1, 1, closest.second)):
-            body = np.array([self.shapes[i].body for i in pairs[:, column]], dtype=np.int64)
-            moved = self.robot.point_jacobian(rotation, position, body, point)
-            gradient += sign * np.einsum("pi,pij->pj", closest.direction, moved)
-        return gradient
-
-    def separations_along(
-        self,
-        rotation: FloatArray,
-        position: FloatArray,
-        pairs: IntArray,
-        direction: FloatArray,
-    ) -> FloatArray:
-        """Return how far apart pairs are along given directions, each in its own configuration.
-
-        A direction that separates a pair also separates it in neighbouring configurations, almost
-        as far: a quick lower bound on the distance.
-
-        Args:
-            rotation: Shape (P, bodies, 3, 3).
-            position: Shape (P, bodies, 3) [m].
-            pairs: Shape (P, 2).
-            direction: Unit vectors as from `separations`, shape (P, 3).
-
-        Returns:
-            Shape (P,) [m].
-        """
-        result = np.empty(len(pairs))
-        order = np.lexsort(pairs.T)
-        groups = np.flatnonzero(np.any(np.diff(pairs[order], axis=0) != 0, axis=1)) + 1
-        for rows in np.split(order, groups) if len(order) else ():
-            first, second = (self.shapes[index] for index in pairs[rows[0]])
-            world_direction = np.einsum("pij,pj->pi", rotation[rows, second.body], direction[rows])
-            local = np.einsum("pij,pi->pj", rotation[rows, first.body], world_direction)
-            farthest = (local @ first.shape.vertices.T).max(axis=1) + first.shape.radius
-            nearest = (direction[rows] @ second.shape.vertices.T).min(axis=1) - second.shape.radius
-            offset = position[rows, second.body] - position[rows, first.body]
-            result[rows] = nearest - farthest + np.einsum("pi,pi->p", world_direction, offset)
-        return result
-
-    def sphere_distances(
-        self, rotation: FloatArray, position: FloatArray, pairs: IntArray
-    ) -> FloatArray:
-        """Return quick, loose lower bounds from bounding spheres for N configurations [m].
-
-        Args:
-            rotation: Shape (N, bodies, 3, 3).
-            position: Shape (N, bodies, 3) [m].
-            pairs: Shape (P, 2).
-
-        Returns:
-            Shape (N, P).
-        """
-        bodies, centers, radii = self._spheres
-        world = np.einsum("nsij,sj->nsi", rotation[:, bodies], centers) + position[:, bodies]
-        first, second = pairs.T
-        gap = np.linalg.norm(world[:, first] - world[:, second], axis=2)
-        return gap - radii[first] - radii[second]
-
-    def motion_weights(self, pairs: IntArray) -> FloatArray:
-        """Return how fast joints can bring pairs together: shape (P, n) [m per rad or m].
-
-        When the joints travel by `|dq|`, the distance of a pair changes by at most
-        `weights @ |dq|`. A joint that moves both shapes of a pair does not count.
-        """
-        robot = self.robot
-        bodies = np.array([shape.body for shape in self.shapes])
-        reach = np.array([shape.shape.reach(np.zeros(3)) for shape in self.shapes])
-        weights = np.where(robot.revolute, robot.lever_arm[bodies] + reach[:, None], 1.0)
-        moves = robot.joint_moves_body[bodies]
-        first, second = pairs.T
-        relative = moves[first] != moves[second]
-        return np.where(relative, np.where(moves[first], weights[first], weights[second]), 0.0)
-
     def owners(self, pair: IntArray | tuple[int, int]) -> tuple[tuple[str, ...], str | None]:
         """Return the links of a pair, and its obstacle or None."""
         names = [self.shapes[index].owner for index in pair]
         links = tuple(name for name in names if name not in self._obstacle_names)
         obstacles = [name for name in names if name in self._obstacle_names]
         return links, obstacles[0] if obstacles else None
-
-    def _measured(
-        self, rotation: FloatArray, position: FloatArray, pairs: IntArray
-    ) -> list[Separation]:
-        placed = self._placed.shapes
-        for index in set(pairs.flat):
-            body = self.shapes[index].body
-            placed[index].move(rotation[body], position[body])
-        return [separation(placed[i], placed[j]) for i, j in pairs]
-
-    @cached_property
-    def _spheres(self) -> tuple[IntArray, FloatArray, FloatArray]:
-        bodies = np.array([shape.body for shape in self.shapes], dtype=np.int64)
-        centers = np.array([shape.shape.center for shape in self.shapes]).reshape(-1, 3)
-        return bodies, centers, np.array([shape.shape.bounding_radius for shape in self.shapes])
 
     def _select(self, pairs: Iterator[tuple[int, int]]) -> IntArray:
         return _as_pairs([pair for pair in pairs if self._must_stay_apart(*pair)])
@@ -315,37 +126,70 @@ class CollisionChecker:
         first, second = self.shapes[i], self.shapes[j]
         if frozenset((first.owner, second.owner)) in self._ignored:
             return False
-        moves = self.robot.joint_moves_body
+        moves = self.robot.carries
         between = moves[first.body] != moves[second.body]
         # Neighbouring links meet at their joint; nothing else may touch.
         solid_names = self._obstacle_names | self._attached_names
         neighbours_may_touch = not {first.owner, second.owner} & solid_names
         return int(between.sum()) > (1 if neighbours_may_touch else 0)
 
-    def _without_always_touching(self, pairs: IntArray) -> IntArray:
-        """Return the pairs whose links came apart in at least one random configuration.
+    def _judge_links(
+        self,
+        parts: Mapping[str, Sequence[LinkPart]],
+        covers: Mapping[str, Sequence[ConvexShape]],
+        candidates: IntArray,
+    ) -> Sequence[tuple[str, str]]:
+        """Set the pairs of links that are checked, and return those that always touch.
 
         Attached solids stay: only their touch_links may touch them.
         """
-        limits = self.robot.limits
-        lower, upper = limits.lower_position, limits.upper_position
-        low = np.maximum(lower, np.minimum(-np.pi, upper - 2 * np.pi))  # one turn, if there is one
-        high = np.minimum(upper, low + 2 * np.pi)
-        q = np.random.default_rng(_TOUCH_SEED).uniform(low, high, (_TOUCH_SAMPLES, len(low)))
-        rotation, position = self.robot.body_poses(q)
-        names = [self._owners(pair) for pair in pairs]
-        touching = {name for name in names if not name & self._attached_names}
-        for sample in range(_TOUCH_SAMPLES):
-            rows = [row for row, name in enumerate(names) if name in touching]
-            if not rows:
-                break
-            distance = self.distances(rotation[sample], position[sample], pairs[rows])
-            hit = {names[row] for row, value in zip(rows, distance, strict=True) if value <= 0}
-            touching &= hit
-        return pairs[[name not in touching for name in names]]
+        owners = [(self.shapes[i].owner, self.shapes[j].owner) for i, j in candidates]
+        pairs = [pair for pair in dict.fromkeys(owners) if not {*pair} & self._attached_names]
+        found = judged_pairs(self.robot, parts, covers, pairs)
+        without = {*found.always_touching, *found.refined}
+        fine = _link_shapes(self.robot, found.fine)
+        first = len(self.shapes)
+        indices = {
+            link: [first + k for k, shape in enumerate(fine) if shape.owner == link]
+            for link in found.fine
+        }
+        self._add(fine)
+        kept = candidates[[pair not in without for pair in owners]]
+        closer = [(i, j) for a, b in found.refined for i in indices[a] for j in indices[b]]
+        self.link_pairs = np.concatenate([kept, _as_pairs(closer)])
+        return found.always_touching
 
-    def _owners(self, pair: IntArray) -> frozenset[str]:
-        return frozenset(self.shapes[index].owner for index in pair)
+    def _left_out(
+        self, always_touching: Sequence[tuple[str, str]], self_collision: bool
+    ) -> tuple[LeftOutPair, ...]:
+        body = {shape.owner: shape.body for shape in self.shapes}
+        found = []
+        for first, second in combinations(body, 2):
+            moves = self.robot.carries
+            joints = int((moves[body[first]] != moves[body[second]]).sum())
+            solid = {first, second} & (self._obstacle_names | self._attached_names)
+            is_checked_kind = self_collision or {first, second} & self._obstacle_names
+            if joints == 0 or not is_checked_kind:
+                continue
+            if frozenset((first, second)) in self._ignored:
+                found.append(LeftOutPair((first, second), IGNORED))
+            elif joints == 1 and not solid:
+                found.append(LeftOutPair((first, second), NEIGHBOURS))
+            elif (first, second) in always_touching:
+                found.append(LeftOutPair((first, second), ALWAYS_TOUCHING))
+        return tuple(found)
+
+
+def _cover(parts: Sequence[LinkPart]) -> list[ConvexShape]:
+    return [shape for part in parts for shape in part.cover()]
+
+
+def _link_shapes(robot: RobotModel, covers: Mapping[str, Sequence[ConvexShape]]) -> list[BodyShape]:
+    return [
+        BodyShape(link, robot.link_body[link], shape)
+        for link, shapes in covers.items()
+        for shape in shapes
+    ]
 
 
 def _as_pairs(pairs: list[tuple[int, int]]) -> IntArray:

@@ -15,6 +15,7 @@ from tubeplanner.arrays import FloatArray, read_only
 
 # A cylinder becomes a circumscribed prism; 24 sides make it at most 0.9 % too wide.
 _PRISM_SIDES = 24
+_INSCRIBED_SIDES = 96  # of a prism that leaves out at most 0.05 % of the radius
 # A flat point set has no hull with faces; it is given this half thickness [m].
 _FLAT_HALF_THICKNESS = 1e-6
 
@@ -78,9 +79,18 @@ def capsule(radius: float, length: float) -> ConvexShape:
 
 def cylinder(radius: float, length: float) -> ConvexShape:
     """Return the prism around a centred cylinder along z, in [m]."""
-    angles = np.arange(_PRISM_SIDES) * 2 * np.pi / _PRISM_SIDES
-    ring = radius / np.cos(np.pi / _PRISM_SIDES) * np.array([np.cos(angles), np.sin(angles)]).T
-    ends = [np.column_stack([ring, np.full(_PRISM_SIDES, z)]) for z in (-length / 2, length / 2)]
+    return _prism(radius / np.cos(np.pi / _PRISM_SIDES), length, _PRISM_SIDES)
+
+
+def inscribed_cylinder(radius: float, length: float) -> ConvexShape:
+    """Return a prism inside a centred cylinder along z, hardly smaller than it, in [m]."""
+    return _prism(radius, length, _INSCRIBED_SIDES)
+
+
+def _prism(radius: float, length: float, sides: int) -> ConvexShape:
+    angles = np.arange(sides) * 2 * np.pi / sides
+    ring = radius * np.array([np.cos(angles), np.sin(angles)]).T
+    ends = [np.column_stack([ring, np.full(sides, z)]) for z in (-length / 2, length / 2)]
     return ConvexShape(read_only(np.vstack(ends)))
 
 
@@ -93,3 +103,22 @@ def convex_hull(points: FloatArray) -> ConvexShape:
         high = points.max(axis=0) + _FLAT_HALF_THICKNESS
         corners = box(high - low).vertices + (low + high) / 2
         return ConvexShape(read_only(corners))
+
+
+def flat_hull(points: FloatArray) -> ConvexShape:
+    """Return a convex shape around points (N, 3) that lie in a plane, or nearly."""
+    middle = points.mean(axis=0)
+    axes = np.linalg.svd(points - middle, full_matrices=False)[2]
+    if len(axes) < 3:
+        return convex_hull(points)
+    along = (points - middle) @ axes.T
+    low, high = along.min(axis=0), along.max(axis=0)
+    size = high - low + 2 * _FLAT_HALF_THICKNESS
+    return ConvexShape(read_only((box(size).vertices + (low + high) / 2) @ axes + middle))
+
+
+def frame_along(z: FloatArray) -> FloatArray:
+    """Return a rotation (3, 3) whose third column is the unit vector z."""
+    x = np.cross(np.eye(3)[int(np.argmin(abs(z)))], z)
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(z, x), z])

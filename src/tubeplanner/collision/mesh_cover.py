@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tubeplanner.collision.convex_shape import ConvexShape, convex_hull
-from tubeplanner.errors import RobotError
+from tubeplanner.errors import RobotError, shown
 
 if TYPE_CHECKING:
     import trimesh
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 # A mesh is cut into twice as many slabs as long as that makes its cover this much smaller.
 _WORTHWHILE_VOLUME_RATIO = 0.95
 _MAX_SLABS = 8
+_MAX_REASON = 200  # [characters]
+_MAX_LENGTH = 1e4  # [m]: no arm and no cell is larger
 
 
 def load_mesh(
@@ -35,24 +37,50 @@ def load_mesh(
     import trimesh
 
     try:
-        loaded = trimesh.load(str(path), force="mesh")
+        # Unprocessed: processing drops what is not finite, and the solid has a hole.
+        loaded = trimesh.load(str(path), force="mesh", process=False)
+        unit = length_unit(path)
     except Exception as error:  # trimesh's readers raise whatever their formats' libraries raise
         raise RobotError(
             f"{owner}: mesh {path} is no readable {path.suffix[1:].upper()} file; export it "
-            f"again ({error})"
+            f"again ({shown(str(error), _MAX_REASON)})"
         ) from error
-    if len(loaded.vertices) == 0 or not np.isfinite(loaded.vertices).all():
-        raise RobotError(
-            f"{owner}: mesh {path} has no vertices, or some that are not finite; export it again"
-        )
-    loaded.apply_scale(length_unit(path))
+    fault = _fault(loaded, unit * np.asarray(1.0 if scale is None else scale, dtype=float))
+    if fault is not None:
+        raise RobotError(f"{owner}: mesh {path} {fault}; export it again")
+    loaded.process()
+    loaded.apply_scale(unit)
     if scale is not None:
         loaded.apply_scale(scale)
     return loaded
 
 
+def _fault(mesh: "trimesh.Trimesh", scale: np.ndarray) -> str | None:
+    """Return what keeps a mesh, as it was read, from being a solid [m] when it is scaled."""
+    vertices = np.asarray(getattr(mesh, "vertices", ()), dtype=float)
+    faces = np.asarray(getattr(mesh, "faces", ()))
+    if len(vertices) == 0 or len(faces) == 0 or not np.isfinite(vertices).all():
+        return "has no vertices or triangles, or some that are not finite"
+    if vertices.shape[1] != 3:
+        return f"has points of {vertices.shape[1]} coordinates; a solid has 3"
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        return f"has a triangle of vertex {faces.max()}; it has {len(vertices)} vertices"
+    with np.errstate(over="ignore"):
+        largest = float(abs(vertices * scale).max())
+    if not largest <= _MAX_LENGTH:
+        return (
+            f"reaches {largest:.3g} m from its origin, where at most {_MAX_LENGTH:g} m make sense"
+        )
+    return None
+
+
 def length_unit(path: Path) -> float:
-    """Return the length [m] of a mesh file's unit: COLLADA states it, and trimesh leaves it out."""
+    """Return the length [m] of a mesh file's unit: COLLADA states it, and trimesh leaves it out.
+
+    Raises:
+        ValueError: It is no number.
+        ElementTree.ParseError: The file is not well-formed.
+    """
     if path.suffix.lower() != ".dae":
         return 1.0
     for element in ElementTree.parse(path).iter():
@@ -67,6 +95,17 @@ def cover_mesh(mesh: "trimesh.Trimesh") -> list[ConvexShape]:
     The solid inside a slab lies in the hull of the surface inside that slab, because every
     cross-section is bounded by surface.
     """
+    return _cover_and_slabs(mesh)[0]
+
+
+def slab_cuts(mesh: "trimesh.Trimesh") -> list[tuple[int, float]]:
+    """Return where `cover_mesh` cuts a mesh: axis and coordinate [m]."""
+    slabs = _cover_and_slabs(mesh)[1]
+    axis, bounds = _slab_bounds(mesh, slabs)
+    return [(axis, float(height)) for height in bounds[1:-1]]
+
+
+def _cover_and_slabs(mesh: "trimesh.Trimesh") -> tuple[list[ConvexShape], int]:
     cover = [convex_hull(mesh.vertices)]
     slabs = 2
     while slabs <= _MAX_SLABS:
@@ -74,17 +113,21 @@ def cover_mesh(mesh: "trimesh.Trimesh") -> list[ConvexShape]:
         if _volume(finer) > _WORTHWHILE_VOLUME_RATIO * _volume(cover):
             break
         cover, slabs = finer, 2 * slabs
-    return cover
+    return cover, slabs // 2
 
 
 def _slab_hulls(mesh: "trimesh.Trimesh", count: int) -> list[ConvexShape]:
-    axis = int(np.argmax(mesh.extents))
-    bounds = np.linspace(mesh.bounds[0, axis], mesh.bounds[1, axis], count + 1)
+    axis, bounds = _slab_bounds(mesh, count)
     return [
         convex_hull(points)
         for points in (_slab_points(mesh, axis, low, high) for low, high in pairwise(bounds))
         if len(points)
     ]
+
+
+def _slab_bounds(mesh: "trimesh.Trimesh", count: int) -> tuple[int, np.ndarray]:
+    axis = int(np.argmax(mesh.extents))
+    return axis, np.linspace(mesh.bounds[0, axis], mesh.bounds[1, axis], count + 1)
 
 
 def _slab_points(mesh: "trimesh.Trimesh", axis: int, low: float, high: float) -> np.ndarray:

@@ -7,11 +7,18 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from tubeplanner.arrays import FloatArray
+from tubeplanner.arrays import FloatArray, read_only
 from tubeplanner.collision import convex_shape
 from tubeplanner.collision.convex_shape import ConvexShape
-from tubeplanner.collision.mesh_cover import cover_mesh, load_mesh
-from tubeplanner.errors import ProblemError
+from tubeplanner.collision.mesh_file import MeshFile
+from tubeplanner.collision.solid_contents import (
+    SolidContents,
+    mesh_contents,
+    simple_contents,
+)
+from tubeplanner.errors import ProblemError, shown
+from tubeplanner.names import require_name
+from tubeplanner.options import in_figures, is_number
 
 # Lengths that make sense around an arm [m]; far outside them distances are only rounding.
 MIN_SIZE, MAX_SIZE = 1e-6, 1e4
@@ -24,36 +31,46 @@ class Obstacle:
     Attributes:
         name: Unique among the obstacles of a problem.
         shapes: Convex shapes in the base frame that together cover it.
+        contents: What it was made from; None: of the shapes themselves.
 
-    The constructors of each kind raise ProblemError for a size outside 1e-6 to 1e4 m.
+    The constructors of each kind raise ProblemError for a size outside 1e-6 to 1e4 m, a placement
+    that is no rotation and translation, and a name that is no text or cannot be shown.
     """
 
     name: str
     shapes: tuple[ConvexShape, ...]
+    contents: SolidContents | None = None
+
+    def __post_init__(self) -> None:
+        _require_solid(self.name, self.shapes)
 
     @classmethod
     def box(cls, name: str, size: Sequence[float], placement: FloatArray) -> "Obstacle":
         """Return a box of full side lengths [m], centred in a placement (4, 4)."""
         _require_positive(name, "box", size)
-        return cls(name, (convex_shape.box(size).transformed(placement),))
+        shape = _placed(name, convex_shape.box(size), placement)
+        return cls(name, (shape,), simple_contents("box", size, placement))
 
     @classmethod
     def sphere(cls, name: str, radius: float, placement: FloatArray) -> "Obstacle":
         """Return a sphere [m], centred in a placement (4, 4)."""
         _require_positive(name, "sphere", [radius])
-        return cls(name, (convex_shape.sphere(radius).transformed(placement),))
+        shape = _placed(name, convex_shape.sphere(radius), placement)
+        return cls(name, (shape,), simple_contents("sphere", [radius], placement))
 
     @classmethod
     def cylinder(cls, name: str, radius: float, length: float, placement: FloatArray) -> "Obstacle":
         """Return a cylinder [m] along z of a placement (4, 4), centred in it."""
         _require_positive(name, "cylinder", [radius, length])
-        return cls(name, (convex_shape.cylinder(radius, length).transformed(placement),))
+        shape = _placed(name, convex_shape.cylinder(radius, length), placement)
+        return cls(name, (shape,), simple_contents("cylinder", [radius, length], placement))
 
     @classmethod
     def capsule(cls, name: str, radius: float, length: float, placement: FloatArray) -> "Obstacle":
         """Return a capsule [m] along z of a placement (4, 4); length between its caps' centres."""
         _require_positive(name, "capsule", [radius, length])
-        return cls(name, (convex_shape.capsule(radius, length).transformed(placement),))
+        shape = _placed(name, convex_shape.capsule(radius, length), placement)
+        return cls(name, (shape,), simple_contents("capsule", [radius, length], placement))
 
     @classmethod
     def mesh(
@@ -61,19 +78,22 @@ class Obstacle:
     ) -> "Obstacle":
         """Return a solid mesh in a placement (4, 4).
 
-        It is covered by the convex hulls of at most eight slabs across its longest axis, so that a
-        hollow counts as solid unless it lies between slabs.
+        It is covered by at most 64 convex shapes that stand off its surface by 2 mm, or as little
+        as so many allow; hollows that are larger are free.
 
         Raises:
             RobotError: The file is no readable mesh.
             ProblemError: The scale is not between 1e-6 and 1e4.
         """
-        if not MIN_SIZE <= scale <= MAX_SIZE:
+        require_name("the name of an obstacle", name, ProblemError)
+        if not is_number(scale) or not MIN_SIZE <= scale <= MAX_SIZE:
             raise ProblemError(
-                f"obstacle '{name}': scale {scale:g}; {MIN_SIZE:g} to {MAX_SIZE:g} are accepted"
+                f"obstacle '{name}': scale {in_figures(scale)}; {MIN_SIZE:g} to {MAX_SIZE:g} are "
+                "accepted"
             )
-        shapes = cover_mesh(load_mesh(f"obstacle '{name}'", Path(path), scale))
-        return cls(name, tuple(shape.transformed(placement) for shape in shapes))
+        shapes = MeshFile(f"obstacle '{name}'", Path(path), scale).close_cover()
+        contents = mesh_contents(Path(path), [scale] * 3, placement)
+        return cls(name, tuple(_placed(name, shape, placement) for shape in shapes), contents)
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,11 +104,16 @@ class AttachedSolid:
         name: Unique among links, obstacles and attached solids.
         shapes: Convex shapes in the tool frame that together cover it.
         touch_links: Names of links that it may touch.
+        contents: What it was made from, in the tool frame; None: of the shapes themselves.
     """
 
     name: str
     shapes: tuple[ConvexShape, ...]
     touch_links: tuple[str, ...] = ()
+    contents: SolidContents | None = None
+
+    def __post_init__(self) -> None:
+        _require_solid(self.name, self.shapes)
 
 
 def placement_of(
@@ -126,16 +151,52 @@ def placement_of(
 
 
 _SIZE_COUNTS = {"box": 3, "sphere": 1, "cylinder": 2, "capsule": 2}
+_ORTHONORMAL = 1e-6  # how far a rotation matrix may be from one, by rounding
+
+
+def _require_solid(name: object, shapes: object) -> None:
+    require_name("the name of an obstacle", name, ProblemError)
+    if not isinstance(shapes, tuple) or not all(isinstance(s, ConvexShape) for s in shapes):
+        raise ProblemError(f"obstacle '{name}': shapes is {shown(shapes)}; use Obstacle.box, ...")
+
+
+def _placed(name: str, shape: ConvexShape, placement: FloatArray) -> ConvexShape:
+    """Return a shape in a placement (4, 4), which must be a rotation and a translation."""
+    try:
+        pose = read_only(placement)
+    except (TypeError, ValueError):
+        pose = read_only(())
+    if pose.shape != (4, 4) or not np.isfinite(pose).all():
+        raise ProblemError(
+            f"obstacle '{name}': placement is {shown(placement)}; it must be finite numbers of "
+            "shape (4, 4), as placement_of makes"
+        )
+    turn = pose[:3, :3]
+    off = float(abs(turn @ turn.T - np.eye(3)).max())
+    is_rotation = off <= _ORTHONORMAL and np.linalg.det(turn) > 0
+    if not is_rotation or (pose[3] != (0, 0, 0, 1)).any():
+        raise ProblemError(
+            f"obstacle '{name}': placement {pose.tolist()} is no rotation and translation (a "
+            "reflection, a scale, or zeros); make it with placement_of"
+        )
+    if abs(pose[:3, 3]).max() > MAX_SIZE:
+        raise ProblemError(
+            f"obstacle '{name}': position {pose[:3, 3].tolist()} must be within {MAX_SIZE:g} m"
+        )
+    return shape.transformed(pose)
 
 
 def _require_positive(name: str, kind: str, values: Sequence[float]) -> None:
+    require_name("the name of an obstacle", name, ProblemError)
+    if not isinstance(values, Sequence | np.ndarray) or isinstance(values, str):
+        raise ProblemError(f"obstacle '{name}': {kind} is {shown(values)}; it takes sizes [m]")
     if len(values) != _SIZE_COUNTS[kind]:
         raise ProblemError(
             f"obstacle '{name}': {kind} takes {_SIZE_COUNTS[kind]} sizes, not {len(values)}"
         )
     for value in values:
-        if not MIN_SIZE <= value <= MAX_SIZE:
+        if not is_number(value) or not MIN_SIZE <= value <= MAX_SIZE:
             raise ProblemError(
-                f"obstacle '{name}': {kind} has size {value:g} m; {MIN_SIZE:g} to {MAX_SIZE:g} m "
-                "are accepted"
+                f"obstacle '{name}': {kind} has size {in_figures(value)} m; {MIN_SIZE:g} to "
+                f"{MAX_SIZE:g} m are accepted"
             )

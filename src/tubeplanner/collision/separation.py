@@ -1,4 +1,4 @@
-"""The signed distance of two convex shapes. All of FCL lives here.
+"""The signed distance of two convex shapes, by FCL.
 
 FCL's distances can be too long by millimetres; what is returned here is a rigorous lower bound,
 the separation of the two shapes along the direction that FCL finds, and exact nearly always.
@@ -12,7 +12,7 @@ import fcl
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.collision.convex_shape import ConvexShape
+from tubeplanner.collision.convex_shape import ConvexShape, frame_along
 from tubeplanner.collision.gilbert import separating_directions
 
 # FCL needs a solid where a shape is a grown point or edge: a core this thin [m].
@@ -150,12 +150,5 @@ def _fcl_geometry(shape: ConvexShape) -> tuple[object, FloatArray]:
         return fcl.Sphere(_CORE_THICKNESS), core
     edge = shape.vertices[1] - shape.vertices[0]
     length = float(np.linalg.norm(edge))
-    core[:3, :3] = _frame_along(edge / length)
+    core[:3, :3] = frame_along(edge / length)
     return fcl.Box(_CORE_THICKNESS, _CORE_THICKNESS, length), core
-
-
-def _frame_along(z: FloatArray) -> FloatArray:
-    """Return a rotation whose third column is the unit vector z."""
-    x = np.cross(np.eye(3)[int(np.argmin(abs(z)))], z)
-    x /= np.linalg.norm(x)
-    return np.column_stack([x, np.cross(z, x), z])

@@ -3,12 +3,8 @@
 Exit status: 0 success; 1 infeasible, or a check that failed; 2 bad input or usage; 130 interrupted.
 """
 
-import logging
-import os
-import signal
 import sys
 import time
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -29,9 +25,10 @@ from tubeplanner.commands.console import (
     load_timed,
     nowhere,
     print_json,
+    say,
     shown_progress,
 )
-from tubeplanner.commands.interrupts import interrupts_held
+from tubeplanner.commands.interrupts import hold_interrupts, interrupts_remembered
 from tubeplanner.commands.measure_command import measure
 from tubeplanner.commands.reproduce_command import reproduce
 from tubeplanner.commands.study_commands import compare, sweep
@@ -41,26 +38,10 @@ from tubeplanner.commands.view_command import require_page, view
 from tubeplanner.errors import OptionError, TubePlannerError
 
 if TYPE_CHECKING:
+    from tubeplanner.files.trajectory_writer import TrajectoryFiles
     from tubeplanner.problem.problem import PlanningProblem
     from tubeplanner.trajectory.joint_trajectory import JointTrajectory
     from tubeplanner.verification.certificate import Tolerance
-
-
-def run() -> None:
-    """Run the command line on the process's arguments."""
-    # A reader that stops reading ends the process as it ends every other one in a pipe.
-    if hasattr(signal, "SIGPIPE"):
-        signal.signal(signal.SIGPIPE, signal.SIG_DFL)
-    for name in ("stdout", "stderr"):
-        if getattr(sys, name) is None:  # closed by the caller
-            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
-        # A name that the stream's encoding lacks must not undo a success.
-        getattr(sys, name).reconfigure(errors="backslashreplace")
-    # What the libraries warn of means nothing to a user of the commands.
-    warnings.simplefilter("ignore")
-    for name in ("matplotlib", "toppra", "trimesh", "yourdfpy"):
-        logging.getLogger(name).setLevel(logging.ERROR)
-    sys.exit(main(sys.argv[1:]))
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -71,8 +52,11 @@ def main(arguments: Sequence[str]) -> int:
     """
     as_json = "--json" in arguments
     try:
-        status = cli.main(list(arguments), "tubeplanner", standalone_mode=False)
-        sys.stdout.flush()
+        with interrupts_remembered() as raise_pending:
+            raise_pending()
+            status = cli.main(list(arguments), "tubeplanner", standalone_mode=False)
+            hold_interrupts()
+            sys.stdout.flush()
         return int(status or SUCCESS)
     except click.ClickException as error:
         if as_json:
@@ -132,21 +116,23 @@ def plan(
 
     Writes nothing unless the certificate passes.
     """
+    from tubeplanner.files.trajectory_writer import TrajectoryFiles
     from tubeplanner.planning.plan_options import METHODS, PlanOptions
     from tubeplanner.planning.planner import plan as plan_problem
 
     options = PlanOptions(method or METHODS[0], quality, time_limit=time_limit)
-    outputs = _Outputs(output, csv, ros, rate, plot, html)
+    outputs = _Outputs(TrajectoryFiles(output, csv, ros, rate), plot, html)
     outputs.require_usable(problem)
     interrupted = False
     with shown_progress() as enter:
         loaded, loading_time = load_timed(problem, enter)
         outputs.require_usable(problem, loaded.robot.urdf.path)
+        outputs.require_names(loaded.robot.joint_names)
         result = plan_problem(loaded, options, enter)
         if result.trajectory is not None:
-            with interrupts_held() as held:
-                written_notes = outputs.write(loaded, result.method, result.trajectory)
-                result = replace(result, notes=(*result.notes, *written_notes))
+            held = hold_interrupts()
+            written_notes = outputs.write(loaded, result.method, result.trajectory)
+            result = replace(result, notes=(*result.notes, *written_notes))
             interrupted = bool(held)
     if as_json:
         stopped_by = "interrupt" if interrupted else result.stopped_by
@@ -155,9 +141,9 @@ def plan(
     else:
         from tubeplanner.commands.report import plan_text
 
-        print(plan_text(loaded, result, loading_time, with_minimum=time_left))
+        say(plan_text(loaded, result, loading_time, with_minimum=time_left))
         for kind, path in outputs.paths() if result.succeeded else ():
-            print(f"{kind}: {path}")
+            say(f"{kind}: {path}")
     return SUCCESS if result.succeeded else INFEASIBLE
 
 
@@ -202,9 +188,9 @@ def check(problem: str, trajectory: Path, tolerance: str | None, as_json: bool) 
     else:
         from tubeplanner.commands.report import certificate_text
 
-        print(certificate_text(certificate))
-        print(*(f"note: {note}" for note in notes), sep="\n", end="\n" if notes else "")
-        print(f"{trajectory} ({read.trajectory.duration:.4f} s) {message}.")
+        say(certificate_text(certificate))
+        say(*(f"note: {note}" for note in notes), sep="\n", end="\n" if notes else "")
+        say(f"{trajectory} ({read.trajectory.duration:.4f} s) {message}.")
     return INFEASIBLE if failures else SUCCESS
 
 
@@ -219,12 +205,12 @@ def robots(as_json: bool) -> None:
         fields = {"robots": example_robot_names(), "problems": problems}
         print_json({**empty_report("success", "names for example:", nowhere()), **fields})
         return
-    print("Problems (example:ROBOT/NAME):")
-    print(*(f"  example:{name}" for name in problems), sep="\n")
-    print("Robots (robot.urdf: example:NAME), from this package and from example-robot-data:")
+    say("Problems (example:ROBOT/NAME):")
+    say(*(f"  example:{name}" for name in problems), sep="\n")
+    say("Robots (robot.urdf: example:NAME), from this package and from example-robot-data:")
     bundled = bundled_robots()
     for name in example_robot_names():
-        print(f"  example:{name}{'  (bundled)' if name in bundled else ''}")
+        say(f"  example:{name}{'  (bundled)' if name in bundled else ''}")
 
 
 @cli.command()
@@ -244,19 +230,16 @@ for command in (draw, sweep, compare, measure, teach, route, view, reproduce):
 class _Outputs:
     """The output files of a plan."""
 
-    trajectory: Path | None
-    csv: Path | None
-    ros: Path | None
-    rate: float
+    files: "TrajectoryFiles"
     plot: Path | None
     html: Path | None
 
     def paths(self) -> list[tuple[str, Path]]:
         """Return the requested files: kind and path."""
         asked = {
-            "trajectory": self.trajectory,
-            "CSV": self.csv,
-            "ROS": self.ros,
+            "trajectory": self.files.json,
+            "CSV": self.files.csv,
+            "ROS": self.files.ros,
             "plot": self.plot,
             "view": self.html,
         }
@@ -266,8 +249,6 @@ class _Outputs:
         """Raise if a file could not be written, before any work is done."""
         from tubeplanner.files.output_files import require_writable
 
-        if not 0 < self.rate < float("inf"):
-            raise OptionError(f"--rate is {self.rate:g} Hz; it must be > 0 and finite")
         if self.plot is not None and self.plot.suffix.lower() != ".png":
             raise OptionError(
                 f"--plot {self.plot}: a PNG is written; name a file that ends in .png"
@@ -275,29 +256,20 @@ class _Outputs:
         require_page(self.html)
         require_writable([path for _, path in self.paths()], [Path(path) for path in inputs])
 
+    def require_names(self, joint_names: Sequence[str]) -> None:
+        """Raise if a file cannot hold the names of the joints, before any work is done."""
+        from tubeplanner.files.export import require_no_formula
+
+        if self.files.csv is not None:
+            require_no_formula(joint_names)
+
     def write(
         self, problem: "PlanningProblem", method: str, trajectory: "JointTrajectory"
-    ) -> list[str]:
+    ) -> tuple[str, ...]:
         """Write all files, or none of them; return notes about them."""
-        from tubeplanner.files.export import trajectory_csv, trajectory_json, trajectory_ros
-        from tubeplanner.files.export_samples import samples_for_export
-        from tubeplanner.files.fingerprint import origin
         from tubeplanner.files.output_files import write_files
 
-        contents: dict[Path, bytes] = {}
-        notes: list[str] = []
-        if self.trajectory:
-            text = trajectory_json(trajectory, **origin(problem, method))
-            contents[self.trajectory] = text.encode()
-        if self.csv or self.ros:
-            sampled = samples_for_export(problem, trajectory, self.rate)
-            notes += [] if sampled.note is None else [sampled.note]
-        if self.csv:
-            contents[self.csv] = trajectory_csv(problem.robot, sampled.samples).encode()
-        if self.ros:
-            contents[self.ros] = trajectory_ros(
-                problem.robot.joint_names, sampled.samples, *notes
-            ).encode()
+        contents, notes = self.files.contents(trajectory, problem, method)
         if self.plot:
             from tubeplanner.views.figure_files import figure_png
             from tubeplanner.views.plotting import plot_trajectory

@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tubeplanner.commands.interrupts import interrupts_remembered
+from tubeplanner.commands.interrupts import hold_interrupts, interrupts_remembered
 
 if TYPE_CHECKING:
     from tubeplanner.problem.problem import PlanningProblem
 
 SUCCESS, INFEASIBLE, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
+_MAX_MESSAGE = 5000  # [characters]
 PATH = click.Path(path_type=Path, dir_okay=False)
 FOLDER = click.Path(path_type=Path, file_okay=False)
 AS_JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
@@ -56,11 +57,25 @@ def shown_progress() -> Iterator[Callable[[object], None]]:
 
 def fail(status: str, message: str, as_json: bool, code: int) -> int:
     """Report why a run ends without an answer; return its exit status."""
+    message = printable(message)
     if as_json:
         print_json(empty_report(status, message, nowhere()))
     else:
+        hold_interrupts()
         print(f"tubeplanner: {message}", file=sys.stderr)
     return code
+
+
+def printable(message: str) -> str:
+    """Return a message on one line, with characters that a terminal would obey as their codes."""
+    text = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in message[:_MAX_MESSAGE])
+    return text if len(message) <= _MAX_MESSAGE else text + " ..."
+
+
+def say(*values: object, sep: str = " ", end: str = "\n") -> None:
+    """Print what a run answers; from here on, Ctrl-C no longer makes it look interrupted."""
+    hold_interrupts()
+    print(*values, sep=sep, end=end)
 
 
 def empty_report(status: str, message: str, where: dict[str, Any]) -> dict[str, Any]:
@@ -85,4 +100,4 @@ def nowhere() -> dict[str, Any]:
 
 def print_json(fields: dict[str, Any], indent: int | None = None) -> None:
     """Print the one JSON object of a run."""
-    print(json.dumps(fields, allow_nan=False, indent=indent))
+    say(json.dumps(fields, allow_nan=False, indent=indent))

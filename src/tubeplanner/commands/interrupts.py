@@ -1,54 +1,92 @@
-"""Ctrl-C: neither lost to a library that swallows it, nor let into the writing of an answer."""
+"""Ctrl-C: neither lost to a library that swallows it, nor let into what is being answered."""
 
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from typing import Any
+
+
+@dataclass
+class _Interrupts:
+    """What came of Ctrl-C in the run that is going on.
+
+    Attributes:
+        pressed: One number for each time.
+        held: Those since the answer was begun; None: it is not.
+        depth: How many `interrupts_remembered` are around.
+    """
+
+    pressed: list[int] = field(default_factory=list)
+    held: list[int] | None = None
+    depth: int = 0
+
+
+_run = _Interrupts()
+
+
+def interrupts_noted() -> None:
+    """From here on, remember Ctrl-C for the next `interrupts_remembered`, and go on."""
+    _set_handler(lambda number, _: _run.pressed.append(number))
 
 
 @contextmanager
 def interrupts_remembered() -> Iterator[Callable[[], None]]:
-    """Yield a function that raises KeyboardInterrupt if Ctrl-C was pressed since.
+    """Yield a function that raises KeyboardInterrupt if Ctrl-C was pressed in this run.
 
     Raises:
         KeyboardInterrupt: Ctrl-C was pressed; also instead of an exception that followed it.
     """
-    pressed: list[int] = []
 
     def interrupt(number: int, _: object) -> None:
-        pressed.append(number)
+        _run.pressed.append(number)
         raise KeyboardInterrupt
 
-    def raise_pending() -> None:
-        if pressed:
-            raise KeyboardInterrupt
-
-    with _handled_interrupts(interrupt):
-        try:
-            yield raise_pending
-        except Exception:
-            # An exception from a library that was interrupted during its import is not an error.
-            raise_pending()
-            raise
-
-
-@contextmanager
-def interrupts_held() -> Iterator[list[int]]:
-    """Delay Ctrl-C while a certified answer is written; yield the list of signals received."""
-    held: list[int] = []
-    with _handled_interrupts(lambda number, _: held.append(number)):
-        yield held
-
-
-@contextmanager
-def _handled_interrupts(handler: Callable[[int, Any], None]) -> Iterator[None]:
-    """Let a handler take Ctrl-C for a while; outside the main thread signals do not come anyway."""
+    previous = None
+    _run.depth += 1
     try:
-        previous = signal.signal(signal.SIGINT, handler)
-    except ValueError:
-        yield
-        return
-    try:
-        yield
+        if _run.held is None:
+            previous = _set_handler(interrupt)
+        yield _raise_pending
+    except Exception:
+        # What becomes of a library that was interrupted while it was imported is no error.
+        _raise_pending()
+        raise
     finally:
-        signal.signal(signal.SIGINT, previous)
+        _run.depth -= 1
+        if previous is not None and (_run.held is None or _run.depth == 0):
+            _set_handler(previous)
+        if _run.depth == 0:
+            _run.pressed.clear()
+            _run.held = None
+
+
+def hold_interrupts() -> list[int]:
+    """From here to the end of the run, keep Ctrl-C waiting: an answer is given whole.
+
+    Returns:
+        What came since the first call.
+    """
+    if _run.held is None:
+        held: list[int] = []
+        if _run.depth > 0:
+            _run.held = held
+            _set_handler(lambda number, _: held.append(number))
+        return held
+    return _run.held
+
+
+def _raise_pending() -> None:
+    if _run.pressed:
+        raise KeyboardInterrupt
+
+
+def _set_handler(handler: Any) -> Any:
+    """Let a handler take Ctrl-C; return the one before, None where it could not be set.
+
+    Outside the main thread signals do not come anyway.
+    """
+    try:
+        return signal.signal(signal.SIGINT, handler)
+    except ValueError:
+        return None

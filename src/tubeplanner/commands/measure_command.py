@@ -14,6 +14,7 @@ from tubeplanner.commands.console import (
     load_timed,
     nowhere,
     print_json,
+    say,
     shown_progress,
 )
 from tubeplanner.errors import OptionError
@@ -76,9 +77,9 @@ def _measure(problem: str, options: "MeasureOptions", output: Path | None, as_js
     else:
         from tubeplanner.commands.report import measurement_text
 
-        print(measurement_text(loaded, result, loading_time))
+        say(measurement_text(loaded, result, loading_time))
         if output is not None and result.succeeded:
-            print(f"problem: {output}")
+            say(f"problem: {output}")
     return SUCCESS if result.succeeded else INFEASIBLE
 
 
@@ -94,5 +95,5 @@ def _compare(problem: str, options: "MeasureOptions", as_json: bool) -> int:
     else:
         from tubeplanner.commands.report import patterns_text
 
-        print(patterns_text(loaded, survey))
+        say(patterns_text(loaded, survey))
     return SUCCESS if survey.suggested is not None else INFEASIBLE

@@ -7,6 +7,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from tubeplanner.collision.collision_checker import ALWAYS_TOUCHING
 from tubeplanner.measurement.measured_tube import SegmentMeasurement, TubeMeasurement
 from tubeplanner.measurement.sign_patterns import PatternSurvey
 from tubeplanner.planning.plan_result import PlanResult
@@ -45,6 +46,7 @@ def plan_text(
         lines.append(f"phase 2, from {result.phase1_duration:.4f} s: {result.phase_two}")
     if result.certificate is not None:
         lines.append(certificate_text(result.certificate))
+        lines += left_out_lines(result.certificate)
     lines.append(f"{result.status}: {result.message}")
     dearest = [
         str(sensitivity)
@@ -215,6 +217,13 @@ def certificate_text(certificate: Certificate) -> str:
         place = escape(str(condition.where))
         table.add_row(name, margin, verdict, place, condition.coverage)
     return _rendered(table)
+
+
+def left_out_lines(certificate: Certificate) -> list[str]:
+    """Return a note that names the pairs of links that always touch; none if there are none."""
+    pairs = [pair for pair in certificate.left_out if pair.reason == ALWAYS_TOUCHING]
+    named = "; ".join(" and ".join(pair.links) for pair in pairs)
+    return [f"note: not checked, because they touch in every configuration: {named}"] * bool(pairs)
 
 
 def _rendered(table: Table) -> str:

@@ -11,6 +11,7 @@ from tubeplanner.commands.console import (
     empty_report,
     nowhere,
     print_json,
+    say,
     shown_progress,
 )
 
@@ -54,5 +55,5 @@ def reproduce(output: Path, as_json: bool) -> int:
         report = empty_report("success", f"{len(reproduction.cells)} cases", nowhere())
         print_json({**report, **reproduction.as_dict(), "page": str(page)})
     else:
-        print(*contents, sep="\n")
+        say(*contents, sep="\n")
     return SUCCESS

@@ -15,6 +15,7 @@ from tubeplanner.commands.console import (
     load_timed,
     nowhere,
     print_json,
+    say,
     shown_progress,
 )
 from tubeplanner.errors import OptionError
@@ -57,8 +58,8 @@ def plot(problem: str, trajectory: Path, output: Path | None, as_json: bool) -> 
         more = {"duration": duration, "loading_time": loading_time, "notes": notes}
         print_json({**report, **more, "plot": str(target)})
     else:
-        print(*(f"note: {note}" for note in notes), sep="\n", end="\n" if notes else "")
-        print(f"plot: {target} ({duration:.4f} s)")
+        say(*(f"note: {note}" for note in notes), sep="\n", end="\n" if notes else "")
+        say(f"plot: {target} ({duration:.4f} s)")
     return SUCCESS
 
 
@@ -111,8 +112,8 @@ def sweep(
     else:
         from tubeplanner.commands.report import sweep_text
 
-        print(sweep_text(result), message, sep="\n")
-        print(*(f"{path}" for path in outputs), sep="\n", end="\n" if outputs else "")
+        say(sweep_text(result), message, sep="\n")
+        say(*(f"{path}" for path in outputs), sep="\n", end="\n" if outputs else "")
     return SUCCESS if result.succeeded else INFEASIBLE
 
 
@@ -167,8 +168,8 @@ def compare(
     else:
         from tubeplanner.commands.report import comparison_text
 
-        print(comparison_text(result), message, sep="\n")
-        print(*(f"{path}" for path in outputs), sep="\n", end="\n" if outputs else "")
+        say(comparison_text(result), message, sep="\n")
+        say(*(f"{path}" for path in outputs), sep="\n", end="\n" if outputs else "")
     return SUCCESS if certified else INFEASIBLE
 
 

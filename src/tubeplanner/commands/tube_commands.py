@@ -14,6 +14,7 @@ from tubeplanner.commands.console import (
     load_timed,
     nowhere,
     print_json,
+    say,
     shown_progress,
 )
 from tubeplanner.errors import OptionError
@@ -169,7 +170,7 @@ def _print_answer(
     else:
         from tubeplanner.commands.report import tube_text
 
-        print(tube_text(name, answer))
+        say(tube_text(name, answer))
         if written is not None:
-            print(f"problem: {written}")
+            say(f"problem: {written}")
     return SUCCESS if answer.succeeded else INFEASIBLE

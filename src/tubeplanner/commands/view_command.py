@@ -11,6 +11,7 @@ from tubeplanner.commands.console import (
     load_timed,
     nowhere,
     print_json,
+    say,
     shown_progress,
 )
 from tubeplanner.errors import OptionError
@@ -45,7 +46,7 @@ def view(problem: str, trajectories: tuple[Path, ...], html: Path | None, as_jso
     if as_json:
         print_json({**empty_report("success", message, nowhere()), "html": str(path)})
         return
-    print(*(f"note: {note}" for note in shown.scene.notes), message, sep="\n")
+    say(*(f"note: {note}" for note in shown.scene.notes), message, sep="\n")
 
 
 def require_page(path: Path | None) -> None:

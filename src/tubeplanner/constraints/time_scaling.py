@@ -29,11 +29,11 @@ def scaling_factor(robot: RobotModel, q: FloatArray, v: FloatArray, a: FloatArra
     Args:
         robot: The arm.
         q: Positions, shape (N, n) [rad or m].
-        v: Velocities, shape (N, n).
-        a: Accelerations, shape (N, n).
+        v: Velocities, shape (N, n) [rad/s or m/s].
+        a: Accelerations, shape (N, n) [rad/s^2 or m/s^2].
 
     Returns:
-        Shape (N, n): the least of `v_limit / |v|`, `sqrt(a_limit / |a|)` and
+        Shape (N, n), the least of `v_limit / |v|`, `sqrt(a_limit / |a|)` and
         `sqrt((tau_limit - g) / (tau - g))`, the effort limit taken with the sign of `tau - g`; inf
         where nothing limits, 0 where gravity alone needs a motor's whole effort. (Suh & Bishop
         1988, property 2: b_ij; they have no acceleration limits.)

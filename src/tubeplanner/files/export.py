@@ -1,14 +1,19 @@
 """Trajectories as text: our JSON, CSV, ROS."""
 
+import csv
+import io
 import json
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from tubeplanner.arrays import FloatArray
+from tubeplanner.errors import OutputError, shown
 from tubeplanner.files.trajectory_file import TRAJECTORY_FORMAT, TRAJECTORY_VERSION
-from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
+
+_FORMULA_BEGINS = ("=", "+", "-", "@")
 
 
 def trajectory_json(trajectory: JointTrajectory, **more: Any) -> str:
@@ -30,21 +35,47 @@ def trajectory_json(trajectory: JointTrajectory, **more: Any) -> str:
     return json.dumps(fields, allow_nan=False) + "\n"
 
 
-def trajectory_csv(robot: RobotModel, samples: TrajectorySamples) -> str:
-    """Return samples as CSV: time, positions, velocities, accelerations, efforts.
+def trajectory_csv(
+    joint_names: Sequence[str], samples: TrajectorySamples, effort: FloatArray | None = None
+) -> str:
+    """Return samples as CSV: time, positions, velocities, accelerations and, if given, efforts.
 
     Args:
-        robot: For the joints' names and the efforts.
-        samples: In the robot's joint order.
+        joint_names: In the order of the samples.
+        samples: What to write.
+        effort: At the samples, shape (N, n) [N m or N]; None: no columns of them.
+
+    Raises:
+        OutputError: A joint's name would be a formula to spreadsheets.
     """
-    effort = robot.inverse_dynamics(samples.position, samples.velocity, samples.acceleration)
-    quantities = ("position", "velocity", "acceleration", "effort")
-    header = ["time"] + [f"{name}.{what}" for what in quantities for name in robot.joint_names]
-    table = np.column_stack(
-        [samples.time, samples.position, samples.velocity, samples.acceleration, effort]
-    )
-    rows = [",".join(map(repr, row)) for row in table.tolist()]
-    return "\n".join([",".join(header), *rows]) + "\n"
+    require_no_formula(joint_names)
+    columns = {
+        "position": samples.position,
+        "velocity": samples.velocity,
+        "acceleration": samples.acceleration,
+    }
+    if effort is not None:
+        columns["effort"] = effort
+    header = ["time"] + [f"{name}.{what}" for what in columns for name in joint_names]
+    table = np.column_stack([samples.time, *columns.values()])
+    stream = io.StringIO()
+    csv.writer(stream, lineterminator="\n").writerow(header)
+    stream.writelines(",".join(map(repr, row)) + "\n" for row in table.tolist())
+    return stream.getvalue()
+
+
+def require_no_formula(joint_names: Sequence[str]) -> None:
+    """Raise unless spreadsheets take all names of joints, as columns of a CSV file, for text.
+
+    Raises:
+        OutputError: A name begins as a formula does, which they would run.
+    """
+    for name in joint_names:
+        if name.lstrip().startswith(_FORMULA_BEGINS):
+            raise OutputError(
+                f"CSV: the column of joint {shown(name)} would begin with '{name.lstrip()[0]}', "
+                "a formula to spreadsheets; rename the joint, or write JSON or ROS"
+            )
 
 
 def trajectory_ros(joint_names: Sequence[str], samples: TrajectorySamples, *comments: str) -> str:

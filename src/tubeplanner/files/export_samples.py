@@ -58,11 +58,12 @@ def samples_for_export(
 
     Args:
         problem: The planning problem.
-        trajectory: A certified answer.
+        trajectory: A certified answer, in the problem's joint order.
         rate: [Hz].
 
     Returns:
-        If nothing passes, samples of the trajectory itself; the note says which conditions fail.
+        If nothing passes, samples of the trajectory itself; the note says which conditions fail,
+        and whether the trajectory itself fails them.
 
     Raises:
         TrajectoryError: The rate is not positive, or makes too many samples.
@@ -80,19 +81,32 @@ def samples_for_export(
                 "between samples too"
             )
             return ExportSamples(found, rate, slowed, note)
-    note = (
-        f"CSV and ROS samples at {rate:g} Hz are too few: joined by polynomials, they break the "
-        f"conditions {broken}; raise --rate"
-    )
-    return ExportSamples(samples, rate, 0.0, note)
+    return ExportSamples(samples, rate, 0.0, _blame(problem, trajectory, rate, broken))
 
 
 def _broken(
     problem: PlanningProblem, trajectory: JointTrajectory, samples: TrajectorySamples
 ) -> str | None:
     """Return the conditions that joined samples violate, None if they pass."""
-    joined = _joined(trajectory, samples)
-    return ", ".join(verify(problem, joined, FOREIGN_TOLERANCE).failures()) or None
+    return _failed(problem, _joined(trajectory, samples))
+
+
+def _failed(problem: PlanningProblem, trajectory: JointTrajectory) -> str | None:
+    return ", ".join(verify(problem, trajectory, FOREIGN_TOLERANCE).failures()) or None
+
+
+def _blame(problem: PlanningProblem, trajectory: JointTrajectory, rate: float, broken: str) -> str:
+    """Return the note on samples that break conditions: is it the trajectory, or the rate?"""
+    itself = _failed(problem, trajectory)
+    if itself is not None:
+        return (
+            "CSV and ROS samples are of the trajectory as it is, which itself breaks the "
+            f"conditions {itself}"
+        )
+    return (
+        f"CSV and ROS samples at {rate:g} Hz are too few: joined by polynomials, they break the "
+        f"conditions {broken}; raise the rate"
+    )
 
 
 def _gentler(

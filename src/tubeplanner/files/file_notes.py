@@ -2,7 +2,9 @@
 
 import numpy as np
 
+from tubeplanner.errors import RobotError
 from tubeplanner.files.fingerprint import problem_hash, robot_hash
+from tubeplanner.files.former_fingerprint import former_problem_hash, is_former_hash
 from tubeplanner.files.trajectory_file import TrajectoryFile
 from tubeplanner.problem.problem import PlanningProblem, Seed
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
@@ -24,9 +26,23 @@ def notes_on_file(problem: PlanningProblem, file: TrajectoryFile, *, failed: boo
     if file.robot_hash not in (None, robot_hash(problem.robot)):
         notes.append("the trajectory was made for another robot, payload or limits")
     elif file.problem_hash not in (None, problem_hash(problem)):
-        notes.append("the trajectory was made for another problem with this robot")
+        notes.append(f"the trajectory was made {_other_origin(problem, str(file.problem_hash))}")
     misreading = _likely_misreading(problem, file.trajectory) if failed else None
     return notes if misreading is None else [*notes, misreading]
+
+
+def _other_origin(problem: PlanningProblem, stated_hash: str) -> str:
+    """Return how a trajectory was made, if not by this version for a problem with its hash."""
+    if is_former_hash(stated_hash):
+        try:
+            if former_problem_hash(problem) == stated_hash:
+                return "by an earlier version of tubeplanner for the same problem"
+        except RobotError:
+            return (
+                "by an earlier version of tubeplanner; whether for the same problem cannot be told "
+                "without the mesh files"
+            )
+    return "for another problem with this robot"
 
 
 def _likely_misreading(problem: PlanningProblem, trajectory: JointTrajectory) -> str | None:

@@ -1,48 +1,60 @@
 """Hashes of robots and problems: are two files about the same thing?
 
-They are taken from what a robot does, not from how its files are written: numbers are rounded to
-nine digits, so that another machine or library version gives the same hash.
+They are taken from what a robot does and from what a problem asks, not from how their files are
+written, nor from how solids are covered or which pairs are checked: numbers are rounded to nine
+digits, so that another machine, library or version of this package gives the same hash.
 """
 
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 
 from tubeplanner import __version__
+from tubeplanner.arrays import FloatArray
 from tubeplanner.collision.convex_shape import ConvexShape
+from tubeplanner.collision.obstacle import AttachedSolid, Obstacle
+from tubeplanner.collision.solid_contents import SolidContents
 from tubeplanner.problem.problem import PlanningProblem, Seed
 from tubeplanner.robot.robot_model import RobotModel
 
 _CONFIGURATIONS, _SEED = 4, 0
+# More digits for problems: `former_fingerprint` tells former hashes by their number of digits.
+ROBOT_DIGITS, _PROBLEM_DIGITS = 16, 32
 
 
 def robot_hash(robot: RobotModel) -> str:
     """Return a hash of a robot's kinematics, dynamics and limits."""
-    return _hash(_robot_parts(robot))
+    return hash_of(robot_parts(robot), ROBOT_DIGITS)
 
 
 def problem_hash(problem: PlanningProblem) -> str:
-    """Return a hash of all that a certificate depends on, the robot included."""
-    tube, checker = problem.tube, problem.collision
-    parts: list[object] = [*_robot_parts(problem.robot), tube.points, tube.radius, tube.visit]
+    """Return a hash of all that a certificate depends on, the robot included.
+
+    Of solids and links it takes kinds, sizes, placements and the bytes of mesh files. It has twice
+    as many digits as `robot_hash`.
+    """
+    parts = [*robot_parts(problem.robot), *question_parts(problem), *_collision_parts(problem)]
+    return hash_of(parts, _PROBLEM_DIGITS)
+
+
+def question_parts(problem: PlanningProblem) -> list[object]:
+    """Return what a problem asks of the tool and of start and goal, apart from collisions."""
+    tube = problem.tube
+    parts: list[object] = [tube.points, tube.radius, tube.visit]
     parts += [tube.tool_radius, *tube.ranges_of(problem.robot.joint_names)]
     if tube.rotation is not None:
         parts += [tube.rotation.begin, tube.rotation.turn, tube.rotation.bounds]
     for given in (problem.start, problem.goal):
         parts.append(type(given).__name__)
         parts.append(given.joints if isinstance(given, Seed) else given)
-    parts.append(problem.clearance)
-    for pairs in (checker.obstacle_pairs, checker.link_pairs):
-        parts += [name for pair in pairs for i in pair for name in (checker.shapes[i].owner,)]
-    for body_shape in checker.shapes:
-        parts += [body_shape.owner, *_shape_parts(body_shape.shape)]
-    return _hash(parts)
+    return parts
 
 
-def _robot_parts(robot: RobotModel) -> list[object]:
-    q, v, a = np.random.default_rng(_SEED).uniform(-1, 1, (3, _CONFIGURATIONS, robot.joint_count))
+def robot_parts(robot: RobotModel) -> list[object]:
+    """Return what a robot does: its tool's poses, its efforts, its limits."""
+    q, v, a = _sampled(robot)
     limits = robot.limits
     return [
         *robot.joint_names,
@@ -57,15 +69,76 @@ def _robot_parts(robot: RobotModel) -> list[object]:
     ]
 
 
-def _shape_parts(shape: ConvexShape) -> list[object]:
+def shape_parts(shape: ConvexShape) -> list[object]:
     """Return what a shape is, whatever the order of its vertices."""
     return [np.sort(shape.vertices, axis=0), shape.radius]
 
 
-def origin(problem: PlanningProblem, method: str) -> dict[str, Any]:
-    """Return the origin that a trajectory file states, as JSON values."""
+def _collision_parts(problem: PlanningProblem) -> list[object]:
+    """Return what may collide and how near it may come; the order of names does not matter."""
+    robot = problem.robot
+    may_touch = [*problem.ignore_collisions]
+    may_touch += [(solid.name, link) for solid in problem.attached for link in solid.touch_links]
+    parts: list[object] = ["collision", problem.clearance, problem.self_collision]
+    parts += [name for pair in sorted({tuple(sorted(p)) for p in may_touch}) for name in pair]
+    parts.append("links")
+    for link, contents in sorted(problem.collision.link_contents.items()):
+        parts += [link, *_link_poses(robot, link), *_contents_parts(contents)]
+    parts += _solids_parts("obstacles", problem.obstacles)
+    if problem.attached:
+        parts += _link_poses(robot, robot.tool_frame)
+    return [*parts, *_solids_parts("attached", problem.attached)]
+
+
+def _solids_parts(what: str, solids: Sequence[Obstacle | AttachedSolid]) -> list[object]:
+    """Return what solids are called and were made from, whatever their order."""
+    by_name = sorted(solids, key=lambda solid: solid.name)
+    return [what, *(part for solid in by_name for part in (solid.name, *_solid_parts(solid)))]
+
+
+def _solid_parts(solid: Obstacle | AttachedSolid) -> list[object]:
+    """Return what a solid was made from: its contents, or shapes that were given as such."""
+    if solid.contents is not None:
+        return [*_contents_parts([solid.contents])]
+    return ["shapes", *sorted(_text(shape_parts(shape)) for shape in solid.shapes)]
+
+
+def _contents_parts(contents: Iterable[SolidContents]) -> list[str]:
+    """Return what solids were made from, whatever their order."""
+    return sorted(
+        _text([one.kind, one.sizes, one.mesh_hash, *_placement_parts(one)]) for one in contents
+    )
+
+
+def _placement_parts(contents: SolidContents) -> list[object]:
+    """Return where a solid is; a ball may be turned at will."""
+    placement = contents.placement
+    return [placement[:3, 3] if contents.kind == "sphere" else placement]
+
+
+def _link_poses(robot: RobotModel, link: str) -> tuple[FloatArray, FloatArray]:
+    """Return rotations and positions of a link in some configurations."""
+    rotation, position = robot.body_poses(_sampled(robot)[0])
+    body, placement = robot.link_body[link], robot.link_placement[link]
+    moved = np.einsum("nij,j->ni", rotation[:, body], placement[:3, 3])
+    return rotation[:, body] @ placement[:3, :3], position[:, body] + moved
+
+
+def _sampled(robot: RobotModel) -> FloatArray:
+    """Return positions, velocities and accelerations of some states, shape (3, N, n)."""
+    shape = (3, _CONFIGURATIONS, robot.joint_count)
+    return np.random.default_rng(_SEED).uniform(-1, 1, shape)
+
+
+def origin(problem: PlanningProblem, method: str | None = None) -> dict[str, Any]:
+    """Return the origin that a trajectory file states, as JSON values.
+
+    Args:
+        problem: The planning problem.
+        method: How the trajectory was made; None: not known, and not stated.
+    """
     return {
-        "method": method,
+        **({} if method is None else {"method": method}),
         "tubeplanner_version": __version__,
         "problem": problem.name,
         "problem_hash": problem_hash(problem),
@@ -73,12 +146,14 @@ def origin(problem: PlanningProblem, method: str) -> dict[str, Any]:
     }
 
 
-def _hash(parts: Iterable[object]) -> str:
-    digest = hashlib.sha256()
-    for part in parts:
-        text = part if isinstance(part, str) or part is None else _digits(part)
-        digest.update(f"{text};".encode())
-    return digest.hexdigest()[:16]
+def hash_of(parts: Iterable[object], digits: int) -> str:
+    """Return a hash of texts, None and numbers, in hexadecimal digits."""
+    return hashlib.sha256(_text(parts).encode()).hexdigest()[:digits]
+
+
+def _text(parts: Iterable[object]) -> str:
+    known = (str, type(None))
+    return "".join(f"{part if isinstance(part, known) else _digits(part)};" for part in parts)
 
 
 def _digits(values: object) -> str:

@@ -5,8 +5,10 @@ Our JSON holds the polynomials themselves. The others hold samples, which are jo
 """
 
 import csv
-import json
-from collections.abc import Sequence
+import io
+from array import array
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,12 +17,19 @@ import numpy as np
 from scipy.interpolate import BPoly, CubicSpline, PPoly
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.errors import TrajectoryError
-from tubeplanner.trajectory.joint_trajectory import JointTrajectory
+from tubeplanner.documents import DocumentError, parse_json, parse_yaml, read_text
+from tubeplanner.errors import TrajectoryError, shown
+from tubeplanner.names import require_name
+from tubeplanner.trajectory.joint_trajectory import MIN_DURATION, JointTrajectory
 
 TRAJECTORY_FORMAT = "tubeplanner/trajectory"
 TRAJECTORY_VERSION = 1
 _DURATION_TOLERANCE = 1e-9  # [s]
+_MAX_BYTES = 200_000_000
+_MAX_POSITION = 1e4  # [rad or m]
+_MAX_SAMPLES = 100_000
+_MAX_NUMBER = 1e18  # what is larger is no reading of any joint or clock, and overflows when joined
+_COLUMNS_SHOWN = 20
 _QUANTITIES = ("position", "velocity", "acceleration")
 _ROS_FIELDS = dict(zip(_QUANTITIES, ("positions", "velocities", "accelerations"), strict=True))
 _SECONDS = (("sec", "nanosec"), ("secs", "nsecs"))
@@ -68,21 +77,33 @@ def read_trajectory_file(path: str | Path) -> TrajectoryFile:
     readers = {".json": _read_json, ".csv": _read_csv, ".yaml": _read_ros, ".yml": _read_ros}
     read = readers.get(path.suffix.lower(), _read_json)
     try:
-        text = path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise TrajectoryError(f"trajectory file {path} cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError:
-        raise TrajectoryError(f"trajectory file {path} is no text") from None
+        text = read_text(path, _MAX_BYTES)
+    except DocumentError as error:
+        raise TrajectoryError(f"trajectory file {path} cannot be read: {error}") from error
     try:
-        return read(text)
+        file = read(text)
+        _require_positions_of_arms(file.trajectory)
     except TrajectoryError as error:
         raise TrajectoryError(f"{path}: {error}") from error
+    return file
+
+
+def _require_positions_of_arms(trajectory: JointTrajectory) -> None:
+    """Raise if a joint may travel so far that judging it would take minutes."""
+    reach = trajectory.reach()
+    if (reach <= _MAX_POSITION).all():
+        return
+    piece, joint = np.unravel_index(int(reach.argmax()), reach.shape)
+    raise TrajectoryError(
+        f"the position of '{trajectory.joint_names[joint]}' may reach {reach[piece, joint]:.3g} "
+        f"rad or m in piece {piece}; files are read up to {_MAX_POSITION:g}"
+    )
 
 
 def _read_json(text: str) -> TrajectoryFile:
     try:
-        fields = json.loads(text)
-    except (ValueError, RecursionError) as error:
+        fields = parse_json(text)
+    except DocumentError as error:
         raise TrajectoryError(
             f"is no JSON ({error}); .csv and .yaml are read as CSV and ROS"
         ) from error
@@ -90,10 +111,9 @@ def _read_json(text: str) -> TrajectoryFile:
         raise TrajectoryError(f"is no trajectory file: format must be {TRAJECTORY_FORMAT}")
     version = fields.get("version")
     if version != TRAJECTORY_VERSION or isinstance(version, bool):
-        raise TrajectoryError(f"version is {version!r}; {TRAJECTORY_VERSION} can be read")
-    trajectory = JointTrajectory(
-        _names(fields), _numbers(fields, "breakpoints"), _numbers(fields, "coefficients")
-    )
+        raise TrajectoryError(f"version is {shown(version)}; {TRAJECTORY_VERSION} can be read")
+    breakpoints = _numbers(fields, "breakpoints")
+    trajectory = JointTrajectory(_names(fields), breakpoints, _numbers(fields, "coefficients"))
     if "duration" in fields:
         _require_duration(_numbers(fields, "duration"), trajectory.duration)
     hashes = (fields.get(key) for key in ("problem_hash", "robot_hash"))
@@ -113,7 +133,7 @@ def _require_duration(given: FloatArray, duration: float) -> None:
 def _names(fields: dict[str, Any]) -> list[str]:
     names = fields.get("joint_names")
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-        raise TrajectoryError(f"joint_names is {names!r:.60}; it must be a list of names")
+        raise TrajectoryError(f"joint_names is {shown(names)}; it must be a list of names")
     return names
 
 
@@ -124,67 +144,108 @@ def _numbers(fields: dict[str, Any], key: str) -> FloatArray:
     except ValueError:
         raise TrajectoryError(f"{key} has rows of different lengths") from None
     if array.dtype.kind not in "iuf" or array.size == 0:
-        raise TrajectoryError(f"{key} is {fields.get(key)!r:.60}; it must be numbers")
+        raise TrajectoryError(f"{key} is {shown(fields.get(key))}; it must be numbers")
     return array.astype(np.float64)
 
 
 def _read_csv(text: str) -> TrajectoryFile:
-    rows = [row for row in csv.reader(text.splitlines()) if row]
-    header = [name.strip() for name in rows[0]] if rows else []
+    # Rows are taken one by one, and their columns as plain numbers: text takes ten times as much.
+    rows = (row for row in csv.reader(io.StringIO(text, newline="")) if row)
+    try:
+        header = [name.strip() for name in next(rows, [])]
+        joints = _csv_joints(header)
+        tables = _csv_tables(joints, header)
+        wanted = ["time", *(f"{joint}.{what}" for what in tables for joint in joints)]
+        columns = _csv_columns(rows, header, wanted)
+    except csv.Error as error:
+        raise TrajectoryError(f"is no CSV ({error})") from None
+    time, *values = columns
+    n = len(joints)
+    known = {what: np.array(values[n * k : n * k + n]).T for k, what in enumerate(tables)}
+    return _from_samples(joints, time, known)
+
+
+def _csv_joints(header: list[str]) -> list[str]:
     joints = [name.removesuffix(".position") for name in header if name.endswith(".position")]
     if "time" not in header or not joints:
         raise TrajectoryError(
             f"needs the columns time and JOINT.position; its columns are "
-            f"{', '.join(header)[:200] or 'none'}"
+            f"{', '.join(map(shown, header[:_COLUMNS_SHOWN])) or 'none'}"
         )
-    for name in header:
-        if header.count(name) > 1:
-            raise TrajectoryError(f"the column '{name}' is there {header.count(name)} times")
-    for number, row in enumerate(rows[1:], start=2):
-        if len(row) != len(header):
-            raise TrajectoryError(f"row {number} has {len(row)} values for {len(header)} columns")
+    for joint in joints:
+        require_name("the joint of a column", joint, TrajectoryError)
+    for name, count in Counter(header).items():
+        if count > 1:
+            raise TrajectoryError(f"the column {shown(name)} is there {count} times")
+    return joints
 
-    def column(name: str) -> list[float]:
-        index = header.index(name)
-        return [_number(row[index], f"row {i}, {name}") for i, row in enumerate(rows[1:], start=2)]
 
-    tables: dict[str, FloatArray] = {}
+def _csv_tables(joints: list[str], header: list[str]) -> list[str]:
+    """Return the quantities that all joints have, those that some have being an error."""
+    columns, found = set(header), []
     for quantity in _QUANTITIES:
-        missing = [joint for joint in joints if f"{joint}.{quantity}" not in header]
+        missing = [joint for joint in joints if f"{joint}.{quantity}" not in columns]
         if len(missing) == len(joints):
             break
         if missing:
             raise TrajectoryError(
                 f"{quantity} is missing for {', '.join(missing)}; give it for all joints or none"
             )
-        tables[quantity] = np.array([column(f"{joint}.{quantity}") for joint in joints]).T
-    return _from_samples(joints, np.array(column("time")), tables)
+        found.append(quantity)
+    return found
 
 
-def _number(value: Any, where: str) -> float:
+def _csv_columns(
+    rows: Iterator[list[str]], header: list[str], wanted: list[str]
+) -> list[FloatArray]:
+    """Return columns by their names, each (N,)."""
+    places = {name: index for index, name in enumerate(header)}
+    columns = [(places[name], name, array("d")) for name in wanted]
+    for number, row in enumerate(rows, start=2):
+        if len(row) != len(header):
+            raise TrajectoryError(f"row {number} has {len(row)} values for {len(header)} columns")
+        if number - 1 > _MAX_SAMPLES:
+            raise _too_many_samples()
+        for index, name, column in columns:
+            column.append(_number(row[index], "row {}, {}", number, name))
+    return [np.frombuffer(column, dtype=np.float64) for *_, column in columns]
+
+
+def _too_many_samples() -> TrajectoryError:
+    return TrajectoryError(
+        f"has more than {_MAX_SAMPLES} samples; write fewer per second, or cut it into parts"
+    )
+
+
+def _number(value: Any, where: str, *places: object) -> float:
+    """Return a finite number; `where` says which one, its braces filled with the places."""
     try:
         number = float(value)
     except (TypeError, ValueError):
-        raise TrajectoryError(f"{where} is {value!r:.40}, no number") from None
-    if not np.isfinite(number):
-        raise TrajectoryError(f"{where} is {number}; it must be finite")
+        raise TrajectoryError(f"{where.format(*places)} is {shown(value)}, no number") from None
+    except OverflowError:  # a whole number
+        number = np.inf
+    if not abs(number) <= _MAX_NUMBER:
+        raise TrajectoryError(
+            f"{where.format(*places)} is {number:g}; it must be finite, at most {_MAX_NUMBER:g}"
+        )
     return number
 
 
 def _read_ros(text: str) -> TrajectoryFile:
-    import yaml  # takes longer to import than all else that a check by JSON needs
-
     try:
         # `ros2 topic echo` ends every message with a document marker.
-        message = next(iter(yaml.load_all(text, Loader=yaml.CSafeLoader)), None)
-    except yaml.YAMLError as error:
-        raise TrajectoryError(f"is no YAML ({' '.join(str(error).split())[:200]})") from error
+        message = parse_yaml(text, first_of_many=True)
+    except DocumentError as error:
+        raise TrajectoryError(f"is no YAML ({error})") from error
     if isinstance(message, dict) and isinstance(message.get("trajectory"), dict):
         message = message["trajectory"]
     message = message if isinstance(message, dict) else {}
     points = message.get("points")
     if not isinstance(points, list) or not all(isinstance(point, dict) for point in points):
         raise TrajectoryError("is no trajectory_msgs/JointTrajectory: it needs a list of points")
+    if len(points) > _MAX_SAMPLES:
+        raise _too_many_samples()
     names = _names(message)
     tables: dict[str, FloatArray] = {}
     for quantity, field in _ROS_FIELDS.items():
@@ -204,19 +265,19 @@ def _ros_row(names: list[str], index: int, point: dict[str, Any], field: str) ->
     values = point[field]
     if not isinstance(values, list) or len(values) != len(names):
         raise TrajectoryError(
-            f"point {index}: {field} {values!r:.60} must be {len(names)} numbers, one per joint"
+            f"point {index}: {field} {shown(values)} must be {len(names)} numbers, one per joint"
         )
-    return [_number(value, f"point {index}: {field}") for value in values]
+    return [_number(value, "point {}: {}", index, field) for value in values]
 
 
 def _ros_time(index: int, point: dict[str, Any]) -> float:
     stamp = point.get("time_from_start")
     for seconds, nanoseconds in _SECONDS:
         if isinstance(stamp, dict) and seconds in stamp:
-            where = f"point {index}: time_from_start"
-            rest = _number(stamp.get(nanoseconds, 0), where)
-            return _number(stamp[seconds], where) + 1e-9 * rest
-    raise TrajectoryError(f"point {index}: time_from_start is {stamp!r:.60}; sec and nanosec")
+            where = "point {}: time_from_start"
+            rest = _number(stamp.get(nanoseconds, 0), where, index)
+            return _number(stamp[seconds], where, index) + 1e-9 * rest
+    raise TrajectoryError(f"point {index}: time_from_start is {shown(stamp)}; sec and nanosec")
 
 
 def _from_samples(
@@ -226,10 +287,10 @@ def _from_samples(
     if len(time) < 2 or "position" not in tables:
         raise TrajectoryError("at least two samples with positions are needed")
     time = time - time[0]
-    for i in np.flatnonzero(np.diff(time) <= 0):
+    for i in np.flatnonzero(~(np.diff(time) >= MIN_DURATION)):
         raise TrajectoryError(
             f"time must increase: sample {i + 1} comes {time[i] - time[i + 1]:.6g} s before the "
-            "sample in front of it"
+            f"sample in front of it; it must come {MIN_DURATION:g} s after it or later"
         )
     _require_same_units(time, tables)
     if "velocity" not in tables:

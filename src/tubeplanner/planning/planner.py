@@ -32,8 +32,10 @@ def plan(
         say what is in the way. Ctrl-C ends the search with the best so far.
 
     Raises:
+        ProblemError: The problem is none.
         KeyboardInterrupt: Ctrl-C before anything was certified.
     """
+    PlanningProblem.require(problem)
     options = options or PlanOptions()
     clock = PlanningClock(options.time_limit, progress)
     result, stopped_by = until_stopped(partial(_planned, problem, options, clock))

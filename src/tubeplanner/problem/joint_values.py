@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, read_only
-from tubeplanner.errors import ProblemError, unknown_name
+from tubeplanner.errors import ProblemError, shown, unknown_name
 from tubeplanner.robot.robot_model import RobotModel
 
 
@@ -31,9 +31,13 @@ def configuration_of(robot: RobotModel, what: str, values: Any) -> FloatArray:
             raise ProblemError(f"{what}: no value for joint {', '.join(missing)}")
         values = [values[name] for name in names]
     try:
+        if any(isinstance(value, bool) for value in values):
+            raise TypeError("a truth value is no number")
         q = read_only(values)
-    except (TypeError, ValueError):
-        raise ProblemError(f"{what} {values!r} must be numbers, one per joint") from None
+    except (TypeError, ValueError) as error:
+        raise ProblemError(
+            f"{what} {shown(values)} must be numbers, one per joint ({error})"
+        ) from None
     if q.shape != (len(names),):
         raise ProblemError(
             f"{what} has {q.size} values for the {len(names)} joints {', '.join(names)}"

@@ -1,6 +1,6 @@
 """A planning problem: robot, tube, start, goal, obstacles; built in Python or read from a file."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -9,7 +9,8 @@ from tubeplanner.arrays import FloatArray, read_only
 from tubeplanner.collision.collision_checker import CollisionChecker
 from tubeplanner.collision.collision_scene import CollisionScene
 from tubeplanner.collision.obstacle import MAX_SIZE, AttachedSolid, Obstacle
-from tubeplanner.errors import ProblemError, unknown_name
+from tubeplanner.errors import ProblemError, shown, unknown_name
+from tubeplanner.options import in_figures, is_number
 from tubeplanner.outcome import MARGIN_TOLERANCE
 from tubeplanner.problem.joint_values import configuration_of
 from tubeplanner.robot.robot_model import RobotModel
@@ -66,17 +67,16 @@ class PlanningProblem:
     _scene: CollisionScene | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
-        for group in ("obstacles", "attached", "ignore_collisions"):
-            self._keep(group, tuple(getattr(self, group)))
+        self._keep_groups()
         self._keep_scene()
         self._keep_joint_bounds()
         self._keep("start", self._checked_end("start", self.start, 0))
         if self.goal is not None:
             last = self.tube.segment_count - 1
             self._keep("goal", self._checked_end("goal", self.goal, last))
-        if not 0 <= self.clearance <= MAX_SIZE:
+        if not is_number(self.clearance) or not 0 <= self.clearance <= MAX_SIZE:
             raise ProblemError(
-                f"clearance is {self.clearance:g} m; 0 to {MAX_SIZE:g} m are accepted"
+                f"clearance is {in_figures(self.clearance)} m; 0 to {MAX_SIZE:g} m are accepted"
             )
 
     @property
@@ -84,6 +84,14 @@ class PlanningProblem:
         """The robot's links and the obstacles, ready to be checked."""
         assert self._scene is not None
         return self._scene.checker
+
+    @staticmethod
+    def require(problem: object) -> None:
+        """Raise ProblemError unless something is a planning problem."""
+        if not isinstance(problem, PlanningProblem):
+            raise ProblemError(
+                f"the problem is {shown(problem)}; give a PlanningProblem, as load_problem returns"
+            )
 
     def with_tube(self, tube: Tube, goal: FloatArray | None = None) -> "PlanningProblem":
         """Return the problem with another tube; robot and collision geometry are shared.
@@ -106,6 +114,22 @@ class PlanningProblem:
             ProblemError: As on construction.
         """
         return replace(self, tube=tube, start=start, goal=None)
+
+    def _keep_groups(self) -> None:
+        """Keep obstacles, attached solids and ignored pairs as tuples of what they must be."""
+        wanted = {
+            "obstacles": (Obstacle, "Obstacle.box, .sphere, .cylinder, .capsule or .mesh"),
+            "attached": (AttachedSolid, "AttachedSolid"),
+            "ignore_collisions": (Sequence, "pairs of names"),
+        }
+        for group, (kind, remedy) in wanted.items():
+            given = getattr(self, group)
+            members = tuple(given) if isinstance(given, Iterable) else (given,)
+            for k, member in enumerate(members):
+                is_pair = kind is not Sequence or np.shape(member) == (2,)
+                if not isinstance(member, kind) or not is_pair:
+                    raise ProblemError(f"{group}[{k}] is {shown(member)}; give {remedy}")
+            self._keep(group, members)
 
     def _keep(self, name: str, value: object) -> None:
         object.__setattr__(self, name, value)

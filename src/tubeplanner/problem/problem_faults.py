@@ -4,7 +4,7 @@ from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from tubeplanner.errors import unknown_name
+from tubeplanner.errors import MAX_SHOWN, shown, unknown_name
 
 _Path = tuple[int | str, ...]
 
@@ -20,7 +20,6 @@ _WANTED = {
     "string_type": "text",
     "tuple_type": "a list",
 }
-_MAX_VALUE_LENGTH = 60
 
 
 def first_fault(data: dict[str, Any], error: ValidationError, root: type[BaseModel]) -> str:
@@ -48,8 +47,9 @@ def first_fault(data: dict[str, Any], error: ValidationError, root: type[BaseMod
         sizes = fault["ctx"]
         return f"{_join(steps)} has more than {sizes['max_length']} values"
     if kind == "invalid_key" or fault["loc"][-1:] == ("[key]",):
-        return f"{_join(steps[:-1]) or 'top level'}: the key {steps[-1]!r} is no text; quote it"
-    return f"{_join(steps) or 'the problem'} is {_shown(fault['input'])}; {_wanted(fault, root)}"
+        section = _join(steps[:-1]) or "top level"
+        return f"{section}: the key {shown(steps[-1])} is no text; quote it"
+    return f"{_join(steps) or 'the problem'} is {_found(fault['input'])}; {_wanted(fault, root)}"
 
 
 def _wanted(fault: Any, root: type[BaseModel]) -> str:
@@ -64,9 +64,8 @@ def _wanted(fault: Any, root: type[BaseModel]) -> str:
     return message.replace("input should be", "it must be")
 
 
-def _shown(value: object) -> str:
-    text = "empty" if value is None else repr(value)
-    return text if len(text) <= _MAX_VALUE_LENGTH else text[:_MAX_VALUE_LENGTH] + "..."
+def _found(value: object) -> str:
+    return "empty" if value is None else shown(value)
 
 
 def _steps(data: object, path: _Path) -> list[int | str]:
@@ -82,8 +81,14 @@ def _steps(data: object, path: _Path) -> list[int | str]:
 
 
 def _join(steps: list[int | str]) -> str:
-    text = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in steps)
+    words = [step if isinstance(step, int) else _word(str(step)) for step in steps]
+    text = "".join(f"[{word}]" if isinstance(word, int) else f".{word}" for word in words)
     return text.lstrip(".")
+
+
+def _word(key: str) -> str:
+    """Return a key as a path has it; one that cannot be shown or is long, in quotes."""
+    return key if key.isprintable() and len(key) <= MAX_SHOWN else shown(key)
 
 
 def _keys(model: type[BaseModel]) -> list[str]:

@@ -3,14 +3,12 @@
 Here a file is only read and its shape checked; `problem` gives it meaning.
 """
 
-import json
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, TypeAlias
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
-from ruamel.yaml import YAML
-from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
+from tubeplanner.documents import DocumentError, parse_json, parse_yaml, read_text
 from tubeplanner.errors import ProblemError
 from tubeplanner.problem.problem_faults import first_fault
 
@@ -59,8 +57,6 @@ Version: TypeAlias = Annotated[Literal[1], BeforeValidator(_no_flag)]
 
 PROBLEM_FORMAT: Final = "tubeplanner/problem"
 _MAX_BYTES = 10_000_000
-# The readers' exceptions for malformed input.
-_READER_ERRORS = (YAMLError, ValueError, RecursionError, LookupError, TypeError, AttributeError)
 
 
 class _Section(BaseModel):
@@ -145,8 +141,12 @@ class TubeFields(_Section):
     """Where the tool may be, and its orientation there."""
 
     points: list[Vector] = Field(description="m+1 reference points, base frame [m]")
-    radius: Finite | list[Finite] = Field(description="one or m path tolerances [m]")
-    tool_radius: Finite = Field(0.0, description="end effector as a sphere [m]")
+    radius: Finite | list[Finite] = Field(
+        description="one or m path tolerances, from 1e-6 to 1e4 [m]"
+    )
+    tool_radius: Finite = Field(
+        0.0, description="end effector as a sphere; at least 1e-6 below each radius [m]"
+    )
     joint_signs: dict[str, Sign] | list[dict[str, Sign]] = Field(
         {}, description="one map or m: '+', '-', '0', 1, -1, 0, or [lower, upper] [rad, m]"
     )
@@ -244,40 +244,10 @@ def read_document(path: Path) -> object:
         ProblemError: The file cannot be read or is malformed.
     """
     try:
-        with path.open("rb") as stream:
-            data = stream.read(_MAX_BYTES + 1)
-    except OSError as error:
-        raise ProblemError(f"problem file {path} cannot be read: {error.strerror}") from error
-    if len(data) > _MAX_BYTES:
-        raise ProblemError(f"problem file {path} is larger than {_MAX_BYTES // 10**6} MB")
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
+        text = read_text(path, _MAX_BYTES)
+    except DocumentError as error:
         raise ProblemError(f"problem file {path} cannot be read: {error}") from error
     try:
-        if path.suffix == ".json":
-            return json.loads(text, object_pairs_hook=_unique_keys)
-        return YAML(typ="safe", pure=True).load(text)
-    except MarkedYAMLError as error:
-        raise ProblemError(f"problem file {path} is malformed: {_yaml_reason(error)}") from error
-    except _READER_ERRORS as error:
-        reason = " ".join(str(error).split())
-        raise ProblemError(f"problem file {path} is malformed: {reason}") from error
-
-
-def _yaml_reason(error: MarkedYAMLError) -> str:
-    """Return what is wrong in a YAML file, and where, on one line."""
-    mark = error.problem_mark or error.context_mark
-    place = "" if mark is None else f"line {mark.line + 1}, column {mark.column + 1}: "
-    reason = str(error.problem or error.context).split(" with value ")[0]
-    if "\\t" in reason:
-        reason += "; use spaces"
-    return f"{place}{reason}"
-
-
-def _unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    result = dict(pairs)
-    if len(result) < len(pairs):
-        keys = [key for key, _ in pairs]
-        raise ValueError(f"the key '{max(keys, key=keys.count)}' is given twice")
-    return result
+        return parse_json(text) if path.suffix == ".json" else parse_yaml(text)
+    except DocumentError as error:
+        raise ProblemError(f"problem file {path} is malformed: {error}") from error

@@ -187,7 +187,7 @@ def _srdf_pairs(fields: ProblemFields, robot: RobotModel, directory: Path) -> li
 
 def _attached(fields: AttachedFields, directory: Path, folders: tuple[Path, ...]) -> AttachedSolid:
     solid = _obstacle(fields, directory, folders)
-    return AttachedSolid(solid.name, solid.shapes, tuple(fields.touch_links))
+    return AttachedSolid(solid.name, solid.shapes, tuple(fields.touch_links), solid.contents)
 
 
 def _obstacle(fields: ObstacleFields, directory: Path, folders: tuple[Path, ...]) -> Obstacle:

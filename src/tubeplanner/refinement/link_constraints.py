@@ -7,7 +7,8 @@ from functools import cached_property
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
-from tubeplanner.collision.collision_checker import ClosestPoints, CollisionChecker
+from tubeplanner.collision.body_shapes import ClosestPoints
+from tubeplanner.collision.collision_checker import CollisionChecker
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.refinement.linear_rows import (
     INNER_MARGIN,

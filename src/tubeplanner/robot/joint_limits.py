@@ -1,13 +1,15 @@
 """Limits of the planned joints: those of the URDF, replaced and scaled by those of the problem."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, read_only
-from tubeplanner.errors import RobotError, unknown_name
-from tubeplanner.robot.urdf import UrdfDescription, UrdfJoint
+from tubeplanner.errors import RobotError, shown, unknown_name
+from tubeplanner.options import in_figures, is_number
+from tubeplanner.robot.followers import followers_of
+from tubeplanner.robot.urdf import Mimic, UrdfDescription, UrdfJoint
 
 _MIN_LIMIT, _MAX_LIMIT = 1e-6, 1e9  # limits that make sense, in SI units
 _SCALABLE = ("effort", "velocity", "acceleration")
@@ -34,18 +36,35 @@ class LimitOverrides:
     scale: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        for field_ in fields(self):
+            given = getattr(self, field_.name)
+            if not isinstance(given, Mapping):
+                raise RobotError(
+                    f"robot.limits.{field_.name} is {shown(given)}; it must be a map by name, such "
+                    "as {'elbow_joint': 1.5}"
+                )
         for quantity in (*_SCALABLE, "jerk"):
             for name, value in getattr(self, quantity).items():
-                if not (_MIN_LIMIT <= value <= _MAX_LIMIT or value == np.inf):
+                in_range = is_number(value) and (
+                    _MIN_LIMIT <= value <= _MAX_LIMIT or value == np.inf
+                )
+                if not in_range:
                     raise RobotError(
-                        f"robot.limits.{quantity}: joint '{name}' at {value:g}; give a number from "
-                        f"{_MIN_LIMIT:g} to {_MAX_LIMIT:g}, or .inf for none"
+                        f"robot.limits.{quantity}: joint '{name}' at {in_figures(value)}; give a "
+                        f"number from {_MIN_LIMIT:g} to {_MAX_LIMIT:g}, or .inf for none"
                     )
+        for name, range_ in self.position.items():
+            if np.shape(range_) != (2,) or not all(is_number(bound) for bound in range_):
+                raise RobotError(
+                    f"robot.limits.position: joint '{name}' at {shown(range_)}; give [lower, upper]"
+                )
         for name, factor in self.scale.items():
             if name not in _SCALABLE:
                 raise RobotError(f"robot.limits.scale: {unknown_name('quantity', name, _SCALABLE)}")
-            if not 0 < factor <= 1:
-                raise RobotError(f"robot.limits.scale: {name} at {factor:g} must be in (0, 1]")
+            if not is_number(factor) or not 0 < factor <= 1:
+                raise RobotError(
+                    f"robot.limits.scale: {name} at {in_figures(factor)} must be in (0, 1]"
+                )
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,16 +97,21 @@ def resolve_limits(
 ) -> JointLimits:
     """Return the limits of the joints of a planning group.
 
+    Position, velocity, acceleration and jerk of joints that follow one of them bound it too,
+    divided by their multipliers; limits that the URDF does not give do not. A follower has no
+    motor: its effort limit is not asked, its master's holds for all they take together.
+
     Raises:
         RobotError: A limit is missing, zero, negative or reversed and not replaced, a joint has no
-            finite limit that bounds its speed, or an override names a joint outside the group.
+            finite limit that bounds its speed, a follower leaves it no position, or an override
+            names a joint that is neither in the group nor follows one of it.
     """
+    followers = followers_of(description, joint_names)
     for quantity in ("effort", "velocity", "position", "acceleration", "jerk"):
+        known = [*joint_names, *(followers if quantity != "effort" else ())]
         for name in getattr(overrides, quantity):
-            if name not in joint_names:
-                raise RobotError(
-                    f"robot.limits.{quantity}: {unknown_name('joint', name, joint_names)}"
-                )
+            if name not in known:
+                raise RobotError(f"robot.limits.{quantity}: {unknown_name('joint', name, known)}")
     joints = [description.joints[name] for name in joint_names]
     positions = np.array([_position(description, joint, overrides) for joint in joints])
     values = {
@@ -98,6 +122,11 @@ def resolve_limits(
         "acceleration": [overrides.acceleration.get(name, np.inf) for name in joint_names],
         "jerk": [overrides.jerk.get(name, np.inf) for name in joint_names],
     }
+    for name, rule in followers.items():
+        column = list(joint_names).index(rule.master)
+        _bound_by_follower(description.joints[name], rule, overrides, positions[column])
+        for quantity, bound in _rates_of(description.joints[name], overrides).items():
+            values[quantity][column] = min(values[quantity][column], bound / abs(rule.multiplier))
     scaled = {
         quantity: read_only(np.array(row) * overrides.scale.get(quantity, 1.0))
         for quantity, row in values.items()
@@ -110,6 +139,41 @@ def resolve_limits(
                 "its speed is unbounded; give one in robot.limits"
             )
     return JointLimits(read_only(positions[:, 0]), read_only(positions[:, 1]), **scaled)
+
+
+def _bound_by_follower(
+    follower: UrdfJoint, rule: Mimic, overrides: LimitOverrides, bounds: FloatArray
+) -> None:
+    """Cut a master's position limits (2,) with those of a joint that follows it, in place."""
+    lower, upper = overrides.position.get(follower.name, (follower.lower, follower.upper))
+    if lower == upper == 0.0:  # the URDF gives no limits
+        lower, upper = -np.inf, np.inf
+    ends = sorted((end - rule.offset) / rule.multiplier for end in (lower, upper))
+    given = bounds.copy()
+    bounds[:] = max(bounds[0], ends[0]), min(bounds[1], ends[1])
+    where = f"joint '{follower.name}', which follows '{rule.master}'"
+    if not lower <= upper or not bounds[0] < bounds[1]:
+        raise RobotError(
+            f"{where}, has position limits [{lower:g}, {upper:g}]; they leave its master, whose "
+            f"own are [{given[0]:g}, {given[1]:g}], no range; give either in robot.limits.position"
+        )
+    if follower.type == "prismatic" and not np.isfinite(bounds).all():
+        raise RobotError(
+            f"{where}, slides without end; give finite limits in robot.limits.position"
+        )
+
+
+def _rates_of(follower: UrdfJoint, overrides: LimitOverrides) -> dict[str, float]:
+    """Return the limits that a follower has on velocity, acceleration and jerk, by quantity."""
+    name, velocity = follower.name, follower.velocity
+    rates = {
+        quantity: getattr(overrides, quantity)[name]
+        for quantity in ("velocity", "acceleration", "jerk")
+        if name in getattr(overrides, quantity)
+    }
+    if velocity is not None and 0 < velocity < np.inf:
+        rates.setdefault("velocity", velocity)
+    return rates
 
 
 def _position(

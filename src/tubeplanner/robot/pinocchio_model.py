@@ -1,4 +1,4 @@
-"""From a URDF to the Pinocchio model of the planned joints: others locked, payload attached."""
+"""From a URDF to the Pinocchio model of what moves: other joints locked, payload attached."""
 
 import os
 import tempfile
@@ -11,9 +11,10 @@ from typing import IO
 import numpy as np
 import pinocchio as pin
 
-from tubeplanner.arrays import FloatArray, read_only
+from tubeplanner.arrays import BoolArray, FloatArray, read_only
 from tubeplanner.errors import RobotError, unknown_name
-from tubeplanner.robot.urdf import Mimic, UrdfDescription, UrdfJoint, joint_id, link_id
+from tubeplanner.robot.followers import followers_of, leader_of, leaders
+from tubeplanner.robot.urdf import UrdfDescription, UrdfJoint, joint_id, link_id
 
 _HEAVIEST = 1e6  # [kg]
 # The standard error is the process's: one reader at a time takes it.
@@ -72,10 +73,27 @@ class ToolOffset:
                 raise RobotError(f"robot.tool_offset: {name} {values} must be three finite numbers")
 
 
+@dataclass(frozen=True)
+class BodyInertia:
+    """Mass properties of a body that bounds on norms need.
+
+    Attributes:
+        mass: [kg].
+        com_distance: Distance of the centre of mass from the body's origin [m].
+        moment: Largest principal moment about the centre of mass [kg m^2].
+    """
+
+    mass: float
+    com_distance: float
+    moment: float
+
+
 def planning_group(
     description: UrdfDescription, tool_frame: str, joints: Sequence[str] | None
 ) -> list[str]:
-    """Return the joints to plan for: the requested ones, or the movable ones on the tool's chain.
+    """Return the joints to plan for: the requested ones, or those that move the tool.
+
+    These are the movable joints on its chain, in place of one that mimics another its master.
 
     Raises:
         RobotError: A name does not exist or is doubled, a joint mimics another, or none of the
@@ -85,7 +103,8 @@ def planning_group(
         message = unknown_name("tool_frame", tool_frame, description.links)
         raise RobotError(f"{description.path}: {message}")
     chain = description.chain(tool_frame)
-    group = list(chain if joints is None else joints)
+    movers = leaders(description, chain)
+    group = list(movers if joints is None else joints)
     for name in group:
         if name not in description.movable():
             message = unknown_name("movable joint", name, description.movable())
@@ -94,14 +113,16 @@ def planning_group(
             raise RobotError(f"robot.joints: '{name}' is listed {group.count(name)} times")
         mimic = description.joints[name].mimic
         if mimic is not None:
+            leader = leader_of(description, name).master
             raise RobotError(
-                f"{description.path}: joint '{name}' mimics '{mimic.master}' and cannot be planned "
-                "by itself; choose joints without it"
+                f"{description.path}: robot.joints: joint '{name}' mimics '{mimic.master}' and "
+                f"cannot be planned by itself; plan '{leader}', which moves it, or leave both out: "
+                f"{', '.join(other for other in group if other not in (name, leader))}"
             )
-    if not set(group) & set(chain):
+    if not set(group) & set(movers):
         raise RobotError(
-            f"{description.path}: no planned joint moves tool_frame '{tool_frame}'; the movable "
-            f"joints on its chain are: {', '.join(chain) or 'none'}"
+            f"{description.path}: no planned joint moves tool_frame '{tool_frame}'; the "
+            f"joints that do are: {', '.join(movers) or 'none'}"
         )
     return group
 
@@ -116,7 +137,9 @@ def build_model(
     payload: Payload | None,
     needs_masses: bool,
 ) -> pin.Model:
-    """Return the Pinocchio model of the planning group; its limits are placeholders.
+    """Return the Pinocchio model of a planning group and the joints that follow it.
+
+    Followers are joints of their own there; all limits are placeholders.
 
     Args:
         description: The robot.
@@ -154,6 +177,52 @@ def link_placements(
     return body, placement
 
 
+def body_inertias(model: pin.Model) -> tuple[BodyInertia, ...]:
+    """Return the mass properties of all bodies, the base's left at zero."""
+    found = [BodyInertia(0.0, 0.0, 0.0)]
+    for inertia in list(model.inertias)[1:]:
+        moment = float(np.linalg.eigvalsh(inertia.inertia).max())
+        found.append(BodyInertia(float(inertia.mass), float(np.linalg.norm(inertia.lever)), moment))
+    return tuple(found)
+
+
+def carried_bodies(model: pin.Model) -> BoolArray:
+    """Return whether joints of the model move bodies, shape (bodies, M)."""
+    moves = np.zeros((model.njoints, model.njoints - 1), dtype=bool)
+    for body in range(1, model.njoints):
+        moves[body, [joint - 1 for joint in _supports(model, body)]] = True
+    return moves
+
+
+def lever_arms(model: pin.Model, travel: FloatArray) -> FloatArray:
+    """Return upper bounds on the distances from joints' axes to bodies' origins [m].
+
+    Args:
+        model: The robot.
+        travel: How far its M joints slide from zero, shape (M,) [m].
+
+    Returns:
+        Shape (bodies, M), 0 where a joint does not move the body.
+    """
+    lever = np.zeros((model.njoints, model.njoints - 1))
+    for body in range(1, model.njoints):
+        reach = 0.0
+        for joint in _supports(model, body):
+            reach += float(travel[joint - 1])
+            lever[body, joint - 1] = reach
+            reach += float(np.linalg.norm(model.jointPlacements[joint].translation))
+    return read_only(lever)
+
+
+def _supports(model: pin.Model, body: int) -> list[int]:
+    """Return the joints that move a body, from the body to the base."""
+    joints = []
+    while body > 0:
+        joints.append(body)
+        body = model.parents[body]
+    return joints
+
+
 def add_tool_centre_point(model: pin.Model, tool_frame: str, offset: ToolOffset) -> int:
     """Add the tool centre point to a model; return the index of its frame."""
     tool = model.frames[model.getFrameId(link_id(tool_frame), pin.FrameType.BODY)]
@@ -169,10 +238,16 @@ def add_tool_centre_point(model: pin.Model, tool_frame: str, offset: ToolOffset)
 def _reduced_model(
     description: UrdfDescription, group: Sequence[str], locked: Mapping[str, float]
 ) -> pin.Model:
-    """Return the Pinocchio model of the group alone, all other joints locked."""
+    """Return the Pinocchio model of the group and its followers, all other joints locked."""
     full = _parse(description)
-    outside = [name for name in description.movable() if name not in group]
+    followers = followers_of(description, group)
+    outside = [n for n in description.movable() if n not in group and n not in followers]
     for name in locked:
+        if name in followers:
+            raise RobotError(
+                f"robot.locked_joints: '{name}' follows '{followers[name].master}', which is "
+                "planned; remove it, or plan without that joint"
+            )
         if name not in outside:
             raise RobotError(
                 f"robot.locked_joints: {unknown_name('joint outside the group', name, outside)}"
@@ -188,38 +263,20 @@ def _locked_value(
     description: UrdfDescription, name: str, group: Sequence[str], locked: Mapping[str, float]
 ) -> float:
     """Return the value of a joint outside the group: given, zero, or what its master makes it."""
-    factor, offset, leader = 1.0, 0.0, description.joints[name]
-    followed = [name]
-    while leader.mimic is not None:
-        factor, offset = factor * leader.mimic.multiplier, offset + factor * leader.mimic.offset
-        leader = _master(description, leader.mimic, followed, group)
-        followed.append(leader.name)
-    if len(followed) == 1:
-        return _free_value(leader, locked)
-    value = factor * _free_value(leader, locked) + offset
+    mimic = description.joints[name].mimic
+    if mimic is None:
+        return _free_value(description.joints[name], locked)
+    rule = leader_of(description, name)
+    stands_at = (
+        0.0 if rule.master in group else _free_value(description.joints[rule.master], locked)
+    )
+    value = rule.multiplier * stands_at + rule.offset
     if abs(locked.get(name, value) - value) > 1e-9:
         raise RobotError(
             f"robot.locked_joints: '{name}' at {locked[name]:g} contradicts the joint it mimics, "
-            f"'{followed[1]}', which puts it at {value:g}"
+            f"'{mimic.master}', which puts it at {value:g}"
         )
     return value
-
-
-def _master(
-    description: UrdfDescription, mimic: Mimic, followed: list[str], group: Sequence[str]
-) -> UrdfJoint:
-    where = f"{description.path}: joint '{followed[-1]}' mimics '{mimic.master}'"
-    if mimic.master not in description.joints:
-        names = unknown_name("joint", mimic.master, description.joints)
-        raise RobotError(f"{where}: {names}")
-    if mimic.master in followed:
-        raise RobotError(f"{where}: joints mimic each other in a circle")
-    if mimic.master in group:
-        raise RobotError(
-            f"{where}, which is planned: a joint that moves along with a planned one is not "
-            "supported; lock the master or remove the <mimic>"
-        )
-    return description.joints[mimic.master]
 
 
 def _free_value(joint: UrdfJoint, locked: Mapping[str, float]) -> float:

@@ -7,7 +7,6 @@ joints are not wrapped.
 
 import threading
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -18,12 +17,18 @@ import pinocchio as pin
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray, read_only
 from tubeplanner.errors import RobotError
 from tubeplanner.resources import find_description
+from tubeplanner.robot.followers import followers_of
 from tubeplanner.robot.joint_limits import JointLimits, LimitOverrides, resolve_limits
+from tubeplanner.robot.model_joints import model_joints
 from tubeplanner.robot.pinocchio_model import (
+    BodyInertia,
     Payload,
     ToolOffset,
     add_tool_centre_point,
+    body_inertias,
     build_model,
+    carried_bodies,
+    lever_arms,
     link_placements,
     planning_group,
 )
@@ -51,9 +56,9 @@ def load_robot(
         urdf: A path, `package://PACKAGE/...`, or `example:NAME`.
         tool_frame: Any link; with the tool offset it gives the point that must stay in the tube.
         joints: Planning group, in the order wanted; default: the movable joints from the root to
-            the tool frame, in chain order.
+            the tool frame, in chain order, or the joints that these mimic.
         locked_joints: Values of joints outside the group, by name [rad or m]; default 0, moved
-            into the limits. A mimic joint follows its master.
+            into the limits. A mimic joint follows its master, locked or planned.
         tool_offset: Tool centre point in the tool frame; default: its origin.
         gravity: In the base frame [m/s^2].
         payload: Carried mass; default: none.
@@ -83,21 +88,6 @@ def load_robot(
     )
 
 
-@dataclass(frozen=True)
-class BodyInertia:
-    """Mass properties of a body that bounds on norms need.
-
-    Attributes:
-        mass: [kg].
-        com_distance: Distance of the centre of mass from the body's origin [m].
-        moment: Largest principal moment about the centre of mass [kg m^2].
-    """
-
-    mass: float
-    com_distance: float
-    moment: float
-
-
 class _Scratch(threading.local):
     """What Pinocchio writes its results into, one for every thread."""
 
@@ -110,7 +100,8 @@ class RobotModel:
     """An arm of n joints and its bodies; made by `load_robot`.
 
     A body is everything that moves as one: body 0 is fixed to the base, body j > 0 is what hangs
-    rigidly from one of the n joints. Several threads may use one model; it pickles by content, the
+    rigidly from one of the n joints, or from one of their followers (joints that mimic them); these
+    are M in all. Several threads may use one model; it pickles by content, the
     URDF's text included.
 
     Attributes:
@@ -159,11 +150,13 @@ class RobotModel:
         self._tool_id = add_tool_centre_point(model, tool_frame, tool_offset)
         # A Data made before the last edit of its model corrupts memory without a word.
         self._scratch = _Scratch(model)
-        # Pinocchio orders joints its own way: q_model = q[:, to_model], q = q_model[:, to_group].
-        self._to_model = np.array(
-            [self.joint_names.index(name.removeprefix(joint_id(""))) for name in model.names[1:]]
+        # Pinocchio orders joints its own way, and knows followers as joints of their own.
+        self._joints = model_joints(
+            urdf,
+            [name.removeprefix(joint_id("")) for name in model.names[1:]],
+            joint_names,
+            followers_of(urdf, joint_names),
         )
-        self._to_group = np.argsort(self._to_model)
 
     def __reduce__(self) -> tuple[Any, ...]:
         tool_offset, locked_joints, payload = self._others
@@ -198,7 +191,7 @@ class RobotModel:
         model, data, tool_id = self._model, self._scratch.data, self._tool_id
         rotation, position = np.empty((len(q), 3, 3)), np.empty((len(q), 3))
         placement = data.oMf[tool_id]
-        for i, q_i in enumerate(self._model_order(q)):
+        for i, q_i in enumerate(self._joints.positions(q)):
             pin.forwardKinematics(model, data, q_i)
             pin.updateFramePlacement(model, data, tool_id)
             rotation[i], position[i] = placement.rotation, placement.translation
@@ -216,15 +209,15 @@ class RobotModel:
         """Return rotation (N, 3, 3), position (N, 3) [m] and Jacobian (N, 6, n) of that point."""
         model, data, tool_id = self._model, self._scratch.data, self._tool_id
         rotation, position = np.empty((len(q), 3, 3)), np.empty((len(q), 3))
-        shape = (6, self.joint_count)
+        shape = (6, self._model.nv)
         jacobian = np.empty((len(q), *shape))
         placement = data.oMf[tool_id]
-        for i, q_i in enumerate(self._model_order(q)):
+        for i, q_i in enumerate(self._joints.positions(q)):
             columns = pin.computeFrameJacobian(model, data, q_i, tool_id, pin.LOCAL_WORLD_ALIGNED)
             jacobian[i] = columns.reshape(shape)  # one column comes back flat
             pin.updateFramePlacement(model, data, tool_id)
             rotation[i], position[i] = placement.rotation, placement.translation
-        return rotation, position, jacobian[:, :, self._to_group]
+        return rotation, position, self._joints.collected(jacobian)
 
     def body_poses(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return rotations (N, bodies, 3, 3) and origins (N, bodies, 3) [m] of all bodies."""
@@ -232,7 +225,7 @@ class RobotModel:
         rotation = np.empty((len(q), self.body_count, 3, 3))
         position = np.empty((len(q), self.body_count, 3))
         placements = list(enumerate(data.oMi))
-        for i, q_i in enumerate(self._model_order(q)):
+        for i, q_i in enumerate(self._joints.positions(q)):
             pin.forwardKinematics(model, data, q_i)
             for j, placement in placements:
                 rotation[i, j], position[i, j] = placement.rotation, placement.translation
@@ -252,12 +245,11 @@ class RobotModel:
         Returns:
             Shape (N, 3, n) [m/rad or 1]. (Siciliano et al., "Robotics", 2009, equation 3.30.)
         """
-        carrier = self._to_group + 1  # the body that each joint moves
-        axis = np.einsum("njab,jb->nja", rotation[:, carrier], self._joint_axes)
-        turned = np.cross(axis, point[:, None] - position[:, carrier])
-        columns = np.where(self.revolute[:, None], turned, axis)
-        moved: FloatArray = columns * self.joint_moves_body[body][:, :, None]
-        return moved.transpose(0, 2, 1)
+        axis = np.einsum("njab,jb->nja", rotation[:, 1:], self._joint_axes)
+        turned = np.cross(axis, point[:, None] - position[:, 1:])
+        columns = np.where(self.body_turns[1:, None], turned, axis)
+        moved: FloatArray = columns * self.carries[body][:, :, None]
+        return self._joints.collected(moved.transpose(0, 2, 1))
 
     def inverse_dynamics(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         """Return the joint efforts [N m or N] that a trajectory needs (recursive Newton-Euler).
@@ -270,12 +262,13 @@ class RobotModel:
         Returns:
             Shape (N, n). Friction and damping of the URDF are not included.
         """
-        columns = [self._model_order(array).T for array in (q, v, a)]
+        joints = self._joints
+        columns = [joints.positions(q).T, joints.rates(v).T, joints.rates(a).T]
         # One thread: two were measured up to 50 times slower on a machine with a busy core.
         tau = pin.rneaInParallel(1, self._scratch.pool, *columns)
         # A single row or column comes back one-dimensional.
-        tau = np.reshape(tau, (self.joint_count, len(q)))
-        return np.ascontiguousarray(tau[self._to_group].T)
+        tau = np.reshape(tau, (self._model.nv, len(q)))
+        return np.ascontiguousarray(joints.collected(tau.T))
 
     def gravity_effort(self, q: FloatArray) -> FloatArray:
         """Return the joint efforts (N, n) [N m or N] that hold the arm still against gravity."""
@@ -289,48 +282,66 @@ class RobotModel:
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return d tau / d q, d tau / d v and d tau / d a, each (N, effort joint, n)."""
         model, data = self._model, self._scratch.data
-        derivatives = np.empty((3, len(q), self.joint_count, self.joint_count))
-        for i, (q_i, v_i, a_i) in enumerate(
-            zip(*(self._model_order(array) for array in (q, v, a)), strict=True)
-        ):
+        joints, count = self._joints, model.nv
+        derivatives = np.empty((3, len(q), count, count))
+        states = zip(joints.positions(q), joints.rates(v), joints.rates(a), strict=True)
+        for i, (q_i, v_i, a_i) in enumerate(states):
             # The result is a set of views into data, overwritten by the next call: copied here.
             blocks = pin.computeRNEADerivatives(model, data, q_i, v_i, a_i)
-            derivatives[:, i] = np.reshape(blocks, (3, self.joint_count, self.joint_count))
-        by_group = derivatives[:, :, self._to_group][:, :, :, self._to_group]
+            derivatives[:, i] = np.reshape(blocks, (3, count, count))
+        by_effort = joints.collected(derivatives.swapaxes(2, 3)).swapaxes(2, 3)
+        by_group = joints.collected(by_effort)
         return by_group[0], by_group[1], by_group[2]
 
     @cached_property
+    def carries(self) -> BoolArray:
+        """Whether a joint or follower moves a body, shape (bodies, M).
+
+        Column k is the one between body k + 1 and the body that carries it.
+        """
+        return carried_bodies(self._model)
+
+    @cached_property
     def joint_moves_body(self) -> BoolArray:
-        """Whether a joint moves a body, shape (bodies, n)."""
-        moves = np.zeros((self.body_count, self.joint_count), dtype=bool)
-        for body in range(1, self.body_count):
-            for joint in self._supports(body):
-                moves[body, self._to_model[joint - 1]] = True
-        return moves
+        """Whether a joint moves a body, itself or by a follower, shape (bodies, n)."""
+        counts: BoolArray = self._joints.collected_bounds(self.carries.astype(float)) > 0
+        return counts
 
     @cached_property
     def revolute(self) -> BoolArray:
         """Whether a joint turns (rather than slides), shape (n,)."""
-        kinds = [self.urdf.joints[name].type != "prismatic" for name in self.joint_names]
-        return np.array(kinds)
+        return self._joints.turns[self._joints.own]
+
+    def approach_rates(
+        self, bodies: tuple[IntArray, IntArray], reach: tuple[FloatArray, FloatArray]
+    ) -> FloatArray:
+        """Return how fast joints can change distances between points of two bodies.
+
+        Args:
+            bodies: Of P pairs, the first and the second, each (P,).
+            reach: How far their points are from the bodies' origins, each (P,) [m].
+
+        Returns:
+            Shape (P, n) [m per rad or m]. What moves both bodies as one does not count.
+        """
+        first, second = (self.carries[body] for body in bodies)
+        rates = [
+            np.where(self._joints.turns, self.lever_arm[body] + away[:, None], 1.0)
+            for body, away in zip(bodies, reach, strict=True)
+        ]
+        relative = np.where(first, rates[0], rates[1])
+        return self._joints.collected_bounds(np.where(first != second, relative, 0.0))
 
     @cached_property
     def lever_arm(self) -> FloatArray:
-        """Upper bound on the distance from a joint's axis to a body's origin [m].
+        """Upper bound on the distance from a joint's or follower's axis to a body's origin [m].
 
-        Shape (bodies, n), 0 where the joint does not move the body; the sum of the distances
-        between consecutive joint origins, and of the whole travel of sliding joints between.
+        Shape (bodies, M), 0 where it does not move the body; the sum of the distances between
+        consecutive joint origins, and of the whole travel of sliding joints between.
         """
-        lever = np.zeros((self.body_count, self.joint_count))
-        for body in range(1, self.body_count):
-            reach = 0.0
-            for joint in self._supports(body):
-                group_index = self._to_model[joint - 1]
-                if not self.revolute[group_index]:
-                    reach += float(self._travel[group_index])
-                lever[body, group_index] = reach
-                reach += float(np.linalg.norm(self._model.jointPlacements[joint].translation))
-        return read_only(lever)
+        joints, limits = self._joints, self.limits
+        travel = joints.travel(limits.lower_position, limits.upper_position)
+        return lever_arms(self._model, np.where(joints.turns, 0.0, travel))
 
     @cached_property
     def body_parents(self) -> IntArray:
@@ -340,7 +351,18 @@ class RobotModel:
     @cached_property
     def body_joints(self) -> IntArray:
         """The joint that moves each body, as group index, shape (bodies,); -1 for the base."""
-        return np.concatenate([[-1], self._to_model])
+        return np.concatenate([[-1], self._joints.planned])
+
+    @cached_property
+    def body_rules(self) -> tuple[FloatArray, FloatArray]:
+        """By which multiplier and offset bodies follow their joints, each (bodies,); 1 and 0."""
+        joints = self._joints
+        return np.append(1.0, joints.multiplier), np.append(0.0, joints.offset)
+
+    @cached_property
+    def body_turns(self) -> BoolArray:
+        """Whether each body turns about its parent (rather than slides), shape (bodies,)."""
+        return np.append(False, self._joints.turns)
 
     @cached_property
     def body_offsets(self) -> FloatArray:
@@ -351,14 +373,7 @@ class RobotModel:
     @cached_property
     def inertias(self) -> tuple[BodyInertia, ...]:
         """Mass properties of all bodies, the base's left at zero."""
-        found = [BodyInertia(0.0, 0.0, 0.0)]
-        for body in range(1, self.body_count):
-            inertia = self._model.inertias[body]
-            moment = float(np.linalg.eigvalsh(inertia.inertia).max())
-            found.append(
-                BodyInertia(float(inertia.mass), float(np.linalg.norm(inertia.lever)), moment)
-            )
-        return tuple(found)
+        return body_inertias(self._model)
 
     @cached_property
     def tool_reach(self) -> float:
@@ -367,24 +382,8 @@ class RobotModel:
 
     @cached_property
     def _joint_axes(self) -> FloatArray:
-        """Axes of the joints in the frames of the bodies they move, shape (n, 3)."""
+        """Axes of all joints and followers in the frames of the bodies they move, (M, 3)."""
         data = self._model.createData()
         pin.forwardKinematics(self._model, data, pin.neutral(self._model))
-        subspaces = [data.joints[int(j) + 1].S.ravel() for j in self._to_group]
+        subspaces = [data.joints[joint].S.ravel() for joint in range(1, self.body_count)]
         return np.array([s[3:] if s[3:].any() else s[:3] for s in subspaces])
-
-    @property
-    def _travel(self) -> FloatArray:
-        """Largest distance of a joint value from zero, shape (n,)."""
-        return np.maximum(abs(self.limits.lower_position), abs(self.limits.upper_position))
-
-    def _supports(self, body: int) -> list[int]:
-        """Return the Pinocchio joints that move a body, from the body to the base."""
-        joints = []
-        while body > 0:
-            joints.append(body)
-            body = self._model.parents[body]
-        return joints
-
-    def _model_order(self, values: FloatArray) -> FloatArray:
-        return np.ascontiguousarray(values[:, self._to_model], dtype=np.float64)

@@ -11,7 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
+from tubeplanner.documents import DocumentError, read_bytes
 from tubeplanner.errors import RobotError, unknown_name
+from tubeplanner.names import require_name
 from tubeplanner.robot.urdf_link import require_valid_link
 from tubeplanner.robot.urdf_values import (
     read_child,
@@ -19,6 +21,7 @@ from tubeplanner.robot.urdf_values import (
     read_number,
     read_numbers,
     require_origin,
+    written,
 )
 
 MOVABLE_TYPES = ("revolute", "continuous", "prismatic")
@@ -183,16 +186,15 @@ def read_urdf(path: Path) -> UrdfDescription:
     for name, element in zip(links, root.findall("link"), strict=True):
         require_valid_link(f"{path}: link '{name}'", element)
     by_name = {joint.name: joint for joint in joints}
-    return UrdfDescription(path, root.get("name", path.stem), tuple(links), by_name, xml)
+    name = require_name(f"{path}: <robot> name", root.get("name") or path.stem, RobotError)
+    return UrdfDescription(path, name, tuple(links), by_name, xml)
 
 
 def _read_bytes(path: Path) -> bytes:
     try:
-        if path.stat().st_size > _MAX_BYTES:
-            raise RobotError(f"{path} is larger than {_MAX_BYTES // 10**6} MB: no URDF is")
-        xml = path.read_bytes()
-    except OSError as error:
-        raise RobotError(f"{path} cannot be read: {error.strerror}") from error
+        xml = read_bytes(path, _MAX_BYTES)
+    except DocumentError as error:
+        raise RobotError(f"{path} cannot be read: {error}") from error
     if b"<!ENTITY" in xml:
         raise RobotError(f"{path} declares XML entities, which are not expanded; write them out")
     return xml
@@ -246,8 +248,10 @@ def _read_mimic(where: str, element: ElementTree.Element | None) -> Mimic | None
 def _require_axis(where: str, element: ElementTree.Element | None) -> None:
     if element is None:
         return
-    if not np.linalg.norm(read_numbers(where, element, "xyz", 3)) > 1e-6:
-        raise RobotError(f'{where}: <axis> xyz="{element.get("xyz")}" is no direction')
+    if not 1e-6 < np.linalg.norm(read_numbers(where, element, "xyz", 3)) < 1e6:
+        raise RobotError(
+            f"{where}: <axis> {written('xyz', str(element.get('xyz')))} is no direction"
+        )
 
 
 def _require_unique(path: Path, kind: str, names: list[str]) -> None:

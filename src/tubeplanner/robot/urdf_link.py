@@ -5,7 +5,14 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from tubeplanner.errors import RobotError
-from tubeplanner.robot.urdf_values import read_child, read_name, read_numbers, require_origin
+from tubeplanner.robot.urdf_values import (
+    MAX_LENGTH,
+    read_attribute,
+    read_child,
+    read_numbers,
+    require_origin,
+    written,
+)
 
 _INERTIA = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 # The lengths that give each shape its size, and how many numbers each takes.
@@ -60,9 +67,14 @@ def _require_geometry(where: str, geometry: Element) -> None:
         raise RobotError(f"{where}: a <geometry> holds {found}; it must hold one of {known}")
     shape = shapes[0]
     for key, count in _SIZES[shape.tag].items():
-        if not (read_numbers(where, shape, key, count) > 0).all():
-            raise RobotError(f'{where}: <{shape.tag}> {key}="{shape.get(key)}" must be > 0 m')
+        sizes = read_numbers(where, shape, key, count)
+        if not ((sizes > 0) & (sizes <= MAX_LENGTH)).all():
+            raise RobotError(
+                f"{where}: <{shape.tag}> {written(key, str(shape.get(key)))} must be > 0 m and at "
+                f"most {MAX_LENGTH:g} m"
+            )
     if shape.tag == "mesh":
-        read_name(where, shape, "filename")
-        if shape.get("scale") is not None and not read_numbers(where, shape, "scale", 3).all():
-            raise RobotError(f'{where}: <mesh> scale="{shape.get("scale")}" must not be 0')
+        read_attribute(where, shape, "filename")
+        scale = shape.get("scale")
+        if scale is not None and not read_numbers(where, shape, "scale", 3).all():
+            raise RobotError(f"{where}: <mesh> {written('scale', scale)} must not be 0")

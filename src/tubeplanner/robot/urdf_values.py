@@ -5,7 +5,10 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.errors import RobotError
+from tubeplanner.errors import RobotError, shown
+from tubeplanner.names import require_name
+
+MAX_LENGTH = 1e4  # [m]: no arm is larger, and far beyond it distances are only rounding
 
 
 def read_number(where: str, element: Element | None, key: str) -> float | None:
@@ -19,7 +22,7 @@ def read_number(where: str, element: Element | None, key: str) -> float | None:
         return None
     value = _number(text)
     if value is None:
-        raise RobotError(f'{where}: {key}="{text}" is not a number')
+        raise RobotError(f"{where}: {written(key, text)} is not a number")
     return value
 
 
@@ -30,7 +33,7 @@ def read_numbers(where: str, element: Element, key: str, count: int) -> FloatArr
         RobotError: It is missing, has another count, or a word is no finite number.
     """
     text = element.get(key)
-    what = f'{where}: <{element.tag}> {key}="{text or ""}"'
+    what = f"{where}: <{element.tag}> {written(key, text or '')}"
     numbers = [_number(word) for word in (text or "").split()]
     values = [value for value in numbers if value is not None and np.isfinite(value)]
     if len(numbers) != count or len(values) != count:
@@ -40,15 +43,37 @@ def read_numbers(where: str, element: Element, key: str, count: int) -> FloatArr
 
 
 def require_origin(where: str, element: Element) -> None:
-    """Raise unless an element's <origin>, if any, has three finite numbers in xyz and in rpy."""
+    """Raise unless an element's <origin>, if any, has three sensible numbers in xyz and in rpy."""
     origin = element.find("origin")
-    for key in ("xyz", "rpy"):
-        if origin is not None and origin.get(key) is not None:
-            read_numbers(where, origin, key, 3)
+    for key, unit in (("xyz", "m"), ("rpy", "rad")):
+        if origin is None or origin.get(key) is None:
+            continue
+        largest = abs(read_numbers(where, origin, key, 3)).max()
+        if largest > MAX_LENGTH:
+            raise RobotError(
+                f"{where}: <origin> {key} has {largest:g} {unit}; at most {MAX_LENGTH:g} {unit} "
+                "are accepted (metres and radians are meant)"
+            )
+
+
+def written(key: str, text: str) -> str:
+    """Return an attribute as a file has it, cut where it is long."""
+    inner = shown(text).strip("'")
+    return f'{key}="{inner}"'
 
 
 def read_name(where: str, element: Element, key: str) -> str:
     """Return an attribute that names something.
+
+    Raises:
+        RobotError: It is missing, empty, too long, or cannot be shown.
+    """
+    value = read_attribute(where, element, key)
+    return require_name(f"{where}: <{element.tag}> {key}", value, RobotError)
+
+
+def read_attribute(where: str, element: Element, key: str) -> str:
+    """Return an attribute.
 
     Raises:
         RobotError: It is missing or empty.

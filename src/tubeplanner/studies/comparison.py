@@ -143,9 +143,11 @@ def compare(
         Ctrl-C, the finished rows.
 
     Raises:
+        ProblemError: The problem is none.
         OptionError: A name is unknown, or there is none.
         KeyboardInterrupt: Ctrl-C before the first method was done.
     """
+    PlanningProblem.require(problem)
     rows: list[ComparisonRow] = []
     for name in _known(methods):
 

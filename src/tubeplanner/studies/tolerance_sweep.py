@@ -143,9 +143,11 @@ def sweep(
         reason in its row. After Ctrl-C, the finished rows.
 
     Raises:
+        ProblemError: The problem is none.
         OptionError: Not exactly one of radii and scales is given, or one is not positive.
         KeyboardInterrupt: Ctrl-C before the first tolerance was done.
     """
+    PlanningProblem.require(problem)
     if (radii is None) == (scales is None):
         raise OptionError("sweep takes either radii or scales")
     quantity, given = ("radius", radii) if scales is None else ("radius_scale", scales)

@@ -2,15 +2,30 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.interpolate import BSpline, PPoly
 from scipy.special import factorial
 
 from tubeplanner.arrays import FloatArray, read_only
-from tubeplanner.errors import TrajectoryError
+from tubeplanner.errors import TrajectoryError, shown
+from tubeplanner.names import require_name
+from tubeplanner.options import is_number
 
+if TYPE_CHECKING:
+    from tubeplanner.problem.problem import PlanningProblem
+
+# What makes sense for an arm, far from where rounding or time to compute would become a question.
+MAX_DEGREE, MAX_PIECES, MAX_JOINTS = 20, 100_000, 1000
+MIN_DURATION, MAX_DURATION = 1e-9, 1e6  # [s]
+# Candidates of a search may swing far before they are turned down.
 _MAX_POSITION = 1e6  # [rad or m]
+# No joint moves as fast as this per microsecond: bounds on the derivatives, [1/s], [1/s^2], ...
+_MAX_RATE = 1e6
+_UNITS = ("rad or m", "rad/s or m/s", "rad/s^2 or m/s^2", "rad/s^3 or m/s^3")
+_DERIVATIVES = ("position", "velocity", "acceleration", "jerk")
 _MAX_SAMPLES = 1_000_000
 
 
@@ -34,6 +49,8 @@ class TrajectorySamples:
 class JointTrajectory:
     """Positions of n joints over time, as polynomials between breakpoints.
 
+    None of its attributes can be changed.
+
     Attributes:
         joint_names: The n joints.
         breakpoints: Shape (pieces+1,) [s], from 0 to the duration, increasing.
@@ -41,26 +58,48 @@ class JointTrajectory:
             first, local time `t - breakpoints[i]`.
     """
 
+    joint_names: tuple[str, ...]
+    breakpoints: FloatArray
+    coefficients: FloatArray
+    _derivatives: tuple[PPoly, ...]
+
     def __init__(
         self, joint_names: Sequence[str], breakpoints: object, coefficients: object
     ) -> None:
         """Check and keep the polynomials.
 
         Raises:
-            TrajectoryError: Shapes do not fit, a number is not finite, or time does not increase
-                from zero.
+            TrajectoryError: Shapes do not fit, a name is given twice or cannot be shown, a number
+                is not finite, time does not increase from zero, or there are more joints, pieces,
+                degrees, seconds or radians than an arm could use.
         """
-        self.joint_names = tuple(joint_names)
-        try:
-            self.breakpoints = read_only(breakpoints)
-            self.coefficients = read_only(coefficients)
-        except (TypeError, ValueError):
-            raise TrajectoryError(
-                "breakpoints and coefficients must be arrays of numbers"
-            ) from None
+        names = tuple(joint_names)
+        self._keep("joint_names", names)
+        for k, name in enumerate(names):
+            require_name(f"joint_names[{k}]", name, TrajectoryError)
+            if name in names[:k]:
+                raise TrajectoryError(f"joint_names has '{name}' twice; each joint moves once")
+        for field, values in (("breakpoints", breakpoints), ("coefficients", coefficients)):
+            try:
+                self._keep(field, read_only(values))
+            except (TypeError, ValueError) as error:
+                raise TrajectoryError(
+                    f"breakpoints and coefficients must be arrays of numbers ({field}: {error})"
+                ) from None
         self._require_consistent()
+        self._require_sensible()
         position = PPoly(self.coefficients, self.breakpoints)
-        self._derivatives = [position.derivative(order) for order in range(4)]
+        derivatives = tuple(position.derivative(order) for order in range(4))
+        self._keep("_derivatives", derivatives)
+        self._require_bounded()
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(
+            f"{name} of a trajectory cannot be changed; make another JointTrajectory"
+        )
+
+    def _keep(self, name: str, value: object) -> None:
+        object.__setattr__(self, name, value)
 
     @property
     def duration(self) -> float:
@@ -94,14 +133,29 @@ class JointTrajectory:
         """
         return self._derivatives[order].c
 
+    def reach(self, order: int = 0) -> FloatArray:
+        """Return how large a derivative of an order from 0 to 3 may get, shape (pieces, n).
+
+        An upper bound on its magnitude, from the magnitudes of the coefficients.
+        """
+        rows, width = self.derivative_coefficients(order), self.widths[:, None]
+        bound = np.zeros(rows.shape[1:])
+        with np.errstate(over="ignore"):
+            for row in rows:  # Horner's scheme: powers of small widths would vanish
+                bound *= width
+                bound += abs(row)
+        return bound
+
     def sample(self, rate: float = 500.0) -> TrajectorySamples:
         """Return samples at a rate [Hz], the last one at the duration.
 
         A regular sample closer than half a period to the end is dropped.
 
         Raises:
-            TrajectoryError: The rate is not positive.
+            TrajectoryError: The rate is no positive number, or makes more than 1e6 samples.
         """
+        if not is_number(rate):
+            raise TrajectoryError(f"rate is {shown(rate)}; it must be a number > 0 [Hz]")
         if not 0 < rate < np.inf:
             raise TrajectoryError(f"rate {rate:g} Hz must be > 0 and finite")
         if self.duration * rate > _MAX_SAMPLES:
@@ -176,6 +230,35 @@ class JointTrajectory:
         columns = [self.joint_names.index(name) for name in joint_names]
         return JointTrajectory(joint_names, self.breakpoints, self.coefficients[:, :, columns])
 
+    def save(
+        self, path: str | Path, problem: "PlanningProblem | None" = None, rate: float = 500.0
+    ) -> tuple[str, ...]:
+        """Write the trajectory to a file, replaced whole or not at all.
+
+        Args:
+            path: Its suffix chooses the format. `.json`: the trajectory itself. `.csv`: samples.
+                `.yaml` or `.yml`: samples as trajectory_msgs/JointTrajectory (ROS). All of them
+                are what `read_trajectory` reads.
+            problem: What the trajectory was made for. The JSON then has hashes of problem and
+                robot, the CSV has efforts, and samples are such that the limits hold when they
+                are joined, where the rate allows it; joints are in the problem's order. None:
+                none of these, and samples are the trajectory's own.
+            rate: Of the samples [Hz].
+
+        Returns:
+            Notes on how the samples differ from the trajectory, or on what joining them breaks;
+            empty if there is nothing to say.
+
+        Raises:
+            OutputError: The suffix is another one, or the file could not be written.
+            OptionError: The rate is not positive and finite.
+            TrajectoryError: The problem has other joints, or the rate makes too many samples.
+        """
+        # The one import from above, so that a trajectory writes itself: see `ignore_imports`.
+        from tubeplanner.files.trajectory_writer import write_trajectory
+
+        return write_trajectory(path, self, problem, rate)
+
     def _clip(self, t: object) -> FloatArray:
         return np.clip(np.asarray(t, dtype=np.float64), 0.0, self.duration)
 
@@ -191,13 +274,34 @@ class JointTrajectory:
             )
         if not np.isfinite(b).all() or not np.isfinite(c).all():
             raise TrajectoryError("breakpoints and coefficients must be finite numbers")
-        powers = np.arange(len(c) - 1, -1, -1)
-        travel = np.einsum("kpn,kp->pn", abs(c), np.diff(b) ** powers[:, None])
-        piece, joint = np.unravel_index(int(travel.argmax()), travel.shape)
-        if travel[piece, joint] > _MAX_POSITION:
+
+    def _require_sensible(self) -> None:
+        """Raise unless there are as many joints, pieces, degrees and seconds as make sense."""
+        rows, pieces, joints = self.coefficients.shape
+        for what, count, most, remedy in (
+            ("degree", rows - 1, MAX_DEGREE, "divide the pieces"),
+            ("number of pieces", pieces, MAX_PIECES, "join some, or cut the trajectory into parts"),
+            ("number of joints", joints, MAX_JOINTS, "leave out those that are not planned"),
+        ):
+            if count > most:
+                raise TrajectoryError(f"the {what} is {count}, at most {most}; {remedy}")
+        if not MIN_DURATION <= self.duration <= MAX_DURATION:
             raise TrajectoryError(
-                f"'{self.joint_names[joint]}' may reach {travel[piece, joint]:.3g} rad or m in "
-                f"piece {piece}; beyond {_MAX_POSITION:g} nothing can be computed"
+                f"the duration is {self.duration:.3g} s; it must be from {MIN_DURATION:g} to "
+                f"{MAX_DURATION:g} s (seconds are meant)"
+            )
+
+    def _require_bounded(self) -> None:
+        """Raise unless positions, velocities, accelerations and jerks are within bounds."""
+        for order, what in enumerate(_DERIVATIVES):
+            most = _MAX_POSITION if order == 0 else _MAX_RATE * _MAX_RATE**order
+            reach = self.reach(order)
+            if (reach <= most).all():
+                continue
+            piece, joint = np.unravel_index(int(reach.argmax()), reach.shape)
+            raise TrajectoryError(
+                f"the {what} of '{self.joint_names[joint]}' may reach {reach[piece, joint]:.3g} "
+                f"{_UNITS[order]} in piece {piece}; beyond {most:g} nothing can be computed"
             )
 
 

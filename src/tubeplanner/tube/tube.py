@@ -13,7 +13,8 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, read_only
-from tubeplanner.errors import ProblemError, unknown_name
+from tubeplanner.errors import ProblemError, shown, unknown_name
+from tubeplanner.options import in_figures, is_number
 from tubeplanner.tube.rotational_tube import (
     RotationalTube,
     RotationBound,
@@ -36,7 +37,7 @@ _SIGNS: dict[str | int, JointRange] = {
 }
 _ALL = slice(None)
 _MAX_EXTENT = 1e4  # [m]
-_MIN_LENGTH = 1e-6  # [m]: reference points nearer to each other are the same
+MIN_LENGTH = 1e-6  # [m]: reference points nearer to each other are the same; no radius is less
 VISITS = ("ordered", "any")
 
 
@@ -106,10 +107,10 @@ class Tube:
         quaternions, bounds, rotation = _rotation(corners, orientations, rotation_tolerance)
         if visit not in VISITS:
             raise ProblemError(f"tube.visit: {unknown_name('value', str(visit), VISITS)}")
-        if not 0 <= tool_radius < radii.min():
+        if not is_number(tool_radius) or not 0 <= tool_radius <= radii.min() - MIN_LENGTH:
             raise ProblemError(
-                f"tube.tool_radius {tool_radius:g} m must be >= 0 and below the smallest radius, "
-                f"{radii.min():g} m"
+                f"tube.tool_radius {in_figures(tool_radius)} m must be >= 0 and below the smallest "
+                f"radius, {radii.min():g} m, by at least {MIN_LENGTH:g} m"
             )
         kept = (corners, radii, float(tool_radius), signs, visit, quaternions, bounds)
         for attribute, value in zip(fields(self), (*kept, ranges, rotation), strict=True):
@@ -121,8 +122,8 @@ class Tube:
 
         Where both are the same, the second is moved a little: a tube has a direction.
         """
-        is_still = np.linalg.norm(end - begin) < _MIN_LENGTH
-        aside = np.array([0.0, 0.0, 1e3 * _MIN_LENGTH * is_still])
+        is_still = np.linalg.norm(end - begin) < MIN_LENGTH
+        aside = np.array([0.0, 0.0, 1e3 * MIN_LENGTH * is_still])
         return cls(np.vstack([begin, end + aside]), _MAX_EXTENT)
 
     def with_radius(self, radius: float | Sequence[float] | FloatArray) -> "Tube":
@@ -196,7 +197,7 @@ def _points(points: Sequence[Sequence[float]] | FloatArray) -> FloatArray:
     try:
         corners = read_only(points)
     except (TypeError, ValueError):
-        raise ProblemError(f"tube.points: {points} is no list of points [x, y, z]") from None
+        raise ProblemError(f"tube.points: {shown(points)} is no list of points [x, y, z]") from None
     if corners.ndim != 2 or corners.shape[0] < 2 or corners.shape[1] != 3:
         raise ProblemError(
             f"tube.points has shape {corners.shape}; at least two points [x, y, z] are needed"
@@ -204,16 +205,16 @@ def _points(points: Sequence[Sequence[float]] | FloatArray) -> FloatArray:
     if not (abs(corners) <= _MAX_EXTENT).all():
         raise ProblemError(f"tube.points must be finite numbers within {_MAX_EXTENT:g} m")
     for k, length in enumerate(np.linalg.norm(np.diff(corners, axis=0), axis=1)):
-        if not length >= _MIN_LENGTH:
+        if not length >= MIN_LENGTH:
             raise ProblemError(f"tube.points: points {k} and {k + 1} are the same; remove one")
     return corners
 
 
 def _radii(radius: float | Sequence[float] | FloatArray, segments: int) -> FloatArray:
     try:
-        radii = np.array(radius, dtype=np.float64)
+        radii = read_only(radius)
     except (TypeError, ValueError):
-        raise ProblemError(f"tube.radius {radius!r} is no number or list of numbers") from None
+        raise ProblemError(f"tube.radius {shown(radius)} is no number or list of numbers") from None
     if radii.ndim == 0:
         radii = np.full(segments, float(radii))
     if radii.shape != (segments,):
@@ -221,9 +222,10 @@ def _radii(radius: float | Sequence[float] | FloatArray, segments: int) -> Float
             f"tube.radius has {radii.size} values for {segments} segments; give one, or one each"
         )
     for k, value in enumerate(radii):
-        if not 0 < value <= _MAX_EXTENT:
+        if not MIN_LENGTH <= value <= _MAX_EXTENT:
             raise ProblemError(
-                f"tube.radius[{k}] is {value:g} m; it must be > 0 and at most {_MAX_EXTENT:g} m"
+                f"tube.radius[{k}] is {value:g} m; it must be from {MIN_LENGTH:g} to "
+                f"{_MAX_EXTENT:g} m"
             )
     return read_only(radii)
 
@@ -237,8 +239,8 @@ def _maps(
         signs = tuple(dict(row) for row in maps)
     except (TypeError, ValueError):
         raise ProblemError(
-            f"tube.joint_signs: {joint_signs!r} is no map from joint names to signs, nor a list of "
-            "such maps"
+            f"tube.joint_signs: {shown(joint_signs)} is no map from joint names to signs, nor a "
+            "list of such maps"
         ) from None
     if len(signs) != segments:
         raise ProblemError(
@@ -291,7 +293,7 @@ def _range(where: str, sign: JointSign) -> JointRange:
         if lower <= upper:
             return lower, upper
         raise ProblemError(f"{where}: the range [{lower:g}, {upper:g}] is reversed or no number")
-    raise ProblemError(f"{where}: {sign!r} is none of '+', '-', '0', 1, -1, 0, [lower, upper]")
+    raise ProblemError(f"{where}: {shown(sign)} is none of '+', '-', '0', 1, -1, 0, [lower, upper]")
 
 
 def _require_switch(

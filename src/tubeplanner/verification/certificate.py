@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
+from tubeplanner.collision.collision_checker import LeftOutPair
 from tubeplanner.errors import OptionError
 from tubeplanner.options import NUMBER
 from tubeplanner.outcome import MARGIN_TOLERANCE, Place
@@ -86,17 +87,19 @@ class Certificate:
     Attributes:
         conditions: By name, in the order of `CONDITION_NAMES`.
         tolerance: How far below zero margins may lie.
+        left_out: Pairs of solids that were not checked against each other, and why.
     """
 
     conditions: Mapping[str, JudgedCondition]
     tolerance: Tolerance
+    left_out: tuple[LeftOutPair, ...] = ()
 
     def __post_init__(self) -> None:
         ordered = {name: self.conditions[name] for name in CONDITION_NAMES}
         object.__setattr__(self, "conditions", MappingProxyType(ordered))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Certificate, (dict(self.conditions), self.tolerance)
+        return Certificate, (dict(self.conditions), self.tolerance, self.left_out)
 
     @property
     def passed(self) -> bool:
@@ -138,4 +141,7 @@ class Certificate:
                 }
                 for name, condition in self.conditions.items()
             },
+            "left_out": [
+                {"links": list(pair.links), "reason": pair.reason} for pair in self.left_out
+            ],
         }

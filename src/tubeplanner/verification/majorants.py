@@ -87,10 +87,11 @@ def effort_majorant(robot: RobotModel, joints: FloatArray, width: FloatArray) ->
             moment = moment + moments[child] + _product(bodies[child].link, forces[child])
         forces[i], moments[i] = force, moment
     efforts = np.zeros((len(joints) - 2, joints.shape[1], robot.joint_count))
+    share = abs(robot.body_rules[0])  # of a body's effort that its joint feels
     for i in range(1, robot.body_count):
         joint, axis = robot.body_joints[i], bodies[robot.body_parents[i]].unit
-        load = moments[i] if robot.revolute[joint] else forces[i]
-        efforts[:, :, joint] = _product(axis, load)
+        load = moments[i] if robot.body_turns[i] else forces[i]
+        efforts[:, :, joint] += share[i] * _product(axis, load)
     return efforts
 
 
@@ -99,13 +100,16 @@ def _motions(robot: RobotModel, joints: FloatArray) -> list[_BodyMotion]:
     still = np.zeros(joints.shape[:2])
     base = _BodyMotion(still[1:], _turning(still[1:]), still, still)
     bodies = [base]
+    multiplier, offset = robot.body_rules
     for i in range(1, robot.body_count):
         parent, joint = bodies[robot.body_parents[i]], robot.body_joints[i]
         link, spin = robot.body_offsets[i] * parent.unit, parent.spin
-        if robot.revolute[joint]:
-            spin = spin + _product(parent.unit, _derivative(joints[:, :, joint]))
+        value = abs(multiplier[i]) * joints[:, :, joint]
+        value[0] += abs(offset[i])
+        if robot.body_turns[i]:
+            spin = spin + _product(parent.unit, _derivative(value))
         else:
-            link = link + _product(parent.unit, joints[:, :, joint])
+            link = link + _product(parent.unit, value)
         bodies.append(_BodyMotion(spin, _turning(spin), link, parent.origin + link))
     return bodies
 

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
+from tubeplanner.errors import TrajectoryError, shown
 from tubeplanner.outcome import Place
 from tubeplanner.problem.problem import PlanningProblem, Seed
 from tubeplanner.trajectory.bernstein import Extrema, maxima, peak_magnitudes
@@ -55,8 +56,14 @@ def verify(
         tolerance: How far below zero margins may lie; default: 1e-6 m, rad and relative.
 
     Raises:
-        TrajectoryError: The trajectory moves other joints than the problem's.
+        ProblemError: The problem is none.
+        TrajectoryError: The trajectory is none, or moves other joints than the problem's.
     """
+    PlanningProblem.require(problem)
+    if not isinstance(trajectory, JointTrajectory):
+        raise TrajectoryError(
+            f"the trajectory is {shown(trajectory)}; give a JointTrajectory, as plan returns"
+        )
     tolerance = tolerance or Tolerance()
     judge = _Judge(problem, trajectory.reordered(problem.robot.joint_names), tolerance)
     conditions = {
@@ -75,7 +82,7 @@ def verify(
         "obstacles": judge.obstacles(),
         "self_collision": judge.self_collision(),
     }
-    return Certificate(conditions, tolerance)
+    return Certificate(conditions, tolerance, problem.collision.left_out)
 
 
 class _Judge:

@@ -1,0 +1,237 @@
+"""Convex shapes on the bodies of a robot, and how far apart pairs of them are."""
+
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.collision.convex_shape import ConvexShape
+from tubeplanner.collision.separation import PlacedShape, Separation, separation
+from tubeplanner.robot.robot_model import RobotModel
+
+
+@dataclass(frozen=True, eq=False)
+class BodyShape:
+    """One convex shape and its owner.
+
+    Attributes:
+        owner: Name of the link or obstacle.
+        body: Body of the robot that carries it; 0 stands still.
+        shape: In the body's frame.
+    """
+
+    owner: str
+    body: int
+    shape: ConvexShape
+
+
+@dataclass(frozen=True, eq=False)
+class ClosestPoints:
+    """Where P pairs of shapes are closest.
+
+    Attributes:
+        distance: Lower bounds on the signed distances, exact nearly always, shape (P,) [m].
+        direction: Unit vectors from the first towards the second shape, base frame, shape (P, 3).
+        first: Points of the first shapes (of the cores, if these are rounded), shape (P, 3) [m].
+        second: Likewise, of the second shapes.
+    """
+
+    distance: FloatArray
+    direction: FloatArray
+    first: FloatArray
+    second: FloatArray
+
+
+class _PlacedShapes(threading.local):
+    """Shapes that are moved to where they are measured, for every thread its own."""
+
+    def __init__(self, shapes: Sequence[BodyShape]) -> None:
+        self.shapes = [PlacedShape(body_shape.shape) for body_shape in shapes]
+
+
+class BodyShapes:
+    """Shapes on the bodies of a robot.
+
+    Several threads may use one; it pickles by content, without any file.
+
+    Attributes:
+        robot: The arm.
+        shapes: The shapes.
+    """
+
+    def __init__(self, robot: RobotModel, shapes: Sequence[BodyShape]) -> None:
+        """Take shapes; they are measured where the robot's configuration puts them."""
+        self.robot = robot
+        self.shapes = list(shapes)
+        self._placed = _PlacedShapes(self.shapes)
+
+    def _add(self, shapes: Sequence[BodyShape]) -> None:
+        """Add shapes behind those that there are."""
+        if shapes:
+            self.shapes += shapes
+            vars(self).pop("_spheres", None)
+            self._placed = _PlacedShapes(self.shapes)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in vars(self).items() if name != "_placed"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self._placed = _PlacedShapes(self.shapes)
+
+    def distances(self, rotation: FloatArray, position: FloatArray, pairs: IntArray) -> FloatArray:
+        """Return lower bounds on the signed distances of pairs at one configuration [m].
+
+        Args:
+            rotation: Of all bodies, shape (bodies, 3, 3), from `RobotModel.body_poses`.
+            position: Of all bodies, shape (bodies, 3) [m].
+            pairs: Shape (P, 2).
+
+        Returns:
+            Shape (P,); negative where shapes overlap. Never above the true distance, except by
+            rounding.
+
+        Raises:
+            ValueError: A pose is not finite.
+        """
+        return self.separations(rotation, position, pairs)[0]
+
+    def separations(
+        self, rotation: FloatArray, position: FloatArray, pairs: IntArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return `distances`, and the directions along which the shapes are that far apart.
+
+        Returns:
+            Distances (P,) [m] and unit vectors (P, 3) from the first towards the second shape of
+            each pair, in the frame of the second shape's body.
+        """
+        found = self._measured(rotation, position, pairs)
+        distance = np.array([each.distance for each in found])
+        world = np.array([each.direction for each in found]).reshape(-1, 3)
+        frames = rotation[np.array([self.shapes[j].body for j in pairs[:, 1]], dtype=np.int64)]
+        return distance, np.einsum("pij,pi->pj", frames, world)
+
+    def closest_points(
+        self, rotation: FloatArray, position: FloatArray, pairs: IntArray
+    ) -> ClosestPoints:
+        """Return where pairs are closest, each in its own configuration.
+
+        Args:
+            rotation: Shape (P, bodies, 3, 3).
+            position: Shape (P, bodies, 3) [m].
+            pairs: Shape (P, 2).
+        """
+        found = [
+            self._measured(turned, placed, pair[None])[0]
+            for turned, placed, pair in zip(rotation, position, pairs, strict=True)
+        ]
+        vectors = (
+            np.array([each[column] for each in found]).reshape(-1, 3) for column in range(1, 4)
+        )
+        return ClosestPoints(np.array([each.distance for each in found]), *vectors)
+
+    def distance_gradient(
+        self, rotation: FloatArray, position: FloatArray, pairs: IntArray, closest: ClosestPoints
+    ) -> FloatArray:
+        """Return the derivative of the distances of pairs, each in its own configuration.
+
+        Args:
+            rotation: Shape (P, bodies, 3, 3).
+            position: Shape (P, bodies, 3) [m].
+            pairs: Shape (P, 2).
+            closest: What `closest_points` returns of these.
+
+        Returns:
+            By the joints, shape (P, n) [m/rad or 1].
+        """
+        gradient = np.zeros((len(pairs), self.robot.joint_count))
+        for sign, column, point in ((-1, 0, closest.first), (1, 1, closest.second)):
+            body = np.array([self.shapes[i].body for i in pairs[:, column]], dtype=np.int64)
+            moved = self.robot.point_jacobian(rotation, position, body, point)
+            gradient += sign * np.einsum("pi,pij->pj", closest.direction, moved)
+        return gradient
+
+    def separations_along(
+        self,
+        rotation: FloatArray,
+        position: FloatArray,
+        pairs: IntArray,
+        direction: FloatArray,
+    ) -> FloatArray:
+        """Return how far apart pairs are along given directions, each in its own configuration.
+
+        A direction that separates a pair also separates it in neighbouring configurations, almost
+        as far: a quick lower bound on the distance.
+
+        Args:
+            rotation: Shape (P, bodies, 3, 3).
+            position: Shape (P, bodies, 3) [m].
+            pairs: Shape (P, 2).
+            direction: Unit vectors as from `separations`, shape (P, 3).
+
+        Returns:
+            Shape (P,) [m].
+        """
+        result = np.empty(len(pairs))
+        order = np.lexsort(pairs.T)
+        groups = np.flatnonzero(np.any(np.diff(pairs[order], axis=0) != 0, axis=1)) + 1
+        for rows in np.split(order, groups) if len(order) else ():
+            first, second = (self.shapes[index] for index in pairs[rows[0]])
+            world_direction = np.einsum("pij,pj->pi", rotation[rows, second.body], direction[rows])
+            local = np.einsum("pij,pi->pj", rotation[rows, first.body], world_direction)
+            farthest = (local @ first.shape.vertices.T).max(axis=1) + first.shape.radius
+            nearest = (direction[rows] @ second.shape.vertices.T).min(axis=1) - second.shape.radius
+            offset = position[rows, second.body] - position[rows, first.body]
+            result[rows] = nearest - farthest + np.einsum("pi,pi->p", world_direction, offset)
+        return result
+
+    def sphere_distances(
+        self, rotation: FloatArray, position: FloatArray, pairs: IntArray
+    ) -> FloatArray:
+        """Return quick, loose lower bounds from bounding spheres for N configurations [m].
+
+        Args:
+            rotation: Shape (N, bodies, 3, 3).
+            position: Shape (N, bodies, 3) [m].
+            pairs: Shape (P, 2).
+
+        Returns:
+            Shape (N, P).
+        """
+        bodies, centers, radii = self._spheres
+        world = np.einsum("nsij,sj->nsi", rotation[:, bodies], centers) + position[:, bodies]
+        first, second = pairs.T
+        gap = np.linalg.norm(world[:, first] - world[:, second], axis=2)
+        return gap - radii[first] - radii[second]
+
+    def motion_weights(self, pairs: IntArray) -> FloatArray:
+        """Return how fast joints can bring pairs together: shape (P, n) [m per rad or m].
+
+        When the joints travel by `|dq|`, the distance of a pair changes by at most
+        `weights @ |dq|`. A joint that moves both shapes of a pair as one does not count.
+        """
+        bodies = np.array([shape.body for shape in self.shapes], dtype=np.int64)
+        reach = np.array([shape.shape.reach(np.zeros(3)) for shape in self.shapes])
+        first, second = pairs.T
+        return self.robot.approach_rates(
+            (bodies[first], bodies[second]), (reach[first], reach[second])
+        )
+
+    def _measured(
+        self, rotation: FloatArray, position: FloatArray, pairs: IntArray
+    ) -> list[Separation]:
+        placed = self._placed.shapes
+        for index in set(pairs.flat):
+            body = self.shapes[index].body
+            placed[index].move(rotation[body], position[body])
+        return [separation(placed[i], placed[j]) for i, j in pairs]
+
+    @cached_property
+    def _spheres(self) -> tuple[IntArray, FloatArray, FloatArray]:
+        bodies = np.array([shape.body for shape in self.shapes], dtype=np.int64)
+        centers = np.array([shape.shape.center for shape in self.shapes]).reshape(-1, 3)
+        return bodies, centers, np.array([shape.shape.bounding_radius for shape in self.shapes])

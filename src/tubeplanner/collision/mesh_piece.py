@@ -1,0 +1,229 @@
+"""The part of a solid inside a box, and its convex hull: what finer covers are made of.
+
+The hull of a solid inside a box is that of the surface inside the box and of the box's corners that
+are inside the solid: any other point has surface or solid around it, so that it is no corner of the
+hull.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from tubeplanner.arrays import BoolArray, FloatArray, read_only
+from tubeplanner.collision.convex_shape import ConvexShape, flat_hull
+from tubeplanner.collision.cover_error import surface_samples
+
+# Where a piece may be cut: the coordinates that most of its corners have, and its middle. A cut at
+# a corner is preferred to one that is better by less than this share.
+_MAX_COORDINATES = 5
+_CORNER_SHARE = 0.05
+_END = 5e-4  # [m]: a cut closer to an end of a piece leaves nothing to gain
+_EXACT_BELOW = 400  # triangles: only so few are cut to see what a cut is worth
+_SCORED_POINTS = 100  # of a piece's corners otherwise
+_CUT_SAMPLES = 12
+_FACETS = 40  # of a hull at which its distance from the surface is measured
+_ON_PLANE = 2e-7  # [m], beyond what counts as on a cut
+# Corners of triangles this near a cut lie on it [m], and corners of boxes are looked at this far
+# inside of their box: there the solid's own surface, on which they may lie, is no matter.
+_SNAP, _INWARD = 1e-7, 1e-6
+
+Inside = Callable[[FloatArray], BoolArray]
+
+
+@dataclass(frozen=True, eq=False)
+class MeshPiece:
+    """A solid's surface inside a box.
+
+    Attributes:
+        triangles: Shape (T, 3, 3) [m].
+        low: Lower corner of the box, shape (3,) [m]; minus infinity where it is open.
+        high: Upper corner, likewise.
+        inside: Which points (N, 3) the whole solid contains: bool, shape (N,).
+    """
+
+    triangles: FloatArray
+    low: FloatArray
+    high: FloatArray
+    inside: Inside
+
+    @cached_property
+    def hull(self) -> ConvexShape:
+        """The hull of the solid inside the box, as exact as rounding allows."""
+        points = self._all_points
+        try:
+            return ConvexShape(points[ConvexHull(points).vertices])
+        except QhullError:
+            return flat_hull(points)
+
+    def shape(self) -> ConvexShape:
+        """Return the hull, grown by what rounding left outside of it: nothing of the solid is."""
+        outside = self.outside(self._all_points).max()
+        return ConvexShape(read_only(self.hull.vertices), max(0.0, float(outside)))
+
+    def outside(self, points: FloatArray) -> FloatArray:
+        """Return how far points (N, 3) are outside of the hull at least, shape (N,) [m]."""
+        vertices = self.hull.vertices
+        low, high = vertices.min(axis=0), vertices.max(axis=0)
+        outside: FloatArray = np.maximum(low - points, points - high).max(axis=1)
+        inside = outside <= 0
+        hull = ConvexHull(vertices)
+        beyond = points[inside] @ hull.equations[:, :3].T + hull.equations[:, 3]
+        outside[inside] = np.maximum(outside[inside], beyond.max(axis=1))
+        return outside
+
+    def cut(self) -> "tuple[MeshPiece, MeshPiece] | None":
+        """Return both parts of the cut that makes their hulls smallest; None if there is none."""
+        places = list(self._places())
+        if not places:
+            return None
+        best = min(
+            (self._hull_volume(axis, height) * worse, axis, height)
+            for axis, height, worse in places
+        )
+        parts = [self.part(*best[1:], below=below) for below in (True, False)]
+        return None if any(part.is_empty for part in parts) else (parts[0], parts[1])
+
+    def part(self, axis: int, height: float, *, below: bool) -> "MeshPiece":
+        """Return the part on one side of a plane across an axis at a coordinate [m]."""
+        low, high = self.low.copy(), self.high.copy()
+        (high if below else low)[axis] = height
+        triangles = clipped(self.triangles, axis, height, below=below)
+        return MeshPiece(triangles, low, high, self.inside)
+
+    def hull_samples(self, rng: np.random.Generator) -> FloatArray:
+        """Return points on the hull's surface that are not inside the solid, shape (N, 3) [m]."""
+        triangles = self.hull.vertices[self.hull.faces]
+        on_cut = np.zeros(len(triangles), dtype=bool)
+        for bound in (self.low, self.high):
+            on_cut |= (abs(triangles - bound) < _ON_PLANE).all(axis=1).any(axis=1)
+        # Where it was cut, a piece is nearly always inside the solid; elsewhere, never.
+        cut = surface_samples(triangles[on_cut], _CUT_SAMPLES, rng)
+        free = _middles(triangles[~on_cut])
+        return np.vstack([free, cut[~self.inside(cut)]])
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether the box has nothing of the solid."""
+        return len(self._all_points) == 0
+
+    @property
+    def _all_points(self) -> FloatArray:
+        return np.vstack([self._points, self._corners])
+
+    @cached_property
+    def _points(self) -> FloatArray:
+        return np.unique(self.triangles.reshape(-1, 3), axis=0)
+
+    @cached_property
+    def _corners(self) -> FloatArray:
+        """The corners of the box inside the solid, shape (C, 3); open sides have none."""
+        corners = np.array(list(product(*zip(self.low, self.high, strict=True))))
+        inward = np.array(list(product((1, -1), repeat=3))) * _INWARD
+        is_corner = np.isfinite(corners).all(axis=1)
+        corners, inward = corners[is_corner], inward[is_corner]
+        return corners[self.inside(corners + inward)]
+
+    def _places(self) -> Iterator[tuple[int, float, float]]:
+        """Yield where the piece may be cut: axis, coordinate, and by what its volume counts."""
+        low, high = self._all_points.min(axis=0), self._all_points.max(axis=0)
+        for axis in range(3):
+            _, first, counts = np.unique(
+                self._points[:, axis].round(6), return_index=True, return_counts=True
+            )
+            common = self._points[first, axis][
+                np.argsort(-counts, kind="stable")[:_MAX_COORDINATES]
+            ]
+            for height in common[(common > low[axis] + _END) & (common < high[axis] - _END)]:
+                yield axis, float(height), 1.0
+            if high[axis] - low[axis] > 2 * _END:
+                yield axis, float(low[axis] + high[axis]) / 2, 1 + _CORNER_SHARE
+
+    def _hull_volume(self, axis: int, height: float) -> float:
+        """Return about what volume the hulls of both sides of a cut have [m^3]."""
+        corners = self._corners
+        between = corners.copy()  # where the box's edges inside the solid, or some, are cut
+        between[:, axis] = height
+        volume = 0.0
+        for below in (True, False):
+            if len(self.triangles) <= _EXACT_BELOW:
+                surface = clipped(self.triangles, axis, height, below=below).reshape(-1, 3)
+            else:
+                surface = _thinned(self._points[(self._points[:, axis] <= height) == below])
+            side = corners[(corners[:, axis] < height) == below]
+            volume += _volume(np.vstack([surface, side, between]))
+        return volume
+
+
+def clipped(triangles: FloatArray, axis: int, height: float, *, below: bool) -> FloatArray:
+    """Return the part of triangles on one side of a plane across an axis, as triangles.
+
+    Args:
+        triangles: Shape (T, 3, 3) [m].
+        axis: 0, 1 or 2.
+        height: Coordinate of the plane [m].
+        below: Whether the lower side is kept.
+
+    Returns:
+        Shape (T', 3, 3). Triangles in the plane go to the side of the solid that they bound, and
+        what only touches the plane does not count: else it would span a hull over nothing.
+    """
+    side = (triangles[:, :, axis] - height) * (-1.0 if below else 1.0)
+    side[abs(side) < _SNAP] = 0.0
+    in_plane = (side == 0).all(axis=1) & (_faces_up(triangles, axis) == below)
+    here = (side > 0).any(axis=1) | in_plane
+    triangles, side = triangles[here], side[here]
+    kept = side >= 0
+    count = kept.sum(axis=1)
+    parts = [triangles[count == 3]]
+    for corners_kept in (1, 2):
+        rows = np.flatnonzero(count == corners_kept)
+        # The corner that is alone on its side comes first.
+        alone = kept[rows] if corners_kept == 1 else ~kept[rows]
+        order = (alone.argmax(axis=1)[:, None] + np.arange(3)) % 3
+        a, b, c = triangles[rows[:, None], order].transpose(1, 0, 2)
+        heights = side[rows[:, None], order]
+        ab, ac = (_crossing(a, end, heights, k, axis, height) for k, end in ((1, b), (2, c)))
+        if corners_kept == 1:
+            parts.append(np.stack([a, ab, ac], axis=1))
+        else:
+            parts += [np.stack([ab, b, c], axis=1), np.stack([ab, c, ac], axis=1)]
+    return np.concatenate(parts)
+
+
+def _middles(triangles: FloatArray) -> FloatArray:
+    """Return the middles of the largest triangles and of their edges, shape (N, 3)."""
+    sides = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    largest = np.argsort(-np.linalg.norm(sides, axis=1), kind="stable")[:_FACETS]
+    corners = triangles[largest]
+    edges = (corners + np.roll(corners, 1, axis=1)) / 2
+    return np.vstack([corners.mean(axis=1), edges.reshape(-1, 3)])
+
+
+def _faces_up(triangles: FloatArray, axis: int) -> BoolArray:
+    sides = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    up: BoolArray = sides[:, axis] > 0
+    return up
+
+
+def _crossing(
+    start: FloatArray, end: FloatArray, heights: FloatArray, k: int, axis: int, height: float
+) -> FloatArray:
+    share = heights[:, 0] / (heights[:, 0] - heights[:, k])
+    point = start + share[:, None] * (end - start)
+    point[:, axis] = height
+    return point
+
+
+def _thinned(points: FloatArray) -> FloatArray:
+    return points[:: max(1, len(points) // _SCORED_POINTS)]
+
+
+def _volume(points: FloatArray) -> float:
+    try:
+        return float(ConvexHull(points).volume)
+    except (QhullError, ValueError):
+        return 0.0

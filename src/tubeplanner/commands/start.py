@@ -1,0 +1,46 @@
+"""How the program begins and ends: Ctrl-C while it is imported, while it exits, and its streams.
+
+Nothing is imported here before Ctrl-C is taken care of; what the system does before, such as
+starting Python itself, is not in our hands.
+"""
+
+import signal
+import sys
+
+from tubeplanner.commands.interrupts import interrupts_noted
+
+
+def run() -> None:
+    """Run the command line on the process's arguments."""
+    interrupts_noted()
+    from tubeplanner.commands.cli import main
+
+    _prepare_streams()
+    _silence_libraries()
+    status = main(sys.argv[1:])
+    # All is written: from here on, Ctrl-C has nothing to end.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    sys.exit(status)
+
+
+def _prepare_streams() -> None:
+    import os
+
+    # A reader that stops reading ends the process as it ends every other one in a pipe.
+    if hasattr(signal, "SIGPIPE"):
+        signal.signal(signal.SIGPIPE, signal.SIG_DFL)
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # closed by the caller
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
+        # A name that the stream's encoding lacks must not undo a success.
+        getattr(sys, name).reconfigure(errors="backslashreplace")
+
+
+def _silence_libraries() -> None:
+    """Leave out what the libraries warn of: it means nothing to a user of the commands."""
+    import logging
+    import warnings
+
+    warnings.simplefilter("ignore")
+    for name in ("matplotlib", "toppra", "trimesh", "yourdfpy"):
+        logging.getLogger(name).setLevel(logging.ERROR)
