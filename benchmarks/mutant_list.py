@@ -26,6 +26,14 @@ class Mutant(NamedTuple):
 # Tests of a module beside its own, tests/<folder>/test_<module>.py and test_<module>_*.py.
 TESTS = {
     "collision/collision_checker": ("verification/test_closest_approach.py",),
+    "collision/body_shapes": (
+        "collision/test_collision_checker.py",
+        "verification/test_closest_approach.py",
+    ),
+    "collision/link_pairs": (
+        "collision/test_collision_checker.py",
+        "collision/test_collision_checker_attached.py",
+    ),
     "collision/gilbert": ("collision/test_collision_checker.py",),
     "collision/link_geometry": ("collision/test_collision_checker.py",),
     "collision/mesh_cover": ("collision/test_link_geometry.py", "collision/test_obstacle.py"),
@@ -34,9 +42,9 @@ TESTS = {
     "refinement/limit_constraints": ("refinement/test_spline_constraints.py",),
     "refinement/linear_rows": (
         "refinement/test_spline_constraints.py",
-        "planning/test_best_known.py",
+        "planning/test_planner_best_known.py",
     ),
-    "refinement/refinement": ("planning/test_best_known.py",),
+    "refinement/refinement": ("planning/test_planner_best_known.py",),
     "refinement/rotation_constraints": ("refinement/test_spline_constraints.py",),
     "refinement/tube_constraints": ("refinement/test_spline_constraints.py",),
     "refinement/link_constraints": ("refinement/test_spline_constraints.py",),
@@ -45,6 +53,7 @@ TESTS = {
         "planning/test_planner_best_known.py",
     ),
     "refinement/sequential_program": ("planning/test_planner_best_known.py",),
+    "robot/robot_model": ("collision/test_collision_checker.py", "robot/test_followers.py"),
     "trajectory/bernstein": ("verification/test_enclosure.py",),
     "verification/certificate": ("verification/test_verification.py",),
     "verification/closest_approach": ("verification/test_verification_between_samples.py",),
@@ -65,7 +74,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "effort_majorant": [
         ("inertia.mass * gravity", "0.0"),
         ("_turning(2 * body.spin)", "_turning(body.spin)"),
-        ("moments[i] if robot.revolute[joint] else forces[i]", "moments[i]"),
+        ("moments[i] if robot.body_turns[i] else forces[i]", "moments[i]"),
         (" + _product(bodies[child].link, forces[child])", ""),
         ("force + forces[child]", "force"),
         ("moment + moments[child] +", "moment +"),
@@ -73,14 +82,15 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("_derivative(momentum) / width**2 + ", ""),
         ("_derivative(body.origin + arm, 2)", "_derivative(body.origin, 2)"),
         ("inertia.moment * ", "0.1 * inertia.moment * "),
-        ("_product(axis, load)", "load"),
+        ("share[i] * _product(axis, load)", "share[i] * load"),
+        ("share[i] * _product(axis, load)", "_product(axis, load)"),
+        ("efforts[:, :, joint] +=", "efforts[:, :, joint] ="),
     ],
     "_motions": [
-        (
-            "_product(parent.unit, _derivative(joints[:, :, joint]))",
-            "_derivative(joints[:, :, joint])",
-        ),
-        ("_product(parent.unit, joints[:, :, joint])", "joints[:, :, joint]"),
+        ("_product(parent.unit, _derivative(value))", "_derivative(value)"),
+        ("_product(parent.unit, value)", "value"),
+        ("abs(multiplier[i]) * joints", "joints"),
+        ("value[0] += abs(offset[i])", "pass"),
         ("robot.body_offsets[i] * parent.unit", "0 * parent.unit"),
         ("parent.origin + link", "link"),
         ("_turning(spin), link", "parent.unit, link"),
@@ -354,31 +364,34 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("max(_UNDECIDED_LENGTH, ", "max(0.1, "),
     ],
     # --- collision/collision_checker ----------------------------------------------------------
-    "CollisionChecker.motion_weights": [
-        (", 1.0)", ", 0.0)"),
-        ("robot.lever_arm[bodies] + reach[:, None]", "robot.lever_arm[bodies]"),
-        ("robot.lever_arm[bodies] + reach[:, None]", "reach[:, None]"),
-        ("np.where(moves[first], weights[first], weights[second])", "weights[first]"),
-        ("moves[first] != moves[second]", "moves[first] | moves[second]"),
-        ("moves[first] != moves[second]", "moves[first] & ~moves[second]"),
+    "BodyShapes.motion_weights": [
         ("reach(np.zeros(3))", "bounding_radius"),
+        ("(reach[first], reach[second])", "(reach[second], reach[first])"),
+    ],
+    "RobotModel.approach_rates": [
+        (", 1.0)", ", 0.0)"),
+        (" + away[:, None]", ""),
+        ("self.lever_arm[body] + ", ""),
+        ("np.where(first, rates[0], rates[1])", "rates[0]"),
+        ("first != second", "first | second"),
+        ("first != second", "first & ~second"),
     ],
     "CollisionChecker.required": [
         ("[clearance, 0.0]", "[0.0, 0.0]"),
         ("[clearance, 0.0]", "[clearance, clearance]"),
     ],
-    "CollisionChecker.separations": [('"pij,pi->pj", frames', '"pij,pj->pi", frames')],
-    "CollisionChecker.separations_along": [
+    "BodyShapes.separations": [('"pij,pi->pj", frames', '"pij,pj->pi", frames')],
+    "BodyShapes.separations_along": [
         (" + first.shape.radius", ""),
         (" - second.shape.radius", ""),
         (").max(axis=1)", ").min(axis=1)"),
         ('"pij,pj->pi", rotation[rows, second.body]', '"pij,pi->pj", rotation[rows, second.body]'),
     ],
-    "CollisionChecker.sphere_distances": [
+    "BodyShapes.sphere_distances": [
         (" - radii[first]", ""),
         (" - radii[second]", ""),
     ],
-    "CollisionChecker.distance_gradient": [
+    "BodyShapes.distance_gradient": [
         ("(-1, 0, closest.first)", "(1, 0, closest.first)"),
         ("((-1, 0, closest.first), (1, 1, closest.second))", "((-1, 0, closest.first),)"),
         ("((-1, 0, closest.first), (1, 1, closest.second))", "((1, 1, closest.second),)"),
@@ -390,14 +403,17 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("self._obstacle_names | self._attached_names", "self._obstacle_names"),
         ("self._obstacle_names | self._attached_names", "self._attached_names"),
     ],
-    "CollisionChecker._without_always_touching": [
-        ("value <= 0", "value <= 0.2"),
-        ("touching &= hit", "touching |= hit"),
-        ("if not name & self._attached_names", "if name"),
+    "LinkJudge._always_touch": [
+        ("self.overlapping(pair) and ", ""),
+        (" and all(self._touch(pair, k) for k in samples)", ""),
+    ],
+    "LinkJudge._overlap": [("<= 0\n            for", "<= 0.2\n            for")],
+    "_random_configurations": [
         ("lower, np.minimum(-np.pi, upper - 2 * np.pi)", "lower, -np.pi"),
         ("upper, low + 2 * np.pi", "upper, low"),
     ],
-    "CollisionChecker._measured": [
+    "CollisionChecker._judge_links": [(" if not {*pair} & self._attached_names", "")],
+    "BodyShapes._measured": [
         (
             "separation(placed[i], placed[j])",
             "separation(placed[j], placed[i])",
@@ -465,7 +481,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     "_fcl_geometry": [
         ("_CORE_THICKNESS, length)", "_CORE_THICKNESS, length / 2)"),
-        ("_frame_along(edge / length)", "np.eye(3)"),
+        ("frame_along(edge / length)", "np.eye(3)"),
     ],
     # --- collision/convex_shape ---------------------------------------------------------------
     "ConvexShape.reach": [(" + self.radius", ""), (".max())", ".min())")],
@@ -479,22 +495,18 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "capsule": [("[0, 0, length / 2]", "[0, 0, length / 4]")],
     "cylinder": [
         ("radius / np.cos(np.pi / _PRISM_SIDES)", "radius"),
-        ("length / 2, length / 2", "length / 2, 0.0"),
     ],
+    "_prism": [("-length / 2, length / 2", "-length / 2, 0.0")],
     "convex_hull": [
         ("- _FLAT_HALF_THICKNESS", "+ _FLAT_HALF_THICKNESS"),
         (" + (low + high) / 2", ""),
     ],
     # --- collision/mesh_cover, link_geometry, obstacle ----------------------------------------
-    "_slab_points": [
-        ("points.append(a + share[:, None] * (b - a))", "pass"),
-        ("share[:, None] * (b - a)", "(b - a) / 2"),
-    ],
     "_slab_hulls": [("if len(points)", "if len(points) > 20")],
-    "cover_mesh": [("_WORTHWHILE_VOLUME_RATIO * ", "0 * ")],
+    "_cover_and_slabs": [("_WORTHWHILE_VOLUME_RATIO * ", "0 * ")],
     "length_unit": [('float(element.get("meter", "1"))', "1.0")],
     "load_mesh": [("loaded.apply_scale(scale)", "pass")],
-    "link_shapes": [
+    "link_parts": [
         ("placement @ placement_in_link(collision)", "placement"),
         ("placement @ placement_in_link(collision)", "placement_in_link(collision)"),
     ],
