@@ -1,6 +1,6 @@
 """Whether a test notices when a line that a promise rests on is wrong.
 
-    python benchmarks/mutants.py [--only SUBSTRING] [--list]
+    python benchmarks/mutants.py [--only SUBSTRING] [--list] [--processes N]
 
 Every mutant of `mutant_list.py` changes one fragment of one function of the judge, of its geometry,
 or of what the planner is constrained by. The package is copied, one mutant is applied, and the test
@@ -231,15 +231,15 @@ def _run_tests(folder: Path, tests: tuple[str, ...]) -> None:
     os._exit(int(status))
 
 
-def run(sources: Sources, mutants: list[tuple[Mutant, Place]]) -> list[Outcome]:
+def run(sources: Sources, mutants: list[tuple[Mutant, Place]], processes: int) -> list[Outcome]:
     """Return what becomes of mutants, each printed as soon as it is known.
 
     Raises:
         RuntimeError: The tests fail without any mutant.
     """
-    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(PROCESSES) as pool:
+    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(processes) as pool:
         copies: SimpleQueue[Copy] = SimpleQueue()
-        for number in range(PROCESSES):
+        for number in range(processes):
             copies.put(Copy(Path(folder, str(number))))
 
         def require_passed(tests: tuple[str, ...]) -> None:
@@ -262,7 +262,7 @@ def run(sources: Sources, mutants: list[tuple[Mutant, Place]]) -> list[Outcome]:
             return found
 
         files = sorted({name for _, place in mutants for name in tests_of(place.module)})
-        halves = [tuple(files[i::PROCESSES]) for i in range(min(PROCESSES, len(files)))]
+        halves = [tuple(files[i::processes]) for i in range(min(processes, len(files)))]
         list(pool.map(require_passed, halves))
         return list(pool.map(lambda pair: outcome(*pair), mutants))
 
@@ -290,6 +290,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", default="", help="mutants whose row contains this")
     parser.add_argument("--list", action="store_true", help="print them; run nothing")
+    parser.add_argument("--processes", type=int, default=PROCESSES, help="how many at a time")
     arguments = parser.parse_args()
     os.environ["OPENBLAS_NUM_THREADS"] = "1"
     sources = Sources(HERE / PACKAGE)
@@ -305,7 +306,7 @@ def main() -> int:
         print(f"{len(chosen)} mutants")
         return 0
     begin = time.perf_counter()
-    outcomes = run(sources, chosen)
+    outcomes = run(sources, chosen, arguments.processes)
     print(*summary(outcomes), sep="\n")
     unexpected = [outcome for outcome in outcomes if not outcome.is_expected]
     killed = sum(outcome.killed for outcome in outcomes)
