@@ -1,36 +1,51 @@
 """The paper's tables beside ours: what is planned, what the page says, what the command writes."""
 
 import json
+from functools import cache
 
 import numpy as np
 import pytest
 
 from stored_trajectories import STOP
 from tubeplanner import PlanOptions, plan
+from tubeplanner.baselines.baselines import BASELINES, judged_baseline
+from tubeplanner.planning.plan_options import SUH_BISHOP
 from tubeplanner.studies import reproduction as module
 from tubeplanner.studies.printed_results import NO_TUBE, TABLE_FOUR, TABLE_THREE, TABLE_TWO
 from tubeplanner.studies.reproduction import paper_problem, reproduce
 from tubeplanner.studies.reproduction_page import reproduction_page
 
 
-def reproduced_by(methods):
-    """Return all cells and what was told of them, the methods replaced by others."""
-
-    def quick(problem, options, progress):
-        method = methods.get(options.method, options.method)
-        return plan(problem, PlanOptions(method, "fast"), progress)
-
+def reproduced_with(**replaced):
+    """Return all cells and what was told of them, functions of the module replaced by others."""
     told = []
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, "plan", quick)
+        for name, function in replaced.items():
+            patch.setattr(module, name, function)
         result = reproduce(told.append)
     return result, told
 
 
 @pytest.fixture(scope="module")
 def reproduced():
-    """All cells, of trajectories that stop at the ends."""
-    return reproduced_by({"suh-bishop": STOP, "refinement": STOP})
+    """All cells, of trajectories that stop at the ends; all paths, switched by bang-bang.
+
+    Each planned once, whatever the method, and however the corners are to be smoothed.
+    """
+
+    @cache
+    def stopping(problem):
+        return plan(problem, PlanOptions(STOP, "fast"), lambda stage: None)
+
+    @cache
+    def switched(problem):
+        return judged_baseline(problem, "bang-bang")
+
+    def quick(problem, options, progress):
+        progress("stands still at the corners")
+        return stopping(problem)
+
+    return reproduced_with(plan=quick, judged_baseline=lambda problem, name: switched(problem))
 
 
 def test_every_printed_cell_is_planned(reproduced):
@@ -53,8 +68,15 @@ def test_conventional_and_bang_bang_times_are_those_of_the_paper(reproduced):
 
 @pytest.mark.slow
 def test_the_default_method_beats_the_printed_second_phase_everywhere():
-    result, _ = reproduced_by({"suh-bishop": STOP})
+    def quick(problem, options, progress):
+        method = STOP if options.method == SUH_BISHOP else options.method
+        return plan(problem, PlanOptions(method, "fast"), progress)
+
+    result, _ = reproduced_with(plan=quick)
     assert all(cell.default.succeeded for cell in result.cells.values())
+    for path in result.paths.values():
+        assert {*path.trajectories} == {module.CONVENTIONAL, *BASELINES}
+        assert all(not isinstance(one, str) for one in path.trajectories.values())
     for example, row in TABLE_TWO.items():
         for radius, (_, printed) in row.phases.items():
             assert result.cell(example, radius).default.duration < printed

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from cases import slow_but
 from tubeplanner import view
 from tubeplanner.views.palette import SEGMENT_COLORS, rgb
 
@@ -64,7 +65,7 @@ def picture(show, tmp_path):
     return of
 
 
-@pytest.mark.parametrize("name", PROBLEMS)
+@pytest.mark.parametrize("name", slow_but(("two_link/around_a_post",), PROBLEMS))
 def test_the_arm_is_seen_and_moves(name, picture, stored):
     problem, trajectory = stored(name)
     page = view(problem, trajectory)
