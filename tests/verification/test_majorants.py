@@ -1,0 +1,93 @@
+"""Bounds on Taylor coefficients where a joint follows another: closed forms of uniform turns."""
+
+from math import factorial
+
+import numpy as np
+import pytest
+
+from tubeplanner import JointTrajectory, load_robot
+from tubeplanner.verification.enclosure import _joint_bounds
+from tubeplanner.verification.majorants import effort_majorant, tool_majorant
+
+SPEED, WIDTH = 1e-3, 600.0  # slow: nothing but gravity counts
+ORDERS = range(9)
+GRAVITY = 9.81
+
+
+def link(name, mass, x=0.0):
+    inertia = '<inertia ixx="1e-9" iyy="1e-9" izz="1e-9" ixy="0" ixz="0" iyz="0"/>'
+    origin = f'<origin xyz="{x} 0 0"/>'
+    return f'<link name="{name}"><inertial>{origin}<mass value="{mass}"/>{inertia}</inertial></link>'
+
+
+def joint(name, kind, parent, child, mimic=""):
+    axis = "0 0 1" if kind == "revolute" else "1 0 0"
+    limit = '<limit lower="-9" upper="9" effort="99" velocity="9"/>'
+    return (
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+        f'<axis xyz="{axis}"/>{limit}{mimic}</joint>'
+    )
+
+
+def mimic(master, multiplier, offset):
+    return f'<mimic joint="{master}" multiplier="{multiplier}" offset="{offset}"/>'
+
+
+@pytest.fixture
+def load(tmp_path):
+    """Return a function from links and joints to the arm up to `tip`, gravity along -y."""
+
+    def of(*parts):
+        path = tmp_path / "arm.urdf"
+        path.write_text(f'<robot name="arm"><link name="base"/>{"".join(parts)}</robot>')
+        return load_robot(path, "tip", gravity=(0, -GRAVITY, 0))
+
+    return of
+
+
+def bounds_of(robot, position, velocity):
+    """Return bounds of the joints' coefficients while they move uniformly."""
+    names = robot.joint_names
+    coefficients = [[[velocity.get(name, 0.0) for name in names]]]
+    coefficients += [[[position.get(name, 0.0) for name in names]]]
+    trajectory = JointTrajectory(names, [0, WIDTH], coefficients)
+    return _joint_bounds(trajectory, np.array([0]), np.zeros(1), np.array([WIDTH]))
+
+
+@pytest.mark.parametrize("multiplier", [-3.0, 0.5])
+def test_a_pendulum_that_follows_a_crank_loads_it_by_the_gear(load, multiplier):
+    """Effort c m g l cos(c w t): the k-th coefficient is c m g l (c w T)^k / k!."""
+    mass, lever = 0.5, 0.4
+    robot = load(
+        link("crank", 1e-9),
+        link("tip", mass, lever),
+        joint("master", "revolute", "base", "crank"),
+        joint("follower", "revolute", "base", "tip", mimic("master", multiplier, 0.0)),
+    )
+    joints = bounds_of(robot, {}, {"master": SPEED})
+    bound = effort_majorant(robot, joints, np.array([WIDTH]))[:9, 0, 0]
+    gear = abs(multiplier)
+    expected = [
+        gear * mass * GRAVITY * lever * (gear * SPEED * WIDTH) ** k / factorial(k) for k in ORDERS
+    ]
+    np.testing.assert_allclose(bound, expected, rtol=1e-3)
+
+
+@pytest.mark.parametrize("offset", [0.5, -0.5])
+@pytest.mark.parametrize("multiplier", [2.0, 0.5])
+def test_a_slide_that_follows_another_carries_the_tool_round_a_circle(load, multiplier, offset):
+    """Its radius is what the slide extends: r (w T)^k / k! is the k-th coefficient."""
+    robot = load(
+        link("cart", 1),
+        link("arm", 1),
+        link("tip", 1),
+        joint("master", "prismatic", "base", "cart"),
+        joint("turn", "revolute", "base", "arm"),
+        joint("follower", "prismatic", "arm", "tip", mimic("master", multiplier, offset)),
+    )
+    at = 0.1 * np.sign(offset)
+    joints = bounds_of(robot, {"master": at}, {"turn": SPEED})
+    radius = multiplier * abs(at) + abs(offset)
+    expected = [radius * (SPEED * WIDTH) ** k / factorial(k) for k in ORDERS]
+    found = tool_majorant(robot, joints).position[1:9, 0]
+    np.testing.assert_allclose(found, expected[1:], rtol=1e-12)
