@@ -24,9 +24,8 @@ BLOCK = re.compile(r"^(<!-- not run: .* -->\n)?```(\w+)\n(.*?)^```$", re.M | re.
 # What another processor's rounding may move: numbers with a point, and whole ones with a unit.
 NUMBER = r"-?\d+(?:\.\d*(?:e[+-]?\d+)?|(?= (?:ms|mm|%)))"
 NUMBER_TOLERANCE = 0.1  # relative
-# Planning and what plans take time; the page a reader meets first is run by every `make test`.
+# Planning and what plans take time; the README, which a reader meets first, has its own tests.
 PLANS = re.compile(r"\b(?:plan|sweep|compare|measure_tube)\(|^\$ tubeplanner plan ", re.M)
-FIRST = "docs/first_plan.md"
 # What a part of a problem file is completed with.
 REST = {
     "robot": {"urdf": "example:ur5", "tool_frame": "tool0"},
@@ -103,7 +102,7 @@ def sections(fields):
 def pages_with_blocks():
     """Return the pages by name; those that plan are slow."""
     return [
-        pytest.param(page, marks=[pytest.mark.slow] * (page != FIRST and bool(PLANS.search(text))))
+        pytest.param(page, marks=[pytest.mark.slow] * (bool(PLANS.search(text))))
         for page, text in PAGES.items()
         if BLOCK.search(text)
     ]

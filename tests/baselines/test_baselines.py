@@ -1,9 +1,11 @@
 """The schemes of old against the paper's numbers, theory, and what each of them promises."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 
-from cases import one_joint
+from cases import one_joint, slow_but
 from tubeplanner import PlanningProblem, Tube, load_problem, verify
 from tubeplanner.baselines.baselines import BASELINES, judged_baseline
 from tubeplanner.baselines.conventional_lines import (
@@ -98,8 +100,13 @@ def test_a_coarse_average_slowed_as_a_whole_costs_what_the_paper_says(example, p
     assert minimum_duration(problem.robot, trajectory) == pytest.approx(paper, rel=0.05)
 
 
-@pytest.mark.parametrize("scheme", ON_LINES)
-@pytest.mark.parametrize("name", ["two_link/paper_5_10mm", "ur5/over_the_wall"])
+@pytest.mark.parametrize(
+    ("name", "scheme"),
+    slow_but(
+        [*product(["two_link/paper_5_10mm"], ON_LINES), ("ur5/over_the_wall", "bang-bang")],
+        product(["two_link/paper_5_10mm", "ur5/over_the_wall"], ON_LINES),
+    ),
+)
 def test_schemes_on_lines_have_the_tool_on_them(judged, name, scheme):
     problem, made, certificate = judged(name, scheme)
     tool = problem.robot.tool_position(made.trajectory.per_piece(5).position)

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from cases import slow_but
 from tubeplanner import PlanOptions, compare, load_problem, load_robot
 from tubeplanner.baselines.baselines import BASELINES
 from tubeplanner.planning.plan_options import METHODS
@@ -58,7 +59,12 @@ ROBOTS = {
 }
 
 
-@pytest.fixture(params=ROBOTS)
+# Each robot meets the methods or the commands quickly; the other half is slow.
+WITH_COMMANDS = ("no self-collision",)
+WITH_METHODS = [name for name in ROBOTS if name not in WITH_COMMANDS]
+
+
+@pytest.fixture
 def path(request, tmp_path):
     """Return the file of a problem along the tool's way through three configurations."""
     parts, q, obstacles, self_collision = ROBOTS[request.param]
@@ -78,6 +84,7 @@ def path(request, tmp_path):
     return path
 
 
+@pytest.mark.parametrize("path", slow_but(WITH_METHODS, ROBOTS), indirect=True)
 def test_every_method_and_baseline_has_an_answer(path):
     brief = SuhBishopOptions(node_budget=50)
     options = PlanOptions(quality="fast", node_budget=100, suh_bishop=brief, time_limit=20)
@@ -88,6 +95,7 @@ def test_every_method_and_baseline_has_an_answer(path):
     assert compared.rows[0].certified
 
 
+@pytest.mark.parametrize("path", slow_but(WITH_COMMANDS, ROBOTS), indirect=True)
 def test_every_command_has_an_answer(path, run):
     folder = path.parent
     files = {f"--{name}": folder / f"t.{name}" for name in ("csv", "html")}

@@ -5,6 +5,7 @@ import json
 
 import pytest
 
+from cases import slow_but
 from tubeplanner.commands.cli import main
 
 PROBLEM = "example:two_link/paper_1_30mm"
@@ -19,7 +20,7 @@ def trajectory(tmp_path_factory):
     return folder / "t.json"
 
 
-@pytest.mark.parametrize("name", ["t.json", "t.csv", "r.yaml"])
+@pytest.mark.parametrize("name", slow_but(["t.json", "t.csv"], ["t.json", "t.csv", "r.yaml"]))
 def test_plot_draws_beside_the_trajectory_or_where_told(name, run, trajectory, tmp_path):
     source = trajectory.with_name(name)
     status, out, err = run("plot", PROBLEM, source)

@@ -2,6 +2,7 @@ import csv
 import io
 import json
 import re
+from itertools import product
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -147,8 +148,10 @@ def test_the_undamaged_one_is_read(tmp_path):
 
 @pytest.mark.parametrize(
     ("name", "suffix"),
-    [(name, ".csv") for name in PROBLEMS]
-    + slow_but([("ur5/level_tray", ".yaml")], [(name, ".yaml") for name in PROBLEMS]),
+    slow_but(
+        [("ur5/over_the_wall", ".csv"), ("ur5/level_tray", ".yaml")],
+        product(PROBLEMS, (".csv", ".yaml")),
+    ),
 )
 def test_samples_of_a_refined_trajectory_read_back_pass(name, suffix, stored, tmp_path):
     problem, trajectory = stored(name, "refinement")

@@ -1,14 +1,20 @@
 """The ROS file is what ROS 2 takes: loaded into the message's own type, serialised, read back."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from rosbags.typesys import Stores, get_typestore
 from ruamel.yaml import YAML
 
+from cases import slow_but
 from tubeplanner.files.export import trajectory_ros
 from tubeplanner.files.export_samples import samples_for_export
 
 TYPE = "trajectory_msgs/msg/JointTrajectory"
+RELEASES = (Stores.ROS2_HUMBLE, Stores.ROS2_JAZZY)
+NAMES = ("ur5/over_the_wall", "panda/between_shelves")
+QUICK = ((RELEASES[0], NAMES[1]), (RELEASES[1], NAMES[0]))
 
 
 def as_message(store, fields):
@@ -28,8 +34,7 @@ def as_message(store, fields):
     return types[TYPE](header=header, joint_names=fields["joint_names"], points=points)
 
 
-@pytest.mark.parametrize("release", [Stores.ROS2_HUMBLE, Stores.ROS2_JAZZY])
-@pytest.mark.parametrize("name", ["ur5/over_the_wall", "panda/between_shelves"])
+@pytest.mark.parametrize(("release", "name"), slow_but(QUICK, product(RELEASES, NAMES)))
 def test_the_file_is_a_ros_2_message_and_survives_the_wire(release, name, stored):
     problem, trajectory = stored(name, "refinement")
     sampled = samples_for_export(problem, trajectory, 500)

@@ -65,6 +65,18 @@ def cell(tmp_path):
     return tmp_path
 
 
+@pytest.fixture
+def covered_roughly(monkeypatch):
+    """Covers are hulls, and links are looked at in one configuration: quick, and no matter."""
+
+    def hull_alone(mesh):
+        return [mesh_cover.convex_hull(mesh.vertices)]
+
+    monkeypatch.setattr(mesh_file, "cover_mesh", hull_alone)
+    monkeypatch.setattr(mesh_file, "OUTER_ERROR", 1.0)  # [m]: no cover is refined
+    monkeypatch.setattr(link_pairs, "_TOUCH_SAMPLES", 1)
+
+
 def changed(**changes):
     """Return the fields with other values, by path with `__` for dots."""
     fields = copy.deepcopy(FIELDS)
@@ -124,11 +136,13 @@ OTHER = {
 }
 
 
+@pytest.mark.usefixtures("covered_roughly")
 @pytest.mark.parametrize("changes", SAME.values(), ids=SAME)
 def test_one_problem_written_in_two_ways_has_one_hash(changes, cell):
     assert hash_of(changed(**changes), cell) == hash_of(FIELDS, cell)
 
 
+@pytest.mark.usefixtures("covered_roughly")
 @pytest.mark.parametrize("changes", OTHER.values(), ids=OTHER)
 def test_another_problem_has_another_hash(changes, cell):
     assert hash_of(changed(**changes), cell) != hash_of(FIELDS, cell)
@@ -153,6 +167,7 @@ def test_a_problem_built_in_python_has_the_hash_of_its_file(cell):
     assert problem_hash(built) == problem_hash(read)
 
 
+@pytest.mark.usefixtures("covered_roughly")
 def test_files_elsewhere_and_under_other_names_are_the_same_problem(cell, tmp_path_factory):
     other = tmp_path_factory.mktemp("elsewhere")
     text = (cell / "arm.urdf").read_text()
@@ -185,6 +200,7 @@ def longer_sphere(text):
     return text.replace('radius="0.05"', 'radius="0.06"')
 
 
+@pytest.mark.usefixtures("covered_roughly")
 @pytest.mark.parametrize("change", [moved_collision, longer_sphere])
 def test_other_collision_elements_are_another_problem(change, cell):
     before = hash_of(FIELDS, cell)
@@ -194,15 +210,9 @@ def test_other_collision_elements_are_another_problem(change, cell):
     assert hash_of(FIELDS, cell) != before
 
 
-def test_covers_and_pairs_do_not_matter(cell, monkeypatch):
+def test_covers_and_pairs_do_not_matter(cell, request):
     before = parse_problem(FIELDS, cell)
-
-    def hull_alone(mesh):
-        return [mesh_cover.convex_hull(mesh.vertices)]
-
-    monkeypatch.setattr(mesh_file, "cover_mesh", hull_alone)
-    monkeypatch.setattr(mesh_file, "OUTER_ERROR", 1.0)  # [m]: no cover is refined
-    monkeypatch.setattr(link_pairs, "_TOUCH_SAMPLES", 1)
+    request.getfixturevalue("covered_roughly")
     after = parse_problem(FIELDS, cell)
     assert len(after.collision.shapes) < len(before.collision.shapes)
     assert problem_hash(after) == problem_hash(before)

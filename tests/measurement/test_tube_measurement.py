@@ -103,6 +103,7 @@ def beside_a_wall(ur5):
     return PlanningProblem(ur5, tube, Seed(seed), obstacles=[wall], clearance=0.01)
 
 
+@pytest.mark.slow
 def test_six_joints_get_ranges_that_survive(beside_a_wall):
     result = measure_tube(beside_a_wall, QUICK)
     assert result.succeeded, result.message

@@ -181,7 +181,7 @@ def test_what_is_certified_holds_for_the_arm_with_every_joint_planned(tmp_path, 
     strong = LimitOverrides(effort={"lift": 500, "first": 300, "wrist": 100, "side_joint": 50})
     robot, plain = load(tmp_path, RULES, joints=PLANNED, limits=strong), arms[1]
     start = np.array([0.2, 0.1, 0.3, 0.0])
-    tube = Tube(robot.tool_position(start + np.linspace(0, 0.4, 3)[:, None]), 0.05)
+    tube = Tube(robot.tool_position(start + np.array([[0.0], [0.4]])), 0.05)
     problem = PlanningProblem(robot, tube, start, start + 0.4)
     result = plan(problem, PlanOptions("stop-at-corners"))
     assert result.certificate.passed

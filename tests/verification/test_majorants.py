@@ -17,7 +17,9 @@ GRAVITY = 9.81
 def link(name, mass, x=0.0):
     inertia = '<inertia ixx="1e-9" iyy="1e-9" izz="1e-9" ixy="0" ixz="0" iyz="0"/>'
     origin = f'<origin xyz="{x} 0 0"/>'
-    return f'<link name="{name}"><inertial>{origin}<mass value="{mass}"/>{inertia}</inertial></link>'
+    return (
+        f'<link name="{name}"><inertial>{origin}<mass value="{mass}"/>{inertia}</inertial></link>'
+    )
 
 
 def joint(name, kind, parent, child, mimic=""):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from cases import PROBLEMS
+from cases import PROBLEMS, slow_but
 from tubeplanner import (
     OutputError,
     load_problem,
@@ -26,7 +26,7 @@ def colours(png):
     return len(np.unique(pixels @ [1 << 16, 1 << 8, 1]))
 
 
-@pytest.mark.parametrize("name", PROBLEMS)
+@pytest.mark.parametrize("name", slow_but(["two_link/around_a_post", "ur5/level_tray"], PROBLEMS))
 def test_a_figure_shows_every_joint_against_its_limits(name, stored, tmp_path):
     problem, trajectory = stored(name)
     path = tmp_path / "figure.png"

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import tubeplanner
-from cases import PROBLEMS
+from cases import PROBLEMS, slow_but
 from stored_trajectories import STOP, stored_path
 from tubeplanner import OptionError, OutputError, TrajectoryError, load_problem
 from tubeplanner.collision.link_geometry import read_geometry
@@ -24,6 +24,7 @@ from tubeplanner.views.scene import Layer
 from tubeplanner.views.viewer import panel_data, recorded_commands, view
 
 MEGABYTE = 1e6
+QUICK = ("two_link/around_a_post", "ur5/over_the_wall", "panda/between_shelves")
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +49,7 @@ def objects(commands):
     }
 
 
-@pytest.mark.parametrize("name", PROBLEMS)
+@pytest.mark.parametrize("name", slow_but(QUICK, PROBLEMS))
 def test_every_link_that_has_looks_has_a_mesh(name, shown):
     scene = shown(name).scene
     looks = {link.name for link in read_geometry(scene.problem.robot).links if link.visuals}
@@ -57,7 +58,7 @@ def test_every_link_that_has_looks_has_a_mesh(name, shown):
     assert scene.notes == ()
 
 
-@pytest.mark.parametrize("name", PROBLEMS)
+@pytest.mark.parametrize("name", slow_but(QUICK, PROBLEMS))
 def test_a_page_can_be_mailed(name, shown):
     page = shown(name).html
     assert MEGABYTE < len(page.encode()) < 4 * MEGABYTE
