@@ -404,7 +404,11 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("self._obstacle_names | self._attached_names", "self._attached_names"),
     ],
     "LinkJudge._always_touch": [
-        ("self.overlapping(pair) and ", ""),
+        (
+            "self.overlapping(pair) and ",
+            "",
+            "only slower: where links touch, the covers that hold them overlap",
+        ),
         (" and all(self._touch(pair, k) for k in samples)", ""),
     ],
     "LinkJudge._overlap": [("<= 0\n            for", "<= 0.2\n            for")],
