@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 PROBLEM ?= example:ur5/over_the_wall
 JOBS ?= 2
 # One thread of linear algebra per worker: more would fight for the same cores.
-PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(JOBS) --dist loadfile
+PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(JOBS) --dist worksteal
 
 .PHONY: demo test test-slow test-all test-processors trajectories lint notebooks docs wheel clean
 

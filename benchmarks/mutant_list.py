@@ -270,7 +270,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("(low - slack < 0) | ", ""),
         (" | (high + slack > 1)", ""),
         ("high - low + bend * width**2 + 4 * off", "high - low"),
-        ("distance = gain * ", "distance = ", "hidden by the slack of the other terms"),
+        ("distance = gain * ", "distance = "),
         ("(high + slack <= 0)", "(low + slack <= 0)"),
     ],
     # --- verification/switching_samples -------------------------------------------------------

@@ -381,3 +381,22 @@ def test_a_rotation_vector_that_bends_is_bounded(ends, points, reference, slide)
     tube, visit = bounded(3.0 - dense.min() + 1e-4), [Visit(0, 0.0, 1.0)]
     least = least_rotation_margin(tube.rotation, pose_of(slide, trajectory), visit)
     assert 0.95e-4 <= least.lower_bound <= 1e-4 + 1e-9
+
+
+@pytest.mark.parametrize("joint", [0, 2])
+def test_a_turn_across_a_far_rotation_vector_moves_it_by_more(joint, slide):
+    """By a / 2 sideways at an angle a: the tool turns there and back, about z or y."""
+    angle, turned = 3.0, 5e-3
+    coefficients = np.zeros((3, 1, 3))
+    coefficients[:, 0, joint] = [-4 * turned, 4 * turned, 0]
+    trajectory = JointTrajectory(slide.joint_names, [0, 1.0], coefficients)
+    far, bounds = Rotation.from_euler("x", angle).as_quat(), [INF, INF, INF]
+    sideways = 1 if joint == 0 else 2
+    bounds[sideways] = 1.0
+    points = [[0.6, -1.0, 0.5], [0.6, 1.0, 0.5]]
+    tube = Tube(points, 9.0, orientations=[far, far], rotation_tolerance=[bounds])
+    dense = margins(slide, tube, trajectory, np.linspace(0, 1, 1001), 0).min()
+    assert dense == pytest.approx(1.0 - angle / 2 * turned, abs=1e-5)
+    least = least_rotation_margin(tube.rotation, pose_of(slide, trajectory), [Visit(0, 0.0, 1.0)])
+    assert least.intervals <= 3
+    assert 0.97 * dense <= least.lower_bound <= dense + 1e-12
