@@ -22,6 +22,7 @@ FLAGS = (
     *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
     *("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--enable-logging=stderr"),
     *("--virtual-time-budget=3000", "--window-size=1000,700"),
+    "--run-all-compositor-stages-before-draw",  # else, on a busy machine, a picture may never come
     "--host-resolver-rules=MAP * ~NOTFOUND",  # no network
 )
 TOLD = "no Chromium found (Debian: apt-get install --no-install-recommends chromium)"
