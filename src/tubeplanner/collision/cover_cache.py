@@ -19,7 +19,7 @@ from tubeplanner.collision.convex_shape import ConvexShape
 
 VARIABLE = "TUBEPLANNER_CACHE"  # a folder, or "off"
 # Part of every name: another number, and entries made by other code are not found any more.
-_FORMAT = "1"
+_FORMAT = "2"
 _UNREADABLE = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile)
 
 Arrays = dict[str, np.ndarray]

@@ -128,15 +128,15 @@ class LinkJudge:
         return LinkPairs(touching, tuple(refined), fine)
 
     def _always_touch(self, pair: Pair) -> bool:
-        """Return whether a pair's covers overlap and its solids touch in all configurations."""
-        samples = range(_TOUCH_SAMPLES)
-        return self.overlapping(pair) and all(self._touch(pair, k) for k in samples)
+        """Return whether a pair's solids touch in all configurations, and with them its covers."""
+        if not self._overlap(self._pairs_of(pair), 0):
+            return False
+        return all(self._touch(pair, k) for k in range(_TOUCH_SAMPLES))
 
     def _falsely_overlapping(self, pair: Pair) -> IntArray:
         """Return in which configurations only the covers overlap; none if these are too few."""
         indices = self._pairs_of(pair)
-        head = slice(_FALSE_SAMPLES)
-        spheres = self._covers.sphere_distances(self._rotation[head], self._position[head], indices)
+        spheres = self._covers.gaps_of_spheres(self._centers[:_FALSE_SAMPLES], indices)
         near = np.flatnonzero((spheres <= 0).any(axis=1)).tolist()
         least = _FALSE_SHARE * _FALSE_SAMPLES
         found = np.array(
@@ -148,10 +148,11 @@ class LinkJudge:
 
     def _overlap(self, indices: IntArray, sample: int) -> bool:
         rotation, position = self._rotation[sample], self._position[sample]
-        spheres = self._covers.sphere_distances(rotation[None], position[None], indices)[0]
+        spheres = self._covers.gaps_of_spheres(self._centers[sample, None], indices)[0]
+        # Those that most likely overlap come first.
         return any(
             self._covers.distances(rotation, position, indices[k : k + 1])[0] <= 0
-            for k in np.flatnonzero(spheres <= 0)
+            for k in np.argsort(spheres)[: int((spheres <= 0).sum())]
         )
 
     def _touch(self, pair: Pair, sample: int) -> bool:
@@ -178,6 +179,11 @@ class LinkJudge:
             cover = part.mesh.fine_cover((probes - position) @ rotation)
             shapes += [shape.transformed(part.placement) for shape in cover.shapes]
         return shapes
+
+    @cached_property
+    def _centers(self) -> FloatArray:
+        """Centres of the covers' bounding spheres, shape (configurations, shapes, 3) [m]."""
+        return self._covers.sphere_centers(self._rotation, self._position)
 
     @cached_property
     def _surface_points(self) -> "_SurfacePoints":
