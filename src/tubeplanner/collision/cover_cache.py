@@ -95,7 +95,7 @@ def cached(kind: str, key: str | None, compute: Callable[[], Mapping[str, np.nda
 
 def _read(path: Path) -> Arrays | None:
     try:
-        with np.load(path, allow_pickle=False) as entry:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as entry:
             return {name: entry[name] for name in entry.files}
     except _UNREADABLE:
         return None

@@ -21,6 +21,7 @@ from tubeplanner.collision.cover_cache import (
     unpacked,
 )
 from tubeplanner.collision.cover_error import surface_samples
+from tubeplanner.collision.fine_cover import Cover
 from tubeplanner.collision.link_geometry import LinkPart
 from tubeplanner.collision.mesh_solid import touch
 from tubeplanner.robot.robot_model import RobotModel
@@ -47,13 +48,13 @@ class LinkPairs:
     Attributes:
         always_touching: Pairs whose links touch in all sampled configurations, as they are.
         refined: Pairs that are judged by `fine` instead of the links' usual covers.
-        fine: Close covers of links where the other links of their refined pairs come near, in the
-            frame of the body, by link name.
+        fine: By link name, close covers of links where the other links of their refined pairs come
+            near, in the frame of the body.
     """
 
     always_touching: tuple[Pair, ...]
     refined: tuple[Pair, ...]
-    fine: Mapping[str, Sequence[ConvexShape]]
+    fine: Mapping[str, Cover]
 
 
 def judged_pairs(
@@ -169,16 +170,18 @@ class LinkJudge:
             found.append((points @ turned.T + placed - origin) @ frame)
         return np.vstack(found)
 
-    def _fine_cover(self, link: str, probes: FloatArray) -> list[ConvexShape]:
-        shapes = []
+    def _fine_cover(self, link: str, probes: FloatArray) -> Cover:
+        shapes, errors = [], []
         for part in self._parts[link]:
             if part.mesh is None:
                 shapes += part.cover()
+                errors.append(part.outer_error())
                 continue
             rotation, position = part.placement[:3, :3], part.placement[:3, 3]
             cover = part.mesh.fine_cover((probes - position) @ rotation)
             shapes += [shape.transformed(part.placement) for shape in cover.shapes]
-        return shapes
+            errors.append(cover.outer_error)
+        return Cover(tuple(shapes), max(errors))
 
     @cached_property
     def _centers(self) -> FloatArray:
@@ -226,17 +229,22 @@ def _random_configurations(robot: RobotModel) -> FloatArray:
 
 
 def _as_arrays(found: LinkPairs) -> Arrays:
-    links = [link for link, shapes in found.fine.items() for _ in shapes]
-    arrays = packed([shape for shapes in found.fine.values() for shape in shapes])
+    links = [link for link, cover in found.fine.items() for _ in cover.shapes]
+    arrays = packed([shape for cover in found.fine.values() for shape in cover.shapes])
+    arrays["errors"] = np.array([cover.outer_error for cover in found.fine.values()])
     for name, pairs in (("touching", found.always_touching), ("refined", found.refined)):
         arrays[name] = np.array(pairs, dtype=np.str_).reshape(-1, 2)
     return arrays | {"links": np.array(links, dtype=np.str_)}
 
 
 def _of_arrays(arrays: Arrays) -> LinkPairs:
-    fine: dict[str, list[ConvexShape]] = {}
+    shapes: dict[str, list[ConvexShape]] = {}
     for link, shape in zip(arrays["links"].tolist(), unpacked(arrays), strict=True):
-        fine.setdefault(link, []).append(shape)
+        shapes.setdefault(link, []).append(shape)
+    fine = {
+        link: Cover(tuple(own), error)
+        for (link, own), error in zip(shapes.items(), arrays["errors"].tolist(), strict=True)
+    }
     touching, refined = (
         tuple((first, second) for first, second in arrays[name].tolist())
         for name in ("touching", "refined")

@@ -17,8 +17,9 @@ from tubeplanner.arrays import BoolArray, FloatArray, IntArray, read_only
 from tubeplanner.collision.convex_shape import ConvexShape, flat_hull
 from tubeplanner.collision.cover_error import surface_samples
 
-# Where a piece may be cut: at its deepest notches, at the coordinates that most of its corners have,
-# and in its middle. A cut at a corner is preferred to one that is better by less than this share.
+# Where a piece may be cut: at its deepest notches, at the coordinates that most of its corners
+# have, and in its middle. A cut at a corner is preferred to one that is better by less than this
+# share.
 _MAX_NOTCHES = 3
 _MAX_COORDINATES = 2
 _CORNER_SHARE = 0.05
@@ -210,7 +211,7 @@ def clipped(triangles: FloatArray, axis: int, height: float, *, below: bool) -> 
     side = (triangles[:, :, axis] - height) * (-1.0 if below else 1.0)
     side[abs(side) < _SNAP] = 0.0
     in_plane = (side == 0).all(axis=1)
-    here = (side > 0).any(axis=1)
+    here = np.asarray((side > 0).any(axis=1))
     here[in_plane] = _faces_up(triangles[in_plane], axis) == below
     triangles, side = triangles[here], side[here]
     kept = side >= 0
