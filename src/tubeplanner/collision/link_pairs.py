@@ -129,32 +129,33 @@ class LinkJudge:
         return LinkPairs(touching, tuple(refined), fine)
 
     def _always_touch(self, pair: Pair) -> bool:
-        """Return whether a pair's solids touch in all configurations, and with them its covers."""
-        if not self._overlap(self._pairs_of(pair), 0):
+        """Return whether a pair's solids touch in all configurations."""
+        spheres = self._covers.gaps_of_spheres(self._centers[:1], self._pairs_of(pair))
+        if (spheres > 0).all():
             return False
         return all(self._touch(pair, k) for k in range(_TOUCH_SAMPLES))
 
     def _falsely_overlapping(self, pair: Pair) -> IntArray:
-        """Return in which configurations only the covers overlap; none if these are too few."""
+        """Return the first configurations in which only the covers overlap, at most `_PROBED`."""
         indices = self._pairs_of(pair)
         spheres = self._covers.gaps_of_spheres(self._centers[:_FALSE_SAMPLES], indices)
         near = np.flatnonzero((spheres <= 0).any(axis=1)).tolist()
-        least = _FALSE_SHARE * _FALSE_SAMPLES
-        found = np.array(
-            [k for k in near if self._overlap(indices, k)] if len(near) > least else []
-        )
-        if len(found) <= least:
-            return np.zeros(0, dtype=np.int64)
-        return np.array([k for k in found if not self._touch(pair, k)], dtype=np.int64)
+        found: list[int] = []
+        if len(near) <= _FALSE_SHARE * _FALSE_SAMPLES:  # too few to matter
+            return np.array(found, dtype=np.int64)
+        for k in near:
+            if self._overlap(indices, k) and not self._touch(pair, k):
+                found.append(k)
+            if len(found) == _PROBED:
+                break
+        return np.array(found, dtype=np.int64)
 
     def _overlap(self, indices: IntArray, sample: int) -> bool:
         rotation, position = self._rotation[sample], self._position[sample]
         spheres = self._covers.gaps_of_spheres(self._centers[sample, None], indices)[0]
         # Those that most likely overlap come first.
-        return any(
-            self._covers.distances(rotation, position, indices[k : k + 1])[0] <= 0
-            for k in np.argsort(spheres)[: int((spheres <= 0).sum())]
-        )
+        likely = np.argsort(spheres)[: int((spheres <= 0).sum())]
+        return self._covers.any_overlap(rotation, position, indices[likely])
 
     def _touch(self, pair: Pair, sample: int) -> bool:
         solids = [[part.solid for part in self._parts[link]] for link in pair]
@@ -165,7 +166,7 @@ class LinkJudge:
         """Return points of another link in the frame of a link's body, shape (N, 3) [m]."""
         points = self._surface_points[other]
         found = []
-        for k in samples[:_PROBED]:
+        for k in samples:
             (turned, placed), (frame, origin) = self._place(other, k), self._place(link, k)
             found.append((points @ turned.T + placed - origin) @ frame)
         return np.vstack(found)
