@@ -34,6 +34,7 @@ KNOWS = {
     "umsgpack": {"views.viewer"},
     "click": {
         "commands.console",
+        "commands.links_command",
         "commands.measure_command",
         "commands.reproduce_command",
         "commands.study_commands",

@@ -11,11 +11,13 @@ import pytest
 import yaml
 
 import outside_judge
+from follower_arm import RULES, follower_arm
 from outside.files import BadInput, find_urdf
 from outside.nearest import Poses, least_margin, signed_distance
 from outside.trajectory import Trajectory, read_trajectory
 from outside.tube import _ordered_visits
 from outside_judge import Judge, main, passes
+from tubeplanner import load_robot
 from tubeplanner.errors import RobotError
 from tubeplanner.files.export import trajectory_json
 from tubeplanner.resources import bundled_problems, example_robot_names, find_description
@@ -36,6 +38,13 @@ FOLDING_LINK = """<link name="link{k}"><inertial><origin xyz="0.15 0 0"/><mass v
 """
 
 
+REST_TO_REST = np.array([6.0, -15.0, 10.0, 0.0, 0.0, 0.0])  # a unit step in a unit time
+
+
+def limit(upper=9.0, velocity=99.0):
+    return f'<limit lower="-9" upper="{upper}" effort="50" velocity="{velocity}"/>'
+
+
 class Case:
     """A problem's fields and a trajectory, to be changed before they are judged."""
 
@@ -49,6 +58,15 @@ class Case:
     def peak(self, order):
         samples = self.trajectory.samples(2000)
         return float(abs(self.trajectory.at(samples, order)[:, 0]).max())
+
+    def speed(self, joint):
+        return float(abs(self.trajectory.at(self.trajectory.samples(2000), 1)[:, joint]).max())
+
+    def strongest(self, joint):
+        robot = load_robot(self.folder / "arm.urdf", "tip")
+        samples = self.trajectory.samples(2000)
+        efforts = robot.inverse_dynamics(*(self.trajectory.at(samples, k) for k in range(3)))
+        return float(abs(efforts[:, joint]).max())
 
     def positions(self):
         return self.trajectory.at(self.trajectory.samples(2000))
@@ -263,8 +281,7 @@ def test_links_of_primitives_meet(tmp_path):
     parts = (FOLDING_LINK.format(k=k + 1, parent=p, x=x) for k, (p, x) in enumerate(links))
     (tmp_path / "folding.urdf").write_text(FOLDING.format(links="".join(parts)))
     begin, end = np.array([0.0, 1.5, 0.2]), np.array([0.0, 2.2, 2.6])
-    rest_to_rest = np.array([6.0, -15.0, 10.0, 0.0, 0.0, 0.0])  # of a unit step in a unit time
-    coefficients = rest_to_rest[:, None, None] * (end - begin)
+    coefficients = REST_TO_REST[:, None, None] * (end - begin)
     coefficients[-1] += begin
     trajectory = Trajectory(["joint1", "joint2", "joint3"], np.array([0.0, 1.0]), coefficients)
     robot = {"urdf": "folding.urdf", "tool_frame": "tip", "gravity": [0, 0, 0]}
@@ -275,6 +292,81 @@ def test_links_of_primitives_meet(tmp_path):
     assert case.broken(tmp_path) == {"self_collision"}
     case.fields["collision"] = {"ignore": [["link1", "link3"]]}
     assert case.broken(tmp_path) == set()
+
+
+@pytest.fixture
+def following(tmp_path):
+    """A slow trajectory of an arm three of whose joints follow planned ones."""
+    (tmp_path / "arm.urdf").write_text(follower_arm())
+    begin, end = np.array([0.2, -0.3, 0.1]), np.array([0.4, 0.2, -0.4])
+    coefficients = REST_TO_REST[:, None, None] * (end - begin)
+    coefficients[-1] += begin
+    trajectory = Trajectory(["lift", "first", "wrist"], np.array([0.0, 1.0]), coefficients)
+    robot = load_robot(tmp_path / "arm.urdf", "tip")
+    first, last = robot.tool_position(np.stack([begin, end])).tolist()
+    fields = {"urdf": "arm.urdf", "tool_frame": "tip", "locked_joints": {"side_joint": 0.5}}
+    fields["limits"] = {"effort": dict.fromkeys(robot.joint_names, 1e3)}
+    tube = {"points": [first, last], "radius": 2.0}
+    return Case({"robot": fields, "tube": tube, "start": {"joints": begin.tolist()}}, trajectory)
+
+
+def test_joints_that_follow_others_are_where_and_cost_what_they_do(following, tmp_path):
+    problem, _ = following.write(tmp_path)
+    arm, robot = Judge(problem).arm, load_robot(tmp_path / "arm.urdf", "tip")
+    assert arm.joint_names == list(robot.joint_names)
+    q, v, a = np.random.default_rng(2).uniform(-1, 1, (3, 20, 3))
+    for mine, other in zip(arm.tool(q), robot.tool_pose(q), strict=True):
+        np.testing.assert_allclose(mine, other, atol=1e-12)
+    np.testing.assert_allclose(arm.efforts(q, v, a), robot.inverse_dynamics(q, v, a), atol=1e-9)
+    np.testing.assert_allclose(arm.limits.lower, robot.limits.lower_position)
+    np.testing.assert_allclose(arm.limits.velocity, robot.limits.velocity)
+
+
+def other_rule(case):
+    """The tool ends elsewhere than planned if a follower follows at another rate."""
+    return {"rules": RULES | {"tip_joint": ("second", 0.5, 0.2), "slide": ("lift", 0.6, 0.1)}}
+
+
+def follower_too_far(case):
+    """`second` gets to -2 (-0.3) + 0.3."""
+    return {"own": {"second": limit(upper=0.9 - SLIGHTLY)}}
+
+
+def follower_too_fast(case):
+    """`second` moves twice as fast as `first`."""
+    return {"own": {"second": limit(velocity=2 * case.speed(1) * (1 - SLIGHTLY))}}
+
+
+def follower_too_heavy(case):
+    """`lift` holds all of the arm; what `slide` takes along its axis is its as well."""
+    case.limit("effort", {"lift": case.strongest(0) * (1 - SLIGHTLY)})
+    return {}
+
+
+@pytest.mark.parametrize(
+    ("plant", "condition"),
+    [
+        (other_rule, "goal"),
+        (follower_too_far, "position"),
+        (follower_too_fast, "velocity"),
+        (follower_too_heavy, "effort"),
+    ],
+)
+def test_a_fault_of_a_follower_is_found(following, tmp_path, plant, condition):
+    assert following.broken(tmp_path) == set()
+    following.folder = tmp_path
+    (tmp_path / "arm.urdf").write_text(follower_arm(**plant(following)))
+    assert following.broken(tmp_path) == {condition}
+
+
+def test_a_follower_is_neither_planned_nor_locked(following, tmp_path):
+    following.robot["locked_joints"]["slide"] = 0.1
+    with pytest.raises(BadInput, match="slide"):
+        following.broken(tmp_path)
+    del following.robot["locked_joints"]
+    following.robot["joints"] = ["lift", "first", "second", "wrist"]
+    with pytest.raises(BadInput, match="'second' mimics"):
+        following.broken(tmp_path)
 
 
 def test_concave_links_that_pass_through_each_other_are_found():

@@ -84,11 +84,13 @@ class Arm:
         self.joint_names = _group(description, self.tool_frame, fields.get("joints"))
         joints = [description.joints[name] for name in self.joint_names]
         self.slides = np.array([joint.kind == "prismatic" for joint in joints])
-        self.limits = _limits(self.joint_names, joints, fields.get("limits") or {})
         self._model, self.solids = _model(description, self.joint_names, fields)
-        self._order = [
-            self.joint_names.index(name.removeprefix("joint:")) for name in self._model.names[1:]
-        ]
+        moving = [name.removeprefix("joint:") for name in self._model.names[1:]]
+        self._follow, self._offset = _rules(description, self.joint_names, moving)
+        given = fields.get("limits") or {}
+        followers = [name for name in moving if name not in self.joint_names]
+        own = _limits(self.joint_names, joints, given, set(followers))
+        self.limits = _followed(own, description, self.joint_names, followers, given)
         tool = self._model.frames[self._model.getFrameId(self.tool_frame, pin.FrameType.BODY)]
         self._carry(fields.get("payload"), tool)
         offset = placement_of(fields.get("tool_offset") or {})
@@ -114,7 +116,7 @@ class Arm:
         rotation = np.empty((len(q), model.njoints, 3, 3))
         position = np.empty((len(q), model.njoints, 3))
         places = list(enumerate(data.oMi))
-        for k, row in enumerate(np.ascontiguousarray(q[:, self._order])):
+        for k, row in enumerate(q @ self._follow.T + self._offset):
             pin.forwardKinematics(model, data, row)
             for j, place in places:
                 rotation[k, j], position[k, j] = place.rotation, place.translation
@@ -125,19 +127,21 @@ class Arm:
         model, data, joint = self._model, self._data, self._tool_joint
         rotation, position = np.empty((len(q), 3, 3)), np.empty((len(q), 3))
         place = data.oMi[joint]
-        for k, row in enumerate(np.ascontiguousarray(q[:, self._order])):
+        for k, row in enumerate(q @ self._follow.T + self._offset):
             pin.forwardKinematics(model, data, row)
             rotation[k], position[k] = place.rotation, place.translation
         position += rotation @ self._tool.translation
         return rotation @ self._tool.rotation, position
 
     def efforts(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
-        """Return what the joints must exert, by recursive Newton-Euler, shape (N, n) [N m or N]."""
-        columns = (np.asfortranarray(values[:, self._order].T) for values in (q, v, a))
-        found = np.reshape(pin.rneaInParallel(1, self._pool, *columns), q.shape[::-1]).T
-        result = np.empty_like(q)
-        result[:, self._order] = found
-        return result
+        """Return what the joints must exert, by recursive Newton-Euler, shape (N, n) [N m or N].
+
+        A joint also exerts what those that follow it take, at the rate at which they do.
+        """
+        places, rates = self._follow @ q.T + self._offset[:, None], self._follow @ v.T
+        columns = (np.asfortranarray(each) for each in (places, rates, self._follow @ a.T))
+        found = np.reshape(pin.rneaInParallel(1, self._pool, *columns), (-1, len(q)))
+        return found.T @ self._follow
 
     def random(self, rng: np.random.Generator, count: int) -> np.ndarray:
         """Return configurations within the limits, within one turn where there are none."""
@@ -158,7 +162,7 @@ class Arm:
         moved = np.zeros((self._model.njoints, len(self.joint_names)), dtype=bool)
         for joint in range(1, self._model.njoints):
             moved[joint] = moved[self._model.parents[joint]]
-            moved[joint, self._order[joint - 1]] = True
+            moved[joint] |= self._follow[joint - 1] != 0
         return moved
 
 
@@ -205,7 +209,11 @@ def placed(owner: str, kind: str, joint: int, placement: pin.SE3, geometry: Any)
 
 
 def _group(description: Description, tool_frame: str, given: list[str] | None) -> list[str]:
-    group = description.chain(tool_frame) if given is None else [str(name) for name in given]
+    if given is None:
+        masters = [_rule(description, name)[0] for name in description.chain(tool_frame)]
+        group = [name for name in dict.fromkeys(masters) if name in description.joints]
+    else:
+        group = [str(name) for name in given]
     for name in group:
         if name not in description.joints:
             raise BadInput(f"robot.joints: '{name}' is no movable joint")
@@ -216,12 +224,70 @@ def _group(description: Description, tool_frame: str, given: list[str] | None) -
     return group
 
 
-def _limits(names: list[str], joints: list[Joint], fields: dict[str, Any]) -> Limits:
+def _rule(description: Description, name: str) -> tuple[str, float, float]:
+    """Return whom a joint follows in the end, how fast, and from where: itself if nobody."""
+    factor, offset, seen = 1.0, 0.0, [name]
+    while (mimic := description.joints[seen[-1]].mimic) is not None:
+        master, multiplier, shift = mimic
+        if master in seen or master not in description.joints:
+            raise BadInput(f"joint '{seen[-1]}' mimics '{master}', itself or no movable joint")
+        factor, offset = factor * multiplier, offset + factor * shift
+        seen.append(master)
+    return seen[-1], factor, offset
+
+
+def _rules(
+    description: Description, group: list[str], moving: list[str]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return how the M joints of a model follow the group: factors (M, n), offsets (M,)."""
+    follow, offset = np.zeros((len(moving), len(group))), np.zeros(len(moving))
+    for k, name in enumerate(moving):
+        master, factor, offset[k] = _rule(description, name)
+        follow[k, group.index(master)] = factor
+    return follow, offset
+
+
+def _followed(
+    limits: Limits,
+    description: Description,
+    group: list[str],
+    followers: list[str],
+    fields: dict[str, Any],
+) -> Limits:
+    """Return limits of the group that also keep its followers within theirs.
+
+    Scales apply to followers as well; their efforts are their masters', see `efforts`.
+    """
+    lower, upper = limits.lower.copy(), limits.upper.copy()
+    rates = {
+        quantity: getattr(limits, quantity).copy()
+        for quantity in ("velocity", "acceleration", "jerk")
+    }
+    for name in followers:
+        master, factor, offset = _rule(description, name)
+        k, joint = group.index(master), description.joints[name]
+        own = [joint.lower, joint.upper] if joint.lower < joint.upper else [-math.inf, math.inf]
+        ends = (fields.get("position") or {}).get(name, own)
+        low, high = sorted((float(end) - offset) / factor for end in ends)
+        lower[k], upper[k] = max(lower[k], low), min(upper[k], high)
+        for quantity, bound in rates.items():
+            urdf = joint.velocity if quantity == "velocity" and joint.velocity else math.inf
+            most = float((fields.get(quantity) or {}).get(name, urdf))
+            scale = float((fields.get("scale") or {}).get(quantity, 1.0))
+            bound[k] = min(bound[k], most * scale / abs(factor))
+    return Limits(lower, upper, **rates, effort=limits.effort)
+
+
+def _limits(
+    names: list[str], joints: list[Joint], fields: dict[str, Any], followers: set[str]
+) -> Limits:
+    """Return the group's own limits."""
     scale = fields.get("scale") or {}
 
     def row(quantity: str, given: list[float | None]) -> np.ndarray:
         own = fields.get(quantity) or {}
-        if unknown := set(own) - set(names):
+        known = set(names) if quantity == "effort" else {*names, *followers}
+        if unknown := set(own) - known:
             raise BadInput(f"robot.limits.{quantity}: {unknown.pop()} is no joint of the group")
         values = [own.get(name, value) for name, value in zip(names, given, strict=True)]
         for name, value in zip(names, values, strict=True):
@@ -246,11 +312,14 @@ def _limits(names: list[str], joints: list[Joint], fields: dict[str, Any]) -> Li
 def _model(
     description: Description, group: list[str], fields: dict[str, Any]
 ) -> tuple[pin.Model, list[Solid]]:
-    """Return the model of the group alone, all other joints locked, and the links' solids."""
+    """Return the model of the group and its followers, others locked, and the links' solids."""
     full, geometries = _whole_robot(description)
     owners = [full.frames[item.parentFrame].name for item in geometries.geometryObjects]
     values, given = pin.neutral(full), fields.get("locked_joints") or {}
-    outside = [name for name in description.joints if name not in group]
+    rules = {name: _rule(description, name) for name in description.joints}
+    outside = [
+        name for name, (master, factor, _) in rules.items() if master not in group or not factor
+    ]
     if unknown := set(given) - set(outside):
         raise BadInput(f"robot.locked_joints: {unknown.pop()} is no joint outside the group")
     ids = [full.getJointId(f"joint:{name}") for name in outside]
@@ -279,18 +348,13 @@ def _locked(
     description: Description, name: str, group: list[str], given: dict[str, float]
 ) -> float:
     """Return the value of a joint outside the group: given, zero, or what its master makes it."""
-    factor, offset, seen = 1.0, 0.0, [name]
-    joint = description.joints[name]
-    while joint.mimic is not None:
-        master, multiplier, shift = joint.mimic
-        if master in group or master in seen or master not in description.joints:
-            raise BadInput(f"joint '{seen[-1]}' mimics '{master}', which is planned or no joint")
-        factor, offset = factor * multiplier, offset + factor * shift
-        seen.append(master)
-        joint = description.joints[master]
+    master, factor, offset = _rule(description, name)
+    if master in group:  # followed at the rate 0
+        return offset
+    joint = description.joints[master]
     has_limits = not joint.lower == joint.upper == 0.0
     default = float(np.clip(0.0, joint.lower, joint.upper)) if has_limits else 0.0
-    return factor * float(given.get(seen[-1], default)) + offset
+    return factor * float(given.get(master, default)) + offset
 
 
 def _allowed(srdf: str, problem: Problem, folders: list[Any]) -> list[tuple[str, str]]:

@@ -70,6 +70,26 @@ def test_the_inside_of_a_thick_solid_is_covered_where_no_surface_is():
     assert outside(cover.shapes, points[middle]).max() < 1e-9
 
 
+def test_pieces_between_cuts_across_one_axis_end_at_both():
+    """Else their sides count as surface, and they are cut again and again in vain."""
+    solid = solid_of(MESHES["U"]())
+    cover = fine_cover(solid, cuts=[(0, 0.075), (0, 0.15), (0, 0.225)])
+    assert len(cover.shapes) == 6
+    assert cover.outer_error < 1e-6
+
+
+def test_a_notch_is_where_a_piece_is_cut():
+    """A block with a slanted notch that no common coordinate and no middle meets."""
+    outline = [(0, 0), (0.3, 0), (0.3, 0.2), (0.131, 0.2), (0.113, 0.047), (0.083, 0.2), (0, 0.2)]
+    vertices = np.array([(x, y, z) for z in (0.0, 0.1) for x, y in outline])
+    top = np.array([(0, 1, 4), (1, 2, 4), (2, 3, 4), (4, 5, 6), (4, 6, 0)]) + 7
+    ends = [(k, (k + 1) % 7) for k in range(7)]
+    sides = [face for i, j in ends for face in ((i, j, j + 7), (i, j + 7, i + 7))]
+    solid = MeshSolid(vertices, np.vstack([top, top[:, ::-1] - 7, sides]))
+    cover = fine_cover(solid, max_pieces=4)
+    assert cover.outer_error < OUTER_ERROR
+
+
 def test_only_pieces_that_something_comes_near_are_cut():
     solid = solid_of(MESHES["torus"]())
     far = np.array([[0.5, 0.5, 0.5]])

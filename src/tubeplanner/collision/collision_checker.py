@@ -9,6 +9,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.collision.body_shapes import BodyShape, BodyShapes
 from tubeplanner.collision.convex_shape import ConvexShape
+from tubeplanner.collision.fine_cover import Cover
 from tubeplanner.collision.link_geometry import LinkPart, link_contents, link_parts
 from tubeplanner.collision.link_pairs import judged_pairs
 from tubeplanner.collision.obstacle import AttachedSolid, Obstacle
@@ -50,6 +51,7 @@ class CollisionChecker(BodyShapes):
         link_pairs: Link against link, likewise.
         pairs: All of them, those with obstacles first.
         left_out: Solids that joints move against each other and that are not checked, and why.
+        closer_covers: Of links that others come near, in the frame of the body, by link name.
         has_link_geometry: Whether the robot itself has any collision geometry.
         link_contents: What the links' collision geometry was made from, by link name.
     """
@@ -96,6 +98,7 @@ class CollisionChecker(BodyShapes):
         moving, fixed = range(len(links + carried)), range(len(links + carried), len(self.shapes))
         self.obstacle_pairs = self._select((i, j) for i in moving for j in fixed)
         self.link_pairs = _as_pairs([])
+        self.closer_covers: Mapping[str, Cover] = {}
         always_touching: Sequence[tuple[str, str]] = ()
         if self_collision:
             candidates = self._select(combinations(moving, 2))
@@ -147,7 +150,8 @@ class CollisionChecker(BodyShapes):
         pairs = [pair for pair in dict.fromkeys(owners) if not {*pair} & self._attached_names]
         found = judged_pairs(self.robot, parts, covers, pairs)
         without = {*found.always_touching, *found.refined}
-        fine = _link_shapes(self.robot, found.fine)
+        fine = _link_shapes(self.robot, {link: cover.shapes for link, cover in found.fine.items()})
+        self.closer_covers = found.fine
         first = len(self.shapes)
         indices = {
             link: [first + k for k, shape in enumerate(fine) if shape.owner == link]

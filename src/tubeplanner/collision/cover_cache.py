@@ -19,7 +19,7 @@ from tubeplanner.collision.convex_shape import ConvexShape
 
 VARIABLE = "TUBEPLANNER_CACHE"  # a folder, or "off"
 # Part of every name: another number, and entries made by other code are not found any more.
-_FORMAT = "1"
+_FORMAT = "2"
 _UNREADABLE = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile)
 
 Arrays = dict[str, np.ndarray]
@@ -95,7 +95,7 @@ def cached(kind: str, key: str | None, compute: Callable[[], Mapping[str, np.nda
 
 def _read(path: Path) -> Arrays | None:
     try:
-        with np.load(path, allow_pickle=False) as entry:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as entry:
             return {name: entry[name] for name in entry.files}
     except _UNREADABLE:
         return None

@@ -2,7 +2,7 @@
 
 import heapq
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -17,6 +17,9 @@ MAX_PIECES = 64
 # in than that.
 _NEAR = 5e-3
 _MAX_PROBES = 1500  # kept of those near a piece
+# Points on its cuts at which a piece's distance from the surface is measured: at first, and before
+# it is taken to be close.
+_FEW_SAMPLES, _MANY_SAMPLES = 12, 100
 _SEED = 0
 
 
@@ -36,11 +39,19 @@ class Cover:
 
 @dataclass(order=True)
 class _Piece:
-    """A piece and what it is worth to cut it: the piece that stands off most comes first."""
+    """A piece and what it is worth to cut it: the piece that stands off most comes first.
+
+    Attributes:
+        rank: Minus the distance that it stands off, where that matters [m], and a running number.
+        piece: The piece.
+        probes: Those near it, shape (N, 3) [m].
+        matters: At most so much of its distance matters [m].
+    """
 
     rank: tuple[float, int]
     piece: MeshPiece = field(compare=False)
     probes: FloatArray | None = field(compare=False)
+    matters: float = field(compare=False)
 
     @property
     def error(self) -> float:
@@ -70,6 +81,8 @@ def fine_cover(
         search.add(piece, probes)
     while search.waiting and search.count < max_pieces:
         worst = heapq.heappop(search.waiting)
+        if worst.error <= outer_error:
+            worst = search.looked_at_closely(worst)
         parts = worst.piece.cut() if worst.error > outer_error else None
         if parts is None:
             search.done.append(worst)
@@ -113,12 +126,21 @@ class _Search:
             probes = probes[outside < _NEAR]
             if len(probes) > _MAX_PROBES:
                 probes = self._rng.choice(probes, _MAX_PROBES, replace=False)
-        error = 0.0
-        if matters > 0:
-            samples = piece.hull_samples(self._rng)
-            error = min(matters, float(self._solid.distance(samples).max(initial=0.0)))
-        heapq.heappush(self.waiting, _Piece((-error, self._made), piece, probes))
+        error = self._standoff(piece, matters, _FEW_SAMPLES)
+        heapq.heappush(self.waiting, _Piece((-error, self._made), piece, probes, matters))
         self._made += 1
+
+    def looked_at_closely(self, found: _Piece) -> _Piece:
+        """Return a piece with the distance that it stands off measured at more points."""
+        error = max(found.error, self._standoff(found.piece, found.matters, _MANY_SAMPLES))
+        return replace(found, rank=(-error, found.rank[1]))
+
+    def _standoff(self, piece: MeshPiece, matters: float, count: int) -> float:
+        """Return how far a piece stands off, where that matters, see `_Piece` [m]."""
+        if matters <= 0:
+            return 0.0
+        samples = piece.hull_samples(self._rng, count)
+        return min(matters, float(self._solid.distance(samples).max(initial=0.0)))
 
     def cover(self) -> Cover:
         """Return the cover by all pieces."""

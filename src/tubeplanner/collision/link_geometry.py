@@ -60,6 +60,15 @@ class LinkPart:
         assert self.core is not None
         return MeshSolid.of_shape(self.core).moved(self.placement)
 
+    def outer_error(self) -> float:
+        """Return the largest distance found from the cover's surface to the element [m]."""
+        if self.mesh is not None:
+            return self.mesh.outer_error()
+        assert self.shape is not None and self.core is not None
+        if self.core is self.shape:
+            return 0.0
+        return float(MeshSolid.of_shape(self.core).distance(self.shape.vertices).max())
+
     def contents(self) -> Iterator[str | FloatArray]:
         """Yield what the element is, to be hashed."""
         yield self.placement

@@ -21,6 +21,7 @@ from tubeplanner.collision.cover_cache import (
     unpacked,
 )
 from tubeplanner.collision.cover_error import surface_samples
+from tubeplanner.collision.fine_cover import Cover
 from tubeplanner.collision.link_geometry import LinkPart
 from tubeplanner.collision.mesh_solid import touch
 from tubeplanner.robot.robot_model import RobotModel
@@ -47,13 +48,13 @@ class LinkPairs:
     Attributes:
         always_touching: Pairs whose links touch in all sampled configurations, as they are.
         refined: Pairs that are judged by `fine` instead of the links' usual covers.
-        fine: Close covers of links where the other links of their refined pairs come near, in the
-            frame of the body, by link name.
+        fine: By link name, close covers of links where the other links of their refined pairs come
+            near, in the frame of the body.
     """
 
     always_touching: tuple[Pair, ...]
     refined: tuple[Pair, ...]
-    fine: Mapping[str, Sequence[ConvexShape]]
+    fine: Mapping[str, Cover]
 
 
 def judged_pairs(
@@ -128,31 +129,33 @@ class LinkJudge:
         return LinkPairs(touching, tuple(refined), fine)
 
     def _always_touch(self, pair: Pair) -> bool:
-        """Return whether a pair's covers overlap and its solids touch in all configurations."""
-        samples = range(_TOUCH_SAMPLES)
-        return self.overlapping(pair) and all(self._touch(pair, k) for k in samples)
+        """Return whether a pair's solids touch in all configurations."""
+        spheres = self._covers.gaps_of_spheres(self._centers[:1], self._pairs_of(pair))
+        if (spheres > 0).all():
+            return False
+        return all(self._touch(pair, k) for k in range(_TOUCH_SAMPLES))
 
     def _falsely_overlapping(self, pair: Pair) -> IntArray:
-        """Return in which configurations only the covers overlap; none if these are too few."""
+        """Return the first configurations in which only the covers overlap, at most `_PROBED`."""
         indices = self._pairs_of(pair)
-        head = slice(_FALSE_SAMPLES)
-        spheres = self._covers.sphere_distances(self._rotation[head], self._position[head], indices)
+        spheres = self._covers.gaps_of_spheres(self._centers[:_FALSE_SAMPLES], indices)
         near = np.flatnonzero((spheres <= 0).any(axis=1)).tolist()
-        least = _FALSE_SHARE * _FALSE_SAMPLES
-        found = np.array(
-            [k for k in near if self._overlap(indices, k)] if len(near) > least else []
-        )
-        if len(found) <= least:
-            return np.zeros(0, dtype=np.int64)
-        return np.array([k for k in found if not self._touch(pair, k)], dtype=np.int64)
+        found: list[int] = []
+        if len(near) <= _FALSE_SHARE * _FALSE_SAMPLES:  # too few to matter
+            return np.array(found, dtype=np.int64)
+        for k in near:
+            if self._overlap(indices, k) and not self._touch(pair, k):
+                found.append(k)
+            if len(found) == _PROBED:
+                break
+        return np.array(found, dtype=np.int64)
 
     def _overlap(self, indices: IntArray, sample: int) -> bool:
         rotation, position = self._rotation[sample], self._position[sample]
-        spheres = self._covers.sphere_distances(rotation[None], position[None], indices)[0]
-        return any(
-            self._covers.distances(rotation, position, indices[k : k + 1])[0] <= 0
-            for k in np.flatnonzero(spheres <= 0)
-        )
+        spheres = self._covers.gaps_of_spheres(self._centers[sample, None], indices)[0]
+        # Those that most likely overlap come first.
+        likely = np.argsort(spheres)[: int((spheres <= 0).sum())]
+        return self._covers.any_overlap(rotation, position, indices[likely])
 
     def _touch(self, pair: Pair, sample: int) -> bool:
         solids = [[part.solid for part in self._parts[link]] for link in pair]
@@ -163,21 +166,28 @@ class LinkJudge:
         """Return points of another link in the frame of a link's body, shape (N, 3) [m]."""
         points = self._surface_points[other]
         found = []
-        for k in samples[:_PROBED]:
+        for k in samples:
             (turned, placed), (frame, origin) = self._place(other, k), self._place(link, k)
             found.append((points @ turned.T + placed - origin) @ frame)
         return np.vstack(found)
 
-    def _fine_cover(self, link: str, probes: FloatArray) -> list[ConvexShape]:
-        shapes = []
+    def _fine_cover(self, link: str, probes: FloatArray) -> Cover:
+        shapes, errors = [], []
         for part in self._parts[link]:
             if part.mesh is None:
                 shapes += part.cover()
+                errors.append(part.outer_error())
                 continue
             rotation, position = part.placement[:3, :3], part.placement[:3, 3]
             cover = part.mesh.fine_cover((probes - position) @ rotation)
             shapes += [shape.transformed(part.placement) for shape in cover.shapes]
-        return shapes
+            errors.append(cover.outer_error)
+        return Cover(tuple(shapes), max(errors))
+
+    @cached_property
+    def _centers(self) -> FloatArray:
+        """Centres of the covers' bounding spheres, shape (configurations, shapes, 3) [m]."""
+        return self._covers.sphere_centers(self._rotation, self._position)
 
     @cached_property
     def _surface_points(self) -> "_SurfacePoints":
@@ -220,17 +230,22 @@ def _random_configurations(robot: RobotModel) -> FloatArray:
 
 
 def _as_arrays(found: LinkPairs) -> Arrays:
-    links = [link for link, shapes in found.fine.items() for _ in shapes]
-    arrays = packed([shape for shapes in found.fine.values() for shape in shapes])
+    links = [link for link, cover in found.fine.items() for _ in cover.shapes]
+    arrays = packed([shape for cover in found.fine.values() for shape in cover.shapes])
+    arrays["errors"] = np.array([cover.outer_error for cover in found.fine.values()])
     for name, pairs in (("touching", found.always_touching), ("refined", found.refined)):
         arrays[name] = np.array(pairs, dtype=np.str_).reshape(-1, 2)
     return arrays | {"links": np.array(links, dtype=np.str_)}
 
 
 def _of_arrays(arrays: Arrays) -> LinkPairs:
-    fine: dict[str, list[ConvexShape]] = {}
+    shapes: dict[str, list[ConvexShape]] = {}
     for link, shape in zip(arrays["links"].tolist(), unpacked(arrays), strict=True):
-        fine.setdefault(link, []).append(shape)
+        shapes.setdefault(link, []).append(shape)
+    fine = {
+        link: Cover(tuple(own), error)
+        for (link, own), error in zip(shapes.items(), arrays["errors"].tolist(), strict=True)
+    }
     touching, refined = (
         tuple((first, second) for first, second in arrays[name].tolist())
         for name in ("touching", "refined")

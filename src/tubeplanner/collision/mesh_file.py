@@ -62,6 +62,14 @@ class MeshFile:
         """Return few shapes that cover the mesh, for where nothing comes near."""
         return unpacked(cached("cover", self.key, lambda: packed(cover_mesh(self._mesh))))
 
+    def outer_error(self) -> float:
+        """Return the largest distance found from the surface of `cover` to the mesh [m]."""
+
+        def measured() -> dict[str, np.ndarray]:
+            return {"error": np.array(cover_error(self.solid, self.cover()))}
+
+        return float(cached("error", self.key, measured)["error"])
+
     def close_cover(self) -> list[ConvexShape]:
         """Return shapes that stand off the mesh by 2 mm, or as little as 64 shapes allow."""
         return unpacked(cached("close", self.key, lambda: packed(self._close_cover())))

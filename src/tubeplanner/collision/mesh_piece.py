@@ -13,19 +13,21 @@ from itertools import product
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from tubeplanner.arrays import BoolArray, FloatArray, read_only
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray, read_only
 from tubeplanner.collision.convex_shape import ConvexShape, flat_hull
 from tubeplanner.collision.cover_error import surface_samples
 
-# Where a piece may be cut: the coordinates that most of its corners have, and its middle. A cut at
-# a corner is preferred to one that is better by less than this share.
-_MAX_COORDINATES = 5
+# Where a piece may be cut: at its deepest notches, at the coordinates that most of its corners
+# have, and in its middle. A cut at a corner is preferred to one that is better by less than this
+# share.
+_MAX_NOTCHES = 3
+_MAX_COORDINATES = 2
 _CORNER_SHARE = 0.05
 _END = 5e-4  # [m]: a cut closer to an end of a piece leaves nothing to gain
-_EXACT_BELOW = 400  # triangles: only so few are cut to see what a cut is worth
-_SCORED_POINTS = 100  # of a piece's corners otherwise
-_CUT_SAMPLES = 12
-_FACETS = 40  # of a hull at which its distance from the surface is measured
+# Of more points, those that are farthest in so many directions show what a cut is worth.
+_MAX_SCORED_POINTS = 1000
+_DIRECTION_COUNT = 300
+_FACETS = 60  # of those that no cut made, at which a hull's distance from the surface is measured
 _ON_PLANE = 2e-7  # [m], beyond what counts as on a cut
 # Corners of triangles this near a cut lie on it [m], and corners of boxes are looked at this far
 # inside of their box: there the solid's own surface, on which they may lie, is no matter.
@@ -90,20 +92,33 @@ class MeshPiece:
     def part(self, axis: int, height: float, *, below: bool) -> "MeshPiece":
         """Return the part on one side of a plane across an axis at a coordinate [m]."""
         low, high = self.low.copy(), self.high.copy()
-        (high if below else low)[axis] = height
+        if below:
+            high[axis] = min(high[axis], height)
+        else:
+            low[axis] = max(low[axis], height)
         triangles = clipped(self.triangles, axis, height, below=below)
         return MeshPiece(triangles, low, high, self.inside)
 
-    def hull_samples(self, rng: np.random.Generator) -> FloatArray:
-        """Return points on the hull's surface that are not inside the solid, shape (N, 3) [m]."""
-        triangles = self.hull.vertices[self.hull.faces]
-        on_cut = np.zeros(len(triangles), dtype=bool)
-        for bound in (self.low, self.high):
-            on_cut |= (abs(triangles - bound) < _ON_PLANE).all(axis=1).any(axis=1)
+    def hull_samples(self, rng: np.random.Generator, count: int) -> FloatArray:
+        """Return points on the hull's surface that are not inside the solid, shape (N, 3) [m].
+
+        Args:
+            rng: For those on cuts.
+            count: How many of these are tried.
+        """
+        facets, on_cut = self._facets
         # Where it was cut, a piece is nearly always inside the solid; elsewhere, never.
-        cut = surface_samples(triangles[on_cut], _CUT_SAMPLES, rng)
-        free = _middles(triangles[~on_cut])
-        return np.vstack([free, cut[~self.inside(cut)]])
+        cut = surface_samples(facets[on_cut], count, rng)
+        return np.vstack([_middles(facets[~on_cut]), cut[~self.inside(cut)]])
+
+    @cached_property
+    def _facets(self) -> tuple[FloatArray, BoolArray]:
+        """The hull's triangles, shape (F, 3, 3) [m], and which of them a cut made, shape (F,)."""
+        facets = self.hull.vertices[self.hull.faces]
+        on_cut = np.zeros(len(facets), dtype=bool)
+        for bound in (self.low, self.high):
+            on_cut |= (abs(facets - bound) < _ON_PLANE).all(axis=1).any(axis=1)
+        return facets, on_cut
 
     @property
     def is_empty(self) -> bool:
@@ -130,17 +145,29 @@ class MeshPiece:
     def _places(self) -> Iterator[tuple[int, float, float]]:
         """Yield where the piece may be cut: axis, coordinate, and by what its volume counts."""
         low, high = self._all_points.min(axis=0), self._all_points.max(axis=0)
+        notches = self._notches()
         for axis in range(3):
-            _, first, counts = np.unique(
-                self._points[:, axis].round(6), return_index=True, return_counts=True
-            )
-            common = self._points[first, axis][
-                np.argsort(-counts, kind="stable")[:_MAX_COORDINATES]
-            ]
-            for height in common[(common > low[axis] + _END) & (common < high[axis] - _END)]:
-                yield axis, float(height), 1.0
+            heights = np.concatenate([notches[:, axis], _commonest(self._points[:, axis])])
+            for height in _distinct(heights)[0]:
+                if low[axis] + _END < height < high[axis] - _END:
+                    yield axis, float(height), 1.0
             if high[axis] - low[axis] > 2 * _END:
                 yield axis, float(low[axis] + high[axis]) / 2, 1 + _CORNER_SHARE
+
+    def _notches(self) -> FloatArray:
+        """Return the points of the surface that are deepest in the hull, shape (N, 3) [m].
+
+        J.-M. Lien and N. M. Amato (2008), "Approximate convex decomposition of polyhedra and its
+        applications", Computer Aided Geometric Design 25: a cut at the deepest notch resolves it.
+        """
+        facets, on_cut = self._facets
+        a, b, c = facets[~on_cut].transpose(1, 0, 2)
+        normals = np.cross(b - a, c - a)
+        length = np.linalg.norm(normals, axis=1)
+        normals, start = (normals / length[:, None])[length > 0], a[length > 0]
+        below = np.einsum("fi,fi->f", normals, start) - self._points @ normals.T
+        depth = below.min(axis=1, initial=np.inf)
+        return self._points[np.argsort(-depth, kind="stable")[:_MAX_NOTCHES]]
 
     def _hull_volume(self, axis: int, height: float) -> float:
         """Return about what volume the hulls of both sides of a cut have [m^3]."""
@@ -149,13 +176,23 @@ class MeshPiece:
         between[:, axis] = height
         volume = 0.0
         for below in (True, False):
-            if len(self.triangles) <= _EXACT_BELOW:
-                surface = clipped(self.triangles, axis, height, below=below).reshape(-1, 3)
-            else:
-                surface = _thinned(self._points[(self._points[:, axis] <= height) == below])
             side = corners[(corners[:, axis] < height) == below]
-            volume += _volume(np.vstack([surface, side, between]))
+            points = [self._points_beside(axis, height, below=below), side, between]
+            volume += _volume(_farthest(np.vstack(points)))
         return volume
+
+    def _points_beside(self, axis: int, height: float, *, below: bool) -> FloatArray:
+        """Return the points whose hull is that of the surface on one side of a plane."""
+        low, high = self._spans[:, axis].T
+        cut = self.triangles[(low < height + _SNAP) & (high > height - _SNAP)]
+        beyond = (self._points[:, axis] - height) * (-1.0 if below else 1.0) > _SNAP
+        edge = clipped(cut, axis, height, below=below).reshape(-1, 3)
+        return np.vstack([self._points[beyond], edge])
+
+    @cached_property
+    def _spans(self) -> FloatArray:
+        """Lowest and highest coordinates of the triangles, shape (T, 3, 2) [m]."""
+        return np.stack([self.triangles.min(axis=1), self.triangles.max(axis=1)], axis=2)
 
 
 def clipped(triangles: FloatArray, axis: int, height: float, *, below: bool) -> FloatArray:
@@ -173,8 +210,9 @@ def clipped(triangles: FloatArray, axis: int, height: float, *, below: bool) -> 
     """
     side = (triangles[:, :, axis] - height) * (-1.0 if below else 1.0)
     side[abs(side) < _SNAP] = 0.0
-    in_plane = (side == 0).all(axis=1) & (_faces_up(triangles, axis) == below)
-    here = (side > 0).any(axis=1) | in_plane
+    in_plane = (side == 0).all(axis=1)
+    here = np.asarray((side > 0).any(axis=1))
+    here[in_plane] = _faces_up(triangles[in_plane], axis) == below
     triangles, side = triangles[here], side[here]
     kept = side >= 0
     count = kept.sum(axis=1)
@@ -195,12 +233,12 @@ def clipped(triangles: FloatArray, axis: int, height: float, *, below: bool) -> 
 
 
 def _middles(triangles: FloatArray) -> FloatArray:
-    """Return the middles of the largest triangles and of their edges, shape (N, 3)."""
-    sides = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    largest = np.argsort(-np.linalg.norm(sides, axis=1), kind="stable")[:_FACETS]
-    corners = triangles[largest]
-    edges = (corners + np.roll(corners, 1, axis=1)) / 2
-    return np.vstack([corners.mean(axis=1), edges.reshape(-1, 3)])
+    """Return the middles of the longest triangles and of their edges, shape (N, 3)."""
+    following = np.roll(triangles, 1, axis=1)
+    length = np.linalg.norm(following - triangles, axis=2).max(axis=1)
+    longest = np.argsort(-length, kind="stable")[:_FACETS]
+    edges = (triangles[longest] + following[longest]) / 2
+    return np.vstack([triangles[longest].mean(axis=1), edges.reshape(-1, 3)])
 
 
 def _faces_up(triangles: FloatArray, axis: int) -> BoolArray:
@@ -218,8 +256,34 @@ def _crossing(
     return point
 
 
-def _thinned(points: FloatArray) -> FloatArray:
-    return points[:: max(1, len(points) // _SCORED_POINTS)]
+def _commonest(coordinates: FloatArray) -> FloatArray:
+    """Return those coordinates that most points have."""
+    values, counts = _distinct(coordinates)
+    return values[np.argsort(-counts, kind="stable")[:_MAX_COORDINATES]]
+
+
+def _distinct(coordinates: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Return coordinates without those that are as good as others, and how many each stands for."""
+    _, first, counts = np.unique(coordinates.round(6), return_index=True, return_counts=True)
+    return coordinates[first], counts
+
+
+def _farthest(points: FloatArray) -> FloatArray:
+    """Return the points (N, 3) that are farthest in some direction: about their hull's corners."""
+    if len(points) <= _MAX_SCORED_POINTS:
+        return points
+    return points[np.unique((points @ _DIRECTIONS.T).argmax(axis=0))]
+
+
+def _spiral(count: int) -> FloatArray:
+    """Return directions spread evenly, shape (count, 3): a spiral by the golden angle."""
+    z = 1 - (2 * np.arange(count) + 1) / count
+    turn = np.arange(count) * np.pi * (3 - np.sqrt(5))
+    wide = np.sqrt(1 - z * z)
+    return np.column_stack([wide * np.cos(turn), wide * np.sin(turn), z])
+
+
+_DIRECTIONS = _spiral(_DIRECTION_COUNT)
 
 
 def _volume(points: FloatArray) -> float:

@@ -18,7 +18,7 @@ _PROBE_RADIUS = 1e-9  # of the ball that stands for a point in FCL [m]
 # A point counts as inside from this winding number on: 1 inside and 0 outside of a closed surface,
 # between them near the gaps of an open one.
 _INSIDE_WINDING = 0.3
-_CHUNK = 200_000  # point-triangle pairs looked at together
+_CHUNK = 50_000  # point-triangle pairs looked at together
 _MIN_CORNERS = 3  # of a polytope with faces; fewer are a ball or a capsule
 
 
@@ -146,10 +146,20 @@ def _winding(triangles: FloatArray, points: FloatArray) -> FloatArray:
     A. Van Oosterom and J. Strackee (1983), "The solid angle of a plane triangle", IEEE Transactions
     on Biomedical Engineering 30.
     """
-    a, b, c = (triangles[None, :, k] - points[:, None] for k in range(3))
-    la, lb, lc = (np.sqrt(np.einsum("nfi,nfi->nf", v, v)) for v in (a, b, c))
-    volume = np.einsum("nfi,nfi->nf", a, np.cross(b, c))
-    dots = [np.einsum("nfi,nfi->nf", u, v) for u, v in ((a, b), (b, c), (c, a))]
-    beside = la * lb * lc + dots[0] * lc + dots[1] * la + dots[2] * lb
+    # Coordinates apart: far faster than small vectors side by side.
+    corners = np.ascontiguousarray(triangles.transpose(1, 2, 0))
+    a, b, c = corners[:, :, None] - points.T[None, :, :, None]
+    la, lb, lc = (np.sqrt(_dot(v, v)) for v in (a, b, c))
+    volume = (
+        a[0] * (b[1] * c[2] - b[2] * c[1])
+        + a[1] * (b[2] * c[0] - b[0] * c[2])
+        + a[2] * (b[0] * c[1] - b[1] * c[0])
+    )
+    beside = la * lb * lc + _dot(a, b) * lc + _dot(b, c) * la + _dot(c, a) * lb
     winding: FloatArray = np.arctan2(volume, beside).sum(axis=1) / (2 * np.pi)
     return winding
+
+
+def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
+    products: FloatArray = a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    return products

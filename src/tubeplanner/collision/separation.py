@@ -66,6 +66,11 @@ class PlacedShape:
         near, far = result.nearest_points
         return near, far, distance <= 0
 
+    def overlaps(self, other: "PlacedShape") -> bool:
+        """Return whether both shapes overlap, as FCL has it."""
+        distance = fcl.distance(self._object, other._object, _REQUEST, fcl.DistanceResult())
+        return bool(distance <= self.radius + other.radius)
+
     def center_to(self, other: "PlacedShape") -> FloatArray:
         """Return the vector from the middle of this shape to that of another, (3,)."""
         return other._world_center() - self._world_center()

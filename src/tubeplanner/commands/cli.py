@@ -29,6 +29,7 @@ from tubeplanner.commands.console import (
     shown_progress,
 )
 from tubeplanner.commands.interrupts import hold_interrupts, interrupts_remembered
+from tubeplanner.commands.links_command import links
 from tubeplanner.commands.measure_command import measure
 from tubeplanner.commands.reproduce_command import reproduce
 from tubeplanner.commands.study_commands import compare, sweep
@@ -222,7 +223,7 @@ def schema(json: bool) -> None:
     print_json(problem_schema(), indent=2)
 
 
-for command in (draw, sweep, compare, measure, teach, route, view, reproduce):
+for command in (draw, sweep, compare, measure, links, teach, route, view, reproduce):
     cli.add_command(command)
 
 

@@ -1,6 +1,7 @@
 """Plans and certificates as text for a terminal."""
 
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 
 from rich.console import Console
@@ -8,6 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from tubeplanner.collision.collision_checker import ALWAYS_TOUCHING
+from tubeplanner.collision.link_covers import LinkCover
 from tubeplanner.measurement.measured_tube import SegmentMeasurement, TubeMeasurement
 from tubeplanner.measurement.sign_patterns import PatternSurvey
 from tubeplanner.planning.plan_result import PlanResult
@@ -150,6 +152,25 @@ def measurement_text(problem: PlanningProblem, result: TubeMeasurement, loading_
     lines.append(f"{result.status}: {result.message}")
     place = str(result.place)
     return "\n".join([*lines, f"where: {place}"] if place else lines)
+
+
+def links_text(problem: PlanningProblem, covers: Sequence[LinkCover]) -> str:
+    """Return how closely links are covered as a table, and the pairs that are left out."""
+    table = Table(title=f"{problem.name}: links and their convex covers", title_justify="left")
+    table.add_column("link")
+    for heading in ("shapes", "stand off by", "where others come near", "by"):
+        table.add_column(heading, justify="right")
+    for each in covers:
+        closer = ("", "")
+        if each.closer_error is not None:
+            closer = (str(each.closer_shapes), f"{1000 * each.closer_error:.2f} mm")
+        error = f"{1000 * each.outer_error:.2f} mm"
+        table.add_row(escape(each.link), str(each.shapes), error, *closer)
+    pairs = [
+        f"not checked: {' and '.join(pair.links)} ({pair.reason})"
+        for pair in problem.collision.left_out
+    ]
+    return "\n".join([_rendered(table), *pairs])
 
 
 def patterns_text(problem: PlanningProblem, survey: PatternSurvey) -> str:

@@ -1,0 +1,154 @@
+"""The cache changes times, never answers, and nothing that happens to it is an error."""
+
+import os
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from tubeplanner import load_robot
+from tubeplanner.collision.collision_checker import CollisionChecker
+from tubeplanner.collision.cover_cache import VARIABLE, cache_folder, cached
+from tubeplanner.collision.link_covers import link_covers
+from tubeplanner.collision.mesh_file import MeshFile
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """An empty folder for the cache."""
+    place = tmp_path / "cache"
+    monkeypatch.setenv(VARIABLE, str(place))
+    return place
+
+
+@pytest.fixture
+def ring(tmp_path):
+    """A mesh file; each access is a new object, so that nothing is remembered."""
+    path = tmp_path / "ring.stl"
+    trimesh.creation.annulus(0.1, 0.2, 0.05, sections=16).export(path)
+    return lambda: MeshFile("link 'ring'", path)
+
+
+@pytest.fixture
+def uncomputed(monkeypatch):
+    """Makes covering a mesh an error."""
+
+    def fail(mesh):
+        raise AssertionError("computed again")
+
+    return lambda: monkeypatch.setattr("tubeplanner.collision.mesh_file.cover_mesh", fail)
+
+
+def assert_same(first, second):
+    assert len(first) == len(second)
+    for one, other in zip(first, second, strict=True):
+        np.testing.assert_array_equal(one.vertices, other.vertices)
+        assert one.radius == other.radius
+
+
+def test_what_is_read_back_is_what_was_computed(folder, ring, uncomputed):
+    cold, error = ring().cover(), ring().outer_error()
+    assert len(list(folder.glob("cover-*.npz"))) == 1
+    uncomputed()
+    assert_same(ring().cover(), cold)
+    assert ring().outer_error() == error > 0
+
+
+def test_a_robot_from_the_cache_is_the_same(folder):
+    robot = load_robot("example:finger_edu", "finger_tip_link")
+    cold, warm = CollisionChecker(robot), CollisionChecker(robot)
+    assert cold.closer_covers
+    assert_same([s.shape for s in cold.shapes], [s.shape for s in warm.shapes])
+    np.testing.assert_array_equal(cold.pairs, warm.pairs)
+    assert cold.left_out == warm.left_out
+    assert link_covers(cold) == link_covers(warm)
+
+
+@pytest.mark.parametrize("content", [b"", b"noise", None])
+def test_an_entry_that_cannot_be_read_is_replaced(folder, ring, uncomputed, content):
+    cold = ring().cover()
+    (entry,) = folder.glob("cover-*.npz")
+    whole = entry.read_bytes()
+    entry.write_bytes(whole[: len(whole) // 2] if content is None else content)
+    assert_same(ring().cover(), cold)
+    uncomputed()
+    assert_same(ring().cover(), cold)
+
+
+def test_it_can_be_switched_off(folder, ring, monkeypatch, tmp_path):
+    monkeypatch.setenv(VARIABLE, "off")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "elsewhere"))
+    assert cache_folder() is None
+    ring().cover()
+    assert not folder.exists()
+    assert not (tmp_path / "elsewhere").exists()
+
+
+def test_another_mesh_or_scale_is_another_entry(folder, ring):
+    first = ring().cover()
+    MeshFile("link 'ring'", ring().path, 2.0).cover()
+    trimesh.creation.box([0.1, 0.1, 0.1]).export(ring().path)
+    assert len(ring().cover()[0].vertices) == 8 != len(first[0].vertices)
+    assert len(list(folder.glob("cover-*.npz"))) == 3
+
+
+def test_a_mesh_moved_elsewhere_is_the_same_entry(folder, ring, tmp_path, uncomputed):
+    cold = ring().cover()
+    moved = tmp_path / "moved.stl"
+    ring().path.rename(moved)
+    uncomputed()
+    assert_same(MeshFile("another link", moved).cover(), cold)
+
+
+def test_an_entry_is_never_half_written(folder):
+    """While one thread writes it again and again, another finds all of it or nothing."""
+    content = np.arange(200_000.0)
+    path = folder / "numbers-never.npz"
+    stop = threading.Event()
+
+    def write():
+        while not stop.is_set():
+            for entry in folder.glob("numbers-*.npz"):
+                entry.unlink(missing_ok=True)
+            cached("numbers", "a" * 64, lambda: {"values": content})
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    try:
+        for _ in range(50):
+            found = cached("numbers", "a" * 64, lambda: {"values": content})
+            np.testing.assert_array_equal(found["values"], content)
+    finally:
+        stop.set()
+        writer.join()
+    assert not path.exists()
+    assert not list(folder.glob("*.tmp"))
+
+
+def test_a_write_that_fails_leaves_nothing(folder, ring, monkeypatch):
+    cold = ring().cover()
+    (entry,) = folder.glob("*.npz")
+    entry.unlink()
+
+    def full(self, target):
+        raise OSError("no space left on device")
+
+    monkeypatch.setattr(Path, "replace", full)
+    assert_same(ring().cover(), cold)
+    assert not list(folder.iterdir())
+
+
+def test_a_folder_that_cannot_be_made_is_no_error(ring, monkeypatch, tmp_path):
+    blocked = tmp_path / "file"
+    blocked.write_text("not a folder")
+    monkeypatch.setenv(VARIABLE, str(blocked / "cache"))
+    assert ring().cover()
+
+
+@pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="root may write anywhere")
+def test_a_folder_that_may_not_be_written_is_no_error(folder, ring):
+    folder.mkdir(mode=0o500)
+    assert ring().cover()
+    assert not list(folder.iterdir())
