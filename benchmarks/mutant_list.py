@@ -387,7 +387,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         (").max(axis=1)", ").min(axis=1)"),
         ('"pij,pj->pi", rotation[rows, second.body]', '"pij,pi->pj", rotation[rows, second.body]'),
     ],
-    "BodyShapes.sphere_distances": [
+    "BodyShapes.gaps_of_spheres": [
         (" - radii[first]", ""),
         (" - radii[second]", ""),
     ],
@@ -405,13 +405,13 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     "LinkJudge._always_touch": [
         (
-            "self.overlapping(pair) and ",
-            "",
-            "only slower: where links touch, the covers that hold them overlap",
+            "(spheres > 0).all()",
+            "False",
+            "only slower: where links touch, the spheres about their covers overlap",
         ),
-        (" and all(self._touch(pair, k) for k in samples)", ""),
+        ("all(self._touch(pair, k) for k in range(_TOUCH_SAMPLES))", "True"),
     ],
-    "LinkJudge._overlap": [("<= 0\n            for", "<= 0.2\n            for")],
+    "LinkJudge._overlap": [("int((spheres <= 0).sum())", "0")],
     "_random_configurations": [
         ("lower, np.minimum(-np.pi, upper - 2 * np.pi)", "lower, -np.pi"),
         ("upper, low + 2 * np.pi", "upper, low"),
