@@ -417,7 +417,7 @@ def test_whatever_refinement_has_when_it_is_stopped_is_an_answer(two_link, steps
     refined = result.method == "refinement"
     assert bool(result.sensitivities) == refined
     knots = f"the number of knots ({len(result.trajectory.widths)})"
-    assert [knots in note for note in result.notes] == [True] * refined
+    assert any(knots in note for note in result.notes) == refined
 
 
 def test_fewer_knots_are_a_little_slower_and_more_a_little_faster(two_link):

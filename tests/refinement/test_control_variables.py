@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.interpolate import BSpline
 
 from tubeplanner import PlanningProblem, load_problem, plan
 from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
@@ -52,7 +53,36 @@ def test_the_tool_stays_at_an_open_goal(case):
     np.testing.assert_allclose(tool, problem.tube.points[-1], atol=1e-9)
     assert abs(moved[-1] - points[-1]).max() > 0.01
     np.testing.assert_array_equal(moved[-3:], np.tile(moved[-1], (3, 1)))
-    np.testing.assert_allclose(moved[3:-3], points[3:-3] + step[:-1], atol=1e-15)
+    # What the goal is corrected by is spread over the motion, ever more of it towards the goal.
+    correction = moved - points - variables.change(step)
+    share = np.linalg.norm(correction, axis=1) / np.linalg.norm(correction[-1])
+    assert (share[:3] < 1e-12).all()
+    assert (np.diff(share) > -1e-12).all()
+    np.testing.assert_allclose(share + share[::-1], 1.0, atol=1e-9)
+
+
+def test_a_goal_that_moves_makes_no_leap_of_the_jerk():
+    """The exact jerk after a step along the goal's free directions is what it is to first order.
+
+    On fine knots that are clustered at the goal; the correction that keeps the tool there, put onto
+    the last control points alone, gave a thousand times as much.
+    """
+    problem = load_problem("example:ur5/over_the_wall")
+    branch = reference_branch(problem, redundancy_rules(problem)[0])
+    spline = starting_spline(problem, branch, 81)
+    variables = ControlVariables(problem, spline.grid)
+    points = spline.control_points
+    held = variables.held(points)
+    free = np.linalg.svd(held)[2][len(held)]
+    share = np.linspace(0, 1, len(variables.lower)) ** 3
+    step = 0.03 * share[:, None] * free
+
+    def jerk(control_points):
+        knots = spline.grid.knots(spline.switching_times)
+        return abs(BSpline(knots, control_points, 3).derivative(3)(knots[3:-4])).max()
+
+    linear = jerk(points + variables.change(step))
+    assert jerk(variables.moved(points, step)) == pytest.approx(linear, rel=0.05)
 
 
 def test_directions_that_move_the_tool_at_an_open_goal_are_held(case):

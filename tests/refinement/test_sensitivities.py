@@ -115,4 +115,6 @@ def test_a_start_on_its_rotation_tolerance_costs_nothing(two_link):
     assert result.succeeded
     assert result.certificate.conditions["rotation"].margin == pytest.approx(0.0, abs=1e-6)
     assert sum(one.elasticity for one in result.sensitivities) > -1.5
+    effort = sum(one.elasticity for one in result.sensitivities if one.limit == "effort")
+    assert effort < -0.3  # but other limits do cost something
     assert all(one.saved < 0.1 * result.duration for one in result.sensitivities)

@@ -2,60 +2,19 @@
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
-from tubeplanner import LimitOverrides, Obstacle, PlanningProblem, Tube, load_robot, placement_of
 from tubeplanner.refinement.limit_constraints import LimitConstraints
 from tubeplanner.refinement.linear_rows import StepSize
 from tubeplanner.refinement.link_constraints import LinkConstraints
 from tubeplanner.refinement.phased_spline import PhasedSpline, VelocityHull
 from tubeplanner.refinement.rotation_constraints import evaluated_rotation
-from tubeplanner.refinement.spline_start import knot_grid
-from tubeplanner.refinement.tube_constraints import _normals, evaluated_tube
+from tubeplanner.refinement.sampled_spline import sampled
 
 SWITCHING_TIMES = np.array([0.0, 0.4, 1.0])
 STEP = 1e-6
 LIMITS = ("effort", "velocity", "rates")
-KINDS = (*LIMITS, "tube", "rotation", "links")
+KINDS = (*LIMITS, "rotation", "links")
 EVERY_LIMIT = ("effort", "velocity", "acceleration", "jerk")
-
-
-def limited(robot_name):
-    """Return an arm with every kind of limit."""
-    tool = {"two_link": "hand", "ur5": "tool0", "panda": "panda_hand_tcp"}[robot_name]
-    plain = load_robot(f"example:{robot_name}", tool)
-    names = plain.joint_names
-    return load_robot(
-        f"example:{robot_name}",
-        tool,
-        gravity=(0, 0, -9.81) if robot_name != "two_link" else (0, 0, 0),
-        limits=LimitOverrides(
-            acceleration=dict.fromkeys(names, 15.0), jerk=dict.fromkeys(names[:1], 400.0)
-        ),
-    )
-
-
-@pytest.fixture(scope="module", params=["two_link", "ur5", "panda"])
-def case(request):
-    robot = limited(request.param)
-    grid = knot_grid(SWITCHING_TIMES, 10)
-    rng = np.random.default_rng(1)
-    start = np.array([0.1, -0.3, 0.2, -2.0, 0.1, 2.0, 0.5])[: robot.joint_count]
-    points = start + np.cumsum(
-        rng.uniform(-0.1, 0.15, (grid.control_point_count, robot.joint_count)), axis=0
-    )
-    points[:3], points[-3:] = points[0], points[-1]
-    tool = robot.tool_position(points[[0, 6, -1]])
-    middle = robot.tool_position(points[[5]])[0] + np.array([0.0, 0.0, 0.06])
-    ball = Obstacle.sphere("ball", 0.05, placement_of(middle))
-    turned = Rotation.from_matrix(robot.tool_pose(points[[0, 6, -1]])[0]).as_quat()
-    tube = Tube(tool, [0.1, 0.2], orientations=turned, rotation_tolerance=[0.3, [0.2, np.inf, 0.4]])
-    problem = PlanningProblem(robot, tube, points[0], obstacles=[ball], clearance=0.01)
-    return (
-        problem,
-        PhasedSpline(grid, SWITCHING_TIMES, points),
-        grid.samples(np.array([0.2, 0.7])),
-    )
 
 
 class Kinds:
@@ -74,11 +33,10 @@ class Kinds:
             kinds = ("acceleration", "jerk") if self.kind == "rates" else (self.kind,)
             limits = LimitConstraints(self.problem.robot)
             return limits.at(spline, places.get(self.kind, self.samples), kinds)
-        if self.kind == "tube":
-            return evaluated_tube(self.problem, spline, self.samples, 0.005, 0)
         if self.kind == "rotation":
             robot, rotation = self.problem.robot, self.problem.tube.rotation
-            return evaluated_rotation(robot, rotation, spline, self.samples, 0.005, 0)
+            at = sampled(spline, self.samples)
+            return evaluated_rotation(robot, rotation, at, self.samples, 0.005, 0)
         return self.links.at(spline)
 
     def rows(self, spline, duration, size=None):
@@ -89,8 +47,6 @@ class Kinds:
         """Return the slack of the rows at a trajectory, elsewhere."""
         if self.kind in LIMITS:
             return self.at(other).slack(duration, 1 + eta)
-        if self.kind in ("tube", "rotation"):
-            return self.at(spline).slack(self.at(other))
         return self.at(other).slack
 
 
@@ -133,12 +89,14 @@ def test_their_slack_at_the_trajectory_itself_is_theirs(case, kind):
 @pytest.mark.parametrize("kind", KINDS)
 def test_rows_left_out_cannot_be_broken_by_the_step(case, kind):
     kinds, spline = Kinds(kind, case), case[1]
-    size = StepSize(0.01, 0.005)
+    size = StepSize(0.01, np.array([0.005]))
     every, some = kinds.rows(spline, 0.8), kinds.rows(spline, 0.8, size)
     left_out = ~np.isin(every.index, some.index)
-    farthest = StepSize(0.01, 0.005)  # every control point and switching time, either way
+    farthest = StepSize(
+        0.01, np.array([0.005])
+    )  # every control point and switching time, either way
     worst = farthest.control * np.einsum("rkj,rkj->r", every.control, np.sign(every.control))
-    worst += farthest.switching * np.einsum("rs,rs->r", every.switching, np.sign(every.switching))
+    worst += abs(every.switching) @ farthest.switching
     np.testing.assert_allclose(every.reach(size), worst, rtol=1e-12)
     assert (every.slack[left_out] >= worst[left_out]).all()
     np.testing.assert_array_equal(every.where(~left_out).slack, some.slack)
@@ -187,60 +145,18 @@ def test_every_limit_has_a_name_and_rows(case):
     assert ("jerk", 1) not in conditions.names
 
 
-def test_rows_of_the_tool_name_their_segments_tolerance(case):
-    problem, spline, samples = case
-    tube = evaluated_tube(problem, spline, samples, 0.005, 7)
-    robot, rotation = problem.robot, problem.tube.rotation
-    turned = evaluated_rotation(robot, rotation, spline, samples, 0.005, 9)
-    assert np.unique(tube.rows(None).limit).tolist() == [7, 8]
-    assert np.unique(turned.rows(None).limit).tolist() == [9, 10]
-
-
-def test_planes_hold_the_capsule_and_touch_it(case):
-    """A tool behind every plane is inside; the outward plane's slack is the wall's distance."""
-    problem, spline, samples = case
-    tube = evaluated_tube(problem, spline, samples, 0.005)
-    by_plane = -tube.rows(None).slack.reshape(len(tube.excess), -1)
-    np.testing.assert_allclose(by_plane[:, 0], tube.excess, atol=1e-9)
-    assert (by_plane <= tube.excess[:, None] + 1e-9).all()
-    tool = problem.robot.tool_position(tube.at.position)
-    margin = problem.tube.margin(tool, slice(0, 2))
-    radius = problem.tube.effective_radius[samples.phase]
-    own = margin[np.arange(len(tool)), samples.phase]
-    np.testing.assert_allclose(tube.excess - 0.005, -own / radius, atol=1e-9)
-
-
 @pytest.mark.parametrize("margin", [0.0, 0.1])
-def test_the_rotations_rows_are_its_margin(case, margin):
-    """The tightest row of a sample has the slack that the tube's own margin says."""
+def test_the_rotations_rows_and_its_ball_are_its_margin(case, margin):
+    """The tightest of components and angle has the slack that the tube's own margin says."""
     problem, spline, samples = case
-    tube = problem.tube.rotation
-    evaluated = evaluated_rotation(problem.robot, tube, spline, samples, margin, 0)
-    error = tube.error(*problem.robot.tool_pose(evaluated.at.position), samples.phase)
+    tube, at = problem.tube.rotation, sampled(spline, samples)
+    evaluated = evaluated_rotation(problem.robot, tube, at, samples, margin, 0)
+    error = tube.error(*problem.robot.tool_pose(at.position), samples.phase)
     used = np.hstack([abs(error), np.linalg.norm(error, axis=1, keepdims=True)])
-    worst = (used / tube.bounds[samples.phase]).max(axis=1)
-    np.testing.assert_allclose(evaluated.excess, worst - 1 + margin, atol=1e-12)
-    slack = evaluated.slack(evaluated).reshape(len(worst), -1).min(axis=1)
-    np.testing.assert_allclose(slack, 1 - margin - worst, atol=1e-12)
-
-
-def test_supporting_planes_look_outward_all_around_the_axis_and_at_both_caps():
-    """Unit normals: outward, across the axis on all sides, and along it both ways."""
-    rng = np.random.default_rng(3)
-    axis = rng.normal(size=(20, 3))
-    axis /= np.linalg.norm(axis, axis=1, keepdims=True)
-    away = rng.normal(size=(20, 3))
-    normals = _normals(away, axis)
-    np.testing.assert_allclose(np.linalg.norm(normals, axis=2), 1.0)
-    np.testing.assert_allclose(
-        normals[:, 0], away / np.linalg.norm(away, axis=1, keepdims=True), atol=1e-12
-    )
-    np.testing.assert_allclose(normals[:, -2:], np.stack([axis, -axis], axis=1))
-    fan = normals[:, 1:-2]
-    np.testing.assert_allclose(np.einsum("npi,ni->np", fan, axis), 0.0, atol=1e-12)
-    # Whatever the direction across the axis, a plane of the fan is within 46 degrees of it, or of
-    # its opposite.
-    across = np.cross(axis, rng.normal(size=(20, 3)))
-    across /= np.linalg.norm(across, axis=1, keepdims=True)
-    nearest = abs(np.einsum("npi,ni->np", fan, across)).max(axis=1)
-    assert (nearest > np.cos(np.radians(46))).all()
+    used /= tube.bounds[samples.phase]
+    np.testing.assert_allclose(evaluated.excess, used[:, :3].max(axis=1) - 1 + margin, atol=1e-12)
+    np.testing.assert_allclose(evaluated.angle().excess, used[:, 3] - 1 + margin, atol=1e-12)
+    slack = evaluated.slack.reshape(len(used), -1).min(axis=1)
+    np.testing.assert_allclose(slack, 1 - margin - used[:, :3].max(axis=1), atol=1e-12)
+    assert np.unique(evaluated.rows(None).limit).tolist() == [1]  # components of the second alone
+    assert evaluated.angle().limit.tolist() == samples.phase.tolist()

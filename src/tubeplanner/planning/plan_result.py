@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from tubeplanner.constraints.unused_speed import unused_speed
 from tubeplanner.outcome import Place, PlanStatus
 from tubeplanner.planning.path_minimum import path_minimum
 from tubeplanner.problem.problem import PlanningProblem
@@ -22,6 +23,8 @@ from tubeplanner.waypoint_search.branch_and_bound import SearchStatistics
 # The message names a reference point that the tool passes farther away than this.
 _FAR_IN_RADII = 3.0
 _SAMPLES_PER_PIECE = 20
+# A note says so when more than this share of the speed is not used.
+_MUCH_UNUSED = 0.02
 
 
 def _no_path() -> None:
@@ -150,7 +153,19 @@ def judged_result(
         trajectory,
         certificate,
         certificate_time=certificate_time,
+        notes=_notes(problem, trajectory),
         _path_minimum=partial(path_minimum, problem.robot, trajectory),
+    )
+
+
+def _notes(problem: PlanningProblem, trajectory: JointTrajectory) -> tuple[str, ...]:
+    """Return a note where the motors could do more."""
+    unused = unused_speed(problem.robot, trajectory)
+    if unused <= _MUCH_UNUSED:
+        return ()
+    return (
+        f"on average {unused:.1%} of the speed that the limits allow is not used: there may well "
+        "be a faster trajectory; --quality best looks for it from more starts",
     )
 
 

@@ -1,7 +1,7 @@
 """Planning by refinement: the second phase of the paper, from the reference branch."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -42,9 +42,9 @@ def refined_plan(
 
     def work() -> None:
         nonlocal best
-        for start, divisions in _starts(problem, branches, quality):
+        for start in _starts(problem, branches, quality):
             try:
-                found = _from_start(problem, start, divisions, clock)
+                found = _from_start(problem, start, clock)
             except Infeasible:  # nothing from this start
                 continue
             best = replace(_better(best or found, found), stopped_by=found.stopped_by)
@@ -57,11 +57,27 @@ def refined_plan(
     return replace(best or stopped_result(clock, stopped_by, REFINEMENT), stopped_by=stopped_by)
 
 
+@dataclass(frozen=True, eq=False)
+class _Start:
+    """Where refinement may start.
+
+    Attributes:
+        spline: The spline.
+        divisions: How often its knot intervals are divided, and into how many parts.
+        widens: As in `Refinement`.
+    """
+
+    spline: PhasedSpline
+    divisions: tuple[int, ...]
+    widens: bool = True
+
+
 def _starts(
     problem: PlanningProblem, branches: KnownBranches, quality: Quality
-) -> Iterator[tuple[PhasedSpline, tuple[int, ...]]]:
-    """Yield splines to start from, and how often their knot intervals are divided."""
+) -> Iterator[_Start]:
+    """Yield where to start; at last the first once more, without widening the tube."""
     known: list[ReferenceBranch] = []
+    first: _Start | None = None
     for search in _branch_searches(problem, branches):
         try:
             branch = search()
@@ -72,9 +88,13 @@ def _starts(
         if any(branch.is_as(other) for other in known):
             continue
         for intervals, divisions in quality.knots[: 1 if known else None]:
-            start = starting_spline(problem, branch, intervals)
-            yield start, _divisions(start.grid.interval_count, intervals, divisions)
+            spline = starting_spline(problem, branch, intervals)
+            start = _Start(spline, _divisions(spline.grid.interval_count, intervals, divisions))
+            first = first or start
+            yield start
         known.append(branch)
+    if first is not None:
+        yield replace(first, widens=False)
 
 
 def _branch_searches(
@@ -104,9 +124,7 @@ def _divisions(count: int, wanted: int, divisions: tuple[int, ...]) -> tuple[int
     return tuple(parts)
 
 
-def _from_start(
-    problem: PlanningProblem, start: PhasedSpline, divisions: tuple[int, ...], clock: PlanningClock
-) -> PlanResult:
+def _from_start(problem: PlanningProblem, start: _Start, clock: PlanningClock) -> PlanResult:
     """Return refinement's result from one start, with samples added where its certificate fails.
 
     After Ctrl-C or the time limit, certifies the best so far.
@@ -115,7 +133,7 @@ def _from_start(
         Infeasible: Nothing to start from.
         TimeLimitReached: Before it began.
     """
-    knots = start.grid.interval_count * int(np.prod(divisions))
+    knots = start.spline.grid.interval_count * int(np.prod(start.divisions))
     stage = f"refinement to {knots} knots"
     clock.enter(stage)
 
@@ -123,7 +141,7 @@ def _from_start(
         clock.announce(Progress(stage, best_duration=duration))
         clock.check()
 
-    refinement = Refinement(problem, start, divisions, checkpoint)
+    refinement = Refinement(problem, start.spline, start.divisions, checkpoint, widens=start.widens)
     work: Callable[[], bool] = refinement.run
     for _ in range(_MAX_OBJECTIONS):
         has_more, stopped_by = until_stopped(work)
@@ -140,7 +158,8 @@ def _from_start(
     if not result.succeeded:
         return result
     sensitivities = limit_sensitivities(problem, refinement, trajectory.duration)
-    return replace(result, notes=_notes(problem, trajectory), sensitivities=sensitivities)
+    notes = (*result.notes, *_notes(problem, trajectory))
+    return replace(result, notes=notes, sensitivities=sensitivities)
 
 
 def _notes(problem: PlanningProblem, trajectory: JointTrajectory) -> tuple[str, ...]:

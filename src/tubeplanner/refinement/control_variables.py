@@ -7,10 +7,11 @@ tool keeps its position.
 import numpy as np
 from scipy import sparse
 
-from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.branches.inverse_kinematics import solve_position
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.refinement.phased_spline import DEGREE, KnotGrid
+from tubeplanner.refinement.sampled_spline import SampledSpline
 from tubeplanner.trajectory.fitted_spline import REST_POINTS
 
 FIXED = -1
@@ -41,6 +42,7 @@ class ControlVariables:
             (np.ones(len(moving)), (moving, self.column[moving])), (len(self.column), count)
         )
         lower, upper = self._control_bounds()
+        self._share_of_goal = _minimum_jerk(grid.control_point_count)
         self.lower, self.upper = np.full((2, count, lower.shape[1]), np.inf)
         self.lower *= -1
         np.maximum.at(self.lower, self.column[moving], lower[moving])
@@ -77,8 +79,17 @@ class ControlVariables:
         goal = solve_position(robot, target, points[-1], self.lower[-1], self.upper[-1])
         if goal.error > _TOOL_TOLERANCE:
             return None
+        # Spread over the whole motion: at the goal alone, on its short knot intervals, the little
+        # that is missing would be a leap of the jerk.
+        points += self._share_of_goal[:, None] * (goal.q - points[-1])
         points[-REST_POINTS:] = goal.q
-        return points
+        return self.within_bounds(points)
+
+    def move(self, at: SampledSpline) -> BoolArray:
+        """Return whether a step can change the position at samples of a spline, shape (N,)."""
+        free = self.column[at.first[:, None] + np.arange(DEGREE + 1)] != FIXED
+        by_control: BoolArray = (free & (at.basis[0] != 0)).any(axis=1)
+        return by_control | at.by_switching[:, 0].any(axis=(0, 2))
 
     def held(self, control_points: FloatArray) -> FloatArray:
         """Return the joint directions (r, n) that would move the tool away from an open goal."""
@@ -110,6 +121,16 @@ class ControlVariables:
             upper[counting] = np.minimum(upper[counting], self._problem.joint_upper[k])
             first += len(shares) - 1
         return lower, upper
+
+
+def _minimum_jerk(count: int) -> FloatArray:
+    """Return how far K control points are along a minimum-jerk course, from 0 to 1, shape (K,).
+
+    Their places in time are about those of the knots, clustered at both ends.
+    """
+    even = (np.arange(count) - (REST_POINTS - 1)) / (count - 2 * REST_POINTS + 1)
+    x = (1 - np.cos(np.pi * np.clip(even, 0.0, 1.0))) / 2
+    return x**3 * (10 - 15 * x + 6 * x**2)
 
 
 def _is_redundant(problem: PlanningProblem) -> bool:

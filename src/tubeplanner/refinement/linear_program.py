@@ -9,7 +9,6 @@ from scipy import sparse
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.refinement.linear_rows import Rows
 
-_ELASTIC_BOUND = 10.0
 # Tried in turn: the first is the fastest for control points in the order of time.
 _SOLVERS = (
     piqp.KKTSolver.sparse_multistage,
@@ -26,6 +25,7 @@ class Bounds:
         lower: Of the variable configurations, shape (F, n).
         upper: Likewise.
         switching: Largest steps of the switching times, shape (m-1,).
+        widths: Largest changes of the phases between them, shape (m,).
         duration: Smallest and largest eta.
         held: Directions in which the last variable must not move, shape (r, n).
     """
@@ -33,6 +33,7 @@ class Bounds:
     lower: FloatArray
     upper: FloatArray
     switching: FloatArray
+    widths: FloatArray
     duration: tuple[float, float]
     held: FloatArray
 
@@ -72,7 +73,7 @@ class StepProgram:
         hessian: sparse.csc_matrix,
         gradient: FloatArray,
         penalty: float,
-        tolerance: float = 1e-4,
+        tolerance: float,
     ) -> None:
         """Set it up.
 
@@ -89,13 +90,14 @@ class StepProgram:
         self._free = bounds.lower.shape
         switches = len(bounds.switching)
         self._matrix = _matrix(rows, is_elastic, column, *self._free)
+        self._widths = bounds.widths if switches else np.zeros(0)
         self._hessian = hessian
         self._linear = np.concatenate([gradient, np.zeros(switches), [1.0, penalty]])
         self._lower = np.concatenate(
             [bounds.lower.ravel(), -bounds.switching, [bounds.duration[0], 0.0]]
         )
         self._upper = np.concatenate(
-            [bounds.upper.ravel(), bounds.switching, [bounds.duration[1], _ELASTIC_BOUND]]
+            [bounds.upper.ravel(), bounds.switching, [bounds.duration[1], np.inf]]
         )
         self._slack, self._tolerance = rows.slack, tolerance
         self._held = self._equalities(bounds)
@@ -115,8 +117,8 @@ class StepProgram:
                 self._held,
                 None if self._held is None else np.zeros(self._held.shape[0]),
                 self._matrix,
-                np.full(len(self._slack), -np.inf),
-                self._slack,
+                np.concatenate([np.full(len(self._slack), -np.inf), -self._widths]),
+                self._most(self._slack),
                 self._lower,
                 self._upper,
             )
@@ -130,8 +132,11 @@ class StepProgram:
         """Return the step with other slack for the rows, once there was a solution."""
         if self._solver is None:
             return None
-        self._solver.update(h_u=slack)
+        self._solver.update(h_u=self._most(slack))
         return self._solution(self._solver)
+
+    def _most(self, slack: FloatArray) -> FloatArray:
+        return np.concatenate([slack, self._widths])
 
     def _equalities(self, bounds: Bounds) -> sparse.csc_matrix | None:
         if len(bounds.held) == 0:
@@ -152,14 +157,14 @@ class StepProgram:
             x[free * n : -2],
             float(x[-2]),
             float(x[-1]),
-            np.array(solver.result.z_u),
+            np.array(solver.result.z_u)[: len(self._slack)],
         )
 
 
 def _matrix(
     rows: Rows, is_elastic: FloatArray, column: IntArray, free: int, n: int
 ) -> sparse.csc_matrix:
-    """Return the rows as a sparse matrix over configurations, switching times, eta, elastic."""
+    """Return rows, and the changes of the phases' widths, over all that may change."""
     count, weights = len(rows), rows.control.shape[1]
     switches = rows.switching.shape[1]
     variable = column[rows.first[:, None] + np.arange(weights)]
@@ -176,8 +181,25 @@ def _matrix(
         ]
     )
     keep = data != 0
-    indptr = np.concatenate([[0], np.cumsum(keep.sum(axis=1))])
-    shape = (count, free * n + switches + 2)
-    matrix = sparse.csr_matrix((data[keep], columns[keep], indptr), shape=shape)
+    ends, switch, by_switch = _width_changes(switches)
+    indptr = np.concatenate([[0], np.cumsum(np.append(keep.sum(axis=1), ends))])
+    matrix = sparse.csr_matrix(
+        (np.append(data[keep], by_switch), np.append(columns[keep], free * n + switch), indptr),
+        shape=(len(indptr) - 1, free * n + switches + 2),
+    )
     matrix.sum_duplicates()  # control points that move as one
     return matrix.tocsc()
+
+
+def _width_changes(switches: int) -> tuple[IntArray, IntArray, FloatArray]:
+    """Return how the phases' widths change with the switching times, row after row.
+
+    A phase grows with the time that ends it, and shrinks with the one that begins it.
+
+    Returns:
+        How many switching times count for each phase, which, and their weights.
+    """
+    if switches == 0:
+        return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
+    counts = np.concatenate([[1], np.full(switches - 1, 2), [1]])
+    return counts, np.repeat(np.arange(switches), 2), np.tile([1.0, -1.0], switches)

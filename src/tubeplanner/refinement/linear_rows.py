@@ -22,10 +22,15 @@ MERIT_TOLERANCE = 0.8 * INNER_MARGIN
 
 @dataclass(frozen=True)
 class StepSize:
-    """The largest step: control points [rad or m] and switching times."""
+    """The largest step.
+
+    Attributes:
+        control: Of control points [rad or m].
+        switching: Of the inner switching times, shape (m-1,).
+    """
 
     control: float
-    switching: float
+    switching: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,4 +171,4 @@ def two_sided_slack(
 
 def _reach(control: FloatArray, switching: FloatArray, size: StepSize) -> FloatArray:
     reach: FloatArray = size.control * abs(control).sum(axis=(-2, -1))
-    return reach + size.switching * abs(switching).sum(axis=-1)
+    return reach + abs(switching) @ size.switching

@@ -7,6 +7,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.refinement.phased_spline import (
+    DEGREE,
     EvaluationPoints,
     KnotGrid,
     PhasedSpline,
@@ -52,20 +53,37 @@ class SampledSpline:
         basis = basis_by_switching(self.evaluation_points, spline.grid, spline.switching_times)
         return np.matmul(basis[:, :, :, None], self._taken)[:, :, :, 0]
 
-    def chained(self, by_state: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def change(self, control: FloatArray, switching: FloatArray) -> FloatArray:
+        """Return how positions change with a step, to first order, shape (N, n).
+
+        Args:
+            control: Change of the control points, shape (K, n).
+            switching: Change of the inner switching times, shape (m-1,).
+        """
+        taken = control[self.first[:, None] + np.arange(DEGREE + 1)]
+        change = np.einsum("nr,nrj->nj", self.basis[0], taken)
+        if switching.any():
+            change += np.einsum("gnj,g->nj", self.by_switching[:, 0], switching)
+        return change
+
+    def chained(
+        self, by_state: FloatArray, samples: IntArray | slice = slice(None)
+    ) -> tuple[FloatArray, FloatArray]:
         """Return how I quantities of each sample change with control points and switching times.
 
         Args:
             by_state: Their derivatives by position, and by its first derivatives by x, as many as
                 are given: shape (orders, N, I, n).
+            samples: Whose quantities they are, if not those of all samples.
 
         Returns:
             By the four control points that count, (N, I, 4, n), and by the inner switching times,
             (N, I, m-1).
         """
         orders = len(by_state)
-        control = np.einsum("onr,onij->nirj", self.basis[:orders], by_state)
-        switching = np.einsum("gonj,onij->nig", self.by_switching[:, :orders], by_state)
+        basis, by_switching = self.basis[:orders, samples], self.by_switching[:, :orders, samples]
+        control = np.einsum("onr,onij->nirj", basis, by_state)
+        switching = np.einsum("gonj,onij->nig", by_switching, by_state)
         return control, switching
 
     @cached_property

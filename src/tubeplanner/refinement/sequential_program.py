@@ -6,16 +6,19 @@ tube and clearances are elastic.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import starmap
 
 import numpy as np
 from scipy import sparse
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.refinement.capsule_constraints import EvaluatedCapsules, Planes
 from tubeplanner.refinement.control_variables import FIXED, ControlVariables
-from tubeplanner.refinement.linear_program import Bounds, Step, StepProgram
+from tubeplanner.refinement.linear_program import Bounds, Step
 from tubeplanner.refinement.linear_rows import INNER_MARGIN, MERIT_TOLERANCE, Rows, StepSize
+from tubeplanner.refinement.linearization import BROKEN, Given, Linearization, Quadratic
 from tubeplanner.refinement.link_constraints import LinkConstraints
 from tubeplanner.refinement.phased_spline import DEGREE, KnotGrid, PhasedSpline
 from tubeplanner.refinement.spline_constraints import Iterate, SplineConstraints
@@ -25,13 +28,13 @@ _SMOOTHING = 1e-5
 _PROXIMITY = 1e-3
 # Rows are given to the solver if they are this near, or a part of the trust region away.
 _NEAR, _NEAR_SHARE = 0.03, 0.03
-_MAX_LAZY_ROUNDS = 5
-_BROKEN = 1e-4
 _MIN_TRUST, _MAX_TRUST = 1e-4, 1.0
 # Steps that gain less than this share of the prediction get a second-order correction.
 _GOOD_RATIO = 0.3
 FIRST_PENALTY, _MAX_PENALTY = 3.0, 1e4
 _DURATION_STEP = (-0.5, 1.0)
+# Phases change by at most this share of their width, and of the trust region.
+_MAX_WIDTH_SHARE, _WIDTH_SHARE = 0.3, 8.0
 # For the multipliers: a small trust region, hardly any quadratic part, an exact solution.
 _MULTIPLIER_TRUST, _MULTIPLIER_SMOOTHING, _MULTIPLIER_TOLERANCE = 0.02, 1e-3, 1e-8
 
@@ -44,11 +47,24 @@ class Improved:
         iterate: The shortest trajectory.
         trust: Radius of the trust region [rad or m].
         penalty: Weight of the elastic constraints.
+        has_ended: Whether it ended by itself, not after the steps that it was given.
     """
 
     iterate: Iterate
     trust: float
     penalty: float
+    has_ended: bool
+
+
+@dataclass(frozen=True, eq=False)
+class _Remembered:
+    """What the last step's program needed beyond what was near: numbers of rows, and planes."""
+
+    rows: IntArray
+    planes: tuple[Planes, ...]
+
+
+_NOTHING = _Remembered(np.zeros(0, dtype=np.int64), ())
 
 
 class SequentialProgram:
@@ -64,6 +80,7 @@ class SequentialProgram:
         problem: PlanningProblem,
         grid: KnotGrid,
         links: LinkConstraints | None = None,
+        radius: FloatArray | None = None,
     ) -> None:
         """Prepare it.
 
@@ -71,8 +88,11 @@ class SequentialProgram:
             problem: The planning problem.
             grid: The splines' knots.
             links: What is watched of the links already.
+            radius: Of the tube's segments, if not their own, shape (m,) [m].
         """
-        self.constraints = SplineConstraints(problem, grid, links or LinkConstraints(problem))
+        radius = problem.tube.effective_radius if radius is None else radius
+        links = links or LinkConstraints(problem)
+        self.constraints = SplineConstraints(problem, grid, links, radius)
         self._problem, self.grid = problem, grid
         self._variables = ControlVariables(problem, grid)
         self._curvature = self._smoothing()
@@ -103,14 +123,14 @@ class SequentialProgram:
             max_steps: So many steps end it too.
             checkpoint: Called with every iterate; it may raise to end the work.
         """
-        small_gains, remembered = 0, np.zeros(0, dtype=np.int64)
+        small_gains, remembered = 0, _NOTHING
         for _ in range(max_steps):
-            linear = self._linearised(current, trust, penalty, remembered)
+            linear = self._linearized(current, trust, penalty, remembered)
             step = linear.solve()
             if step is None:
                 trust *= 0.4
                 continue
-            remembered = linear.added
+            remembered = _Remembered(linear.added, linear.binding(step))
             trial = self._moved(current, step)
             if trial is None:
                 trust *= 0.4
@@ -119,7 +139,7 @@ class SequentialProgram:
             if gain < _GOOD_RATIO * predicted:
                 trial, gain = self._corrected(current, linear, step, trial, gain)
             ratio = gain / max(predicted, 1e-12)
-            if step.elastic > _BROKEN:
+            if step.elastic > BROKEN:
                 penalty = min(4 * penalty, _MAX_PENALTY)
             if ratio > 0.02:
                 current = trial
@@ -127,8 +147,8 @@ class SequentialProgram:
             checkpoint(current)
             trust = _next_trust(trust, ratio, float(abs(step.control).max(initial=0.0)))
             if predicted < min_gain or small_gains == 2 or trust < _MIN_TRUST:
-                break
-        return Improved(current, trust, penalty)
+                return Improved(current, trust, penalty, has_ended=True)
+        return Improved(current, trust, penalty, has_ended=False)
 
     def elasticities(self, current: Iterate) -> dict[tuple[str, int], float]:
         """Return d ln T / d ln p of a spline as short as it can be made, for every limit p.
@@ -140,26 +160,30 @@ class SequentialProgram:
             By ("effort", joint), likewise for velocity, acceleration and jerk, and by
             ("radius", segment) and ("rotation", segment). None of them is positive.
         """
+        # What the answer itself is outside of the margins costs nothing.
+        current = replace(current, capsules=tuple(map(_holding, current.capsules)))
         rows, is_elastic = self.constraints.rows(current, None)
-        # Rows that no variable moves, such as a start on its tolerance, cost nothing.
-        near = np.flatnonzero((rows.slack < _NEAR) & self._can_move(rows))
-        step = StepProgram(
-            rows.where(near),
-            is_elastic[near],
-            self._variables.column,
+        rows = replace(rows, slack=np.maximum(rows.slack, 0.0))
+        # Nor does what no variable moves, such as a start on its tolerance.
+        still = tuple(~self._variables.move(capsules.at) for capsules in current.capsules)
+        linear = Linearization(
+            current,
+            (rows, is_elastic),
+            Given((rows.slack < _NEAR) & self._can_move(rows), _near_planes(current, still), still),
+            self._variables,
             self._bounds(current, _MULTIPLIER_TRUST, goal_moves=False),
-            self._hessian * _MULTIPLIER_SMOOTHING,
-            self._gradient(current) * _MULTIPLIER_SMOOTHING,
+            Quadratic(
+                self._hessian * _MULTIPLIER_SMOOTHING,
+                self._gradient(current) * _MULTIPLIER_SMOOTHING,
+            ),
             _MAX_PENALTY,
             _MULTIPLIER_TOLERANCE,
-        ).solve()
-        if step is None or step.elastic > _BROKEN:  # then multipliers tell the penalty alone
-            return {}
-        names, limit = self.constraints.names, rows.limit[near]
-        named = limit >= 0
-        cost = np.bincount(
-            limit[named], np.maximum(step.multipliers[named], 0.0) / 2, minlength=len(names)
         )
+        step = linear.solve()
+        if step is None or step.elastic > BROKEN:  # then multipliers tell the penalty alone
+            return {}
+        names = self.constraints.names
+        cost = linear.costs(step, len(names)) / 2
         # Rows of the tube are in radii, those of the limits in limits: the narrowing scales along.
         tolerances = ("radius", "rotation")
         share = np.array([1 - INNER_MARGIN if kind in tolerances else 1.0 for kind, _ in names])
@@ -180,14 +204,14 @@ class SequentialProgram:
         return self.constraints.at(PhasedSpline(self.grid, switching_times, points))
 
     def _corrected(
-        self, current: Iterate, linear: "_Linearised", step: Step, trial: Iterate, gain: float
+        self, current: Iterate, linear: Linearization, step: Step, trial: Iterate, gain: float
     ) -> tuple[Iterate, float]:
         """Return a trial, or a better one corrected for the constraints' curvature.
 
         (Second-order correction: Nocedal & Wright, "Numerical Optimization", 2006, section 18.3.)
         """
         slack = self.constraints.slack(current, trial, 1 + step.duration)
-        other = linear.solve_again(step, slack)
+        other = linear.solve_again(step, trial, slack)
         if other is None:
             return trial, gain
         second = self._moved(current, other)
@@ -196,33 +220,40 @@ class SequentialProgram:
         _, second_gain = _gains(current, second, other, linear.penalty)
         return (second, second_gain) if second_gain > gain else (trial, gain)
 
-    def _linearised(
-        self, current: Iterate, trust: float, penalty: float, remembered: IntArray
-    ) -> "_Linearised":
+    def _linearized(
+        self, current: Iterate, trust: float, penalty: float, remembered: _Remembered
+    ) -> Linearization:
         bounds = self._bounds(current, trust)
-        size = StepSize(trust, float(bounds.switching.max(initial=0.0)))
+        size = StepSize(trust, bounds.switching)
         rows, is_elastic = self.constraints.rows(current, size)
-        active = (rows.slack < _NEAR) | (rows.slack < _NEAR_SHARE * rows.reach(size))
-        return _Linearised(
-            rows,
-            is_elastic,
-            active | np.isin(rows.index, remembered),
+        near = (rows.slack < _NEAR) | (rows.slack < _NEAR_SHARE * rows.reach(size))
+        none = tuple(np.zeros(len(capsules.vector), bool) for capsules in current.capsules)
+        planes = _near_planes(current, none)
+        if remembered.planes:
+            planes = tuple(starmap(Planes.and_also, zip(planes, remembered.planes, strict=True)))
+        return Linearization(
+            current,
+            (rows, is_elastic),
+            Given(near | np.isin(rows.index, remembered.rows), planes, none),
             self._variables,
             bounds,
-            (self._hessian, self._gradient(current)),
+            Quadratic(self._hessian, self._gradient(current)),
             penalty,
         )
 
     def _bounds(self, current: Iterate, trust: float, *, goal_moves: bool = True) -> Bounds:
         """Return the bounds of a step."""
-        width = np.diff(current.spline.switching_times)
+        widths = np.diff(current.spline.switching_times)
+        widths *= min(_MAX_WIDTH_SHARE, _WIDTH_SHARE * trust)
+        switching = np.minimum(np.cumsum(widths)[:-1], np.cumsum(widths[::-1])[-2::-1])
         points = current.spline.control_points
         now, joints = self._variables.of(points), points.shape[1]
         held = self._variables.held(points)
         return Bounds(
             np.clip(self._variables.lower - now, -trust, 0.0),
             np.clip(self._variables.upper - now, 0.0, trust),
-            np.minimum(0.5 * trust, 0.3 * np.minimum(width[:-1], width[1:])),
+            switching,
+            widths,
             _DURATION_STEP,
             held if goal_moves or len(held) == 0 else np.eye(joints),
         )
@@ -250,78 +281,20 @@ class SequentialProgram:
         return (third.T @ third).tocsr() * weight
 
 
-class _Linearised:
-    """The linear program at a trajectory, its rows added as they turn out to be broken.
+def _holding(capsules: EvaluatedCapsules) -> EvaluatedCapsules:
+    """Return capsules that hold their vectors: those that did not are as wide as necessary."""
+    share = 1 + np.maximum(capsules.excess, 0.0) / (1 - capsules.margin)
+    return replace(capsules, radius=capsules.radius * share)
 
-    Attributes:
-        penalty: Weight of the elastic constraints.
-    """
 
-    def __init__(
-        self,
-        rows: Rows,
-        is_elastic: FloatArray,
-        active: BoolArray,
-        variables: ControlVariables,
-        bounds: Bounds,
-        quadratic: tuple[sparse.csc_matrix, FloatArray],
-        penalty: float,
-    ) -> None:
-        self._rows, self._is_elastic = rows, is_elastic
-        self._near, self._active = active, active.copy()
-        self._variables, self._bounds = variables, bounds
-        self._quadratic, self.penalty = quadratic, penalty
-        self._program: StepProgram | None = None
-        self._given = np.zeros(0, dtype=np.int64)
-
-    @property
-    def added(self) -> IntArray:
-        """Numbers of the rows that were not near but turned out to be broken."""
-        return self._rows.index[self._active & ~self._near]
-
-    def solve(self) -> Step | None:
-        """Return the step, or None if there is none."""
-        step = None
-        for _ in range(_MAX_LAZY_ROUNDS):
-            self._given = np.flatnonzero(self._active)
-            self._program = StepProgram(
-                self._rows.where(self._given),
-                self._is_elastic[self._given],
-                self._variables.column,
-                self._bounds,
-                *self._quadratic,
-                self.penalty,
-            )
-            step = self._program.solve()
-            if step is None:
-                return None
-            broken = self._slack_after(step) < -_BROKEN
-            if not (broken & ~self._active).any():
-                break
-            self._active |= broken
-        return step
-
-    def solve_again(self, step: Step, slack: FloatArray) -> Step | None:
-        """Return the step for rows whose slack is corrected by the slack found after a first step.
-
-        Args:
-            step: The first step.
-            slack: The rows' slack after it, by their numbers.
-        """
-        rows = self._rows
-        correction = slack[rows.index] - (self._slack_after(step) - self._is_elastic * step.elastic)
-        corrected = (rows.slack + correction)[self._given]
-        return None if self._program is None else self._program.solve_again(corrected)
-
-    def _slack_after(self, step: Step) -> FloatArray:
-        """Return the slack that a step leaves to all rows, to first order."""
-        rows = self._rows
-        change = self._variables.change(step.control)
-        taken = change[rows.first[:, None] + np.arange(DEGREE + 1)]
-        used = np.einsum("rkj,rkj->r", rows.control, taken)
-        used += rows.switching @ step.switching + rows.duration * step.duration
-        slack: FloatArray = rows.slack - used + self._is_elastic * step.elastic
-        return slack
+def _near_planes(current: Iterate, ignored: tuple[BoolArray, ...]) -> tuple[Planes, ...]:
+    """Return the planes of every kind of capsules that are near, but for some samples'."""
+    found = []
+    for capsules, left_out in zip(current.capsules, ignored, strict=True):
+        planes = capsules.planes()
+        is_near = capsules.slack(planes) < _NEAR
+        found.append(planes.where(is_near & ~left_out[planes.sample]))
+    return tuple(found)
 
 
 def _gains(current: Iterate, trial: Iterate, step: Step, penalty: float) -> tuple[float, float]:

@@ -6,6 +6,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.refinement.capsule_constraints import EvaluatedCapsules
 from tubeplanner.refinement.limit_constraints import (
     ACCELERATION,
     EFFORT,
@@ -24,7 +25,8 @@ from tubeplanner.refinement.phased_spline import (
     VelocityHull,
 )
 from tubeplanner.refinement.rotation_constraints import EvaluatedRotation, evaluated_rotation
-from tubeplanner.refinement.tube_constraints import EvaluatedTube, evaluated_tube
+from tubeplanner.refinement.sampled_spline import sampled
+from tubeplanner.refinement.tube_constraints import evaluated_tube
 
 # Samples per knot interval. There, accelerations are straight lines and jerks constant.
 _EFFORT_SAMPLES = np.arange(2) / 2
@@ -44,8 +46,8 @@ class Iterate:
         excess: How far tool or links violate their constraints, >= 0: of the tool in
             radii or rotation tolerances beyond the narrowed tube, of links in units of 5 cm.
         limits: What it was computed from: efforts and rates, as far as they are limited.
-        tube: Likewise, the tool's position.
-        rotation: Likewise, the tool's rotation; None where it is free.
+        capsules: Likewise, the tool's position and the angle of its rotation, if that is bounded.
+        rotation: Likewise, the components of its rotation; None where they are free.
         links: Likewise.
     """
 
@@ -53,14 +55,14 @@ class Iterate:
     squared_duration: float
     excess: float
     limits: tuple[EvaluatedLimits, ...]
-    tube: EvaluatedTube
+    capsules: tuple[EvaluatedCapsules, ...]
     rotation: EvaluatedRotation | None
     links: EvaluatedLinks
 
     @property
-    def tool(self) -> tuple[EvaluatedTube | EvaluatedRotation, ...]:
+    def tool(self) -> tuple[EvaluatedCapsules | EvaluatedRotation, ...]:
         """The constraints of the tube on the tool."""
-        return (self.tube,) if self.rotation is None else (self.tube, self.rotation)
+        return self.capsules if self.rotation is None else (*self.capsules, self.rotation)
 
     @property
     def duration(self) -> float:
@@ -71,9 +73,18 @@ class Iterate:
 class SplineConstraints:
     """What splines on one knot grid must keep."""
 
-    def __init__(self, problem: PlanningProblem, grid: KnotGrid, links: LinkConstraints) -> None:
-        """Set up the usual samples, and links that may be watched already."""
-        self._problem, self._grid, self._links = problem, grid, links
+    def __init__(
+        self, problem: PlanningProblem, grid: KnotGrid, links: LinkConstraints, radius: FloatArray
+    ) -> None:
+        """Set up the usual samples.
+
+        Args:
+            problem: The planning problem.
+            grid: The splines' knots.
+            links: What is watched of the links already.
+            radius: Of the tube's segments, shape (m,) [m].
+        """
+        self._problem, self._grid, self._links, self._radius = problem, grid, links, radius
         self._limits = LimitConstraints(problem.robot)
         # A switching time has a sample on either side, so that the tool is in both capsules there.
         ends = grid.phase_ends()
@@ -104,16 +115,19 @@ class SplineConstraints:
         return self._at(spline, self._limited, self._tube_samples)
 
     def rows(self, current: Iterate, size: StepSize | None) -> tuple[Rows, FloatArray]:
-        """Return all rows at a spline, and 1 for those that may be violated at a penalty, else 0.
+        """Return the rows of all but capsules, and 1 for those that may be violated, else 0.
 
         Args:
             current: The spline.
             size: Of the step; rows that it cannot break are left out. None: all rows.
         """
         parts = [limits.rows(current.duration, size) for limits in current.limits]
+        counts = [limits.row_count for limits in current.limits]
         hard = sum(len(rows) for rows in parts)
-        parts += [*(part.rows(size) for part in current.tool), current.links.rows(size)]
-        counts = [part.row_count for part in (*current.limits, *current.tool)]
+        if current.rotation is not None:
+            parts.append(current.rotation.rows(size))
+            counts.append(current.rotation.row_count)
+        parts.append(current.links.rows(size))
         firsts = np.concatenate([[0], np.cumsum(counts)])
         rows = stacked([rows.numbered_from(int(n)) for rows, n in zip(parts, firsts, strict=True)])
         return rows, np.repeat([0.0, 1.0], [hard, len(rows) - hard])
@@ -127,9 +141,7 @@ class SplineConstraints:
             squared_duration: The trial's, as a multiple of the spline's.
         """
         slacks = [limits.slack(current.duration, squared_duration) for limits in trial.limits]
-        slacks.append(current.tube.slack(trial.tube))
-        if current.rotation is not None and trial.rotation is not None:
-            slacks.append(current.rotation.slack(trial.rotation))
+        slacks += [] if trial.rotation is None else [trial.rotation.slack]
         return np.concatenate([*slacks, trial.links.slack])
 
     def look_for_links(self, spline: PhasedSpline) -> bool:
@@ -174,22 +186,31 @@ class SplineConstraints:
             self._limits.at(spline, evaluation_points, kinds)
             for kinds, evaluation_points in limited.items()
         )
-        first = len(self._limits.names)
-        tube = evaluated_tube(self._problem, spline, tube_samples, INNER_MARGIN, first)
-        rotation = self._rotation_at(spline, tube_samples, first + self._problem.tube.segment_count)
+        capsules, rotation = self._tool_at(spline, tube_samples)
         links = self._links.at(spline)
-        worst = [part.excess.max(initial=0.0) for part in (tube, rotation, links) if part]
+        found = [part.excess.max(initial=0.0) for part in (*capsules, rotation, links) if part]
         squared_duration = max(float(part.squared_durations.max()) for part in limits)
-        excess = float(max(worst))
-        return Iterate(spline, squared_duration, excess, limits, tube, rotation, links)
+        excess = float(max(*found, 0.0))
+        return Iterate(spline, squared_duration, excess, limits, capsules, rotation, links)
 
-    def _rotation_at(
-        self, spline: PhasedSpline, samples: Samples, first: int
-    ) -> EvaluatedRotation | None:
-        robot, rotation = self._problem.robot, self._problem.tube.rotation
-        if rotation is None:
-            return None
-        return evaluated_rotation(robot, rotation, spline, samples, INNER_MARGIN, first)
+    def _tool_at(
+        self, spline: PhasedSpline, samples: Samples
+    ) -> tuple[tuple[EvaluatedCapsules, ...], EvaluatedRotation | None]:
+        """Return the constraints of the tube on the tool, as in an iterate."""
+        at, first = sampled(spline, samples), len(self._limits.names)
+        tube = evaluated_tube(self._problem, at, samples, self._radius, INNER_MARGIN, first)
+        tolerance = self._problem.tube.rotation
+        if tolerance is None:
+            return (tube,), None
+        first += self._problem.tube.segment_count
+        robot = self._problem.robot
+        rotation = evaluated_rotation(robot, tolerance, at, samples, INNER_MARGIN, first)
+        has_components, has_angle = (
+            bool(np.isfinite(bounds).any())
+            for bounds in (tolerance.bounds[:, :3], tolerance.bounds[:, 3])
+        )
+        capsules = (tube, rotation.angle()) if has_angle else (tube,)
+        return capsules, rotation if has_components else None
 
 
 def _peaks(values: FloatArray, floor: float) -> IntArray:

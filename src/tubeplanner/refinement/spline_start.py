@@ -8,7 +8,8 @@ from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.refinement.phased_spline import DEGREE, KnotGrid, PhasedSpline
 from tubeplanner.trajectory.fitted_spline import fitted_control_points, times_between
 
-_MIN_INTERVALS = 3  # of a phase, if there are several
+# Of a phase, if there are several: as many as give this sum, at most so many.
+_FEWEST_IN_ALL, _FEWEST = 12, 3
 _FIT_POINTS_PER_INTERVAL = 5
 # Control points that the fit leaves open are pulled to the joint line by this weight.
 _DRAW = 1e-8
@@ -66,9 +67,9 @@ def knot_grid(switching_times: FloatArray, intervals: int) -> KnotGrid:
     There the arm at rest begins to move, and its acceleration needs the finest steps.
     """
     angle = np.arccos(1 - 2 * switching_times)
-    shares = []
-    for k in range(len(switching_times) - 1):
-        fewest = _MIN_INTERVALS if len(switching_times) > 2 else 1
+    shares, phases = [], len(switching_times) - 1
+    fewest = 1 if phases == 1 else min(max(_FEWEST_IN_ALL // phases, 1), _FEWEST)
+    for k in range(phases):
         count = max(fewest, round(intervals * (angle[k + 1] - angle[k]) / np.pi))
         x = (1 - np.cos(np.linspace(angle[k], angle[k + 1], count + 1))) / 2
         share = (x - switching_times[k]) / (switching_times[k + 1] - switching_times[k])

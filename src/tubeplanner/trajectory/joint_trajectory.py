@@ -126,6 +126,13 @@ class JointTrajectory:
         """Return joint accelerations at times (...,): shape (..., n) [rad/s^2 or m/s^2]."""
         return self._derivatives[2](self._clip(t))
 
+    def jerk(self, t: object) -> FloatArray:
+        """Return joint jerks at times (...,): shape (..., n) [rad/s^3 or m/s^3].
+
+        Where it jumps, at a breakpoint, that of the piece after it.
+        """
+        return self._derivatives[3](self._clip(t))
+
     def derivative_coefficients(self, order: int) -> FloatArray:
         """Return the coefficients of the derivative of an order from 0 to 3 (jerk).
 

@@ -1,0 +1,161 @@
+"""Vectors that must stay in capsules, at samples of a spline: the tool's position, its rotation.
+
+A capsule is convex: a vector p is inside if n.p <= max(n.A, n.B) + r for every unit normal n, A and
+B being the ends of its axis. A linear program gets a few of these planes: at each sample the one
+outward and those at the caps, and then the tangent planes where its own prediction leaves the
+capsule (Kelley, "The cutting-plane method for solving convex programs", 1960).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray
+from tubeplanner.refinement.linear_rows import Rows
+from tubeplanner.refinement.sampled_spline import SampledSpline
+
+_NO_LENGTH = 1e-9  # [m or rad]
+# A prediction may leave the capsule by this share of its radius.
+_OUTSIDE = 0.002
+
+
+@dataclass(frozen=True, eq=False)
+class Planes:
+    """P supporting planes of capsules.
+
+    Attributes:
+        sample: Whose capsule, shape (P,).
+        normal: Unit vectors, outward, shape (P, 3).
+    """
+
+    sample: IntArray
+    normal: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.sample)
+
+    def where(self, keep: BoolArray | IntArray) -> "Planes":
+        """Return some of the planes."""
+        return Planes(self.sample[keep], self.normal[keep])
+
+    def and_also(self, other: "Planes") -> "Planes":
+        """Return these planes and others."""
+        return Planes(
+            np.concatenate([self.sample, other.sample]),
+            np.concatenate([self.normal, other.normal]),
+        )
+
+
+NO_PLANES = Planes(np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
+
+
+@dataclass(frozen=True, eq=False)
+class EvaluatedCapsules:
+    """The capsules at N samples of a spline, and the vectors that must stay in them.
+
+    Attributes:
+        at: The spline at the samples.
+        vector: Shape (N, 3) [m or rad].
+        derivative: Returns what the vectors change by with the joints, shape (N, 3, n).
+        begin: Where the capsules' axes begin, shape (N, 3) [m or rad].
+        end: Where they end, shape (N, 3).
+        radius: Shape (N,) [m or rad].
+        margin: The share of the radii that stays unused.
+        limit: Numbers of the radii among the limits, shape (N,).
+    """
+
+    at: SampledSpline
+    vector: FloatArray
+    derivative: Callable[[], FloatArray]
+    begin: FloatArray
+    end: FloatArray
+    radius: FloatArray
+    margin: float
+    limit: IntArray
+
+    @cached_property
+    def excess(self) -> FloatArray:
+        """How far the vectors are outside the narrowed capsules, in radii, shape (N,)."""
+        return self._excess_of(self._away(self.vector))
+
+    def planes(self) -> Planes:
+        """Return the planes outward and, where there is an axis, those at both caps."""
+        away, axis = self._away(self.vector), self.end - self.begin
+        distance, length = np.linalg.norm(away, axis=1), np.linalg.norm(axis, axis=1)
+        off, long = np.flatnonzero(distance > _NO_LENGTH), np.flatnonzero(length > _NO_LENGTH)
+        outward = away[off] / distance[off, None]
+        along = axis[long] / length[long, None]
+        return Planes(np.concatenate([off, long, long]), np.concatenate([outward, along, -along]))
+
+    def planes_where_outside(self, vector: FloatArray, elastic: float) -> Planes:
+        """Return the tangent planes at other vectors (N, 3) that are outside.
+
+        Args:
+            vector: The other vectors.
+            elastic: So many radii outside is allowed.
+        """
+        away = self._away(vector)
+        outside = np.flatnonzero(self._excess_of(away) > elastic + _OUTSIDE)
+        normal = away[outside] / np.linalg.norm(away[outside], axis=1)[:, None]
+        return Planes(outside, normal)
+
+    def after(self, control: FloatArray, switching: FloatArray) -> FloatArray:
+        """Return the vectors after a step, to first order, shape (N, 3).
+
+        Args:
+            control: Change of the control points, shape (K, n).
+            switching: Change of the inner switching times, shape (m-1,).
+        """
+        change = self.at.change(control, switching)
+        moved: FloatArray = self.vector + np.einsum("nij,nj->ni", self._by_joint, change)
+        return moved
+
+    def slack(self, planes: Planes, bend: FloatArray | None = None) -> FloatArray:
+        """Return how far behind planes the vectors are, in radii, shape (P,).
+
+        Args:
+            planes: The planes.
+            bend: Added to the vectors, shape (N, 3).
+        """
+        vector = self.vector if bend is None else self.vector + bend
+        at, normal = planes.sample, planes.normal
+        beyond = np.minimum(
+            np.einsum("pi,pi->p", normal, (vector - self.begin)[at]),
+            np.einsum("pi,pi->p", normal, (vector - self.end)[at]),
+        )
+        slack: FloatArray = 1 - self.margin - beyond / self.radius[at]
+        return slack
+
+    def rows(self, planes: Planes) -> Rows:
+        """Return rows that keep the vectors behind planes; they have no numbers."""
+        at = planes.sample
+        by_joint = np.einsum("pi,pij->pj", planes.normal, self._by_joint[at])
+        by_joint /= self.radius[at, None]
+        control, switching = self.at.chained(by_joint[None, :, None], at)
+        count = len(planes)
+        return Rows(
+            self.at.first[at],
+            control[:, 0],
+            switching[:, 0],
+            np.zeros(count),
+            self.slack(planes),
+            self.limit[at],
+            np.full(count, -1),
+        )
+
+    @cached_property
+    def _by_joint(self) -> FloatArray:
+        return self.derivative()
+
+    def _excess_of(self, away: FloatArray) -> FloatArray:
+        excess: FloatArray = np.linalg.norm(away, axis=1) / self.radius - (1 - self.margin)
+        return excess
+
+    def _away(self, vector: FloatArray) -> FloatArray:
+        """Return vectors (N, 3) from the nearest points of the axes to other vectors (N, 3)."""
+        axis = self.end - self.begin
+        square = np.maximum(np.einsum("ni,ni->n", axis, axis), _NO_LENGTH**2)
+        share = np.clip(np.einsum("ni,ni->n", vector - self.begin, axis) / square, 0.0, 1.0)
+        return vector - (self.begin + share[:, None] * axis)

@@ -1,0 +1,225 @@
+"""The constraints at a trajectory, to first order, and the steps that keep them.
+
+Rows that are far away and tangent planes of capsules are added where a step turns out to break
+them, so that what a step predicts is inside the convex set that the capsules are, not inside a few
+planes about it.
+"""
+
+from dataclasses import dataclass, replace
+from itertools import starmap
+
+import numpy as np
+from scipy import sparse
+
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray
+from tubeplanner.refinement.capsule_constraints import Planes
+from tubeplanner.refinement.control_variables import ControlVariables
+from tubeplanner.refinement.linear_program import Bounds, Step, StepProgram
+from tubeplanner.refinement.linear_rows import Rows, stacked
+from tubeplanner.refinement.phased_spline import DEGREE
+from tubeplanner.refinement.spline_constraints import Iterate
+
+_MAX_ROUNDS, _MAX_CORRECTIONS = 4, 3
+BROKEN = 1e-4
+# Planes with less slack after a step [radii] are given to the next program at once.
+_BINDING = 0.005
+
+
+@dataclass(frozen=True, eq=False)
+class Quadratic:
+    """The curvature of a step's cost.
+
+    Attributes:
+        hessian: Over all that may change, shape (V, V).
+        gradient: Over the variables, shape (F n,).
+    """
+
+    hessian: sparse.csc_matrix
+    gradient: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Given:
+    """What a program gets at once.
+
+    Attributes:
+        rows: Whether it gets each row, shape (R,).
+        planes: Of every kind of capsules.
+        ignored: The samples of every kind of capsules whose planes it never gets, shape (N,).
+    """
+
+    rows: BoolArray
+    planes: tuple[Planes, ...]
+    ignored: tuple[BoolArray, ...]
+
+
+class Linearization:
+    """The constraints at a trajectory to first order.
+
+    Attributes:
+        penalty: Weight of the elastic constraints.
+    """
+
+    def __init__(
+        self,
+        current: Iterate,
+        rows: tuple[Rows, FloatArray],
+        given: Given,
+        variables: ControlVariables,
+        bounds: Bounds,
+        quadratic: Quadratic,
+        penalty: float,
+        tolerance: float = 1e-4,
+    ) -> None:
+        """Set it up.
+
+        Args:
+            current: The trajectory.
+            rows: All constraints but capsules, and 1 for those that may be violated, else 0.
+            given: Those that the first program gets.
+            variables: What may change.
+            bounds: Where a step must stay.
+            quadratic: The curvature of its cost.
+            penalty: Weight of the elastic constraints.
+            tolerance: Of its solution, absolute and relative.
+        """
+        self._current, self._variables, self._bounds = current, variables, bounds
+        self._rows, self._is_elastic = rows
+        self._near, self._active = given.rows, given.rows.copy()
+        self._planes, self._ignored = given.planes, given.ignored
+        self._quadratic, self.penalty, self._tolerance = quadratic, penalty, tolerance
+        self._program: StepProgram | None = None
+        self._given = self._limit = np.zeros(0, dtype=np.int64)
+        self._has_more = True  # than the last program had
+
+    @property
+    def added(self) -> IntArray:
+        """Numbers of the rows that were not near but turned out to be broken."""
+        return self._rows.index[self._active & ~self._near]
+
+    def costs(self, step: Step, count: int) -> FloatArray:
+        """Return what the rows and planes of each of so many limits cost, shape (count,)."""
+        named = self._limit >= 0
+        multipliers = np.maximum(step.multipliers[named], 0.0)
+        costs = np.zeros(count)
+        np.add.at(costs, self._limit[named], multipliers)
+        return costs
+
+    def binding(self, step: Step) -> tuple[Planes, ...]:
+        """Return the planes, of every kind of capsules, that a step ends at."""
+        return tuple(
+            planes.where(capsules.slack(planes, vector - capsules.vector) < _BINDING - step.elastic)
+            for capsules, planes, vector in zip(
+                self._current.capsules, self._planes, self._after(step), strict=True
+            )
+        )
+
+    def solve(self) -> Step | None:
+        """Return the step, or None if there is none."""
+        bends = [np.zeros_like(capsules.vector) for capsules in self._current.capsules]
+        step = None
+        for _ in range(_MAX_ROUNDS):
+            better = self._solved(self._rows.slack, bends)
+            if better is None:  # what there was before leaves something to the correction
+                break
+            step = better
+            broken = (self._slack_after(step) < -BROKEN) & ~self._active
+            self._active |= broken
+            self._has_more |= bool(broken.any())
+            if not self._add_planes(self._after(step), step.elastic) and not broken.any():
+                break
+        return step
+
+    def solve_again(self, step: Step, trial: Iterate, slack: FloatArray) -> Step | None:
+        """Return the step that is corrected by what a first step left out: curvature.
+
+        Args:
+            step: The first step.
+            trial: Where it led.
+            slack: The rows' slack there, by their numbers.
+        """
+        rows = self._rows
+        left = self._slack_after(step) - self._is_elastic * step.elastic
+        slack = rows.slack + slack[rows.index] - left
+        bends = [
+            there.vector - vector
+            for there, vector in zip(trial.capsules, self._after(step), strict=True)
+        ]
+        self._add_planes([capsules.vector for capsules in trial.capsules], step.elastic)
+        other = self._solved_again(slack, bends)
+        for _ in range(_MAX_CORRECTIONS - 1):
+            if other is None:
+                break
+            after = zip(self._after(other), bends, strict=True)
+            if not self._add_planes([vector + bend for vector, bend in after], step.elastic):
+                break
+            other = self._solved(slack, bends)
+        return other
+
+    def _solved(self, slack: FloatArray, bends: list[FloatArray]) -> Step | None:
+        """Return the step of the program for rows with some slack, vectors being bent."""
+        self._given, self._has_more = np.flatnonzero(self._active), False
+        parts = [self._rows.where(self._given)]
+        for capsules, planes in zip(self._current.capsules, self._planes, strict=True):
+            parts.append(capsules.rows(planes))
+        rows = replace(stacked(parts), slack=self._given_slack(slack, bends))
+        elastic = np.ones(len(rows))
+        elastic[: len(self._given)] = self._is_elastic[self._given]
+        self._program = StepProgram(
+            rows,
+            elastic,
+            self._variables.column,
+            self._bounds,
+            self._quadratic.hessian,
+            self._quadratic.gradient,
+            self.penalty,
+            self._tolerance,
+        )
+        step = self._program.solve()
+        if step is not None:
+            self._limit = rows.limit
+        return step
+
+    def _solved_again(self, slack: FloatArray, bends: list[FloatArray]) -> Step | None:
+        """Return the step of the last program, if nothing was added, for other slack and bends."""
+        if self._program is None or self._has_more:
+            return self._solved(slack, bends)
+        return self._program.solve_again(self._given_slack(slack, bends))
+
+    def _given_slack(self, slack: FloatArray, bends: list[FloatArray]) -> FloatArray:
+        """Return the slack of the program's rows, those of planes last."""
+        of_planes = [
+            capsules.slack(planes, bend)
+            for capsules, planes, bend in zip(
+                self._current.capsules, self._planes, bends, strict=True
+            )
+        ]
+        return np.concatenate([slack[self._given], *of_planes])
+
+    def _add_planes(self, vectors: list[FloatArray], elastic: float) -> bool:
+        """Add tangent planes where vectors are outside; return whether some are."""
+        fresh = []
+        for capsules, vector, ignored in zip(
+            self._current.capsules, vectors, self._ignored, strict=True
+        ):
+            planes = capsules.planes_where_outside(vector, elastic)
+            fresh.append(planes.where(~ignored[planes.sample]))
+        self._planes = tuple(starmap(Planes.and_also, zip(self._planes, fresh, strict=True)))
+        has_more = any(len(planes) for planes in fresh)
+        self._has_more |= has_more
+        return has_more
+
+    def _after(self, step: Step) -> list[FloatArray]:
+        """Return the capsules' vectors after a step, to first order."""
+        control = self._variables.change(step.control)
+        return [capsules.after(control, step.switching) for capsules in self._current.capsules]
+
+    def _slack_after(self, step: Step) -> FloatArray:
+        """Return the slack that a step leaves to all rows, to first order."""
+        rows = self._rows
+        change = self._variables.change(step.control)
+        taken = change[rows.first[:, None] + np.arange(DEGREE + 1)]
+        used = np.einsum("rkj,rkj->r", rows.control, taken)
+        used += rows.switching @ step.switching + rows.duration * step.duration
+        slack: FloatArray = rows.slack - used + self._is_elastic * step.elastic
+        return slack

@@ -1,0 +1,110 @@
+"""Supporting planes of capsules: what they hold, where they touch, how they move with a step."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tubeplanner.refinement.capsule_constraints import Planes
+from tubeplanner.refinement.phased_spline import PhasedSpline
+from tubeplanner.refinement.rotation_constraints import evaluated_rotation
+from tubeplanner.refinement.sampled_spline import sampled
+from tubeplanner.refinement.tube_constraints import evaluated_tube
+
+STEP = 1e-6
+MARGIN = 0.005
+
+
+def evaluated(kind, case, spline=None):
+    problem, own, samples = case
+    at = sampled(spline or own, samples)
+    if kind == "tube":
+        return evaluated_tube(problem, at, samples, problem.tube.effective_radius, MARGIN, 7)
+    tolerance = problem.tube.rotation
+    return evaluated_rotation(problem.robot, tolerance, at, samples, MARGIN, 9).angle()
+
+
+def random_planes(capsules, seed=0):
+    rng = np.random.default_rng(seed)
+    normal = rng.normal(size=(40, 3))
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    bounded = np.flatnonzero(np.isfinite(capsules.radius))
+    return Planes(rng.choice(bounded, 40), normal)
+
+
+@pytest.mark.parametrize("kind", ["tube", "angle"])
+def test_rows_have_the_derivatives_of_their_slack(case, kind):
+    here, spline = evaluated(kind, case), case[1]
+    planes = random_planes(here)
+    rows = here.rows(planes)
+    np.testing.assert_array_equal(rows.slack, here.slack(planes))
+    rng = np.random.default_rng(5)
+    change = rng.normal(size=spline.control_points.shape)
+    switching = rng.normal(size=1)
+    taken = change[rows.first[:, None] + np.arange(4)]
+    expected = np.einsum("rkj,rkj->r", rows.control, taken) + rows.switching @ switching
+    sides, vectors = [], []
+    for sign in (STEP, -STEP):
+        switching_times = spline.switching_times + sign * np.array([0, switching[0], 0])
+        moved = PhasedSpline(spline.grid, switching_times, spline.control_points + sign * change)
+        there = evaluated(kind, case, moved)
+        sides.append(there.slack(planes))
+        vectors.append(there.vector)
+    numeric = (sides[1] - sides[0]) / (2 * STEP)
+    np.testing.assert_allclose(numeric, expected, atol=3e-4 * abs(expected).max())
+    moved = (vectors[0] - vectors[1]) / (2 * STEP)
+    predicted = here.after(change, switching) - here.vector
+    np.testing.assert_allclose(moved, predicted, atol=3e-4 * abs(predicted).max())
+    np.testing.assert_array_equal(here.after(change, 0 * switching).shape, here.vector.shape)
+
+
+def test_the_excess_is_the_tubes_own(case):
+    problem, _, samples = case
+    tube = evaluated("tube", case)
+    tool = problem.robot.tool_position(tube.at.position)
+    own = problem.tube.margin(tool)[np.arange(len(tool)), samples.phase]
+    np.testing.assert_allclose(tube.excess - MARGIN, -own / tube.radius, atol=1e-9)
+    assert np.unique(tube.limit).tolist() == [7, 8]
+
+
+def test_planes_are_outward_and_at_both_caps(case):
+    tube = evaluated("tube", case)
+    planes, count = tube.planes(), len(tube.vector)
+    outward = planes.where(np.arange(count))
+    np.testing.assert_allclose(-tube.slack(outward), tube.excess, atol=1e-9)
+    axis = tube.end - tube.begin
+    axis /= np.linalg.norm(axis, axis=1, keepdims=True)
+    caps = planes.where(np.arange(count, 3 * count))
+    np.testing.assert_allclose(caps.normal, np.concatenate([axis, -axis]))
+
+
+@pytest.mark.parametrize("kind", ["tube", "angle"])
+def test_every_plane_holds_the_capsule(case, kind):
+    """Whatever the normal: what is inside by the distance to the axis is behind the plane."""
+    here = evaluated(kind, case)
+    planes = random_planes(here)
+    assert (-here.slack(planes) <= here.excess[planes.sample] + 1e-9).all()
+    ends = replace(here, vector=here.end)  # and every plane is met by a point one radius away
+    touching = np.zeros_like(here.vector)
+    for sample, normal in zip(planes.sample, planes.normal, strict=True):
+        side = here.end if normal @ (here.end - here.begin)[sample] >= 0 else here.begin
+        touching[sample] = side[sample] + (1 - MARGIN) * here.radius[sample] * normal
+        one = Planes(np.array([sample]), normal[None])
+        assert replace(ends, vector=touching).slack(one)[0] == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["tube", "angle"])
+def test_tangent_planes_are_where_vectors_are_outside(case, kind):
+    here = evaluated(kind, case)
+    bounded = np.isfinite(here.radius)
+    rng = np.random.default_rng(2)
+    direction = rng.normal(size=here.vector.shape)
+    radius = np.where(bounded, here.radius, 1.0)[:, None]
+    outside = here.vector + 3 * radius * direction
+    excess = replace(here, vector=outside).excess
+    planes = here.planes_where_outside(outside, 0.5)
+    np.testing.assert_array_equal(planes.sample, np.flatnonzero(excess > 0.5 + 0.002))
+    assert len(planes) > 0
+    there = here.slack(planes, outside - here.vector)
+    np.testing.assert_allclose(-there, excess[planes.sample], rtol=1e-9)
+    assert len(here.planes_where_outside(outside, excess.max())) == 0
