@@ -554,41 +554,57 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "_held_effort_factor": [("(factor == 0).any()", "False"), (".min(axis=1)", ".max(axis=1)")],
     "_gravity_exceeds_effort": [(".argmin()", ".argmax()")],
     # --- refinement: what the planner is constrained by ---------------------------------------
-    "EvaluatedTube.excess": [
+    "EvaluatedCapsules._excess_of": [
         (" - (1 - self.margin)", " - 1"),
-        ("self._nearest", "0 * self._nearest"),
+        (" / self.radius", ""),
     ],
-    "EvaluatedTube.rows": [
-        (" / self._radius[:, None, None]", ""),
-        ("self.first_limit + self.samples.phase", "self.samples.phase"),
+    "EvaluatedCapsules._away": [
+        ("0.0, 1.0)", "0.0, 2.0)"),
+        ("share[:, None] * axis", "0 * axis"),
     ],
-    "EvaluatedTube._slack_behind_planes": [
-        ("1 - self.margin - used", "1 - used"),
-        ("1 - self.margin - used", "0.95 - self.margin - used"),
-        ("self._normals, end)", "self._normals, begin)"),
-        (" / self._radius[:, None]", ""),
+    "EvaluatedCapsules.slack": [
+        ("1 - self.margin - beyond", "1 - beyond"),
+        ("1 - self.margin - beyond", "0.95 - self.margin - beyond"),
+        ("vector - self.end", "vector - self.begin"),
+        ("np.minimum(", "np.maximum("),
+        (" / self.radius[at]", ""),
+        ("self.vector + bend", "self.vector - bend"),
     ],
-    "_normals": [
-        ("np.cross(axis, radial)", "np.cross(axis, helper)"),
-        ("cos * radial[:, None] +", "radial[:, None] +"),
-        ("[outward, axis, -axis]", "[outward, axis, axis]"),
+    "EvaluatedCapsules.rows": [
+        ("by_joint /= self.radius[at, None]", "pass"),
+        ("self.limit[at]", "self.limit[at] - 1"),
     ],
+    "EvaluatedCapsules.planes": [("along, -along", "along, along")],
+    "EvaluatedCapsules.planes_where_outside": [("> elastic + _OUTSIDE", "> elastic + 1.0")],
+    "EvaluatedCapsules.after": [
+        ("self.vector + np.einsum", "self.vector - np.einsum"),
+        ("at.change(control, switching)", "at.change(control, 0 * switching)"),
+    ],
+    "widened_radius": [
+        ("np.minimum(_INTERVAL_SHARE * length / intervals, widest)", "widest * 0 + 1.0"),
+        ("np.maximum(tube.effective_radius, wanted)", "wanted"),
+        ("np.minimum(widest[:-1], widest[1:])", "widest[:-1]"),
+    ],
+    "_corner_radius": [("np.minimum(length[:-1], length[1:])", "length[:-1]")],
     "EvaluatedRotation.excess": [
-        ("np.hstack([abs(self._error), angle])", "np.hstack([self._error, angle])"),
+        ("abs(self._error)", "self._error"),
         (" - (1 - self.margin)", " - 1"),
     ],
+    "EvaluatedRotation.angle": [("self.tube.bounds[self.segment, 3]", "self.tube.bounds[0, 3]")],
     "EvaluatedRotation.rows": [
-        (" / self._bounds[:, :, None]", ""),
+        (" / bounds[:, :, None]", ""),
         (
-            "np.where(np.isfinite(self._bounds), slack, np.inf)",
-            "slack",
+            "np.where(np.isfinite(bounds), self.slack.reshape(bounds.shape), np.inf)",
+            "self.slack.reshape(bounds.shape)",
             "only slower: rows that nothing can break",
         ),
     ],
-    "EvaluatedRotation._bounds": [
-        ("bounds[:, :3], bounds[:, :3], angle", "bounds[:, :3], bounds[:, [1, 2, 0]], angle")
+    "EvaluatedRotation.slack": [("1 - self.margin", "1")],
+    "unused_speed": [
+        ("np.minimum(factor, _jerk_factor(robot, trajectory, time))", "factor"),
+        ("1 - 1 / np", "1 / np"),
     ],
-    "EvaluatedRotation._normals": [("self._error / np.maximum(angle, _NO_ANGLE)", "_AXES[0]")],
+    "_jerk_factor": [("** (-1 / 3)", "** (-1)")],
     "EvaluatedLimits.squared_durations": [
         ("** -2", "** -1"),
         ("** (2 / order)", "** (1 / order)"),
@@ -623,7 +639,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("sample * slack.shape[1] + plane", "sample + plane"),
     ],
     "_reach": [
-        ("size.switching * abs(switching).sum(axis=-1)", "0.0"),
+        ("abs(switching) @ size.switching", "0.0"),
         ("abs(control).sum", "control.sum"),
     ],
     "EvaluatedLinks.slack": [("self.closest.distance - self.aim", "self.closest.distance")],
