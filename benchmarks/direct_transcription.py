@@ -3,7 +3,7 @@
     pip install '.[bench]'
     OMP_NUM_THREADS=1 python benchmarks/direct_transcription.py [--problems NAME ...]
         [--intervals 80] [--starts 6] [--time-per-problem 300] [--grids clustered uniform]
-        [--from-ours]
+        [--from-ours] [--radius MM]
 
 An independent yardstick, of the same problem without obstacles: one phase per tube segment with
 free durations, cubic splines (constant jerk in every interval), start and goal where the default
@@ -287,6 +287,8 @@ def ours_as_start(problem: PlanningProblem, result: PlanResult) -> PhasedTraject
 def studied(name: str, options: argparse.Namespace) -> tuple[Study, PlanResult]:
     """Return what direct transcription and the default plan make of a problem."""
     loaded = load_problem(f"example:{name}")
+    if options.radius is not None:
+        loaded = replace(loaded, tube=loaded.tube.with_radius(options.radius / 1000))
     # Pairs that may touch name obstacles, too.
     problem = replace(loaded, obstacles=(), ignore_collisions=_without_obstacles(loaded))
     ours = plan(problem)
@@ -326,6 +328,7 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--problems", nargs="+", default=PROBLEMS, metavar="NAME")
+    parser.add_argument("--radius", type=float, metavar="MM", help="of all tubes instead of theirs")
     parser.add_argument("--intervals", type=int, default=80)
     parser.add_argument("--starts", type=int, default=6)
     parser.add_argument("--time-per-problem", type=float, default=300.0, metavar="S")

@@ -140,7 +140,9 @@ print("radii [mm]:", 1000 * shelves.tube.radius)
 panda = sweep(shelves, scales=[1 / 60, 1 / 30, 0.1, 0.25, 0.5, 1.0, 1.5])
 for row in panda.rows:
     print(
-        f"{row.value:.3g}", row.message if row.duration is None else f"{row.duration:.4f} s", row.note or ""
+        f"{row.value:.3g}",
+        row.message if row.duration is None else f"{row.duration:.4f} s",
+        row.note or "",
     )
 plot_sweep(panda)
 

@@ -1,6 +1,7 @@
 """Tubes of millimetres: planned as well as wide ones, and never slower than what else there is."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import pytest
 
@@ -83,5 +84,5 @@ def test_a_bead_of_two_millimetres_is_faster_than_every_scheme():
 )
 def test_a_wider_tube_is_never_slower(name):
     durations = [plan(narrowed(name, radius)).duration for radius in (0.5, 2, 10, 30, 100)]
-    for narrow, wide in zip(durations, durations[1:], strict=False):
+    for narrow, wide in pairwise(durations):
         assert wide <= 1.01 * narrow

@@ -1,7 +1,10 @@
 """The sensitivities against planning again, and against what it must add up to."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+import yaml
 from scipy.spatial.transform import Rotation
 
 from tubeplanner import (
@@ -12,6 +15,7 @@ from tubeplanner import (
     Tube,
     load_problem,
     load_robot,
+    parse_problem,
     plan,
 )
 from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
@@ -19,6 +23,7 @@ from tubeplanner.refinement.refinement import Refinement
 from tubeplanner.refinement.sequential_program import FIRST_PENALTY, SequentialProgram
 from tubeplanner.refinement.spline_start import starting_spline
 
+ROBOTS = Path(__file__).resolve().parents[2] / "robots"
 EVERY = {"joint1": np.inf, "joint2": np.inf}
 
 
@@ -59,6 +64,7 @@ def test_without_gravity_all_limits_together_have_a_known_sensitivity(limits):
 def polished(problem, spline):
     """Plan again from a spline near by, on the same knots, to a tight tolerance."""
     program = SequentialProgram(problem, spline.grid)
+    program.constraints.look_for_links(spline)
     begin = program.iterate(spline)
     found = program.improved(begin, 0.01, FIRST_PENALTY, min_gain=1e-8, max_steps=60)
     return found.iterate.duration
@@ -87,6 +93,32 @@ def test_sensitivities_are_what_planning_again_finds():
             found.append(polished(changed, spline))
         change = (found[1] - found[0]) / (2 * step)
         assert -elasticity * duration == pytest.approx(change, rel=0.1, abs=1e-3), (limit, index)
+
+
+@pytest.mark.slow
+def test_those_of_a_ur5_are_what_planning_again_finds():
+    """Six joints, obstacles, three segments: the two that cost most, by changing them by 1 %."""
+    path = ROBOTS / "ur5" / "over_the_wall.yaml"
+    fields = yaml.safe_load(path.read_text())
+    answer = plan(parse_problem(fields, path.parent))
+    goal = answer.trajectory.position(answer.duration).tolist()
+    fields["goal"] = {"joints": goal}
+    problem = parse_problem(fields, path.parent)
+    branch = reference_branch(problem, redundancy_rules(problem)[0])
+    refined = Refinement(problem, starting_spline(problem, branch, 8), (3, 3))
+    refined.run()
+    for (limit, joint), elasticity in refined.elasticities().items():
+        if limit == "radius" or elasticity > -0.1:
+            continue
+        name = problem.robot.joint_names[joint]
+        value = getattr(problem.robot.limits, limit)[joint]
+        found = []
+        for factor in (1.01, 0.99):
+            limits = {limit: {name: float(factor * value)}}
+            changed = fields | {"robot": fields["robot"] | {"limits": limits}}
+            found.append(polished(parse_problem(changed, path.parent), refined._best.spline))
+        quotient = np.log(found[0] / found[1]) / np.log(1.01 / 0.99)
+        assert elasticity == pytest.approx(quotient, rel=0.1), (limit, name)
 
 
 def test_only_refinement_has_sensitivities():
