@@ -101,9 +101,8 @@ def main() -> int:
     arguments = parser.parse_args()
     here = Checkout(HERE)
     other = Checkout(arguments.against.resolve()) if arguments.against else None
-    print(
-        f"{'problem':32}{'T [s]':>9}{'mark':>8}{'baseline':>10}{'other T':>10}{'CPU':>8}{'other':>8}"
-    )
+    names = ("T [s]", "mark", "baseline", "other T", "CPU", "other")
+    print(f"{'problem':32}" + "".join(f"{name:>10}" for name in names))
     faults, ratios = 0, {}
     for case in cases():
         if arguments.only not in case.name:
@@ -114,9 +113,9 @@ def main() -> int:
         wrong = fault(case, answer)
         faults += bool(wrong)
         print(
-            f"{case.name:32}{figure(answer['duration']):>9}{figure(case.mark, 3):>8}"
+            f"{case.name:32}{figure(answer['duration']):>10}{figure(case.mark, 3):>10}"
             f"{figure(answer['baseline'], 3):>10}{figure(before.get('duration')):>10}"
-            f"{figure(answer['cpu'], 2):>8}{figure(before.get('cpu'), 2):>8}  {wrong}",
+            f"{figure(answer['cpu'], 2):>10}{figure(before.get('cpu'), 2):>10}  {wrong}",
             flush=True,
         )
         group = ratios.setdefault("narrow" if case.is_narrow else "wide", {})
