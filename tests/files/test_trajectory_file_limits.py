@@ -129,9 +129,9 @@ def test_a_pipe_is_refused_without_waiting(tmp_path, ending):
     [
         ("t.csv", HEADER + "".join(f"{i / 1000},0.123456,0.2345\n" for i in range(20_000))),
         ("t.json", ours(list(range(20_001)), [[[0.125, 0.25]] * 20_000])),
-        ("t.yaml", "joint_names: [a, b]\npoints:\n" + "".join(
+        pytest.param("t.yaml", "joint_names: [a, b]\npoints:\n" + "".join(
             f"- {{positions: [0.1, 0.2], time_from_start: {{sec: {i}}}}}\n" for i in range(20_000)
-        )),
+        ), marks=pytest.mark.slow),
     ],
 )  # fmt: skip
 def test_reading_takes_at_most_twenty_times_the_file(tmp_path, file, text):

@@ -48,6 +48,7 @@ def reproduced():
     return reproduced_with(plan=quick, judged_baseline=lambda problem, name: switched(problem))
 
 
+@pytest.mark.slow
 def test_every_printed_cell_is_planned(reproduced):
     result, told = reproduced
     for example, row in TABLE_TWO.items():
@@ -58,6 +59,7 @@ def test_every_printed_cell_is_planned(reproduced):
     assert any(str(what).startswith("example 3, no tube (") for what in told)
 
 
+@pytest.mark.slow
 def test_conventional_and_bang_bang_times_are_those_of_the_paper(reproduced):
     paths = reproduced[0].paths
     conventional = [paths[k].duration(module.CONVENTIONAL) for k in (1, 2, 5)]
@@ -89,6 +91,7 @@ def test_without_a_tube_the_elbow_is_free():
     assert problem.tube.points.tolist() == paper_problem(3, 0.01).tube.points.tolist()
 
 
+@pytest.mark.slow
 def test_the_page_has_every_cell_with_its_ratio(reproduced):
     result, _ = reproduced
     page = reproduction_page(result, {"Figure 3": "figure_3.png"})
@@ -103,6 +106,7 @@ def test_the_page_has_every_cell_with_its_ratio(reproduced):
     assert "![Figure 3](figure_3.png)" in page
 
 
+@pytest.mark.slow
 def test_the_command_writes_the_page_and_its_figures(reproduced, tmp_path, run, monkeypatch):
     monkeypatch.setattr(module, "reproduce", lambda progress: reproduced[0])
     code, out, _ = run("reproduce", "-o", str(tmp_path / "paper"), "--json")

@@ -84,6 +84,7 @@ def test_what_it_did_is_in_the_json_and_in_words(example):
     assert f"{result.phase_two.nodes} nodes for" in str(result.phase_two)
 
 
+@pytest.mark.slow
 def test_six_joints_within_a_small_budget():
     problem = load_problem("example:ur5/over_the_wall")
     few = replace(QUICK, node_budget=400)

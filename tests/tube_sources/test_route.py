@@ -168,6 +168,7 @@ def test_a_goal_out_of_reach_is_named():
     assert answer.message == "the goal is out of reach: the tool gets no nearer than 0.1071 m"
 
 
+@pytest.mark.slow
 def test_a_robot_without_geometry_needs_no_way_around():
     data = {**CELL, "robot": {"urdf": "example:asr_twodof", "tool_frame": "Tip"}}
     problem = parse_problem({**data, "goal": {"joints": [1.0, 0.9]}}, reads_tube=False)

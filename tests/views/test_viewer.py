@@ -257,6 +257,7 @@ def test_a_page_is_saved_whole_or_not_at_all(shown, tmp_path):
         page.save(tmp_path / "nowhere" / "page.html")
 
 
+@pytest.mark.slow
 def test_the_page_is_the_same_in_another_process(tmp_path):
     """Whatever is a hash, a time or an address there."""
     problem, trajectory = "two_link/around_a_post", stored_path("two_link/around_a_post", STOP)

@@ -98,6 +98,7 @@ def test_the_panel_and_the_controls_are_there(show, stored):
     assert "cannot show" not in shown
 
 
+@pytest.mark.slow
 def test_it_plays_by_itself(show, stored):
     problem, trajectory = stored("two_link/around_a_post")
     text = show(view(problem, trajectory), "--dump-dom")
