@@ -1,7 +1,7 @@
 """Plan random problems that have a solution, and let the outside judge look at every answer.
 
     python benchmarks/campaign.py --count 40 [--seed 0] [--output F.jsonl] [--pairs]
-        [--processes 1] [--time-limit 60] [--keep FOLDER]
+        [--baselines] [--processes 1] [--time-limit 60] [--keep FOLDER]
 
 Every problem is built round a slow trajectory that solves it by the outside judge's own verdict
 (`campaign_problems.py`): bundled arms, any chain of example-robot-data, random chains with sliding
@@ -10,6 +10,7 @@ process of its own. An answer is wrong if the planner certifies it and the outsi
 With --pairs, problems with a goal are planned backwards and with radii of 90 % as well: forwards
 and backwards the least duration is the same, and the narrower tube's trajectory is one of the
 wider's, so whichever of the first two is more than 1 % slower than the best of the three is stuck.
+With --baselines, so is what is slower than a smoothed scheme that passes the certificate.
 Seeds that the output file already has are skipped. Exit status 1 if an answer is wrong.
 """
 
@@ -22,7 +23,7 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
@@ -48,11 +49,13 @@ class Options:
 
     Attributes:
         pairs: Whether backwards and narrower as well.
+        baselines: Whether smoothed schemes as well.
         time_limit: Of every plan [s].
         keep: Where folders of problems that are wrong or refused are kept; None: nowhere.
     """
 
     pairs: bool
+    baselines: bool
     time_limit: float
     keep: Path | None
 
@@ -79,8 +82,14 @@ def is_wrong(line: Fields) -> bool:
 
 
 def stuck(line: Fields) -> list[str]:
+    """Return what shows that an answer is needlessly slow, or missing."""
+    baseline, duration = line.get("baseline"), line.get("duration")
+    slower = baseline is not None and (duration is None or duration > baseline)
+    return ["beside a baseline"] * slower + _stuck_of_pair(line.get("pairs"))
+
+
+def _stuck_of_pair(pairs: Fields | None) -> list[str]:
     """Return which of the plans forwards and backwards are needlessly slow, or missing."""
-    pairs = line.get("pairs")
     if not pairs:
         return []
     durations = {name: pairs[name] for name in ("forwards", "backwards", "narrower")}
@@ -107,7 +116,7 @@ def _features(built: Built) -> Fields:
 def _planned(path: Path, options: Options, judge: Judge | None = None) -> Fields:
     """Plan a problem file and judge the answer."""
     trajectory = path.with_suffix(".json")
-    line = _answer(path, trajectory, options.time_limit)
+    line = _answer(path, trajectory, options.time_limit, baselines=options.baselines)
     if line["status"] != "success":
         return line
     begin = time.perf_counter()
@@ -117,9 +126,10 @@ def _planned(path: Path, options: Options, judge: Judge | None = None) -> Fields
     return line
 
 
-def _answer(path: Path, trajectory: Path, time_limit: float) -> Fields:
+def _answer(path: Path, trajectory: Path, time_limit: float, *, baselines: bool) -> Fields:
     script = Path(__file__).with_name("campaign_plan.py")
     command = [sys.executable, str(script), str(path), str(trajectory)]
+    command += ["--baselines"] if baselines else []
     line: Fields = {"status": "crash", "message": "", "duration": None, "planning_time": None}
     try:
         done = subprocess.run(
@@ -152,7 +162,7 @@ def _pairs(built: Built, options: Options) -> Fields:
     for name, change in changes.items():
         path = built.path.with_name(f"{name}.yaml")
         write(change(built.fields), path)
-        found = _planned(path, options)
+        found = _planned(path, replace(options, baselines=False))
         line[name] = found["duration"]
         if found.get("judged") is False:
             line["wrong"].append({name: found["worst"]})
@@ -209,7 +219,7 @@ def summary(lines: Iterable[Fields]) -> str:
     solved = [line for line in built if line["status"] == "success"]
     wrong = [line for line in built if is_wrong(line)]
     paired = [line for line in built if "pairs" in line]
-    slow = [line for line in paired if stuck(line)]
+    slow = [line for line in built if stuck(line)]
     refused = [line for line in built if line["status"] != "success"]
     counted = Counter(line["status"] for line in refused)
     parts = [
@@ -220,7 +230,10 @@ def summary(lines: Iterable[Fields]) -> str:
     ]
     parts += [f"WRONG {_what(x)}: {x['worst']} {x.get('pairs', {}).get('wrong')}" for x in wrong]
     parts += [f"refused {_what(x)}: {x['status']}: {x['message']}" for x in refused]
-    parts += [f"stuck {_what(x)}: {' and '.join(stuck(x))}: {x['pairs']}" for x in slow]
+    parts += [
+        f"stuck {_what(x)}: {' and '.join(stuck(x))}: {x.get('pairs', x.get('baseline'))}"
+        for x in slow
+    ]
     parts += [f"not built, seed {x['seed']}: {x['message']}" for x in lines if x not in built]
     return "\n".join(parts)
 
@@ -238,6 +251,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0, help="of the first one")
     parser.add_argument("--output", type=Path, help="one JSON line per problem; is gone on with")
     parser.add_argument("--pairs", action="store_true", help="backwards and narrower as well")
+    parser.add_argument("--baselines", action="store_true", help="smoothed schemes as well")
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--time-limit", type=float, default=60.0, help="of every plan [s]")
     parser.add_argument("--keep", type=Path, help="folder for problems that are wrong or refused")
@@ -245,7 +259,7 @@ def main() -> int:
     seeds = range(options.seed, options.seed + options.count)
     lines = [line for line in _read(options.output) if line["seed"] in seeds]
     done = {line["seed"] for line in lines}
-    how = Options(options.pairs, options.time_limit, options.keep)
+    how = Options(options.pairs, options.baselines, options.time_limit, options.keep)
     for line in _lines([seed for seed in seeds if seed not in done], how, options.processes):
         lines.append(line)
         print(_progress(line), flush=True)

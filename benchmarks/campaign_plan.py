@@ -1,8 +1,10 @@
 """Plan one problem file by the public API, for `campaign.py`, in a process that may be ended.
 
     python benchmarks/campaign_plan.py PROBLEM.yaml TRAJECTORY.json [--time-limit SECONDS]
+    [--baselines]
 
-Prints one JSON object: status, message, duration, planning_time.
+Prints one JSON object: status, message, duration, planning_time, and with --baselines the duration
+of the fastest smoothed scheme that passes the certificate.
 """
 
 import argparse
@@ -12,8 +14,12 @@ from typing import Any
 
 import tubeplanner
 
+BASELINES = ("smoothed-arc-corners", "smoothed-bang-bang")
 
-def answer(problem: Path, trajectory: Path, time_limit: float | None) -> dict[str, Any]:
+
+def answer(
+    problem: Path, trajectory: Path, time_limit: float | None, baselines: bool
+) -> dict[str, Any]:
     """Plan a problem, write the trajectory if there is one, and return what came of it."""
     try:
         loaded = tubeplanner.load_problem(problem)
@@ -22,12 +28,16 @@ def answer(problem: Path, trajectory: Path, time_limit: float | None) -> dict[st
     result = tubeplanner.plan(loaded, tubeplanner.PlanOptions(time_limit=time_limit))
     if result.trajectory is not None:
         trajectory.write_text(json.dumps(_fields(result.trajectory), allow_nan=False))
-    return {
+    line = {
         "status": str(result.status),
         "message": result.message,
         "duration": result.duration,
         "planning_time": result.planning_time,
     }
+    if baselines:
+        rows = tubeplanner.compare(loaded, methods=BASELINES).rows
+        line["baseline"] = min((row.duration for row in rows if row.certified), default=None)
+    return line
 
 
 def _fields(trajectory: tubeplanner.JointTrajectory) -> dict[str, Any]:
@@ -47,8 +57,10 @@ def main() -> None:
     parser.add_argument("problem", type=Path)
     parser.add_argument("trajectory", type=Path)
     parser.add_argument("--time-limit", type=float)
+    parser.add_argument("--baselines", action="store_true")
     options = parser.parse_args()
-    print(json.dumps(answer(options.problem, options.trajectory, options.time_limit)))
+    found = answer(options.problem, options.trajectory, options.time_limit, options.baselines)
+    print(json.dumps(found))
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from outside_judge import passes
 
 # A two-link arm, and a random chain with a sliding joint and obstacles: quick to build.
 QUICK, WITH_OBSTACLES = 2, 10
-OPTIONS = campaign.Options(pairs=True, time_limit=30.0, keep=None)
+OPTIONS = campaign.Options(pairs=True, baselines=False, time_limit=30.0, keep=None)
 
 
 @pytest.mark.parametrize("seed", [QUICK, WITH_OBSTACLES])
@@ -63,6 +63,14 @@ def test_narrower_is_all_the_same_but_for_the_radii(tmp_path):
 def test_stuck_is_slower_than_the_best_by_a_hundredth(forwards, backwards, narrower, slow):
     pairs = {"forwards": forwards, "backwards": backwards, "narrower": narrower}
     assert campaign.stuck({"pairs": pairs}) == slow
+
+
+@pytest.mark.parametrize(
+    ("duration", "baseline", "slow"),
+    [(1.0, 1.1, []), (1.2, 1.1, ["beside a baseline"]), (None, 1.1, ["beside a baseline"])],
+)
+def test_nor_may_a_baseline_be_faster(duration, baseline, slow):
+    assert campaign.stuck({"duration": duration, "baseline": baseline}) == slow
 
 
 def _line(seed, **more):
