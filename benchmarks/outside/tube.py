@@ -315,7 +315,7 @@ def _before(state: State, inside: dict[int, np.ndarray]) -> list[tuple[State, np
     """Return the states that lead to one, and the margin of what is passed on the way."""
     s, first, last = state
     found: list[tuple[State, np.ndarray | None]] = []
-    if s > 0:
+    if s > 0 and last == (s + 1 not in inside):  # what lies ahead is passed later
         found.append(((s - 1, True, first), None))
     if first and s in inside:
         found.append(((s, False, last), inside[s]))

@@ -85,7 +85,7 @@ def _sources(
     k, first_passed, last_passed = state
     free = np.full(count, np.inf)
     sources = []
-    if k > 0:
+    if k > 0 and last_passed is (k + 1 not in passing):  # just entered, nothing is passed ahead
         sources.append((_State(k - 1, True, first_passed), free))
     if k in passing and first_passed:
         sources.append((_State(k, False, last_passed), passing[k]))
