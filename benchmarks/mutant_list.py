@@ -286,7 +286,82 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("np.minimum(before, margin), margin", "before, margin"),
         ("shift *= 2", "shift *= 3"),
     ],
-    "_best_margins": [("np.minimum.accumulate(margin[:, 0])", "margin[:, 0]")],
+    "_best_margins": [
+        ("np.where(np.arange(len(margin)) == 0, np.inf, -np.inf)", "margin[:, 0]"),
+        ("np.minimum(best[source], gate) for", "best[source] for"),
+        ("if k in passing", "if False"),
+    ],
+    "_sources": [
+        ("and last_passed is (k + 1 not in passing)", ""),
+        ("(_State(k, False, last_passed), passing[k])", "(_State(k, False, last_passed), free)"),
+        ("True, first_passed), free", "True, True), free"),
+    ],
+    "best_switching_samples": [
+        ("np.minimum(margin[:, source.segment], gate)", "gate"),
+        ("max(found, key=lambda entry: entry[0])", "found[0]"),
+        ("if source.segment < state.segment:", "if True:"),
+    ],
+    # --- compulsory points ----------------------------------------------------------------------
+    "compulsory_points": [
+        ("> _TURNS_BACK", "> 2 * _TURNS_BACK"),
+        ("steps[k] > close[k]", "True"),
+        ("if k - 1 not in back or", "if k - 1 not in back and"),
+        ("turn_at(points, k, close[k])", "turn_at(points, k, 0.0)"),
+    ],
+    "_TURNS_BACK": [("150", "155"), ("150", "148")],
+    "passing_radius": [("np.minimum", "np.maximum")],
+    "_direction": [("> close", "> 0")],
+    "_switching_samples": [
+        ("_worst_passing(samples, passing) >= 0", "True"),
+        ("_worst_visit(others, values) >= needed", "True"),
+    ],
+    "_worst_passing": [
+        ("ends[k - 1] : last[k]", "ends[k] : last[k]"),
+        ("[0, *samples", "[1, *samples"),
+    ],
+    "passages": [
+        ("low, high = visits[k - 1].begin, visits[k].end", "pass"),
+        ("visits[k - 1].begin, visits[k].end", "visits[k - 1].end, visits[k].end"),
+        ("visits[k - 1].begin, visits[k].end", "visits[k - 1].begin, visits[k].begin"),
+        ("[[low], time", "[time"),
+    ],
+    "_Fit.passing_margins": [
+        ("radius[k - 1] -", "2 * radius[k - 1] -"),
+        ("passing_radius(tube.effective_radius)", "passing_radius(tube.radius)"),
+        ("tube.points[k]", "tube.points[k + 1]"),
+    ],
+    "_Fit.best_passage": [
+        ('self._tube.visit == "ordered"', "True"),
+        ("candidates.append(float(found.x))", "pass"),
+        ("self.at(t, (k - 1, k)).max(axis=1)", "self.at(t, (k - 1, k)).min(axis=1)"),
+        ("float(margins.max()) - error", "float(margins.max())"),
+    ],
+    "_Judge.points": [
+        ("min(found", "max(found"),
+        ("self._tube.numbers[worst.point]", "worst.point"),
+    ],
+    "_Judge._number": [("position(time)", "position(0.0)")],
+    # --- one line, one segment ------------------------------------------------------------------
+    "joined_segments": [('tube.pass_through_points == "all"', "False")],
+    "_are_one": [
+        ("tube.radius[last] != tube.radius[first]", "False"),
+        ("tube.joint_ranges[last] != tube.joint_ranges[first]", "False"),
+        ("tube.rotation is None or _turns_evenly(tube.rotation, first, last, shares)", "True"),
+    ],
+    "_shares_on_line": [
+        ("and (np.diff(shares) > 0).all()", ""),
+        ("off.max() <= _ON_LINE and", ""),
+    ],
+    "_turns_evenly": [
+        ("(rotation.bounds[part] != rotation.bounds[first]).any()", "False"),
+        (".sum() >= _HALF_TURN", ".sum() >= 9"),
+        (".max() <= _ON_LINE", ".max() <= 9"),
+    ],
+    "distinct_points": [("points[kept[-1]]) >= MIN_LENGTH", "points[kept[-1]]) > 0")],
+    "_require_nothing_lost": [
+        ("all(asked[lost] != asked[k] for k in beside)", "False"),
+        ("turn[lost] > _SAME_ORIENTATION", "False"),
+    ],
     # --- verification/certificate -------------------------------------------------------------
     "Tolerance.of": [("unit == RELATIVE", "unit != RELATIVE")],
     "JudgedCondition.holds": [("-tolerance.of(self.unit)", "-1e3 * tolerance.of(self.unit)")],

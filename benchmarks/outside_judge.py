@@ -24,7 +24,7 @@ from outside.limits import judge_ends, judge_limits
 from outside.nearest import Nearest, Poses, least_margin
 from outside.problem import Problem, read_problem
 from outside.trajectory import Samples, Trajectory, read_trajectory
-from outside.tube import CONDITIONS, Least, judge_tube
+from outside.tube import CONDITIONS, Least, judge_points, judge_tube
 from outside.verdict import Condition
 
 SAMPLES = 5000
@@ -72,15 +72,21 @@ class Judge:
 
     def _tube(self, trajectory: Trajectory, samples: Samples) -> dict[str, Condition]:
         least = judge_tube(self.problem.tube, self.arm, trajectory, samples)
-        return {name: self._tube_condition(name, least[name]) for name in CONDITIONS}
+        found = {name: self._tube_condition(name, least[name]) for name in CONDITIONS}
+        passed = judge_points(self.problem.tube, self.arm, trajectory, samples)
+        return found | {"points": self._tube_condition("points", passed)}
 
     def _tube_condition(self, name: str, least: Least) -> Condition:
         joint = least.joint
         slides = joint is not None and self.arm.slides[joint]
-        unit = "m" if name == "tube" or slides else "rad"
+        unit = "m" if name in ("tube", "points") or slides else "rad"
         if not np.isfinite(least.margin):
             return Condition(None, unit)
-        where = f"segment {least.segment}"
+        numbers = self.problem.tube.numbers
+        first, last = numbers[least.segment], numbers[least.segment + 1] - 1
+        where = f"segment {first}" if first >= last else f"segments {first} to {last}"
+        if least.point is not None:
+            where = f"point {numbers[least.point]}"
         if joint is not None:
             where += f", joint {self.arm.joint_names[joint]}"
         return Condition(least.margin, unit, least.time, where)

@@ -40,7 +40,7 @@ def _find_sections(
 def _section(section: dict[str, Any], title: str, paths: dict[str, list[str]]) -> str:
     label = f"(field-{title.split(' ')[0].lower()})="
     rows = ["| Field | Type | Unit | Default | Meaning |", "|---|---|---|---|---|"]
-    required = section.get("required", [])
+    required = section.get("required", []) + section.get("then", {}).get("required", [])
     for name, field in section["properties"].items():
         default = "required" if name in required else _default(field)
         meaning = field["description"]

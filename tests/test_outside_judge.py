@@ -4,6 +4,7 @@ import ast
 import json
 import subprocess
 import sys
+from itertools import combinations_with_replacement
 from pathlib import Path
 
 import numpy as np
@@ -209,6 +210,24 @@ def other_way_round(case):
     case.fields["start"], case.fields["goal"] = ({"joints": end.tolist()} for end in (q[0], q[-1]))
 
 
+def spur(case, length):
+    """Give the tube a way out of its plane and back, from a line where the tool passes by."""
+    points, radius = np.array(case.tube["points"]), list(case.tube["radius"])
+    begin, along = points[1], points[2] - points[1]
+    arm_tool = load_robot("example:two_link", case.robot["tool_frame"]).tool_position
+    tools = arm_tool(case.positions())
+    middle = tools[abs((tools - begin) @ along / (along @ along) - 0.5).argmin()]
+    foot = begin + (middle - begin) @ along / (along @ along) * along
+    new = [*points[:2], foot, np.add(foot, [0.0, 0.0, length]), foot, *points[2:]]
+    case.tube["points"] = [[float(value) for value in point] for point in new]
+    case.tube["radius"] = [*radius[:1], *radius[1:2] * 4, *radius[2:]]
+    return radius[1] - np.linalg.norm(tools - new[3], axis=1).min()
+
+
+def misses_a_point(case):
+    assert spur(case, 0.2) < -0.01
+
+
 # The condition that each fault breaks, and whether it is to break no other.
 FAULTS = {
     bump: ("tube", False),
@@ -229,6 +248,7 @@ FAULTS = {
     through_a_ball: ("obstacles", True),
     too_near: ("obstacles", True),
     turned: ("rotation", True),
+    misses_a_point: ("points", True),
 }
 
 
@@ -256,6 +276,56 @@ def test_a_rotation_tolerance_that_is_kept_is_no_fault(case, tmp_path):
     for bound in case.tube["rotation_tolerance"]:
         bound[2] += 2 * SLIGHTLY
     assert case.broken(tmp_path) == set()
+
+
+def test_a_point_that_is_passed_or_not_asked_is_no_fault(case, tmp_path):
+    inside = spur(case, 0.02)
+    found = outside_judge.judge(*case.write(tmp_path))["points"]
+    assert 0.0 < found.margin <= inside + 1e-4
+    assert found.where == "point 3"
+    case.tube["pass_through_points"] = "none"
+    assert outside_judge.judge(*case.write(tmp_path))["points"].margin is None
+
+
+@pytest.mark.parametrize("parts", [1, 2, 7])
+def test_a_divided_line_is_one(parts, case, tmp_path):
+    before = outside_judge.judge(*case.write(tmp_path))
+    points, count = np.array(case.tube["points"]), len(case.tube["radius"])
+    places = np.arange(count * parts + 1) / parts
+    divided = np.array([np.interp(places, np.arange(count + 1), c) for c in points.T]).T
+    divided[::parts] = points
+    rows = [",".join(repr(float(value)) for value in point) for point in [divided[0], *divided]]
+    (tmp_path / "path.csv").write_text("x,y,z\n" + "\n".join(rows))
+    case.tube["points"] = "path.csv"
+    radius = np.repeat(case.tube["radius"], parts).tolist()
+    case.tube["radius"] = [radius[0], *radius]
+    after = outside_judge.judge(*case.write(tmp_path))
+    assert [one.margin for one in after.values()] == [one.margin for one in before.values()]
+
+
+def test_a_segment_of_no_length_is_lost_only_if_it_asks_nothing_else(case, tmp_path):
+    case.tube["points"].insert(1, case.tube["points"][0])
+    case.tube["radius"].insert(0, 1e-3)
+    with pytest.raises(BadInput, match="segment 0 has no length"):
+        case.broken(tmp_path)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_visits_that_pass_points_are_the_best_there_are(seed):
+    rng = np.random.default_rng(seed)
+    least = np.round(rng.normal(size=(7, 4)), 1)
+    inside = {k: np.round(rng.normal(size=7), 1) for k in (1, 3)}
+
+    def worst(samples):
+        ends = [0, *samples, 6]
+        kept = [least[ends[k] : ends[k + 1] + 1, k].min() for k in range(4)]
+        passed = [m[ends[k - 1] : ends[k + 1] + 1].max() for k, m in inside.items()]
+        return min([*kept, *passed])
+
+    rows, segments = _ordered_visits(least, inside)
+    found = [int(rows[segments == k][0]) for k in (1, 2, 3)]
+    choices = combinations_with_replacement(range(7), 3)
+    assert worst(found) == max(worst(choice) for choice in choices)
 
 
 def test_many_small_jumps_are_added_up(case, tmp_path):

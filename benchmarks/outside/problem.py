@@ -2,7 +2,7 @@
 
 import json
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,8 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from outside.files import BadInput
+from outside.line import distinct, joined, passing
+from outside.points import read_points
 
 SOLID = {"name", *("box", "sphere", "cylinder", "capsule", "mesh"), "scale"}
 SOLID |= {"position", "rpy", "quaternion"}
@@ -18,7 +20,7 @@ LIMITS = {"effort", "velocity", "position", "acceleration", "jerk", "scale"}
 ROBOT = {"urdf", "package_dirs", "srdf", "tool_frame", "tool_offset", "joints", "locked_joints"}
 ROBOT |= {"gravity", "payload", "attached", "limits"}
 TUBE = {"points", "radius", "tool_radius", "joint_signs", "orientations", "rotation_tolerance"}
-TUBE |= {"visit"}
+TUBE |= {"visit", "pass_through_points"}
 TOP = {"format", "version", "robot", "tube", "start", "goal", "obstacles", "clearance", "collision"}
 SIGNS = {"+": (0.0, math.inf), "-": (-math.inf, 0.0), "0": (-math.inf, math.inf)}
 SIGNS_BY_NUMBER = {1: "+", -1: "-", 0: "0"}
@@ -35,6 +37,9 @@ class TubeFields:
         orientations: At the points, quaternions x y z w, shape (m+1, 4), or None.
         bounds: On the components and the length of log(R_ref^T R), shape (m, 4) [rad], or None.
         is_ordered: Whether segments are visited one after the other.
+        passing: Indices of inner points that must be passed within the smaller radius beside them.
+        numbers: What the file calls the points: those on straight lines and repeated ones are left
+            out.
     """
 
     points: np.ndarray
@@ -43,6 +48,32 @@ class TubeFields:
     orientations: np.ndarray | None
     bounds: np.ndarray | None
     is_ordered: bool
+    passing: list[int]
+    numbers: list[int]
+
+    def some(self, kept: list[int]) -> "TubeFields":
+        """Return the tube with some of its points; each segment is the one that ends there."""
+        # Of segments that are one, any will do; of a repeated point, the segment to it goes.
+        segments = [k - 1 for k in kept[1:]]
+        return TubeFields(
+            self.points[kept],
+            self.radius[segments],
+            [self.ranges[k] for k in segments],
+            None if self.orientations is None else self.orientations[kept],
+            None if self.bounds is None else self.bounds[segments],
+            self.is_ordered,
+            [],
+            [self.numbers[k] for k in kept],
+        )
+
+    def same(self, one: int, other: int) -> bool:
+        """Return whether two segments ask the same."""
+        bounds = self.bounds
+        return bool(
+            self.radius[one] == self.radius[other]
+            and self.ranges[one] == self.ranges[other]
+            and (bounds is None or (bounds[one] == bounds[other]).all())
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +153,7 @@ def _problem(fields: Any, folder: Path) -> Problem:
     return Problem(
         folder,
         robot,
-        _tube(fields["tube"]),
+        _tube(_with_points(fields["tube"], folder)),
         fields["start"],
         fields.get("goal") or {},
         fields.get("obstacles") or [],
@@ -138,6 +169,16 @@ def _require_known(fields: Any, known: set[str], where: str) -> None:
     for key in fields:
         if key not in known:
             raise BadInput(f"{where}{key} is not known here, so it cannot be judged")
+
+
+def _with_points(fields: Any, folder: Path) -> Any:
+    """Return a tube's fields with those of its file of points, if it names one."""
+    if not isinstance(fields.get("points"), str):
+        return fields
+    read = read_points(folder / fields["points"])
+    if twice := [key for key in read if key != "points" and fields.get(key) is not None]:
+        raise BadInput(f"tube.{twice[0]} is given twice: here and in {fields['points']}")
+    return fields | read
 
 
 def _tube(fields: Any) -> TubeFields:
@@ -158,14 +199,30 @@ def _tube(fields: Any) -> TubeFields:
     if orientations is not None and np.shape(orientations) != (count + 1, 4):
         raise BadInput("tube.orientations must be one quaternion per point")
     tolerance = fields.get("rotation_tolerance")
-    return TubeFields(
+    tube = TubeFields(
         points,
         radius - float(fields.get("tool_radius", 0.0)),
         [{name: _range(sign) for name, sign in (row or {}).items()} for row in maps],
         None if orientations is None else np.array(orientations, dtype=float),
         None if tolerance is None else _bounds(tolerance, count),
         visit == "ordered",
+        [],
+        list(range(count + 1)),
     )
+    return _reduced(tube, fields.get("pass_through_points", "corners"))
+
+
+def _reduced(tube: TubeFields, rule: Any) -> TubeFields:
+    """Return what of a tube counts, with the points that must be passed."""
+
+    def turned() -> np.ndarray | None:
+        is_free = tube.bounds is None or not np.isfinite(tube.bounds).any()
+        return None if is_free else tube.orientations
+
+    tube = tube.some(distinct(tube.points, tube.same, turned()))
+    if rule != "all":
+        tube = tube.some(joined(tube.points, tube.same, turned()))
+    return replace(tube, passing=passing(tube.points, tube.radius, rule))
 
 
 def _range(sign: Any) -> tuple[float, float]:

@@ -34,12 +34,14 @@ class Least:
         time: When [s].
         segment: In which segment.
         joint: Index of the joint, for signs and ranges.
+        point: Index of the point, for those to be passed.
     """
 
     margin: float = math.inf
     time: float = 0.0
     segment: int = 0
     joint: int | None = None
+    point: int | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,31 +210,118 @@ def _margins(
     return found
 
 
-def _ordered_visits(least: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def judge_points(tube: TubeFields, arm: Arm, trajectory: Trajectory, samples: Samples) -> Least:
+    """Return the least margin of all points that must be passed, each at its best instant.
+
+    An instant counts while one of the two segments beside the point is the current one. Other
+    visits than the best are looked at if these miss a point; not if they break another condition.
+    """
+    if not tube.passing:
+        return Least()
+
+    def margins_at(where: Samples) -> tuple[np.ndarray, dict[int, np.ndarray]]:
+        q = trajectory.at(where)
+        tool = arm.tool(q)[1]
+        inside = {
+            k: min(tube.radius[k - 1 : k + 1]) - np.linalg.norm(tool - tube.points[k], axis=1)
+            for k in tube.passing
+        }
+        least = _margins(tube, arm, q, CONDITIONS).least
+        if not tube.is_ordered:
+            beside = {k: np.maximum(least[:, k - 1], least[:, k]) for k in inside}
+            inside = {k: np.minimum(margin, beside[k]) for k, margin in inside.items()}
+        return least, inside
+
+    least, inside = margins_at(samples)
+    windows = dict.fromkeys(tube.passing, (0, len(samples) - 1))
+    if tube.is_ordered:
+        windows = _windows(least, inside)
+    found = []
+    for k, (low, high) in windows.items():
+        best = low + int(inside[k][low : high + 1].argmax())
+        finer = samples.between(np.arange(max(best - 1, low), min(best + 1, high)), PARTS**2)
+        around = margins_at(finer)[1][k]
+        here = Least(float(inside[k][best]), float(samples.time[best]), point=k)
+        if len(around) and around.max() > here.margin:
+            here = Least(float(around.max()), float(finer.time[around.argmax()]), point=k)
+        found.append(here)
+    return min(found, key=_margin)
+
+
+def _windows(least: np.ndarray, inside: dict[int, np.ndarray]) -> dict[int, tuple[int, int]]:
+    """Return the first and the last sample in the two segments beside each point."""
+    ways = [_ordered_visits(least), _ordered_visits(least, inside)]
+    windows = []
+    for rows, segments in ways:
+        beside = {k: rows[(segments == k - 1) | (segments == k)] for k in inside}
+        windows.append({k: (int(found[0]), int(found[-1])) for k, found in beside.items()})
+    missed = any(inside[k][a : b + 1].max() < 0 for k, (a, b) in windows[0].items())
+    usual, other = (float(least[visits].min()) for visits in ways)
+    return windows[1] if missed and other >= min(usual, BROKEN) else windows[0]
+
+
+def _ordered_visits(
+    least: np.ndarray, inside: dict[int, np.ndarray] | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """Return samples and segments of the ordered visits whose least margin is greatest.
 
-    value[s][k] is the best least margin of visits that are in segment s at sample k. They came
-    from the sample before in the same segment, or at this sample from the segment before.
+    A state is a segment and whether the points at its two ends have been passed, if they must be.
+    value[state][k] is the best least margin of visits that are in it at sample k. They came from
+    the sample before in the same state, or at this sample from the segment before, or by passing a
+    point.
     """
-    count = least.shape[1]
-    value: list[list[float]] = []
-    for s in range(count):
-        column = least[:, s].tolist()
-        entries = value[-1] if s else [math.inf] + [-math.inf] * (len(column) - 1)
+    inside, count = inside or {}, least.shape[1]
+    value: dict[State, list[float]] = {}
+    for state in _states(count, inside):
+        gates = [(value[source], gate) for source, gate in _before(state, inside)]
+        entries = [math.inf] + [-math.inf] * (len(least) - 1)
+        if gates:
+            both = [np.minimum(row, np.inf if gate is None else gate) for row, gate in gates]
+            entries = np.max(both, axis=0).tolist()
         row, last = [], -math.inf
-        for margin, entry in zip(column, entries, strict=True):
+        for margin, entry in zip(least[:, state[0]].tolist(), entries, strict=True):
             last = min(margin, max(last, entry))
             row.append(last)
-        value.append(row)
-    k, s = len(least) - 1, count - 1
-    visits = [(k, s)]
-    while k > 0 or s > 0:
-        stays = value[s][k - 1] if k > 0 else -math.inf
-        enters = value[s - 1][k] if s > 0 else -math.inf
-        k, s = (k - 1, s) if k > 0 and (s == 0 or stays >= enters) else (k, s - 1)
-        visits.append((k, s))
+        value[state] = row
+    k, state = len(least) - 1, (count - 1, True, True)
+    visits = [(k, state[0])]
+    while k > 0 or _before(state, inside):
+        stays = value[state][k - 1] if k > 0 else -math.inf
+        entered = [
+            (min(value[source][k], math.inf if gate is None else gate[k]), source)
+            for source, gate in _before(state, inside)
+        ]
+        enters, source = max(entered, key=lambda one: one[0], default=(-math.inf, state))
+        k, state = (k - 1, state) if k > 0 and stays >= enters else (k, source)
+        visits.append((k, state[0]))
     rows, segments = np.array(visits[::-1]).T
     return rows, segments
+
+
+State = tuple[int, bool, bool]
+
+
+def _states(count: int, inside: dict[int, np.ndarray]) -> list[State]:
+    """Return all states, each after those that lead to it."""
+    return [
+        (s, first, last)
+        for s in range(count)
+        for first in ((False, True) if s in inside else (True,))
+        for last in ((False, True) if s + 1 in inside else (True,))
+    ]
+
+
+def _before(state: State, inside: dict[int, np.ndarray]) -> list[tuple[State, np.ndarray | None]]:
+    """Return the states that lead to one, and the margin of what is passed on the way."""
+    s, first, last = state
+    found: list[tuple[State, np.ndarray | None]] = []
+    if s > 0 and last == (s + 1 not in inside):  # what lies ahead is passed later
+        found.append(((s - 1, True, first), None))
+    if first and s in inside:
+        found.append(((s, False, last), inside[s]))
+    if last and s + 1 in inside:
+        found.append(((s, first, False), inside[s + 1]))
+    return found
 
 
 def _union_visits(least: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -35,6 +35,7 @@ class Place:
         links: Names of the links.
         obstacle: Name of the obstacle.
         position: Of the tool, base frame [m].
+        point: Index of the tube's reference point, from 0.
     """
 
     time: float | None = None
@@ -43,6 +44,7 @@ class Place:
     links: tuple[str, ...] | None = None
     obstacle: str | None = None
     position: tuple[float, float, float] | None = None
+    point: int | None = None
 
     def at(self, tool: Iterable[float]) -> "Place":
         """Return the place with the tool at a point (3,) [m], base frame."""
@@ -63,6 +65,8 @@ class Place:
             parts.append(self.joint)
         if self.segment is not None:
             parts.append(f"segment {self.segment}")
+        if self.point is not None:
+            parts.append(f"point {self.point}")
         if self.time is not None:
             parts.append(f"t = {self.time:.4f} s")
         if self.position is not None:

@@ -64,7 +64,8 @@ ROBOT = (
     "attached, limits"
 )
 LIMITS = "effort, velocity, position, acceleration, jerk, scale"
-TUBE = "points, radius, tool_radius, joint_signs, orientations, rotation_tolerance, visit"
+TUBE = "points, radius, tool_radius, joint_signs, orientations, rotation_tolerance, visit, "
+TUBE += "pass_through_points"
 OBSTACLE = "name, box, sphere, cylinder, capsule, mesh, scale, position, rpy, quaternion"
 
 
@@ -382,6 +383,8 @@ def resolve(schema, part):
 def require_valid(schema, section, data):
     """Assert that a map has the required keys and only known ones, down to every section."""
     assert set(section.get("required", [])) <= set(data)
+    if "then" in section and not isinstance(data["points"], str):
+        assert set(section["then"]["required"]) <= set(data)
     assert set(data) <= set(section["properties"])
     for key, value in data.items():
         below = resolve(schema, section["properties"][key])
@@ -403,7 +406,8 @@ def test_the_schema_asks_for_what_the_contract_asks_for():
     robot, tube = (resolve(schema, schema["properties"][name]) for name in ("robot", "tube"))
     assert set(schema["required"]) == {"robot", "start"}  # route finds a tube
     assert set(robot["required"]) == {"urdf", "tool_frame"}
-    assert set(tube["required"]) == {"points", "radius"}
+    assert set(tube["required"]) == {"points"}
+    assert set(tube["then"]["required"]) == {"radius"}  # unless a file has the points
     limits = resolve(schema, robot["properties"]["limits"])
     collision = resolve(schema, schema["properties"]["collision"])
     obstacle = resolve(schema, schema["properties"]["obstacles"])

@@ -114,10 +114,10 @@ def test_without_signs_every_joint_is_free():
         ([[0, 0, 0], [2e4, 0, 0]], 1, {}, "tube.points must be finite numbers within 10000 m"),
         ([[0, 0, 0], [1e-7, 0, 0]], 1, {}, "tube.points: points 0 and 1 are the same"),
         (
-            [[0, 0, 0], [1, 0, 0], [1, 0, 0]],
-            1,
+            [[0, 0, 0], [1, 0, 0], [1, 0, 0], [1, 1, 0]],
+            [1, 2, 3],
             {},
-            "tube.points: points 1 and 2 are the same; remove one",
+            "points 1 and 2 are the same within 1e-06 m; segment 1 between them would be left out",
         ),
         (
             CORNER,

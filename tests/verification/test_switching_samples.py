@@ -54,3 +54,32 @@ def test_no_other_choice_leaves_more_among_many_samples(seed):
     margin = rng.normal(size=(60, 3)) - 0.3 * drift**2
     found = best_switching_samples(margin)
     assert worst_margin(margin, found) == chain(margin)
+
+
+def passing_margin(margin, passing, switching_samples):
+    """Return the worst margin of a visit that passes points in one of the segments beside them."""
+    ends = [0, *switching_samples, len(margin) - 1]
+    passed = [inside[ends[k - 1] : ends[k + 1] + 1].max() for k, inside in passing.items()]
+    return min([worst_margin(margin, switching_samples), *passed])
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_no_other_choice_passes_points_better(seed):
+    rng = np.random.default_rng(seed)
+    samples, segments = rng.integers(4, 10), rng.integers(2, 5)
+    margin = np.round(rng.normal(size=(samples, segments)), 1)
+    points = rng.permutation(np.arange(1, segments))[: rng.integers(1, segments)]
+    passing = {int(k): np.round(rng.normal(size=samples), 1) for k in sorted(points)}
+    choices = itertools.combinations_with_replacement(range(samples), segments - 1)
+    best = max(passing_margin(margin, passing, choice) for choice in choices)
+    found = best_switching_samples(margin, passing)
+    assert (np.diff(found) >= 0).all()
+    assert passing_margin(margin, passing, found) == best
+
+
+def test_a_point_may_be_passed_before_or_after_the_switching_time():
+    margin = np.ones((5, 2))
+    for at in (0, 4):
+        inside = np.where(np.arange(5) == at, 0.5, -1.0)
+        found = best_switching_samples(margin, {1: inside})
+        assert passing_margin(margin, {1: inside}, found) == 0.5

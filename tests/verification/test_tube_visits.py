@@ -9,7 +9,13 @@ from tubeplanner import JointTrajectory, PlanningProblem, Seed, Tube
 from tubeplanner.trajectory.joint_trajectory import concatenate
 from tubeplanner.verification.enclosure import Enclosure, enclosed_tool
 from tubeplanner.verification.switching_samples import best_switching_samples
-from tubeplanner.verification.tube_visits import Visit, least_margin, tube_visits, visited_parts
+from tubeplanner.verification.tube_visits import (
+    Visit,
+    least_margin,
+    passages,
+    tube_visits,
+    visited_parts,
+)
 
 SEED = Seed(np.array([0.0, -1.0]))
 AXIS = Tube([[-9, 0, 0], [9, 0, 0]], 1.0)
@@ -240,3 +246,116 @@ def test_a_breakpoint_beside_the_switching_time_does_not_hide_it(stored, shift):
     visits = tube_visits(problem, cut, enclosed_tool(problem.robot, cut, 1e-7))
     for before, after in zip(expected, visits, strict=True):
         assert after.end == pytest.approx(before.end, abs=1e-7)
+
+
+def stroke(two_link, *angles):
+    """Return a slow trajectory of the first joint over angles [rad], a second from each to each.
+
+    The second joint rests, so that the tool goes on a circle about the base.
+    """
+    shape = np.array([-2.0, 3.0, 0.0, 0.0])
+    steps = np.column_stack([np.diff(angles), np.zeros(len(angles) - 1)])
+    coefficients = shape[:, None, None] * steps
+    coefficients[-1] += np.column_stack([angles[:-1], np.full(len(angles) - 1, -1.0)])
+    return JointTrajectory(two_link.joint_names, np.arange(float(len(angles))), coefficients)
+
+
+def places(two_link, *angles):
+    """Return where the tool is when the first joint is at angles."""
+    q = np.column_stack([angles, np.full(len(angles), -1.0)])
+    return two_link.tool_position(q)
+
+
+def passed(two_link, tube, trajectory):
+    """Return the passages of a trajectory, and its visits."""
+    problem = PlanningProblem(two_link, tube, SEED).joined
+    tool = enclosed_tool(two_link, trajectory, 1e-9)
+    visits = tube_visits(problem, trajectory, tool)
+    return passages(problem, trajectory, tool, visits), visits
+
+
+LOW, TIP = 0.0, 0.3
+
+
+def spike(two_link, radius=0.02, **options):
+    low, tip = places(two_link, LOW, TIP)
+    return Tube([low, tip, low], radius, **options)
+
+
+@pytest.mark.parametrize("turned", [0.3, 0.28, 0.2])
+def test_a_point_is_passed_as_near_as_the_tool_comes(two_link, turned):
+    (passage,), _ = passed(two_link, spike(two_link, 0.1), stroke(two_link, LOW, turned, LOW))
+    tip, there = places(two_link, TIP, turned)
+    assert passage.point == 1
+    assert passage.time == pytest.approx(1.0, abs=1e-4)
+    assert passage.margin == pytest.approx(0.1 - np.linalg.norm(tip - there), abs=1e-7)
+
+
+def test_between_samples_too(two_link):
+    """The tool is at the point at an instant that is no sample."""
+    tube = spike(two_link, 0.1)
+    (passage,), _ = passed(two_link, tube, stroke(two_link, LOW, TIP + 0.2))
+    assert passage.margin == pytest.approx(0.1, abs=1e-7)
+
+
+def test_the_smaller_radius_counts(two_link):
+    tube = spike(two_link, [0.1, 0.04], tool_radius=0.01)
+    (passage,), _ = passed(two_link, tube, stroke(two_link, LOW, TIP, LOW))
+    assert passage.margin == pytest.approx(0.03, abs=1e-7)
+
+
+def test_only_instants_in_the_two_segments_beside_a_point_count(two_link):
+    """The tool is at the first tip only when it is in a later segment, far from it by then."""
+    low, tip, far = places(two_link, LOW, TIP, 1.2)
+    tube = Tube([low, tip, low, far], 0.01)
+    trajectory = stroke(two_link, LOW, 1.2)
+    problem = PlanningProblem(two_link, tube, SEED)
+    tool = enclosed_tool(two_link, trajectory, 1e-9)
+    visits = [Visit(0, 0.0, 0.01), Visit(1, 0.01, 0.02), Visit(2, 0.02, 1.0)]
+    first, second = passages(problem, trajectory, tool, visits)
+    nearest = places(two_link, *trajectory.position(0.02)[:1])
+    assert first.margin == pytest.approx(0.01 - np.linalg.norm(tip - nearest), abs=1e-6)
+    assert first.time == pytest.approx(0.02)
+    begin = places(two_link, *trajectory.position(0.01)[:1])
+    assert second.margin == pytest.approx(0.01 - np.linalg.norm(low - begin), abs=1e-6)
+
+
+def test_of_strokes_that_look_alike_each_has_its_own(two_link):
+    """Down, up, down, up: all capsules are the same, and only the points tell when one ends."""
+    low, tip = places(two_link, LOW, TIP)
+    tube = Tube([low, tip, low, tip, low], 0.02)
+    up_and_down = stroke(two_link, LOW, TIP, LOW, TIP, LOW)
+    found, visits = passed(two_link, tube, up_and_down)
+    assert [one.point for one in found] == [1, 2, 3]
+    assert min(one.margin for one in found) == pytest.approx(0.02, abs=1e-6)
+    for k, one in zip((1, 2, 3), found, strict=True):
+        assert visits[k - 1].begin <= one.time <= visits[k].end
+    short = passed(two_link, tube, stroke(two_link, LOW, 0.1, LOW, 0.1, LOW))[0]
+    assert min(one.margin for one in short) < -0.05
+
+
+def test_a_point_is_not_passed_at_the_cost_of_the_tube(two_link):
+    """The tool comes by the tip only after it left the capsules: what is missed is the point."""
+    low, tip, far = places(two_link, LOW, TIP, -0.6)
+    tube = Tube([low, tip, low, far], 0.02)
+    trajectory = stroke(two_link, LOW, -0.6)
+    found, visits = passed(two_link, tube, trajectory)
+    without = passed(
+        two_link, Tube([low, tip, low, far], 0.02, pass_through_points="none"), trajectory
+    )[1]
+    assert min(one.margin for one in found) < -0.05
+    assert visits == without
+
+
+def test_in_the_union_any_instant_counts_at_which_a_segment_beside_the_point_may_hold(two_link):
+    low, tip = places(two_link, LOW, TIP)
+    signs = [{"joint2": "+"}, {"joint2": "+"}]
+    tube = spike(two_link, visit="any")
+    (passage,), _ = passed(two_link, tube, stroke(two_link, LOW, TIP + 0.3))
+    assert passage.margin == pytest.approx(0.02, abs=1e-7)
+    wrong = Tube([low, tip, low], 0.02, visit="any", joint_signs=signs)
+    problem = PlanningProblem(two_link, wrong, Seed(np.array([0.0, 1.0])))
+    trajectory = stroke(two_link, LOW, TIP)
+    tool = enclosed_tool(two_link, trajectory, 1e-9)
+    (passage,) = passages(problem, trajectory, tool, tube_visits(problem, trajectory, tool))
+    assert passage.margin == pytest.approx(-1.0, abs=1e-7)  # joint2 is at -1

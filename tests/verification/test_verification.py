@@ -12,12 +12,14 @@ from tubeplanner import (
     LimitOverrides,
     Obstacle,
     PlanningProblem,
+    Seed,
     Tolerance,
     TrajectoryError,
     Tube,
     load_problem,
     load_robot,
     placement_of,
+    plan,
     verify,
 )
 from tubeplanner.trajectory.joint_trajectory import concatenate
@@ -586,3 +588,80 @@ def test_a_jump_counts_the_same_however_slow_the_trajectory(slower, stored):
     fast = verify(problem, jumping, tolerance).conditions["continuity"]
     slow = verify(problem, jumping.scaled(slower), tolerance).conditions["continuity"]
     assert slow.margin == pytest.approx(fast.margin, rel=1e-9)
+
+
+def out_and_back(problem, radius=0.02, **options):
+    """Return a problem whose tube goes down and up again before it goes on, without obstacles."""
+    above, below, away = [0.45, -0.3, 0.35], [0.45, -0.3, 0.2], [0.45, -0.1, 0.35]
+    points = [[0.45, -0.4, 0.35], above, above, below, above, away]
+    tube = Tube(points, radius, **options)
+    q = problem.start
+    return changed(problem, tube=tube, start=Seed(q), goal=None, obstacles=())
+
+
+def test_a_compulsory_point_that_is_left_out_is_found(stored):
+    """Planned without it, the tool turns round at once: both capsules overlap all the way."""
+    problem, _ = stored(UR5)
+    trajectory = plan(out_and_back(problem, pass_through_points="none")).trajectory
+    certificate = verify(out_and_back(problem), trajectory)
+    assert certificate.failures() == ["points"]
+    condition = certificate.conditions["points"]
+    place = condition.where
+    tool = problem.robot.tool_position(trajectory.position([place.time]))[0]
+    assert place.point == 3  # as the file counts: the point that repeats another one is left out
+    assert condition.margin == pytest.approx(0.02 - np.linalg.norm(tool - [0.45, -0.3, 0.2]))
+    assert "points: margin -0.1" in certificate.describe("points")
+    assert "(point 3, t = " in certificate.describe("points")
+    nothing = verify(out_and_back(problem, pass_through_points="none"), trajectory)
+    assert nothing.conditions["points"].margin is None
+    found = verify(out_and_back(problem, pass_through_points="all"), trajectory)
+    assert found.conditions["points"].where.point == 3
+
+
+@pytest.mark.parametrize("rule", ["corners", "all"])
+def test_compulsory_points_are_passed_by_what_is_planned(stored, rule):
+    problem = out_and_back(stored(UR5)[0], pass_through_points=rule)
+    result = plan(problem)
+    assert result.succeeded
+    assert "point 2 is the same as the one before" in result.notes[0]
+    tool = problem.robot.tool_position(
+        result.trajectory.position(np.linspace(0, 1, 5001) * result.duration)
+    )
+    for point in problem.tube.points[problem.tube.compulsory_points]:
+        assert np.linalg.norm(tool - point, axis=1).min() < 0.02 + 1e-6
+
+
+def divided(tube, parts):
+    """Return a tube with every segment divided."""
+    places = np.arange(tube.segment_count * parts + 1) / parts
+    numbers = np.arange(tube.segment_count + 1)
+    points = np.array([np.interp(places, numbers, column) for column in tube.points.T]).T
+    points[::parts] = tube.points
+    signs = [row for row in tube.joint_signs for _ in range(parts)]
+    return Tube(points, np.repeat(tube.radius, parts), joint_signs=signs)
+
+
+@pytest.mark.parametrize("parts", [2, 16])
+def test_a_divided_tube_gets_the_same_certificate_in_its_own_numbers(stored, parts):
+    problem, trajectory = stored(UR5)
+    finer = changed(problem, tube=divided(problem.tube, parts))
+    whole, other = (verify(each, trajectory).conditions for each in (problem, finer))
+    for name in CONDITION_NAMES:
+        assert other[name].margin == whole[name].margin
+        assert other[name].where.time == whole[name].where.time
+    for name in ("tube", "joint_signs"):
+        where = other[name].where
+        assert where.segment // parts == whole[name].where.segment
+        tool = problem.robot.tool_position(trajectory.position([where.time]))
+        assert finer.tube.distance(tool)[0].argmin() == where.segment
+
+
+def test_a_divided_tube_gets_the_same_trajectory_to_the_last_digit():
+    problem = load_problem("example:two_link/around_a_post")
+    finer = changed(problem, tube=divided(problem.tube, 4))
+    whole, other = plan(problem), plan(finer)
+    np.testing.assert_array_equal(other.trajectory.coefficients, whole.trajectory.coefficients)
+    assert other.duration == whole.duration
+    radii = [s for s in other.sensitivities if s.limit == "radius"]
+    assert {(s.segment, s.last_segment) for s in radii} == {(0, 3), (4, 7), (8, 11)}
+    assert str(radii[0]).startswith(f"radius of segments {radii[0].segment} to ")

@@ -116,6 +116,7 @@ def judged_baseline(
     Raises:
         Infeasible: The scheme has no answer; the reason is that of the most natural rule.
     """
+    problem = problem.joined
     branches = KnownBranches(problem, PlanningClock(None, progress))
     first: tuple[Baseline, Certificate] | None = None
     reasons: list[Infeasible] = []

@@ -54,9 +54,11 @@ def bounded_deviation(problem: PlanningProblem, lines: list[ToolPath]) -> Bounde
     Raises:
         Infeasible: Gravity exceeds a motor's effort, or knots do not end the deviation.
     """
-    robot, radius = problem.robot, problem.tube.effective_radius
+    robot, tube = problem.robot, problem.tube
     parts = [lines[0].joints.position(0.0)[None]]
-    parts += [_knots(robot, line, float(radius[line.segment]))[1:] for line in lines]
+    for line in lines:
+        radius = float(tube.effective_radius[tube.segment_index(line.segment)])
+        parts.append(_knots(robot, line, radius)[1:])
     knots = np.concatenate(parts)
     found = [_fastest(robot, knots, share) for share in _TRANSITION_SHARES]
     inside = [

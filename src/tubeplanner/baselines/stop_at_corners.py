@@ -86,11 +86,12 @@ def _follow(
         return shape
     worst = int((inside - margin).argmax())
     unit, remedy = (("m", "the radius"), ("rad", "the rotation tolerance"))[worst]
+    number = problem.tube.segment_number(segment)
     raise Infeasible(
         PlanStatus.NO_TRAJECTORY,
-        f"segment {segment}: a spline of {_MAX_INTERVALS} pieces that follows the inverse "
+        f"segment {number}: a spline of {_MAX_INTERVALS} pieces that follows the inverse "
         f"kinematics leaves the tube by {-margin[worst]:.3g} {unit}; widen {remedy}",
-        Place(segment=segment),
+        Place(segment=number),
     )
 
 

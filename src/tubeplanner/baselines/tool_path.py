@@ -37,7 +37,7 @@ class ToolPath:
         joints: The path over the arc length in joint space [rad or m], which it runs at about unit
             speed: cubics, C2.
         curve: The tool's curve.
-        segment: The tube's segment in which it begins.
+        segment: What messages call the tube's segment in which it begins.
     """
 
     joints: JointTrajectory
@@ -130,12 +130,13 @@ class _Follower:
                 names = self._problem.robot.joint_names
                 joints = JointTrajectory(names, spline.x, spline.c[:, :, :-1])
                 first = self._segment(self._curve.arc_lengths[1:2] / 2)[0]
-                return ToolPath(joints, self._curve, int(first))
+                return ToolPath(joints, self._curve, self._number(int(first)))
             if len(table) > _MAX_NODES:
                 break
             middle = spline((spline.x[steps] + spline.x[steps + 1]) / 2)
             table = _apart(np.insert(table, steps + 1, self._on_curve(middle), axis=0))
-        k = int(self._segment(table[[off.argmax()], -1])[0])
+        at = table[off.argmax(), -1:]
+        k = self._number(int(self._segment(at)[0]), self._curve.point(at)[0])
         raise Infeasible(
             PlanStatus.NO_TRAJECTORY,
             f"segment {k}: a spline through {len(table)} configurations leaves the tool's curve by "
@@ -153,7 +154,7 @@ class _Follower:
                 continue
             direction = (self._route[k + 1] - self._route[k]) / (end - begin)
             arc_length = (self._problem.robot.tool_position(q) - self._route[k]) @ direction
-            _require_moving(q, arc_length, k)
+            _require_moving(q, arc_length, self._number(k))
             rows.append(np.column_stack([q, begin + np.clip(arc_length, 0.0, end - begin)]))
         table = np.vstack(rows)
         table[:, -1] = np.interp(
@@ -165,6 +166,9 @@ class _Follower:
         """Return the tube's segments (N,) to which arc lengths (N,) on the curve belong."""
         polyline = np.interp(arc_length, self._curve.arc_lengths, self._curve.polyline_arc_lengths)
         return np.searchsorted(self._before[1:-1], polyline)
+
+    def _number(self, segment: int, tool: FloatArray | None = None) -> int:
+        return self._problem.tube.segment_number(segment, tool)
 
     def _on_curve(self, table: FloatArray) -> FloatArray:
         """Return a table with its tools moved onto the curve, orientation kept if it is bounded.
@@ -182,7 +186,7 @@ class _Follower:
             solution = solve_position(problem.robot, point, seed, *bounds, rotation=kept)
             if solution.error > CURVE_TOLERANCE:
                 reason = explain_error(problem, point, seed, int(k), solution)
-                place = Place(segment=int(k)).at(point)
+                place = Place(segment=self._number(int(k), point)).at(point)
                 raise Infeasible(PlanStatus.UNREACHABLE, f"{place}: {reason}", place)
             moved[i, :-1] = solution.q
         return moved

@@ -68,6 +68,6 @@ def _corner(problem: PlanningProblem, k: int, near: FloatArray) -> FloatArray:
         best = min(turned_best, key=lambda one: float(abs(one.q - near).max()))
     if k == problem.tube.segment_count and best.error > _GOAL_TOLERANCE:
         message = f"no goal: the tool gets no nearer than {best.error:.4g} m"
-        place = Place(segment=k - 1).at(point)
+        place = Place(segment=problem.tube.segment_number(k - 1, point)).at(point)
         raise Infeasible(PlanStatus.UNREACHABLE, message, place)
     return best.q

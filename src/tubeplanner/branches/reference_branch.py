@@ -167,7 +167,7 @@ def end_configuration(problem: PlanningProblem, given: FloatArray | Seed, point:
         if problem.tube.rotation.margin(rotation, tool, segment)[0] < 0:
             reason = explain_turn(problem, segment, turned_off(solution))
     if reason is not None:
-        place = Place(segment=segment).at(target)
+        place = Place(segment=problem.tube.segment_number(segment, target)).at(target)
         end = "start" if point == 0 else "goal"
         raise Infeasible(PlanStatus.UNREACHABLE, f"{end} from its seed: {reason}", place)
     return solution.q
@@ -200,5 +200,5 @@ def _require_goal(problem: PlanningProblem, q: FloatArray, goal: FloatArray) -> 
         f"the branch that continues the start configuration ends with '{joint}' at {q[worst]:.4f} "
         f"rad, the goal has it at {goal[worst]:.4f} rad: the goal lies on another branch; leave "
         "the goal out, or change the start or the joint signs",
-        Place(joint=joint, segment=segment),
+        Place(joint=joint, segment=problem.tube.segment_number(segment, problem.tube.points[-1])),
     )

@@ -153,7 +153,7 @@ class SegmentWalk:
 
     def _give_up(self, share: float, q: FloatArray, solution: PositionSolution) -> None:
         point = self._point(share)
-        place = Place(segment=self._segment).at(point)
+        place = Place(segment=self._problem.tube.segment_number(self._segment, point)).at(point)
         where = f"{100 * share:.1f} % along {place}"
         jump = abs(solution.q - q)
         joint = self._problem.robot.joint_names[int(jump.argmax())]
@@ -184,10 +184,11 @@ class SegmentWalk:
         if outside[worst] <= 10 * _SETTLED:
             return
         joint = self._problem.robot.joint_names[worst]
-        place = Place(joint=joint, segment=self._segment).at(self._ends[1])
+        number = self._problem.tube.segment_number(self._segment, self._ends[1])
+        place = Place(joint=joint, segment=number).at(self._ends[1])
         raise Infeasible(
             PlanStatus.UNREACHABLE,
-            f"at the end of segment {self._segment} '{joint}' is at {q[worst]:.4f} rad, but the "
+            f"at the end of segment {number} '{joint}' is at {q[worst]:.4f} rad, but the "
             f"joint signs on both sides of the switching time ask for [{self._end_lower[worst]:g}, "
             f"{self._end_upper[worst]:g}]; move the reference point or change the signs",
             place,
@@ -217,7 +218,8 @@ def explain_error(
     without_signs = solve_position(robot, point, seed, limits.lower_position, limits.upper_position)
     if without_signs.error > 1e-6:
         return f"{short}: position limits are in the way {bounds}"
-    return f"{short} with the joint signs of segment {segment} {bounds}"
+    number = problem.tube.segment_number(segment, point)
+    return f"{short} with the joint signs of segment {number} {bounds}"
 
 
 def explain_turn(problem: PlanningProblem, segment: int, why: str) -> str:
@@ -227,9 +229,10 @@ def explain_turn(problem: PlanningProblem, segment: int, why: str) -> str:
     asked = f"{bounds[-1]:.3g}"
     if bounds[-1] == np.inf:
         asked = f"[{', '.join(f'{bound:.3g}' for bound in bounds[:3])}]"
+    number = problem.tube.segment_number(segment)
     return (
-        f"the rotation tolerance of segment {segment}, {asked} rad, is in the way: {why}; widen "
-        f"tube.rotation_tolerance[{segment}], change tube.orientations or move the reference points"
+        f"the rotation tolerance of segment {number}, {asked} rad, is in the way: {why}; widen "
+        f"tube.rotation_tolerance[{number}], change tube.orientations or move the reference points"
     )
 
 

@@ -37,10 +37,28 @@ def current_segments(problem: PlanningProblem, q: FloatArray) -> IntArray:
 
     The switching times are those with the largest margin.
     """
-    margin = membership_margin(problem, q)
-    if problem.tube.visit == "any":
-        return margin.argmax(axis=1)
-    return np.searchsorted(best_switching_samples(margin), np.arange(len(q)), side="left")
+    joined = problem.joined
+    margin = membership_margin(joined, q)
+    if joined.tube.visit == "any":
+        segment = margin.argmax(axis=1)
+    else:
+        segment = np.searchsorted(best_switching_samples(margin), np.arange(len(q)), side="left")
+    return segment if joined is problem else _nearest_parts(problem, joined.tube, q, segment)
+
+
+def _nearest_parts(
+    problem: PlanningProblem, joined: Tube, q: FloatArray, segment: IntArray
+) -> IntArray:
+    """Return which of the parts of joined segments (N,) the tools of N configurations are nearest.
+
+    The parts are the problem's own segments.
+    """
+    ends = np.searchsorted(problem.tube.numbers, joined.numbers)
+    distance = problem.tube.distance(problem.robot.tool_position(q))
+    part = np.arange(problem.tube.segment_count)
+    is_other = (part < ends[segment, None]) | (part >= ends[segment + 1, None])
+    nearest: IntArray = np.where(is_other, np.inf, distance).argmin(axis=1)
+    return nearest
 
 
 def tube_use(problem: PlanningProblem, tool: FloatArray, segment: IntArray) -> FloatArray:

@@ -46,6 +46,9 @@ def question_parts(problem: PlanningProblem) -> list[object]:
     parts += [tube.tool_radius, *tube.ranges_of(problem.robot.joint_names)]
     if tube.rotation is not None:
         parts += [tube.rotation.begin, tube.rotation.turn, tube.rotation.bounds]
+    # Only where points are asked that earlier versions did not know.
+    if len(tube.compulsory_points):
+        parts += ["points", tube.compulsory_points]
     for given in (problem.start, problem.goal):
         parts.append(type(given).__name__)
         parts.append(given.joints if isinstance(given, Seed) else given)

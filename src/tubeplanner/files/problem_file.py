@@ -85,9 +85,15 @@ def with_other_tube(source: Path, target: Path, tube: Tube) -> bytes:
     Args:
         source: A valid problem file.
         target: Where the contents will be; its ending says whether they are JSON or YAML.
-        tube: Its radii and joint ranges are written.
+        tube: Its radii and joint ranges are written, and its points, if the file names another one
+            that has them or points were left out.
     """
     fields, other = read_fields(source), _tube_fields(tube)
+    written = fields["tube"]["points"]
+    if isinstance(written, str) or len(written) != len(tube.points):
+        fields["tube"]["points"] = other["points"]
+        for key, values in _rotation_fields(tube).items():
+            fields["tube"][key] = values
     fields["tube"]["radius"] = other["radius"]
     fields["tube"]["joint_signs"] = other["joint_signs"]
     return _contents(fields, source.parent, target)
@@ -107,6 +113,9 @@ def move_paths(fields: Any, before: Path, after: Path) -> None:
     robot = fields.get("robot") or {}
     solids = [*(fields.get("obstacles") or ()), *(robot.get("attached") or ())]
     holders = [(robot, "urdf"), (robot, "srdf"), *((solid, "mesh") for solid in solids)]
+    tube = fields.get("tube") or {}
+    if isinstance(tube.get("points"), str):
+        holders.append((tube, "points"))
     for holder, key in holders:
         if holder.get(key) is not None:
             holder[key] = _moved(holder[key], before, after)
@@ -126,6 +135,19 @@ def _tube_fields(tube: Tube) -> CommentedMap:
     maps = [_in_a_row(_signs(ranges)) for ranges in tube.joint_ranges]
     signs = maps[0] if all(row == maps[0] for row in maps) else maps
     return CommentedMap(points=points, radius=_in_a_row(tube.radius.tolist()), joint_signs=signs)
+
+
+def _rotation_fields(tube: Tube) -> dict[str, Any]:
+    """Return the orientations and their tolerances, as a file has them, if there are any."""
+    if tube.orientations is None or tube.rotation_tolerance is None:
+        return {}
+    entries = tube.rotation_tolerance
+    bounds = [_in_a_row(list(b)) if isinstance(b, tuple) else b for b in entries]
+    orientations = [_in_a_row(q) for q in tube.orientations.tolist()]
+    return {
+        "orientations": _in_a_row(orientations),
+        "rotation_tolerance": _in_a_row(bounds),
+    }
 
 
 def _signs(ranges: Mapping[str, JointRange]) -> dict[str, Any]:

@@ -104,6 +104,8 @@ def _tube(tube: Tube, radii: Sequence[float], ranges: Sequence[Mapping[str, Join
         visit=tube.visit,
         orientations=tube.orientations,
         rotation_tolerance=tube.rotation_tolerance,
+        pass_through_points=tube.pass_through_points,
+        numbers=tube.numbers,
     )
 
 

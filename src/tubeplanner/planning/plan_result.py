@@ -180,7 +180,7 @@ def _success_message(problem: PlanningProblem, trajectory: JointTrajectory) -> s
     reach = _FAR_IN_RADII * problem.tube.radius.max()
     for point in np.flatnonzero(distance > reach):
         message += (
-            f"; it passes reference point {point} at {distance[point]:.3g} m: the capsules beside "
-            "that point overlap elsewhere"
+            f"; it passes reference point {problem.tube.numbers[point]} at {distance[point]:.3g} "
+            "m: the capsules beside that point overlap elsewhere"
         )
     return message

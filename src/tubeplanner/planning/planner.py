@@ -38,12 +38,13 @@ def plan(
     PlanningProblem.require(problem)
     options = options or PlanOptions()
     clock = PlanningClock(options.time_limit, progress)
-    result, stopped_by = until_stopped(partial(_planned, problem, options, clock))
+    result, stopped_by = until_stopped(partial(_planned, problem.joined, options, clock))
     if result is None:
         result = stopped_result(clock, stopped_by or "interrupt", options.method)
     if result.status is PlanStatus.INTERRUPTED:
         raise KeyboardInterrupt
-    return replace(result, planning_time=clock.elapsed)
+    notes = (*problem.tube.notes, *result.notes)
+    return replace(result, planning_time=clock.elapsed, notes=notes)
 
 
 def _planned(problem: PlanningProblem, options: PlanOptions, clock: PlanningClock) -> PlanResult:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from tubeplanner.options import in_figures, is_number
 from tubeplanner.outcome import MARGIN_TOLERANCE
 from tubeplanner.problem.joint_values import configuration_of
 from tubeplanner.robot.robot_model import RobotModel
+from tubeplanner.tube.joined_segments import joined_segments
 from tubeplanner.tube.tube import Tube
 
 
@@ -84,6 +86,19 @@ class PlanningProblem:
         """The robot's links and the obstacles, ready to be checked."""
         assert self._scene is not None
         return self._scene.checker
+
+    @cached_property
+    def joined(self) -> "PlanningProblem":
+        """The problem with neighbouring segments on one line that ask the same joined to one.
+
+        It is what is planned and judged. Itself, if there are none.
+        """
+        tube = self._joined_tube
+        return self if tube is self.tube else replace(self, tube=tube)
+
+    @cached_property
+    def _joined_tube(self) -> Tube:
+        return joined_segments(self.tube)
 
     @staticmethod
     def require(problem: object) -> None:
@@ -167,8 +182,9 @@ class PlanningProblem:
         lower = np.maximum(lower, limits.lower_position)
         upper = np.minimum(upper, limits.upper_position)
         for segment, joint in np.argwhere(lower > upper):
+            number = self.tube.segment_number(segment)
             raise ProblemError(
-                f"tube.joint_signs: joint '{names[joint]}' has no value left in segment {segment}: "
+                f"tube.joint_signs: joint '{names[joint]}' has no value left in segment {number}: "
                 f"signs and position limits [{limits.lower_position[joint]:g}, "
                 f"{limits.upper_position[joint]:g}] ask for >= {lower[segment, joint]:g} and <= "
                 f"{upper[segment, joint]:g}"
@@ -190,38 +206,39 @@ class PlanningProblem:
             )
 
     def _require_inside(self, end: str, q: FloatArray, segment: int) -> None:
+        number = self.tube.segment_number(segment)
         lower, upper = self.joint_lower[segment], self.joint_upper[segment]
         for name, value, low, high in zip(self.robot.joint_names, q, lower, upper, strict=True):
             if not low - MARGIN_TOLERANCE <= value <= high + MARGIN_TOLERANCE:
                 raise ProblemError(
                     f"{end}: joint '{name}' at {value:g} is outside [{low:g}, {high:g}], its "
-                    f"position limits and joint sign in segment {segment}"
+                    f"position limits and joint sign in segment {number}"
                 )
         rotation, tool = self.robot.tool_pose(q[None])
-        margin = float(self.tube.margin(tool)[0, segment])
+        margin = float(self._joined_tube.margin(tool)[0, 0 if end == "start" else -1])
         if margin < -MARGIN_TOLERANCE:
             point = self.tube.points[segment + (end == "goal")]
             raise ProblemError(
                 f"{end}: the tool is at {np.round(tool[0], 4).tolist()} m, {-margin:.3g} m outside "
-                f"the capsule of segment {segment} (its end point is {point.tolist()} m); move the "
+                f"the capsule of segment {number} (its end point is {point.tolist()} m); move the "
                 f"{end} or the reference point"
             )
-        self._require_turned(end, rotation, tool, segment)
+        self._require_turned(end, rotation, tool, number)
 
     def _require_turned(
-        self, end: str, rotation: FloatArray, tool: FloatArray, segment: int
+        self, end: str, rotation: FloatArray, tool: FloatArray, number: int
     ) -> None:
-        """Raise unless a tool is within a segment's rotation tolerance."""
-        tube = self.tube.rotation
-        if tube is None or tube.margin(rotation, tool, segment)[0] >= -MARGIN_TOLERANCE:
+        """Raise unless a tool is within the rotation tolerance of a segment called by a number."""
+        tube, joined = self._joined_tube.rotation, 0 if end == "start" else -1
+        if tube is None or tube.margin(rotation, tool, joined)[0] >= -MARGIN_TOLERANCE:
             return
-        error = tube.error(rotation, tool, segment)[0]
+        error = tube.error(rotation, tool, joined)[0]
         turned = [*error.tolist(), float(np.linalg.norm(error))]
-        worst = int((abs(np.array(turned)) - tube.bounds[segment]).argmax())
+        worst = int((abs(np.array(turned)) - tube.bounds[joined]).argmax())
         about = "" if worst == 3 else f" about {'xyz'[worst]} of the reference orientation"
         raise ProblemError(
             f"{end}: the tool is turned by {turned[worst]:.4g} rad{about}, where the rotation "
-            f"tolerance of segment {segment} is {tube.bounds[segment, worst]:.4g} rad; turn the "
-            f"{end}, change tube.orientations[{segment + (end == 'goal')}] or widen "
-            f"tube.rotation_tolerance[{segment}]"
+            f"tolerance of segment {number} is {tube.bounds[joined, worst]:.4g} rad; turn the "
+            f"{end}, change tube.orientations[{number + (end == 'goal')}] or widen "
+            f"tube.rotation_tolerance[{number}]"
         )

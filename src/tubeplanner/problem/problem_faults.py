@@ -42,7 +42,8 @@ def first_fault(data: dict[str, Any], error: ValidationError, root: type[BaseMod
         count = 1 + max(step for f in faults if isinstance(step := f["loc"][-1], int))
         return f"{_join(steps)} has {fault['loc'][-1]} values; {count} are needed"
     if kind == "missing":
-        return f"{_join([*steps, fault['loc'][-1]])} is required"
+        name = fault["loc"][-1]
+        return f"{_join(steps if steps[-1:] == [name] else [*steps, name])} is required"
     if kind == "too_long":
         sizes = fault["ctx"]
         return f"{_join(steps)} has more than {sizes['max_length']} values"

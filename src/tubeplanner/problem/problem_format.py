@@ -6,7 +6,16 @@ Here a file is only read and its shape checked; `problem` gives it meaning.
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, TypeAlias
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+)
+from pydantic_core import PydanticCustomError
 
 from tubeplanner.documents import DocumentError, parse_json, parse_yaml, read_text
 from tubeplanner.errors import ProblemError
@@ -140,9 +149,22 @@ class RobotFields(_Section):
 class TubeFields(_Section):
     """Where the tool may be, and its orientation there."""
 
-    points: list[Vector] = Field(description="m+1 reference points, base frame [m]")
-    radius: Finite | list[Finite] = Field(
-        description="one or m path tolerances, from 1e-6 to 1e4 [m]"
+    model_config = ConfigDict(
+        json_schema_extra={
+            "if": {"properties": {"points": {"type": "array"}}},
+            "then": {"required": ["radius"]},
+        }
+    )
+
+    points: list[Vector] | str = Field(
+        description="m+1 reference points, base frame, or a CSV file of them, relative to this "
+        "one: x, y, z, then optionally qx, qy, qz, qw, radius [m]"
+    )
+    radius: Finite | list[Finite] | None = Field(
+        None,
+        validate_default=True,
+        description="one or m path tolerances, from 1e-6 to 1e4; may be left out if the file of "
+        "points has them [m]",
     )
     tool_radius: Finite = Field(
         0.0, description="end effector as a sphere; at least 1e-6 below each radius [m]"
@@ -161,6 +183,19 @@ class TubeFields(_Section):
     visit: Literal["ordered", "any"] = Field(
         "ordered", description="segments one after the other, or the union of their capsules"
     )
+    pass_through_points: Literal["all", "corners", "none"] = Field(
+        "corners",
+        description="which inner points the tool must pass within the smaller radius beside them; "
+        "corners: where the tube turns by more than 150 degrees",
+    )
+
+    @field_validator("radius")
+    @classmethod
+    def _required(cls, radius: object, info: ValidationInfo) -> object:
+        """Ask for the radius, unless points are in a file, which may have it."""
+        if radius is None and not isinstance(info.data.get("points"), str):
+            raise PydanticCustomError("missing", "it is required")
+        return radius
 
 
 class EndpointFields(_Section):

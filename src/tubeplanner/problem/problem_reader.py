@@ -9,6 +9,7 @@ import numpy as np
 from tubeplanner.collision.obstacle import AttachedSolid, Obstacle, placement_of
 from tubeplanner.errors import ProblemError, RobotError
 from tubeplanner.problem.joint_values import configuration_of
+from tubeplanner.problem.point_file import read_points
 from tubeplanner.problem.problem import PlanningProblem, Seed
 from tubeplanner.problem.problem_format import (
     AttachedFields,
@@ -16,6 +17,7 @@ from tubeplanner.problem.problem_format import (
     JointValues,
     ObstacleFields,
     ProblemFields,
+    TubeFields,
     check_problem_fields,
     read_problem_fields,
 )
@@ -76,13 +78,13 @@ def _build(
     directory: Path,
     name: str,
     source: str,
-    tube_of: Callable[[ProblemFields, RobotModel], Tube],
+    tube_of: Callable[[ProblemFields, RobotModel, Path], Tube],
 ) -> PlanningProblem:
     try:
         robot = robot_of(fields, directory)
         problem = PlanningProblem(
             robot=robot,
-            tube=tube_of(fields, robot),
+            tube=tube_of(fields, robot, directory),
             start=_endpoint("start", fields.start),
             goal=None if fields.goal is None else _endpoint("goal", fields.goal),
             obstacles=tuple(
@@ -125,25 +127,51 @@ def robot_of(problem: ProblemFields, directory: Path) -> RobotModel:
     )
 
 
-def _tube(fields: ProblemFields, robot: RobotModel) -> Tube:
+def _tube(fields: ProblemFields, robot: RobotModel, directory: Path) -> Tube:
     if fields.tube is None:
         raise ProblemError(
             "tube is required; `tubeplanner route` finds one from start, goal and obstacles"
         )
     if fields.goal is not None and fields.goal.position is not None:
         raise ProblemError("goal.position is for `tubeplanner route`, which finds joints for it")
+    points, radius, orientations = _points(fields.tube, directory)
     return Tube(
-        fields.tube.points,
-        fields.tube.radius,
+        points,
+        radius,
         tool_radius=fields.tube.tool_radius,
         joint_signs=fields.tube.joint_signs,
         visit=fields.tube.visit,
-        orientations=fields.tube.orientations,
+        orientations=orientations,
         rotation_tolerance=fields.tube.rotation_tolerance,
+        pass_through_points=fields.tube.pass_through_points,
     )
 
 
-def _tube_anywhere(fields: ProblemFields, robot: RobotModel) -> Tube:
+def _points(fields: TubeFields, directory: Path) -> tuple[Any, Any, Any]:
+    """Return points, radius and orientations, from the problem file or from its file of points.
+
+    Raises:
+        ProblemError: One of them is given in neither, or in both.
+    """
+    given: dict[str, Any] = {"radius": fields.radius, "orientations": fields.orientations}
+    points: Any = fields.points
+    if isinstance(points, str):
+        read = read_points(directory / points)
+        for key, values in (("radius", read.radius), ("orientations", read.orientations)):
+            if values is not None and given[key] is not None:
+                raise ProblemError(
+                    f"tube.{key} is given, and {points} has it too; leave out one of them"
+                )
+            given[key] = given[key] if values is None else values
+        points = read.points
+    if given["radius"] is None:
+        raise ProblemError(
+            f"tube.radius is required: give it here or as a column radius of {fields.points}"
+        )
+    return points, given["radius"], given["orientations"]
+
+
+def _tube_anywhere(fields: ProblemFields, robot: RobotModel, directory: Path) -> Tube:
     """Return the tube that lets the tool be anywhere, from its start to its goal."""
     if fields.start.joints is None:
         raise ProblemError("start.joints is required: a seed belongs to the first point of a tube")

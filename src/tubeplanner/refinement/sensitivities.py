@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.refinement.refinement import Refinement
+from tubeplanner.tube.tube import Tube
 
 _RISE = 0.1  # the rise of a limit for which `saved` holds
 
@@ -16,10 +17,12 @@ class Sensitivity:
         limit: "effort" (both directions together), "velocity", "acceleration", "jerk", "radius" or
             "rotation".
         joint: Whose limit; None for a radius or a rotation tolerance.
-        segment: Which segment's radius or rotation tolerance; None for a joint.
+        segment: Which segment's radius or rotation tolerance, the first of those that count as one;
+            None for a joint.
         elasticity: d ln T / d ln limit, at most 0: the relative change of the duration per relative
             rise of the limit.
         saved: What 10 % more would save [s], to first order.
+        last_segment: The last of those; None for a joint.
     """
 
     limit: str
@@ -27,9 +30,12 @@ class Sensitivity:
     segment: int | None
     elasticity: float
     saved: float
+    last_segment: int | None = None
 
     def __str__(self) -> str:
         place = f"segment {self.segment}" if self.joint is None else self.joint
+        if self.last_segment not in (None, self.segment):
+            place = f"segments {self.segment} to {self.last_segment}"
         return f"{self.limit} of {place}: {1000 * self.saved:.2g} ms"
 
 
@@ -47,7 +53,13 @@ def limit_sensitivities(
     for (limit, index), elasticity in refinement.elasticities().items():
         of_segment = limit in ("radius", "rotation")
         joint = None if of_segment else problem.robot.joint_names[index]
-        segment = index if of_segment else None
+        first, last = _numbers(problem.tube, index) if of_segment else (None, None)
         saved = -elasticity * _RISE * duration
-        found.append(Sensitivity(limit, joint, segment, elasticity, saved))
+        found.append(Sensitivity(limit, joint, first, elasticity, saved, last))
     return tuple(sorted(found, key=lambda sensitivity: -sensitivity.saved))
+
+
+def _numbers(tube: Tube, segment: int) -> tuple[int, int]:
+    """Return what messages call the first and the last of a segment's parts."""
+    begin, end = (tube.points[segment + k] for k in (0, 1))
+    return tube.segment_number(segment, begin), tube.segment_number(segment, end)

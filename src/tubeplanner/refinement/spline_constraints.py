@@ -26,7 +26,7 @@ from tubeplanner.refinement.phased_spline import (
 )
 from tubeplanner.refinement.rotation_constraints import EvaluatedRotation, evaluated_rotation
 from tubeplanner.refinement.sampled_spline import sampled
-from tubeplanner.refinement.tube_constraints import evaluated_tube
+from tubeplanner.refinement.tube_constraints import evaluated_points, evaluated_tube
 
 # Samples per knot interval. There, accelerations are straight lines and jerks constant.
 _EFFORT_SAMPLES = np.arange(2) / 2
@@ -97,6 +97,7 @@ class SplineConstraints:
             kinds: at for kinds, at in evaluation_points.items() if self._limits.limited(kinds)
         }
         self._tube_samples = grid.samples(_TUBE_SAMPLES).and_also(ends)
+        self._passing_samples = ends.where(problem.tube.compulsory_points - 1)
         self._dense_samples = grid.samples(_DENSE_SAMPLES)
 
     def links_on(self, spline: PhasedSpline, other: PhasedSpline) -> LinkConstraints:
@@ -160,7 +161,9 @@ class SplineConstraints:
             higher = _peaks(worst.limits[0].squared_durations, floor)
             self._watch_efforts(self._dense_samples.where(higher))
             has_more |= len(higher) > 0
-        outside = np.concatenate([_peaks(part.excess, 0.0) for part in worst.tool])
+        # Compulsory points are passed at switching times, and need no other samples.
+        dense = [p for p in worst.tool if p.at.evaluation_points is self._dense_samples]
+        outside = np.concatenate([_peaks(part.excess, 0.0) for part in dense])
         self._tube_samples = self._tube_samples.and_also(self._dense_samples.where(outside))
         return worst, has_more or len(outside) > 0
 
@@ -187,6 +190,8 @@ class SplineConstraints:
             for kinds, evaluation_points in limited.items()
         )
         capsules, rotation = self._tool_at(spline, tube_samples)
+        if len(self._problem.tube.compulsory_points):
+            capsules = (*capsules, self._points_at(spline))
         links = self._links.at(spline)
         found = [part.excess.max(initial=0.0) for part in (*capsules, rotation, links) if part]
         squared_duration = max(float(part.squared_durations.max()) for part in limits)
@@ -211,6 +216,12 @@ class SplineConstraints:
         )
         capsules = (tube, rotation.angle()) if has_angle else (tube,)
         return capsules, rotation if has_components else None
+
+    def _points_at(self, spline: PhasedSpline) -> EvaluatedCapsules:
+        """Return the constraints of compulsory points, at the ends of the segments before them."""
+        at, first = sampled(spline, self._passing_samples), len(self._limits.names)
+        points = self._problem.tube.compulsory_points
+        return evaluated_points(self._problem, at, points, self._radius, INNER_MARGIN, first)
 
 
 def _peaks(values: FloatArray, floor: float) -> IntArray:

@@ -215,7 +215,7 @@ def _by_whole_radius(sensitivity: Sensitivity, tube: Tube) -> float:
     """Return an elasticity by the radius, the tool radius included; nothing for joints."""
     if sensitivity.limit != "radius" or sensitivity.segment is None:
         return 0.0
-    k = sensitivity.segment
+    k = tube.segment_index(sensitivity.segment)
     return float(sensitivity.elasticity * tube.radius[k] / tube.effective_radius[k])
 
 

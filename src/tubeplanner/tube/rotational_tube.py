@@ -50,6 +50,11 @@ class RotationalTube:
         """Whether any rotation is bounded at all."""
         return bool(np.isfinite(self.bounds).any())
 
+    @property
+    def angles(self) -> FloatArray:
+        """How far the reference turns in each segment, shape (m,) [rad]."""
+        return np.linalg.norm(self.turn, axis=1)
+
     def projection(self, tool: FloatArray, segment: Segment) -> FloatArray:
         """Return where along a segment's line the point nearest to tools (N, 3) is: u, (N,).
 

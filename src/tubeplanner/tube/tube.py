@@ -7,14 +7,17 @@ frame.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from itertools import pairwise
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias, TypeVar
 
 import numpy as np
 
-from tubeplanner.arrays import FloatArray, read_only
+from tubeplanner.arrays import FloatArray, IntArray, read_only
 from tubeplanner.errors import ProblemError, shown, unknown_name
 from tubeplanner.options import in_figures, is_number
+from tubeplanner.tube.compulsory_points import PASS_THROUGH, compulsory_points
+from tubeplanner.tube.repeated_points import MIN_LENGTH, DistinctPoints, distinct_points
 from tubeplanner.tube.rotational_tube import (
     RotationalTube,
     RotationBound,
@@ -27,6 +30,8 @@ JointRange: TypeAlias = tuple[float, float]
 # "+", "-", "0", 1, -1, 0 or a range of two numbers
 JointSign: TypeAlias = Any
 
+_T = TypeVar("_T")
+
 _SIGNS: dict[str | int, JointRange] = {
     "+": (0.0, np.inf),
     "-": (-np.inf, 0.0),
@@ -37,7 +42,6 @@ _SIGNS: dict[str | int, JointRange] = {
 }
 _ALL = slice(None)
 _MAX_EXTENT = 1e4  # [m]
-MIN_LENGTH = 1e-6  # [m]: reference points nearer to each other are the same; no radius is less
 VISITS = ("ordered", "any")
 
 
@@ -56,8 +60,14 @@ class Tube:
             None: any orientation is allowed.
         rotation_tolerance: Per segment one angle, or bounds on the three components of
             log(R_ref^T R) [rad]; None: as above.
+        pass_through_points: Which inner points the tool must pass within the smaller radius
+            beside them: "all", "corners" (where the tube turns back by more than 150 degrees) or
+            "none".
+        numbers: What messages call the points, shape (m+1,): 0 to m, unless points were left out.
         joint_ranges: Per segment, by joint name: [lower, upper], what the signs mean [rad or m].
         rotation: The rotation tolerance as geometry; None: as above.
+        notes: What was left out of what was given.
+        parts: The tube whose segments were joined to this one's; None if none were.
     """
 
     points: FloatArray
@@ -67,8 +77,12 @@ class Tube:
     visit: Literal["ordered", "any"]
     orientations: FloatArray | None
     rotation_tolerance: tuple[RotationBound, ...] | None
+    pass_through_points: Literal["all", "corners", "none"]
+    numbers: IntArray
     joint_ranges: tuple[Mapping[str, JointRange], ...] = field(init=False)
     rotation: RotationalTube | None = field(init=False)
+    notes: tuple[str, ...] = field(init=False)
+    parts: "Tube | None" = field(init=False)
 
     def __init__(
         self,
@@ -80,8 +94,10 @@ class Tube:
         visit: Literal["ordered", "any"] = "ordered",
         orientations: Sequence[Sequence[float]] | FloatArray | None = None,
         rotation_tolerance: float | Sequence[float | Sequence[float]] | None = None,
+        pass_through_points: Literal["all", "corners", "none"] = "corners",
+        numbers: Sequence[int] | IntArray | None = None,
     ) -> None:
-        """Check and keep the tube.
+        """Check and keep the tube; points that repeat the one before are left out, with a note.
 
         Args:
             points: m+1 reference points, shape (m+1, 3) [m].
@@ -95,6 +111,8 @@ class Tube:
             rotation_tolerance: m entries, each one angle by which the tool may deviate, or bounds
                 on the components of the rotation vector log(R_ref^T R), infinite where free; one
                 number serves for all segments [rad].
+            pass_through_points: "all", "corners" or "none".
+            numbers: What messages call the points, m+1 ascending numbers; default: 0 to m.
 
         Raises:
             ProblemError: A count, a number or a sign is wrong; the message names it.
@@ -105,15 +123,26 @@ class Tube:
         signs = _maps(joint_signs or {}, segments)
         ranges = _ranges(signs, visit)
         quaternions, bounds, rotation = _rotation(corners, orientations, rotation_tolerance)
-        if visit not in VISITS:
-            raise ProblemError(f"tube.visit: {unknown_name('value', str(visit), VISITS)}")
+        _require_named("visit", visit, VISITS)
+        _require_named("pass_through_points", pass_through_points, PASS_THROUGH)
         if not is_number(tool_radius) or not 0 <= tool_radius <= radii.min() - MIN_LENGTH:
             raise ProblemError(
                 f"tube.tool_radius {in_figures(tool_radius)} m must be >= 0 and below the smallest "
                 f"radius, {radii.min():g} m, by at least {MIN_LENGTH:g} m"
             )
-        kept = (corners, radii, float(tool_radius), signs, visit, quaternions, bounds)
-        for attribute, value in zip(fields(self), (*kept, ranges, rotation), strict=True):
+        named = np.arange(segments + 1) if numbers is None else np.array(numbers)
+        asked = list(zip(radii.tolist(), ranges, bounds or [None] * segments, strict=True))
+        kept = distinct_points(corners, asked, None if rotation is None else rotation.angles)
+        if len(kept.dropped):
+            corners, radii = read_only(corners[kept.points]), read_only(radii[kept.segments])
+            signs, ranges = _some(signs, kept.segments), _some(ranges, kept.segments)
+            if quaternions is not None and bounds is not None:
+                quaternions, bounds = quaternions[kept.points], _some(bounds, kept.segments)
+                quaternions, bounds, rotation = _rotation(corners, quaternions, bounds)
+        sizes = (corners, radii, float(tool_radius))
+        rules = (signs, visit, quaternions, bounds, pass_through_points, named[kept.points])
+        made = (ranges, rotation, _notes(named, kept), None)
+        for attribute, value in zip(fields(self), (*sizes, *rules, *made), strict=True):
             object.__setattr__(self, attribute.name, value)  # frozen from here on
 
     @classmethod
@@ -143,6 +172,28 @@ class Tube:
     def effective_radius(self) -> FloatArray:
         """How far the tool centre point may stray, shape (m,) [m]."""
         return self.radius - self.tool_radius
+
+    @cached_property
+    def compulsory_points(self) -> IntArray:
+        """Indices of the inner points that the tool must pass within the smaller radius beside."""
+        return compulsory_points(self.points, self.effective_radius, self.pass_through_points)
+
+    def segment_number(self, k: int, tool: FloatArray | None = None) -> int:
+        """Return what messages call a segment.
+
+        Args:
+            k: Its index.
+            tool: A position (3,) [m] in it: of joined segments the nearest is meant, not the first.
+        """
+        if self.parts is None:
+            return int(self.numbers[k + 1]) - 1
+        first, end = np.searchsorted(self.parts.numbers, self.numbers[k : k + 2])
+        away = 0 if tool is None else self.parts.distance(tool[None], slice(first, end)).argmin()
+        return self.parts.segment_number(int(first + away))
+
+    def segment_index(self, number: int) -> int:
+        """Return the index of the segment that messages call by a number."""
+        return int(np.searchsorted(self.numbers[1:], number + 1))
 
     def distance(self, p: FloatArray, segments: slice = _ALL) -> FloatArray:
         """Return distances of points (N, 3) to some segments (of m, all), shape (N, m) [m]."""
@@ -204,10 +255,25 @@ def _points(points: Sequence[Sequence[float]] | FloatArray) -> FloatArray:
         )
     if not (abs(corners) <= _MAX_EXTENT).all():
         raise ProblemError(f"tube.points must be finite numbers within {_MAX_EXTENT:g} m")
-    for k, length in enumerate(np.linalg.norm(np.diff(corners, axis=0), axis=1)):
-        if not length >= MIN_LENGTH:
-            raise ProblemError(f"tube.points: points {k} and {k + 1} are the same; remove one")
     return corners
+
+
+def _notes(numbers: IntArray, kept: DistinctPoints) -> tuple[str, ...]:
+    """Say which points were left out."""
+    return tuple(
+        f"tube.points: point {numbers[k]} is the same as the one before within {MIN_LENGTH:g} m; "
+        f"it is left out, with segment {numbers[k] - 1}"
+        for k in kept.dropped
+    )
+
+
+def _some(values: tuple[_T, ...], indices: IntArray) -> tuple[_T, ...]:
+    return tuple(values[k] for k in indices)
+
+
+def _require_named(key: str, value: object, known: Sequence[str]) -> None:
+    if value not in known:
+        raise ProblemError(f"tube.{key}: {unknown_name('value', str(value), known)}")
 
 
 def _radii(radius: float | Sequence[float] | FloatArray, segments: int) -> FloatArray:

@@ -19,6 +19,7 @@ CONDITION_NAMES = (
     "tube",
     "joint_signs",
     "rotation",
+    "points",
     "start",
     "goal",
     "rest",

@@ -11,6 +11,7 @@ from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.bernstein import bernstein_coefficients, halves
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
+from tubeplanner.tube.compulsory_points import passing_radius
 from tubeplanner.tube.tube import Tube
 from tubeplanner.verification.enclosure import Enclosure
 from tubeplanner.verification.switching_samples import best_switching_samples
@@ -42,6 +43,21 @@ class Visit:
 
 
 @dataclass(frozen=True)
+class Passage:
+    """How a compulsory point is passed.
+
+    Attributes:
+        point: Index of the point.
+        time: When it is passed the nearest [s].
+        margin: How far inside the ball about it the tool is then [m].
+    """
+
+    point: int
+    time: float
+    margin: float
+
+
+@dataclass(frozen=True)
 class LeastMargin:
     """Where the tool comes nearest to a bound, on its place or its rotation, or farthest out.
 
@@ -68,8 +84,9 @@ def tube_visits(
 ) -> list[Visit]:
     """Return visits that cover the whole trajectory, one after the other.
 
-    Switching times are chosen to leave the largest margins of tool, rotation and joint ranges. If
-    the tube is to be visited in order, every segment is visited once; else, as often as needed.
+    Switching times are chosen to leave the largest margins of tool, rotation and joint ranges, and
+    so that compulsory points are passed. If the tube is to be visited in order, every segment is
+    visited once; else, as often as needed.
 
     Args:
         problem: The planning problem.
@@ -81,7 +98,7 @@ def tube_visits(
     time = fit.sample_times()
     values = fit.at(time)
     if problem.tube.visit == "ordered":
-        samples = best_switching_samples(values)
+        samples = _switching_samples(values, fit.passing_margins(fit.tool_at(time)))
         # The nearest other times: at a breakpoint two samples share one.
         before = np.searchsorted(time, time[samples], "left") - 1
         after = np.searchsorted(time, time[samples], "right")
@@ -102,6 +119,64 @@ def tube_visits(
         Visit(segment, begin, end)
         for segment, (begin, end) in zip(segments.tolist(), pairwise(times), strict=True)
     ]
+
+
+def _switching_samples(values: FloatArray, passing: dict[int, FloatArray]) -> IntArray:
+    """Return the best switching samples; others, if only these let compulsory points be passed.
+
+    Not at the cost of another condition that holds: what is missed is the point.
+    """
+    samples = best_switching_samples(values)
+    if not passing or _worst_passing(samples, passing) >= 0:
+        return samples
+    others = best_switching_samples(values, passing)
+    needed = min(0.0, _worst_visit(samples, values))
+    return others if _worst_visit(others, values) >= needed else samples
+
+
+def _worst_visit(samples: IntArray, values: FloatArray) -> float:
+    """Return the least value (N, m) of an ordered visit."""
+    ends = [0, *samples.tolist(), len(values) - 1]
+    visits = zip(ends, ends[1:], values.T, strict=False)
+    return min(float(value[begin : end + 1].min()) for begin, end, value in visits)
+
+
+def _worst_passing(samples: IntArray, passing: dict[int, FloatArray]) -> float:
+    """Return by how much the worst point is passed during the two segments beside it [m]."""
+    ends = [0, *samples.tolist(), None]
+    last = {k: None if ends[k + 1] is None else ends[k + 1] + 1 for k in passing}
+    return min(float(margin[ends[k - 1] : last[k]].max()) for k, margin in passing.items())
+
+
+def passages(
+    problem: PlanningProblem,
+    trajectory: JointTrajectory,
+    tool: Enclosure,
+    visits: list[Visit],
+    rotation: Enclosure | None = None,
+) -> list[Passage]:
+    """Return where the tool passes each compulsory point the nearest, at an instant that counts.
+
+    It counts if one of the two segments beside the point is the current one or, if segments are
+    visited at will, may be. What is found is a lower bound of the margin: at that instant it is so.
+
+    Args:
+        problem: The planning problem.
+        trajectory: The trajectory.
+        tool: Its tool's position.
+        visits: Its visits, as `tube_visits` returns them.
+        rotation: As for `tube_visits`.
+    """
+    fit = _Fit(problem, trajectory, tool, rotation)
+    time = fit.sample_times()
+    found = []
+    for k in problem.tube.compulsory_points.tolist():
+        low, high = 0.0, trajectory.duration
+        if problem.tube.visit == "ordered":
+            low, high = visits[k - 1].begin, visits[k].end
+        inside = np.unique(np.concatenate([[low], time[(time > low) & (time < high)], [high]]))
+        found.append(fit.best_passage(k, inside))
+    return found
 
 
 def least_margin(tube: Tube, tool: Enclosure, visits: list[Visit]) -> LeastMargin:
@@ -190,7 +265,7 @@ class _Fit:
         """
         wanted = range(self._tube.segment_count) if segments is None else segments
         columns = list(wanted)
-        q, tool = self._trajectory.position(time), self._tool.at(time)
+        q, tool = self._trajectory.position(time), self.tool_at(time)
         lower, upper = self._lower[columns], self._upper[columns]
         joint_margin = np.minimum(q[:, None] - lower, upper - q[:, None]).min(axis=2)
         margin = np.minimum(self._tube.margin(tool)[:, columns], joint_margin)
@@ -200,6 +275,44 @@ class _Fit:
                 turned = self._tube.rotation_margin(rotation, tool, slice(k, k + 1))[:, 0]
                 margin[:, column] = np.minimum(margin[:, column], turned)
         return margin
+
+    def tool_at(self, time: FloatArray) -> FloatArray:
+        """Return the tool's positions at times (N,), shape (N, 3) [m]."""
+        return self._tool.at(time)
+
+    def passing_margins(self, tool: FloatArray) -> dict[int, FloatArray]:
+        """Return how far inside the ball about each compulsory point tools (N, 3) are, (N,) [m]."""
+        tube = self._tube
+        radius = passing_radius(tube.effective_radius)
+        return {
+            k: radius[k - 1] - np.linalg.norm(tool - tube.points[k], axis=1)
+            for k in tube.compulsory_points.tolist()
+        }
+
+    def best_passage(self, k: int, time: FloatArray) -> Passage:
+        """Return how a compulsory point is passed the nearest, at or between times (N,) [s]."""
+
+        def margin(t: FloatArray) -> FloatArray:
+            inside = self.passing_margins(self.tool_at(t))[k]
+            if self._tube.visit == "ordered":
+                return inside
+            return np.minimum(inside, self.at(t, (k - 1, k)).max(axis=1))
+
+        best = int(margin(time).argmax())
+        around = time[[max(best - 1, 0), best, min(best + 1, len(time) - 1)]]
+        candidates = [float(around[1])]
+        if around[0] < around[2]:
+            found = minimize_scalar(
+                lambda t: -float(margin(np.array([t]))[0]),
+                bounds=(around[0], around[2]),
+                method="bounded",
+                options={"xatol": _SWITCHING_TOLERANCE},
+            )
+            candidates.append(float(found.x))
+        margins = margin(np.array(candidates))
+        # Where the tool really is; the enclosure is off by next to nothing.
+        error = float(self._tool.error.max())
+        return Passage(k, candidates[margins.argmax()], float(margins.max()) - error)
 
     def best_time(self, pair: tuple[int, int], low: float, high: float) -> float:
         """Return when, between two times, the worse of two segments' margins is largest."""

@@ -30,7 +30,7 @@ from tubeplanner.verification.enclosure import (
     enclosed_tool,
 )
 from tubeplanner.verification.rotation_visits import least_rotation_margin
-from tubeplanner.verification.tube_visits import Visit, least_margin, tube_visits
+from tubeplanner.verification.tube_visits import Visit, least_margin, passages, tube_visits
 
 _STILL_SHARE = 1e-6  # a joint slower than this share of the fastest counts as standing still
 # How closely efforts [share of their limits] and tool [m] are enclosed: tighter than the
@@ -65,6 +65,7 @@ def verify(
             f"the trajectory is {shown(trajectory)}; give a JointTrajectory, as plan returns"
         )
     tolerance = tolerance or Tolerance()
+    problem = problem.joined
     judge = _Judge(problem, trajectory.reordered(problem.robot.joint_names), tolerance)
     conditions = {
         "position": judge.position(),
@@ -75,6 +76,7 @@ def verify(
         "tube": judge.tube(),
         "joint_signs": judge.joint_signs(),
         "rotation": judge.rotation(),
+        "points": judge.points(),
         "start": judge.endpoint(0),
         "goal": judge.endpoint(-1),
         "rest": judge.rest(),
@@ -138,7 +140,7 @@ class _Judge:
     def tube(self) -> JudgedCondition:
         """The tool in the tube, segment by segment or in their union."""
         least = least_margin(self._tube, self._tool, self._visits)
-        place = Place(time=least.time, segment=least.segment)
+        place = Place(time=least.time, segment=self._number(least.segment, least.time))
         return JudgedCondition(
             least.lower_bound, "m", place, _bracketed(least.lower_bound, least.attained, "m")
         )
@@ -150,7 +152,7 @@ class _Judge:
         least = least_rotation_margin(self._tube.rotation, self._pose, self._visits)
         if least is None:
             return JudgedCondition(None, "rad", Place(), "free in every segment visited")
-        place = Place(time=least.time, segment=least.segment)
+        place = Place(time=least.time, segment=self._number(least.segment, least.time))
         coverage = _bracketed(least.lower_bound, least.attained, "rad")
         return JudgedCondition(least.lower_bound, "rad", place, coverage)
 
@@ -163,11 +165,27 @@ class _Judge:
             margin, place = self._range_margin(part, lower[visit.segment], upper[visit.segment])
             if margin is not None:
                 time = visit.begin + (place.time or 0.0)
-                found.append((margin, Place(time, place.joint, visit.segment)))
+                number = self._number(visit.segment, time)
+                found.append((margin, Place(time, place.joint, number)))
         if not found:
             return JudgedCondition(None, "rad", Place(), "no segment has joint signs")
         margin, place = min(found, key=lambda item: item[0])
         return JudgedCondition(margin, self._unit_at(place), place, FOR_ALL_TIMES)
+
+    def points(self) -> JudgedCondition:
+        """Compulsory points, each at an instant when one of its two segments is the current one."""
+        rotation = None if self._pose is None else self._pose.rotation
+        found = passages(self._problem, self._trajectory, self._tool, self._visits, rotation)
+        if not found:
+            return JudgedCondition(None, "m", Place(), "no point is to be passed")
+        worst = min(found, key=lambda passage: passage.margin)
+        place = Place(time=worst.time, point=int(self._tube.numbers[worst.point]))
+        return JudgedCondition(worst.margin, "m", place, "at the instant that is nearest")
+
+    def _number(self, segment: int, time: float) -> int:
+        """Return what messages call a segment; where parts are joined, the one at a time [s]."""
+        tool = self._robot.tool_position(self._trajectory.position(time)[None])[0]
+        return self._tube.segment_number(segment, tool)
 
     def endpoint(self, index: int) -> JudgedCondition:
         """Start (0) or goal (-1): the given configuration, or else the reference point."""
