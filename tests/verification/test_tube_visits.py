@@ -11,6 +11,7 @@ from tubeplanner.verification.enclosure import Enclosure, enclosed_tool
 from tubeplanner.verification.switching_samples import best_switching_samples
 from tubeplanner.verification.tube_visits import (
     Visit,
+    _switching_samples,
     least_margin,
     passages,
     tube_visits,
@@ -345,6 +346,15 @@ def test_a_point_is_not_passed_at_the_cost_of_the_tube(two_link):
     )[1]
     assert min(one.margin for one in found) < -0.05
     assert visits == without
+
+
+def test_other_switching_times_pass_a_point_only_if_they_keep_the_rest():
+    inside = {1: np.array([-5.0, -5.0, -5.0, 0.5])}
+    strict = np.array([[1.0, 1, -1], [-1, 1, 1], [-1, -1, 1], [-1, -1, 1]])
+    assert _switching_samples(strict, inside).tolist() == [0, 1]
+    wide = np.array([[1.0, 1, -1], [-1, 1, 1], [-1, 0.1, 1], [-1, 0.1, 1]])
+    assert _switching_samples(wide, inside).tolist() == [0, 3]
+    assert _switching_samples(wide, {}).tolist() == [0, 1]
 
 
 def test_in_the_union_any_instant_counts_at_which_a_segment_beside_the_point_may_hold(two_link):
