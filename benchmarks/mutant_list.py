@@ -325,10 +325,10 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("visits[k - 1].begin, visits[k].end", "visits[k - 1].begin, visits[k].begin"),
         ("[[low], time", "[time"),
     ],
-    "_Fit.passing_margins": [
-        ("radius[k - 1] -", "2 * radius[k - 1] -"),
-        ("passing_radius(tube.effective_radius)", "passing_radius(tube.radius)"),
-        ("tube.points[k]", "tube.points[k + 1]"),
+    "_Fit.passing_margin": [
+        ("effective_radius[k - 1 : k + 1].min()", "effective_radius[k - 1 : k + 1].max()"),
+        ("self._tube.effective_radius", "self._tube.radius"),
+        ("self._tube.points[k]", "self._tube.points[k + 1]"),
     ],
     "_Fit.best_passage": [
         ('self._tube.visit == "ordered"', "True"),

@@ -88,6 +88,30 @@ def test_another_tube_changes_radii_and_signs_alone(cell, found):
     assert changed == ["radius: [0.02, 0.02]", "joint_signs: {joint2: +}"]
 
 
+@pytest.mark.parametrize("in_file", [True, False])
+def test_points_are_written_where_the_file_has_others_or_more(cell, in_file):
+    """From a file of points, or with one that repeats another: what is written stands alone."""
+    points = [POINTS[0], *POINTS]
+    fields = TEXT.replace("goal:", "g:").split("g:")[0] + "tube:\n  visit: ordered\n"
+    turned = "  orientations: [[0, 0, 0, 1], [0, 0, 0, 1], [0, 0, 0, 1], [0, 0, 0, 1]]\n"
+    fields += "  rotation_tolerance: 3.0\n"
+    if in_file:
+        rows = [",".join(map(str, [*point, 0, 0, 0, 1, 0.1])) for point in points]
+        (cell / "path.csv").write_text("\n".join(rows))
+        fields += "  points: path.csv\n"
+    else:
+        fields += f"  points: {points}\n  radius: [0.1, 0.1, 0.1]\n{turned}"
+    (cell / "many.yaml").write_text(fields)
+    tube = load_problem(cell / "many.yaml").tube
+    target = cell / "other" / "new.yaml"
+    target.write_bytes(with_other_tube(cell / "many.yaml", target, tube.with_radius([0.2, 0.3])))
+    again = load_problem(target).tube
+    np.testing.assert_array_equal(again.points, POINTS)
+    assert again.radius.tolist() == [0.2, 0.3]
+    assert again.rotation_tolerance == (3.0, 3.0)
+    assert again.notes == ()
+
+
 def test_a_file_of_obstacles_needs_no_more(cell):
     (cell / "only.yaml").write_text("obstacles: [{name: ball, sphere: 0.1}]\nclearance: 0.01\n")
     fields = new_fields("example:two_link", "hand", cell / "only.yaml")

@@ -81,8 +81,9 @@ def test_segments_that_ask_for_different_things_stay_apart(points, radius, optio
     assert joined_segments(tube) is tube
 
 
-def test_segments_join_only_as_long_as_the_short_way_round_is_the_same():
-    angles = np.arange(5) * 1.0
+@pytest.mark.parametrize("step", [1.0, np.pi / 4])
+def test_segments_join_only_as_long_as_the_short_way_round_is_the_same(step):
+    angles = np.arange(5) * step
     turned = Rotation.from_rotvec(angles[:, None] * [0, 0, 1]).as_quat()
     points = np.arange(5)[:, None] * [1.0, 0, 0]
     tube = Tube(points, 0.1, orientations=turned, rotation_tolerance=0.1)

@@ -34,6 +34,11 @@ def test_of_equal_choices_the_one_deepest_in_both_segments_is_taken():
     assert best_switching_samples(margin).tolist() == [2]
 
 
+def test_the_segment_before_counts_as_much_as_the_one_after():
+    margin = np.array([[0.1, 0.1], [0.2, 0.5], [0.5, 0.5], [0.5, 0.2], [0.1, 0.1]])
+    assert best_switching_samples(margin).tolist() == [2]
+
+
 def chain(margin):
     """Return the largest worst margin of an ordered visit: sample after sample, segment by segment.
 

@@ -11,6 +11,8 @@ from tubeplanner.verification.enclosure import Enclosure, enclosed_tool
 from tubeplanner.verification.switching_samples import best_switching_samples
 from tubeplanner.verification.tube_visits import (
     Visit,
+    _switching_samples,
+    _worst_passing,
     least_margin,
     passages,
     tube_visits,
@@ -317,7 +319,7 @@ def test_only_instants_in_the_two_segments_beside_a_point_count(two_link):
     assert first.margin == pytest.approx(0.01 - np.linalg.norm(tip - nearest), abs=1e-6)
     assert first.time == pytest.approx(0.02)
     begin = places(two_link, *trajectory.position(0.01)[:1])
-    assert second.margin == pytest.approx(0.01 - np.linalg.norm(low - begin), abs=1e-6)
+    assert second.margin == pytest.approx(0.01 - np.linalg.norm(low - begin), abs=2e-8)
 
 
 def test_of_strokes_that_look_alike_each_has_its_own(two_link):
@@ -347,6 +349,21 @@ def test_a_point_is_not_passed_at_the_cost_of_the_tube(two_link):
     assert visits == without
 
 
+def test_other_switching_times_pass_a_point_only_if_they_keep_the_rest():
+    inside = {1: np.array([-5.0, -5.0, -5.0, 0.5])}
+    strict = np.array([[1.0, 1, -1], [-1, 1, 1], [-1, -1, 1], [-1, -1, 1]])
+    assert _switching_samples(strict, inside).tolist() == [0, 1]
+    wide = np.array([[1.0, 1, -1], [-1, 1, 1], [-1, 0.1, 1], [-1, 0.1, 1]])
+    assert _switching_samples(wide, inside).tolist() == [0, 3]
+    assert _switching_samples(wide, {}).tolist() == [0, 1]
+
+
+@pytest.mark.parametrize("at", range(5))
+def test_a_point_counts_as_passed_in_both_segments_beside_it(at):
+    inside = {2: np.where(np.arange(5) == at, 0.5, -1.0)}
+    assert _worst_passing(np.array([1, 2, 3]), inside) == (0.5 if 1 <= at <= 3 else -1.0)
+
+
 def test_in_the_union_any_instant_counts_at_which_a_segment_beside_the_point_may_hold(two_link):
     low, tip = places(two_link, LOW, TIP)
     signs = [{"joint2": "+"}, {"joint2": "+"}]
@@ -359,3 +376,16 @@ def test_in_the_union_any_instant_counts_at_which_a_segment_beside_the_point_may
     tool = enclosed_tool(two_link, trajectory, 1e-9)
     (passage,) = passages(problem, trajectory, tool, tube_visits(problem, trajectory, tool))
     assert passage.margin == pytest.approx(-1.0, abs=1e-7)  # joint2 is at -1
+    one = Tube([low, tip, low], 0.02, visit="any", joint_signs=[{"joint2": "-"}, {"joint2": "+"}])
+    (passage,), _ = passed(two_link, one, trajectory)
+    assert passage.margin == pytest.approx(0.02, abs=1e-7)
+
+
+def test_what_the_polynomials_miss_is_taken_off_a_passage_too(two_link):
+    problem = PlanningProblem(two_link, spike(two_link), SEED)
+    trajectory = stroke(two_link, LOW, TIP, LOW)
+    tool = enclosed_tool(two_link, trajectory, 1e-9)
+    rough = replace(tool, error=tool.error + 1e-3)
+    visits = tube_visits(problem, trajectory, tool)
+    (exact,), (passage,) = (passages(problem, trajectory, t, visits) for t in (tool, rough))
+    assert passage.margin == pytest.approx(exact.margin - 1e-3, abs=1e-12)

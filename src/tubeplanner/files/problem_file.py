@@ -113,9 +113,6 @@ def move_paths(fields: Any, before: Path, after: Path) -> None:
     robot = fields.get("robot") or {}
     solids = [*(fields.get("obstacles") or ()), *(robot.get("attached") or ())]
     holders = [(robot, "urdf"), (robot, "srdf"), *((solid, "mesh") for solid in solids)]
-    tube = fields.get("tube") or {}
-    if isinstance(tube.get("points"), str):
-        holders.append((tube, "points"))
     for holder, key in holders:
         if holder.get(key) is not None:
             holder[key] = _moved(holder[key], before, after)

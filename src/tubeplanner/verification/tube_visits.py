@@ -11,7 +11,6 @@ from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.bernstein import bernstein_coefficients, halves
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
-from tubeplanner.tube.compulsory_points import passing_radius
 from tubeplanner.tube.tube import Tube
 from tubeplanner.verification.enclosure import Enclosure
 from tubeplanner.verification.switching_samples import best_switching_samples
@@ -98,7 +97,8 @@ def tube_visits(
     time = fit.sample_times()
     values = fit.at(time)
     if problem.tube.visit == "ordered":
-        samples = _switching_samples(values, fit.passing_margins(fit.tool_at(time)))
+        points = problem.tube.compulsory_points.tolist()
+        samples = _switching_samples(values, {k: fit.passing_margin(k, time) for k in points})
         # The nearest other times: at a breakpoint two samples share one.
         before = np.searchsorted(time, time[samples], "left") - 1
         after = np.searchsorted(time, time[samples], "right")
@@ -265,7 +265,7 @@ class _Fit:
         """
         wanted = range(self._tube.segment_count) if segments is None else segments
         columns = list(wanted)
-        q, tool = self._trajectory.position(time), self.tool_at(time)
+        q, tool = self._trajectory.position(time), self._tool.at(time)
         lower, upper = self._lower[columns], self._upper[columns]
         joint_margin = np.minimum(q[:, None] - lower, upper - q[:, None]).min(axis=2)
         margin = np.minimum(self._tube.margin(tool)[:, columns], joint_margin)
@@ -276,24 +276,18 @@ class _Fit:
                 margin[:, column] = np.minimum(margin[:, column], turned)
         return margin
 
-    def tool_at(self, time: FloatArray) -> FloatArray:
-        """Return the tool's positions at times (N,), shape (N, 3) [m]."""
-        return self._tool.at(time)
-
-    def passing_margins(self, tool: FloatArray) -> dict[int, FloatArray]:
-        """Return how far inside the ball about each compulsory point tools (N, 3) are, (N,) [m]."""
-        tube = self._tube
-        radius = passing_radius(tube.effective_radius)
-        return {
-            k: radius[k - 1] - np.linalg.norm(tool - tube.points[k], axis=1)
-            for k in tube.compulsory_points.tolist()
-        }
+    def passing_margin(self, k: int, time: FloatArray) -> FloatArray:
+        """Return how far inside the ball about point k the tool is at times (N,), (N,) [m]."""
+        radius = self._tube.effective_radius[k - 1 : k + 1].min()
+        away = np.linalg.norm(self._tool.at(time) - self._tube.points[k], axis=1)
+        margin: FloatArray = radius - away
+        return margin
 
     def best_passage(self, k: int, time: FloatArray) -> Passage:
         """Return how a compulsory point is passed the nearest, at or between times (N,) [s]."""
 
         def margin(t: FloatArray) -> FloatArray:
-            inside = self.passing_margins(self.tool_at(t))[k]
+            inside = self.passing_margin(k, t)
             if self._tube.visit == "ordered":
                 return inside
             return np.minimum(inside, self.at(t, (k - 1, k)).max(axis=1))
