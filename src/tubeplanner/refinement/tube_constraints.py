@@ -4,8 +4,9 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.refinement.capsule_constraints import EvaluatedCapsules
+from tubeplanner.refinement.capsule_constraints import Capsules, EvaluatedCapsules
 from tubeplanner.refinement.linear_rows import NO_LIMIT
+from tubeplanner.refinement.ordered_segments import OrderedSegments
 from tubeplanner.refinement.phased_spline import Samples
 from tubeplanner.refinement.sampled_spline import SampledSpline
 
@@ -18,17 +19,20 @@ def evaluated_tube(
     margin: float,
     first_limit: int = NO_LIMIT,
 ) -> EvaluatedCapsules:
-    """Return the tube at samples of a spline; each phase belongs to the segment of its number.
+    """Return the tube at N samples of a spline, each in one of its phase's segments.
 
     Args:
         problem: The planning problem.
         at: The spline at the samples.
-        samples: Each is in the phase of its segment.
+        samples: The samples.
         radius: Of the segments, shape (m,) [m].
         margin: The share of the radii that stays unused.
         first_limit: Number of the first segment's radius among the limits.
     """
-    robot, points, segment = problem.robot, problem.tube.points, samples.phase
+    robot, points = problem.robot, problem.tube.points
+    segments = OrderedSegments(points, radius, at.spline.grid.chains, samples)
+    tool = robot.tool_position(at.position)
+    segment = segments.at(tool)
 
     def jacobian() -> FloatArray:
         linear: FloatArray = robot.tool_jacobian(at.position)[1][:, :3]
@@ -37,11 +41,12 @@ def evaluated_tube(
     limit = np.full(len(segment), NO_LIMIT) if first_limit == NO_LIMIT else first_limit + segment
     return EvaluatedCapsules(
         at,
-        robot.tool_position(at.position),
+        tool,
         jacobian,
-        points[segment],
-        points[segment + 1],
-        radius[segment],
-        margin,
+        Capsules(points[:-1], points[1:], radius),
+        segment,
+        segments.at,
+        segments.in_chain,
+        np.full(len(segment), margin),
         limit,
     )
