@@ -136,7 +136,9 @@ class EvaluatedCapsules:
         away = self._away(vector, segment)
         outside = np.flatnonzero(self._excess_of(away, segment) > elastic + _OUTSIDE)
         normal = away[outside] / np.linalg.norm(away[outside], axis=1)[:, None]
-        return Planes(outside, normal, segment[outside])
+        planes = Planes(outside, normal, segment[outside])
+        # Those that hold the sample's present capsule too may be farther out than the vectors.
+        return planes.where(self.slack(planes, vector - self.vector) < -elastic)
 
     def after(self, control: FloatArray, switching: FloatArray) -> FloatArray:
         """Return the vectors after a step, to first order, shape (N, 3).

@@ -16,16 +16,17 @@ def widened_radius(tube: Tube, grid: KnotGrid) -> FloatArray:
     """Return radii (m,) [m] of a tube that splines on some knots can follow.
 
     Where the tube turns sharply it is hardly widened: else the spline would leave out the turn.
-    Chains are not widened: their knots are as many as it takes to begin in the tube.
     """
     axis = np.diff(tube.points, axis=0)
     length = np.linalg.norm(axis, axis=1)
-    counts = [len(chain) for chain in grid.chains]
-    intervals = np.repeat([len(shares) - 1 for shares in grid.shares], counts)
-    is_alone = np.repeat(np.array(counts) == 1, counts)
+    interval = [
+        length[chain.start : chain.stop].sum() / (len(shares) - 1)
+        for chain, shares in zip(grid.chains, grid.shares, strict=True)
+    ]
+    interval_of = np.repeat(interval, [len(chain) for chain in grid.chains])
     widest = np.append(np.append(np.inf, _corner_radius(axis, length)), np.inf)
     widest = np.minimum(widest[:-1], widest[1:])
-    wanted = is_alone * np.minimum(_INTERVAL_SHARE * length / intervals, widest)
+    wanted = np.minimum(_INTERVAL_SHARE * interval_of, widest)
     widened: FloatArray = np.maximum(tube.effective_radius, wanted)
     return widened
 
