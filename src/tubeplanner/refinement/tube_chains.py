@@ -21,8 +21,8 @@ _SAMPLES = 200
 _KINK = 0.02
 # Up to so many corners all end a phase; of more, only the sharper ones, and at most so many.
 _MANY_CORNERS, _SHARP_KINK, _MOST_SHARP = 12, 0.1, 24
-# A turn counts as far as the path turns within so many radii too: noise turns back at once.
-_WINDOW = 1.5
+# A turn counts as far as the path turns over so many radii on both sides: noise turns back at once.
+_WINDOW = 3.0
 
 
 def tube_chains(problem: PlanningProblem) -> tuple[range, ...]:
