@@ -44,9 +44,7 @@ def circle_tube(count):
 
 
 def on_circle(share):
-    return 0.07 * np.column_stack(
-        [np.cos(2 * np.pi * share), np.sin(2 * np.pi * share), 0 * share]
-    )
+    return 0.07 * np.column_stack([np.cos(2 * np.pi * share), np.sin(2 * np.pi * share), 0 * share])
 
 
 def test_a_closed_path_begins_in_its_first_segment_and_ends_in_its_last():

@@ -47,3 +47,16 @@ def test_every_segment_of_a_chain_has_its_price(answers):
         totals[count] = sum(p.elasticity for p in prices)
     assert totals[100] == pytest.approx(totals[25], rel=0.1)
     assert totals[100] < -0.01
+
+
+def test_ctrl_c_during_the_first_step_has_an_answer_that_stops_at_corners(robot):
+    """Before there is any trajectory of refinement's own: as soon as the branch is known."""
+
+    def interrupt(progress):
+        if progress.stage.startswith("refinement"):
+            raise KeyboardInterrupt
+
+    answer = plan(circle(robot, 60), progress=interrupt)
+    assert (answer.succeeded, answer.method) == (True, "stop-at-corners")
+    assert answer.stopped_by == "interrupt"
+    assert answer.planning_time < 20  # two seconds on an idle machine
