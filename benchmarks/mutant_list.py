@@ -210,16 +210,21 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     "_distances": [("np.clip(share, 0.0, 1.0)", "share")],
     "_Fit.at": [
-        ("np.minimum(q[:, None] - lower, upper - q[:, None])", "(q[:, None] - lower)"),
-        ("np.minimum(q[:, None] - lower, upper - q[:, None])", "(upper - q[:, None])"),
-        ("np.minimum(margin[:, column], turned)", "margin[:, column]"),
-        ("np.minimum(self._tube.margin(tool)[:, columns], joint_margin)", "joint_margin"),
+        ("np.minimum(q[:, None]", "np.maximum(q[:, None]"),
+        ("np.minimum(margin, self._tube.rotation_margin(rotation, tool))", "margin"),
         (
-            "np.minimum(self._tube.margin(tool)[:, columns], joint_margin)",
-            "self._tube.margin(tool)[:, columns]",
+            "np.minimum(self._tube.margin(tool), joint_margin[:, self._range_of])",
+            "joint_margin[:, self._range_of]",
+        ),
+        (
+            "np.minimum(self._tube.margin(tool), joint_margin[:, self._range_of])",
+            "self._tube.margin(tool)",
         ),
     ],
-    "_Fit.best_time": [("candidates.append(float(found.x))", "pass"), (".min())", ".max())")],
+    "_Fit.best_times": [
+        ("np.array([low, high, (begin + end) / 2])", "np.array([low, high])"),
+        ("np.minimum(before, after)", "np.maximum(before, after)"),
+    ],
     # --- verification/rotation_visits ---------------------------------------------------------
     "least_rotation_margin": [
         ("resolution - error)", "10 * resolution - error)"),

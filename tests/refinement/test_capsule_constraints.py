@@ -21,7 +21,7 @@ def evaluated(kind, case, spline=None):
     if kind == "tube":
         return evaluated_tube(problem, at, samples, problem.tube.effective_radius, MARGIN, 7)
     tolerance = problem.tube.rotation
-    return evaluated_rotation(problem.robot, tolerance, at, samples, MARGIN, 9).angle()
+    return evaluated_rotation(problem.robot, tolerance, at, samples.phase, MARGIN, 9).angle()
 
 
 def random_planes(capsules, seed=0):
@@ -29,7 +29,8 @@ def random_planes(capsules, seed=0):
     normal = rng.normal(size=(40, 3))
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     bounded = np.flatnonzero(np.isfinite(capsules.radius))
-    return Planes(rng.choice(bounded, 40), normal)
+    sample = rng.choice(bounded, 40)
+    return Planes(sample, normal, capsules.segment[sample])
 
 
 @pytest.mark.parametrize("kind", ["tube", "angle"])
@@ -89,7 +90,7 @@ def test_every_plane_holds_the_capsule(case, kind):
     for sample, normal in zip(planes.sample, planes.normal, strict=True):
         side = here.end if normal @ (here.end - here.begin)[sample] >= 0 else here.begin
         touching[sample] = side[sample] + (1 - MARGIN) * here.radius[sample] * normal
-        one = Planes(np.array([sample]), normal[None])
+        one = Planes(np.array([sample]), normal[None], here.segment[[sample]])
         assert replace(ends, vector=touching).slack(one)[0] == pytest.approx(0.0, abs=1e-9)
 
 

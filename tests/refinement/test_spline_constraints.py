@@ -36,7 +36,7 @@ class Kinds:
         if self.kind == "rotation":
             robot, rotation = self.problem.robot, self.problem.tube.rotation
             at = sampled(spline, self.samples)
-            return evaluated_rotation(robot, rotation, at, self.samples, 0.005, 0)
+            return evaluated_rotation(robot, rotation, at, self.samples.phase, 0.005, 0)
         return self.links.at(spline)
 
     def rows(self, spline, duration, size=None):
@@ -150,7 +150,7 @@ def test_the_rotations_rows_and_its_ball_are_its_margin(case, margin):
     """The tightest of components and angle has the slack that the tube's own margin says."""
     problem, spline, samples = case
     tube, at = problem.tube.rotation, sampled(spline, samples)
-    evaluated = evaluated_rotation(problem.robot, tube, at, samples, margin, 0)
+    evaluated = evaluated_rotation(problem.robot, tube, at, samples.phase, margin, 0)
     error = tube.error(*problem.robot.tool_pose(at.position), samples.phase)
     used = np.hstack([abs(error), np.linalg.norm(error, axis=1, keepdims=True)])
     used /= tube.bounds[samples.phase]

@@ -25,6 +25,17 @@ class KnownBranches:
         self._problem, self._clock = problem, clock
         self._found: dict[str, ReferenceBranch | Infeasible] = {}
 
+    @property
+    def has_any(self) -> bool:
+        """Whether there is a branch already."""
+        return any(isinstance(found, ReferenceBranch) for found in self._found.values())
+
+    def under(self, clock: PlanningClock) -> "KnownBranches":
+        """Return the same branches for work under another clock."""
+        same = KnownBranches(self._problem, clock)
+        same._found = self._found
+        return same
+
     def by_rule(self, rule: RedundancyRule) -> ReferenceBranch:
         """Return the branch of a rule, its ends clear of everything.
 

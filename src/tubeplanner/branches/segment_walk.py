@@ -8,7 +8,8 @@ from tubeplanner.branches.reference_turn import ReferenceTurn
 from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Place, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem
 
-_MAX_STEP = 1 / 40  # of a segment
+# The longest step, of a segment; where there are many short ones, so much of the whole route.
+_MAX_STEP, _MAX_ROUTE_STEP = 1 / 40, 1 / 400
 _MIN_STEP = 1e-5  # of a segment
 _MAX_JOINT_STEP = 0.1  # [rad or m] between neighbouring configurations
 _MAX_PULL = 0.05  # [rad or m] on redundant joints from one configuration to the next
@@ -59,6 +60,10 @@ class SegmentWalk:
         self._end_lower = np.maximum(self._lower, problem.joint_lower[following])
         self._end_upper = np.minimum(self._upper, problem.joint_upper[following])
         tube = problem.tube.rotation if with_rotation else None
+        length = np.linalg.norm(np.diff(problem.tube.points, axis=0), axis=1)
+        self._max_step = float(
+            np.clip(_MAX_ROUTE_STEP * length.sum() / length[segment], _MAX_STEP, 1.0)
+        )
         self._turn = None if tube is None else ReferenceTurn(problem, tube, segment, begin, goal)
 
     def to_the_end(self) -> FloatArray:
@@ -71,7 +76,7 @@ class SegmentWalk:
 
     def _approach(self) -> list[FloatArray]:
         """Return configurations whose tool goes from the segment's start to its end."""
-        found, shares, step = [self._begin], [0.0], _MAX_STEP
+        found, shares, step = [self._begin], [0.0], self._max_step
         while shares[-1] < 1.0:
             share = min(1.0, shares[-1] + step)
             solution = self._solve(share, self._extrapolated(share, shares, found), found[-1])
@@ -84,7 +89,7 @@ class SegmentWalk:
             found.append(solution.q)
             shares.append(share)
             if joint_step < _MAX_JOINT_STEP / 3:
-                step = min(2 * step, _MAX_STEP)
+                step = min(2 * step, self._max_step)
         return found
 
     def _settled(self, found: list[FloatArray]) -> list[FloatArray]:

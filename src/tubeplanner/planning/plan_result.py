@@ -6,6 +6,7 @@ from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from tubeplanner.constraints.unused_speed import unused_speed
 from tubeplanner.outcome import Place, PlanStatus
@@ -176,7 +177,7 @@ def _success_message(problem: PlanningProblem, trajectory: JointTrajectory) -> s
         q = ", ".join(f"{value:.4f}" for value in trajectory.position(trajectory.duration))
         message += f"; the goal was left open and became [{q}]"
     tool = problem.robot.tool_position(trajectory.per_piece(_SAMPLES_PER_PIECE).position)
-    distance = np.linalg.norm(tool[:, None] - problem.tube.points, axis=2).min(axis=0)
+    distance, _ = KDTree(tool).query(problem.tube.points)
     reach = _FAR_IN_RADII * problem.tube.radius.max()
     for point in np.flatnonzero(distance > reach):
         message += (

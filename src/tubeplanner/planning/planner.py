@@ -63,21 +63,24 @@ def _planned(problem: PlanningProblem, options: PlanOptions, clock: PlanningCloc
     corners = stopping_plan(problem, branches, clock) if limited else None
     refined = refined_plan(problem, branches, options, clock)
     if refined is not None and (refined.succeeded or refined.stopped_by is not None):
-        return refined if refined.succeeded else _after_stop(problem, corners, refined, clock)
+        if refined.succeeded:
+            return refined
+        return _after_stop(problem, branches, corners, refined, clock)
     corners = corners or stopping_plan(problem, branches, clock)
     return _with_better_reason(_searched(problem, corners, options, clock), refined)
 
 
 def _after_stop(
     problem: PlanningProblem,
+    branches: KnownBranches,
     corners: StoppingPlan | None,
     refined: PlanResult,
     clock: PlanningClock,
 ) -> PlanResult:
     """Return what there is when refinement was stopped and left nothing certified."""
-    if corners is None and refined.certificate is not None:  # it got far; corners take no time
+    if corners is None and branches.has_any:  # along it, corners take little time
         silent = PlanningClock(None, None)  # its callback would only interrupt again
-        corners = stopping_plan(problem, KnownBranches(problem, silent), silent)
+        corners = stopping_plan(problem, branches.under(silent), silent)
     if corners is None or (refined.stopped_by == "interrupt" and not corners.result.succeeded):
         return stopped_result(clock, refined.stopped_by or "interrupt", REFINEMENT)
     result = _with_better_reason(corners.result, refined)

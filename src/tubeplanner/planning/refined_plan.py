@@ -14,16 +14,18 @@ from tubeplanner.planning.plan_options import QUALITIES, REFINEMENT, PlanOptions
 from tubeplanner.planning.plan_result import PlanResult, certified_result, stopped_result
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, Progress, until_stopped
-from tubeplanner.refinement.phased_spline import PhasedSpline
+from tubeplanner.refinement.phased_spline import KnotGrid, PhasedSpline
 from tubeplanner.refinement.refinement import Refinement
 from tubeplanner.refinement.sensitivities import limit_sensitivities
-from tubeplanner.refinement.spline_start import starting_spline
+from tubeplanner.refinement.spline_start import sufficient_start
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
 # How often refinement gets the times of failed conditions from a certificate.
 _MAX_OBJECTIONS = 5
 # Where the segments need more knots than the quality has, there are at most this many times more.
 _MAX_KNOTS_SHARE = 1.5
+# What chains need to begin with is divided by this all the same.
+_LEAST_DIVISION = 2
 
 
 def refined_plan(
@@ -88,8 +90,8 @@ def _starts(
         if any(branch.is_as(other) for other in known):
             continue
         for intervals, divisions in quality.knots[: 1 if known else None]:
-            spline = starting_spline(problem, branch, intervals)
-            start = _Start(spline, _divisions(spline.grid.interval_count, intervals, divisions))
+            spline = sufficient_start(problem, branch, intervals)
+            start = _Start(spline, _divisions(spline.grid, intervals, divisions))
             first = first or start
             yield start
         known.append(branch)
@@ -110,12 +112,15 @@ def _branch_searches(
         yield partial(branches.by_rule, rule)
 
 
-def _divisions(count: int, wanted: int, divisions: tuple[int, ...]) -> tuple[int, ...]:
-    """Return the divisions for a spline with more knot intervals than the quality's.
+def _divisions(grid: KnotGrid, wanted: int, divisions: tuple[int, ...]) -> tuple[int, ...]:
+    """Return the divisions for knots that begin with more intervals than the quality's.
 
-    Every segment has some: of many segments, the finest knots are reached by fewer divisions.
+    Every phase has some, and chains as many as they need: then the finest knots are reached by
+    fewer divisions.
     """
-    most = _MAX_KNOTS_SHARE * wanted * np.prod(divisions)
+    count, has_chains = grid.interval_count, any(len(chain) > 1 for chain in grid.chains)
+    most = _MAX_KNOTS_SHARE * wanted * float(np.prod(divisions))
+    most = max(most, _LEAST_DIVISION * count) if has_chains else most
     parts = list(divisions)
     while parts and count * np.prod(parts) > most:
         parts[0] -= 1

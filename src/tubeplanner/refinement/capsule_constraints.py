@@ -28,27 +28,42 @@ class Planes:
     Attributes:
         sample: Whose capsule, shape (P,).
         normal: Unit vectors, outward, shape (P, 3).
+        segment: Whose capsule they hold beside the sample's own, shape (P,).
     """
 
     sample: IntArray
     normal: FloatArray
+    segment: IntArray
 
     def __len__(self) -> int:
         return len(self.sample)
 
     def where(self, keep: BoolArray | IntArray) -> "Planes":
         """Return some of the planes."""
-        return Planes(self.sample[keep], self.normal[keep])
+        return Planes(self.sample[keep], self.normal[keep], self.segment[keep])
 
     def and_also(self, other: "Planes") -> "Planes":
         """Return these planes and others."""
         return Planes(
             np.concatenate([self.sample, other.sample]),
             np.concatenate([self.normal, other.normal]),
+            np.concatenate([self.segment, other.segment]),
         )
 
 
-NO_PLANES = Planes(np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
+@dataclass(frozen=True, eq=False)
+class Capsules:
+    """The capsules of m segments.
+
+    Attributes:
+        begin: Where their axes begin, shape (m, 3) [m or rad].
+        end: Where they end, shape (m, 3).
+        radius: Shape (m,) [m or rad].
+    """
+
+    begin: FloatArray
+    end: FloatArray
+    radius: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,47 +74,71 @@ class EvaluatedCapsules:
         at: The spline at the samples.
         vector: Shape (N, 3) [m or rad].
         derivative: Returns what the vectors change by with the joints, shape (N, 3, n).
-        begin: Where the capsules' axes begin, shape (N, 3) [m or rad].
-        end: Where they end, shape (N, 3).
-        radius: Shape (N,) [m or rad].
-        margin: The share of the radii that stays unused.
+        capsules: Of all segments.
+        segment: The samples' own, shape (N,).
+        segments_of: Returns what they would be for other vectors (N, 3).
+        in_chain: Whether samples pass from one segment to another by themselves, shape (N,).
+        margin: The share of the radii that stays unused, shape (N,).
         limit: Numbers of the radii among the limits, shape (N,).
     """
 
     at: SampledSpline
     vector: FloatArray
     derivative: Callable[[], FloatArray]
-    begin: FloatArray
-    end: FloatArray
-    radius: FloatArray
-    margin: float
+    capsules: Capsules
+    segment: IntArray
+    segments_of: Callable[[FloatArray], IntArray]
+    in_chain: BoolArray
+    margin: FloatArray
     limit: IntArray
+
+    @cached_property
+    def begin(self) -> FloatArray:
+        """Where the samples' axes begin, shape (N, 3) [m or rad]."""
+        return self.capsules.begin[self.segment]
+
+    @cached_property
+    def end(self) -> FloatArray:
+        """Where they end, shape (N, 3)."""
+        return self.capsules.end[self.segment]
+
+    @cached_property
+    def radius(self) -> FloatArray:
+        """Of the samples' capsules, shape (N,) [m or rad]."""
+        return self.capsules.radius[self.segment]
 
     @cached_property
     def excess(self) -> FloatArray:
         """How far the vectors are outside the narrowed capsules, in radii, shape (N,)."""
-        return self._excess_of(self._away(self.vector))
+        return self._excess_of(self._away(self.vector, self.segment), self.segment)
 
     def planes(self) -> Planes:
-        """Return the planes outward and, where there is an axis, those at both caps."""
-        away, axis = self._away(self.vector), self.end - self.begin
+        """Return the planes outward and, where there is an axis that ends, those at both caps."""
+        away, axis = self._away(self.vector, self.segment), self.end - self.begin
         distance, length = np.linalg.norm(away, axis=1), np.linalg.norm(axis, axis=1)
-        off, long = np.flatnonzero(distance > _NO_LENGTH), np.flatnonzero(length > _NO_LENGTH)
+        off = np.flatnonzero(distance > _NO_LENGTH)
+        long = np.flatnonzero((length > _NO_LENGTH) & ~self.in_chain)
         outward = away[off] / distance[off, None]
         along = axis[long] / length[long, None]
-        return Planes(np.concatenate([off, long, long]), np.concatenate([outward, along, -along]))
+        sample = np.concatenate([off, long, long])
+        return Planes(sample, np.concatenate([outward, along, -along]), self.segment[sample])
 
     def planes_where_outside(self, vector: FloatArray, elastic: float) -> Planes:
         """Return the tangent planes at other vectors (N, 3) that are outside.
+
+        Those of a sample in a chain are its planes of the segment that it would then be in.
 
         Args:
             vector: The other vectors.
             elastic: So many radii outside is allowed.
         """
-        away = self._away(vector)
-        outside = np.flatnonzero(self._excess_of(away) > elastic + _OUTSIDE)
+        segment = self.segments_of(vector)
+        away = self._away(vector, segment)
+        outside = np.flatnonzero(self._excess_of(away, segment) > elastic + _OUTSIDE)
         normal = away[outside] / np.linalg.norm(away[outside], axis=1)[:, None]
-        return Planes(outside, normal)
+        planes = Planes(outside, normal, segment[outside])
+        # Those that hold the sample's present capsule too may be farther out than the vectors.
+        return planes.where(self.slack(planes, vector - self.vector) < -elastic)
 
     def after(self, control: FloatArray, switching: FloatArray) -> FloatArray:
         """Return the vectors after a step, to first order, shape (N, 3).
@@ -125,7 +164,7 @@ class EvaluatedCapsules:
             np.einsum("pi,pi->p", normal, (vector - self.begin)[at]),
             np.einsum("pi,pi->p", normal, (vector - self.end)[at]),
         )
-        slack: FloatArray = 1 - self.margin - beyond / self.radius[at]
+        slack: FloatArray = 1 - self.margin[at] - beyond / self.radius[at] + self._farther(planes)
         return slack
 
     def rows(self, planes: Planes) -> Rows:
@@ -149,13 +188,37 @@ class EvaluatedCapsules:
     def _by_joint(self) -> FloatArray:
         return self.derivative()
 
-    def _excess_of(self, away: FloatArray) -> FloatArray:
-        excess: FloatArray = np.linalg.norm(away, axis=1) / self.radius - (1 - self.margin)
+    def _farther(self, planes: Planes) -> FloatArray:
+        """Return how much farther out planes must be to hold another segment's capsule too, (P,).
+
+        In radii of the samples' own. The sample may be in either, so that both are held.
+        """
+        farther = np.zeros(len(planes))
+        both = np.flatnonzero(planes.segment != self.segment[planes.sample])
+        at = planes.sample[both]
+        own, other = (
+            self._reach(planes.normal[both], segment, at)
+            for segment in (self.segment[at], planes.segment[both])
+        )
+        farther[both] = np.maximum(other - own, 0.0) / self.radius[at]
+        return farther
+
+    def _reach(self, normal: FloatArray, segment: IntArray, at: IntArray) -> FloatArray:
+        """Return how far samples' narrowed capsules, in some segments, reach along normals."""
+        axis_ends = (self.capsules.begin[segment], self.capsules.end[segment])
+        farthest = np.maximum(*(np.einsum("pi,pi->p", normal, end) for end in axis_ends))
+        reach: FloatArray = farthest + (1 - self.margin[at]) * self.capsules.radius[segment]
+        return reach
+
+    def _excess_of(self, away: FloatArray, segment: IntArray) -> FloatArray:
+        share = np.linalg.norm(away, axis=1) / self.capsules.radius[segment]
+        excess: FloatArray = share - (1 - self.margin)
         return excess
 
-    def _away(self, vector: FloatArray) -> FloatArray:
-        """Return vectors (N, 3) from the nearest points of the axes to other vectors (N, 3)."""
-        axis = self.end - self.begin
+    def _away(self, vector: FloatArray, segment: IntArray) -> FloatArray:
+        """Return vectors (N, 3) from the nearest points of segments' axes to vectors (N, 3)."""
+        begin, end = self.capsules.begin[segment], self.capsules.end[segment]
+        axis = end - begin
         square = np.maximum(np.einsum("ni,ni->n", axis, axis), _NO_LENGTH**2)
-        share = np.clip(np.einsum("ni,ni->n", vector - self.begin, axis) / square, 0.0, 1.0)
-        return vector - (self.begin + share[:, None] * axis)
+        share = np.clip(np.einsum("ni,ni->n", vector - begin, axis) / square, 0.0, 1.0)
+        return vector - (begin + share[:, None] * axis)

@@ -114,11 +114,13 @@ class ControlVariables:
         """
         shape = (self._grid.control_point_count, self._problem.robot.joint_count)
         lower, upper = np.full(shape, -np.inf), np.full(shape, np.inf)
+        joint_lower, joint_upper = self._problem.joint_lower, self._problem.joint_upper
         first = 0
-        for k, shares in enumerate(self._grid.shares):
+        for shares, chain in zip(self._grid.shares, self._grid.chains, strict=True):
             counting = slice(first, first + len(shares) - 1 + DEGREE)
-            lower[counting] = np.maximum(lower[counting], self._problem.joint_lower[k])
-            upper[counting] = np.minimum(upper[counting], self._problem.joint_upper[k])
+            segments = slice(chain.start, chain.stop)
+            lower[counting] = np.maximum(lower[counting], joint_lower[segments].max(axis=0))
+            upper[counting] = np.minimum(upper[counting], joint_upper[segments].min(axis=0))
             first += len(shares) - 1
         return lower, upper
 

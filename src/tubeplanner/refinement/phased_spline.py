@@ -1,4 +1,4 @@
-"""Cubic B-splines of joint positions over phases, one per tube segment, whose ends may move.
+"""Cubic B-splines of joint positions over phases, each in some tube segments; their ends may move.
 
 Time x runs from 0 to 1. Phase k lies between the switching times k and k+1; its knots sit at fixed
 shares of it, and so do samples: when a switching time moves, they move with it. Joints are C2
@@ -69,9 +69,16 @@ class KnotGrid:
 
     Attributes:
         shares: Per phase, the knots' shares of it, from 0 to 1, both included.
+        chains: The tube's segments of every phase; one each if not given.
     """
 
     shares: tuple[FloatArray, ...]
+    chains: tuple[range, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.chains:
+            chains = tuple(range(k, k + 1) for k in range(len(self.shares)))
+            object.__setattr__(self, "chains", chains)
 
     @property
     def interval_count(self) -> int:

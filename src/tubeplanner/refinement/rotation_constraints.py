@@ -9,9 +9,8 @@ from functools import cached_property
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
-from tubeplanner.refinement.capsule_constraints import EvaluatedCapsules
+from tubeplanner.refinement.capsule_constraints import Capsules, EvaluatedCapsules
 from tubeplanner.refinement.linear_rows import Rows, StepSize, plane_rows
-from tubeplanner.refinement.phased_spline import Samples
 from tubeplanner.refinement.sampled_spline import SampledSpline
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.tube.rotational_tube import RotationalTube
@@ -47,15 +46,16 @@ class EvaluatedRotation:
 
     def angle(self) -> EvaluatedCapsules:
         """Return the bound on the angle: the rotation vector in a ball."""
-        centre = np.zeros_like(self._error)
+        centre, count = np.zeros((len(self.tube.bounds), 3)), len(self.segment)
         return EvaluatedCapsules(
             self.at,
             self._error,
             lambda: self._by_joint,
-            centre,
-            centre,
-            self.tube.bounds[self.segment, 3],
-            self.margin,
+            Capsules(centre, centre, self.tube.bounds[:, 3]),
+            self.segment,
+            lambda _: self.segment,
+            np.zeros(count, dtype=bool),
+            np.full(count, self.margin),
             self.limit,
         )
 
@@ -103,10 +103,9 @@ def evaluated_rotation(
     robot: RobotModel,
     tube: RotationalTube,
     at: SampledSpline,
-    samples: Samples,
+    segment: IntArray,
     margin: float,
     first_limit: int,
 ) -> EvaluatedRotation:
-    """Return the rotation tolerance at samples of a spline, each in the phase of its segment."""
-    limit = first_limit + samples.phase
-    return EvaluatedRotation(robot, tube, at, samples.phase, margin, limit)
+    """Return the rotation tolerance at N samples of a spline, each in a segment, shape (N,)."""
+    return EvaluatedRotation(robot, tube, at, segment, margin, first_limit + segment)

@@ -31,6 +31,8 @@ _NEAR, _NEAR_SHARE = 0.03, 0.03
 _MIN_TRUST, _MAX_TRUST = 1e-4, 1.0
 # Steps that gain less than this share of the prediction get a second-order correction.
 _GOOD_RATIO = 0.3
+# A step that should lose this share of T^2 obeys planes of two segments that contradict each other.
+_CONTRADICTION = 5e-4
 FIRST_PENALTY, _MAX_PENALTY = 3.0, 1e4
 _DURATION_STEP = (-0.5, 1.0)
 # Phases change by at most this share of their width, and of the trust region.
@@ -136,6 +138,9 @@ class SequentialProgram:
                 trust *= 0.4
                 continue
             predicted, gain = _gains(current, trial, step, penalty)
+            if predicted < -_CONTRADICTION:
+                trust *= 0.4
+                continue
             if gain < _GOOD_RATIO * predicted:
                 trial, gain = self._corrected(current, linear, step, trial, gain)
             ratio = gain / max(predicted, 1e-12)
@@ -282,9 +287,8 @@ class SequentialProgram:
 
 
 def _holding(capsules: EvaluatedCapsules) -> EvaluatedCapsules:
-    """Return capsules that hold their vectors: those that did not are as wide as necessary."""
-    share = 1 + np.maximum(capsules.excess, 0.0) / (1 - capsules.margin)
-    return replace(capsules, radius=capsules.radius * share)
+    """Return capsules that hold their vectors, with less margin where they did not."""
+    return replace(capsules, margin=capsules.margin - np.maximum(capsules.excess, 0.0))
 
 
 def _near_planes(current: Iterate, ignored: tuple[BoolArray, ...]) -> tuple[Planes, ...]:

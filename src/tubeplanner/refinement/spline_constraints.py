@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.polyline import arc_lengths
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.refinement.capsule_constraints import EvaluatedCapsules
 from tubeplanner.refinement.limit_constraints import (
@@ -26,13 +27,17 @@ from tubeplanner.refinement.phased_spline import (
 )
 from tubeplanner.refinement.rotation_constraints import EvaluatedRotation, evaluated_rotation
 from tubeplanner.refinement.sampled_spline import sampled
+from tubeplanner.refinement.tube_chains import largest_kink
 from tubeplanner.refinement.tube_constraints import evaluated_points, evaluated_tube
+from tubeplanner.tube.tube import Tube
 
 # Samples per knot interval. There, accelerations are straight lines and jerks constant.
 _EFFORT_SAMPLES = np.arange(2) / 2
 _RATE_SAMPLES = np.zeros(1)
 _TUBE_SAMPLES = np.arange(3) / 3
 _DENSE_SAMPLES = np.linspace(0, 1, 21)
+# Samples may lie this much farther apart than on average; and what their kinks may take, in radii.
+_UNEVEN, _MOST_FOR_KINKS = 2, 0.03
 _HIGHER = 1.001  # peaks of the squared duration between samples that count
 
 
@@ -86,6 +91,7 @@ class SplineConstraints:
         """
         self._problem, self._grid, self._links, self._radius = problem, grid, links, radius
         self._limits = LimitConstraints(problem.robot)
+        self._margin = INNER_MARGIN + _margin_for_kinks(problem.tube, grid)
         # A switching time has a sample on either side, so that the tool is in both capsules there.
         ends = grid.phase_ends()
         evaluation_points: dict[tuple[str, ...], EvaluationPoints] = {
@@ -97,7 +103,9 @@ class SplineConstraints:
             kinds: at for kinds, at in evaluation_points.items() if self._limits.limited(kinds)
         }
         self._tube_samples = grid.samples(_TUBE_SAMPLES).and_also(ends)
-        self._passing_samples = ends.where(problem.tube.compulsory_points - 1)
+        # The segment before a compulsory point is the last one of its phase.
+        stops = [chain.stop for chain in grid.chains]
+        self._passing_samples = ends.where(np.searchsorted(stops, problem.tube.compulsory_points))
         self._dense_samples = grid.samples(_DENSE_SAMPLES)
 
     def links_on(self, spline: PhasedSpline, other: PhasedSpline) -> LinkConstraints:
@@ -108,7 +116,8 @@ class SplineConstraints:
     def names(self) -> list[tuple[str, int]]:
         """Kind of every limit, and its joint or segment, in the order of their numbers."""
         kinds = ("radius",) if self._problem.tube.rotation is None else ("radius", "rotation")
-        tolerances = [(kind, k) for kind in kinds for k in range(len(self._grid.shares))]
+        segments = range(self._problem.tube.segment_count)
+        tolerances = [(kind, k) for kind in kinds for k in segments]
         return [*self._limits.names, *tolerances]
 
     def at(self, spline: PhasedSpline) -> Iterate:
@@ -203,13 +212,13 @@ class SplineConstraints:
     ) -> tuple[tuple[EvaluatedCapsules, ...], EvaluatedRotation | None]:
         """Return the constraints of the tube on the tool, as in an iterate."""
         at, first = sampled(spline, samples), len(self._limits.names)
-        tube = evaluated_tube(self._problem, at, samples, self._radius, INNER_MARGIN, first)
+        tube = evaluated_tube(self._problem, at, samples, self._radius, self._margin, first)
         tolerance = self._problem.tube.rotation
         if tolerance is None:
             return (tube,), None
         first += self._problem.tube.segment_count
         robot = self._problem.robot
-        rotation = evaluated_rotation(robot, tolerance, at, samples, INNER_MARGIN, first)
+        rotation = evaluated_rotation(robot, tolerance, at, tube.segment, INNER_MARGIN, first)
         has_components, has_angle = (
             bool(np.isfinite(bounds).any())
             for bounds in (tolerance.bounds[:, :3], tolerance.bounds[:, 3])
@@ -222,6 +231,13 @@ class SplineConstraints:
         at, first = sampled(spline, self._passing_samples), len(self._limits.names)
         points = self._problem.tube.compulsory_points
         return evaluated_points(self._problem, at, points, self._radius, INNER_MARGIN, first)
+
+
+def _margin_for_kinks(tube: Tube, grid: KnotGrid) -> float:
+    """Return how far inside, in radii, samples must be for what they miss at a chain's kinks."""
+    spacing = arc_lengths(tube.points)[-1] / (grid.interval_count * (len(_DENSE_SAMPLES) - 1))
+    kink = largest_kink(tube, grid.chains, _UNEVEN * spacing)
+    return min(kink, _MOST_FOR_KINKS)
 
 
 def _peaks(values: FloatArray, floor: float) -> IntArray:

@@ -6,21 +6,51 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.branches.reference_branch import ReferenceBranch
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.refinement.phased_spline import DEGREE, KnotGrid, PhasedSpline
+from tubeplanner.refinement.sampled_spline import sampled
+from tubeplanner.refinement.tube_chains import tube_chains
+from tubeplanner.refinement.tube_constraints import evaluated_tube
 from tubeplanner.trajectory.fitted_spline import fitted_control_points, times_between
 
 # Of a phase, if there are several: as many as give this sum, at most so many.
 _FEWEST_IN_ALL, _FEWEST = 12, 3
 _FIT_POINTS_PER_INTERVAL = 5
+# How many intervals are tried for chains, until the tool is less than so many radii outside.
+_INTERVALS, _ENOUGH = (12, 16, 24, 32, 48, 64, 96, 128), 0.5
+_FIT_SAMPLES = np.arange(3) / 3
 # Control points that the fit leaves open are pulled to the joint line by this weight.
 _DRAW = 1e-8
 # Joints may move while the tool hardly does: a radian counts as this many metres of travel.
 _TRAVEL_PER_RADIAN = 0.05
 
 
+def sufficient_start(
+    problem: PlanningProblem, branch: ReferenceBranch, intervals: int
+) -> PhasedSpline:
+    """Return a spline along the branch with as many knots as its chains need.
+
+    In a chain no switching time takes knots to where the path bends, and coarse knots would lead
+    the tool past whole segments.
+
+    Args:
+        problem: The planning problem.
+        branch: The arm along the reference path.
+        intervals: About how many knot intervals it has at least.
+    """
+    spline = starting_spline(problem, branch, intervals)
+    for more in _INTERVALS:
+        if _excess_in_chains(problem, spline) < _ENOUGH:
+            break
+        if more > intervals:
+            spline = starting_spline(problem, branch, more)
+    return spline
+
+
 def starting_spline(
     problem: PlanningProblem, branch: ReferenceBranch, intervals: int
 ) -> PhasedSpline:
     """Return a spline along the branch, with a minimum-jerk time course over all corners.
+
+    Its phases are the tube's chains.
 
     Args:
         problem: The planning problem.
@@ -35,8 +65,10 @@ def starting_spline(
     corners = travel[np.cumsum([len(segment) for segment in branch.segments]) - 1]
     x = np.linspace(0, 1, 2001)
     covered = x**3 * (10 - 15 * x + 6 * x**2)
-    switching_times = np.concatenate([[0.0], np.interp(corners[:-1], covered, x), [1.0]])
-    grid = knot_grid(switching_times, intervals)
+    chains = tube_chains(problem)
+    ends = [chain.stop - 1 for chain in chains[:-1]]
+    switching_times = np.concatenate([[0.0], np.interp(corners[ends], covered, x), [1.0]])
+    grid = knot_grid(switching_times, intervals, chains)
     apart = np.concatenate([[True], np.diff(travel) > 0])
     times = times_between(grid.breakpoints(switching_times), _FIT_POINTS_PER_INTERVAL)
     wanted = np.interp(times, x, covered)
@@ -55,16 +87,23 @@ def subdivided(spline: PhasedSpline, parts: int) -> PhasedSpline:
         finer = (x - switching_times[k]) / width
         finer[::parts] = share
         shares.append(finer)
-    grid = KnotGrid(tuple(shares))
+    grid = KnotGrid(tuple(shares), spline.grid.chains)
     times = times_between(grid.breakpoints(switching_times), _FIT_POINTS_PER_INTERVAL)
     ends = spline.control_points[[0, -1]]
     return _fitted(grid, switching_times, times, spline.bspline()(times), *ends)
 
 
-def knot_grid(switching_times: FloatArray, intervals: int) -> KnotGrid:
+def knot_grid(
+    switching_times: FloatArray, intervals: int, chains: tuple[range, ...] = ()
+) -> KnotGrid:
     """Return knots clustered at both ends of the spline, as Chebyshev points are.
 
     There the arm at rest begins to move, and its acceleration needs the finest steps.
+
+    Args:
+        switching_times: Ends of the phases, from 0 to 1, shape (P+1,).
+        intervals: About how many knot intervals there are in all.
+        chains: The segments of every phase; one each if not given.
     """
     angle = np.arccos(1 - 2 * switching_times)
     shares, phases = [], len(switching_times) - 1
@@ -75,7 +114,15 @@ def knot_grid(switching_times: FloatArray, intervals: int) -> KnotGrid:
         share = (x - switching_times[k]) / (switching_times[k + 1] - switching_times[k])
         share[0], share[-1] = 0.0, 1.0
         shares.append(share)
-    return KnotGrid(tuple(shares))
+    return KnotGrid(tuple(shares), chains)
+
+
+def _excess_in_chains(problem: PlanningProblem, spline: PhasedSpline) -> float:
+    """Return how far the tool is outside its segments' capsules in chains, in radii."""
+    samples = spline.grid.samples(_FIT_SAMPLES)
+    at, radius = sampled(spline, samples), problem.tube.effective_radius
+    tube = evaluated_tube(problem, at, samples, radius, 0.0)
+    return float(tube.excess[tube.in_chain].max(initial=0.0))
 
 
 def _fitted(

@@ -6,8 +6,9 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.refinement.capsule_constraints import EvaluatedCapsules
+from tubeplanner.refinement.capsule_constraints import Capsules, EvaluatedCapsules
 from tubeplanner.refinement.linear_rows import NO_LIMIT
+from tubeplanner.refinement.ordered_segments import OrderedSegments
 from tubeplanner.refinement.phased_spline import Samples
 from tubeplanner.refinement.sampled_spline import SampledSpline
 from tubeplanner.robot.robot_model import RobotModel
@@ -37,7 +38,18 @@ def evaluated_points(
     place = problem.tube.points[points]
     limit = np.full(len(points), NO_LIMIT) if first_limit == NO_LIMIT else first_limit + narrower
     position, jacobian = _tool(problem.robot, at)
-    return EvaluatedCapsules(at, position, jacobian, place, place, radius[narrower], margin, limit)
+    count, own = len(points), np.arange(len(points))
+    return EvaluatedCapsules(
+        at,
+        position,
+        jacobian,
+        Capsules(place, place, radius[narrower]),
+        own,
+        lambda _: own,
+        np.zeros(count, dtype=bool),
+        np.full(count, margin),
+        limit,
+    )
 
 
 def _tool(robot: RobotModel, at: SampledSpline) -> tuple[FloatArray, Callable[[], FloatArray]]:
@@ -58,26 +70,29 @@ def evaluated_tube(
     margin: float,
     first_limit: int = NO_LIMIT,
 ) -> EvaluatedCapsules:
-    """Return the tube at samples of a spline; each phase belongs to the segment of its number.
+    """Return the tube at N samples of a spline, each in one of its phase's segments.
 
     Args:
         problem: The planning problem.
         at: The spline at the samples.
-        samples: Each is in the phase of its segment.
+        samples: The samples.
         radius: Of the segments, shape (m,) [m].
         margin: The share of the radii that stays unused.
         first_limit: Number of the first segment's radius among the limits.
     """
-    points, segment = problem.tube.points, samples.phase
+    points = problem.tube.points
+    segments = OrderedSegments(points, radius, at.spline.grid.chains, samples)
     position, jacobian = _tool(problem.robot, at)
+    segment = segments.at(position)
     limit = np.full(len(segment), NO_LIMIT) if first_limit == NO_LIMIT else first_limit + segment
     return EvaluatedCapsules(
         at,
         position,
         jacobian,
-        points[segment],
-        points[segment + 1],
-        radius[segment],
-        margin,
+        Capsules(points[:-1], points[1:], radius),
+        segment,
+        segments.at,
+        segments.in_chain,
+        np.full(len(segment), margin),
         limit,
     )

@@ -19,10 +19,14 @@ def widened_radius(tube: Tube, grid: KnotGrid) -> FloatArray:
     """
     axis = np.diff(tube.points, axis=0)
     length = np.linalg.norm(axis, axis=1)
-    intervals = np.array([len(shares) - 1 for shares in grid.shares])
+    interval = [
+        length[chain.start : chain.stop].sum() / (len(shares) - 1)
+        for chain, shares in zip(grid.chains, grid.shares, strict=True)
+    ]
+    interval_of = np.repeat(interval, [len(chain) for chain in grid.chains])
     widest = np.append(np.append(np.inf, _corner_radius(axis, length)), np.inf)
     widest = np.minimum(widest[:-1], widest[1:])
-    wanted = np.minimum(_INTERVAL_SHARE * length / intervals, widest)
+    wanted = np.minimum(_INTERVAL_SHARE * interval_of, widest)
     widened: FloatArray = np.maximum(tube.effective_radius, wanted)
     return widened
 

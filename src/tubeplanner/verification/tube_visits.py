@@ -1,6 +1,5 @@
 """Which tube segment a trajectory is in when, and how far inside its capsule, for all t."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -19,6 +18,7 @@ from tubeplanner.verification.switching_samples import best_switching_samples
 _MIN_SAMPLES = 2000
 _MIN_SAMPLES_PER_PIECE = 20
 _SWITCHING_TOLERANCE = 1e-10  # [s]
+_GOLDEN = (np.sqrt(5) - 1) / 2
 # The least margin is bracketed to this share of itself, or to this length [m] near zero.
 _RELATIVE_RESOLUTION = 0.02
 _RESOLUTION = 2e-7
@@ -102,17 +102,14 @@ def tube_visits(
         # The nearest other times: at a breakpoint two samples share one.
         before = np.searchsorted(time, time[samples], "left") - 1
         after = np.searchsorted(time, time[samples], "right")
-        around = list(zip(np.maximum(before, 0), np.minimum(after, len(time) - 1), strict=True))
+        low, high = time[np.maximum(before, 0)], time[np.minimum(after, len(time) - 1)]
         segments = np.arange(problem.tube.segment_count)
     else:
         best = values.argmax(axis=1)
         changes = np.flatnonzero(np.diff(best))
-        around = [(i, i + 1) for i in changes]
+        low, high = time[changes], time[changes + 1]
         segments = best[np.append(changes, len(best) - 1)]
-    times = [
-        fit.best_time(pair, time[low], time[high])
-        for pair, (low, high) in zip(pairwise(segments.tolist()), around, strict=True)
-    ]
+    times = fit.best_times((segments[:-1], segments[1:]), low, high)
     # Refined on their own, switching times that share an instant could swap.
     times = np.maximum.accumulate([0.0, *times, trajectory.duration]).tolist()
     return [
@@ -246,34 +243,31 @@ class _Fit:
     ) -> None:
         self._tube, self._trajectory = problem.tube, trajectory
         self._tool, self._rotation = tool, rotation
-        self._lower, self._upper = problem.tube.ranges_of(problem.robot.joint_names)
+        ranges = np.hstack(problem.tube.ranges_of(problem.robot.joint_names))
+        distinct, which = np.unique(ranges, axis=0, return_inverse=True)
+        self._lower, self._upper = np.hsplit(distinct, 2)
+        self._range_of = which.ravel()
 
     def sample_times(self) -> FloatArray:
         pieces = len(self._trajectory.widths)
         count = max(_MIN_SAMPLES_PER_PIECE, -(-_MIN_SAMPLES // pieces))
         return self._trajectory.per_piece(count).time
 
-    def at(self, time: FloatArray, segments: Sequence[int] | None = None) -> FloatArray:
+    def at(self, time: FloatArray) -> FloatArray:
         """Return the least of the tool's, its rotation's and the joints' margins.
 
         Args:
             time: Shape (N,) [s].
-            segments: Which m segments; default: all.
 
         Returns:
-            Shape (N, m).
+            For every segment, shape (N, m).
         """
-        wanted = range(self._tube.segment_count) if segments is None else segments
-        columns = list(wanted)
         q, tool = self._trajectory.position(time), self._tool.at(time)
-        lower, upper = self._lower[columns], self._upper[columns]
-        joint_margin = np.minimum(q[:, None] - lower, upper - q[:, None]).min(axis=2)
-        margin = np.minimum(self._tube.margin(tool)[:, columns], joint_margin)
+        joint_margin = np.minimum(q[:, None] - self._lower, self._upper - q[:, None]).min(axis=2)
+        margin = np.minimum(self._tube.margin(tool), joint_margin[:, self._range_of])
         if self._rotation is not None:
             rotation = self._rotation.at(time).reshape(-1, 3, 3)
-            for column, k in enumerate(columns):
-                turned = self._tube.rotation_margin(rotation, tool, slice(k, k + 1))[:, 0]
-                margin[:, column] = np.minimum(margin[:, column], turned)
+            margin = np.minimum(margin, self._tube.rotation_margin(rotation, tool))
         return margin
 
     def passing_margin(self, k: int, time: FloatArray) -> FloatArray:
@@ -290,7 +284,7 @@ class _Fit:
             inside = self.passing_margin(k, t)
             if self._tube.visit == "ordered":
                 return inside
-            return np.minimum(inside, self.at(t, (k - 1, k)).max(axis=1))
+            return np.minimum(inside, self.at(t)[:, [k - 1, k]].max(axis=1))
 
         best = int(margin(time).argmax())
         around = time[[max(best - 1, 0), best, min(best + 1, len(time) - 1)]]
@@ -308,15 +302,55 @@ class _Fit:
         error = float(self._tool.error.max())
         return Passage(k, candidates[margins.argmax()], float(margins.max()) - error)
 
-    def best_time(self, pair: tuple[int, int], low: float, high: float) -> float:
-        """Return when, between two times, the worse of two segments' margins is largest."""
+    def best_times(
+        self, pairs: tuple[IntArray, IntArray], low: FloatArray, high: FloatArray
+    ) -> FloatArray:
+        """Return when, between two times each, the worse of two segments' margins is largest.
 
-        def lost(t: float) -> float:
-            return -float(self.at(np.array([t]), pair).min())
+        By golden sections, of all H switching times at once (Kiefer, "Sequential minimax search for
+        a maximum", 1953).
 
-        candidates = [low, high]
-        if high > low:
-            options = {"xatol": _SWITCHING_TOLERANCE}
-            found = minimize_scalar(lost, bounds=(low, high), method="bounded", options=options)
-            candidates.append(float(found.x))
-        return min(candidates, key=lost)
+        Args:
+            pairs: The segments before and those after the switching times, each (H,).
+            low: The times to look from, shape (H,) [s].
+            high: And to.
+
+        Returns:
+            Shape (H,) [s].
+        """
+
+        def worse(time: FloatArray) -> FloatArray:
+            before, after = (self._in(segment, time) for segment in pairs)
+            return np.minimum(before, after)
+
+        begin, end = low, high
+        early, late = end - _GOLDEN * (end - begin), begin + _GOLDEN * (end - begin)
+        at_early, at_late = worse(early), worse(late)
+        while (end - begin).max(initial=0.0) > _SWITCHING_TOLERANCE:
+            is_early = at_early >= at_late
+            begin, end = np.where(is_early, begin, early), np.where(is_early, late, end)
+            inner = np.where(
+                is_early, end - _GOLDEN * (end - begin), begin + _GOLDEN * (end - begin)
+            )
+            at_inner = worse(inner)
+            early, late = np.where(is_early, inner, late), np.where(is_early, early, inner)
+            at_early, at_late = (
+                np.where(is_early, at_inner, at_late),
+                np.where(is_early, at_early, at_inner),
+            )
+        candidates = np.array([low, high, (begin + end) / 2])
+        best = np.array([worse(time) for time in candidates]).argmax(axis=0)
+        found: FloatArray = candidates[best, np.arange(len(low))]
+        return found
+
+    def _in(self, segment: IntArray, time: FloatArray) -> FloatArray:
+        """Return the margins as `at`, each for one segment at one time, shape (N,)."""
+        q, tool = self._trajectory.position(time), self._tool.at(time)
+        given = self._range_of[segment]
+        joint_margin = np.minimum(q - self._lower[given], self._upper[given] - q).min(axis=1)
+        distance = _distances(self._tube, tool[None], segment)[0]
+        margin = np.minimum(self._tube.effective_radius[segment] - distance, joint_margin)
+        if self._rotation is not None and self._tube.rotation is not None:
+            rotation = self._rotation.at(time).reshape(-1, 3, 3)
+            margin = np.minimum(margin, self._tube.rotation.margin(rotation, tool, segment))
+        return margin

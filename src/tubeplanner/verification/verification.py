@@ -5,6 +5,7 @@ that made the trajectory.
 """
 
 from functools import cached_property
+from itertools import groupby
 
 import numpy as np
 
@@ -160,12 +161,14 @@ class _Judge:
         """Joint ranges of the segments, exactly between the switching times."""
         lower, upper = self._tube.ranges_of(self._robot.joint_names)
         found = []
-        for visit in self._visits:
-            part = self._trajectory.between(visit.begin, visit.end)
-            margin, place = self._range_margin(part, lower[visit.segment], upper[visit.segment])
+        for visits in self._visits_by_range():
+            segment, begin = visits[0].segment, visits[0].begin
+            part = self._trajectory.between(begin, visits[-1].end)
+            margin, place = self._range_margin(part, lower[segment], upper[segment])
             if margin is not None:
-                time = visit.begin + (place.time or 0.0)
-                number = self._number(visit.segment, time)
+                time = begin + (place.time or 0.0)
+                segment = next((v.segment for v in visits if time <= v.end), visits[-1].segment)
+                number = self._number(segment, time)
                 found.append((margin, Place(time, place.joint, number)))
         if not found:
             return JudgedCondition(None, "rad", Place(), "no segment has joint signs")
@@ -287,6 +290,12 @@ class _Judge:
         if self._pose is not None:
             return self._pose.tool
         return enclosed_tool(self._robot, self._trajectory, _TOOL_ENCLOSURE)
+
+    def _visits_by_range(self) -> list[list[Visit]]:
+        """Return the visits, neighbours together whose segments have the same joint ranges."""
+        ranges = np.hstack(self._tube.ranges_of(self._robot.joint_names))
+        found = groupby(self._visits, key=lambda visit: ranges[visit.segment].tobytes())
+        return [list(visits) for _, visits in found]
 
     @cached_property
     def _visits(self) -> list[Visit]:

@@ -1,0 +1,205 @@
+"""Whether a path of many points is planned as fast as one of few, and becomes as fast a motion.
+
+    python benchmarks/many_points.py [--against CHECKOUT] [--only SUBSTRING] [--limit SECONDS]
+
+Plans a circle and a spline, each of 12 to 1,000 points, and bundled problems whose segments are cut
+into short ones. Prints durations and processor times beside another checkout's, plan by plan in
+turns; where that takes longer than the limit, nothing. Exit status 1 if a plan is not certified, if
+a path of 25 points or more becomes more than 1 % slower than the fastest of them, or if 500 points
+take more than 2.5 times as long to plan as 12.
+"""
+
+import argparse
+import json
+import math
+import os
+import subprocess
+import sys
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+HERE = Path(__file__).resolve().parent.parent
+COUNTS = (12, 25, 50, 100, 200, 500, 1000)
+RADII = (0.010, 0.002)
+CUT = ("ur5/over_the_wall", "panda/between_shelves", "xarm7/from_crate_to_crate")
+PARTS = (1, 4, 16)
+MOST_SLOWER, MOST_CPU = 1.01, 2.5
+ENOUGH = 25  # points, from which on all must be equally fast
+# Planned by either checkout's own package, through names that do not change; the second of two
+# plans counts, so that libraries are loaded and covers known.
+DRIVER = """
+import json, sys, time
+from dataclasses import replace
+import numpy as np
+from tubeplanner import Tube, load_problem, parse_problem, plan
+
+def cut(tube, parts):
+    share = np.arange(parts)[:, None] / parts
+    legs = zip(tube.points, tube.points[1:])
+    points = np.vstack([a + share * (b - a) for a, b in legs] + [tube.points[-1:]])
+    signs = [row for row in tube.joint_signs for _ in range(parts)]
+    return Tube(points, np.repeat(tube.radius, parts), tool_radius=tube.tool_radius,
+                joint_signs=signs, visit=tube.visit)
+
+case = json.loads(sys.stdin.readline())
+if case["bundled"]:
+    problem = load_problem("example:" + case["bundled"])
+    problem = replace(problem, tube=cut(problem.tube, case["parts"]))
+else:
+    problem = parse_problem(case["data"])
+plan(load_problem("example:two_link/around_a_post"))
+begun = time.process_time()
+result = plan(problem)
+cpu = time.process_time() - begun
+answer = {"status": result.status, "method": result.method, "duration": result.duration}
+print(json.dumps(answer | {"cpu": cpu}), flush=True)
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """One problem.
+
+    Attributes:
+        family: Of which path or problem it is a variant.
+        count: How many segments the path has, or into how many parts each is cut.
+        data: What its problem file holds, if it is no bundled one.
+        bundled: The bundled problem that is cut, or None.
+    """
+
+    family: str
+    count: int
+    data: dict[str, Any] = field(default_factory=dict)
+    bundled: str | None = None
+
+    @property
+    def name(self) -> str:
+        """What the table calls it."""
+        return f"{self.family}, {'cut in' if self.bundled else 'N ='} {self.count}"
+
+
+def cases() -> list[Case]:
+    """Return all problems."""
+    paths = {"circle": circle, "spline": spline}
+    found = [
+        Case(f"{name} {1000 * radius:g} mm", count, path(count, radius))
+        for name, path in paths.items()
+        for radius in RADII
+        for count in COUNTS
+    ]
+    return found + [Case(name, parts, bundled=name) for name in CUT for parts in PARTS]
+
+
+def circle(count: int, radius: float) -> dict[str, Any]:
+    """Return an xArm7 that follows a closed circle of 70 mm in so many chords."""
+    angles = [2 * math.pi * i / count for i in range(count + 1)]
+    points = [[0.40 + 0.07 * math.cos(a), 0.07 * math.sin(a), 0.25] for a in angles]
+    return {
+        "robot": {
+            "urdf": "example:xarm7",
+            "tool_frame": "link_eef",
+            "tool_offset": {"position": [0, 0, 0.1]},
+        },
+        "start": {"seed": [0, 0.19, 0, 0.83, 0, 0.64, 0]},
+        "tube": {"points": points, "radius": radius, "joint_signs": {"joint4": "+"}},
+    }
+
+
+def spline(count: int, radius: float) -> dict[str, Any]:
+    """Return a UR5 that follows a curved path of 0.34 m in so many chords."""
+    shares = [i / count for i in range(count + 1)]
+    points = [
+        [
+            0.35 + 0.25 * s,
+            0.04 * math.sin(2 * math.pi * (s + 0.3 * s * s)),
+            0.30 + 0.03 * math.sin(math.pi * s),
+        ]
+        for s in shares
+    ]
+    return {
+        "robot": {"urdf": "example:ur5", "tool_frame": "tool0"},
+        "start": {"seed": [-0.2, -1.3, 1.9, -2.0, -1.6, 0]},
+        "tube": {"points": points, "radius": radius, "joint_signs": {"elbow_joint": "+"}},
+    }
+
+
+def planned(checkout: Path, case: Case, limit: float) -> dict[str, Any]:
+    """Return what a checkout plans; nothing if it takes longer than the limit [s]."""
+    environment = os.environ | {"PYTHONPATH": str(checkout / "src"), "OPENBLAS_NUM_THREADS": "1"}
+    question = json.dumps(asdict(case) | {"parts": case.count})
+    try:
+        run = subprocess.run(
+            [sys.executable, "-c", DRIVER],
+            input=question,
+            stdout=subprocess.PIPE,
+            env=environment,
+            text=True,
+            timeout=limit,
+            check=True,
+        )
+    except subprocess.TimeoutExpired:
+        return {}
+    answer: dict[str, Any] = json.loads(run.stdout)
+    return answer
+
+
+def figure(value: float | None, places: int = 4) -> str:
+    """Return a number for the table."""
+    return "-" if value is None else f"{value:.{places}f}"
+
+
+def faults(answers: dict[Case, dict[str, Any]]) -> list[str]:
+    """Return what is wrong with the answers."""
+    found = [
+        f"{case.name}: {answer.get('status', 'not in time')} by {answer.get('method')}"
+        for case, answer in answers.items()
+        if answer.get("status") != "success" or answer.get("method") != "refinement"
+    ]
+    for family in dict.fromkeys(case.family for case in answers if not case.bundled):
+        members = {case.count: answer for case, answer in answers.items() if case.family == family}
+        durations = {
+            n: answer["duration"]
+            for n, answer in members.items()
+            if n >= ENOUGH and answer.get("duration")
+        }
+        fastest = min(durations.values(), default=0.0)
+        found += [
+            f"{family}: N = {n} is slower than another"
+            for n, duration in durations.items()
+            if duration > MOST_SLOWER * fastest
+        ]
+        cpu = [members.get(n, {}).get("cpu") for n in (12, 500)]
+        if None not in cpu and cpu[1] > MOST_CPU * cpu[0]:
+            found.append(f"{family}: N = 500 takes {cpu[1] / cpu[0]:.1f} times as long as N = 12")
+    return found
+
+
+def main() -> int:
+    """Plan and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--against", type=Path, help="another checkout")
+    parser.add_argument("--only", default="", help="problems whose name contains this")
+    parser.add_argument("--limit", type=float, default=120.0, help="for every plan [s]")
+    arguments = parser.parse_args()
+    print(f"{'problem':40}{'T [s]':>9}{'other':>9}{'CPU':>8}{'other':>8}")
+    answers = {}
+    for case in cases():
+        if arguments.only not in case.name:
+            continue
+        answer = answers[case] = planned(HERE, case, arguments.limit)
+        other = arguments.against
+        before = planned(other.resolve(), case, arguments.limit) if other else {}
+        print(
+            f"{case.name:40}{figure(answer.get('duration')):>9}"
+            f"{figure(before.get('duration')):>9}"
+            f"{figure(answer.get('cpu'), 2):>8}{figure(before.get('cpu'), 2):>8}",
+            flush=True,
+        )
+    wrong = faults(answers)
+    print("\n".join(wrong))
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

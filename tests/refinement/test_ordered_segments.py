@@ -1,0 +1,86 @@
+"""The segments of a chain's samples: in order, and as near as can be."""
+
+from itertools import combinations_with_replacement
+
+import numpy as np
+import pytest
+
+from tubeplanner import Tube
+from tubeplanner.refinement.ordered_segments import OrderedSegments, ordered_choice
+from tubeplanner.refinement.phased_spline import KnotGrid
+
+
+def brute_force(cost):
+    """Return the least cost of all never decreasing choices from the first to the last."""
+    count, choices = cost.shape
+    rows = np.arange(count)
+    return min(
+        cost[rows, list(choice)].sum()
+        for choice in combinations_with_replacement(range(choices), count)
+        if choice[0] == 0 and choice[-1] == choices - 1
+    )
+
+
+@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("shape", [(2, 2), (5, 3), (6, 5), (4, 9)])
+def test_no_other_choice_in_order_is_cheaper(shape, seed):
+    cost = np.random.default_rng(seed).uniform(size=shape)
+    choice = ordered_choice(cost)
+    assert choice[0] == 0
+    assert choice[-1] == shape[1] - 1
+    assert (np.diff(choice) >= 0).all()
+    found = cost[np.arange(shape[0]), choice].sum()
+    assert found == pytest.approx(brute_force(cost), abs=1e-12)
+
+
+def test_where_the_nearest_are_in_order_they_are_chosen():
+    cost = abs(np.linspace(0, 7, 40)[:, None] - np.arange(8))
+    np.testing.assert_array_equal(ordered_choice(cost), cost.argmin(axis=1))
+
+
+def circle_tube(count):
+    angles = np.linspace(0, 2 * np.pi, count + 1)
+    return Tube(0.07 * np.column_stack([np.cos(angles), np.sin(angles), 0 * angles]), 0.01)
+
+
+def on_circle(share):
+    return 0.07 * np.column_stack([np.cos(2 * np.pi * share), np.sin(2 * np.pi * share), 0 * share])
+
+
+def test_a_closed_path_begins_in_its_first_segment_and_ends_in_its_last():
+    tube, grid = circle_tube(100), KnotGrid((np.linspace(0, 1, 41),), (range(100),))
+    samples = grid.samples(np.arange(3) / 3).and_also(grid.phase_ends())
+    segments = OrderedSegments(tube.points, tube.radius, grid.chains, samples)
+    assert segments.in_chain.all()
+    # The tool hurries ahead of the middle of every chord and strays over the seam at both ends.
+    share = samples.share + 0.004 * np.sin(2 * np.pi * samples.share - 0.5)
+    found = segments.at(on_circle(share))
+    order = np.argsort(samples.share)
+    assert (np.diff(found[order]) >= 0).all()
+    assert found[order][[0, -1]].tolist() == [0, 99]
+    expected = np.clip(np.floor(100 * share), 0, 99)
+    inner = (share > 0.02) & (share < 0.98)
+    assert abs(found - expected)[inner].max() <= 1
+
+
+def test_phases_of_one_segment_keep_it_wherever_the_tool_is():
+    tube = circle_tube(6)
+    grid = KnotGrid((np.linspace(0, 1, 4),) * 3, (range(1), range(1, 5), range(5, 6)))
+    samples = grid.samples(np.arange(3) / 3)
+    segments = OrderedSegments(tube.points, tube.radius, grid.chains, samples)
+    found = segments.at(np.zeros((len(samples.phase), 3)))
+    assert set(found[samples.phase == 0]) == {0}
+    assert set(found[samples.phase == 2]) == {5}
+    np.testing.assert_array_equal(segments.in_chain, samples.phase == 1)
+    in_chain = found[samples.phase == 1]
+    assert (in_chain[0], in_chain[-1]) == (1, 4)
+
+
+def test_samples_may_come_in_any_order():
+    tube, grid = circle_tube(50), KnotGrid((np.linspace(0, 1, 21),), (range(50),))
+    samples = grid.samples(np.arange(3) / 3)
+    mixed = np.random.default_rng(3).permutation(len(samples.phase))
+    tool = on_circle(samples.share)
+    one = OrderedSegments(tube.points, tube.radius, grid.chains, samples)
+    other = OrderedSegments(tube.points, tube.radius, grid.chains, samples.where(mixed))
+    np.testing.assert_array_equal(one.at(tool)[mixed], other.at(tool[mixed]))
