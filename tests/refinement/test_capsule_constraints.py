@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tubeplanner.refinement.capsule_constraints import Planes
+from tubeplanner.refinement.capsule_constraints import Capsules, EvaluatedCapsules, Planes
 from tubeplanner.refinement.phased_spline import PhasedSpline
 from tubeplanner.refinement.rotation_constraints import evaluated_rotation
 from tubeplanner.refinement.sampled_spline import sampled
@@ -109,3 +109,46 @@ def test_tangent_planes_are_where_vectors_are_outside(case, kind):
     there = here.slack(planes, outside - here.vector)
     np.testing.assert_allclose(-there, excess[planes.sample], rtol=1e-9)
     assert len(here.planes_where_outside(outside, excess.max())) == 0
+
+
+def corner(place, predicted):
+    """Return a sample in the first of two capsules with a right angle between them, and planes.
+
+    Args:
+        place: Where the sample is, and a step would take it, both (3,).
+        predicted: In which segment it would then be.
+    """
+    axes = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0]])
+    capsules = EvaluatedCapsules(
+        at=None,
+        vector=np.array([place[0]]),
+        derivative=lambda: np.zeros((1, 3, 2)),
+        capsules=Capsules(axes[:-1], axes[1:], np.array([0.1, 0.2])),
+        segment=np.zeros(1, dtype=np.int64),
+        segments_of=lambda _: np.array([predicted]),
+        in_chain=np.ones(1, dtype=bool),
+        margin=np.full(1, MARGIN),
+        limit=np.zeros(1, dtype=np.int64),
+    )
+    return capsules, capsules.planes_where_outside(np.array([place[1]]), 0.0)
+
+
+def test_a_chains_plane_is_that_of_the_segment_a_step_would_be_in():
+    capsules, planes = corner(([0.9, 0.0, 0], [1.3, 0.5, 0]), 1)
+    np.testing.assert_allclose(planes.normal, [[1, 0, 0]])
+    assert planes.segment.tolist() == [1]
+    # It touches the second capsule, which reaches farther out: 1.199 m less 0.9 m, in own radii.
+    room = 1 + 0.2 * (1 - MARGIN) - 0.9
+    assert capsules.slack(planes)[0] == pytest.approx(room / 0.1)
+
+
+def test_a_chains_plane_never_cuts_the_samples_own_capsule():
+    capsules, planes = corner(([0.1, 0.0, 0], [0.7, 0.5, 0]), 1)
+    assert len(planes) == 0  # the plane of the second capsule would be behind the first one's end
+    behind = Planes(np.zeros(1, dtype=np.int64), np.array([[-1.0, 0, 0]]), np.ones(1, np.int64))
+    assert capsules.slack(behind)[0] == pytest.approx((0.1 + 0.1 * (1 - MARGIN)) / 0.1)
+
+
+def test_samples_in_chains_have_no_caps():
+    capsules, _ = corner(([0.9, 0.05, 0], [0.9, 0.05, 0]), 0)
+    np.testing.assert_allclose(capsules.planes().normal, [[0, 1, 0]])
