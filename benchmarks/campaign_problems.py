@@ -126,7 +126,7 @@ def _arm(robot: dict[str, Any], folder: Path) -> Arm:
     Raises:
         Unsuitable: It has no masses and cannot do without.
     """
-    point = TubeFields(np.zeros((2, 3)), np.ones(1), [{}], None, None, True)
+    point = TubeFields(np.zeros((2, 3)), np.ones(1), [{}], None, None, True, [], [0, 1])
     problem = Problem(folder, robot, point, {}, {}, [], 0.0, True, [])
     arm = Arm(problem)
     if not arm.has_masses:
