@@ -126,7 +126,7 @@ def _arm(robot: dict[str, Any], folder: Path) -> Arm:
     Raises:
         Unsuitable: It has no masses and cannot do without.
     """
-    point = TubeFields(np.zeros((2, 3)), np.ones(1), [{}], None, None, True)
+    point = TubeFields(np.zeros((2, 3)), np.ones(1), [{}], None, None, True, [], [0, 1])
     problem = Problem(folder, robot, point, {}, {}, [], 0.0, True, [])
     arm = Arm(problem)
     if not arm.has_masses:
@@ -179,7 +179,8 @@ def _rotation(
         return {}
     orientations = Rotation.from_matrix(gates).as_quat()
     ranges: list[dict[str, tuple[float, float]]] = [{}] * len(spans)
-    tube = TubeFields(witness.points, witness.needed, ranges, orientations, None, True)
+    numbers = list(range(len(witness.points)))
+    tube = TubeFields(witness.points, witness.needed, ranges, orientations, None, True, [], numbers)
     least, by_component = float(rng.uniform(0.01, 0.5)), rng.random() < 0.5
     bounds: list[Any] = []
     for k, (a, b) in enumerate(spans):
