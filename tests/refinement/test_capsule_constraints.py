@@ -39,6 +39,7 @@ def test_rows_have_the_derivatives_of_their_slack(case, kind):
     planes = random_planes(here)
     rows = here.rows(planes)
     np.testing.assert_array_equal(rows.slack, here.slack(planes))
+    np.testing.assert_array_equal(rows.limit, here.limit[planes.sample])
     rng = np.random.default_rng(5)
     change = rng.normal(size=spline.control_points.shape)
     switching = rng.normal(size=1)
