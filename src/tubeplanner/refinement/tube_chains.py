@@ -2,8 +2,8 @@
 
 A switching time is a variable, and its phase needs knots of its own. Of hundreds of short segments,
 as paths from scans and drawings have them, only sharp corners are worth that, and where the
-conditions on the joints or on the rotation change. Between them lie chains: there the segment of a
-sample follows from where the tool is.
+conditions on the joints or on the rotation change, or a point is compulsory. Between them lie
+chains: there the segment of a sample follows from where the tool is.
 """
 
 from itertools import pairwise
