@@ -338,7 +338,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "_Fit.best_passage": [
         ('self._tube.visit == "ordered"', "True"),
         ("candidates.append(float(found.x))", "pass"),
-        ("self.at(t, (k - 1, k)).max(axis=1)", "self.at(t, (k - 1, k)).min(axis=1)"),
+        ("self.at(t)[:, [k - 1, k]].max(axis=1)", "self.at(t)[:, [k - 1, k]].min(axis=1)"),
         ("float(margins.max()) - error", "float(margins.max())"),
     ],
     "_Judge.points": [
@@ -401,8 +401,8 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     "_Judge.rotation": [('least.lower_bound, "rad", place', 'least.attained, "rad", place')],
     "_Judge.joint_signs": [
-        ("visit.begin + (place.time or 0.0)", "place.time or 0.0"),
-        ("lower[visit.segment], upper[visit.segment]", "lower[0], upper[0]"),
+        ("begin + (place.time or 0.0)", "place.time or 0.0"),
+        ("lower[segment], upper[segment]", "lower[0], upper[0]"),
         ("min(found", "max(found"),
     ],
     "_Judge.endpoint": [
@@ -636,15 +636,15 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     # --- refinement: what the planner is constrained by ---------------------------------------
     "EvaluatedCapsules._excess_of": [
         (" - (1 - self.margin)", " - 1"),
-        (" / self.radius", ""),
+        (" / self.capsules.radius[segment]", ""),
     ],
     "EvaluatedCapsules._away": [
         ("0.0, 1.0)", "0.0, 2.0)"),
         ("share[:, None] * axis", "0 * axis"),
     ],
     "EvaluatedCapsules.slack": [
-        ("1 - self.margin - beyond", "1 - beyond"),
-        ("1 - self.margin - beyond", "0.95 - self.margin - beyond"),
+        ("1 - self.margin[at] - beyond", "1 - beyond"),
+        ("1 - self.margin[at] - beyond", "0.95 - self.margin[at] - beyond"),
         ("vector - self.end", "vector - self.begin"),
         ("np.minimum(", "np.maximum("),
         (" / self.radius[at]", ""),
@@ -661,7 +661,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("at.change(control, switching)", "at.change(control, 0 * switching)"),
     ],
     "widened_radius": [
-        ("np.minimum(_INTERVAL_SHARE * length / intervals, widest)", "widest * 0 + 1.0"),
+        ("np.minimum(_INTERVAL_SHARE * interval_of, widest)", "widest * 0 + 1.0"),
         ("np.maximum(tube.effective_radius, wanted)", "wanted"),
         ("np.minimum(widest[:-1], widest[1:])", "widest[:-1]"),
     ],
@@ -670,7 +670,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("abs(self._error)", "self._error"),
         (" - (1 - self.margin)", " - 1"),
     ],
-    "EvaluatedRotation.angle": [("self.tube.bounds[self.segment, 3]", "self.tube.bounds[0, 3]")],
+    "EvaluatedRotation.angle": [("self.tube.bounds[:, 3]", "self.tube.bounds[::-1, 3]")],
     "EvaluatedRotation.rows": [
         (" / bounds[:, :, None]", ""),
         (
