@@ -676,7 +676,6 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         (
             "np.where(np.isfinite(bounds), self.slack.reshape(bounds.shape), np.inf)",
             "self.slack.reshape(bounds.shape)",
-            "only slower: rows that nothing can break",
         ),
     ],
     "EvaluatedRotation.slack": [("1 - self.margin", "1")],
