@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import pytest
 
+from narrow_cases import drawn
 from tubeplanner import compare, load_problem, parse_problem, plan
 from tubeplanner.baselines.baselines import BASELINES
 from tubeplanner.constraints.unused_speed import unused_speed
@@ -21,10 +22,6 @@ BEST = {
     ("xarm7/from_crate_to_crate", 0.5): 0.66030,
 }
 QUICK = 1
-BEAD = (
-    *((0.30, -0.10), (0.36, -0.12), (0.42, -0.10), (0.45, -0.05), (0.45, 0.0), (0.45, 0.05)),
-    *((0.42, 0.10), (0.36, 0.12), (0.30, 0.10), (0.27, 0.05), (0.27, -0.05), (0.30, -0.10)),
-)
 CASES = [
     pytest.param(*case, marks=[] if number < QUICK else pytest.mark.slow)
     for number, case in enumerate(BEST)
@@ -34,22 +31,6 @@ CASES = [
 def narrowed(name, millimetres):
     problem = load_problem(f"example:{name}")
     return replace(problem, tube=problem.tube.with_radius(millimetres / 1000))
-
-
-def bead(radius):
-    """A closed bead of eleven segments on a table, that a Z1 lays."""
-    return parse_problem(
-        {
-            "robot": {
-                "urdf": "example:z1",
-                "tool_frame": "gripperStator",
-                "tool_offset": {"position": [0.15, 0, 0]},
-            },
-            "start": {"seed": [0, 1.5, -1, -0.54, 0, 0]},
-            "obstacles": [{"name": "table", "box": [0.6, 0.6, 0.02], "position": [0.4, 0, 0]}],
-            "tube": {"points": [[x, y, 0.1] for x, y in BEAD], "radius": radius},
-        }
-    )
 
 
 def certified_baselines(problem):
@@ -71,10 +52,11 @@ def test_a_narrow_tube_takes_no_longer_than_the_best_known(name, millimetres):
 
 @pytest.mark.slow
 def test_a_bead_of_two_millimetres_is_faster_than_every_scheme():
-    problem = bead(0.002)
+    case = next(case for case in drawn() if case.name.startswith("bead"))
+    problem = parse_problem(case.data)
     result = plan(problem)
     assert result.method == "refinement"
-    assert result.duration <= EACH * 0.4259
+    assert result.duration <= EACH * case.mark
     assert result.duration < min(certified_baselines(problem))
 
 

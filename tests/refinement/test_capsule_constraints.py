@@ -9,7 +9,7 @@ from tubeplanner.refinement.capsule_constraints import Capsules, EvaluatedCapsul
 from tubeplanner.refinement.phased_spline import PhasedSpline
 from tubeplanner.refinement.rotation_constraints import evaluated_rotation
 from tubeplanner.refinement.sampled_spline import sampled
-from tubeplanner.refinement.tube_constraints import evaluated_tube
+from tubeplanner.refinement.tube_constraints import evaluated_points, evaluated_tube
 
 STEP = 1e-6
 MARGIN = 0.005
@@ -17,6 +17,10 @@ MARGIN = 0.005
 
 def evaluated(kind, case, spline=None):
     problem, own, samples = case
+    if kind == "points":  # at a place that is no switching time, as good as any
+        at = sampled(spline or own, samples.where(np.array([4])))
+        radius = problem.tube.effective_radius
+        return evaluated_points(problem, at, np.array([1]), radius, MARGIN, 7)
     at = sampled(spline or own, samples)
     if kind == "tube":
         return evaluated_tube(problem, at, samples, problem.tube.effective_radius, MARGIN, 7)
@@ -33,7 +37,7 @@ def random_planes(capsules, seed=0):
     return Planes(sample, normal, capsules.segment[sample])
 
 
-@pytest.mark.parametrize("kind", ["tube", "angle"])
+@pytest.mark.parametrize("kind", ["tube", "angle", "points"])
 def test_rows_have_the_derivatives_of_their_slack(case, kind):
     here, spline = evaluated(kind, case), case[1]
     planes = random_planes(here)
@@ -80,7 +84,7 @@ def test_planes_are_outward_and_at_both_caps(case):
     np.testing.assert_allclose(caps.normal, np.concatenate([axis, -axis]))
 
 
-@pytest.mark.parametrize("kind", ["tube", "angle"])
+@pytest.mark.parametrize("kind", ["tube", "angle", "points"])
 def test_every_plane_holds_the_capsule(case, kind):
     """Whatever the normal: what is inside by the distance to the axis is behind the plane."""
     here = evaluated(kind, case)
