@@ -653,7 +653,9 @@ def test_a_divided_tube_gets_the_same_certificate_in_its_own_numbers(stored, par
         where = other[name].where
         assert where.segment // parts == whole[name].where.segment
         tool = problem.robot.tool_position(trajectory.position([where.time]))
-        assert finer.tube.distance(tool)[0].argmin() == where.segment
+        distance = finer.tube.distance(tool)[0]
+        # Where two segments meet, rounding says which is nearer.
+        assert distance[where.segment] <= distance.min() + 1e-12
 
 
 def test_a_divided_tube_gets_the_same_trajectory_to_the_last_digit():
