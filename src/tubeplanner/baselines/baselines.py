@@ -52,7 +52,7 @@ class Baseline:
 def conventional(problem: PlanningProblem, branch: ReferenceBranch) -> Baseline:
     """Straight lines of the tool at trapezoidal speed, as fast as the limits allow, with stops."""
     lines = tool_paths(problem, branch, arcs=False)
-    speed = largest_trapezoidal_speed(problem.robot, lines)
+    speed = largest_trapezoidal_speed(problem, lines)
     by_paper = sum(PAPER.duration(line.curve.length) for line in lines)
     note = (
         f"{speed.speed:.3g} m/s, {speed.acceleration:.3g} m/s^2; {by_paper:.2f} s at the paper's "
@@ -136,19 +136,19 @@ def judged_baseline(
 
 
 def _switched(problem: PlanningProblem, paths: list[ToolPath], arcs: str) -> Baseline:
-    timings = bang_bang_parameterizations(problem.robot, paths)
-    trajectory, slowed = bang_bang_trajectory(problem.robot, paths, timings)
+    timings = bang_bang_parameterizations(problem, paths)
+    trajectory, slowed = bang_bang_trajectory(problem, paths, timings)
     note = f"{arcs}slowed by {100 * slowed:.2g} % for what lies between TOPP-RA's grid points"
     return Baseline(trajectory, note)
 
 
 def _smoothed(problem: PlanningProblem, paths: list[ToolPath]) -> Baseline:
     """Return the fastest of the smoothed trajectories; the note says what smoothness costs."""
-    timings = bang_bang_parameterizations(problem.robot, paths)
-    switched, _ = bang_bang_trajectory(problem.robot, paths, timings)
+    timings = bang_bang_parameterizations(problem, paths)
+    switched, _ = bang_bang_trajectory(problem, paths, timings)
     found = {
         count: smoothed_trajectory(
-            problem.robot,
+            problem,
             paths,
             timings,
             [count * (1 + _arc_count(path)) for path in paths],

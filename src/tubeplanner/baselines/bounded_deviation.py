@@ -60,7 +60,7 @@ def bounded_deviation(problem: PlanningProblem, lines: list[ToolPath]) -> Bounde
         radius = float(tube.effective_radius[tube.segment_index(line.segment)])
         parts.append(_knots(robot, line, radius)[1:])
     knots = np.concatenate(parts)
-    found = [_fastest(robot, knots, share) for share in _TRANSITION_SHARES]
+    found = [_fastest(problem, knots, share) for share in _TRANSITION_SHARES]
     inside = [
         trajectory
         for trajectory in found
@@ -100,26 +100,27 @@ def _deviation(robot: RobotModel, line: ToolPath, knots: FloatArray) -> FloatArr
     return off.reshape(len(steps), -1).max(axis=1)
 
 
-def _fastest(robot: RobotModel, knots: FloatArray, share: float) -> JointTrajectory:
+def _fastest(problem: PlanningProblem, knots: FloatArray, share: float) -> JointTrajectory:
     """Return the fastest trajectory that the timing rounds find, scaled to the limits."""
-    times = np.linalg.norm(np.diff(knots, axis=0), axis=1)
+    names, times = problem.robot.joint_names, np.linalg.norm(np.diff(knots, axis=0), axis=1)
     best, shortest = times, np.inf
     for _ in range(_TIMING_ROUNDS):
-        speed_factor = _speed_factor(
-            robot, _trajectory(robot.joint_names, knots, times, share), len(times)
-        )
+        trajectory = _trajectory(names, knots, times, share)
+        speed_factor = _speed_factor(problem, trajectory, len(times))
         if times.sum() / speed_factor.min() < shortest:
             best, shortest = times / speed_factor.min(), times.sum() / speed_factor.min()
         times = times / speed_factor**_TIMING_POWER
-    trajectory = _trajectory(robot.joint_names, knots, best, share)
-    return scaled_to_limits(robot, trajectory, with_jerk=False)
+    trajectory = _trajectory(names, knots, best, share)
+    return scaled_to_limits(problem, trajectory, with_jerk=False)
 
 
-def _speed_factor(robot: RobotModel, trajectory: JointTrajectory, intervals: int) -> FloatArray:
+def _speed_factor(
+    problem: PlanningProblem, trajectory: JointTrajectory, intervals: int
+) -> FloatArray:
     """Return how many times faster the limits allow each interval to be run, shape (K-1,)."""
     samples = trajectory.per_piece(_SAMPLES_PER_PIECE)
-    factor = scaling_factor(robot, samples.position, samples.velocity, samples.acceleration)
-    pieces = factor.min(axis=1).reshape(-1, _SAMPLES_PER_PIECE).min(axis=1)
+    factor = scaling_factor(problem, samples.position, samples.velocity, samples.acceleration)
+    pieces = factor.reshape(-1, _SAMPLES_PER_PIECE).min(axis=1)
     # Pieces alternate: a transition, the line after it, the next transition.
     return np.minimum(np.minimum(pieces[:-2:2], pieces[1:-1:2]), pieces[2::2])
 

@@ -13,6 +13,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.baselines.tool_path import ToolPath, arc_lengths_on_line
 from tubeplanner.constraints.time_scaling import minimum_duration
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, concatenate
 
@@ -60,21 +61,21 @@ class TrapezoidalSpeed:
 PAPER = TrapezoidalSpeed(PAPER_SPEED, PAPER_ACCELERATION)
 
 
-def largest_trapezoidal_speed(robot: RobotModel, lines: list[ToolPath]) -> TrapezoidalSpeed:
+def largest_trapezoidal_speed(problem: PlanningProblem, lines: list[ToolPath]) -> TrapezoidalSpeed:
     """Return the speed and acceleration, the same for all lines, that take the least time.
 
     Under the limits of velocity, acceleration and effort; limits of jerk are left out, since the
     acceleration jumps.
 
     Args:
-        robot: The arm.
+        problem: The planning problem.
         lines: From stop to stop.
 
     Raises:
         Infeasible: Gravity exceeds a motor's effort, or the scheme cannot run a line.
     """
     longest = max(line.curve.length for line in lines)
-    found = [_scaled_speed(robot, lines, share * longest) for share in _RAMP_SHARES]
+    found = [_scaled_speed(problem, lines, share * longest) for share in _RAMP_SHARES]
     return min(found, key=lambda speed: sum(speed.duration(line.curve.length) for line in lines))
 
 
@@ -92,11 +93,13 @@ def conventional_trajectory(
     return concatenate([_run(robot, line, speed.timing(line.curve.length)) for line in lines])
 
 
-def _scaled_speed(robot: RobotModel, lines: list[ToolPath], ramps: float) -> TrapezoidalSpeed:
+def _scaled_speed(
+    problem: PlanningProblem, lines: list[ToolPath], ramps: float
+) -> TrapezoidalSpeed:
     """Return the largest speed whose ramps take a given length of the line [m]."""
     shape = TrapezoidalSpeed(float(np.sqrt(ramps)), 1.0)
-    trajectory = conventional_trajectory(robot, lines, shape)
-    faster = trajectory.duration / minimum_duration(robot, trajectory, with_jerk=False)
+    trajectory = conventional_trajectory(problem.robot, lines, shape)
+    faster = trajectory.duration / minimum_duration(problem, trajectory, with_jerk=False)
     return TrapezoidalSpeed(faster * shape.speed, faster**2)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray
 from tubeplanner.baselines.time_parameterization import run_along
 from tubeplanner.constraints.time_scaling import estimated_duration
-from tubeplanner.robot.robot_model import RobotModel
+from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
 # In place of a missing limit: this multiple of what a gentle run of the path uses.
@@ -20,7 +20,11 @@ _AMPLE, _SAMPLES_PER_PIECE = 1e3, 20
 
 
 def fastest_parameterization(
-    robot: RobotModel, path: JointTrajectory, arc_length: FloatArray, *, at_both_ends: bool = True
+    problem: PlanningProblem,
+    path: JointTrajectory,
+    arc_length: FloatArray,
+    *,
+    at_both_ends: bool = True,
 ) -> JointTrajectory | None:
     """Return a path's fastest time parameterization: arc length over time, from rest to rest.
 
@@ -28,7 +32,7 @@ def fastest_parameterization(
     them in between; jerk is unlimited, so it is not smooth.
 
     Args:
-        robot: The arm.
+        problem: The planning problem.
         path: Over the arc length, in the robot's group order.
         arc_length: Where the limits are judged, increasing from the path's start to its end, shape
             (N,).
@@ -45,7 +49,7 @@ def fastest_parameterization(
     """
     from toppra import algorithm  # takes a second
 
-    constraints = _constraints(robot, path, at_both_ends)
+    constraints = _constraints(problem, path, at_both_ends)
     solver = algorithm.TOPPRA(
         constraints, _Path(path), gridpoints=arc_length, solver_wrapper="seidel"
     )
@@ -60,12 +64,14 @@ def fastest_parameterization(
     return JointTrajectory(("arc_length",), times, parabolas[:, :, None])
 
 
-def _constraints(robot: RobotModel, path: JointTrajectory, at_both_ends: bool) -> list[object]:
+def _constraints(
+    problem: PlanningProblem, path: JointTrajectory, at_both_ends: bool
+) -> list[object]:
     from toppra import constraint
 
-    kinds = constraint.DiscretizationType
+    robot, kinds = problem.robot, constraint.DiscretizationType
     trial = _gentle_run(path)
-    trial = trial.scaled(estimated_duration(robot, trial) / trial.duration)
+    trial = trial.scaled(estimated_duration(problem, trial) / trial.duration)
     used = trial.per_piece(_SAMPLES_PER_PIECE)
     tau = robot.inverse_dynamics(used.position, used.velocity, used.acceleration)
     limits = robot.limits

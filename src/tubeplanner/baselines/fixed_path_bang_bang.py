@@ -16,7 +16,7 @@ from tubeplanner.baselines.time_parameterization import run_along
 from tubeplanner.baselines.tool_path import ToolPath
 from tubeplanner.constraints.time_scaling import minimum_duration
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
-from tubeplanner.robot.robot_model import RobotModel
+from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, concatenate
 
 # Steps between the points where limits are judged: of a whole path, and of each line or arc in it.
@@ -24,18 +24,18 @@ _PATH_STEPS, _PIECE_STEPS = 800, 400
 
 
 def bang_bang_parameterizations(
-    robot: RobotModel, paths: Sequence[ToolPath]
+    problem: PlanningProblem, paths: Sequence[ToolPath]
 ) -> list[JointTrajectory]:
     """Return the fastest time parameterization of each path, from rest to rest.
 
     Raises:
         Infeasible: Gravity exceeds a motor's effort, or no time parameterization is found.
     """
-    return [_parameterization(robot, path) for path in paths]
+    return [_parameterization(problem, path) for path in paths]
 
 
 def bang_bang_trajectory(
-    robot: RobotModel, paths: Sequence[ToolPath], timings: Sequence[JointTrajectory]
+    problem: PlanningProblem, paths: Sequence[ToolPath], timings: Sequence[JointTrajectory]
 ) -> tuple[JointTrajectory, float]:
     """Return the trajectory along paths with these time parameterizations: degree 6, within limits.
 
@@ -48,12 +48,12 @@ def bang_bang_trajectory(
     """
     runs = [run_along(path.joints, timing) for path, timing in zip(paths, timings, strict=True)]
     trajectory = concatenate(runs)
-    share = minimum_duration(robot, trajectory, with_jerk=False) / trajectory.duration
+    share = minimum_duration(problem, trajectory, with_jerk=False) / trajectory.duration
     return trajectory.scaled(share), share - 1
 
 
-def _parameterization(robot: RobotModel, path: ToolPath) -> JointTrajectory:
-    timing = fastest_parameterization(robot, path.joints, _grid(path))
+def _parameterization(problem: PlanningProblem, path: ToolPath) -> JointTrajectory:
+    timing = fastest_parameterization(problem, path.joints, _grid(path))
     if timing is None:
         raise Infeasible(
             PlanStatus.NO_TRAJECTORY,

@@ -18,7 +18,7 @@ from tubeplanner.constraints.time_scaling import (
     scaled_to_limits,
     scaling_factor,
 )
-from tubeplanner.robot.robot_model import RobotModel
+from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, concatenate
 
 _ROUNDS = 8
@@ -28,7 +28,7 @@ _WINDOW, _POWER, _MAX_GAIN = 2 * _SAMPLES_PER_INTERVAL + 1, 0.6, 1.2
 
 
 def smoothed_trajectory(
-    robot: RobotModel,
+    problem: PlanningProblem,
     paths: Sequence[ToolPath],
     timings: Sequence[JointTrajectory],
     intervals: Sequence[int],
@@ -36,33 +36,33 @@ def smoothed_trajectory(
     """Return paths run by averaged time parameterizations, each at its limits: C2, degree 9.
 
     Args:
-        robot: The arm.
+        problem: The planning problem.
         paths: From rest to rest.
         timings: Their `bang_bang_parameterizations`.
         intervals: For every path, into how many intervals its time parameterization is averaged.
     """
     runs = zip(paths, timings, intervals, strict=True)
     return concatenate(
-        [_smoothed(robot, path.joints, timing, count) for path, timing, count in runs]
+        [_smoothed(problem, path.joints, timing, count) for path, timing, count in runs]
     )
 
 
 def _smoothed(
-    robot: RobotModel, path: JointTrajectory, timing: JointTrajectory, intervals: int
+    problem: PlanningProblem, path: JointTrajectory, timing: JointTrajectory, intervals: int
 ) -> JointTrajectory:
     """Return the fastest trajectory of all rounds, slowed until it keeps the limits."""
     factor, shortest, best = np.ones(len(timing.widths)), np.inf, path
     for _ in range(_ROUNDS):
         smooth = averaged_parameterization(_stretched(timing, factor), intervals)
         trajectory = run_along(path, smooth)
-        duration = estimated_duration(robot, trajectory)
+        duration = estimated_duration(problem, trajectory)
         if duration < shortest:
             shortest, best = duration, trajectory
         speed_factor = _speed_factor(
-            robot, trajectory, smooth, timing, _SAMPLES_PER_INTERVAL * intervals
+            problem, trajectory, smooth, timing, _SAMPLES_PER_INTERVAL * intervals
         )
         factor = factor / np.minimum(speed_factor, _MAX_GAIN) ** _POWER
-    return scaled_to_limits(robot, best)
+    return scaled_to_limits(problem, best)
 
 
 def _stretched(timing: JointTrajectory, factor: FloatArray) -> JointTrajectory:
@@ -74,7 +74,7 @@ def _stretched(timing: JointTrajectory, factor: FloatArray) -> JointTrajectory:
 
 
 def _speed_factor(
-    robot: RobotModel,
+    problem: PlanningProblem,
     trajectory: JointTrajectory,
     smooth: JointTrajectory,
     timing: JointTrajectory,
@@ -82,7 +82,7 @@ def _speed_factor(
 ) -> FloatArray:
     """Return how many times faster the limits allow a run, at each piece."""
     samples = trajectory.at(np.linspace(0, trajectory.duration, count + 1))
-    factor = scaling_factor(robot, samples.position, samples.velocity, samples.acceleration)
-    least = minimum_filter1d(factor.min(axis=1), _WINDOW)
+    factor = scaling_factor(problem, samples.position, samples.velocity, samples.acceleration)
+    least = minimum_filter1d(factor, _WINDOW)
     middle = timing.position((timing.breakpoints[:-1] + timing.breakpoints[1:]) / 2)[:, 0]
     return np.interp(middle, smooth.position(samples.time)[:, 0], least)

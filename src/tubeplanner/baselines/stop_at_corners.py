@@ -61,8 +61,8 @@ def stop_at_corners(
 
 def _fastest(problem: PlanningProblem, branch: ReferenceBranch, segment: int) -> JointTrajectory:
     shapes = [_follow(problem, branch, segment, ramp) for ramp in _RAMP_SHARES]
-    fastest = min(shapes, key=lambda shape: estimated_duration(problem.robot, shape))
-    return scaled_to_limits(problem.robot, fastest)
+    fastest = min(shapes, key=lambda shape: estimated_duration(problem, shape))
+    return scaled_to_limits(problem, fastest)
 
 
 def _follow(

@@ -1,18 +1,17 @@
-"""The shortest duration of a fixed shape.
-
-A shape run `b` times as fast has `b` times the velocity, `b^2` the acceleration and `b^3` the jerk,
-and needs the efforts `tau(b) = g + b^2 (tau - g)`, g being gravity's share (Suh & Bishop 1988,
-property 2; Hollerbach, "Dynamic scaling of manipulator trajectories", 1984).
-"""
+"""The shortest duration of a fixed shape: how much faster all its limits let it be run."""
 
 from collections.abc import Callable
 
 import numpy as np
 
-from tubeplanner.arrays import FloatArray
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.constraints.joint_rate import RATES, JointRate
+from tubeplanner.constraints.path_samples import PathSamples
 from tubeplanner.constraints.peaks import refined_maximum
-from tubeplanner.outcome import Infeasible, Place, PlanStatus
-from tubeplanner.robot.robot_model import RobotModel
+from tubeplanner.constraints.speed_limit import SpeedLimit
+from tubeplanner.constraints.speed_limits import largest_speeds, rates_and_others, speed_limits
+from tubeplanner.constraints.tube_membership import current_segments
+from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.bernstein import bernstein_coefficients, peak_magnitudes
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
 
@@ -23,105 +22,91 @@ _VALLEY_SHARE = 0.02
 _SAFETY = 1e-8
 
 
-def scaling_factor(robot: RobotModel, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
+def scaling_factor(
+    problem: PlanningProblem,
+    q: FloatArray,
+    v: FloatArray,
+    a: FloatArray,
+    jerk: FloatArray | None = None,
+) -> FloatArray:
     """Return how many times faster the limits allow a trajectory to run at each sample: b(t).
 
     Args:
-        robot: The arm.
-        q: Positions, shape (N, n) [rad or m].
+        problem: The planning problem.
+        q: Positions, shape (N, n), in the order of time [rad or m].
         v: Velocities, shape (N, n) [rad/s or m/s].
         a: Accelerations, shape (N, n) [rad/s^2 or m/s^2].
+        jerk: Shape (N, n) [rad/s^3 or m/s^3]; None: limits of jerk do not count.
 
     Returns:
-        Shape (N, n), the least of `v_limit / |v|`, `sqrt(a_limit / |a|)` and
-        `sqrt((tau_limit - g) / (tau - g))`, the effort limit taken with the sign of `tau - g`; inf
-        where nothing limits, 0 where gravity alone needs a motor's whole effort. (Suh & Bishop
-        1988, property 2: b_ij; they have no acceleration limits.)
+        Shape (N,); inf where nothing limits, 0 where gravity alone needs a motor's whole effort.
+        (Suh & Bishop 1988, property 2: b_ij; they have limits of velocity and effort alone.)
     """
-    velocity = _ratio(robot.limits.velocity, abs(v))
-    acceleration = np.sqrt(_ratio(robot.limits.acceleration, abs(a)))
-    return np.minimum(np.minimum(velocity, acceleration), effort_factor(robot, q, v, a))
-
-
-def effort_factor(robot: RobotModel, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
-    """Return the part of `scaling_factor` that the efforts give, shape (N, n)."""
-    tau, gravity = robot.inverse_dynamics(q, v, a), robot.gravity_effort(q)
-    return effort_factor_of(robot.limits.effort, tau, gravity)
-
-
-def effort_factor_of(limit: FloatArray, tau: FloatArray, gravity: FloatArray) -> FloatArray:
-    """Return `effort_factor` where efforts, and those against gravity alone, are known."""
-    inertial = tau - gravity
-    available = np.where(inertial >= 0, limit - gravity, limit + gravity)
-    holds = abs(gravity) < limit
-    return np.sqrt(_ratio(available, abs(inertial)), out=np.zeros_like(tau), where=holds)
+    known = (q, v, a) if jerk is None else (q, v, a, jerk)
+    at = PathSamples(problem, np.stack(known), lambda: current_segments(problem, q))
+    return largest_speeds(at, speed_limits(problem))
 
 
 def minimum_duration(
-    robot: RobotModel, trajectory: JointTrajectory, *, with_jerk: bool = True
+    problem: PlanningProblem, trajectory: JointTrajectory, *, with_jerk: bool = True
 ) -> float:
-    """Return the shortest duration [s] of a trajectory's shape under all limits of the robot.
+    """Return the shortest duration [s] of a trajectory's shape under all limits on its speed.
 
-    Velocity, acceleration and jerk are exact for all t; effort is the highest of its peaks, found
-    from 24 samples per polynomial piece and refined around the highest ones.
+    Velocity, acceleration and jerk are exact for all t; others are the highest of their peaks,
+    found from 24 samples per polynomial piece and refined around the highest ones.
 
     Args:
-        robot: The arm.
+        problem: The planning problem.
         trajectory: The shape.
         with_jerk: Whether limits of jerk count; False where the acceleration jumps anyway.
 
     Raises:
         Infeasible: Status gravity_exceeds_effort.
     """
-    polynomial = _polynomial_factor(robot, trajectory, _exact_peaks, with_jerk=with_jerk)
-    factor = min(polynomial, _least_effort_factor(robot, trajectory))
+    rates, others = rates_and_others(speed_limits(problem))
+    rates = [limit for limit in rates if with_jerk or limit.rate < RATES["jerk"]]
+    factor = min(_rate_factor(rates, trajectory, _exact_peaks), _least(problem, others, trajectory))
     return trajectory.duration / factor * (1 + _SAFETY)
 
 
-def estimated_duration(robot: RobotModel, trajectory: JointTrajectory) -> float:
+def estimated_duration(problem: PlanningProblem, trajectory: JointTrajectory) -> float:
     """Return a quick estimate of `minimum_duration` [s], to choose between shapes.
 
-    Effort is not refined between samples; velocity, acceleration and jerk are bounded from above.
+    Velocity, acceleration and jerk are bounded from above; others are not refined between samples.
 
     Raises:
         Infeasible: Status gravity_exceeds_effort.
     """
+    rates, others = rates_and_others(speed_limits(problem))
     samples = trajectory.per_piece(_SAMPLES_PER_PIECE // 2)
-    effort = float(_held_effort_factor(robot, samples).min())
-    return trajectory.duration / min(_polynomial_factor(robot, trajectory, _hull_peaks), effort)
+    sampled = float(_held_factor(problem, others, samples).min())
+    return trajectory.duration / min(_rate_factor(rates, trajectory, _hull_peaks), sampled)
 
 
 def scaled_to_limits(
-    robot: RobotModel, trajectory: JointTrajectory, *, with_jerk: bool = True
+    problem: PlanningProblem, trajectory: JointTrajectory, *, with_jerk: bool = True
 ) -> JointTrajectory:
     """Return the trajectory's shape, run in its `minimum_duration`.
 
     Raises:
         Infeasible: Status gravity_exceeds_effort.
     """
-    duration = minimum_duration(robot, trajectory, with_jerk=with_jerk)
+    duration = minimum_duration(problem, trajectory, with_jerk=with_jerk)
     return trajectory.scaled(duration / trajectory.duration)
 
 
-def _polynomial_factor(
-    robot: RobotModel,
+def _rate_factor(
+    rates: list[JointRate],
     trajectory: JointTrajectory,
     peaks: Callable[[FloatArray, FloatArray], FloatArray],
-    *,
-    with_jerk: bool = True,
 ) -> float:
-    """Return the largest b that velocity, acceleration and jerk limits allow."""
-    limits = robot.limits
-    factor, asked = np.inf, [(1, limits.velocity), (2, limits.acceleration)]
-    if with_jerk:
-        asked.append((3, limits.jerk))
-    for order, limit in asked:
-        bounded = np.isfinite(limit)
-        if not bounded.any():
-            continue
-        coefficients = trajectory.derivative_coefficients(order)[:, :, bounded]
-        peak = peaks(coefficients, trajectory.widths)
-        factor = min(factor, float(_ratio(limit[bounded], peak).min()) ** (1 / order))
+    """Return the largest b that limits of velocity, acceleration and jerk allow."""
+    factor = np.inf
+    for limit in rates:
+        coefficients = trajectory.derivative_coefficients(limit.rate)[:, :, limit.joints]
+        used = float((peaks(coefficients, trajectory.widths) / limit.limit).max())
+        if used > 0:
+            factor = min(factor, (1 / used) ** (1 / limit.rate))
     return factor
 
 
@@ -136,47 +121,37 @@ def _hull_peaks(coefficients: FloatArray, widths: FloatArray) -> FloatArray:
     return abs(hull).max(axis=(0, 1))
 
 
-def _least_effort_factor(robot: RobotModel, trajectory: JointTrajectory) -> float:
-    """Return the smallest effort factor over time, its valleys refined between samples."""
+def _least(
+    problem: PlanningProblem, limits: tuple[SpeedLimit, ...], trajectory: JointTrajectory
+) -> float:
+    """Return the smallest factor over time, its valleys refined between samples."""
     samples = trajectory.per_piece(_SAMPLES_PER_PIECE)
-    factor = _held_effort_factor(robot, samples)
+    factor = _held_factor(problem, limits, samples)
     least = float(factor.min())
     if not np.isfinite(least):
         return least
 
     def negative(time: FloatArray) -> FloatArray:
-        return -_held_effort_factor(robot, trajectory.at(time))
+        return -_held_factor(problem, limits, trajectory.at(time))
 
     highest, _ = refined_maximum(negative, samples.time, -factor, band=_VALLEY_SHARE * least)
     return -highest
 
 
-def _held_effort_factor(robot: RobotModel, samples: TrajectorySamples) -> FloatArray:
-    """Return the smallest effort factor of each sample, (N,), each of which the motors can hold."""
-    q, v, a = samples.position, samples.velocity, samples.acceleration
-    factor = effort_factor(robot, q, v, a).min(axis=1)
-    if (factor == 0).any():
-        raise _gravity_exceeds_effort(robot, q[int(factor.argmin())])
-    return factor
+def _held_factor(
+    problem: PlanningProblem, limits: tuple[SpeedLimit, ...], samples: TrajectorySamples
+) -> FloatArray:
+    """Return the smallest factor of each sample, (N,), each of which the motors can hold."""
 
+    def segments() -> IntArray:
+        return current_segments(problem, samples.position)
 
-def _ratio(available: FloatArray, use: FloatArray) -> FloatArray:
-    """Return available / use, inf where nothing is used or nothing limits."""
-    available, use = np.broadcast_arrays(available, use)
-    return np.divide(
-        available, use, out=np.full(use.shape, np.inf), where=(use > 0) & np.isfinite(available)
-    )
-
-
-def _gravity_exceeds_effort(robot: RobotModel, q: FloatArray) -> Infeasible:
-    gravity, limit = abs(robot.gravity_effort(q[None])[0]), robot.limits.effort
-    joint = int((limit - gravity).argmin())
-    name = robot.joint_names[joint]
-    unit = "N m" if robot.revolute[joint] else "N"
-    return Infeasible(
-        PlanStatus.GRAVITY_EXCEEDS_EFFORT,
-        f"joint '{name}' needs {gravity[joint]:.2f} {unit} against gravity alone, its effort limit "
-        f"is {limit[joint]:.2f}; lighten the payload, choose another configuration or a stronger "
-        "motor",
-        Place(joint=name).at(robot.tool_position(q[None])[0]),
-    )
+    by_path = np.stack([samples.position, samples.velocity, samples.acceleration])
+    at = PathSamples(problem, by_path, segments)
+    found = np.full(len(at), np.inf)
+    for limit in limits:
+        factor = largest_speeds(at, (limit,))
+        if (factor == 0).any():
+            raise limit.refusal(at)
+        found = np.minimum(found, factor)
+    return found

@@ -20,7 +20,6 @@ from tubeplanner.constraints.time_scaling import minimum_duration
 from tubeplanner.files.trajectory_file import joined_samples
 from tubeplanner.outcome import Infeasible
 from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.trajectory.averaging import averaged
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
 from tubeplanner.verification.certificate import FOREIGN_TOLERANCE
@@ -72,7 +71,7 @@ def samples_for_export(
     broken = _broken(problem, trajectory, samples)
     if broken is None:
         return ExportSamples(samples, rate, 0.0, None)
-    for how, found in _gentler(problem.robot, trajectory, rate):
+    for how, found in _gentler(problem, trajectory, rate):
         if _broken(problem, trajectory, found) is None:
             slowed = found.time[-1] / trajectory.duration - 1
             note = (
@@ -110,26 +109,26 @@ def _blame(problem: PlanningProblem, trajectory: JointTrajectory, rate: float, b
 
 
 def _gentler(
-    robot: RobotModel, trajectory: JointTrajectory, rate: float
+    problem: PlanningProblem, trajectory: JointTrajectory, rate: float
 ) -> Iterator[tuple[str, TrajectorySamples]]:
     """Yield samples that keep all limits when joined: averaged, then slowed down alone."""
-    averaged = _averaged(robot, trajectory, rate)
+    averaged = _averaged(problem, trajectory, rate)
     if averaged is not None:
         yield "averaged over neighbouring periods", averaged
-    slowed = _slowed(robot, trajectory, rate)
+    slowed = _slowed(problem, trajectory, rate)
     if slowed is not None:
         yield "slowed down", slowed
 
 
 def _averaged(
-    robot: RobotModel, trajectory: JointTrajectory, rate: float
+    problem: PlanningProblem, trajectory: JointTrajectory, rate: float
 ) -> TrajectorySamples | None:
     """Return samples of the trajectory averaged, in the fewest periods that keep the limits."""
     fewest = max(int(np.ceil(trajectory.duration * rate)), _MIN_PERIODS)
     periods = fewest
     while periods <= _MAX_SLOWED * fewest:
         average = averaged(trajectory, periods, periods / rate)
-        needed = _needed(robot, average)
+        needed = _needed(problem, average)
         if needed <= 1 + _RUN_OVER:
             return average.at(np.arange(periods + 1) / rate)
         periods += max(1, int((needed - 1) * periods))
@@ -137,23 +136,23 @@ def _averaged(
 
 
 def _slowed(
-    robot: RobotModel, trajectory: JointTrajectory, rate: float
+    problem: PlanningProblem, trajectory: JointTrajectory, rate: float
 ) -> TrajectorySamples | None:
     """Return samples on the trajectory, run slowly enough to keep the limits when joined."""
     factor = 1.0
     while factor <= _MAX_SLOWED:
         samples = trajectory.scaled(factor).sample(rate)
-        needed = _needed(robot, _joined(trajectory, samples))
+        needed = _needed(problem, _joined(trajectory, samples))
         if needed <= 1 + _RUN_OVER:
             return samples
         factor *= needed
     return None
 
 
-def _needed(robot: RobotModel, average: JointTrajectory) -> float:
+def _needed(problem: PlanningProblem, average: JointTrajectory) -> float:
     """Return which share of its duration a trajectory needs to keep the limits."""
     try:
-        return minimum_duration(robot, average) / average.duration
+        return minimum_duration(problem, average) / average.duration
     except Infeasible:  # gravity alone exceeds a motor where the joined samples lead
         return np.inf
 

@@ -5,7 +5,7 @@ from scipy.interpolate import CubicSpline
 
 from tubeplanner.baselines.fastest_parameterization import fastest_parameterization
 from tubeplanner.polyline import arc_lengths
-from tubeplanner.robot.robot_model import RobotModel
+from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
 _GRID_POINTS = 1600
@@ -14,21 +14,21 @@ _GRID_POINTS = 1600
 _APART = 1e-6
 
 
-def path_minimum(robot: RobotModel, trajectory: JointTrajectory) -> float | None:
+def path_minimum(problem: PlanningProblem, trajectory: JointTrajectory) -> float | None:
     """Return the least time [s] for the path of a trajectory, from rest to rest.
 
     Under the limits of velocity, acceleration and effort at 1,600 points of the path, jerk
     unlimited: good to about 0.1 %.
 
     Args:
-        robot: The arm.
-        trajectory: Whose path is meant, in the robot's group order.
+        problem: The planning problem.
+        trajectory: Whose path is meant, of the problem's joints in their order.
 
     Returns:
         The time, or None if the solver finds none.
     """
     path = _by_length(trajectory)
-    timing = fastest_parameterization(robot, path, path.breakpoints, at_both_ends=False)
+    timing = fastest_parameterization(problem, path, path.breakpoints, at_both_ends=False)
     return None if timing is None else timing.duration
 
 

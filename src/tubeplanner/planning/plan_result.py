@@ -155,13 +155,13 @@ def judged_result(
         certificate,
         certificate_time=certificate_time,
         notes=_notes(problem, trajectory),
-        _path_minimum=partial(path_minimum, problem.robot, trajectory),
+        _path_minimum=partial(path_minimum, problem, trajectory),
     )
 
 
 def _notes(problem: PlanningProblem, trajectory: JointTrajectory) -> tuple[str, ...]:
     """Return a note where the motors could do more."""
-    unused = unused_speed(problem.robot, trajectory)
+    unused = unused_speed(problem, trajectory)
     if unused <= _MUCH_UNUSED:
         return ()
     return (

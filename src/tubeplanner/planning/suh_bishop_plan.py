@@ -63,7 +63,7 @@ def _along(
         return stopped_result(clock, stopped_by, SUH_BISHOP)
     if search.best is None or search.certificate is None:
         # Raises if gravity alone is too strong somewhere along the branch.
-        scaled_to_limits(problem.robot, sequential_quartics(problem.robot.joint_names, waypoints))
+        scaled_to_limits(problem, sequential_quartics(problem.robot.joint_names, waypoints))
         nothing = _nothing_found(search, options, stopped_by)
         return replace(nothing, search=search.statistics, stopped_by=stopped_by)
     knots = waypoints[list(search.best_waypoints)]

@@ -172,7 +172,7 @@ class EvaluatedCapsules:
         at = planes.sample
         by_joint = np.einsum("pi,pij->pj", planes.normal, self._by_joint[at])
         by_joint /= self.radius[at, None]
-        control, switching = self.at.chained(by_joint[None, :, None], at)
+        control, switching = self.at.chained({0: by_joint[:, None]}, at)
         count = len(planes)
         return Rows(
             self.at.first[at],

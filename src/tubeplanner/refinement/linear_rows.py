@@ -77,34 +77,36 @@ def stacked(parts: list[Rows]) -> Rows:
     return Rows(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
-def two_sided_rows(
+def sided_rows(
     first: IntArray,
     change: tuple[FloatArray, FloatArray],
     used: FloatArray,
     duration: tuple[FloatArray, float],
     limit: IntArray,
+    signs: tuple[float, ...],
     size: StepSize | None,
 ) -> Rows:
-    """Return the rows of I quantities at N samples that must stay within -1 and 1.
+    """Return the rows of I quantities at N samples: sign * quantity <= 1 for all signs.
 
-    They are numbered by side, sample and quantity, as in `two_sided_slack`.
+    They are numbered by side, sample and quantity.
 
     Args:
         first: The first control point that counts at each sample, shape (N,).
         change: The quantities' derivatives by control points, (N, I, 4, n), and switching times,
             (N, I, m-1).
         used: The quantities, shape (N, I).
-        duration: What eta adds: as much with the sign of the side, (N, I), and less on both.
-        limit: Number of each quantity's limit, shape (I,).
+        duration: What eta adds: as much with the sign of the side, (N, I), and less on every side.
+        limit: Number of each quantity's limit, shape (N, I).
+        signs: Of the sides.
         size: Rows that no step of this size can break are left out; None: none.
     """
     control, switching = change
-    with_side, on_both = duration
+    with_side, on_every = duration
     reach = np.full(used.shape, np.inf)
     if size is not None:
         reach = np.maximum(_CLOSE, _reach(control, switching, size))
     parts = []
-    for side, sign in enumerate((1.0, -1.0)):
+    for side, sign in enumerate(signs):
         slack = 1 - sign * used
         sample, quantity = np.nonzero(slack < reach)
         at = (sample, quantity)
@@ -113,9 +115,9 @@ def two_sided_rows(
                 first[sample],
                 sign * control[at],
                 sign * switching[at],
-                sign * with_side[at] - on_both,
+                sign * with_side[at] - on_every,
                 slack[at],
-                limit[quantity],
+                limit[at],
                 side * used.size + sample * used.shape[1] + quantity,
             )
         )
@@ -151,22 +153,6 @@ def plane_rows(
         limit[sample],
         sample * slack.shape[1] + plane,
     )
-
-
-def two_sided_slack(
-    used: FloatArray, duration: tuple[FloatArray, float], squared_duration: float
-) -> FloatArray:
-    """Return the slack of quantities (N, I) at another spline, by side, sample and quantity.
-
-    Args:
-        used: The quantities as they would be in the old duration, shape (N, I).
-        duration: As in `two_sided_rows`: the parts that change with y, and half the power of y.
-        squared_duration: The new y, as a multiple of the old one.
-    """
-    with_side, power = duration
-    scale = squared_duration**power
-    resting = with_side * (scale - 1)
-    return np.concatenate([(scale - sign * (used + resting)).ravel() for sign in (1.0, -1.0)])
 
 
 def _reach(control: FloatArray, switching: FloatArray, size: StepSize) -> FloatArray:

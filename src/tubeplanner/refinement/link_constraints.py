@@ -3,6 +3,7 @@
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 
@@ -192,6 +193,8 @@ class EvaluatedLinks:
         closest: Where the pairs are closest.
     """
 
+    is_elastic: ClassVar[bool] = True
+
     problem: PlanningProblem
     at: SampledSpline
     pairs: IntArray
@@ -204,31 +207,41 @@ class EvaluatedLinks:
     @cached_property
     def excess(self) -> FloatArray:
         """By how much pairs are closer than they may be, in units of 5 cm, shape (E,)."""
-        return self.strict - self.slack
+        return self.strict - self._slack
+
+    def slack(self, duration: float, squared_duration: float) -> FloatArray:
+        """Return the slack of all rows, in whatever duration, shape (E,)."""
+        return self._slack
 
     @property
-    def slack(self) -> FloatArray:
+    def row_count(self) -> int:
+        """How many rows there are."""
+        return len(self.pairs)
+
+    @property
+    def _slack(self) -> FloatArray:
         """By how much pairs are farther apart than is aimed at, in units of 5 cm, shape (E,)."""
         slack: FloatArray = (self.closest.distance - self.aim) / _UNIT
         return slack
 
-    def rows(self, size: StepSize | None) -> Rows:
-        """Return rows that keep the pairs apart.
+    def rows(self, duration: float, size: StepSize | None) -> Rows:
+        """Return rows that keep the pairs apart, in whatever duration.
 
         Args:
+            duration: T [s].
             size: Of the step; rows that it cannot break are left out. None: all rows.
         """
         gradient = self.problem.collision.distance_gradient(
             self.rotation, self.position, self.pairs, self.closest
         )
-        control, switching = self.at.chained(-gradient[None, :, None] / _UNIT)
+        control, switching = self.at.chained({0: -gradient[:, None] / _UNIT})
         count = len(self.pairs)
         rows = Rows(
             self.at.first,
             control[:, 0],
             switching[:, 0],
             np.zeros(count),
-            self.slack,
+            self._slack,
             np.full(count, NO_LIMIT),
             np.arange(count),
         )

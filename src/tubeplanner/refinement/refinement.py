@@ -11,6 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from tubeplanner.constraints.speed_limit import LimitKey
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.refinement.linear_rows import MERIT_TOLERANCE
@@ -124,7 +125,7 @@ class Refinement:
         self._exchange(self._improved(again, _LAST_TRUST, _LAST_GAIN, _MAX_STEPS))
         return True
 
-    def elasticities(self) -> dict[tuple[str, int], float]:
+    def elasticities(self) -> dict[LimitKey, float]:
         """Return d ln T / d ln p for every limit p, as `SequentialProgram.elasticities`."""
         if self._best is None:
             return {}

@@ -5,14 +5,15 @@ Bounds on the three components of the rotation vector are planes; a bound on the
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.constraints.path_samples import PathSamples
 from tubeplanner.refinement.capsule_constraints import Capsules, EvaluatedCapsules
 from tubeplanner.refinement.linear_rows import Rows, StepSize, plane_rows
 from tubeplanner.refinement.sampled_spline import SampledSpline
-from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.tube.rotational_tube import RotationalTube
 
 _SIDES = np.vstack([np.eye(3), -np.eye(3)])
@@ -23,20 +24,25 @@ class EvaluatedRotation:
     """The tool's rotation at N samples of a spline, and the bounds on its three components.
 
     Attributes:
-        robot: The arm.
         tube: The rotational part of the tube.
         at: The spline at the samples.
-        segment: The samples' segments, shape (N,).
+        path: The arm there.
         margin: The share of the tolerances that stays unused.
         limit: Numbers of the tolerances among the limits, shape (N,).
     """
 
-    robot: RobotModel
+    is_elastic: ClassVar[bool] = True
+
     tube: RotationalTube
     at: SampledSpline
-    segment: IntArray
+    path: PathSamples
     margin: float
     limit: IntArray
+
+    @property
+    def segment(self) -> IntArray:
+        """The samples' segments, shape (N,)."""
+        return self.path.segment
 
     @property
     def excess(self) -> FloatArray:
@@ -59,25 +65,29 @@ class EvaluatedRotation:
             self.limit,
         )
 
-    def rows(self, size: StepSize | None) -> Rows:
+    def rows(self, duration: float, size: StepSize | None) -> Rows:
         """Return rows that keep the components of the rotation vector within their bounds.
 
         Args:
+            duration: T [s], whatever it is.
             size: Of the step; rows that it cannot break are left out. None: all rows.
         """
         bounds = np.hstack([self._bounds, self._bounds])
         by_side = np.matmul(_SIDES, self._by_joint) / bounds[:, :, None]
-        slack = np.where(np.isfinite(bounds), self.slack.reshape(bounds.shape), np.inf)
-        return plane_rows(self.at.first, self.at.chained(by_side[None]), slack, self.limit, size)
+        slack = np.where(np.isfinite(bounds), self._slack.reshape(bounds.shape), np.inf)
+        return plane_rows(self.at.first, self.at.chained({0: by_side}), slack, self.limit, size)
 
     @property
     def row_count(self) -> int:
         """How many rows there are."""
         return len(_SIDES) * len(self.segment)
 
+    def slack(self, duration: float, squared_duration: float) -> FloatArray:
+        """Return the slack of all rows that `rows` numbers, in whatever duration."""
+        return self._slack
+
     @property
-    def slack(self) -> FloatArray:
-        """The slack of all rows that `rows` numbers."""
+    def _slack(self) -> FloatArray:
         bounds = np.hstack([self._bounds, self._bounds])
         slack: FloatArray = 1 - self.margin - self._error @ _SIDES.T / bounds
         return slack.ravel()
@@ -89,23 +99,10 @@ class EvaluatedRotation:
     @cached_property
     def _error(self) -> FloatArray:
         """Rotation vectors from the reference to the tool, shape (N, 3) [rad]."""
-        rotation, tool = self.robot.tool_pose(self.at.position)
-        return self.tube.error(rotation, tool, self.segment)
+        return self.tube.error(*self.path.tool_pose, self.segment)
 
     @cached_property
     def _by_joint(self) -> FloatArray:
         """What they change by with the joints, shape (N, 3, n)."""
-        rotation, tool, jacobian = self.robot.tool_pose_jacobian(self.at.position)
-        return self.tube.error_jacobian(rotation, tool, jacobian, self.segment)[1]
-
-
-def evaluated_rotation(
-    robot: RobotModel,
-    tube: RotationalTube,
-    at: SampledSpline,
-    segment: IntArray,
-    margin: float,
-    first_limit: int,
-) -> EvaluatedRotation:
-    """Return the rotation tolerance at N samples of a spline, each in a segment, shape (N,)."""
-    return EvaluatedRotation(robot, tube, at, segment, margin, first_limit + segment)
+        jacobian = self.path.tool_jacobian
+        return self.tube.error_jacobian(*self.path.tool_pose, jacobian, self.segment)[1]

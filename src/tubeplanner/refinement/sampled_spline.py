@@ -1,5 +1,6 @@
 """A spline at samples, and how it changes with its control points and switching times."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -41,11 +42,6 @@ class SampledSpline:
         """The first of the four control points that count, shape (N,)."""
         return self.evaluation_points.first
 
-    def rate(self, order: int, duration: float) -> FloatArray:
-        """Return velocity (1), acceleration (2) or jerk (3) of a run in so many seconds, (N, n)."""
-        rate: FloatArray = self.by_x[order] / duration**order
-        return rate
-
     @cached_property
     def by_switching(self) -> FloatArray:
         """Derivatives of `by_x` by the inner switching times, shape (m-1, orders, N, n)."""
@@ -67,23 +63,23 @@ class SampledSpline:
         return change
 
     def chained(
-        self, by_state: FloatArray, samples: IntArray | slice = slice(None)
+        self, by_path: Mapping[int, FloatArray], samples: IntArray | slice = slice(None)
     ) -> tuple[FloatArray, FloatArray]:
         """Return how I quantities of each sample change with control points and switching times.
 
         Args:
-            by_state: Their derivatives by position, and by its first derivatives by x, as many as
-                are given: shape (orders, N, I, n).
+            by_path: Their derivatives by position (0) and by its derivatives by x, each (N, I, n).
             samples: Whose quantities they are, if not those of all samples.
 
         Returns:
             By the four control points that count, (N, I, 4, n), and by the inner switching times,
             (N, I, m-1).
         """
-        orders = len(by_state)
-        basis, by_switching = self.basis[:orders, samples], self.by_switching[:, :orders, samples]
-        control = np.einsum("onr,onij->nirj", basis, by_state)
-        switching = np.einsum("gonj,onij->nig", by_switching, by_state)
+        orders = list(by_path)
+        by_state = np.stack([by_path[order] for order in orders])
+        basis, by_switching = self.basis[orders], self.by_switching[:, orders]
+        control = np.einsum("onr,onij->nirj", basis[:, samples], by_state)
+        switching = np.einsum("gonj,onij->nig", by_switching[:, :, samples], by_state)
         return control, switching
 
     @cached_property

@@ -16,9 +16,8 @@ class Sensitivity:
     Attributes:
         limit: "effort" (both directions together), "velocity", "acceleration", "jerk", "radius" or
             "rotation".
-        joint: Whose limit; None for a radius or a rotation tolerance.
-        segment: Which segment's radius or rotation tolerance, the first of those that count as one;
-            None for a joint.
+        joint: Whose limit; None for a segment's.
+        segment: Which segment's, the first of those that count as one; None for a joint's.
         elasticity: d ln T / d ln limit, at most 0: the relative change of the duration per relative
             rise of the limit.
         saved: What 10 % more would save [s], to first order.
@@ -50,12 +49,11 @@ def limit_sensitivities(
         duration: Of the answer [s].
     """
     found = []
-    for (limit, index), elasticity in refinement.elasticities().items():
-        of_segment = limit in ("radius", "rotation")
-        joint = None if of_segment else problem.robot.joint_names[index]
-        first, last = _numbers(problem.tube, index) if of_segment else (None, None)
+    for key, elasticity in refinement.elasticities().items():
+        joint = None if key.joint is None else problem.robot.joint_names[key.joint]
+        first, last = (None, None) if key.segment is None else _numbers(problem.tube, key.segment)
         saved = -elasticity * _RISE * duration
-        found.append(Sensitivity(limit, joint, first, elasticity, saved, last))
+        found.append(Sensitivity(key.kind, joint, first, elasticity, saved, last))
     return tuple(sorted(found, key=lambda sensitivity: -sensitivity.saved))
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from scipy import sparse
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
+from tubeplanner.constraints.speed_limit import LimitKey
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.refinement.capsule_constraints import EvaluatedCapsules, Planes
 from tubeplanner.refinement.control_variables import FIXED, ControlVariables
@@ -21,7 +22,7 @@ from tubeplanner.refinement.linear_rows import INNER_MARGIN, MERIT_TOLERANCE, Ro
 from tubeplanner.refinement.linearization import BROKEN, Given, Linearization, Quadratic
 from tubeplanner.refinement.link_constraints import LinkConstraints
 from tubeplanner.refinement.phased_spline import DEGREE, KnotGrid, PhasedSpline
-from tubeplanner.refinement.spline_constraints import Iterate, SplineConstraints
+from tubeplanner.refinement.spline_constraints import TUBE_TOLERANCES, Iterate, SplineConstraints
 
 # Weights of third differences, against wiggles of joints that do not matter, and of the step.
 _SMOOTHING = 1e-5
@@ -155,15 +156,14 @@ class SequentialProgram:
                 return Improved(current, trust, penalty, has_ended=True)
         return Improved(current, trust, penalty, has_ended=False)
 
-    def elasticities(self, current: Iterate) -> dict[tuple[str, int], float]:
+    def elasticities(self, current: Iterate) -> dict[LimitKey, float]:
         """Return d ln T / d ln p of a spline as short as it can be made, for every limit p.
 
         From the multipliers of its linear program: half of what a limit's rows cost, as their
         objective is the relative change of T^2.
 
         Returns:
-            By ("effort", joint), likewise for velocity, acceleration and jerk, and by
-            ("radius", segment) and ("rotation", segment). None of them is positive.
+            By the limits on the speed and the tube's tolerances. None of them is positive.
         """
         # What the answer itself is outside of the margins costs nothing.
         current = replace(current, capsules=tuple(map(_holding, current.capsules)))
@@ -187,12 +187,11 @@ class SequentialProgram:
         step = linear.solve()
         if step is None or step.elastic > BROKEN:  # then multipliers tell the penalty alone
             return {}
-        names = self.constraints.names
-        cost = linear.costs(step, len(names)) / 2
+        keys = self.constraints.keys
+        cost = linear.costs(step, len(keys)) / 2
         # Rows of the tube are in radii, those of the limits in limits: the narrowing scales along.
-        tolerances = ("radius", "rotation")
-        share = np.array([1 - INNER_MARGIN if kind in tolerances else 1.0 for kind, _ in names])
-        return dict(zip(names, -cost * share, strict=True))
+        share = [1 - INNER_MARGIN if key.kind in TUBE_TOLERANCES else 1.0 for key in keys]
+        return dict(zip(keys, -cost * np.array(share), strict=True))
 
     def _can_move(self, rows: Rows) -> BoolArray:
         """Return whether variables change rows at all, shape (R,)."""

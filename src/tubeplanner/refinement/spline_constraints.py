@@ -1,23 +1,22 @@
 """All constraints of a spline at samples, with samples added where necessary."""
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.constraints.joint_rate import RATES, JointRate
+from tubeplanner.constraints.path_samples import PathSamples
+from tubeplanner.constraints.speed_limit import LimitKey, SpeedLimit
+from tubeplanner.constraints.speed_limits import speed_limits
 from tubeplanner.polyline import arc_lengths
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.refinement.capsule_constraints import EvaluatedCapsules
-from tubeplanner.refinement.limit_constraints import (
-    ACCELERATION,
-    EFFORT,
-    JERK,
-    VELOCITY,
-    EvaluatedLimits,
-    LimitConstraints,
-)
+from tubeplanner.refinement.evaluated_rows import EvaluatedRows
 from tubeplanner.refinement.linear_rows import INNER_MARGIN, Rows, StepSize, stacked
 from tubeplanner.refinement.link_constraints import EvaluatedLinks, LinkConstraints
+from tubeplanner.refinement.ordered_segments import OrderedSegments
 from tubeplanner.refinement.phased_spline import (
     EvaluationPoints,
     KnotGrid,
@@ -25,19 +24,22 @@ from tubeplanner.refinement.phased_spline import (
     Samples,
     VelocityHull,
 )
-from tubeplanner.refinement.rotation_constraints import EvaluatedRotation, evaluated_rotation
-from tubeplanner.refinement.sampled_spline import sampled
+from tubeplanner.refinement.rotation_constraints import EvaluatedRotation
+from tubeplanner.refinement.sampled_spline import SampledSpline, sampled
+from tubeplanner.refinement.speed_limit_rows import EvaluatedSpeedLimit
 from tubeplanner.refinement.tube_chains import largest_kink
 from tubeplanner.refinement.tube_constraints import evaluated_points, evaluated_tube
 from tubeplanner.tube.tube import Tube
 
-# Samples per knot interval. There, accelerations are straight lines and jerks constant.
-_EFFORT_SAMPLES = np.arange(2) / 2
+# Samples per knot interval. Accelerations are straight lines there and jerks constant; other limits
+# than these and velocities depend on the configuration.
 _RATE_SAMPLES = np.zeros(1)
+_CONFIGURATION_SAMPLES = np.arange(2) / 2
 _TUBE_SAMPLES = np.arange(3) / 3
 _DENSE_SAMPLES = np.linspace(0, 1, 21)
 # Samples may lie this much farther apart than on average; and what their kinks may take, in radii.
 _UNEVEN, _MOST_FOR_KINKS = 2, 0.03
+TUBE_TOLERANCES = ("radius", "rotation")
 _HIGHER = 1.001  # peaks of the squared duration between samples that count
 
 
@@ -50,7 +52,7 @@ class Iterate:
         squared_duration: The least T^2 that the limits allow at the samples [s^2].
         excess: How far tool or links violate their constraints, >= 0: of the tool in
             radii or rotation tolerances beyond the narrowed tube, of links in units of 5 cm.
-        limits: What it was computed from: efforts and rates, as far as they are limited.
+        limits: What it was computed from: the limits on its speed.
         capsules: Likewise, the tool's position and the angle of its rotation, if that is bounded.
         rotation: Likewise, the components of its rotation; None where they are free.
         links: Likewise.
@@ -59,10 +61,16 @@ class Iterate:
     spline: PhasedSpline
     squared_duration: float
     excess: float
-    limits: tuple[EvaluatedLimits, ...]
+    limits: tuple[EvaluatedSpeedLimit, ...]
     capsules: tuple[EvaluatedCapsules, ...]
     rotation: EvaluatedRotation | None
     links: EvaluatedLinks
+
+    @property
+    def constraints(self) -> tuple[EvaluatedRows, ...]:
+        """All but capsules, in the order in which their rows are numbered."""
+        rotation = () if self.rotation is None else (self.rotation,)
+        return (*self.limits, *rotation, self.links)
 
     @property
     def tool(self) -> tuple[EvaluatedCapsules | EvaluatedRotation, ...]:
@@ -76,7 +84,11 @@ class Iterate:
 
 
 class SplineConstraints:
-    """What splines on one knot grid must keep."""
+    """What splines on one knot grid must keep.
+
+    Attributes:
+        keys: Of all limits, in the order of their numbers.
+    """
 
     def __init__(
         self, problem: PlanningProblem, grid: KnotGrid, links: LinkConstraints, radius: FloatArray
@@ -90,18 +102,15 @@ class SplineConstraints:
             radius: Of the tube's segments, shape (m,) [m].
         """
         self._problem, self._grid, self._links, self._radius = problem, grid, links, radius
-        self._limits = LimitConstraints(problem.robot)
+        self._limits = speed_limits(problem)
+        self.keys = _keys(self._limits, problem.tube)
+        self._numbers = {key: number for number, key in enumerate(self.keys)}
         self._margin = INNER_MARGIN + _margin_for_kinks(problem.tube, grid)
         # A switching time has a sample on either side, so that the tool is in both capsules there.
         ends = grid.phase_ends()
-        evaluation_points: dict[tuple[str, ...], EvaluationPoints] = {
-            (EFFORT,): grid.samples(_EFFORT_SAMPLES).and_also(ends),
-            (VELOCITY,): VelocityHull(grid.control_point_count),
-            (ACCELERATION, JERK): grid.samples(_RATE_SAMPLES).and_also(ends),
-        }
-        self._limited = {
-            kinds: at for kinds, at in evaluation_points.items() if self._limits.limited(kinds)
-        }
+        self._hull = VelocityHull(grid.control_point_count)
+        self._rate_samples = grid.samples(_RATE_SAMPLES).and_also(ends)
+        self._watched_samples = grid.samples(_CONFIGURATION_SAMPLES).and_also(ends)
         self._tube_samples = grid.samples(_TUBE_SAMPLES).and_also(ends)
         # The segment before a compulsory point is the last one of its phase.
         stops = [chain.stop for chain in grid.chains]
@@ -112,17 +121,9 @@ class SplineConstraints:
         """Return what is watched of a spline's links, for the same spline on other knots."""
         return self._links.on_other_knots(spline, other)
 
-    @property
-    def names(self) -> list[tuple[str, int]]:
-        """Kind of every limit, and its joint or segment, in the order of their numbers."""
-        kinds = ("radius",) if self._problem.tube.rotation is None else ("radius", "rotation")
-        segments = range(self._problem.tube.segment_count)
-        tolerances = [(kind, k) for kind in kinds for k in segments]
-        return [*self._limits.names, *tolerances]
-
     def at(self, spline: PhasedSpline) -> Iterate:
         """Return a spline with what it costs at the samples."""
-        return self._at(spline, self._limited, self._tube_samples)
+        return self._at(spline, self._watched_samples, self._tube_samples)
 
     def rows(self, current: Iterate, size: StepSize | None) -> tuple[Rows, FloatArray]:
         """Return the rows of all but capsules, and 1 for those that may be violated, else 0.
@@ -131,16 +132,13 @@ class SplineConstraints:
             current: The spline.
             size: Of the step; rows that it cannot break are left out. None: all rows.
         """
-        parts = [limits.rows(current.duration, size) for limits in current.limits]
-        counts = [limits.row_count for limits in current.limits]
-        hard = sum(len(rows) for rows in parts)
-        if current.rotation is not None:
-            parts.append(current.rotation.rows(size))
-            counts.append(current.rotation.row_count)
-        parts.append(current.links.rows(size))
-        firsts = np.concatenate([[0], np.cumsum(counts)])
-        rows = stacked([rows.numbered_from(int(n)) for rows, n in zip(parts, firsts, strict=True)])
-        return rows, np.repeat([0.0, 1.0], [hard, len(rows) - hard])
+        parts, elastic, count = [], [], 0
+        for constraint in current.constraints:
+            rows = constraint.rows(current.duration, size)
+            parts.append(rows.numbered_from(count))
+            elastic.append(np.full(len(rows), float(constraint.is_elastic)))
+            count += constraint.row_count
+        return stacked(parts), np.concatenate(elastic)
 
     def slack(self, current: Iterate, trial: Iterate, squared_duration: float) -> FloatArray:
         """Return the slack that a trial has, by the numbers of the rows at a spline.
@@ -150,9 +148,10 @@ class SplineConstraints:
             trial: The spline at which to evaluate them.
             squared_duration: The trial's, as a multiple of the spline's.
         """
-        slacks = [limits.slack(current.duration, squared_duration) for limits in trial.limits]
-        slacks += [] if trial.rotation is None else [trial.rotation.slack]
-        return np.concatenate([*slacks, trial.links.slack])
+        duration = current.duration
+        return np.concatenate(
+            [constraint.slack(duration, squared_duration) for constraint in trial.constraints]
+        )
 
     def look_for_links(self, spline: PhasedSpline) -> bool:
         """Watch links where they come close; return whether some are too close and were not."""
@@ -161,76 +160,109 @@ class SplineConstraints:
     def look_between_samples(self, current: Iterate) -> tuple[Iterate, bool]:
         """Return a spline's cost between samples too, and whether samples had to be added."""
         has_more = self.look_for_links(current.spline)
-        limited = dict(self._limited)
-        if (EFFORT,) in limited:
-            limited[EFFORT,] = self._dense_samples
-        worst = self._at(current.spline, limited, self._dense_samples)
-        if (EFFORT,) in limited:
-            floor = _HIGHER * current.squared_duration
-            higher = _peaks(worst.limits[0].squared_durations, floor)
-            self._watch_efforts(self._dense_samples.where(higher))
+        dense = self._dense_samples
+        worst = self._at(current.spline, dense, dense)
+        here = [limit for limit in worst.limits if limit.at.evaluation_points is dense]
+        if here:
+            slowest = np.max([limit.squared_durations for limit in here], axis=0)
+            higher = _peaks(slowest, _HIGHER * current.squared_duration)
+            self._watched_samples = self._watched_samples.and_also(dense.where(higher))
             has_more |= len(higher) > 0
         # Compulsory points are passed at switching times, and need no other samples.
-        dense = [p for p in worst.tool if p.at.evaluation_points is self._dense_samples]
-        outside = np.concatenate([_peaks(part.excess, 0.0) for part in dense])
-        self._tube_samples = self._tube_samples.and_also(self._dense_samples.where(outside))
+        in_tube = [part for part in worst.tool if part.at.evaluation_points is dense]
+        outside = np.concatenate([_peaks(part.excess, 0.0) for part in in_tube])
+        self._tube_samples = self._tube_samples.and_also(dense.where(outside))
         return worst, has_more or len(outside) > 0
 
     def add_samples(self, spline: PhasedSpline, x: float) -> None:
         """Add samples of everything at an instant, from 0 to 1."""
         samples = self._grid.samples_at(spline.switching_times, np.array([x]))
-        self._watch_efforts(samples)
+        self._watched_samples = self._watched_samples.and_also(samples)
         self._tube_samples = self._tube_samples.and_also(samples)
         self._links.look_at(spline, samples)
 
-    def _watch_efforts(self, samples: Samples) -> None:
-        known = self._limited.get((EFFORT,))
-        if isinstance(known, Samples):
-            self._limited[EFFORT,] = known.and_also(samples)
-
-    def _at(
-        self,
-        spline: PhasedSpline,
-        limited: dict[tuple[str, ...], EvaluationPoints],
-        tube_samples: Samples,
-    ) -> Iterate:
+    def _at(self, spline: PhasedSpline, watched: Samples, tube_samples: Samples) -> Iterate:
+        """Return an iterate from limits that depend on the configuration, and the tube, there."""
+        known = _Known(self._problem, spline, self._radius)
         limits = tuple(
-            self._limits.at(spline, evaluation_points, kinds)
-            for kinds, evaluation_points in limited.items()
+            EvaluatedSpeedLimit(limit, *known.at(self._points(limit, watched)), self._number(limit))
+            for limit in self._limits
         )
-        capsules, rotation = self._tool_at(spline, tube_samples)
-        if len(self._problem.tube.compulsory_points):
-            capsules = (*capsules, self._points_at(spline))
+        capsules, rotation = self._tool_at(known, tube_samples)
         links = self._links.at(spline)
         found = [part.excess.max(initial=0.0) for part in (*capsules, rotation, links) if part]
-        squared_duration = max(float(part.squared_durations.max()) for part in limits)
+        squared_duration = max(float(limit.squared_durations.max()) for limit in limits)
         excess = float(max(*found, 0.0))
         return Iterate(spline, squared_duration, excess, limits, capsules, rotation, links)
 
+    def _points(self, limit: SpeedLimit, watched: Samples) -> EvaluationPoints:
+        """Return where a limit is looked at."""
+        if not isinstance(limit, JointRate):
+            return watched
+        return self._hull if limit.rate == RATES["velocity"] else self._rate_samples
+
+    def _number(self, limit: SpeedLimit) -> IntArray:
+        return np.array([self._numbers[key] for key in limit.keys])
+
     def _tool_at(
-        self, spline: PhasedSpline, samples: Samples
+        self, known: "_Known", samples: Samples
     ) -> tuple[tuple[EvaluatedCapsules, ...], EvaluatedRotation | None]:
         """Return the constraints of the tube on the tool, as in an iterate."""
-        at, first = sampled(spline, samples), len(self._limits.names)
-        tube = evaluated_tube(self._problem, at, samples, self._radius, self._margin, first)
-        tolerance = self._problem.tube.rotation
-        if tolerance is None:
-            return (tube,), None
-        first += self._problem.tube.segment_count
-        robot = self._problem.robot
-        rotation = evaluated_rotation(robot, tolerance, at, tube.segment, INNER_MARGIN, first)
-        has_components, has_angle = (
-            bool(np.isfinite(bounds).any())
-            for bounds in (tolerance.bounds[:, :3], tolerance.bounds[:, 3])
-        )
-        capsules = (tube, rotation.angle()) if has_angle else (tube,)
-        return capsules, rotation if has_components else None
+        tube = self._problem.tube
+        at, path = known.at(samples)
+        segments = known.segments_of(samples)
+        limit = self._numbers_of("radius")
+        capsules = [evaluated_tube(tube, at, path, segments, self._radius, self._margin, limit)]
+        rotation = None
+        if tube.rotation is not None:
+            limit_of = self._numbers_of("rotation")[path.segment]
+            turned = EvaluatedRotation(tube.rotation, at, path, INNER_MARGIN, limit_of)
+            bounds = np.isfinite(tube.rotation.bounds)
+            rotation = turned if bounds[:, :3].any() else None
+            capsules += [turned.angle()] if bounds[:, 3].any() else []
+        if len(tube.compulsory_points):
+            there = known.at(self._passing_samples)
+            capsules.append(evaluated_points(tube, *there, self._radius, INNER_MARGIN, limit))
+        return tuple(capsules), rotation
 
-    def _points_at(self, spline: PhasedSpline) -> EvaluatedCapsules:
-        """Return the constraints of compulsory points, at the ends of the segments before them."""
-        at, first = sampled(spline, self._passing_samples), len(self._limits.names)
-        points = self._problem.tube.compulsory_points
-        return evaluated_points(self._problem, at, points, self._radius, INNER_MARGIN, first)
+    def _numbers_of(self, kind: str) -> IntArray:
+        """Return the numbers of the tolerances of a kind, shape (m,)."""
+        segments = range(self._problem.tube.segment_count)
+        return np.array([self._numbers[LimitKey(kind, segment=k)] for k in segments])
+
+
+class _Known:
+    """A spline at points, and the arm there: each evaluated once."""
+
+    def __init__(self, problem: PlanningProblem, spline: PhasedSpline, radius: FloatArray) -> None:
+        self._problem, self._spline, self._radius = problem, spline, radius
+        self._at: dict[EvaluationPoints, tuple[SampledSpline, PathSamples]] = {}
+
+    def at(self, points: EvaluationPoints) -> tuple[SampledSpline, PathSamples]:
+        """Return the spline at points, and the arm there."""
+        if points not in self._at:
+            at = sampled(self._spline, points)
+            path = PathSamples(self._problem, at.by_x, partial(self._segment, points))
+            self._at[points] = (at, path)
+        return self._at[points]
+
+    def segments_of(self, samples: Samples) -> OrderedSegments:
+        """Return the segments that samples may be in."""
+        points, chains = self._problem.tube.points, self._spline.grid.chains
+        return OrderedSegments(points, self._radius, chains, samples)
+
+    def _segment(self, points: EvaluationPoints) -> IntArray:
+        assert isinstance(points, Samples)
+        return self.segments_of(points).at(self.at(points)[1].tool_pose[1])
+
+
+def _keys(limits: tuple[SpeedLimit, ...], tube: Tube) -> tuple[LimitKey, ...]:
+    """Return the keys of limits and of a tube's tolerances."""
+    kinds = TUBE_TOLERANCES[: 1 if tube.rotation is None else 2]
+    of_speed = [key for limit in limits for key in limit.keys]
+    segments = range(tube.segment_count)
+    of_tube = [LimitKey(kind, segment=k) for kind in kinds for k in segments]
+    return tuple(dict.fromkeys([*of_speed, *of_tube]))
 
 
 def _margin_for_kinks(tube: Tube, grid: KnotGrid) -> float:

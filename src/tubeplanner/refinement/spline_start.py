@@ -4,11 +4,12 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.branches.reference_branch import ReferenceBranch
+from tubeplanner.constraints.tube_membership import tube_use
 from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.refinement.ordered_segments import OrderedSegments
 from tubeplanner.refinement.phased_spline import DEGREE, KnotGrid, PhasedSpline
 from tubeplanner.refinement.sampled_spline import sampled
 from tubeplanner.refinement.tube_chains import tube_chains
-from tubeplanner.refinement.tube_constraints import evaluated_tube
 from tubeplanner.trajectory.fitted_spline import fitted_control_points, times_between
 
 # Of a phase, if there are several: as many as give this sum, at most so many.
@@ -119,10 +120,11 @@ def knot_grid(
 
 def _excess_in_chains(problem: PlanningProblem, spline: PhasedSpline) -> float:
     """Return how far the tool is outside its segments' capsules in chains, in radii."""
-    samples = spline.grid.samples(_FIT_SAMPLES)
-    at, radius = sampled(spline, samples), problem.tube.effective_radius
-    tube = evaluated_tube(problem, at, samples, radius, 0.0)
-    return float(tube.excess[tube.in_chain].max(initial=0.0))
+    tube, samples = problem.tube, spline.grid.samples(_FIT_SAMPLES)
+    segments = OrderedSegments(tube.points, tube.effective_radius, spline.grid.chains, samples)
+    tool = problem.robot.tool_position(sampled(spline, samples).position)
+    excess = tube_use(problem, tool, segments.at(tool)) - 1
+    return float(excess[segments.in_chain].max(initial=0.0))
 
 
 def _fitted(

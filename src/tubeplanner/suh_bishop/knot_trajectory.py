@@ -74,7 +74,7 @@ def feasible_trajectory(
     if _least_duration(problem, shape) >= upper_bound:
         return None
     try:
-        trajectory = scaled_to_limits(problem.robot, shape)
+        trajectory = scaled_to_limits(problem, shape)
     except Infeasible:  # gravity is too strong somewhere
         return None
     if trajectory.duration >= upper_bound or not _within_position_limits(problem, shape):
@@ -87,9 +87,8 @@ def feasible_trajectory(
 def _least_duration(problem: PlanningProblem, shape: JointTrajectory) -> float:
     """Return how long the limits make a shape at its samples [s]; inf where it stands still."""
     samples = shape.per_piece(_LIMIT_SAMPLES)
-    factor = scaling_factor(
-        problem.robot, samples.position, samples.velocity, samples.acceleration
-    ).min()
+    known = (samples.position, samples.velocity, samples.acceleration)
+    factor = scaling_factor(problem, *known).min()
     return shape.duration / float(factor) if 0 < factor < np.inf else np.inf
 
 

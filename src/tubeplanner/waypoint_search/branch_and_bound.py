@@ -313,7 +313,7 @@ class BranchAndBound:
     def _at_limits(self, shape: JointTrajectory) -> JointTrajectory | None:
         """Return a shape run as fast as the limits allow; None where gravity is too strong."""
         try:
-            return scaled_to_limits(self._problem.robot, shape)
+            return scaled_to_limits(self._problem, shape)
         except Infeasible:
             return None
 

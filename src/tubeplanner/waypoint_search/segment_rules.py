@@ -14,7 +14,8 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
-from tubeplanner.constraints.time_scaling import effort_factor
+from tubeplanner.constraints.path_samples import PathSamples
+from tubeplanner.constraints.speed_limits import largest_speeds, rates_and_others, speed_limits
 from tubeplanner.constraints.tube_membership import (
     membership_margin,
     passable_segments,
@@ -100,6 +101,7 @@ class SegmentRules:
         """
         self._problem = problem
         self._clearance = clearance or LinkClearance(problem, waypoints, checkpoint)
+        self._rates, self._sampled = rates_and_others(speed_limits(problem))
         self._least_times = _least_times(problem, waypoints)
         self._passable = passable_segments(problem.tube)
         self.cuts = {"joint_limits": 0, "duration": 0, "tube": 0, "collision": 0}
@@ -118,7 +120,7 @@ class SegmentRules:
         for times in _STAGES:
             batch = self._cut("joint_limits", batch, self._within_limits(batch, times))
             batch = replace(
-                batch, factor=np.minimum(batch.factor, self._effort_factor(batch, times))
+                batch, factor=np.minimum(batch.factor, self._sampled_factor(batch, times))
             )
             batch = self._cut("duration", batch, self.lower_bound(batch) < upper_bound)
             inside = np.concatenate([batch.inside, self._inside(batch, times)], axis=1)
@@ -163,21 +165,24 @@ class SegmentRules:
 
     def _rate_factor(self, batch: SegmentBatch) -> FloatArray:
         """Return how much faster velocity, acceleration and jerk limits let it be run, (C,)."""
-        limits = self._problem.robot.limits
         factor = np.full(len(batch), np.inf)
-        for order, limit in ((1, limits.velocity), (2, limits.acceleration), (3, limits.jerk)):
-            if np.isfinite(limit).any():
-                used = (abs(batch.at(_RATE_TIMES, order)) / limit).max(axis=(1, 2, 3))
-                with np.errstate(divide="ignore"):
-                    factor = np.minimum(factor, (1 / used) ** (1 / order))
+        for limit in self._rates:
+            rate = batch.at(_RATE_TIMES, limit.rate)[..., limit.joints]
+            used = (abs(rate) / limit.limit).max(axis=(1, 2, 3))
+            with np.errstate(divide="ignore"):
+                factor = np.minimum(factor, (1 / used) ** (1 / limit.rate))
         return factor
 
-    def _effort_factor(self, batch: SegmentBatch, times: FloatArray) -> FloatArray:
-        """Return how much faster the motors let the samples be run, shape (C,)."""
-        robot = self._problem.robot
-        states = [batch.at(times, order) for order in range(3)]
-        flat = (state.reshape(-1, robot.joint_count) for state in states)
-        return effort_factor(robot, *flat).reshape(states[0].shape).min(axis=(1, 2, 3))
+    def _sampled_factor(self, batch: SegmentBatch, times: FloatArray) -> FloatArray:
+        """Return how much faster limits of efforts let the samples be run, shape (C,)."""
+        by_path = np.stack([batch.at(times, order) for order in range(3)])
+        shape, n = by_path.shape[1:4], by_path.shape[4]
+        at = PathSamples(
+            self._problem,
+            by_path.reshape(3, -1, n),
+            lambda: np.zeros(len(by_path[0]), dtype=np.int64),
+        )
+        return largest_speeds(at, self._sampled).reshape(shape).min(axis=(1, 2))
 
     def _inside(self, batch: SegmentBatch, times: FloatArray) -> BoolArray:
         """Return in which tube segments the samples are: bool, shape (C, S, L, m)."""

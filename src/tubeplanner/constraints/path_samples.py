@@ -1,0 +1,63 @@
+"""An arm's path at samples, and what limits need to know of it, computed once."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.problem.problem import PlanningProblem
+
+
+@dataclass(frozen=True, eq=False)
+class PathSamples:
+    """A path q(x) at N samples.
+
+    Run in x per second, its derivatives by x are velocity, acceleration and jerk.
+
+    Attributes:
+        problem: The planning problem, its segments joined.
+        by_path: Positions and their derivatives by x, up to the second or third: (orders, N, n).
+        segments: Returns the tube segment of each sample, shape (N,).
+    """
+
+    problem: PlanningProblem
+    by_path: FloatArray
+    segments: Callable[[], IntArray]
+
+    def __len__(self) -> int:
+        return self.by_path.shape[1]
+
+    @property
+    def position(self) -> FloatArray:
+        """Shape (N, n) [rad or m]."""
+        return self.by_path[0]
+
+    def rate(self, order: int, speed: float) -> FloatArray:
+        """Return velocity (1), acceleration (2) or jerk (3) at a speed, shape (N, n)."""
+        rate: FloatArray = self.by_path[order] * speed**order
+        return rate
+
+    @cached_property
+    def segment(self) -> IntArray:
+        """The tube segment of each sample, shape (N,)."""
+        return self.segments()
+
+    @cached_property
+    def gravity(self) -> FloatArray:
+        """Efforts that hold the arm still, shape (N, n) [N m or N]."""
+        return self.problem.robot.gravity_effort(self.position)
+
+    @cached_property
+    def effort(self) -> FloatArray:
+        """Efforts at a speed of 1, shape (N, n) [N m or N]."""
+        return self.problem.robot.inverse_dynamics(*self.by_path[:3])
+
+    @cached_property
+    def tool_pose(self) -> tuple[FloatArray, FloatArray]:
+        """Rotation (N, 3, 3) and position (N, 3) [m] of the tool centre point."""
+        return self.problem.robot.tool_pose(self.position)
+
+    @cached_property
+    def tool_jacobian(self) -> FloatArray:
+        """Jacobian of the tool centre point, as `RobotModel.tool_jacobian`, shape (N, 6, n)."""
+        return self.problem.robot.tool_jacobian(self.position)[1]

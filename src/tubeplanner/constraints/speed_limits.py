@@ -1,0 +1,39 @@
+"""The limits on a trajectory's speed that a problem has: all that phases and studies know of."""
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.constraints.joint_effort import JointEffort
+from tubeplanner.constraints.joint_rate import RATES, JointRate
+from tubeplanner.constraints.path_samples import PathSamples
+from tubeplanner.constraints.speed_limit import SpeedLimit
+from tubeplanner.problem.problem import PlanningProblem
+
+
+def speed_limits(problem: PlanningProblem) -> tuple[SpeedLimit, ...]:
+    """Return the limits of a problem that limit anything."""
+    limits = problem.robot.limits
+    rates = [JointRate(kind, getattr(limits, kind)) for kind in RATES]
+    found: tuple[SpeedLimit, ...] = (JointEffort(limits.effort), *rates)
+    return tuple(limit for limit in found if limit.keys)
+
+
+def rates_and_others(
+    limits: tuple[SpeedLimit, ...],
+) -> tuple[list[JointRate], tuple[SpeedLimit, ...]]:
+    """Return limits of the joints' rates, polynomials over time, and all others."""
+    rates = [limit for limit in limits if isinstance(limit, JointRate)]
+    return rates, tuple(limit for limit in limits if not isinstance(limit, JointRate))
+
+
+def largest_speeds(at: PathSamples, limits: tuple[SpeedLimit, ...]) -> FloatArray:
+    """Return up to which speed each sample keeps some limits, shape (N,); inf where none limits.
+
+    Limits of rates that the samples do not know are left out.
+    """
+    found = np.full(len(at), np.inf)
+    for limit in limits:
+        if isinstance(limit, JointRate) and limit.rate >= len(at.by_path):
+            continue
+        found = np.minimum(found, limit.used(at).largest_speed(limit.signs).min(axis=1))
+    return found

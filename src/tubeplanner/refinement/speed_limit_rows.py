@@ -1,0 +1,91 @@
+"""Limits on the speed of a spline at samples, as rows.
+
+What a limit asks, sum of c_k s^k <= 1 with s = 1/T, is multiplied by the highest power of T: so the
+terms that bring it about, inertia and jerk, do not change with y = T^2, and the rows of efforts and
+accelerations are exact in y.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.constraints.path_samples import PathSamples
+from tubeplanner.constraints.speed_limit import SpeedLimit
+from tubeplanner.constraints.speed_polynomial import SpeedPolynomial
+from tubeplanner.refinement.linear_rows import Rows, StepSize, sided_rows
+from tubeplanner.refinement.sampled_spline import SampledSpline
+
+
+@dataclass(frozen=True, eq=False)
+class EvaluatedSpeedLimit:
+    """A limit of I quantities at N samples of a spline.
+
+    Attributes:
+        limit: The limit.
+        at: The spline at the samples.
+        path: The arm there.
+        numbers: Of the limit's keys among those of all limits.
+    """
+
+    is_elastic: ClassVar[bool] = False
+
+    limit: SpeedLimit
+    at: SampledSpline
+    path: PathSamples
+    numbers: IntArray
+
+    @cached_property
+    def squared_durations(self) -> FloatArray:
+        """The smallest y = T^2 that the limit allows at each sample, shape (N,) [s^2].
+
+        inf where no speed is slow enough.
+        """
+        with np.errstate(divide="ignore"):
+            slowest: FloatArray = self._used.largest_speed(self.limit.signs).min(axis=1) ** -2.0
+        return slowest
+
+    @property
+    def row_count(self) -> int:
+        """How many rows there are."""
+        return len(self.limit.signs) * next(iter(self._used.terms.values())).size
+
+    def rows(self, duration: float, size: StepSize | None) -> Rows:
+        """Return the rows of all sides, of the spline run in T seconds.
+
+        Args:
+            duration: T [s].
+            size: Of the step; rows that it cannot break are left out. None: all rows.
+        """
+        change = self.at.chained(self.limit.by_path(self.path, 1 / duration))
+        used = self._used.at(1 / duration)
+        limit = np.broadcast_to(self.numbers[self.limit.key_of(self.path)], used.shape)
+        by_duration = (self._by_duration(duration), self._used.degree / 2)
+        return sided_rows(self.at.first, change, used, by_duration, limit, self.limit.signs, size)
+
+    def slack(self, duration: float, squared_duration: float) -> FloatArray:
+        """Return the slack of all rows that `rows` numbers, here, for rows made elsewhere.
+
+        Args:
+            duration: The duration that those were made for [s].
+            squared_duration: The new squared duration, as a multiple of the old one.
+        """
+        degree, longer = self._used.degree, squared_duration**0.5
+        terms = self._used.terms.items()
+        used = np.sum([c * (duration**-k * longer ** (degree - k)) for k, c in terms], axis=0)
+        return np.concatenate([(longer**degree - sign * used).ravel() for sign in self.limit.signs])
+
+    @cached_property
+    def _used(self) -> SpeedPolynomial:
+        return self.limit.used(self.path)
+
+    def _by_duration(self, duration: float) -> FloatArray:
+        """Return how the quantities, times the highest power of T, change with y, shape (N, I)."""
+        degree = self._used.degree
+        terms = self._used.terms.items()
+        change: FloatArray = np.sum(
+            [c * (duration**-k * (degree - k) / 2) for k, c in terms], axis=0
+        )
+        return change
