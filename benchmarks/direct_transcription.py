@@ -196,7 +196,7 @@ class MultiStart:
         return program.solved(start, self._remaining, SOLVER)
 
     def _judged(self, phased: PhasedTrajectory, name: str) -> Attempt:
-        trajectory = scaled_to_limits(self._problem.robot, phased.trajectory)
+        trajectory = scaled_to_limits(self._problem, phased.trajectory)
         return Attempt(trajectory, verify(self._problem, trajectory).passed, name)
 
     @property
@@ -233,7 +233,7 @@ def starts_of(
             continue
         phased = starting_spline(fixed, branch, START_KNOTS)
         spline = from_spline(problem.robot.joint_names, phased.bspline())
-        trajectory = scaled_to_limits(problem.robot, spline)
+        trajectory = scaled_to_limits(problem, spline)
         start = PhasedTrajectory(trajectory, phased.switching_times * trajectory.duration)
         along.append((f"branch {rule.name.lower()}", start))
     if problem.robot.joint_count <= 3:  # the tool's position leaves nothing free

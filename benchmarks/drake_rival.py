@@ -77,7 +77,7 @@ def _rounds(
         program = _program(problem, arm, start, tight)
         result = SnoptSolver().Solve(program.prog(), None, _options())
         # SNOPT often ends without the last digits; what it has is judged all the same.
-        trajectory = scaled_to_limits(problem.robot, _trajectory(problem, program, result))
+        trajectory = scaled_to_limits(problem, _trajectory(problem, program, result))
         certificate = verify(problem, trajectory)
         yield certificate.passed, trajectory
         gain = start.switching_times[-1] / trajectory.duration - 1

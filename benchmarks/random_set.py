@@ -97,7 +97,7 @@ def certified_duration(
     try:
         refinement.run()
         for _ in range(MAX_OBJECTIONS):
-            trajectory = scaled_to_limits(problem.robot, refinement.trajectory)
+            trajectory = scaled_to_limits(problem, refinement.trajectory)
             result = certified_result(problem, trajectory, REFINEMENT, PlanningClock(None, None))
             if result.succeeded or result.certificate is None:
                 return result.duration

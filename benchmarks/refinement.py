@@ -158,7 +158,7 @@ def knots(repeats: int) -> None:
                 refinement = Refinement(problem, starting_spline(problem, branch, first), parts)
                 refinement.run()
                 times.append(time.perf_counter() - begin)
-            duration = scaled_to_limits(problem.robot, refinement.trajectory).duration
+            duration = scaled_to_limits(problem, refinement.trajectory).duration
             cells.append(f"{duration:.4f} / {np.median(times):.2f}")
         print(f"| {name} | {' | '.join(cells)} |", flush=True)
     print()

@@ -108,8 +108,8 @@ plt.show()
 def times_faster(problem, trajectory):
     """Return b at 100 samples of every piece, and the share of the duration at which they lie."""
     samples = trajectory.per_piece(100)
-    factor = scaling_factor(problem.robot, samples.position, samples.velocity, samples.acceleration)
-    return samples.time / trajectory.duration, factor.min(axis=1)
+    factor = scaling_factor(problem, samples.position, samples.velocity, samples.acceleration)
+    return samples.time / trajectory.duration, factor
 
 
 figure, axes = plt.subplots(1, 2, figsize=(11, 4), sharey=True, layout="constrained")

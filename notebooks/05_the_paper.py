@@ -65,7 +65,7 @@ for result, dashes in ((published, "-"), (default, "--")):
     q, v, a = samples.position, samples.velocity, samples.acceleration
     tool = problem.robot.tool_position(q)
     speed = np.linalg.norm(np.gradient(tool, samples.time, axis=0), axis=1)
-    factor = scaling_factor(problem.robot, q, v, a).min(axis=1)
+    factor = scaling_factor(problem, q, v, a)
     label = f"{result.method}: {result.duration:.3f} s"
     axes[0].plot(samples.time, speed, dashes, label=label)
     axes[1].plot(samples.time / result.duration, factor, dashes)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tubeplanner import JointTrajectory, LimitOverrides, load_robot
+from tubeplanner import JointTrajectory, LimitOverrides, PlanningProblem, Tube, load_robot
 
 PROBLEMS = (
     "two_link/around_a_post",
@@ -68,6 +68,13 @@ def one_joint(tmp_path, mass=0.0, **limits):
     return load_robot(
         "bar.urdf", "bar", gravity=gravity, limits=LimitOverrides(**overrides), directory=tmp_path
     )
+
+
+def anywhere(robot):
+    """A problem that asks nothing of a robot but its limits."""
+    tool = robot.tool_position(np.zeros((1, robot.joint_count)))[0]
+    tube = Tube([tool, tool + np.array([1.0, 0.0, 0.0])], 1000.0)
+    return PlanningProblem(robot, tube, np.zeros(robot.joint_count), self_collision=False)
 
 
 def quintic(angle=ANGLE, duration=1.0):

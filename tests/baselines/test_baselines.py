@@ -95,9 +95,9 @@ def test_a_coarse_average_slowed_as_a_whole_costs_what_the_paper_says(example, p
     problem = load_problem(f"example:two_link/paper_{example}_30mm")
     branch = reference_branch(problem, RedundancyRule.AS_NEEDED)
     paths = tool_paths(problem, branch, arcs=False)
-    (timing,) = bang_bang_parameterizations(problem.robot, paths)
+    (timing,) = bang_bang_parameterizations(problem, paths)
     trajectory = run_along(paths[0].joints, averaged_parameterization(timing, 16))
-    assert minimum_duration(problem.robot, trajectory) == pytest.approx(paper, rel=0.05)
+    assert minimum_duration(problem, trajectory) == pytest.approx(paper, rel=0.05)
 
 
 @pytest.mark.parametrize(

@@ -64,7 +64,7 @@ def test_every_segment_runs_at_its_limits(name, stopping):
     assert len(stops) == problem.tube.segment_count + 1
     for begin, end in pairwise(stops):
         part = trajectory.between(begin, end)
-        assert minimum_duration(problem.robot, part) == pytest.approx(end - begin, rel=1e-5)
+        assert minimum_duration(problem, part) == pytest.approx(end - begin, rel=1e-5)
 
 
 def test_it_beats_the_conventional_scheme_of_the_paper(stopping):

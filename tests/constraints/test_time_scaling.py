@@ -3,10 +3,19 @@
 import numpy as np
 import pytest
 
-from cases import ANGLE, INERTIA, PEAK_ACCELERATION, PEAK_JERK, PEAK_VELOCITY, one_joint, quintic
+from cases import (
+    ANGLE,
+    INERTIA,
+    PEAK_ACCELERATION,
+    PEAK_JERK,
+    PEAK_VELOCITY,
+    anywhere,
+    one_joint,
+    quintic,
+)
 from tubeplanner import JointTrajectory, Payload, load_robot
+from tubeplanner.constraints.speed_polynomial import SpeedPolynomial
 from tubeplanner.constraints.time_scaling import (
-    effort_factor_of,
     estimated_duration,
     minimum_duration,
     scaled_to_limits,
@@ -31,20 +40,22 @@ from tubeplanner.outcome import Infeasible, PlanStatus
 def test_one_joint_move_takes_its_known_minimum_time(tmp_path, limits, expected):
     robot = one_joint(tmp_path, **limits)
     for given in (0.1, 1.0, 7.0):
-        assert minimum_duration(robot, quintic(duration=given)) == pytest.approx(expected, rel=1e-7)
+        assert minimum_duration(anywhere(robot), quintic(duration=given)) == pytest.approx(
+            expected, rel=1e-7
+        )
 
 
 def test_scaling_again_changes_nothing(stored):
     problem, trajectory = stored("ur5/over_the_wall")
     segment = trajectory.between(0.0, trajectory.duration)
-    again = minimum_duration(problem.robot, segment)
+    again = minimum_duration(problem, segment)
     assert again == pytest.approx(trajectory.duration, rel=1e-5)
 
 
 def test_gravity_takes_its_share_of_the_effort(tmp_path):
     """The scaled trajectory meets the effort limit at its worst instant, and never breaks it."""
     robot = one_joint(tmp_path, mass=0.5, velocity=np.inf)
-    trajectory = scaled_to_limits(robot, quintic())
+    trajectory = scaled_to_limits(anywhere(robot), quintic())
     samples = trajectory.at(np.linspace(0, trajectory.duration, 20_001))
     lever, mass = 0.5, 0.5
     inertia = INERTIA + mass * lever**2
@@ -58,7 +69,8 @@ def test_gravity_takes_its_share_of_the_effort(tmp_path):
 def test_scaling_factor_says_how_much_faster_each_sample_could_be_run(tmp_path, acceleration):
     robot = one_joint(tmp_path, mass=0.5, acceleration=acceleration)
     samples = quintic(duration=2.0).at(np.array([0.4, 1.1]))
-    factor = scaling_factor(robot, samples.position, samples.velocity, samples.acceleration)[:, 0]
+    known = (samples.position, samples.velocity, samples.acceleration)
+    factor = scaling_factor(anywhere(robot), *known)
     for i, b in enumerate(factor):
         q, v, a = samples.position[[i]], b * samples.velocity[[i]], b**2 * samples.acceleration[[i]]
         effort = abs(robot.inverse_dynamics(q, v, a)[0, 0]) / 5
@@ -69,29 +81,31 @@ def test_scaling_factor_says_how_much_faster_each_sample_could_be_run(tmp_path, 
 def test_a_joint_at_rest_limits_nothing(tmp_path):
     robot = one_joint(tmp_path)
     still = np.zeros((1, 1))
-    assert np.isinf(scaling_factor(robot, still, still, still)).all()
+    assert np.isinf(scaling_factor(anywhere(robot), still, still, still)).all()
 
 
 def test_gravity_beyond_the_motor_is_an_answer_with_joint_and_place(tmp_path):
     robot = one_joint(tmp_path, mass=2.0)
     with pytest.raises(Infeasible, match=r"'turn' needs 9\.81 .* effort limit is 5\.00") as caught:
-        minimum_duration(robot, quintic())
+        minimum_duration(anywhere(robot), quintic())
     assert caught.value.status is PlanStatus.GRAVITY_EXCEEDS_EFFORT
     assert caught.value.place.joint == "turn"
 
 
 def test_jerk_counts_only_where_it_is_asked_for(tmp_path):
     robot = one_joint(tmp_path, velocity=1.5, effort=np.inf, jerk=1.0)
-    free = minimum_duration(robot, quintic(), with_jerk=False)
+    free = minimum_duration(anywhere(robot), quintic(), with_jerk=False)
     assert free == pytest.approx(ANGLE * PEAK_VELOCITY / 1.5, rel=1e-7)
-    assert minimum_duration(robot, quintic()) == pytest.approx(np.cbrt(ANGLE * PEAK_JERK), rel=1e-7)
+    assert minimum_duration(anywhere(robot), quintic()) == pytest.approx(
+        np.cbrt(ANGLE * PEAK_JERK), rel=1e-7
+    )
 
 
 @pytest.mark.parametrize("angle", [ANGLE, -ANGLE])
 def test_an_estimate_is_never_too_short_in_either_direction(tmp_path, angle):
     robot = one_joint(tmp_path, velocity=1.5, effort=np.inf)
     exact = ANGLE * PEAK_VELOCITY / 1.5
-    assert exact * (1 - 1e-9) <= estimated_duration(robot, quintic(angle)) <= 3 * exact
+    assert exact * (1 - 1e-9) <= estimated_duration(anywhere(robot), quintic(angle)) <= 3 * exact
 
 
 def test_the_joint_that_is_overloaded_most_is_named():
@@ -100,12 +114,13 @@ def test_the_joint_that_is_overloaded_most_is_named():
     move = JointTrajectory(robot.joint_names, [0, 1.0], [np.full((1, 6), 1e-6), [q]])
     overload = abs(robot.gravity_effort(q[None])[0]) - robot.limits.effort
     with pytest.raises(Infeasible) as caught:
-        minimum_duration(robot, move)
+        minimum_duration(anywhere(robot), move)
     assert caught.value.place.joint == robot.joint_names[overload.argmax()]
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_gravity_beyond_the_motor_stops_it_in_either_direction(sign):
-    limit, gravity = np.array([5.0]), sign * np.array([6.0, 4.0])
-    tau = gravity - sign * np.array([2.0, 2.0])
-    np.testing.assert_allclose(effort_factor_of(limit, tau, gravity), [0.0, np.sqrt(9 / 2)])
+    held = sign * np.array([[1.2], [0.8]])
+    used = SpeedPolynomial({0: held, 2: -sign * np.array([[0.4], [0.4]])})
+    speed = used.largest_speed((1.0, -1.0))
+    np.testing.assert_allclose(speed[:, 0], [0.0, np.sqrt(1.8 / 0.4)])

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from cases import anywhere
 from tubeplanner import JointTrajectory, LimitOverrides, load_problem, load_robot, plan
 from tubeplanner.constraints.unused_speed import unused_speed
 
@@ -17,16 +18,16 @@ def fastest():
 
 def test_the_fastest_trajectory_leaves_hardly_any(fastest):
     problem, trajectory = fastest
-    assert 0 <= unused_speed(problem.robot, trajectory) < 0.01
+    assert 0 <= unused_speed(problem, trajectory) < 0.01
 
 
 @pytest.mark.parametrize("slower", [1.5, 3.0])
 def test_a_slower_one_leaves_what_it_is_slower(fastest, slower):
     """Without gravity every limit scales alike: b(t) is so many times larger everywhere."""
     problem, trajectory = fastest
-    unused = unused_speed(problem.robot, trajectory)
+    unused = unused_speed(problem, trajectory)
     expected = 1 - (1 - unused) / slower
-    found = unused_speed(problem.robot, trajectory.scaled(slower))
+    found = unused_speed(problem, trajectory.scaled(slower))
     assert found == pytest.approx(expected, abs=0.003)
 
 
@@ -53,4 +54,4 @@ def test_a_limit_of_jerk_counts(slower):
     coefficients = np.zeros((4, 4, 2))
     coefficients[:, :, 0] = np.array(pieces).T
     trajectory = JointTrajectory(NAMES, width * np.arange(5), coefficients).scaled(slower)
-    assert unused_speed(robot, trajectory) == pytest.approx(1 - 1 / slower, abs=1e-6)
+    assert unused_speed(anywhere(robot), trajectory) == pytest.approx(1 - 1 / slower, abs=1e-6)

@@ -46,7 +46,7 @@ def test_a_narrow_tube_takes_no_longer_than_the_best_known(name, millimetres):
     result = plan(problem)
     assert result.method == "refinement"
     assert result.duration <= EACH * BEST[name, millimetres]
-    assert unused_speed(problem.robot, result.trajectory) < 0.01
+    assert unused_speed(problem, result.trajectory) < 0.01
     assert result.duration < min(certified_baselines(problem))
 
 

@@ -5,9 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tubeplanner import Tube
+from tubeplanner.constraints.path_samples import PathSamples
 from tubeplanner.refinement.capsule_constraints import Capsules, EvaluatedCapsules, Planes
+from tubeplanner.refinement.ordered_segments import OrderedSegments
 from tubeplanner.refinement.phased_spline import PhasedSpline
-from tubeplanner.refinement.rotation_constraints import evaluated_rotation
+from tubeplanner.refinement.rotation_constraints import EvaluatedRotation
 from tubeplanner.refinement.sampled_spline import sampled
 from tubeplanner.refinement.tube_constraints import evaluated_points, evaluated_tube
 
@@ -15,17 +18,32 @@ STEP = 1e-6
 MARGIN = 0.005
 
 
+def with_all_points(tube):
+    return Tube(
+        tube.points,
+        tube.radius,
+        orientations=tube.orientations,
+        rotation_tolerance=tube.rotation_tolerance,
+        pass_through_points="all",
+    )
+
+
 def evaluated(kind, case, spline=None):
     problem, own, samples = case
     if kind == "points":  # at a place that is no switching time, as good as any
-        at = sampled(spline or own, samples.where(np.array([4])))
-        radius = problem.tube.effective_radius
-        return evaluated_points(problem, at, np.array([1]), radius, MARGIN, 7)
+        samples = samples.where(np.array([4]))
+        tube = with_all_points(problem.tube)
+    else:
+        tube = problem.tube
     at = sampled(spline or own, samples)
+    path = PathSamples(problem, at.by_x, lambda: samples.phase)
+    if kind == "points":
+        return evaluated_points(tube, at, path, tube.effective_radius, MARGIN, np.array([7, 8]))
     if kind == "tube":
-        return evaluated_tube(problem, at, samples, problem.tube.effective_radius, MARGIN, 7)
-    tolerance = problem.tube.rotation
-    return evaluated_rotation(problem.robot, tolerance, at, samples.phase, MARGIN, 9).angle()
+        radius = tube.effective_radius
+        segments = OrderedSegments(tube.points, radius, (range(1), range(1, 2)), samples)
+        return evaluated_tube(tube, at, path, segments, radius, MARGIN, np.array([7, 8]))
+    return EvaluatedRotation(tube.rotation, at, path, MARGIN, 9 + samples.phase).angle()
 
 
 def random_planes(capsules, seed=0):

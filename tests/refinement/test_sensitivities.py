@@ -80,7 +80,8 @@ def test_sensitivities_are_what_planning_again_finds():
     sensitivities = refined.elasticities()
     step = 0.02
     limits = problem.robot.limits.effort
-    for (limit, index), elasticity in sensitivities.items():
+    for key, elasticity in sensitivities.items():
+        limit, index = key.kind, key.segment if key.joint is None else key.joint
         found = []
         for factor in (1 + step, 1 - step):
             if limit == "radius":
@@ -107,7 +108,8 @@ def test_those_of_a_ur5_are_what_planning_again_finds():
     branch = reference_branch(problem, redundancy_rules(problem)[0])
     refined = Refinement(problem, starting_spline(problem, branch, 8), (3, 3))
     refined.run()
-    for (limit, joint), elasticity in refined.elasticities().items():
+    for key, elasticity in refined.elasticities().items():
+        limit, joint = key.kind, key.joint
         if limit == "radius" or elasticity > -0.1:
             continue
         name = problem.robot.joint_names[joint]

@@ -3,22 +3,23 @@
 import numpy as np
 import pytest
 
-from tubeplanner.refinement.limit_constraints import LimitConstraints
+from tubeplanner.constraints.path_samples import PathSamples
+from tubeplanner.constraints.speed_limits import speed_limits
 from tubeplanner.refinement.linear_rows import StepSize
 from tubeplanner.refinement.link_constraints import LinkConstraints
 from tubeplanner.refinement.phased_spline import PhasedSpline, VelocityHull
-from tubeplanner.refinement.rotation_constraints import evaluated_rotation
+from tubeplanner.refinement.rotation_constraints import EvaluatedRotation
 from tubeplanner.refinement.sampled_spline import sampled
+from tubeplanner.refinement.speed_limit_rows import EvaluatedSpeedLimit
 
 SWITCHING_TIMES = np.array([0.0, 0.4, 1.0])
 STEP = 1e-6
-LIMITS = ("effort", "velocity", "rates")
-KINDS = (*LIMITS, "rotation", "links")
-EVERY_LIMIT = ("effort", "velocity", "acceleration", "jerk")
+LIMITS = ("effort", "velocity", "acceleration", "jerk")
+KINDS = (*LIMITS, "velocity of the hull", "rotation", "links")
 
 
 class Kinds:
-    """The rows of one kind of condition at a trajectory, and their slack at another."""
+    """One kind of constraint, at any spline."""
 
     def __init__(self, kind, case):
         self.kind, (self.problem, spline, self.samples) = kind, case
@@ -28,26 +29,26 @@ class Kinds:
         )
 
     def at(self, spline):
-        if self.kind in LIMITS:
-            places = {"velocity": VelocityHull(len(spline.control_points))}
-            kinds = ("acceleration", "jerk") if self.kind == "rates" else (self.kind,)
-            limits = LimitConstraints(self.problem.robot)
-            return limits.at(spline, places.get(self.kind, self.samples), kinds)
+        if self.kind == "links":
+            return self.links.at(spline)
+        is_hull = self.kind.endswith("hull")
+        points = VelocityHull(len(spline.control_points)) if is_hull else self.samples
+        at = sampled(spline, points)
+        path = PathSamples(self.problem, at.by_x, lambda: self.samples.phase)
         if self.kind == "rotation":
-            robot, rotation = self.problem.robot, self.problem.tube.rotation
-            at = sampled(spline, self.samples)
-            return evaluated_rotation(robot, rotation, at, self.samples.phase, 0.005, 0)
-        return self.links.at(spline)
+            return EvaluatedRotation(
+                self.problem.tube.rotation, at, path, 0.005, self.samples.phase
+            )
+        limits = {limit.kind: limit for limit in speed_limits(self.problem)}
+        limit = limits[self.kind.split()[0]]
+        return EvaluatedSpeedLimit(limit, at, path, np.arange(len(limit.keys)))
 
     def rows(self, spline, duration, size=None):
-        here = self.at(spline)
-        return here.rows(duration, size) if self.kind in LIMITS else here.rows(size)
+        return self.at(spline).rows(duration, size)
 
-    def slack(self, spline, other, duration, eta):
-        """Return the slack of the rows at a trajectory, elsewhere."""
-        if self.kind in LIMITS:
-            return self.at(other).slack(duration, 1 + eta)
-        return self.at(other).slack
+    def slack(self, other, duration, eta):
+        """Return the slack that another spline has, by the rows' numbers."""
+        return self.at(other).slack(duration, 1 + eta)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -70,7 +71,7 @@ def test_rows_have_the_derivatives_of_their_slack(case, kind):
     for sign in (STEP, -STEP):
         switching_times = SWITCHING_TIMES + sign * np.array([0, switching[0], 0])
         moved = PhasedSpline(spline.grid, switching_times, spline.control_points + sign * change)
-        sides.append(kinds.slack(spline, moved, duration, sign * eta)[rows.index])
+        sides.append(kinds.slack(moved, duration, sign * eta)[rows.index])
     numeric = -(sides[0] - sides[1]) / (2 * STEP)
     scale = abs(expected).max()
     np.testing.assert_allclose(numeric / scale, expected / scale, atol=3e-4)
@@ -80,7 +81,7 @@ def test_rows_have_the_derivatives_of_their_slack(case, kind):
 def test_their_slack_at_the_trajectory_itself_is_theirs(case, kind):
     kinds, spline = Kinds(kind, case), case[1]
     rows = kinds.rows(spline, 0.8)
-    there = kinds.slack(spline, spline, 0.8, 0.0)
+    there = kinds.slack(spline, 0.8, 0.0)
     np.testing.assert_allclose(there[rows.index], rows.slack, atol=1e-12)
     bounded = np.flatnonzero(np.isfinite(there) & (there < 1 - 0.005 - 1e-12))
     assert set(bounded.tolist()) <= set(rows.index.tolist()) <= set(range(len(there)))
@@ -102,16 +103,15 @@ def test_rows_left_out_cannot_be_broken_by_the_step(case, kind):
     np.testing.assert_array_equal(every.where(~left_out).slack, some.slack)
 
 
-@pytest.mark.parametrize("kinds", [EVERY_LIMIT, ("effort",)], ids=["all", "effort"])
-def test_rows_know_what_the_duration_gives(case, kinds):
-    """At the duration that the limits allow, the tightest row has no slack; beyond it, some."""
-    problem, spline, samples = case
-    limits = LimitConstraints(problem.robot).at(spline, samples, kinds)
-    y = float(limits.squared_durations.max())
-    rows = limits.rows(np.sqrt(y), None)
+@pytest.mark.parametrize("kind", LIMITS)
+def test_rows_know_what_the_duration_gives(case, kind):
+    """At the duration that the limit allows, the tightest row has no slack; beyond it, some."""
+    limit = Kinds(kind, case).at(case[1])
+    y = float(limit.squared_durations.max())
+    rows = limit.rows(np.sqrt(y), None)
     assert rows.slack.min() == pytest.approx(0.0, abs=1e-9)
     eta = 1e-5
-    later = limits.rows(np.sqrt(y * (1 + eta)), None)
+    later = limit.rows(np.sqrt(y * (1 + eta)), None)
     tight = int(rows.slack.argmin())
     gained = (later.slack[tight] - rows.slack[tight]) / eta
     assert -rows.duration[tight] == pytest.approx(gained, rel=1e-3)
@@ -121,10 +121,10 @@ def test_the_least_duration_is_that_of_every_limit(case):
     """Run in it, some limit is just met, and none is broken."""
     problem, spline, samples = case
     robot, limits = problem.robot, problem.robot.limits
-    evaluated = LimitConstraints(robot).at(spline, samples, EVERY_LIMIT)
-    for i, y in enumerate(evaluated.squared_durations):
-        rates = [evaluated.at.rate(order, float(np.sqrt(y)))[i : i + 1] for order in (1, 2, 3)]
-        q, (v, a, j) = evaluated.at.position[i : i + 1], rates
+    at = sampled(spline, samples)
+    found = [Kinds(kind, case).at(spline).squared_durations for kind in LIMITS]
+    for i, y in enumerate(np.max(found, axis=0)):
+        q, v, a, j = (at.by_x[order, i : i + 1] / y ** (order / 2) for order in range(4))
         used = [
             abs(robot.inverse_dynamics(q, v, a)) / limits.effort,
             abs(v) / limits.velocity,
@@ -134,15 +134,17 @@ def test_the_least_duration_is_that_of_every_limit(case):
         assert np.max(used) == pytest.approx(1.0, abs=1e-9)
 
 
-def test_every_limit_has_a_name_and_rows(case):
-    problem, spline, samples = case
-    conditions = LimitConstraints(problem.robot)
-    rows = conditions.at(spline, samples, EVERY_LIMIT).rows(0.8, None)
-    assert np.unique(rows.limit).tolist() == list(range(len(conditions.names)))
-    n = problem.robot.joint_count
-    assert conditions.names[:n] == [("effort", j) for j in range(n)]
-    assert ("jerk", 0) in conditions.names
-    assert ("jerk", 1) not in conditions.names
+@pytest.mark.parametrize("kind", LIMITS)
+def test_every_limit_has_a_key_and_rows(case, kind):
+    limit = Kinds(kind, case).at(case[1])
+    rows = limit.rows(0.8, None)
+    keys = limit.limit.keys
+    assert np.unique(rows.limit).tolist() == list(range(len(keys)))
+    joints = 1 if kind == "jerk" else case[0].robot.joint_count
+    assert [(key.kind, key.joint, key.segment) for key in keys] == [
+        (kind, j, None) for j in range(joints)
+    ]
+    assert len(rows) == limit.row_count
 
 
 @pytest.mark.parametrize("margin", [0.0, 0.1])
@@ -150,13 +152,15 @@ def test_the_rotations_rows_and_its_ball_are_its_margin(case, margin):
     """The tightest of components and angle has the slack that the tube's own margin says."""
     problem, spline, samples = case
     tube, at = problem.tube.rotation, sampled(spline, samples)
-    evaluated = evaluated_rotation(problem.robot, tube, at, samples.phase, margin, 0)
+    path = PathSamples(problem, at.by_x, lambda: samples.phase)
+    evaluated = EvaluatedRotation(tube, at, path, margin, samples.phase)
     error = tube.error(*problem.robot.tool_pose(at.position), samples.phase)
     used = np.hstack([abs(error), np.linalg.norm(error, axis=1, keepdims=True)])
     used /= tube.bounds[samples.phase]
     np.testing.assert_allclose(evaluated.excess, used[:, :3].max(axis=1) - 1 + margin, atol=1e-12)
     np.testing.assert_allclose(evaluated.angle().excess, used[:, 3] - 1 + margin, atol=1e-12)
-    slack = evaluated.slack.reshape(len(used), -1).min(axis=1)
+    slack = evaluated.slack(1.0, 1.0).reshape(len(used), -1).min(axis=1)
     np.testing.assert_allclose(slack, 1 - margin - used[:, :3].max(axis=1), atol=1e-12)
-    assert np.unique(evaluated.rows(None).limit).tolist() == [1]  # components of the second alone
+    rows = evaluated.rows(1.0, None)  # components of the second alone
+    assert np.unique(rows.limit).tolist() == [1]
     assert evaluated.angle().limit.tolist() == samples.phase.tolist()

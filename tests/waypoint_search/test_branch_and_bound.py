@@ -46,7 +46,7 @@ def every_trajectory(problem, waypoints):
     for subset in subsets:
         chosen = (0, *subset, len(waypoints) - 1)
         shape = sequential_quartics(problem.robot.joint_names, waypoints[list(chosen)])
-        motions.append((scaled_to_limits(problem.robot, shape), chosen))
+        motions.append((scaled_to_limits(problem, shape), chosen))
     return sorted(motions, key=lambda trajectory: trajectory[0].duration)
 
 

@@ -1,0 +1,83 @@
+"""The largest speed that cubics allow: no smaller one is too fast, and it solves the equation."""
+
+import numpy as np
+import pytest
+
+from tubeplanner.constraints.speed_polynomial import SpeedPolynomial, largest_speed
+
+COUNT = 100_000
+
+
+def value(c, s):
+    return ((c[3] * s + c[2]) * s + c[1]) * s + c[0]
+
+
+def size(c, s):
+    return value(abs(c), s)
+
+
+def plain(rng):
+    return rng.normal(size=(4, COUNT))
+
+
+def of_any_size(rng):
+    return plain(rng) * 10.0 ** rng.uniform(-6, 6, (4, COUNT))
+
+
+def with_zeros(rng):
+    return rng.integers(-2, 3, size=(4, COUNT)).astype(float)
+
+
+def with_near_roots(rng):
+    """Two roots, or all three, nearly coincide."""
+    first, other = rng.uniform(0, 2, (2, COUNT))
+    a, b = first, first * (1 + 10.0 ** rng.uniform(-16, -3, COUNT))
+    c = np.where(rng.uniform(size=COUNT) < 0.5, other, first * (1 + 1e-9))
+    rows = np.array([-a * b * c, a * b + a * c + b * c, -(a + b + c), np.ones(COUNT)])
+    return rows * rng.choice([-1.0, 1.0], COUNT)
+
+
+@pytest.mark.parametrize("cubics", [plain, of_any_size, with_zeros, with_near_roots])
+def test_it_is_the_first_crossing(cubics):
+    c = cubics(np.random.default_rng(1))
+    s = largest_speed(c)
+    assert not np.isnan(s).any()
+    assert (s[c[0] > 0] == 0).all()
+    crossing = np.isfinite(s) & (s > 0)
+    at = np.where(crossing, s, 0.0)
+    assert (abs(value(c, at)) <= 1e-12 * size(c, at))[crossing].all()
+    free = np.where(np.isfinite(s), s, 1e3)
+    for share in np.linspace(0, 1, 101)[:-1]:
+        slower = share * free
+        assert (value(c, slower) <= 1e-12 * size(c, slower))[s > 0].all()
+
+
+def test_beyond_it_the_cubic_is_above_zero():
+    c = plain(np.random.default_rng(2))
+    s = largest_speed(c)
+    crossing = np.isfinite(s) & (s > 0)
+    a_little = 1e-6 * np.maximum(s, 1.0)
+    above = value(c, s + a_little)[crossing] > 0
+    # But for a crossing that turns back within that little.
+    assert above.mean() > 0.9999
+
+
+@pytest.mark.parametrize("power", [1, 2, 3])
+def test_one_power_alone_is_a_root(power):
+    use = np.array([[0.5, -2.0, 0.0]])
+    speed = SpeedPolynomial({power: use}).largest_speed((1.0, -1.0))
+    np.testing.assert_allclose(speed, [[2 ** (1 / power), 0.5 ** (1 / power), np.inf]])
+    one_sided = SpeedPolynomial({power: use}).largest_speed((1.0,))
+    np.testing.assert_allclose(one_sided, [[2 ** (1 / power), np.inf, np.inf]])
+
+
+def test_friction_and_inertia_share_a_motor():
+    """0.2 held, 0.3 s against friction, 0.5 s^2 to accelerate: all of the motor at s = 1."""
+    polynomial = SpeedPolynomial({k: np.array([[c]]) for k, c in enumerate((0.2, 0.3, 0.5))})
+    assert polynomial.largest_speed((1.0, -1.0)) == pytest.approx(1.0, rel=1e-14)
+    assert polynomial.at(1.0) == pytest.approx(1.0)
+
+
+def test_a_limit_that_is_used_up_allows_rest_alone():
+    full = SpeedPolynomial({0: np.array([[1.0, 1.0]]), 1: np.array([[0.1, 0.0]])})
+    np.testing.assert_array_equal(full.largest_speed((1.0,)), [[0.0, np.inf]])
