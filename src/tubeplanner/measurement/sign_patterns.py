@@ -21,7 +21,6 @@ from tubeplanner.measurement.tube_measurement import BranchNeighbourhood
 from tubeplanner.outcome import Infeasible, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem, Seed
 from tubeplanner.progress import Progress, ProgressCallback
-from tubeplanner.tube.tube import Tube
 
 _SEEDS = 24  # configurations, of this many samples, from which to search for a branch
 _SAMPLES = 600
@@ -150,17 +149,11 @@ def _posed(
     Seeds are near the centre line; those that are free come first.
     """
     tube, rng = problem.tube, np.random.default_rng([options.seed, k])
-    quaternions, tolerance = tube.orientations, tube.rotation_tolerance
+    asked = ({**tube.joint_ranges[k], **signs},)
+    widest = tube.with_points([k, k + 1], [k]).with_radius(options.max_radius)
     try:
         alone = problem.along(
-            Tube(
-                tube.points[k : k + 2],
-                options.max_radius,
-                tool_radius=tube.tool_radius,
-                joint_signs={**tube.joint_ranges[k], **signs},
-                orientations=None if quaternions is None else quaternions[k : k + 2],
-                rotation_tolerance=None if tolerance is None else [tolerance[k]],
-            ),
+            replace(widest, joint_signs=asked),
             Seed(problem.robot.limits.clip(np.zeros(problem.robot.joint_count))),
         )
     except ProblemError:  # the position limits leave no value with such a sign

@@ -1,6 +1,6 @@
 """How wide a tube may be: radii and joint ranges inside which no part of the robot collides."""
 
-from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -33,7 +33,7 @@ from tubeplanner.planning.planner import plan
 from tubeplanner.polyline import densified
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, Progress, ProgressCallback
-from tubeplanner.tube.tube import JointRange, Tube
+from tubeplanner.tube.tube import JointRange
 
 # Extra distance beyond the clearance [m], in reserve for what later counterexample searches find:
 # the second value where the first leaves nothing around the branch.
@@ -88,25 +88,12 @@ def measure_tube(
         return TubeMeasurement(
             reason.status, str(reason), reason.place, measuring_time=clock.elapsed
         )
-    ranges = [segment.joint_ranges for segment in segments]
-    measured = problem.with_tube(_tube(tube, [segment.radius for segment in segments], ranges))
-    radii = ", ".join(f"{1000 * segment.radius:.1f}" for segment in segments)
-    message = f"no collision found within radii of {radii} mm and the joint ranges"
+    radii = np.array([segment.radius for segment in segments])
+    ranges = tuple(segment.joint_ranges for segment in segments)
+    measured = problem.with_tube(replace(tube, radius=radii, joint_signs=ranges))
+    shown_radii = ", ".join(f"{1000 * radius:.1f}" for radius in radii)
+    message = f"no collision found within radii of {shown_radii} mm and the joint ranges"
     return TubeMeasurement(PlanStatus.SUCCESS, message, Place(), segments, measured, clock.elapsed)
-
-
-def _tube(tube: Tube, radii: Sequence[float], ranges: Sequence[Mapping[str, JointRange]]) -> Tube:
-    return Tube(
-        tube.points,
-        radii,
-        tool_radius=tube.tool_radius,
-        joint_signs=ranges,
-        visit=tube.visit,
-        orientations=tube.orientations,
-        rotation_tolerance=tube.rotation_tolerance,
-        pass_through_points=tube.pass_through_points,
-        numbers=tube.numbers,
-    )
 
 
 def _segments_of_some_branch(
@@ -273,7 +260,8 @@ class BranchNeighbourhood:
             upper = np.minimum(each.allowed.upper + beyond_range, self._problem.joint_upper[k])
             ranges.append(_ranges(self._problem, lower, upper))
         radii = [each.allowed.radius + tube.tool_radius + beyond_radius for each in found]
-        problem = self._problem.with_tube(_tube(tube, radii, ranges))
+        other = replace(tube, radius=np.array(radii), joint_signs=tuple(ranges))
+        problem = self._problem.with_tube(other)
         return plan(problem, PlanOptions(quality="fast"))
 
     def without_counterexamples(self, k: int, found: SegmentSearch) -> SegmentSearch:

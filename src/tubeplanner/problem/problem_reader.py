@@ -134,20 +134,10 @@ def _tube(fields: ProblemFields, robot: RobotModel, directory: Path) -> Tube:
         )
     if fields.goal is not None and fields.goal.position is not None:
         raise ProblemError("goal.position is for `tubeplanner route`, which finds joints for it")
-    points, radius, orientations = _points(fields.tube, directory)
-    return Tube(
-        points,
-        radius,
-        tool_radius=fields.tube.tool_radius,
-        joint_signs=fields.tube.joint_signs,
-        visit=fields.tube.visit,
-        orientations=orientations,
-        rotation_tolerance=fields.tube.rotation_tolerance,
-        pass_through_points=fields.tube.pass_through_points,
-    )
+    return Tube(**(fields.tube.model_dump() | _points(fields.tube, directory)))
 
 
-def _points(fields: TubeFields, directory: Path) -> tuple[Any, Any, Any]:
+def _points(fields: TubeFields, directory: Path) -> dict[str, Any]:
     """Return points, radius and orientations, from the problem file or from its file of points.
 
     Raises:
@@ -168,7 +158,7 @@ def _points(fields: TubeFields, directory: Path) -> tuple[Any, Any, Any]:
         raise ProblemError(
             f"tube.radius is required: give it here or as a column radius of {fields.points}"
         )
-    return points, given["radius"], given["orientations"]
+    return {"points": points, **given}
 
 
 def _tube_anywhere(fields: ProblemFields, robot: RobotModel, directory: Path) -> Tube:

@@ -27,7 +27,7 @@ _WINDOW = 3.0
 
 def tube_chains(problem: PlanningProblem) -> tuple[range, ...]:
     """Return the segments of every phase: one after the other, all of the tube's."""
-    is_end = _is_corner(problem.tube) | _conditions_change(problem)
+    is_end = _is_corner(problem.tube) | _conditions_change(problem.tube)
     is_end[problem.tube.compulsory_points - 1] = True
     ends = 1 + np.flatnonzero(is_end)
     bounds = [0, *ends.tolist(), problem.tube.segment_count]
@@ -61,13 +61,9 @@ def _is_corner(tube: Tube) -> BoolArray:
     return is_corner
 
 
-def _conditions_change(problem: PlanningProblem) -> BoolArray:
-    """Return where joint ranges or bounds on the rotation are others, shape (m-1,)."""
-    conditions = np.hstack([problem.joint_lower, problem.joint_upper])
-    if problem.tube.rotation is not None:
-        conditions = np.hstack([conditions, problem.tube.rotation.bounds])
-    changes: BoolArray = (conditions[1:] != conditions[:-1]).any(axis=1)
-    return changes
+def _conditions_change(tube: Tube) -> BoolArray:
+    """Return where the conditions on the arm are others, shape (m-1,)."""
+    return np.array([before != after for before, after in pairwise(tube.conditions)], dtype=bool)
 
 
 def _kinks(tube: Tube, spacing: float, turn: FloatArray) -> FloatArray:

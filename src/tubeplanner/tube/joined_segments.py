@@ -30,30 +30,14 @@ def joined_segments(tube: Tube) -> Tube:
     if len(firsts) == tube.segment_count:
         return tube
     kept = [*firsts, tube.segment_count]
-    orientations = tolerance = None
-    if tube.rotation is not None and tube.orientations is not None and tube.rotation_tolerance:
-        orientations = tube.orientations[kept]
-        tolerance = [tube.rotation_tolerance[k] for k in firsts]
-    joined = Tube(
-        tube.points[kept],
-        tube.radius[firsts],
-        tool_radius=tube.tool_radius,
-        joint_signs=[tube.joint_signs[k] for k in firsts],
-        visit=tube.visit,
-        orientations=orientations,
-        rotation_tolerance=tolerance,
-        pass_through_points=tube.pass_through_points,
-        numbers=tube.numbers[kept],
-    )
+    joined = tube.with_points(kept, firsts)
     object.__setattr__(joined, "parts", tube)
     return joined
 
 
 def _are_one(tube: Tube, first: int, last: int) -> bool:
     """Return whether a segment is one with those before it, which are one from `first` on."""
-    if tube.radius[last] != tube.radius[first]:
-        return False
-    if tube.joint_ranges[last] != tube.joint_ranges[first]:
+    if tube.radius[last] != tube.radius[first] or tube.conditions[last] != tube.conditions[first]:
         return False
     shares = _shares_on_line(tube.points[first : last + 2])
     if shares is None:

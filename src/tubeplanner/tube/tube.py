@@ -41,6 +41,9 @@ _SIGNS: dict[str | int, JointRange] = {
     0: (-np.inf, np.inf),
 }
 _ALL = slice(None)
+# What has an entry for each point, and for each segment.
+_BY_POINT = ("points", "orientations", "numbers")
+_BY_SEGMENT = ("radius", "joint_signs", "rotation_tolerance")
 _BLOCK = 100_000  # distances computed at once, which a processor's cache holds
 _MAX_EXTENT = 1e4  # [m]
 VISITS = ("ordered", "any")
@@ -132,19 +135,21 @@ class Tube:
                 f"radius, {radii.min():g} m, by at least {MIN_LENGTH:g} m"
             )
         named = np.arange(segments + 1) if numbers is None else np.array(numbers)
-        asked = list(zip(radii.tolist(), ranges, bounds or [None] * segments, strict=True))
+        sizes = (corners, radii, float(tool_radius))
+        rules = (signs, visit, quaternions, bounds, pass_through_points, named)
+        made = (ranges, rotation, (), None)
+        self._keep(*sizes, *rules, *made)
+        asked = list(zip(radii.tolist(), _conditions(ranges, bounds), strict=True))
         kept = distinct_points(corners, asked, None if rotation is None else rotation.angles)
         if len(kept.dropped):
-            corners, radii = read_only(corners[kept.points]), read_only(radii[kept.segments])
-            signs, ranges = _some(signs, kept.segments), _some(ranges, kept.segments)
-            if quaternions is not None and bounds is not None:
-                quaternions, bounds = quaternions[kept.points], _some(bounds, kept.segments)
-                quaternions, bounds, rotation = _rotation(corners, quaternions, bounds)
-        sizes = (corners, radii, float(tool_radius))
-        rules = (signs, visit, quaternions, bounds, pass_through_points, named[kept.points])
-        made = (ranges, rotation, _notes(named, kept), None)
-        for attribute, value in zip(fields(self), (*sizes, *rules, *made), strict=True):
-            object.__setattr__(self, attribute.name, value)  # frozen from here on
+            less = self.with_points(kept.points, kept.segments)
+            values = {field.name: getattr(less, field.name) for field in fields(self)}
+            self._keep(*{**values, "notes": _notes(named, kept)}.values())
+
+    def _keep(self, *values: object) -> None:
+        """Keep values of all fields, in their order."""
+        for attribute, value in zip(fields(self), values, strict=True):
+            object.__setattr__(self, attribute.name, value)
 
     @classmethod
     def anywhere(cls, begin: FloatArray, end: FloatArray) -> "Tube":
@@ -163,6 +168,27 @@ class Tube:
             ProblemError: A radius is not positive, or not above the tool radius.
         """
         return replace(self, radius=radius)  # type: ignore[arg-type]  # as `__init__` takes it
+
+    def with_points(
+        self, points: Sequence[int] | IntArray, segments: Sequence[int] | IntArray
+    ) -> "Tube":
+        """Return the tube with some of its points, which keep their numbers.
+
+        Args:
+            points: Their indices, ascending, at least two.
+            segments: The segments whose radius and conditions hold between them, one less.
+        """
+        chosen: dict[str, Any] = {name: getattr(self, name) for name in _BY_POINT}
+        chosen = {name: None if v is None else v[list(points)] for name, v in chosen.items()}
+        for name in _BY_SEGMENT:
+            values = getattr(self, name)
+            chosen[name] = None if values is None else [values[k] for k in segments]
+        return replace(self, **chosen)
+
+    @cached_property
+    def conditions(self) -> tuple[tuple[object, ...], ...]:
+        """What each of m segments asks of the arm beside the tool's place, to be compared."""
+        return _conditions(self.joint_ranges, self.rotation_tolerance)
 
     @property
     def segment_count(self) -> int:
@@ -284,8 +310,11 @@ def _notes(numbers: IntArray, kept: DistinctPoints) -> tuple[str, ...]:
     )
 
 
-def _some(values: tuple[_T, ...], indices: IntArray) -> tuple[_T, ...]:
-    return tuple(values[k] for k in indices)
+def _conditions(
+    ranges: tuple[Mapping[str, JointRange], ...], bounds: tuple[RotationBound, ...] | None
+) -> tuple[tuple[object, ...], ...]:
+    """Return what each segment asks of the arm beside the tool's place."""
+    return tuple(zip(ranges, bounds or [None] * len(ranges), strict=True))
 
 
 def _require_named(key: str, value: object, known: Sequence[str]) -> None:
