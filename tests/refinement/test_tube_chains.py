@@ -9,11 +9,9 @@ from tubeplanner import Tube
 from tubeplanner.refinement.tube_chains import largest_kink, tube_chains
 
 
-def problem(points, radius=0.01, ranges=None, **more):
-    """Return what a chain is told by: a tube and, for one joint, the ranges in its segments."""
-    tube = Tube(points, radius, **more)
-    upper = np.ones((tube.segment_count, 1)) if ranges is None else np.array(ranges)[:, None]
-    return SimpleNamespace(tube=tube, joint_lower=-upper, joint_upper=upper)
+def problem(points, radius=0.01, **more):
+    """Return what a chain is told by: a tube."""
+    return SimpleNamespace(tube=Tube(points, radius, **more))
 
 
 def circle(count):
@@ -58,8 +56,9 @@ def test_of_many_corners_the_sharpest_end_a_phase():
 
 
 def test_a_chain_ends_where_joint_ranges_change():
-    ranges = np.where(np.arange(100) < 30, 1.0, 2.0)
-    assert tube_chains(problem(circle(100), ranges=ranges)) == (range(30), range(30, 100))
+    signs = [{"turn": [-1.0, 1.0 if k < 30 else 2.0]} for k in range(100)]
+    changing = problem(circle(100), joint_signs=signs)
+    assert tube_chains(changing) == (range(30), range(30, 100))
 
 
 def test_a_chain_ends_where_the_rotation_bound_changes():
