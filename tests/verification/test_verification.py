@@ -23,7 +23,7 @@ from tubeplanner import (
     verify,
 )
 from tubeplanner.trajectory.joint_trajectory import concatenate
-from tubeplanner.verification.certificate import CONDITION_NAMES
+from tubeplanner.verification.conditions import CONDITION_NAMES
 
 UR5 = "ur5/over_the_wall"
 
@@ -538,7 +538,7 @@ def test_the_error_of_an_enclosure_is_taken_off_the_margin(stored, monkeypatch):
     """Polynomials that miss a hundredth: the margin is then a hundredth on the safe side."""
     problem, trajectory = stored("two_link/around_a_post", "branch-and-bound")
     exact = verify(problem, trajectory).conditions["effort"].margin
-    monkeypatch.setattr("tubeplanner.verification.verification._EFFORT_ENCLOSURE", 1e-2)
+    monkeypatch.setattr("tubeplanner.verification.judged.effort._EFFORT_ENCLOSURE", 1e-2)
     rough = verify(problem, trajectory).conditions["effort"].margin
     assert exact - 2e-2 < rough < exact - 1e-6
 
@@ -547,7 +547,7 @@ def test_the_error_of_the_tools_enclosure_is_taken_off_the_tubes_margin(stored, 
     """Where the bound is the tube's: polynomials that miss a tenth of a millimetre."""
     problem, trajectory = stored("two_link/around_a_post", "branch-and-bound")
     exact = verify(problem, trajectory).conditions["tube"].margin
-    monkeypatch.setattr("tubeplanner.verification.verification._TOOL_ENCLOSURE", 1e-3)
+    monkeypatch.setattr("tubeplanner.verification.judged_motion._TOOL_ENCLOSURE", 1e-3)
     rough = verify(problem, trajectory).conditions["tube"].margin
     assert exact - 2e-3 < rough < exact - 1e-6
 
