@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from cases import SLIDE
+from tubeplanner import load_robot
 from tubeplanner.verification.enclosed_efforts import effort_terms
 
 
@@ -18,8 +20,12 @@ def test_the_terms_add_up_to_what_the_planners_limit(robot, states):
     np.testing.assert_allclose(efforts, robot.inverse_dynamics(*states), rtol=1e-12, atol=1e-12)
 
 
-def test_the_term_of_rigid_bodies_holds_no_friction(robot, states):
+def test_the_term_of_rigid_bodies_holds_no_friction(tmp_path):
     """What rigid bodies need is the same whichever way they move; its bound counts on that."""
-    q, v, a = states
+    dynamics = '<dynamics damping="3" friction="2"/><limit'
+    path = tmp_path / "with_friction.urdf"
+    path.write_text(SLIDE.replace("<limit", dynamics))
+    robot = load_robot(path, "tip")
+    q, v, a = np.random.default_rng(0).uniform(-2, 2, (3, 20, robot.joint_count))
     values = effort_terms(robot)["rigid bodies"].values
     np.testing.assert_allclose(values(q, -v, a), values(q, v, a), rtol=1e-9, atol=1e-9)
