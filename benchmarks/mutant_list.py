@@ -61,7 +61,6 @@ TESTS = {
     "verification/enclosed_pose": ("verification/test_enclosure.py",),
     "verification/joint_extremes": ("verification/test_verification.py",),
     "verification/judged/clearance": ("verification/test_verification.py",),
-    "verification/judged/endpoints": ("verification/test_verification.py",),
     "verification/judged/joint_rates": ("verification/test_verification.py",),
     "verification/judged/joint_signs": ("verification/test_verification.py",),
     "verification/judged/points": ("verification/test_verification.py",),
