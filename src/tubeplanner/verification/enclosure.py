@@ -8,7 +8,7 @@ between them is bounded by the majorant of the next Taylor coefficient, T:
 for N points on an interval of width one (Davis, "Interpolation and Approximation", 1963, theorem
 3.1.1). Intervals are halved until that is negligible. Rounding errors, some 1e-12, are not bounded.
 
-A `Quantity` is all that is asked: its values, and majorants made with those of `majorants`.
+What is enclosed is a `Quantity`: its values, and a majorant made from the series of `majorants`.
 """
 
 from collections.abc import Callable, Iterable
@@ -52,6 +52,7 @@ class Quantity:
 def total(terms: Iterable[Quantity]) -> Quantity:
     """Return the sum of quantities: no term has values without bounds on them, or the reverse."""
     terms = tuple(terms)
+    highest = max(term.derivatives for term in terms)
 
     def values(*states: FloatArray) -> FloatArray:
         return np.sum([term.values(*states[: term.derivatives + 1]) for term in terms], axis=0)
@@ -62,7 +63,6 @@ def total(terms: Iterable[Quantity]) -> Quantity:
             [term.majorant(joints, width)[: len(joints) - highest] for term in terms], axis=0
         )
 
-    highest = max(term.derivatives for term in terms)
     return Quantity(highest, values, majorant)
 
 

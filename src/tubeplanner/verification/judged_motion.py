@@ -75,10 +75,10 @@ class JudgedMotion:
 
     @cached_property
     def largest_rates(self) -> dict[int, FloatArray]:
-        """The largest velocity (1) and acceleration (2) of each joint, each (n,).
+        """The largest velocity (1) and acceleration (2) of each joint by order, each (n,).
 
-        In rad or m, by order. A joint that all but stands still is measured by the others: its own
-        rounding errors are not jumps.
+        In rad/s and rad/s^2, or with m. A joint that all but stands still is measured by the
+        others: its own rounding errors are not jumps.
         """
         found = {}
         for order in (1, 2):
