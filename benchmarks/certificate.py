@@ -25,7 +25,8 @@ from tubeplanner import (
     verify,
 )
 from tubeplanner.verification.closest_approach import closest_approach
-from tubeplanner.verification.enclosure import enclosed_efforts, enclosed_tool
+from tubeplanner.verification.enclosed_efforts import enclosed_efforts
+from tubeplanner.verification.enclosed_pose import enclosed_tool
 from tubeplanner.verification.tube_visits import least_margin, tube_visits
 
 OBSTACLES = 10

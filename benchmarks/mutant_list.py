@@ -57,12 +57,27 @@ TESTS = {
     "trajectory/bernstein": ("verification/test_enclosure.py",),
     "verification/certificate": ("verification/test_verification.py",),
     "verification/closest_approach": ("verification/test_verification_between_samples.py",),
+    "verification/enclosed_efforts": ("verification/test_enclosure.py",),
+    "verification/enclosed_pose": ("verification/test_enclosure.py",),
+    "verification/joint_extremes": ("verification/test_verification.py",),
+    "verification/judged/clearance": ("verification/test_verification.py",),
+    "verification/judged/joint_rates": ("verification/test_verification.py",),
+    "verification/judged/joint_signs": ("verification/test_verification.py",),
+    "verification/judged/points": ("verification/test_verification.py",),
+    "verification/judged/position": ("verification/test_verification.py",),
+    "verification/judged/rotation": ("verification/test_rotation_visits.py",),
+    "verification/judged/tube": ("verification/test_verification.py",),
+    "verification/judged_condition": ("verification/test_verification.py",),
+    "verification/judged_motion": (
+        "verification/test_verification.py",
+        "verification/judged/test_continuity.py",
+        "verification/judged/test_rest.py",
+    ),
     "verification/majorants": ("verification/test_enclosure.py",),
     "verification/tube_visits": (
         "verification/test_verification_between_samples.py",
         "verification/test_rotation_visits.py",
     ),
-    "verification/verification": ("verification/test_rotation_visits.py",),
 }
 
 _CHANGES: dict[str, list[tuple[str, ...]]] = {
@@ -71,7 +86,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("robot.tool_reach * body.unit", "0 * body.unit"),
         ("body.origin + robot", "robot"),
     ],
-    "effort_majorant": [
+    "rigid_body_majorant": [
         ("inertia.mass * gravity", "0.0"),
         ("_turning(2 * body.spin)", "_turning(body.spin)"),
         ("moments[i] if robot.body_turns[i] else forces[i]", "moments[i]"),
@@ -79,15 +94,15 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("force + forces[child]", "force"),
         ("moment + moments[child] +", "moment +"),
         (" + _product(arm, force)", ""),
-        ("_derivative(momentum) / width**2 + ", ""),
-        ("_derivative(body.origin + arm, 2)", "_derivative(body.origin, 2)"),
+        ("derivative(momentum) / width**2 + ", ""),
+        ("derivative(body.origin + arm, 2)", "derivative(body.origin, 2)"),
         ("inertia.moment * ", "0.1 * inertia.moment * "),
         ("share[i] * _product(axis, load)", "share[i] * load"),
         ("share[i] * _product(axis, load)", "_product(axis, load)"),
         ("efforts[:, :, joint] +=", "efforts[:, :, joint] ="),
     ],
     "_motions": [
-        ("_product(parent.unit, _derivative(value))", "_derivative(value)"),
+        ("_product(parent.unit, derivative(value))", "derivative(value)"),
         ("_product(parent.unit, value)", "value"),
         ("abs(multiplier[i]) * joints", "joints"),
         ("value[0] += abs(offset[i])", "pass"),
@@ -96,7 +111,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("_turning(spin), link", "parent.unit, link"),
     ],
     "_product": [("range(order)", "range(order - 1)")],
-    "_derivative": [("np.arange(1, len(a))[:, None] * a[1:]", "a[1:]")],
+    "derivative": [("(np.arange(1, len(a)) * a[1:].T).T", "a[1:]")],
     "_turning": [("/ (k + 1)", "/ (k + 2)")],
     # --- trajectory/bernstein -----------------------------------------------------------------
     "halves": [
@@ -116,23 +131,26 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     # --- verification/enclosure ---------------------------------------------------------------
     "_NODE_PRODUCT": [("2.0 /", "0.2 /"), ("2.0 /", "1.0 /")],
     "Enclosure.at": [("[interval]) /", "[0]) /")],
-    "enclosed_tool": [("position[_POINTS]", "position[_POINTS + 1]")],
     "enclosed_pose": [
-        ("position[_POINTS]", "position[_POINTS + 1]"),
-        ("axis[_POINTS]", "axis[_POINTS + 1]"),
+        ("[tool.position] * 3", "[tool.axis] * 3"),
+        ("[tool.axis] * 9", "[0 * tool.axis] * 9"),
         ("rates.position[1]", "0.5 * rates.position[1]"),
         ("2 * rates.position[2]", "rates.position[2]"),
         ("rates.spin[0]", "0.5 * rates.spin[0]"),
         ("rates.spin[1]", "0.5 * rates.spin[1]"),
     ],
-    "enclosed_efforts": [("[_POINTS]", "[_POINTS + 1]")],
-    "_enclosed": [
+    "total": [
+        ("max(term.derivatives", "min(term.derivatives"),
+        ("term.majorant(joints, width)[", "0 * term.majorant(joints, width)["),
+    ],
+    "enclosed": [
+        ("[_POINTS]", "[_POINTS - 1]"),
         ("missed > tolerance", "missed > 2 * tolerance"),
         ("(width > _MIN_WIDTH)", "(width > 0.1)"),
         ("width[order], missed[order]", "width[order], missed"),
-        ("_NODE_PRODUCT * error", "0 * error"),
+        ("_NODE_PRODUCT * quantity", "0 * quantity"),
     ],
-    "_joint_bounds": [
+    "joint_bounds": [
         ("comb(degree, k) * ", ""),
         (".max(axis=0)", ".min(axis=0)"),
         ("range(min(degree + 1, len(bounds)))", "range(min(degree, len(bounds)))"),
@@ -341,11 +359,11 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("self.at(t)[:, [k - 1, k]].max(axis=1)", "self.at(t)[:, [k - 1, k]].min(axis=1)"),
         ("float(margins.max()) - error", "float(margins.max())"),
     ],
-    "_Judge.points": [
+    "judge_points": [
         ("min(found", "max(found"),
-        ("self._tube.numbers[worst.point]", "worst.point"),
+        ("motion.tube.numbers[worst.point]", "worst.point"),
     ],
-    "_Judge._number": [("position(time)", "position(0.0)")],
+    "JudgedMotion.segment_number": [("position(time)", "position(0.0)")],
     # --- one line, one segment ------------------------------------------------------------------
     "joined_segments": [('tube.pass_through_points == "all"', "False")],
     "_are_one": [
@@ -372,75 +390,73 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "JudgedCondition.holds": [("-tolerance.of(self.unit)", "-1e3 * tolerance.of(self.unit)")],
     "Certificate.passed": [("not self.failures()", "len(self.failures()) < 2")],
     # --- verification/verification ------------------------------------------------------------
-    "verify": [
-        (
-            "judge.derivative(1, problem.robot.limits.velocity)",
-            "judge.derivative(2, problem.robot.limits.velocity)",
-        ),
-        ("judge.derivative(3,", "judge.derivative(2,"),
-        ("trajectory.reordered(problem.robot.joint_names)", "trajectory"),
-        ("judge.endpoint(-1)", "judge.endpoint(0)"),
-    ],
-    "_Judge.position": [
+    "verify": [("trajectory.reordered(problem.robot.joint_names)", "trajectory")],
+    # --- verification/judged ------------------------------------------------------------------
+    "judge_position": [
         (
             "limits.lower_position, limits.upper_position",
             "-limits.upper_position, limits.upper_position",
         )
     ],
-    "_Judge.derivative": [("1 - peak", "2 - peak"), ("bounded[column]", "column")],
-    "_Judge.effort": [
+    "judge_velocity": [("(motion, 1,", "(motion, 2,")],
+    "judge_acceleration": [("(motion, 2,", "(motion, 1,")],
+    "judge_jerk": [("(motion, 3,", "(motion, 2,")],
+    "_judge_derivative": [("1 - peak", "2 - peak"), ("bounded[peak.column]", "peak.column")],
+    "judge_effort": [
         ("peaks.value + error", "peaks.value"),
         ("error[worst] > _EFFORT_ENCLOSURE", "False"),
         ("1 - float(above[worst])", "1 - float(peaks.value[worst])"),
         ("* efforts.width[interval]", ""),
         ("_EFFORT_ENCLOSURE * limit", "1e4 * _EFFORT_ENCLOSURE * limit"),
     ],
-    "_Judge.tube": [
-        ('least.lower_bound, "m", place', 'least.attained, "m", place'),
+    "judge_tube": [
+        ("(least.lower_bound", "(least.attained"),
         ("least.attained", "least.lower_bound"),
     ],
-    "_Judge.rotation": [('least.lower_bound, "rad", place', 'least.attained, "rad", place')],
-    "_Judge.joint_signs": [
-        ("begin + (place.time or 0.0)", "place.time or 0.0"),
+    "judge_rotation": [("(least.lower_bound", "(least.attained")],
+    "judge_joint_signs": [
+        ("begin + least.time", "least.time"),
         ("lower[segment], upper[segment]", "lower[0], upper[0]"),
         ("min(found", "max(found"),
     ],
-    "_Judge.endpoint": [
+    "judge_goal": [("motion.problem.goal", "motion.problem.start"), ("-1", "0")],
+    "_judge_end": [
         ("0.0 - error", "0.0"),
-        ("0.0 - float(abs(q - given).max())", "0.0 - float((q - given).max())"),
-        ("0.0 - float(abs(q - given).max())", "0.0 - float(abs(q - given).min())"),
-        ("self._problem.start if index == 0 else self._problem.goal", "self._problem.start"),
+        ("0.0 - float(off.max())", "0.0"),
+        ("off = abs(q - given)", "off = q - given"),
+        ("0.0 - float(off.max())", "0.0 - float(off.min())"),
     ],
-    "_Judge.rest": [
+    "judge_rest": [
         ("for order in (1, 2)", "for order in (1,)"),
         ("for order in (1, 2)", "for order in (2,)"),
         ("values[1, -1]", "values[0, 0]"),
         ("values[0, 0], ", "values[1, -1], "),
-        (" / self._largest[order]", ""),
+        (" / motion.largest_rates[order]", ""),
     ],
-    "_Judge.continuity": [
+    "judge_continuity": [
         ("range(3)", "range(2)"),
         ("range(3)", "range(1, 3)"),
         ("min(found", "max(found"),
-        ("jumps / self._largest[order]", "jumps / self._largest[0]"),
+        ("jumps / motion.largest_rates[order]", "jumps / motion.largest_rates[1]"),
         ("total = jumps.sum(axis=0)", "total = jumps.max(axis=0)"),
-        ("jumps[:, joint].argmax() + 1", "jumps[:, joint].argmax()"),
+        ("jumps[:, worst].argmax() + 1", "jumps[:, worst].argmax()"),
     ],
-    "_Judge.obstacles": [("self._problem.clearance", "0.0")],
-    "_Judge.self_collision": [("collision.link_pairs", "collision.obstacle_pairs")],
-    "_Judge._clearance": [
+    "judge_obstacles": [("motion.problem.clearance", "0.0")],
+    "judge_self_collision": [("collision.link_pairs", "collision.obstacle_pairs")],
+    "_judge_clearance": [
         ("nearest.lower_bound - required", "nearest.distance - required"),
         ("nearest.lower_bound - required", "nearest.lower_bound"),
         ("nearest.distance - required", "nearest.distance"),
     ],
-    "_Judge._range_margin": [
+    # --- verification, what conditions share --------------------------------------------------
+    "range_margin": [
         ("((1.0, upper), (-1.0, -lower))", "((1.0, upper),)"),
         ("((1.0, upper), (-1.0, -lower))", "((-1.0, -lower),)"),
-        ("return -peak", "return -peak + 1e-5"),
+        ("JointMargin(-worst.value", "JointMargin(-worst.value + 1e-5"),
     ],
-    "_Judge._largest": [("_STILL_SHARE * overall", "0 * overall")],
-    "_bracketed": [
-        ("lower >= attained - allowed", "True"),
+    "JudgedMotion.largest_rates": [("_STILL_SHARE * overall", "0 * overall")],
+    "bracketed": [
+        ("margin >= attained - allowed", "True"),
         ("max(_UNDECIDED_LENGTH, ", "max(0.1, "),
     ],
     # --- collision/collision_checker ----------------------------------------------------------

@@ -28,9 +28,15 @@ def _layers() -> list[str]:
 
 
 def _imported_first(folder: str) -> list[str]:
-    """Return a folder's modules, each after those that it imports, else by alphabet."""
-    package, graph = f"tubeplanner.{folder}", build_graph("tubeplanner", cache_dir=None)
+    """Return a folder's modules, each after those that it imports, else by alphabet.
+
+    A folder within stands among them as one of them, with its own modules.
+    """
+    package = f"tubeplanner.{folder}".replace("/", ".")
+    graph = build_graph("tubeplanner", cache_dir=None)
     modules = graph.find_children(package)
+    for name in modules:
+        graph.squash_module(name)
     sorter = TopologicalSorter(
         {name: graph.find_modules_directly_imported_by(name) & modules for name in modules}
     )
@@ -39,8 +45,15 @@ def _imported_first(folder: str) -> list[str]:
     while sorter.is_active():
         ready = sorted(sorter.get_ready())
         sorter.done(*ready)
-        order += ready
-    return [name.removeprefix(f"{package}.") for name in order]
+        order += [name.removeprefix(f"{package}.") for name in ready]
+    return [module for name in order for module in _modules(folder, name)]
+
+
+def _modules(folder: str, name: str) -> list[str]:
+    """Return a module of a folder, or those of the folder that it is."""
+    if not (_PACKAGE / folder / name).is_dir():
+        return [name]
+    return [f"{name}/{module}" for module in _imported_first(f"{folder}/{name}")]
 
 
 def _folder(name: str, modules: list[str]) -> str:

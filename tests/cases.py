@@ -1,5 +1,7 @@
 """Problems, robots and moves that tests of several folders use."""
 
+from dataclasses import fields as dataclass_fields
+
 import numpy as np
 import pytest
 
@@ -80,3 +82,15 @@ def anywhere(robot):
 def quintic(angle=ANGLE, duration=1.0):
     shape = np.array([6.0, -15.0, 10.0, 0.0, 0.0, 0.0]) * angle
     return JointTrajectory(["turn"], [0, 1.0], shape[:, None, None]).scaled(duration)
+
+
+def changed(problem, **fields):
+    """Return a problem with some fields replaced."""
+    given = {field.name: getattr(problem, field.name) for field in dataclass_fields(problem)}
+    given = {name: value for name, value in given.items() if not name.startswith("joint_")}
+    return PlanningProblem(**{**given, **fields})
+
+
+def unlimited():
+    """Return limits of the two-link arm without any on velocity."""
+    return LimitOverrides(velocity={"joint1": np.inf, "joint2": np.inf})

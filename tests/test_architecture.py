@@ -65,7 +65,7 @@ def test_a_folder_says_what_it_is_and_no_more(folder):
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda folder: folder.name)
 def test_tests_lie_as_the_modules_do(folder):
     modules = tuple(f"test_{path.stem}" for path in MODULES if path.parent == folder)
-    files = list((TESTS / folder.name).glob("test_*.py"))
+    files = list((TESTS / folder.relative_to(PACKAGE)).glob("test_*.py"))
     assert files
     assert [path.name for path in files if not path.stem.startswith(modules)] == []
 

@@ -15,8 +15,8 @@ from .waypoint_search.branch_and_bound import SearchStatistics as SearchStatisti
 from .progress import Progress as Progress
 from .verification.verification import verify as verify
 from .verification.certificate import Certificate as Certificate
-from .verification.certificate import JudgedCondition as JudgedCondition
-from .verification.certificate import Tolerance as Tolerance
+from .verification.judged_condition import JudgedCondition as JudgedCondition
+from .verification.judged_condition import Tolerance as Tolerance
 
 # Robot
 from .robot.robot_model import load_robot as load_robot

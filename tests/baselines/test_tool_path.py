@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cases import ANGLE, INERTIA, one_joint, quintic
+from cases import ANGLE, INERTIA, anywhere, one_joint, quintic
 from tubeplanner import JointTrajectory, Tube, load_problem
 from tubeplanner.baselines.fastest_parameterization import fastest_parameterization
 from tubeplanner.baselines.time_parameterization import (
@@ -156,7 +156,7 @@ def test_one_joint_switches_when_theory_says(tmp_path, limits, expected):
     """A straight path at constant speed uses no effort: limits not given are still ample."""
     robot = one_joint(tmp_path, **limits)
     path = JointTrajectory(["turn"], [0, ANGLE], [[[1.0]], [[0.0]]])
-    timing = fastest_parameterization(robot, path, np.linspace(0, ANGLE, 801))
+    timing = fastest_parameterization(anywhere(robot), path, np.linspace(0, ANGLE, 801))
     assert timing.duration == pytest.approx(expected, rel=2e-3)
     assert timing.position(timing.duration)[0] == pytest.approx(ANGLE)
     assert smoothness_class(timing) == "C1"

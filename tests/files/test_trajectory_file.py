@@ -7,7 +7,7 @@ from ruamel.yaml import YAML
 from tubeplanner import TrajectoryError, verify
 from tubeplanner.files.export import trajectory_csv, trajectory_ros
 from tubeplanner.files.trajectory_file import read_trajectory_file
-from tubeplanner.verification.certificate import FOREIGN_TOLERANCE
+from tubeplanner.verification.judged_condition import FOREIGN_TOLERANCE
 
 UR5 = "ur5/over_the_wall"
 

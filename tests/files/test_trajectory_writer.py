@@ -18,7 +18,7 @@ from tubeplanner.files.file_notes import notes_on_file
 from tubeplanner.files.fingerprint import problem_hash, robot_hash
 from tubeplanner.files.trajectory_file import read_trajectory_file
 from tubeplanner.files.trajectory_writer import TrajectoryFiles
-from tubeplanner.verification.certificate import FOREIGN_TOLERANCE
+from tubeplanner.verification.judged_condition import FOREIGN_TOLERANCE
 
 POST = "two_link/around_a_post"
 SUFFIXES = (".json", ".csv", ".yaml", ".yml", ".JSON")

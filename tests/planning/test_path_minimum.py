@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cases import ANGLE, INERTIA, one_joint, quintic
+from cases import ANGLE, INERTIA, anywhere, one_joint, quintic
 from tubeplanner import PlanOptions, load_problem, plan
 from tubeplanner.planning.path_minimum import path_minimum
 
@@ -20,14 +20,16 @@ from tubeplanner.planning.path_minimum import path_minimum
 )
 def test_one_joint_switches_once(tmp_path, limits, expected):
     robot = one_joint(tmp_path, **limits)
-    assert path_minimum(robot, quintic()) == pytest.approx(expected, rel=2e-3)
-    assert path_minimum(robot, quintic(duration=20.0)) == pytest.approx(expected, rel=2e-3)
+    assert path_minimum(anywhere(robot), quintic()) == pytest.approx(expected, rel=2e-3)
+    assert path_minimum(anywhere(robot), quintic(duration=20.0)) == pytest.approx(
+        expected, rel=2e-3
+    )
 
 
 def test_a_straight_line_of_the_tool_takes_what_the_literature_says(planned):
     """The paper's first example, along its line: 0.72 s (Suh & Bishop 1988, table III)."""
     problem, result = planned("two_link/paper_1_10mm")
-    assert path_minimum(problem.robot, result.trajectory) == pytest.approx(0.72, abs=0.015)
+    assert path_minimum(problem, result.trajectory) == pytest.approx(0.72, abs=0.015)
 
 
 def test_refinement_leaves_next_to_nothing_on_its_own_path(planned):

@@ -11,14 +11,10 @@ from cases import one_joint as pendulum
 from follower_arm import follower_arm
 from tubeplanner import JointTrajectory, Payload, load_robot
 from tubeplanner.trajectory.bernstein import bernstein_coefficients
-from tubeplanner.verification.enclosure import (
-    _enclosed,
-    _joint_bounds,
-    enclosed_efforts,
-    enclosed_pose,
-    enclosed_tool,
-)
-from tubeplanner.verification.majorants import effort_majorant, tool_majorant
+from tubeplanner.verification.enclosed_efforts import enclosed_efforts
+from tubeplanner.verification.enclosed_pose import enclosed_pose, enclosed_tool
+from tubeplanner.verification.enclosure import Quantity, enclosed, joint_bounds, total
+from tubeplanner.verification.majorants import derivative, rigid_body_majorant, tool_majorant
 
 
 @pytest.fixture(scope="module", params=["two_link", "ur5", "ur10", "panda", "slide", "followers"])
@@ -80,7 +76,7 @@ def test_the_bound_is_exact_for_a_joint_that_turns_uniformly(tmp_path):
     """The k-th derivative of a point on a circle has the length r w^k."""
     robot, speed = one_joint(tmp_path, "revolute"), 3.0
     trajectory = JointTrajectory(["move"], [0, 0.2], [[[speed]], [[0.0]]])
-    joints = _joint_bounds(trajectory, np.array([0]), np.zeros(1), np.array([0.2]))
+    joints = joint_bounds(trajectory, np.array([0]), np.zeros(1), np.array([0.2]), 11)
     expected = [0.4 * (0.2 * speed) ** k / factorial(k) for k in range(1, 9)]
     np.testing.assert_allclose(tool_majorant(robot, joints).position[1:9, 0], expected, rtol=1e-12)
 
@@ -114,9 +110,11 @@ def test_errors_belong_to_their_intervals():
     """Pieces of different widths, halved differently often: an error as large as its width."""
     breakpoints = [0, 1.0, 1.05, 1.35]
     trajectory = JointTrajectory(["u"], breakpoints, np.zeros((1, 3, 1)))
-    enclosure = _enclosed(
-        trajectory, lambda q, v, a: q, lambda joints, width: width[:, None], np.array([1e-5])
-    )
+
+    def majorant(joints, width):
+        return np.tile(width[:, None], (9, 1, 1))
+
+    enclosure = enclosed(trajectory, Quantity(0, lambda q: q, majorant), np.array([1e-5]))
     assert len(np.unique(enclosure.width.round(9))) > 1
     np.testing.assert_allclose(enclosure.error[:, 0] / enclosure.width, 2 / 4**8)
 
@@ -126,8 +124,8 @@ def test_the_bound_is_near_for_a_joint_that_speeds_up(tmp_path, kind, inertia):
     """Effort is inertia times acceleration, 2 + 6 c t; the bound takes the largest moment."""
     robot = one_joint(tmp_path, kind)
     trajectory = JointTrajectory(["move"], [0, 0.1], [[[5.0]], [[1.0]], [[0.0]], [[0.0]]])
-    joints = _joint_bounds(trajectory, np.array([0]), np.zeros(1), np.array([0.1]))
-    bound = effort_majorant(robot, joints, np.array([0.1]))[:, 0, 0]
+    joints = joint_bounds(trajectory, np.array([0]), np.zeros(1), np.array([0.1]), 11)
+    bound = rigid_body_majorant(robot, joints, np.array([0.1]))[:, 0, 0]
     exact = inertia * np.array([2 + 30 * 0.1, 30 * 0.1])
     if kind == "prismatic":
         np.testing.assert_allclose(bound[:2], exact, rtol=1e-12)
@@ -140,8 +138,10 @@ def test_the_bound_is_near_for_a_joint_that_speeds_up(tmp_path, kind, inertia):
 def test_the_error_is_just_that_of_the_next_power():
     """Of degree 8, one more than the polynomials have: the bound is met, not only kept."""
     trajectory = JointTrajectory(["u"], [0, 1.0], [[[1.0]], [[0.0]]])
-    enclosure = _enclosed(
-        trajectory, lambda q, v, a: q**8, lambda joints, width: np.ones((1, 1)), np.ones(1)
+    enclosure = enclosed(
+        trajectory,
+        Quantity(0, lambda q: q**8, lambda joints, width: np.ones((9, 1, 1))),
+        np.ones(1),
     )
     u = np.linspace(0, 1, 100_001)
     off = abs(enclosure.at(u)[:, 0] - u**8)
@@ -152,8 +152,8 @@ def test_a_slow_pendulums_bound_is_its_gravity(tmp_path):
     """Turned uniformly, effort is m g l cos(w t): the k-th coefficient is m g l (w T)^k / k!."""
     robot, speed, width = pendulum(tmp_path, mass=0.5), 1e-3, 600.0
     trajectory = JointTrajectory(["turn"], [0, width], [[[speed]], [[0.0]]])
-    joints = _joint_bounds(trajectory, np.array([0]), np.zeros(1), np.array([width]))
-    bound = effort_majorant(robot, joints, np.array([width]))[:9, 0, 0]
+    joints = joint_bounds(trajectory, np.array([0]), np.zeros(1), np.array([width]), 11)
+    bound = rigid_body_majorant(robot, joints, np.array([width]))[:9, 0, 0]
     expected = [0.5 * 9.81 * 0.5 * (speed * width) ** k / factorial(k) for k in range(9)]
     np.testing.assert_allclose(bound, expected, rtol=1e-3)
     efforts = enclosed_efforts(robot, trajectory, np.array([1.0]))
@@ -178,8 +178,8 @@ def test_a_slow_slides_bound_is_its_gravity(tmp_path):
     speed, width = 1e-3, 600.0
     coefficients = [[[speed, 0.0]], [[0.0, 0.1]]]
     trajectory = JointTrajectory(robot.joint_names, [0, width], coefficients)
-    joints = _joint_bounds(trajectory, np.array([0]), np.zeros(1), np.array([width]))
-    bound = effort_majorant(robot, joints, np.array([width]))[:9, 0, 1]
+    joints = joint_bounds(trajectory, np.array([0]), np.zeros(1), np.array([width]), 11)
+    bound = rigid_body_majorant(robot, joints, np.array([width]))[:9, 0, 1]
     expected = [2 * 9.81 * (speed * width) ** k / factorial(k) for k in range(9)]
     np.testing.assert_allclose(bound, expected, rtol=1e-3)
 
@@ -201,7 +201,7 @@ def test_the_bound_on_spin_is_exact_for_an_axis_that_turns_uniformly(tmp_path):
     robot = load_robot(tmp_path / "rotor.urdf", "rod", gravity=(0, 0, 0))
     tilt, spin, width = 2.0, 5.0, 0.4
     trajectory = JointTrajectory(robot.joint_names, [0, width], [[[tilt, spin]], [[0.0, 0.0]]])
-    joints = _joint_bounds(trajectory, np.array([0]), np.zeros(1), np.array([width]))
+    joints = joint_bounds(trajectory, np.array([0]), np.zeros(1), np.array([width]), 11)
     expected = [width * spin * (width * tilt) ** k / factorial(k) for k in range(8)]
     expected[0] += width * tilt
     np.testing.assert_allclose(tool_majorant(robot, joints).spin[:8, 0], expected, rtol=1e-12)
@@ -218,8 +218,8 @@ def test_a_rods_inertia_turns_twice_as_fast_as_the_rod(tmp_path):
     effort = robot.inverse_dynamics(states.position, states.velocity, states.acceleration)
     expected = tilt * inertia * spin * np.sin(2 * spin * t)
     np.testing.assert_allclose(effort[:, 0], expected, atol=1e-6)
-    joints = _joint_bounds(trajectory, np.array([0]), np.zeros(1), np.array([width]))
-    bound = effort_majorant(robot, joints, np.array([width]))[:9, 0, 0]
+    joints = joint_bounds(trajectory, np.array([0]), np.zeros(1), np.array([width]), 11)
+    bound = rigid_body_majorant(robot, joints, np.array([width]))[:9, 0, 0]
     # Over 2 w T = 4 rad, sine and cosine both reach their largest value.
     exact = [tilt * inertia * spin * (2 * spin * width) ** k / factorial(k) for k in range(1, 9)]
     assert (bound[1:] >= exact).all()
@@ -231,7 +231,7 @@ def test_no_taylor_coefficient_exceeds_its_bound(arm, seed, slower):
     """Fast, where inertia counts; and slowly, where little but gravity does."""
     width = 0.05 * slower
     trajectory = random_trajectory(arm, seed, pieces=1, width=0.05).scaled(slower)
-    joints = _joint_bounds(trajectory, np.array([0]), np.zeros(1), np.array([width]))
+    joints = joint_bounds(trajectory, np.array([0]), np.zeros(1), np.array([width]), 11)
     orders = range(1, 9)
     tool = taylor_coefficients(lambda t: arm.tool_position(trajectory.position(t)), width, orders)
     bound = tool_majorant(arm, joints).position[1:9, 0]
@@ -244,14 +244,14 @@ def test_no_taylor_coefficient_exceeds_its_bound(arm, seed, slower):
 
     orders = range(9)
     found = taylor_coefficients(efforts, width, orders)
-    bound = effort_majorant(arm, joints, np.array([width]))[:9, 0]
+    bound = rigid_body_majorant(arm, joints, np.array([width]))[:9, 0]
     assert (found <= bound * (1 + 1e-6) + 1e-5).all()
 
 
-def test_joint_bounds_are_those_of_the_derivatives(two_link):
+def testjoint_bounds_are_those_of_the_derivatives(two_link):
     trajectory = random_trajectory(two_link, 5, pieces=2)
     start, width = np.array([0.02, 0.03]), np.array([0.05, 0.06])
-    bounds = _joint_bounds(trajectory, np.array([0, 1]), start, width)
+    bounds = joint_bounds(trajectory, np.array([0, 1]), start, width, 11)
     for i in range(2):
         t = trajectory.breakpoints[i] + start[i] + width[i] * np.linspace(0, 1, 500)
         for order in range(3):
@@ -288,6 +288,57 @@ def test_efforts_are_what_they_are_said_to_be(arm, seed, degree):
     inside = np.setdiff1d(np.arange(len(s.time)), np.arange(3) * 400 + 399)
     tau = arm.inverse_dynamics(*(x[inside] for x in (s.position, s.velocity, s.acceleration)))
     assert (abs(enclosure.at(s.time[inside]) - tau) <= tolerance + 1e-9).all()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_another_quantity_is_enclosed_by_its_values_and_its_majorant(arm, seed):
+    """The velocity of the tool."""
+
+    def values(q, v):
+        jacobian = arm.tool_jacobian(q)[1]
+        return np.einsum("ijk,ik->ij", jacobian, v)
+
+    def majorant(joints, width):
+        speed = derivative(tool_majorant(arm, joints).position) / width
+        return np.stack([speed] * 3, axis=2)
+
+    trajectory = random_trajectory(arm, seed)
+    enclosure = enclosed(trajectory, Quantity(1, values, majorant), np.full(3, 1e-6))
+    assert enclosure.error.max() <= 1e-6
+    s = trajectory.per_piece(400)
+    inside = np.setdiff1d(np.arange(len(s.time)), np.arange(3) * 400 + 399)
+    off = enclosure.at(s.time[inside]) - values(s.position[inside], s.velocity[inside])
+    assert np.linalg.norm(off, axis=1).max() <= 1e-6
+
+
+def test_terms_are_added_up_with_their_bounds():
+    """Of a joint that moves as t^4: position, twice the velocity and three times the jerk."""
+    trajectory = JointTrajectory(["u"], [0, 0.5], [[[1.0]], *[[[0.0]]] * 4])
+    terms = [
+        Quantity(0, lambda q: q, lambda joints, width: joints),
+        Quantity(
+            1,
+            lambda q, v: 2 * v,
+            lambda joints, width: 2 * derivative(joints) / width[:, None],
+        ),
+        Quantity(
+            3,
+            lambda q, v, a, j: 3 * j,
+            lambda joints, width: 3 * derivative(joints, 3) / width[:, None] ** 3,
+        ),
+    ]
+    whole = total(terms)
+    assert whole.derivatives == 3
+    enclosure = enclosed(trajectory, whole, np.array([1e-9]))
+    t = np.linspace(0, 0.499, 50)
+    np.testing.assert_allclose(enclosure.at(t)[:, 0], t**4 + 8 * t**3 + 72 * t, atol=1e-9)
+    width = np.array([0.5])
+    joints = joint_bounds(trajectory, np.array([0]), np.zeros(1), width, 12)
+    bounds = whole.majorant(joints, width)
+    assert bounds.shape == (9, 1, 1)
+    values = [term.majorant(joints, width)[:9] for term in terms]
+    np.testing.assert_array_equal(bounds, values[0] + values[1] + values[2])
+    assert (bounds[:2, 0, 0] >= [1 / 16 + 1 + 36, 1 / 4 + 3 + 36]).all()
 
 
 def test_a_trajectory_that_no_machine_could_make_is_left_open(two_link):

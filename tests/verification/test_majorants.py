@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from tubeplanner import JointTrajectory, load_robot
-from tubeplanner.verification.enclosure import _joint_bounds
-from tubeplanner.verification.majorants import effort_majorant, tool_majorant
+from tubeplanner.verification.enclosure import joint_bounds
+from tubeplanner.verification.majorants import rigid_body_majorant, tool_majorant
 
 SPEED, WIDTH = 1e-3, 600.0  # slow: nothing but gravity counts
 ORDERS = range(9)
@@ -53,7 +53,7 @@ def bounds_of(robot, position, velocity):
     coefficients = [[[velocity.get(name, 0.0) for name in names]]]
     coefficients += [[[position.get(name, 0.0) for name in names]]]
     trajectory = JointTrajectory(names, [0, WIDTH], coefficients)
-    return _joint_bounds(trajectory, np.array([0]), np.zeros(1), np.array([WIDTH]))
+    return joint_bounds(trajectory, np.array([0]), np.zeros(1), np.array([WIDTH]), 11)
 
 
 @pytest.mark.parametrize("multiplier", [-3.0, 0.5])
@@ -67,7 +67,7 @@ def test_a_pendulum_that_follows_a_crank_loads_it_by_the_gear(load, multiplier):
         joint("follower", "revolute", "base", "tip", mimic("master", multiplier, 0.0)),
     )
     joints = bounds_of(robot, {}, {"master": SPEED})
-    bound = effort_majorant(robot, joints, np.array([WIDTH]))[:9, 0, 0]
+    bound = rigid_body_majorant(robot, joints, np.array([WIDTH]))[:9, 0, 0]
     gear = abs(multiplier)
     expected = [
         gear * mass * GRAVITY * lever * (gear * SPEED * WIDTH) ** k / factorial(k) for k in ORDERS

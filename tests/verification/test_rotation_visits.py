@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tubeplanner import JointTrajectory, PlanningProblem, Seed, Tube, verify
-from tubeplanner.verification.enclosure import enclosed_pose
+from tubeplanner.verification.enclosed_pose import enclosed_pose
 from tubeplanner.verification.rotation_visits import least_rotation_margin
 from tubeplanner.verification.tube_visits import Visit, tube_visits
 

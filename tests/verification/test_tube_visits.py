@@ -7,7 +7,8 @@ from numpy.polynomial import Chebyshev, Polynomial
 
 from tubeplanner import JointTrajectory, PlanningProblem, Seed, Tube
 from tubeplanner.trajectory.joint_trajectory import concatenate
-from tubeplanner.verification.enclosure import Enclosure, enclosed_tool
+from tubeplanner.verification.enclosed_pose import enclosed_tool
+from tubeplanner.verification.enclosure import Enclosure
 from tubeplanner.verification.switching_samples import best_switching_samples
 from tubeplanner.verification.tube_visits import (
     Visit,

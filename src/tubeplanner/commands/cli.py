@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from tubeplanner.files.trajectory_writer import TrajectoryFiles
     from tubeplanner.problem.problem import PlanningProblem
     from tubeplanner.trajectory.joint_trajectory import JointTrajectory
-    from tubeplanner.verification.certificate import Tolerance
+    from tubeplanner.verification.judged_condition import Tolerance
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -157,7 +157,7 @@ def check(problem: str, trajectory: Path, tolerance: str | None, as_json: bool) 
     """Judge the TRAJECTORY file against PROBLEM."""
     from tubeplanner.files.file_notes import notes_on_file
     from tubeplanner.files.trajectory_file import read_trajectory_file
-    from tubeplanner.verification.certificate import FOREIGN_TOLERANCE, Tolerance
+    from tubeplanner.verification.judged_condition import FOREIGN_TOLERANCE, Tolerance
     from tubeplanner.verification.verification import verify
 
     asked = _tolerance(tolerance)
@@ -285,7 +285,7 @@ class _Outputs:
 
 
 def _tolerance(text: str | None) -> "Tolerance | None":
-    from tubeplanner.verification.certificate import Tolerance
+    from tubeplanner.verification.judged_condition import Tolerance
 
     if text is None:
         return None

@@ -17,7 +17,8 @@ from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.studies.comparison import Comparison
 from tubeplanner.studies.tolerance_sweep import SweepResult
 from tubeplanner.tube_sources.tube_answer import TubeAnswer
-from tubeplanner.verification.certificate import RELATIVE, Certificate, JudgedCondition
+from tubeplanner.verification.certificate import Certificate
+from tubeplanner.verification.judged_condition import RELATIVE, JudgedCondition
 
 _WIDTH_OF_A_FILE = 160  # [characters]
 # Rounding errors of the machine are shown as zero.

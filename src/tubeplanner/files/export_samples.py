@@ -22,7 +22,7 @@ from tubeplanner.outcome import Infeasible
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.averaging import averaged
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
-from tubeplanner.verification.certificate import FOREIGN_TOLERANCE
+from tubeplanner.verification.judged_condition import FOREIGN_TOLERANCE
 from tubeplanner.verification.verification import verify
 
 # Averaging tries at most this many periods; slowing down ends where the trajectory takes this much

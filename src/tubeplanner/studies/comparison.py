@@ -16,7 +16,8 @@ from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import Progress, StoppedBy
 from tubeplanner.studies.trajectory_measures import TrajectoryMeasures, trajectory_measures
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
-from tubeplanner.verification.certificate import Certificate, JudgedCondition
+from tubeplanner.verification.certificate import Certificate
+from tubeplanner.verification.judged_condition import JudgedCondition
 from tubeplanner.verification.refusal import refusal
 
 _NO_MEASURES = {name: None for name in TrajectoryMeasures.__dataclass_fields__}

@@ -6,79 +6,8 @@ from types import MappingProxyType
 from typing import Any
 
 from tubeplanner.collision.collision_checker import LeftOutPair
-from tubeplanner.errors import OptionError
-from tubeplanner.options import NUMBER
-from tubeplanner.outcome import MARGIN_TOLERANCE, Place
-
-CONDITION_NAMES = (
-    "position",
-    "velocity",
-    "acceleration",
-    "jerk",
-    "effort",
-    "tube",
-    "joint_signs",
-    "rotation",
-    "points",
-    "start",
-    "goal",
-    "rest",
-    "continuity",
-    "obstacles",
-    "self_collision",
-)
-FOR_ALL_TIMES = "for all t"
-RELATIVE = "relative"
-
-
-@dataclass(frozen=True)
-class Tolerance:
-    """How far below zero a margin may lie.
-
-    Attributes:
-        absolute: For margins in m and rad, >= 0.
-        relative: For relative margins, >= 0.
-    """
-
-    absolute: float = MARGIN_TOLERANCE
-    relative: float = MARGIN_TOLERANCE
-
-    def __post_init__(self) -> None:
-        for name in ("absolute", "relative"):
-            value = getattr(self, name)
-            if not (isinstance(value, NUMBER) and 0 <= value < 1):
-                raise OptionError(f"tolerance: {name} is {value!r}, not in [0, 1)")
-
-    def of(self, unit: str) -> float:
-        """Return the tolerance that belongs to a unit."""
-        return self.relative if unit == RELATIVE else self.absolute
-
-
-# For trajectories made elsewhere: rounded numbers, samples.
-FOREIGN_TOLERANCE = Tolerance(1e-4, 1e-3)
-
-
-@dataclass(frozen=True)
-class JudgedCondition:
-    """One condition of a certificate.
-
-    Attributes:
-        margin: Distance to a violation: negative where violated, None where the condition does not
-            apply.
-        unit: "m", "rad" or "relative".
-        where: Where the margin is smallest.
-        coverage: "for all t", and whether that is undecided because bounds stayed apart; or why
-            there is no margin; or what was compared.
-    """
-
-    margin: float | None
-    unit: str
-    where: Place
-    coverage: str
-
-    def holds(self, tolerance: Tolerance) -> bool:
-        """Return whether the condition holds, or does not apply."""
-        return self.margin is None or self.margin >= -tolerance.of(self.unit)
+from tubeplanner.verification.conditions import CONDITION_NAMES
+from tubeplanner.verification.judged_condition import RELATIVE, JudgedCondition, Tolerance
 
 
 @dataclass(frozen=True)

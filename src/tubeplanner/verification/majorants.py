@@ -60,8 +60,8 @@ def tool_majorant(robot: RobotModel, joints: FloatArray) -> ToolMajorant:
     return ToolMajorant(body.origin + robot.tool_reach * body.unit, body.unit, body.spin)
 
 
-def effort_majorant(robot: RobotModel, joints: FloatArray, width: FloatArray) -> FloatArray:
-    """Return bounds on the Taylor coefficients of the joint efforts.
+def rigid_body_majorant(robot: RobotModel, joints: FloatArray, width: FloatArray) -> FloatArray:
+    """Return bounds on the Taylor coefficients of the joint efforts that move the rigid bodies.
 
     Args:
         robot: The arm.
@@ -78,10 +78,10 @@ def effort_majorant(robot: RobotModel, joints: FloatArray, width: FloatArray) ->
     for i in range(robot.body_count - 1, 0, -1):
         inertia, body = robot.inertias[i], bodies[i]
         arm = inertia.com_distance * body.unit
-        force = inertia.mass * _derivative(body.origin + arm, 2) / width**2
+        force = inertia.mass * derivative(body.origin + arm, 2) / width**2
         force[0] += inertia.mass * gravity
         momentum = _product(inertia.moment * _turning(2 * body.spin), body.spin)
-        moment = _derivative(momentum) / width**2 + _product(arm, force)
+        moment = derivative(momentum) / width**2 + _product(arm, force)
         for child in np.flatnonzero(robot.body_parents == i).tolist():
             force = force + forces[child]
             moment = moment + moments[child] + _product(bodies[child].link, forces[child])
@@ -93,6 +93,16 @@ def effort_majorant(robot: RobotModel, joints: FloatArray, width: FloatArray) ->
         load = moments[i] if robot.body_turns[i] else forces[i]
         efforts[:, :, joint] += share[i] * _product(axis, load)
     return efforts
+
+
+def derivative(a: FloatArray, times: int = 1) -> FloatArray:
+    """Return the derivative of series (orders, I, ...), one coefficient shorter each time.
+
+    With respect to the intervals' own time: real rates are this over the widths [s].
+    """
+    for _ in range(times):
+        a = (np.arange(1, len(a)) * a[1:].T).T
+    return a
 
 
 def _motions(robot: RobotModel, joints: FloatArray) -> list[_BodyMotion]:
@@ -107,7 +117,7 @@ def _motions(robot: RobotModel, joints: FloatArray) -> list[_BodyMotion]:
         value = abs(multiplier[i]) * joints[:, :, joint]
         value[0] += abs(offset[i])
         if robot.body_turns[i]:
-            spin = spin + _product(parent.unit, _derivative(value))
+            spin = spin + _product(parent.unit, derivative(value))
         else:
             link = link + _product(parent.unit, value)
         bodies.append(_BodyMotion(spin, _turning(spin), link, parent.origin + link))
@@ -121,13 +131,6 @@ def _product(a: FloatArray, b: FloatArray) -> FloatArray:
     for k in range(order):
         product[k:] += a[k] * b[: order - k]
     return product
-
-
-def _derivative(a: FloatArray, times: int = 1) -> FloatArray:
-    """Return the derivative of a series, one coefficient shorter each time."""
-    for _ in range(times):
-        a = np.arange(1, len(a))[:, None] * a[1:]
-    return a
 
 
 def _turning(spin: FloatArray) -> FloatArray:

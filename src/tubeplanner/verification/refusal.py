@@ -3,7 +3,8 @@
 from tubeplanner.arrays import FloatArray
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.verification.certificate import Certificate, Tolerance
+from tubeplanner.verification.certificate import Certificate
+from tubeplanner.verification.judged_condition import Tolerance
 
 _REMEDY = "move the reference points or choose another configuration"
 

@@ -28,7 +28,7 @@ from tubeplanner.tube.rotations import (
     turning_gain,
     turning_gain_rate,
 )
-from tubeplanner.verification.enclosure import EnclosedPose
+from tubeplanner.verification.enclosed_pose import EnclosedPose
 from tubeplanner.verification.tube_visits import LeastMargin, Visit, visited_parts
 
 # The least margin is bracketed to this share of itself, or to this angle [rad] near zero.

@@ -1,0 +1,43 @@
+"""The conditions of a certificate: their names, in its order, and what judges each."""
+
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+
+from tubeplanner.verification.judged.clearance import judge_obstacles, judge_self_collision
+from tubeplanner.verification.judged.continuity import judge_continuity
+from tubeplanner.verification.judged.effort import judge_effort
+from tubeplanner.verification.judged.endpoints import judge_goal, judge_start
+from tubeplanner.verification.judged.joint_rates import (
+    judge_acceleration,
+    judge_jerk,
+    judge_velocity,
+)
+from tubeplanner.verification.judged.joint_signs import judge_joint_signs
+from tubeplanner.verification.judged.points import judge_points
+from tubeplanner.verification.judged.position import judge_position
+from tubeplanner.verification.judged.rest import judge_rest
+from tubeplanner.verification.judged.rotation import judge_rotation
+from tubeplanner.verification.judged.tube import judge_tube
+from tubeplanner.verification.judged_condition import JudgedCondition
+from tubeplanner.verification.judged_motion import JudgedMotion
+
+JUDGED: Mapping[str, Callable[[JudgedMotion], JudgedCondition]] = MappingProxyType(
+    {
+        "position": judge_position,
+        "velocity": judge_velocity,
+        "acceleration": judge_acceleration,
+        "jerk": judge_jerk,
+        "effort": judge_effort,
+        "tube": judge_tube,
+        "joint_signs": judge_joint_signs,
+        "rotation": judge_rotation,
+        "points": judge_points,
+        "start": judge_start,
+        "goal": judge_goal,
+        "rest": judge_rest,
+        "continuity": judge_continuity,
+        "obstacles": judge_obstacles,
+        "self_collision": judge_self_collision,
+    }
+)
+CONDITION_NAMES = tuple(JUDGED)

@@ -1,0 +1,36 @@
+"""Polynomials that enclose the joint efforts, for all t.
+
+The terms of the effort law are listed once. Its values and the bounds on what lies between them are
+sums over that list, so that no term can be in the one and not in the other.
+"""
+
+from collections.abc import Mapping
+from functools import partial
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.robot.robot_model import RobotModel
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
+from tubeplanner.verification.enclosure import Enclosure, Quantity, enclosed, total
+from tubeplanner.verification.majorants import rigid_body_majorant
+
+
+def effort_terms(robot: RobotModel) -> Mapping[str, Quantity]:
+    """Return the terms of the effort law by name, c = n each [N m or N].
+
+    Their values add up to all the effort that the robot's motors give (`inverse_dynamics`).
+    """
+    rigid_bodies = Quantity(2, robot.inverse_dynamics, partial(rigid_body_majorant, robot))
+    return {"rigid bodies": rigid_bodies}
+
+
+def enclosed_efforts(
+    robot: RobotModel, trajectory: JointTrajectory, tolerance: FloatArray
+) -> Enclosure:
+    """Return the joint efforts, c = n [N m or N].
+
+    Args:
+        robot: The arm.
+        trajectory: In the robot's joint order.
+        tolerance: How large the errors may be, shape (n,) [N m or N].
+    """
+    return enclosed(trajectory, total(effort_terms(robot).values()), tolerance)

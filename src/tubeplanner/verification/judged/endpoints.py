@@ -1,0 +1,43 @@
+"""Start and goal."""
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.outcome import Place
+from tubeplanner.problem.problem import Seed
+from tubeplanner.verification.judged_condition import FOR_ALL_TIMES, JudgedCondition
+from tubeplanner.verification.judged_motion import JudgedMotion
+
+
+def judge_start(motion: JudgedMotion) -> JudgedCondition:
+    """Judge where the trajectory begins."""
+    return _judge_end(motion, 0, motion.problem.start, 0.0)
+
+
+def judge_goal(motion: JudgedMotion) -> JudgedCondition:
+    """Judge where the trajectory ends."""
+    return _judge_end(motion, -1, motion.problem.goal, motion.trajectory.duration)
+
+
+def _judge_end(
+    motion: JudgedMotion, index: int, given: FloatArray | Seed | None, time: float
+) -> JudgedCondition:
+    """Judge one end against the given configuration (n,), or else the reference point.
+
+    Args:
+        motion: What is judged.
+        index: The end's reference point.
+        given: What the problem asks there.
+        time: When the trajectory is there [s].
+    """
+    q = motion.trajectory.position(time)
+    if given is None or isinstance(given, Seed):
+        tool = motion.robot.tool_position(q[None])[0]
+        error = float(np.linalg.norm(tool - motion.tube.points[index]))
+        return JudgedCondition(0.0 - error, "m", Place(time=time), "tool at the reference point")
+    off = abs(q - given)
+    joint = motion.robot.joint_names[int(off.argmax())]
+    place = Place(time=time, joint=joint)
+    return JudgedCondition(
+        0.0 - float(off.max()), motion.position_unit(joint), place, FOR_ALL_TIMES
+    )

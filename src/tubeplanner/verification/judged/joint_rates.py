@@ -1,0 +1,42 @@
+"""Limits on velocity, acceleration and jerk of the joints."""
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.outcome import Place
+from tubeplanner.trajectory.bernstein import peak_magnitudes
+from tubeplanner.verification.joint_extremes import highest
+from tubeplanner.verification.judged_condition import (
+    FOR_ALL_TIMES,
+    RELATIVE,
+    JudgedCondition,
+    not_required,
+)
+from tubeplanner.verification.judged_motion import JudgedMotion
+
+
+def judge_velocity(motion: JudgedMotion) -> JudgedCondition:
+    """Judge the velocity limits, exactly."""
+    return _judge_derivative(motion, 1, motion.robot.limits.velocity)
+
+
+def judge_acceleration(motion: JudgedMotion) -> JudgedCondition:
+    """Judge the acceleration limits, exactly."""
+    return _judge_derivative(motion, 2, motion.robot.limits.acceleration)
+
+
+def judge_jerk(motion: JudgedMotion) -> JudgedCondition:
+    """Judge the jerk limits, exactly."""
+    return _judge_derivative(motion, 3, motion.robot.limits.jerk)
+
+
+def _judge_derivative(motion: JudgedMotion, order: int, limit: FloatArray) -> JudgedCondition:
+    """Judge a derivative of the positions against limits (n,), infinite where there is none."""
+    bounded = np.flatnonzero(np.isfinite(limit))
+    if len(bounded) == 0:
+        return not_required(RELATIVE, "no joint has this limit")
+    trajectory = motion.trajectory
+    used = trajectory.derivative_coefficients(order)[:, :, bounded] / limit[bounded]
+    peak = highest(peak_magnitudes(used, trajectory.widths), trajectory)
+    place = Place(time=peak.time, joint=motion.robot.joint_names[bounded[peak.column]])
+    return JudgedCondition(1 - peak.value, RELATIVE, place, FOR_ALL_TIMES)
