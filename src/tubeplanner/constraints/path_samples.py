@@ -17,12 +17,12 @@ class PathSamples:
     Attributes:
         problem: The planning problem, its segments joined.
         by_path: Positions and their derivatives by x, up to the second or third: (orders, N, n).
-        segments: Returns the tube segment of each sample, shape (N,).
+        segments: Returns the tube segment of each sample, shape (N,); None: they are not known.
     """
 
     problem: PlanningProblem
     by_path: FloatArray
-    segments: Callable[[], IntArray]
+    segments: Callable[[], IntArray] | None = None
 
     def __len__(self) -> int:
         return self.by_path.shape[1]
@@ -40,6 +40,8 @@ class PathSamples:
     @cached_property
     def segment(self) -> IntArray:
         """The tube segment of each sample, shape (N,)."""
+        if self.segments is None:
+            raise RuntimeError("samples without segments: what depends on these is to be left out")
         return self.segments()
 
     @cached_property

@@ -18,6 +18,15 @@ def speed_limits(problem: PlanningProblem) -> tuple[SpeedLimit, ...]:
     return tuple(limit for limit in found if limit.keys)
 
 
+def largest_use(at: PathSamples, limits: tuple[SpeedLimit, ...]) -> FloatArray:
+    """Return the largest share of some limits that each sample uses at a speed of 1, shape (N,)."""
+    used = np.zeros(len(at))
+    for limit in limits:
+        share = limit.used(at).at(1.0)
+        used = np.maximum(used, np.max([sign * share for sign in limit.signs], axis=(0, 2)))
+    return used
+
+
 def rates_and_others(
     limits: tuple[SpeedLimit, ...],
 ) -> tuple[list[JointRate], tuple[SpeedLimit, ...]]:

@@ -10,7 +10,7 @@ from tubeplanner.constraints.path_samples import PathSamples
 from tubeplanner.constraints.peaks import refined_maximum
 from tubeplanner.constraints.speed_limit import SpeedLimit
 from tubeplanner.constraints.speed_limits import largest_speeds, rates_and_others, speed_limits
-from tubeplanner.constraints.tube_membership import current_segments
+from tubeplanner.constraints.tube_membership import nearest_segments
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.bernstein import bernstein_coefficients, peak_magnitudes
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
@@ -28,27 +28,33 @@ def scaling_factor(
     v: FloatArray,
     a: FloatArray,
     jerk: FloatArray | None = None,
+    *,
+    segment: IntArray | None = None,
 ) -> FloatArray:
     """Return how many times faster the limits allow a trajectory to run at each sample: b(t).
 
     Args:
         problem: The planning problem.
-        q: Positions, shape (N, n), in the order of time [rad or m].
+        q: Positions, shape (N, n) [rad or m].
         v: Velocities, shape (N, n) [rad/s or m/s].
         a: Accelerations, shape (N, n) [rad/s^2 or m/s^2].
         jerk: Shape (N, n) [rad/s^3 or m/s^3]; None: limits of jerk do not count.
+        segment: The tube segment of each sample, shape (N,); None: the one the tool is nearest to.
 
     Returns:
         Shape (N,); inf where nothing limits, 0 where gravity alone needs a motor's whole effort.
         (Suh & Bishop 1988, property 2: b_ij; they have limits of velocity and effort alone.)
     """
     known = (q, v, a) if jerk is None else (q, v, a, jerk)
-    at = PathSamples(problem, np.stack(known), lambda: current_segments(problem, q))
-    return largest_speeds(at, speed_limits(problem))
+    return largest_speeds(_samples(problem, known, segment), speed_limits(problem))
 
 
 def minimum_duration(
-    problem: PlanningProblem, trajectory: JointTrajectory, *, with_jerk: bool = True
+    problem: PlanningProblem,
+    trajectory: JointTrajectory,
+    *,
+    with_jerk: bool = True,
+    segments: IntArray | None = None,
 ) -> float:
     """Return the shortest duration [s] of a trajectory's shape under all limits on its speed.
 
@@ -59,13 +65,16 @@ def minimum_duration(
         problem: The planning problem.
         trajectory: The shape.
         with_jerk: Whether limits of jerk count; False where the acceleration jumps anyway.
+        segments: The tube segment of each polynomial piece, shape (pieces,); None: wherever the
+            tool is, the nearest.
 
     Raises:
         Infeasible: Status gravity_exceeds_effort.
     """
     rates, others = rates_and_others(speed_limits(problem))
     rates = [limit for limit in rates if with_jerk or limit.rate < RATES["jerk"]]
-    factor = min(_rate_factor(rates, trajectory, _exact_peaks), _least(problem, others, trajectory))
+    least = _least(problem, others, trajectory, segments)
+    factor = min(_rate_factor(rates, trajectory, _exact_peaks), least)
     return trajectory.duration / factor * (1 + _SAFETY)
 
 
@@ -79,19 +88,23 @@ def estimated_duration(problem: PlanningProblem, trajectory: JointTrajectory) ->
     """
     rates, others = rates_and_others(speed_limits(problem))
     samples = trajectory.per_piece(_SAMPLES_PER_PIECE // 2)
-    sampled = float(_held_factor(problem, others, samples).min())
+    sampled = float(_held_factor(problem, others, samples, None).min())
     return trajectory.duration / min(_rate_factor(rates, trajectory, _hull_peaks), sampled)
 
 
 def scaled_to_limits(
-    problem: PlanningProblem, trajectory: JointTrajectory, *, with_jerk: bool = True
+    problem: PlanningProblem,
+    trajectory: JointTrajectory,
+    *,
+    with_jerk: bool = True,
+    segments: IntArray | None = None,
 ) -> JointTrajectory:
     """Return the trajectory's shape, run in its `minimum_duration`.
 
     Raises:
         Infeasible: Status gravity_exceeds_effort.
     """
-    duration = minimum_duration(problem, trajectory, with_jerk=with_jerk)
+    duration = minimum_duration(problem, trajectory, with_jerk=with_jerk, segments=segments)
     return trajectory.scaled(duration / trajectory.duration)
 
 
@@ -122,32 +135,37 @@ def _hull_peaks(coefficients: FloatArray, widths: FloatArray) -> FloatArray:
 
 
 def _least(
-    problem: PlanningProblem, limits: tuple[SpeedLimit, ...], trajectory: JointTrajectory
+    problem: PlanningProblem,
+    limits: tuple[SpeedLimit, ...],
+    trajectory: JointTrajectory,
+    segments: IntArray | None,
 ) -> float:
     """Return the smallest factor over time, its valleys refined between samples."""
     samples = trajectory.per_piece(_SAMPLES_PER_PIECE)
-    factor = _held_factor(problem, limits, samples)
+    own = None if segments is None else np.repeat(segments, _SAMPLES_PER_PIECE)
+    factor = _held_factor(problem, limits, samples, own)
     least = float(factor.min())
     if not np.isfinite(least):
         return least
 
     def negative(time: FloatArray) -> FloatArray:
-        return -_held_factor(problem, limits, trajectory.at(time))
+        piece = np.searchsorted(trajectory.breakpoints[1:-1], time, side="right")
+        own = None if segments is None else segments[piece]
+        return -_held_factor(problem, limits, trajectory.at(time), own)
 
     highest, _ = refined_maximum(negative, samples.time, -factor, band=_VALLEY_SHARE * least)
     return -highest
 
 
 def _held_factor(
-    problem: PlanningProblem, limits: tuple[SpeedLimit, ...], samples: TrajectorySamples
+    problem: PlanningProblem,
+    limits: tuple[SpeedLimit, ...],
+    samples: TrajectorySamples,
+    segment: IntArray | None,
 ) -> FloatArray:
     """Return the smallest factor of each sample, (N,), each of which the motors can hold."""
-
-    def segments() -> IntArray:
-        return current_segments(problem, samples.position)
-
-    by_path = np.stack([samples.position, samples.velocity, samples.acceleration])
-    at = PathSamples(problem, by_path, segments)
+    known = (samples.position, samples.velocity, samples.acceleration)
+    at = _samples(problem, known, segment)
     found = np.full(len(at), np.inf)
     for limit in limits:
         factor = largest_speeds(at, (limit,))
@@ -155,3 +173,17 @@ def _held_factor(
             raise limit.refusal(at)
         found = np.minimum(found, factor)
     return found
+
+
+def _samples(
+    problem: PlanningProblem, known: tuple[FloatArray, ...], segment: IntArray | None
+) -> PathSamples:
+    """Return samples of a trajectory, in the given segments or else those nearest to the tool."""
+
+    def segments() -> IntArray:
+        if segment is not None:
+            return segment
+        return nearest_segments(problem, at.tool_pose[1])
+
+    at = PathSamples(problem, np.stack(known), segments)
+    return at

@@ -46,6 +46,12 @@ def current_segments(problem: PlanningProblem, q: FloatArray) -> IntArray:
     return segment if joined is problem else _nearest_parts(problem, joined.tube, q, segment)
 
 
+def nearest_segments(problem: PlanningProblem, tool: FloatArray) -> IntArray:
+    """Return in which capsule tools (N, 3) are the deepest, whatever the order, shape (N,)."""
+    nearest: IntArray = problem.tube.margin(tool).argmax(axis=1)
+    return nearest
+
+
 def _nearest_parts(
     problem: PlanningProblem, joined: Tube, q: FloatArray, segment: IntArray
 ) -> IntArray:

@@ -3,6 +3,7 @@
 import numpy as np
 
 from tubeplanner.constraints.time_scaling import scaling_factor
+from tubeplanner.constraints.tube_membership import current_segments
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
@@ -22,8 +23,8 @@ def unused_speed(problem: PlanningProblem, trajectory: JointTrajectory) -> float
     """
     time = (np.arange(_SAMPLES) + 0.5) * trajectory.duration / _SAMPLES
     at = trajectory.at(time)
-    factor = scaling_factor(
-        problem, at.position, at.velocity, at.acceleration, trajectory.jerk(time)
-    )
+    known = (at.position, at.velocity, at.acceleration, trajectory.jerk(time))
+    segment = current_segments(problem, at.position)
+    factor = scaling_factor(problem, *known, segment=segment)
     with np.errstate(divide="ignore"):
         return float(np.mean(1 - 1 / np.maximum(factor, 1.0)))

@@ -5,6 +5,7 @@ written, nor from how solids are covered or which pairs are checked: numbers are
 digits, so that another machine, library or version of this package gives the same hash.
 """
 
+import dataclasses
 import hashlib
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -46,6 +47,7 @@ def question_parts(problem: PlanningProblem) -> list[object]:
     parts += [tube.tool_radius, *tube.ranges_of(problem.robot.joint_names)]
     if tube.rotation is not None:
         parts += [tube.rotation.begin, tube.rotation.turn, tube.rotation.bounds]
+    parts += _optional_parts(tube)
     # Only where points are asked that earlier versions did not know.
     if len(tube.compulsory_points):
         parts += ["points", tube.compulsory_points]
@@ -69,7 +71,21 @@ def robot_parts(robot: RobotModel) -> list[object]:
         limits.effort,
         limits.acceleration,
         limits.jerk,
+        *_optional_parts(limits),
     ]
+
+
+def _optional_parts(holder: Any) -> list[object]:
+    """Return the fields with a default that have another value, each after its name.
+
+    So that a file without a new field keeps its hash.
+    """
+    parts: list[object] = []
+    for field in dataclasses.fields(holder):
+        value = getattr(holder, field.name)
+        if field.default is not dataclasses.MISSING and not np.array_equal(value, field.default):
+            parts += [field.name, value]
+    return parts
 
 
 def shape_parts(shape: ConvexShape) -> list[object]:

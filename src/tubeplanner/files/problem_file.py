@@ -15,7 +15,8 @@ from tubeplanner.errors import ProblemError
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.problem.problem_format import PROBLEM_FORMAT, read_document
 from tubeplanner.resources import EXAMPLE_PREFIX
-from tubeplanner.tube.tube import JointRange, Tube, sign_of
+from tubeplanner.tube.joint_ranges import JointRange, sign_of
+from tubeplanner.tube.tube import Tube
 
 _PACKAGE_PREFIX = "package://"
 _MAX_LINE_LENGTH = 1000  # [characters]: lines are left as they were

@@ -10,7 +10,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.options import require_between, require_count
 from tubeplanner.outcome import Place, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.tube.tube import JointRange
+from tubeplanner.tube.joint_ranges import JointRange
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ from tubeplanner.planning.planner import plan
 from tubeplanner.polyline import densified
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, Progress, ProgressCallback
-from tubeplanner.tube.tube import JointRange
+from tubeplanner.tube.joint_ranges import JointRange
 
 # Extra distance beyond the clearance [m], in reserve for what later counterexample searches find:
 # the second value where the first leaves nothing around the branch.

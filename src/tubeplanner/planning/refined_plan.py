@@ -154,7 +154,8 @@ def _from_start(problem: PlanningProblem, start: _Start, clock: PlanningClock) -
             return stopped_result(clock, stopped_by, REFINEMENT)
         if has_more is False:
             break
-        trajectory = scaled_to_limits(problem, refinement.trajectory)
+        shape, segments = refinement.trajectory, refinement.segments
+        trajectory = scaled_to_limits(problem, shape, segments=segments)
         result = certified_result(problem, trajectory, REFINEMENT, clock)
         result = replace(result, stopped_by=stopped_by)
         if result.succeeded or result.certificate is None or stopped_by is not None:

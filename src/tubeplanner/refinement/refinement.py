@@ -11,6 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from tubeplanner.arrays import IntArray
 from tubeplanner.constraints.speed_limit import LimitKey
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem
@@ -77,6 +78,16 @@ class Refinement:
         if self._best is None:
             raise RuntimeError("refinement has not run")
         return from_spline(self._problem.robot.joint_names, self._best.spline.bspline())
+
+    @property
+    def segments(self) -> IntArray:
+        """The tube segment of each polynomial piece of that trajectory, shape (pieces,).
+
+        In a chain, the first: its segments ask the same of the arm.
+        """
+        assert self._best is not None
+        grid = self._best.spline.grid
+        return np.repeat([c.start for c in grid.chains], [len(s) - 1 for s in grid.shares])
 
     def run(self) -> bool:
         """Refine to the finest knots, or until it turns out to be hopeless; return True.

@@ -242,7 +242,8 @@ class _Known:
         """Return the spline at points, and the arm there."""
         if points not in self._at:
             at = sampled(self._spline, points)
-            path = PathSamples(self._problem, at.by_x, partial(self._segment, points))
+            segments = partial(self._segment, points) if isinstance(points, Samples) else None
+            path = PathSamples(self._problem, at.by_x, segments)
             self._at[points] = (at, path)
         return self._at[points]
 
@@ -251,9 +252,8 @@ class _Known:
         points, chains = self._problem.tube.points, self._spline.grid.chains
         return OrderedSegments(points, self._radius, chains, samples)
 
-    def _segment(self, points: EvaluationPoints) -> IntArray:
-        assert isinstance(points, Samples)
-        return self.segments_of(points).at(self.at(points)[1].tool_pose[1])
+    def _segment(self, samples: Samples) -> IntArray:
+        return self.segments_of(samples).at(self.at(samples)[1].tool_pose[1])
 
 
 def _keys(limits: tuple[SpeedLimit, ...], tube: Tube) -> tuple[LimitKey, ...]:

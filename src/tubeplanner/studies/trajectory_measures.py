@@ -5,7 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from tubeplanner.arrays import FloatArray
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.constraints.path_samples import PathSamples
+from tubeplanner.constraints.speed_limits import largest_use, speed_limits
 from tubeplanner.constraints.tube_membership import current_segments, tube_use
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.bernstein import peak_magnitudes
@@ -27,8 +29,8 @@ class TrajectoryMeasures:
         peak_jerk: The largest magnitude of any joint's third derivative [rad/s^3 or m/s^3]; None
             where the acceleration jumps: there is no bound.
         peak_jerk_joint: Whose it is; likewise.
-        at_limit: Share of the time in which the effort, velocity or acceleration of some joint is
-            at 99 % of its limit or more.
+        at_limit: Share of the time in which some limit on the speed other than jerk, such as a
+            joint's effort, velocity or acceleration, is used by 99 % or more.
         tube_use: Distance of the tool from the axis of the segment it is in, as a share of that
             segment's radius, averaged over time.
     """
@@ -66,7 +68,7 @@ def trajectory_measures(
         smoothness,
         peak,
         joint,
-        float((_limit_use(problem, samples) >= AT_LIMIT).mean()),
+        float((_limit_use(problem, samples, segment) >= AT_LIMIT).mean()),
         float(tube_use(problem, tool, segment).mean()),
     )
 
@@ -98,9 +100,10 @@ def _peak_jerk(trajectory: JointTrajectory) -> tuple[float, str]:
     return float(peaks[joint]), trajectory.joint_names[joint]
 
 
-def _limit_use(problem: PlanningProblem, samples: TrajectorySamples) -> FloatArray:
-    """Return the largest share of a limit of effort, velocity or acceleration in use, (N,)."""
-    limits, v, a = problem.robot.limits, samples.velocity, samples.acceleration
-    tau = problem.robot.inverse_dynamics(samples.position, v, a)
-    used = ((tau, limits.effort), (v, limits.velocity), (a, limits.acceleration))
-    return np.hstack([abs(values) / limit for values, limit in used]).max(axis=1)
+def _limit_use(
+    problem: PlanningProblem, samples: TrajectorySamples, segment: IntArray
+) -> FloatArray:
+    """Return the largest share of a limit on the speed in use, but for jerk, shape (N,)."""
+    known = np.stack([samples.position, samples.velocity, samples.acceleration])
+    at = PathSamples(problem, known, lambda: segment)
+    return largest_use(at, tuple(lim for lim in speed_limits(problem) if lim.kind != "jerk"))

@@ -8,8 +8,7 @@ frame.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from itertools import pairwise
-from typing import Any, Literal, TypeAlias, TypeVar
+from typing import Any, Literal
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from tubeplanner.arrays import FloatArray, IntArray, read_only
 from tubeplanner.errors import ProblemError, shown, unknown_name
 from tubeplanner.options import in_figures, is_number
 from tubeplanner.tube.compulsory_points import PASS_THROUGH, compulsory_points
+from tubeplanner.tube.joint_ranges import JointRange, JointSign, joint_ranges, sign_maps
 from tubeplanner.tube.repeated_points import MIN_LENGTH, DistinctPoints, distinct_points
 from tubeplanner.tube.rotational_tube import (
     RotationalTube,
@@ -26,20 +26,6 @@ from tubeplanner.tube.rotational_tube import (
     unit_quaternions,
 )
 
-JointRange: TypeAlias = tuple[float, float]
-# "+", "-", "0", 1, -1, 0 or a range of two numbers
-JointSign: TypeAlias = Any
-
-_T = TypeVar("_T")
-
-_SIGNS: dict[str | int, JointRange] = {
-    "+": (0.0, np.inf),
-    "-": (-np.inf, 0.0),
-    "0": (-np.inf, np.inf),
-    1: (0.0, np.inf),
-    -1: (-np.inf, 0.0),
-    0: (-np.inf, np.inf),
-}
 _ALL = slice(None)
 # What has an entry for each point, and for each segment.
 _BY_POINT = ("points", "orientations", "numbers")
@@ -124,8 +110,8 @@ class Tube:
         corners = _points(points)
         segments = len(corners) - 1
         radii = _radii(radius, segments)
-        signs = _maps(joint_signs or {}, segments)
-        ranges = _ranges(signs, visit)
+        signs = sign_maps(joint_signs or {}, segments)
+        ranges = joint_ranges(signs, visit)
         quaternions, bounds, rotation = _rotation(corners, orientations, rotation_tolerance)
         _require_named("visit", visit, VISITS)
         _require_named("pass_through_points", pass_through_points, PASS_THROUGH)
@@ -269,11 +255,6 @@ class Tube:
         return table[:, :, 0], table[:, :, 1]
 
 
-def sign_of(bounds: JointRange) -> str | None:
-    """Return the sign that is equivalent to a range: "+", "-" or "0"; None if none does."""
-    return next((str(sign) for sign, same in _SIGNS.items() if same == bounds), None)
-
-
 def _distances(p: FloatArray, start: FloatArray, axis: FloatArray) -> FloatArray:
     """Return distances of points (N, 3) to segments from `start` along `axis`, (m, 3): (N, m).
 
@@ -342,38 +323,6 @@ def _radii(radius: float | Sequence[float] | FloatArray, segments: int) -> Float
     return read_only(radii)
 
 
-def _maps(
-    joint_signs: Mapping[str, JointSign] | Sequence[Mapping[str, JointSign]], segments: int
-) -> tuple[Mapping[str, JointSign], ...]:
-    """Return a map of joint signs for every segment."""
-    maps = [joint_signs] * segments if isinstance(joint_signs, Mapping) else joint_signs
-    try:
-        signs = tuple(dict(row) for row in maps)
-    except (TypeError, ValueError):
-        raise ProblemError(
-            f"tube.joint_signs: {shown(joint_signs)} is no map from joint names to signs, nor a "
-            "list of such maps"
-        ) from None
-    if len(signs) != segments:
-        raise ProblemError(
-            f"tube.joint_signs has {len(signs)} maps for {segments} segments; give one, or one each"
-        )
-    return signs
-
-
-def _ranges(
-    signs: tuple[Mapping[str, JointSign], ...], visit: str
-) -> tuple[Mapping[str, JointRange], ...]:
-    """Return the range that each sign stands for."""
-    ranges = tuple(
-        {name: _range(f"tube.joint_signs: joint '{name}'", sign) for name, sign in row.items()}
-        for row in signs
-    )
-    for k, (before, after) in enumerate(pairwise(ranges) if visit == "ordered" else ()):
-        _require_switch(k, before, after)
-    return ranges
-
-
 def _rotation(
     points: FloatArray, orientations: object, tolerance: object
 ) -> tuple[FloatArray | None, tuple[RotationBound, ...] | None, RotationalTube | None]:
@@ -395,27 +344,3 @@ def _rotation(
     bounds = rotation_bounds(tolerance, len(points) - 1)
     rotation = rotational_tube(points, quaternions, bounds)
     return quaternions, bounds, rotation if rotation.is_bounded else None
-
-
-def _range(where: str, sign: JointSign) -> JointRange:
-    if np.ndim(sign) == 0 and not isinstance(sign, bool) and sign in _SIGNS:
-        return _SIGNS[sign]
-    if not isinstance(sign, str) and np.shape(sign) == (2,):
-        lower, upper = (float(bound) for bound in sign)
-        if lower <= upper:
-            return lower, upper
-        raise ProblemError(f"{where}: the range [{lower:g}, {upper:g}] is reversed or no number")
-    raise ProblemError(f"{where}: {shown(sign)} is none of '+', '-', '0', 1, -1, 0, [lower, upper]")
-
-
-def _require_switch(
-    k: int, before: Mapping[str, JointRange], after: Mapping[str, JointRange]
-) -> None:
-    for name in before.keys() & after.keys():
-        lower = max(before[name][0], after[name][0])
-        upper = min(before[name][1], after[name][1])
-        if lower > upper:
-            raise ProblemError(
-                f"tube.joint_signs: joint '{name}' has the range {list(before[name])} in segment "
-                f"{k} and {list(after[name])} in segment {k + 1}, which do not meet"
-            )

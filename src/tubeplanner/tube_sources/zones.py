@@ -29,7 +29,8 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray, read_only
 from tubeplanner.errors import ProblemError, unknown_name
-from tubeplanner.tube.tube import JointSign, Tube
+from tubeplanner.tube.joint_ranges import JointSign
+from tubeplanner.tube.tube import Tube
 
 Zone: TypeAlias = str | float
 

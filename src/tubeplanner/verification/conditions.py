@@ -20,6 +20,7 @@ from tubeplanner.verification.judged.rotation import judge_rotation
 from tubeplanner.verification.judged.tube import judge_tube
 from tubeplanner.verification.judged_condition import JudgedCondition
 from tubeplanner.verification.judged_motion import JudgedMotion
+from tubeplanner.verification.segment_margins import MarginMaker
 
 JUDGED: Mapping[str, Callable[[JudgedMotion], JudgedCondition]] = MappingProxyType(
     {
@@ -41,3 +42,5 @@ JUDGED: Mapping[str, Callable[[JudgedMotion], JudgedCondition]] = MappingProxyTy
     }
 )
 CONDITION_NAMES = tuple(JUDGED)
+# Of those that segments ask, what the judge's switching times must know beside tool and joints.
+SEGMENT_MARGINS: tuple[MarginMaker, ...] = ()

@@ -15,6 +15,7 @@ from tubeplanner.tube.tube import Tube
 from tubeplanner.verification.enclosed_pose import EnclosedPose, enclosed_pose, enclosed_tool
 from tubeplanner.verification.enclosure import Enclosure
 from tubeplanner.verification.judged_condition import Tolerance
+from tubeplanner.verification.segment_margins import MarginMaker
 from tubeplanner.verification.tube_visits import Visit, tube_visits
 
 _STILL_SHARE = 1e-6  # a joint slower than this share of the fastest counts as standing still
@@ -33,11 +34,13 @@ class JudgedMotion:
         problem: Its neighbouring segments on one line joined.
         trajectory: In the robot's joint order.
         tolerance: How far below zero margins may lie.
+        further: What further conditions segments ask, as for `segment_margins`.
     """
 
     problem: PlanningProblem
     trajectory: JointTrajectory
     tolerance: Tolerance
+    further: tuple[MarginMaker, ...] = ()
 
     @property
     def robot(self) -> RobotModel:
@@ -71,7 +74,8 @@ class JudgedMotion:
     @cached_property
     def visits(self) -> list[Visit]:
         """The trajectory's share of each segment that it visits."""
-        return tube_visits(self.problem, self.trajectory, self.tool, self.rotation)
+        known = (self.problem, self.trajectory, self.tool, self.rotation)
+        return tube_visits(*known, self.further)
 
     @cached_property
     def largest_rates(self) -> dict[int, FloatArray]:

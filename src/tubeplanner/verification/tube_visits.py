@@ -12,6 +12,7 @@ from tubeplanner.trajectory.bernstein import bernstein_coefficients, halves
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.tube.tube import Tube
 from tubeplanner.verification.enclosure import Enclosure
+from tubeplanner.verification.segment_margins import MarginMaker, segment_distances, segment_margins
 from tubeplanner.verification.switching_samples import best_switching_samples
 
 # Samples among which switching times are found; they are then refined between samples.
@@ -80,11 +81,12 @@ def tube_visits(
     trajectory: JointTrajectory,
     tool: Enclosure,
     rotation: Enclosure | None = None,
+    further: tuple[MarginMaker, ...] = (),
 ) -> list[Visit]:
     """Return visits that cover the whole trajectory, one after the other.
 
-    Switching times are chosen to leave the largest margins of tool, rotation and joint ranges, and
-    so that compulsory points are passed. If the tube is to be visited in order, every segment is
+    Switching times are chosen to leave the largest margins of all that segments ask, and so that
+    compulsory points are passed. If the tube is to be visited in order, every segment is
     visited once; else, as often as needed.
 
     Args:
@@ -92,8 +94,9 @@ def tube_visits(
         trajectory: The trajectory.
         tool: Its tool's position.
         rotation: Its tool's rotation matrix; needed where the tube bounds the rotation.
+        further: As for `segment_margins`.
     """
-    fit = _Fit(problem, trajectory, tool, rotation)
+    fit = _Fit(problem, trajectory, tool, rotation, further)
     time = fit.sample_times()
     values = fit.at(time)
     if problem.tube.visit == "ordered":
@@ -151,6 +154,7 @@ def passages(
     tool: Enclosure,
     visits: list[Visit],
     rotation: Enclosure | None = None,
+    further: tuple[MarginMaker, ...] = (),
 ) -> list[Passage]:
     """Return where the tool passes each compulsory point the nearest, at an instant that counts.
 
@@ -163,8 +167,9 @@ def passages(
         tool: Its tool's position.
         visits: Its visits, as `tube_visits` returns them.
         rotation: As for `tube_visits`.
+        further: Likewise.
     """
-    fit = _Fit(problem, trajectory, tool, rotation)
+    fit = _Fit(problem, trajectory, tool, rotation, further)
     time = fit.sample_times()
     found = []
     for k in problem.tube.compulsory_points.tolist():
@@ -190,7 +195,7 @@ def least_margin(tube: Tube, tool: Enclosure, visits: list[Visit]) -> LeastMargi
     while len(interval):
         count += len(interval)
         hull = bernstein_coefficients(tool.coefficients[:, interval], start, width)
-        margin = radius[segment] - _distances(tube, hull, segment)
+        margin = radius[segment] - segment_distances(tube.points, hull, segment)
         ends = margin[[0, -1]]
         end, row = np.unravel_index(int(ends.argmin()), ends.shape)
         if ends[end, row] < attained:
@@ -222,17 +227,8 @@ def visited_parts(
     return interval, start, width, segment
 
 
-def _distances(tube: Tube, points: FloatArray, segment: IntArray) -> FloatArray:
-    """Return the distances of points (N, R, 3) to one segment per column, (R,): shape (N, R)."""
-    begin, end = tube.points[:-1][segment], tube.points[1:][segment]
-    axis = end - begin
-    share = np.einsum("nri,ri->nr", points - begin, axis) / np.einsum("ri,ri->r", axis, axis)
-    nearest = begin + np.clip(share, 0.0, 1.0)[:, :, None] * axis
-    return np.linalg.norm(points - nearest, axis=2)
-
-
 class _Fit:
-    """How well a trajectory keeps each segment's conditions at any time: tool and joint ranges."""
+    """How well a trajectory keeps all that each segment asks, at any time."""
 
     def __init__(
         self,
@@ -240,13 +236,10 @@ class _Fit:
         trajectory: JointTrajectory,
         tool: Enclosure,
         rotation: Enclosure | None,
+        further: tuple[MarginMaker, ...],
     ) -> None:
-        self._tube, self._trajectory = problem.tube, trajectory
-        self._tool, self._rotation = tool, rotation
-        ranges = np.hstack(problem.tube.ranges_of(problem.robot.joint_names))
-        distinct, which = np.unique(ranges, axis=0, return_inverse=True)
-        self._lower, self._upper = np.hsplit(distinct, 2)
-        self._range_of = which.ravel()
+        self._tube, self._trajectory, self._tool = problem.tube, trajectory, tool
+        self._margins = segment_margins(problem, trajectory, tool, rotation, further)
 
     def sample_times(self) -> FloatArray:
         pieces = len(self._trajectory.widths)
@@ -254,7 +247,7 @@ class _Fit:
         return self._trajectory.per_piece(count).time
 
     def at(self, time: FloatArray) -> FloatArray:
-        """Return the least of the tool's, its rotation's and the joints' margins.
+        """Return the least margin of all conditions.
 
         Args:
             time: Shape (N,) [s].
@@ -262,13 +255,7 @@ class _Fit:
         Returns:
             For every segment, shape (N, m).
         """
-        q, tool = self._trajectory.position(time), self._tool.at(time)
-        joint_margin = np.minimum(q[:, None] - self._lower, self._upper - q[:, None]).min(axis=2)
-        margin = np.minimum(self._tube.margin(tool), joint_margin[:, self._range_of])
-        if self._rotation is not None:
-            rotation = self._rotation.at(time).reshape(-1, 3, 3)
-            margin = np.minimum(margin, self._tube.rotation_margin(rotation, tool))
-        return margin
+        return np.minimum.reduce([margin.at(time) for margin in self._margins])
 
     def passing_margin(self, k: int, time: FloatArray) -> FloatArray:
         """Return how far inside the ball about point k the tool is at times (N,), (N,) [m]."""
@@ -345,12 +332,4 @@ class _Fit:
 
     def _in(self, segment: IntArray, time: FloatArray) -> FloatArray:
         """Return the margins as `at`, each for one segment at one time, shape (N,)."""
-        q, tool = self._trajectory.position(time), self._tool.at(time)
-        given = self._range_of[segment]
-        joint_margin = np.minimum(q - self._lower[given], self._upper[given] - q).min(axis=1)
-        distance = _distances(self._tube, tool[None], segment)[0]
-        margin = np.minimum(self._tube.effective_radius[segment] - distance, joint_margin)
-        if self._rotation is not None and self._tube.rotation is not None:
-            rotation = self._rotation.at(time).reshape(-1, 3, 3)
-            margin = np.minimum(margin, self._tube.rotation.margin(rotation, tool, segment))
-        return margin
+        return np.minimum.reduce([margin.within(segment, time) for margin in self._margins])

@@ -8,7 +8,7 @@ from tubeplanner.errors import TrajectoryError, shown
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.verification.certificate import Certificate
-from tubeplanner.verification.conditions import JUDGED
+from tubeplanner.verification.conditions import JUDGED, SEGMENT_MARGINS
 from tubeplanner.verification.judged_condition import Tolerance
 from tubeplanner.verification.judged_motion import JudgedMotion
 
@@ -36,6 +36,6 @@ def verify(
         )
     tolerance = tolerance or Tolerance()
     trajectory = trajectory.reordered(problem.robot.joint_names)
-    motion = JudgedMotion(problem.joined, trajectory, tolerance)
+    motion = JudgedMotion(problem.joined, trajectory, tolerance, SEGMENT_MARGINS)
     conditions = {name: judge(motion) for name, judge in JUDGED.items()}
     return Certificate(conditions, tolerance, problem.collision.left_out)

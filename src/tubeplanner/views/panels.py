@@ -80,7 +80,7 @@ def trajectory_curves(problem: PlanningProblem, trajectory: JointTrajectory) -> 
         robot.inverse_dynamics(q, v, a),
         tool,
         np.linalg.norm(np.einsum("nij,nj->ni", jacobian[:, :3], v), axis=1),
-        scaling_factor(problem, q, v, a),
+        scaling_factor(problem, q, v, a, segment=segment),
         segment,
         tube_use(problem, tool, segment),
         turned,

@@ -101,7 +101,10 @@ class SegmentRules:
         """
         self._problem = problem
         self._clearance = clearance or LinkClearance(problem, waypoints, checkpoint)
-        self._rates, self._sampled = rates_and_others(speed_limits(problem))
+        self._rates, others = rates_and_others(speed_limits(problem))
+        # In which segment the tool is, is not known: what depends on it could be too strict here.
+        of_joints = [limit for limit in others if all(key.segment is None for key in limit.keys)]
+        self._sampled = tuple(of_joints)
         self._least_times = _least_times(problem, waypoints)
         self._passable = passable_segments(problem.tube)
         self.cuts = {"joint_limits": 0, "duration": 0, "tube": 0, "collision": 0}
@@ -177,11 +180,7 @@ class SegmentRules:
         """Return how much faster limits of efforts let the samples be run, shape (C,)."""
         by_path = np.stack([batch.at(times, order) for order in range(3)])
         shape, n = by_path.shape[1:4], by_path.shape[4]
-        at = PathSamples(
-            self._problem,
-            by_path.reshape(3, -1, n),
-            lambda: np.zeros(len(by_path[0]), dtype=np.int64),
-        )
+        at = PathSamples(self._problem, by_path.reshape(3, -1, n))
         return largest_speeds(at, self._sampled).reshape(shape).min(axis=(1, 2))
 
     def _inside(self, batch: SegmentBatch, times: FloatArray) -> BoolArray:

@@ -8,7 +8,8 @@ from tubeplanner.verification.tube_visits import passages
 
 def judge_points(motion: JudgedMotion) -> JudgedCondition:
     """Judge compulsory points, each at an instant when one of its two segments is the current."""
-    found = passages(motion.problem, motion.trajectory, motion.tool, motion.visits, motion.rotation)
+    known = (motion.problem, motion.trajectory, motion.tool, motion.visits, motion.rotation)
+    found = passages(*known, motion.further)
     if not found:
         return not_required("m", "no point is to be passed")
     worst = min(found, key=lambda passage: passage.margin)

@@ -1,0 +1,83 @@
+"""What the signs of a tube's joints mean: the range of every joint in every segment."""
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from tubeplanner.errors import ProblemError, shown
+
+JointRange: TypeAlias = tuple[float, float]
+# "+", "-", "0", 1, -1, 0 or a range of two numbers
+JointSign: TypeAlias = Any
+
+_SIGNS: dict[str | int, JointRange] = {
+    "+": (0.0, np.inf),
+    "-": (-np.inf, 0.0),
+    "0": (-np.inf, np.inf),
+    1: (0.0, np.inf),
+    -1: (-np.inf, 0.0),
+    0: (-np.inf, np.inf),
+}
+
+
+def sign_maps(
+    joint_signs: Mapping[str, JointSign] | Sequence[Mapping[str, JointSign]], segments: int
+) -> tuple[Mapping[str, JointSign], ...]:
+    """Return a map of joint signs for every segment."""
+    maps = [joint_signs] * segments if isinstance(joint_signs, Mapping) else joint_signs
+    try:
+        signs = tuple(dict(row) for row in maps)
+    except (TypeError, ValueError):
+        raise ProblemError(
+            f"tube.joint_signs: {shown(joint_signs)} is no map from joint names to signs, nor a "
+            "list of such maps"
+        ) from None
+    if len(signs) != segments:
+        raise ProblemError(
+            f"tube.joint_signs has {len(signs)} maps for {segments} segments; give one, or one each"
+        )
+    return signs
+
+
+def joint_ranges(
+    signs: tuple[Mapping[str, JointSign], ...], visit: str
+) -> tuple[Mapping[str, JointRange], ...]:
+    """Return the range that each sign stands for."""
+    ranges = tuple(
+        {name: _range(f"tube.joint_signs: joint '{name}'", sign) for name, sign in row.items()}
+        for row in signs
+    )
+    for k, (before, after) in enumerate(pairwise(ranges) if visit == "ordered" else ()):
+        _require_switch(k, before, after)
+    return ranges
+
+
+def sign_of(bounds: JointRange) -> str | None:
+    """Return the sign that is equivalent to a range: "+", "-" or "0"; None if none does."""
+    return next((str(sign) for sign, same in _SIGNS.items() if same == bounds), None)
+
+
+def _range(where: str, sign: JointSign) -> JointRange:
+    if np.ndim(sign) == 0 and not isinstance(sign, bool) and sign in _SIGNS:
+        return _SIGNS[sign]
+    if not isinstance(sign, str) and np.shape(sign) == (2,):
+        lower, upper = (float(bound) for bound in sign)
+        if lower <= upper:
+            return lower, upper
+        raise ProblemError(f"{where}: the range [{lower:g}, {upper:g}] is reversed or no number")
+    raise ProblemError(f"{where}: {shown(sign)} is none of '+', '-', '0', 1, -1, 0, [lower, upper]")
+
+
+def _require_switch(
+    k: int, before: Mapping[str, JointRange], after: Mapping[str, JointRange]
+) -> None:
+    for name in before.keys() & after.keys():
+        lower = max(before[name][0], after[name][0])
+        upper = min(before[name][1], after[name][1])
+        if lower > upper:
+            raise ProblemError(
+                f"tube.joint_signs: joint '{name}' has the range {list(before[name])} in segment "
+                f"{k} and {list(after[name])} in segment {k + 1}, which do not meet"
+            )
