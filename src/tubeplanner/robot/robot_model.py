@@ -219,6 +219,35 @@ class RobotModel:
             rotation[i], position[i] = placement.rotation, placement.translation
         return rotation, position, self._joints.collected(jacobian)
 
+    def tool_velocity(
+        self, q: FloatArray, v: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the velocity of the tool centre point (N, 3) [m/s], and its derivatives.
+
+        Args:
+            q: Configurations, shape (N, n).
+            v: Velocities, shape (N, n).
+
+        Returns:
+            The velocity, and its derivatives by positions and by velocities, each (N, 3, n); in the
+            base frame.
+        """
+        model, data, tool_id = self._model, self._scratch.data, self._tool_id
+        joints, still = self._joints, np.zeros(model.nv)
+        by_q, by_v = np.empty((2, len(q), 6, model.nv))
+        rotation = np.empty((len(q), 3, 3))
+        for i, (q_i, v_i) in enumerate(zip(joints.positions(q), joints.rates(v), strict=True)):
+            pin.computeForwardKinematicsDerivatives(model, data, q_i, v_i, still)
+            # In LOCAL_WORLD_ALIGNED, Pinocchio's derivative leaves out that the frame turns.
+            blocks = pin.getFrameVelocityDerivatives(model, data, tool_id, pin.LOCAL)
+            by_q[i], by_v[i] = np.reshape(blocks, (2, 6, model.nv))
+            rotation[i] = pin.updateFramePlacement(model, data, tool_id).rotation
+        change, linear = rotation @ by_q[:, :3], rotation @ by_v[:, :3]
+        velocity = np.einsum("nij,nj->ni", linear, joints.rates(v))
+        turned = np.cross((rotation @ by_v[:, 3:]).swapaxes(1, 2), velocity[:, None])
+        change += turned.swapaxes(1, 2)
+        return velocity, joints.collected(change), joints.collected(linear)
+
     def body_poses(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return rotations (N, bodies, 3, 3) and origins (N, bodies, 3) [m] of all bodies."""
         model, data = self._model, self._scratch.data
