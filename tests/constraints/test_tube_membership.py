@@ -57,6 +57,27 @@ def test_segments_are_reached_in_order(inside, expected):
     assert last_reached([inside], begin).tolist() == [expected]
 
 
+def test_many_segments_follow_one_another_as_step_by_step():
+    rng = np.random.default_rng(0)
+    for _ in range(300):
+        m = int(rng.integers(1, 9))
+        inside = rng.random((3, 4, m)) < rng.random()
+        begin, passable = rng.random((3, m)) < 0.4, rng.random(m) < 0.5
+        reached = begin
+        for s in range(inside.shape[1]):
+            reached = one_step(reached, inside[:, s], passable)
+        np.testing.assert_array_equal(last_reached(inside, begin, passable), reached)
+
+
+def one_step(before, now, passable):
+    """Return the segments after one sample more: entered, or passed whole, one by one."""
+    after, left = before & now, before.copy()
+    for k in range(1, now.shape[1]):
+        after[:, k] |= now[:, k] & (left[:, k - 1] | after[:, k - 1])
+        left[:, k] |= left[:, k - 1] & passable[k]
+    return after
+
+
 def test_no_segment_is_skipped_unless_the_sample_is_in_it():
     begin = np.array([[True, False, False]])
     jump = np.array([[[1, 0, 0], [0, 0, 1]]], dtype=bool)

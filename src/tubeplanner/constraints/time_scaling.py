@@ -5,7 +5,7 @@ and needs the efforts `tau(b) = g + b^2 (tau - g)`, g being gravity's share (Suh
 property 2; Hollerbach, "Dynamic scaling of manipulator trajectories", 1984).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -79,16 +79,28 @@ def minimum_duration(
 
 
 def estimated_duration(robot: RobotModel, trajectory: JointTrajectory) -> float:
-    """Return a quick estimate of `minimum_duration` [s], to choose between shapes.
+    """Return a quick estimate of `minimum_duration` [s], as `estimated_durations`."""
+    return float(estimated_durations(robot, [trajectory])[0])
+
+
+def estimated_durations(robot: RobotModel, shapes: Sequence[JointTrajectory]) -> FloatArray:
+    """Return quick estimates of the `minimum_duration` of S shapes, to choose from: (S,) [s].
 
     Effort is not refined between samples; velocity, acceleration and jerk are bounded from above.
 
     Raises:
         Infeasible: Status gravity_exceeds_effort.
     """
-    samples = trajectory.per_piece(_SAMPLES_PER_PIECE // 2)
-    effort = float(_held_effort_factor(robot, samples).min())
-    return trajectory.duration / min(_polynomial_factor(robot, trajectory, _hull_peaks), effort)
+    parts = [shape.per_piece(_SAMPLES_PER_PIECE // 2) for shape in shapes]
+    first = np.cumsum([0, *(len(part.time) for part in parts[:-1])])
+    q, v, a = (
+        np.concatenate([getattr(part, name) for part in parts])
+        for name in ("position", "velocity", "acceleration")
+    )
+    effort = np.minimum.reduceat(_held_effort_factor(robot, q, v, a), first)
+    polynomial = [_polynomial_factor(robot, shape, _hull_peaks) for shape in shapes]
+    duration = np.array([shape.duration for shape in shapes])
+    return duration / np.minimum(polynomial, effort)
 
 
 def scaled_to_limits(
@@ -139,25 +151,30 @@ def _hull_peaks(coefficients: FloatArray, widths: FloatArray) -> FloatArray:
 def _least_effort_factor(robot: RobotModel, trajectory: JointTrajectory) -> float:
     """Return the smallest effort factor over time, its valleys refined between samples."""
     samples = trajectory.per_piece(_SAMPLES_PER_PIECE)
-    factor = _held_effort_factor(robot, samples)
+    factor = _held_effort_factor(robot, *_state(samples))
     least = float(factor.min())
     if not np.isfinite(least):
         return least
 
     def negative(time: FloatArray) -> FloatArray:
-        return -_held_effort_factor(robot, trajectory.at(time))
+        return -_held_effort_factor(robot, *_state(trajectory.at(time)))
 
     highest, _ = refined_maximum(negative, samples.time, -factor, band=_VALLEY_SHARE * least)
     return -highest
 
 
-def _held_effort_factor(robot: RobotModel, samples: TrajectorySamples) -> FloatArray:
+def _held_effort_factor(
+    robot: RobotModel, q: FloatArray, v: FloatArray, a: FloatArray
+) -> FloatArray:
     """Return the smallest effort factor of each sample, (N,), each of which the motors can hold."""
-    q, v, a = samples.position, samples.velocity, samples.acceleration
     factor = effort_factor(robot, q, v, a).min(axis=1)
     if (factor == 0).any():
         raise _gravity_exceeds_effort(robot, q[int(factor.argmin())])
     return factor
+
+
+def _state(samples: TrajectorySamples) -> tuple[FloatArray, FloatArray, FloatArray]:
+    return samples.position, samples.velocity, samples.acceleration
 
 
 def _ratio(available: FloatArray, use: FloatArray) -> FloatArray:

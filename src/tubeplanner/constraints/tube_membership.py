@@ -109,13 +109,31 @@ def segments_reached(
 
 
 def _following(segments: BoolArray, now: BoolArray, passable: BoolArray) -> BoolArray:
-    """Return the segments (N, m) that may follow some, of those the next sample is in."""
-    following = segments & now
-    before = segments[:, 0]  # that may have been reached before the next sample
-    for k in range(1, now.shape[1]):
-        following[:, k] |= now[:, k] & (before | following[:, k - 1])
-        before = segments[:, k] | (before & passable[k])
-    return following
+    """Return the segments (N, m) that may follow some, of those the next sample is in.
+
+    Args:
+        segments: In which the sample before may be: bool, shape (N, m).
+        now: In which the next sample is: bool, shape (N, m).
+        passable: Which segments may be passed between two samples: bool, shape (m,).
+    """
+    # That may have been reached before the next sample, and left.
+    left = _carried(segments, np.broadcast_to(passable, segments.shape))
+    entered = now & segments
+    entered[:, 1:] |= now[:, 1:] & left[:, :-1]
+    return _carried(entered, now)
+
+
+def _carried(begun: BoolArray, open_: BoolArray) -> BoolArray:
+    """Return where something is that begins in some columns and goes on through open ones.
+
+    The recursion `carried[k] = begun[k] | (open_[k] & carried[k-1])` along the rows of (N, m): the
+    last beginning is not before the last column that is not open.
+    """
+    column = np.arange(begun.shape[1])
+    last_begun = np.maximum.accumulate(np.where(begun, column, -1), axis=1)
+    last_shut = np.maximum.accumulate(np.where(open_, -1, column), axis=1)
+    carried: BoolArray = (last_begun >= 0) & (last_begun >= last_shut)
+    return carried
 
 
 def first_departure(
