@@ -8,9 +8,10 @@ import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.trajectory.joint_trajectory import JointTrajectory
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
 from tubeplanner.tube.tube import Tube
 from tubeplanner.verification.switching_samples import best_switching_samples
+from tubeplanner.verification.verification import judged_visits
 
 _SAMPLES_PER_PIECE = 65
 _MAX_STEP = 0.25  # of the reference path, from one sample to the next
@@ -28,33 +29,36 @@ def membership_margin(problem: PlanningProblem, q: FloatArray) -> FloatArray:
     tool = problem.tube.margin(position)
     if problem.tube.rotation is not None:
         tool = np.minimum(tool, problem.tube.rotation_margin(rotation, position))
-    joint_margin = np.minimum(q[:, None] - problem.joint_lower, problem.joint_upper - q[:, None])
-    return np.minimum(tool, joint_margin.min(axis=2))
+    # Most segments ask the same of the joints: hundreds of them have a few bounds.
+    lower, upper, bounds_of = problem.distinct_joint_bounds
+    joint_margin = np.minimum(q[:, None] - lower, upper - q[:, None]).min(axis=2)
+    return np.minimum(tool, joint_margin[:, bounds_of])
 
 
-def current_segments(problem: PlanningProblem, q: FloatArray) -> IntArray:
-    """Return the segments to which N configurations in order belong, shape (N,).
+def current_segments(
+    problem: PlanningProblem, trajectory: JointTrajectory, samples: TrajectorySamples
+) -> IntArray:
+    """Return the segments in which samples of a trajectory count, shape (N,).
 
-    The switching times are those with the largest margin.
+    The switching times are the judge's. The samples could not tell: between two of them the tool
+    may pass whole segments.
     """
     joined = problem.joined
-    margin = membership_margin(joined, q)
-    if joined.tube.visit == "any":
-        segment = margin.argmax(axis=1)
-    else:
-        segment = np.searchsorted(best_switching_samples(margin), np.arange(len(q)), side="left")
-    return segment if joined is problem else _nearest_parts(problem, joined.tube, q, segment)
+    visits = judged_visits(joined, trajectory)
+    ends = [visit.end for visit in visits[:-1]]
+    segment = np.array([visit.segment for visit in visits])[np.searchsorted(ends, samples.time)]
+    return segment if joined is problem else _nearest_parts(problem, joined.tube, samples, segment)
 
 
 def _nearest_parts(
-    problem: PlanningProblem, joined: Tube, q: FloatArray, segment: IntArray
+    problem: PlanningProblem, joined: Tube, samples: TrajectorySamples, segment: IntArray
 ) -> IntArray:
-    """Return which of the parts of joined segments (N,) the tools of N configurations are nearest.
+    """Return which of the parts of joined segments (N,) the tools of N samples are nearest.
 
     The parts are the problem's own segments.
     """
     ends = np.searchsorted(problem.tube.numbers, joined.numbers)
-    distance = problem.tube.distance(problem.robot.tool_position(q))
+    distance = problem.tube.distance(problem.robot.tool_position(samples.position))
     part = np.arange(problem.tube.segment_count)
     is_other = (part < ends[segment, None]) | (part >= ends[segment + 1, None])
     nearest: IntArray = np.where(is_other, np.inf, distance).argmin(axis=1)

@@ -88,6 +88,17 @@ def verify(
     return Certificate(conditions, tolerance, problem.collision.left_out)
 
 
+def judged_visits(problem: PlanningProblem, trajectory: JointTrajectory) -> list[Visit]:
+    """Return when a trajectory is in which segment, as `verify` judges it.
+
+    Args:
+        problem: The planning problem; the segments are those of `PlanningProblem.joined`.
+        trajectory: Of the problem's joints, in any order.
+    """
+    joined = problem.joined
+    return _Judge(joined, trajectory.reordered(joined.robot.joint_names), Tolerance()).visits
+
+
 class _Judge:
     """Computes each condition of one trajectory."""
 
@@ -140,7 +151,7 @@ class _Judge:
 
     def tube(self) -> JudgedCondition:
         """The tool in the tube, segment by segment or in their union."""
-        least = least_margin(self._tube, self._tool, self._visits)
+        least = least_margin(self._tube, self._tool, self.visits)
         place = Place(time=least.time, segment=self._number(least.segment, least.time))
         return JudgedCondition(
             least.lower_bound, "m", place, _bracketed(least.lower_bound, least.attained, "m")
@@ -150,7 +161,7 @@ class _Judge:
         """The tool's orientation against the reference, segment by segment."""
         if self._tube.rotation is None or self._pose is None:
             return JudgedCondition(None, "rad", Place(), "the tool's orientation is free")
-        least = least_rotation_margin(self._tube.rotation, self._pose, self._visits)
+        least = least_rotation_margin(self._tube.rotation, self._pose, self.visits)
         if least is None:
             return JudgedCondition(None, "rad", Place(), "free in every segment visited")
         place = Place(time=least.time, segment=self._number(least.segment, least.time))
@@ -178,7 +189,7 @@ class _Judge:
     def points(self) -> JudgedCondition:
         """Compulsory points, each at an instant when one of its two segments is the current one."""
         rotation = None if self._pose is None else self._pose.rotation
-        found = passages(self._problem, self._trajectory, self._tool, self._visits, rotation)
+        found = passages(self._problem, self._trajectory, self._tool, self.visits, rotation)
         if not found:
             return JudgedCondition(None, "m", Place(), "no point is to be passed")
         worst = min(found, key=lambda passage: passage.margin)
@@ -294,11 +305,11 @@ class _Judge:
     def _visits_by_range(self) -> list[list[Visit]]:
         """Return the visits, neighbours together whose segments have the same joint ranges."""
         ranges = np.hstack(self._tube.ranges_of(self._robot.joint_names))
-        found = groupby(self._visits, key=lambda visit: ranges[visit.segment].tobytes())
+        found = groupby(self.visits, key=lambda visit: ranges[visit.segment].tobytes())
         return [list(visits) for _, visits in found]
 
     @cached_property
-    def _visits(self) -> list[Visit]:
+    def visits(self) -> list[Visit]:
         """The trajectory's share of each segment that it visits."""
         rotation = None if self._pose is None else self._pose.rotation
         return tube_visits(self._problem, self._trajectory, self._tool, rotation)
