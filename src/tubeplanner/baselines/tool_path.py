@@ -113,6 +113,7 @@ def _by_newton(robot: RobotModel, line: ToolPath, distance: FloatArray) -> Float
     start, direction = line.curve.start[0], line.curve.direction[0]
     end = line.joints.duration
     found = distance / line.curve.length * end
+    step = np.full(len(distance), np.nan)
     for _ in range(_NEWTON_STEPS):
         tool, jacobian = robot.tool_jacobian(line.joints.position(found))
         gain = np.einsum("nij,nj,i->n", jacobian[:, :3], line.joints.velocity(found), direction)

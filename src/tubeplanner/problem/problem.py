@@ -95,8 +95,10 @@ class PlanningProblem:
         """
         both = np.hstack([self.joint_lower, self.joint_upper])
         rows, bounds_of = np.unique(both, axis=0, return_inverse=True)
-        lower, upper = np.hsplit(rows, 2)
-        return lower, upper, bounds_of.ravel()
+        lower, upper = map(read_only, np.hsplit(rows, 2))
+        bounds_of = bounds_of.ravel()
+        bounds_of.setflags(write=False)
+        return lower, upper, bounds_of
 
     @cached_property
     def joined(self) -> "PlanningProblem":
