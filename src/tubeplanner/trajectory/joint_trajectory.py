@@ -333,7 +333,8 @@ def from_splines(joint_names: Sequence[str], splines: BSpline) -> list[JointTraj
     breakpoints, degree = np.unique(splines.t), splines.k
     powers = np.arange(degree, -1, -1)
     rows = [splines.derivative(power)(breakpoints[:-1]) / factorial(power) for power in powers]
+    coefficients = np.array(rows)
     return [
-        JointTrajectory(joint_names, breakpoints, coefficients)
-        for coefficients in np.moveaxis(rows, 2, 0)
+        JointTrajectory(joint_names, breakpoints, coefficients[:, :, k])
+        for k in range(coefficients.shape[2])
     ]
