@@ -9,6 +9,7 @@ import numpy as np
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
+from tubeplanner.tube.compulsory_points import passing_radius
 from tubeplanner.tube.tube import Tube
 from tubeplanner.verification.switching_samples import best_switching_samples
 from tubeplanner.verification.verification import judged_visits
@@ -163,6 +164,28 @@ def first_departure(
     if not outside.any():
         return None
     return int(outside.argmax()) // _SAMPLES_PER_PIECE
+
+
+def may_pass_points(problem: PlanningProblem, trajectory: JointTrajectory) -> bool:
+    """Return whether a trajectory may pass every compulsory point, at any time.
+
+    Judged at 65 samples per piece, nearer by the steps beside them: too lenient, never too strict.
+
+    Args:
+        problem: The planning problem.
+        trajectory: Of the problem's joints.
+    """
+    tube = problem.tube
+    if len(tube.compulsory_points) == 0:
+        return True
+    tool = problem.robot.tool_position(trajectory.per_piece(_SAMPLES_PER_PIECE).position)
+    step = np.linalg.norm(np.diff(tool, axis=0), axis=1)
+    reach = np.maximum(np.append(step, 0.0), np.append(0.0, step))
+    radius = passing_radius(tube.effective_radius)
+    return all(
+        (np.linalg.norm(tool - tube.points[k], axis=1) - reach).min() <= radius[k - 1]
+        for k in tube.compulsory_points
+    )
 
 
 def worst_membership(problem: PlanningProblem, trajectory: JointTrajectory) -> float:
