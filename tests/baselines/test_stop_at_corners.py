@@ -108,7 +108,7 @@ def test_a_fit_is_held_against_the_rotation_too(bundled):
 
 
 def test_all_ramps_are_fitted_at_once_and_as_one_by_one(bundled):
-    """At once, a segment takes half as long: a time limit of seconds has an answer for 60."""
+    """At once it takes less time, of which a time limit may leave little."""
     problem, fits = bundled("ur5/over_the_wall"), stop_at_corners_module._fits
     branch, ramps = branch_of(problem), list(stop_at_corners_module._RAMP_SHARES)
     together = fits(problem, branch.segments[1], 1, ramps, 16)
