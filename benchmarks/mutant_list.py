@@ -631,9 +631,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("min(polynomial, _least_effort_factor(robot, trajectory))", "polynomial"),
         ("_exact_peaks", "_hull_peaks"),
     ],
-    "estimated_duration": [
-        ("min(_polynomial_factor(robot, trajectory, _hull_peaks), effort)", "effort")
-    ],
+    "estimated_durations": [("np.minimum(polynomial, effort)", "effort")],
     "scaled_to_limits": [("duration / trajectory.duration", "trajectory.duration / duration")],
     "_polynomial_factor": [
         ("** (1 / order)", "** 1"),

@@ -19,7 +19,7 @@ from .verification.judged_condition import JudgedCondition as JudgedCondition
 from .verification.judged_condition import Tolerance as Tolerance
 
 # Robot
-from .robot.robot_model import load_robot as load_robot
+from .robot.robot_loader import load_robot as load_robot
 from .robot.robot_model import RobotModel as RobotModel  # returned
 from .robot.pinocchio_model import ToolOffset as ToolOffset
 from .robot.pinocchio_model import Payload as Payload

@@ -105,3 +105,32 @@ def test_a_fit_is_held_against_the_rotation_too(bundled):
     np.testing.assert_allclose(stop_at_corners_module._least_margins(tray, q, 0), expected)
     free = bundled("ur5/over_the_wall")
     assert stop_at_corners_module._least_margins(free, free.start[None], 0).shape == (1,)
+
+
+def test_all_ramps_are_fitted_at_once_and_as_one_by_one(bundled):
+    """At once it takes less time, of which a time limit may leave little."""
+    problem, fits = bundled("ur5/over_the_wall"), stop_at_corners_module._fits
+    branch, ramps = branch_of(problem), list(stop_at_corners_module._RAMP_SHARES)
+    together = fits(problem, branch.segments[1], 1, ramps, 16)
+    for ramp, shape in zip(ramps, together, strict=True):
+        (alone,) = fits(problem, branch.segments[1], 1, [ramp], 16)
+        np.testing.assert_allclose(alone.coefficients, shape.coefficients, rtol=1e-9, atol=1e-9)
+
+
+def test_few_knots_are_tried_before_many_and_only_for_ramps_that_need_them(bundled, monkeypatch):
+    problem, asked, fits = bundled("ur5/level_tray"), [], stop_at_corners_module._fits
+
+    def counting(problem, q, segment, ramps, intervals):
+        asked.append((segment, intervals, tuple(ramps)))
+        return fits(problem, q, segment, ramps, intervals)
+
+    monkeypatch.setattr(stop_at_corners_module, "_fits", counting)
+    stop_at_corners(problem, branch_of(problem))
+    before = {}
+    for segment, intervals, ramps in asked:
+        known = before.get(segment)
+        if known is None:
+            assert (intervals, ramps) == (16, stop_at_corners_module._RAMP_SHARES)
+        else:
+            assert intervals == 2 * known[0] and set(ramps) <= set(known[1])
+        before[segment] = (intervals, ramps)

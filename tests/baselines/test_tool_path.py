@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import tubeplanner.baselines.tool_path as tool_path_module
 from cases import ANGLE, INERTIA, anywhere, one_joint, quintic
 from tubeplanner import JointTrajectory, Tube, load_problem
 from tubeplanner.baselines.fastest_parameterization import fastest_parameterization
@@ -12,7 +13,7 @@ from tubeplanner.baselines.time_parameterization import (
     times_at,
 )
 from tubeplanner.baselines.tool_curve import rounded_polyline
-from tubeplanner.baselines.tool_path import tool_paths
+from tubeplanner.baselines.tool_path import arc_lengths_on_line, tool_paths
 from tubeplanner.branches.reference_branch import RedundancyRule, ReferenceBranch, reference_branch
 from tubeplanner.outcome import Infeasible
 from tubeplanner.studies.trajectory_measures import smoothness_class
@@ -92,6 +93,26 @@ def test_the_tool_on_arcs_stays_in_the_tube_and_as_level_as_the_branch():
     assert inside.max(axis=1).min() > -1e-6
     wanted = path.curve.point(np.linspace(0, path.curve.length, 20_000))
     assert np.linalg.norm(tool[::50, None] - wanted, axis=2).min(axis=1).max() < 6e-5
+
+
+def test_arc_lengths_of_places_on_a_line_are_found_in_a_few_steps():
+    problem = load_problem("example:ur5/over_the_wall")
+    for line in tool_paths(problem, branch_of(problem), arcs=False):
+        distance = line.curve.length * np.linspace(0.01, 0.99, 30)
+        found = tool_path_module._by_newton(problem.robot, line, distance)
+        slowly = tool_path_module._by_bracketing(problem.robot, line, distance)
+        np.testing.assert_allclose(found, slowly, rtol=0, atol=1e-12 * line.joints.duration)
+
+
+@pytest.mark.parametrize("steps", [0, 1])
+def test_where_a_few_steps_do_not_do_the_places_are_bracketed(monkeypatch, steps):
+    problem = load_problem("example:two_link/around_a_post")
+    line = tool_paths(problem, branch_of(problem), arcs=False)[0]
+    distance = line.curve.length * np.array([0.0, 0.1, 0.6, 1.0])
+    wanted = arc_lengths_on_line(problem.robot, line, distance)
+    monkeypatch.setattr(tool_path_module, "_NEWTON_STEPS", steps)
+    found = arc_lengths_on_line(problem.robot, line, distance)
+    np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-12 * line.joints.duration)
 
 
 def test_without_a_way_there_is_a_reason():

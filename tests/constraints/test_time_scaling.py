@@ -1,5 +1,7 @@
 """Time scaling against moves whose minimum time is known in closed form."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -17,6 +19,7 @@ from tubeplanner import JointTrajectory, Payload, load_robot
 from tubeplanner.constraints.speed_polynomial import SpeedPolynomial
 from tubeplanner.constraints.time_scaling import (
     estimated_duration,
+    estimated_durations,
     minimum_duration,
     scaled_to_limits,
     scaling_factor,
@@ -106,6 +109,14 @@ def test_an_estimate_is_never_too_short_in_either_direction(tmp_path, angle):
     robot = one_joint(tmp_path, velocity=1.5, effort=np.inf)
     exact = ANGLE * PEAK_VELOCITY / 1.5
     assert exact * (1 - 1e-9) <= estimated_duration(anywhere(robot), quintic(angle)) <= 3 * exact
+
+
+def test_estimates_of_several_shapes_are_those_of_each(stored):
+    problem, trajectory = stored("ur5/over_the_wall")
+    cuts = np.linspace(0, trajectory.duration, 4)
+    shapes = [trajectory.between(*pair).scaled(3.0) for pair in pairwise(cuts)]
+    each = [estimated_duration(problem.robot, shape) for shape in shapes]
+    np.testing.assert_allclose(estimated_durations(problem.robot, shapes), each, rtol=1e-12)
 
 
 def test_the_joint_that_is_overloaded_most_is_named():

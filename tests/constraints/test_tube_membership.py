@@ -5,6 +5,7 @@ from tubeplanner import JointTrajectory, PlanningProblem, Seed, Tube
 from tubeplanner.branches.inverse_kinematics import solve_position
 from tubeplanner.constraints.tube_membership import (
     first_departure,
+    may_pass_points,
     membership_margin,
     passable_segments,
     segments_reached,
@@ -55,6 +56,42 @@ def last_reached(inside, begin, passable=None, *, ordered=True):
 def test_segments_are_reached_in_order(inside, expected):
     begin = np.array([[True, False]])
     assert last_reached([inside], begin).tolist() == [expected]
+
+
+@pytest.mark.parametrize(("offset", "passes"), [(0.0, True), (0.019, True), (0.025, False)])
+def test_a_trajectory_that_stays_away_from_a_compulsory_point_is_seen(two_link, offset, passes):
+    """The tool rises past the point (0.4, 0.1) at a distance."""
+    problem = corner(two_link, pass_through_points="all")
+    q = np.array([SEED.joints])
+    for y in np.linspace(-0.3, 0.3, 41):
+        place = np.array([0.4 - offset, y, 0])
+        lower, upper = two_link.limits.lower_position, two_link.limits.upper_position
+        q = np.vstack([q, solve_position(two_link, place, q[-1], lower, upper).q])
+    rows = [np.diff(q[1:], axis=0), q[1:-1]]
+    trajectory = JointTrajectory(two_link.joint_names, np.arange(41), rows)
+    assert may_pass_points(problem, trajectory) == passes
+    assert may_pass_points(corner(two_link), trajectory)  # nothing is compulsory at 90 degrees
+
+
+def test_many_segments_follow_one_another_as_step_by_step():
+    rng = np.random.default_rng(0)
+    for _ in range(300):
+        m = int(rng.integers(1, 9))
+        inside = rng.random((3, 4, m)) < rng.random()
+        begin, passable = rng.random((3, m)) < 0.4, rng.random(m) < 0.5
+        reached = begin
+        for s in range(inside.shape[1]):
+            reached = one_step(reached, inside[:, s], passable)
+        np.testing.assert_array_equal(last_reached(inside, begin, passable), reached)
+
+
+def one_step(before, now, passable):
+    """Return the segments after one sample more: entered, or passed whole, one by one."""
+    after, left = before & now, before.copy()
+    for k in range(1, now.shape[1]):
+        after[:, k] |= now[:, k] & (left[:, k - 1] | after[:, k - 1])
+        left[:, k] |= left[:, k - 1] & passable[k]
+    return after
 
 
 def test_no_segment_is_skipped_unless_the_sample_is_in_it():

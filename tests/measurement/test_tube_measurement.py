@@ -1,6 +1,7 @@
 """`measure_tube`: radii against geometry worked out by hand, and an attack that shares no code."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from tubeplanner import (
     plan,
 )
 from tubeplanner.errors import OptionError
+from tubeplanner.measurement.sign_patterns import survey_patterns
 
 QUICK = MeasureOptions(samples=500)
 LINK, POST, POST_RADIUS = 0.3, np.array([0.4, 0.22]), 0.03
@@ -144,6 +146,7 @@ def test_a_blocked_centre_line_is_an_answer(post):
         ({"max_radius": np.inf}, "max_radius is inf m"),
         ({"samples": 0}, "samples is 0; it must be >= 1"),
         ({"seed": -1}, "seed is -1; it must be >= 0"),
+        ({"max_segments": 0}, "max_segments is 0; it must be >= 1"),
     ],
 )
 def test_wrong_options_are_refused(options, message):
@@ -156,3 +159,35 @@ def test_the_tool_radius_must_fit(post):
     tube = Tube(problem.tube.points, 0.1, tool_radius=0.05, joint_signs={"joint2": "-"})
     with pytest.raises(OptionError, match=r"max_radius is 0\.05 m; it must be above the tool rad"):
         measure_tube(problem.with_tube(tube), MeasureOptions(max_radius=0.05))
+
+
+def test_too_many_segments_are_refused_at_once(post):
+    """Not after minutes: nothing is measured before."""
+    problem, _ = post
+    angles = np.linspace(0, np.pi, 201)[:, None]
+    arc = [0.4, 0, 0] + 0.1 * np.hstack([-np.cos(angles), -np.sin(angles), 0 * angles])
+    many = problem.along(Tube(arc, 0.02, joint_signs={"joint2": "-"}), Seed(np.array([0, -1.0])))
+    said = []
+    for asked in (measure_tube, survey_patterns):
+        with pytest.raises(OptionError, match="measure: 200 segments; at most 20 are measured"):
+            asked(many, QUICK, said.append)
+    assert not said
+
+
+def test_parts_of_a_line_are_measured_as_one_where_there_are_too_many(post):
+    problem, whole = post
+    count = problem.tube.segment_count
+    points = [a + s * (b - a) for a, b in pairwise(problem.tube.points) for s in (0, 0.3, 0.6)]
+    divided = Tube(
+        [*points, problem.tube.points[-1]],
+        np.repeat(problem.tube.radius, 3),
+        joint_signs=[signs for signs in problem.tube.joint_signs for _ in range(3)],
+    )
+    few = replace(QUICK, max_segments=count)
+    found = measure_tube(problem.with_tube(divided), few)
+    assert found.problem.tube.segment_count == len(found.segments) == 3 * count
+    for k, segment in enumerate(found.segments):
+        assert segment is found.segments[3 * (k // 3)]
+        assert segment.radius == whole.segments[k // 3].radius
+    assert found.problem.joined.tube.segment_count == count
+    assert found.message == whole.message

@@ -209,6 +209,18 @@ def test_position_limits_and_signs_are_cut_per_segment():
     np.testing.assert_allclose(problem.joint_upper, [[full, half], [0, 0.5]])
 
 
+def test_segments_that_ask_the_same_of_the_joints_share_their_bounds():
+    data = changed(
+        tube__points=[[0.6, 0, 0], [0.4, 0.4, 0], [0.2, 0.5, 0], [0, 0.6, 0]],
+        tube__joint_signs=[{"joint2": "+"}, {"joint2": [-1.0, 0.5]}, {"joint2": "+"}],
+        start={"joints": [0, 0]},
+    )
+    lower, upper, bounds_of = parse_problem(data).distinct_joint_bounds
+    assert len(lower) == len(upper) == 2 and bounds_of[0] == bounds_of[2] != bounds_of[1]
+    np.testing.assert_array_equal(lower[bounds_of], parse_problem(data).joint_lower)
+    np.testing.assert_array_equal(upper[bounds_of], parse_problem(data).joint_upper)
+
+
 @pytest.mark.parametrize(
     ("signs", "message"),
     [

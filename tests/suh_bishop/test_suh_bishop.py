@@ -21,8 +21,11 @@ from tubeplanner import (
     plan,
     verify,
 )
+from tubeplanner.errors import TrajectoryError
+from tubeplanner.planning.suh_bishop_plan import _require_held
 from tubeplanner.suh_bishop.knot_modification import ModificationOptions
 from tubeplanner.suh_bishop.suh_bishop import SuhBishopOptions
+from tubeplanner.waypoint_search.waypoint_interpolation import sequential_quartics
 
 METHOD = "suh-bishop"
 # Coarse, so that tests are quick: few directions, few numbers of knots.
@@ -188,3 +191,12 @@ def test_a_time_limit_that_leaves_no_time_is_the_reason(example):
 def test_options_are_checked(wrong, message):
     with pytest.raises(OptionError, match=message):
         SuhBishopOptions(**wrong)
+
+
+def test_without_an_answer_gravity_is_judged_however_far_quartics_would_swing():
+    """Quartics through 30 points of a zigzag swing by more than any number means."""
+    problem = load_problem("example:two_link/around_a_post")
+    zigzag = np.column_stack([np.linspace(0, 1, 30), 1.5 * (-1.0) ** np.arange(30)])
+    with pytest.raises(TrajectoryError, match="nothing can be computed"):
+        sequential_quartics(problem.robot.joint_names, zigzag)
+    _require_held(problem, zigzag)

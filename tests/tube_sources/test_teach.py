@@ -126,6 +126,18 @@ def test_a_template_gives_robot_limits_and_obstacles(run, tmp_path):
     assert status == 2 and "the tool moves by" in err
 
 
+def test_a_trail_of_too_many_segments_is_refused_before_measuring(run, tmp_path):
+    """A trail that bends everywhere, at a deviation of a hundredth of a millimetre."""
+    angle = np.linspace(0, 1.6, 400)
+    q = np.column_stack([angle, -1.2 - 0.3 * np.sin(4 * angle)])
+    rows = [f"{0.02 * k:.3f},{a!r},{b!r}" for k, (a, b) in enumerate(q.tolist())]
+    header = "time,joint1.position,joint2.position"
+    (tmp_path / "trail.csv").write_text("\n".join([header, *rows]) + "\n")
+    status, _, err = run("teach", tmp_path / "trail.csv", *ROBOT, "--deviation", "1e-5")
+    assert status == 2 and "at most 40 are measured" in err
+    assert "deviation is 1e-05 m, at which the trail becomes" in err
+
+
 def test_options_out_of_range_are_named():
     with pytest.raises(OptionError, match="band is 0; it must be > 0 and finite"):
         TeachOptions(band=0.0)

@@ -76,7 +76,8 @@ def test_the_largest_zone_of_an_even_tube_is_as_derived(angle, controller):
     radius, points = 0.01, corner(angle, 4.0)
     factor = 4 if CONTROLLERS[controller].blend == "parabola" else 2
     wanted = min(2.0, factor * radius / np.sin(np.radians(angle)))
-    (zone,) = zones_of_tube(Tube(points, radius), controller).zones
+    tube = Tube(points, radius, pass_through_points="none")
+    (zone,) = zones_of_tube(tube, controller).zones
     if controller == "kuka":
         assert zone == pytest.approx(1e3 * wanted, rel=1e-6, abs=2e-3)
     else:
@@ -89,12 +90,44 @@ def test_the_largest_zone_of_an_even_tube_is_as_derived(angle, controller):
 def test_the_largest_zone_between_two_radii_is_as_derived(angle):
     wide, narrow, turn = 0.03, 0.01, np.radians(angle)
     for radii in ([wide, narrow], [narrow, wide]):
-        (zone,) = zones_of_tube(Tube(corner(angle, 4.0), radii), "pilz").zones
+        tube = Tube(corner(angle, 4.0), radii, pass_through_points="none")
+        (zone,) = zones_of_tube(tube, "pilz").zones
         if narrow >= wide * np.cos(turn):
             wanted = (wide + narrow) / np.sin(turn)
         else:  # nearest of the wide line is the corner
             wanted = np.sqrt(wide**2 - narrow**2) + narrow / np.tan(turn / 2)
         assert zone == pytest.approx(wanted, abs=2e-6)
+
+
+@pytest.mark.parametrize("controller", ["ur", "abb"])
+@pytest.mark.parametrize(("angle", "rule"), [(90, "all"), (155, "corners"), (179, "corners")])
+def test_blends_pass_a_compulsory_corner_and_wider_ones_do_not(angle, rule, controller):
+    points, radius = corner(angle), 0.02
+    tube = Tube(points, radius, pass_through_points=rule)
+    (zone,) = zones_of_tube(tube, controller).zones
+    is_abb = controller == "abb"
+    size = CONTROLLERS["abb"].named[zone] if is_abb else zone
+
+    def missed(zone):
+        """Return by how much the chord, or the parabola, passes beside the corner [m]."""
+        path = list(blends(points, zone))[1 if is_abb else 0]
+        return np.linalg.norm(path - points[1], axis=1).min() - radius
+
+    assert missed(size) <= 1e-9
+    larger = (
+        min(s for s in CONTROLLERS["abb"].named.values() if s > size) if is_abb else 1.01 * size
+    )
+    if angle > 150:  # at a right angle the walls are nearer
+        assert missed(larger) > 0
+
+
+def test_a_zone_ends_a_radius_beyond_a_compulsory_point_on_its_line():
+    points = [[0, 0, 0], [0.97, 0, 0], [1, 0, 0], [1, 1, 0]]
+    assert zones_of_tube(Tube(points, 0.02), "ur").zones == (0.04,)
+    tube = Tube(points, 0.02, pass_through_points="all")
+    assert zones_of_tube(tube, "ur").zones == (0.028284,)  # of the corner itself, by the chord
+    wider = Tube(points, [0.005, 0.04, 0.04], pass_through_points="all")
+    assert zones_of_tube(wider, "ur").zones == (0.035,)
 
 
 @pytest.mark.parametrize("angle", [30, 90, 120])

@@ -7,9 +7,12 @@ import pytest
 from PIL import Image
 
 from cases import PROBLEMS, slow_but
+from many_points import spline
 from tubeplanner import (
     OutputError,
+    PlanOptions,
     load_problem,
+    parse_problem,
     plan,
     plot_convergence,
     plot_sweep,
@@ -17,7 +20,7 @@ from tubeplanner import (
     sweep,
 )
 from tubeplanner.views.figure_files import figure_png
-from tubeplanner.views.panels import draw_factor, trajectory_curves
+from tubeplanner.views.panels import draw_factor, segments_per_group, trajectory_curves
 
 
 def colours(png):
@@ -71,6 +74,42 @@ def test_the_tube_use_is_that_of_the_segment_the_tool_is_in(stored):
     assert [segment for segment, _, _ in curves.visits] == [0, 1, 2]
     assert curves.visits[0][1] == 0
     assert curves.visits[-1][2] == pytest.approx(trajectory.duration)
+
+
+@pytest.fixture(scope="module")
+def dense():
+    """Return a problem of 300 points, 2 mm wide, and a trajectory that stops at none of them."""
+    data = spline(299, 0.002)
+    problem = parse_problem(data)
+    return problem, plan(problem, PlanOptions(quality="fast")).trajectory
+
+
+@pytest.mark.slow
+def test_a_dense_path_is_never_used_beyond_its_radius(dense):
+    """Far fewer samples than switching times could tell which segment the tool is in."""
+    problem, trajectory = dense
+    curves = trajectory_curves(problem, trajectory)
+    assert 0.9 < curves.tube_use.max() <= 1 + 1e-4
+    assert (np.diff(curves.segment) >= 0).all()
+
+
+@pytest.mark.slow
+def test_hundreds_of_segments_are_marked_as_a_few_groups(dense):
+    figure = plot_trajectory(*dense)
+    position, *_, tool, use, _, _ = figure.axes
+    assert len(position.patches) == len(use.patches) == 6
+    labels = [text.get_text() for text in use.texts]
+    assert [label.removeprefix("segments ").split(":")[0] for label in labels] == [
+        *("0-49", "50-99", "100-149", "150-199", "200-249", "250-298")
+    ]
+    assert len(tool.collections) < 60
+
+
+@pytest.mark.parametrize(
+    ("count", "together"), [(1, 1), (24, 1), (25, 5), (40, 5), (41, 10), (200, 50), (299, 50)]
+)
+def test_segments_are_marked_by_round_numbers(count, together):
+    assert segments_per_group(count) == together
 
 
 def test_the_rotation_tolerance_is_used_but_not_beyond(stored):

@@ -5,19 +5,19 @@ last three control points coincide, so that velocity and acceleration vanish exa
 Later planners start from it and must beat it.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from scipy.interpolate import BSpline, CubicSpline
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.branches.reference_branch import ReferenceBranch
-from tubeplanner.constraints.time_scaling import estimated_duration, scaled_to_limits
+from tubeplanner.constraints.time_scaling import estimated_durations, scaled_to_limits
 from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Place, PlanStatus
 from tubeplanner.polyline import arc_lengths
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.fitted_spline import REST_POINTS, fitted_control_points, times_between
-from tubeplanner.trajectory.joint_trajectory import JointTrajectory, concatenate, from_spline
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory, concatenate, from_splines
 
 _DEGREE = 5
 # Configurations nearer to their neighbour than this share of the largest step carry no direction.
@@ -60,30 +60,43 @@ def stop_at_corners(
 
 
 def _fastest(problem: PlanningProblem, branch: ReferenceBranch, segment: int) -> JointTrajectory:
-    shapes = [_follow(problem, branch, segment, ramp) for ramp in _RAMP_SHARES]
-    fastest = min(shapes, key=lambda shape: estimated_duration(problem, shape))
+    shapes = _follow(problem, branch, segment)
+    fastest = shapes[int(estimated_durations(problem, shapes).argmin())]
     return scaled_to_limits(problem, fastest)
 
 
 def _follow(
-    problem: PlanningProblem, branch: ReferenceBranch, segment: int, ramp: float
-) -> JointTrajectory:
-    """Return the segment in one second, with as few knots as follow the branch closely."""
+    problem: PlanningProblem, branch: ReferenceBranch, segment: int
+) -> list[JointTrajectory]:
+    """Return the segment in one second for each ramp, each with as few knots as follow it closely.
+
+    All ramps are fitted at once: one by one, most of the time would go into calls.
+    """
     q = branch.segments[segment]
     available = _least_margins(problem, q, segment)
     close = available - _FIT_SHARE * _bounds(problem, segment)
     # Where the branch itself touches the wall, or leaves it by a rounding error, so may the fit.
     inside = np.minimum(available, 0.0) - _ON_THE_WALL
-    intervals, margin = _MIN_INTERVALS, np.array(-np.inf)
-    while intervals <= _MAX_INTERVALS:
-        shape = _fit(problem, q, segment, ramp, intervals)
-        samples = shape.per_piece(_FIT_POINTS_PER_INTERVAL).position
-        margin = _least_margins(problem, samples, segment)
-        if (margin > np.maximum(close, inside)).all():
-            return shape
+    shapes: dict[float, JointTrajectory] = {}
+    margins: dict[float, FloatArray] = {}
+    ramps, intervals = list(_RAMP_SHARES), _MIN_INTERVALS
+    while ramps and intervals <= _MAX_INTERVALS:
+        fitted = dict(zip(ramps, _fits(problem, q, segment, ramps, intervals), strict=True))
+        shapes.update(fitted)
+        margins.update(_margins_of_shapes(problem, fitted, segment))
+        ramps = [ramp for ramp in ramps if (margins[ramp] <= np.maximum(close, inside)).any()]
         intervals *= 2
-    if (margin > inside).all():  # not close to the branch, which has a sharp bend; but in the tube
-        return shape
+    for ramp in ramps:  # not close to the branch, which has a sharp bend; it may be in the tube
+        _require_inside(problem, margins[ramp], inside, segment)
+    return [shapes[ramp] for ramp in _RAMP_SHARES]
+
+
+def _require_inside(
+    problem: PlanningProblem, margin: FloatArray, inside: FloatArray, segment: int
+) -> None:
+    """Raise Infeasible unless the margins of a fit with the most knots are above their bounds."""
+    if (margin > inside).all():
+        return
     worst = int((inside - margin).argmax())
     unit, remedy = (("m", "the radius"), ("rad", "the rotation tolerance"))[worst]
     number = problem.tube.segment_number(segment)
@@ -93,6 +106,17 @@ def _follow(
         f"kinematics leaves the tube by {-margin[worst]:.3g} {unit}; widen {remedy}",
         Place(segment=number),
     )
+
+
+def _margins_of_shapes(
+    problem: PlanningProblem, shapes: Mapping[float, JointTrajectory], segment: int
+) -> dict[float, FloatArray]:
+    """Return the least margins of several shapes, by ramp, as `_least_margins`."""
+    margins = {}
+    for ramp, shape in shapes.items():
+        samples = shape.per_piece(_FIT_POINTS_PER_INTERVAL).position
+        margins[ramp] = _least_margins(problem, samples, segment)
+    return margins
 
 
 def _least_margins(problem: PlanningProblem, q: FloatArray, segment: int) -> FloatArray:
@@ -113,10 +137,10 @@ def _bounds(problem: PlanningProblem, segment: int) -> FloatArray:
     return bounds[np.isfinite(bounds)]
 
 
-def _fit(
-    problem: PlanningProblem, q: FloatArray, segment: int, ramp: float, intervals: int
-) -> JointTrajectory:
-    """Return the least-squares spline of one second along the configurations q, shape (P, n).
+def _fits(
+    problem: PlanningProblem, q: FloatArray, segment: int, ramps: list[float], intervals: int
+) -> list[JointTrajectory]:
+    """Return, for every ramp, the least-squares spline of one second along configurations (P, n).
 
     Control points are moved into the segment's joint bounds, which then hold for all t: a spline
     lies in the hull of its control points.
@@ -124,12 +148,15 @@ def _fit(
     breakpoints = (1 - np.cos(np.pi * np.arange(intervals + 1) / intervals)) / 2
     knots = np.concatenate([np.zeros(_DEGREE), breakpoints, np.ones(_DEGREE)])
     times = times_between(breakpoints, _FIT_POINTS_PER_INTERVAL)
-    wanted = _along(q)(_ramped(times, ramp))
-    points = fitted_control_points(knots, _DEGREE, times, wanted, (q[0], q[-1]))
+    along = _along(q)
+    wanted = np.hstack([along(_ramped(times, ramp)) for ramp in ramps])
+    start, goal = (np.tile(end, len(ramps)) for end in (q[0], q[-1]))
+    points = fitted_control_points(knots, _DEGREE, times, wanted, (start, goal))
     lower, upper = problem.joint_lower[segment], problem.joint_upper[segment]
     inner = slice(REST_POINTS, -REST_POINTS)
-    points[inner] = np.clip(points[inner], lower, upper)
-    return from_spline(problem.robot.joint_names, BSpline(knots, points, _DEGREE))
+    of_ramps = points.reshape(len(points), len(ramps), -1)
+    of_ramps[inner] = np.clip(of_ramps[inner], lower, upper)
+    return from_splines(problem.robot.joint_names, BSpline(knots, of_ramps, _DEGREE))
 
 
 def _along(q: FloatArray) -> CubicSpline:

@@ -26,6 +26,8 @@ _APART = 1e-5
 # to turn a sharp corner, where only a stop helps.
 _STILL, _TURNED = 1e-6, 1e-3
 _AT_END = 1e-9  # [m]
+# Newton's method doubles the digits with every step.
+_NEWTON_STEPS, _NEWTON_ROUNDING = 8, 1e-13
 _PROBES = (0.25, 0.5, 0.75)  # of every step
 
 
@@ -92,17 +94,49 @@ def follow(problem: PlanningProblem, branch: ReferenceBranch, curve: ToolCurve) 
 
 def arc_lengths_on_line(robot: RobotModel, line: ToolPath, distance: FloatArray) -> FloatArray:
     """Return the joint-space arc lengths at which the tool is at places (N,) on its line [m]."""
+    arc_lengths = np.where(distance > _AT_END, line.joints.duration, 0.0)
+    inner = np.flatnonzero((distance > _AT_END) & (distance < line.curve.length - _AT_END))
+    if len(inner):
+        found = _by_newton(robot, line, distance[inner])
+        slow = inner[np.isnan(found)]
+        arc_lengths[inner] = found
+        if len(slow):
+            arc_lengths[slow] = _by_bracketing(robot, line, distance[slow])
+    return arc_lengths
+
+
+def _by_newton(robot: RobotModel, line: ToolPath, distance: FloatArray) -> FloatArray:
+    """Return the arc lengths of places (N,) inside a line; NaN where a few steps do not do.
+
+    That is where the tool is slow for its joints, near a singular configuration.
+    """
+    start, direction = line.curve.start[0], line.curve.direction[0]
+    end = line.joints.duration
+    found = distance / line.curve.length * end
+    step = np.full(len(distance), np.nan)
+    for _ in range(_NEWTON_STEPS):
+        tool, jacobian = robot.tool_jacobian(line.joints.position(found))
+        gain = np.einsum("nij,nj,i->n", jacobian[:, :3], line.joints.velocity(found), direction)
+        excess = (tool - start) @ direction - distance
+        step = np.divide(excess, gain, out=np.full_like(gain, np.nan), where=gain > 0)
+        found = found - step
+        found[(found < 0) | (found > end)] = np.nan
+        if not (abs(step) > _NEWTON_ROUNDING * end).any():  # NaN is done, too
+            break
+    found[~(abs(step) <= _NEWTON_ROUNDING * end)] = np.nan
+    return found
+
+
+def _by_bracketing(robot: RobotModel, line: ToolPath, distance: FloatArray) -> FloatArray:
+    """Return the arc lengths of places (N,) inside a line, however slow the tool is there."""
     start, direction = line.curve.start[0], line.curve.direction[0]
 
     def excess(arc_length: FloatArray, distance: FloatArray) -> FloatArray:
         tool = robot.tool_position(line.joints.position(arc_length))
         return (tool - start) @ direction - distance
 
-    arc_lengths = np.where(distance > _AT_END, line.joints.duration, 0.0)
-    inner = np.flatnonzero((distance > _AT_END) & (distance < line.curve.length - _AT_END))
-    if len(inner):
-        ends = (np.zeros(len(inner)), arc_lengths[inner])
-        arc_lengths[inner] = elementwise.find_root(excess, ends, args=(distance[inner],)).x
+    ends = (np.zeros(len(distance)), np.full(len(distance), line.joints.duration))
+    arc_lengths: FloatArray = elementwise.find_root(excess, ends, args=(distance,)).x
     return arc_lengths
 
 

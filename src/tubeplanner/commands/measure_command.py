@@ -33,6 +33,13 @@ if TYPE_CHECKING:
     "--configurations", is_flag=True, help="Which signs of joints are reachable and free, instead."
 )
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the random numbers.")
+@click.option(
+    "--max-segments",
+    type=int,
+    default=20,
+    show_default=True,
+    help="Refuse a tube of more: each takes two to three seconds.",
+)
 @AS_JSON
 def measure(
     problem: str,
@@ -40,6 +47,7 @@ def measure(
     max_radius: float,
     configurations: bool,
     seed: int,
+    max_segments: int,
     as_json: bool,
 ) -> int:
     """Measure how wide the tube of PROBLEM may be: radii and joint ranges without a collision.
@@ -48,7 +56,7 @@ def measure(
     """
     from tubeplanner.measurement.measured_tube import MeasureOptions
 
-    options = MeasureOptions(max_radius, seed=seed)
+    options = MeasureOptions(max_radius, seed=seed, max_segments=max_segments)
     if configurations and output is not None:
         raise OptionError("--configurations compares and writes no file; leave out one of them")
     if configurations:

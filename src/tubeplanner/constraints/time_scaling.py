@@ -1,6 +1,6 @@
 """The shortest duration of a fixed shape: how much faster all its limits let it be run."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -79,7 +79,12 @@ def minimum_duration(
 
 
 def estimated_duration(problem: PlanningProblem, trajectory: JointTrajectory) -> float:
-    """Return a quick estimate of `minimum_duration` [s], to choose between shapes.
+    """Return a quick estimate of `minimum_duration` [s], as `estimated_durations`."""
+    return float(estimated_durations(problem, [trajectory])[0])
+
+
+def estimated_durations(problem: PlanningProblem, shapes: Sequence[JointTrajectory]) -> FloatArray:
+    """Return quick estimates of the `minimum_duration` of S shapes, to choose from: (S,) [s].
 
     Velocity, acceleration and jerk are bounded from above; others are not refined between samples.
 
@@ -87,9 +92,14 @@ def estimated_duration(problem: PlanningProblem, trajectory: JointTrajectory) ->
         Infeasible: Status gravity_exceeds_effort.
     """
     rates, others = rates_and_others(speed_limits(problem))
-    samples = trajectory.per_piece(_SAMPLES_PER_PIECE // 2)
-    sampled = float(_held_factor(problem, others, samples, None).min())
-    return trajectory.duration / min(_rate_factor(rates, trajectory, _hull_peaks), sampled)
+    parts = [shape.per_piece(_SAMPLES_PER_PIECE // 2) for shape in shapes]
+    first = np.cumsum([0, *(len(part.time) for part in parts[:-1])])
+    names = ("position", "velocity", "acceleration")
+    known = tuple(np.concatenate([getattr(part, name) for part in parts]) for name in names)
+    sampled = np.minimum.reduceat(_held_factor(problem, others, known, None), first)
+    polynomial = [_rate_factor(rates, shape, _hull_peaks) for shape in shapes]
+    duration = np.array([shape.duration for shape in shapes])
+    return duration / np.minimum(polynomial, sampled)
 
 
 def scaled_to_limits(
@@ -143,7 +153,7 @@ def _least(
     """Return the smallest factor over time, its valleys refined between samples."""
     samples = trajectory.per_piece(_SAMPLES_PER_PIECE)
     own = None if segments is None else np.repeat(segments, _SAMPLES_PER_PIECE)
-    factor = _held_factor(problem, limits, samples, own)
+    factor = _held_factor(problem, limits, _known(samples), own)
     least = float(factor.min())
     if not np.isfinite(least):
         return least
@@ -151,20 +161,23 @@ def _least(
     def negative(time: FloatArray) -> FloatArray:
         piece = np.searchsorted(trajectory.breakpoints[1:-1], time, side="right")
         own = None if segments is None else segments[piece]
-        return -_held_factor(problem, limits, trajectory.at(time), own)
+        return -_held_factor(problem, limits, _known(trajectory.at(time)), own)
 
     highest, _ = refined_maximum(negative, samples.time, -factor, band=_VALLEY_SHARE * least)
     return -highest
 
 
+def _known(samples: TrajectorySamples) -> tuple[FloatArray, FloatArray, FloatArray]:
+    return samples.position, samples.velocity, samples.acceleration
+
+
 def _held_factor(
     problem: PlanningProblem,
     limits: tuple[SpeedLimit, ...],
-    samples: TrajectorySamples,
+    known: tuple[FloatArray, ...],
     segment: IntArray | None,
 ) -> FloatArray:
     """Return the smallest factor of each sample, (N,), each of which the motors can hold."""
-    known = (samples.position, samples.velocity, samples.acceleration)
     at = _samples(problem, known, segment)
     found = np.full(len(at), np.inf)
     for limit in limits:

@@ -8,9 +8,11 @@ import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.trajectory.joint_trajectory import JointTrajectory
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
+from tubeplanner.tube.compulsory_points import passing_radius
 from tubeplanner.tube.tube import Tube
 from tubeplanner.verification.switching_samples import best_switching_samples
+from tubeplanner.verification.verification import judged_visits
 
 _SAMPLES_PER_PIECE = 65
 _MAX_STEP = 0.25  # of the reference path, from one sample to the next
@@ -28,22 +30,25 @@ def membership_margin(problem: PlanningProblem, q: FloatArray) -> FloatArray:
     tool = problem.tube.margin(position)
     if problem.tube.rotation is not None:
         tool = np.minimum(tool, problem.tube.rotation_margin(rotation, position))
-    joint_margin = np.minimum(q[:, None] - problem.joint_lower, problem.joint_upper - q[:, None])
-    return np.minimum(tool, joint_margin.min(axis=2))
+    # Most segments ask the same of the joints: hundreds of them have a few bounds.
+    lower, upper, bounds_of = problem.distinct_joint_bounds
+    joint_margin = np.minimum(q[:, None] - lower, upper - q[:, None]).min(axis=2)
+    return np.minimum(tool, joint_margin[:, bounds_of])
 
 
-def current_segments(problem: PlanningProblem, q: FloatArray) -> IntArray:
-    """Return the segments to which N configurations in order belong, shape (N,).
+def current_segments(
+    problem: PlanningProblem, trajectory: JointTrajectory, samples: TrajectorySamples
+) -> IntArray:
+    """Return the segments in which samples of a trajectory count, shape (N,).
 
-    The switching times are those with the largest margin.
+    The switching times are the judge's. The samples could not tell: between two of them the tool
+    may pass whole segments.
     """
     joined = problem.joined
-    margin = membership_margin(joined, q)
-    if joined.tube.visit == "any":
-        segment = margin.argmax(axis=1)
-    else:
-        segment = np.searchsorted(best_switching_samples(margin), np.arange(len(q)), side="left")
-    return segment if joined is problem else _nearest_parts(problem, joined.tube, q, segment)
+    visits = judged_visits(joined, trajectory)
+    ends = [visit.end for visit in visits[:-1]]
+    segment = np.array([visit.segment for visit in visits])[np.searchsorted(ends, samples.time)]
+    return segment if joined is problem else _nearest_parts(problem, joined.tube, samples, segment)
 
 
 def nearest_segments(problem: PlanningProblem, tool: FloatArray) -> IntArray:
@@ -53,14 +58,14 @@ def nearest_segments(problem: PlanningProblem, tool: FloatArray) -> IntArray:
 
 
 def _nearest_parts(
-    problem: PlanningProblem, joined: Tube, q: FloatArray, segment: IntArray
+    problem: PlanningProblem, joined: Tube, samples: TrajectorySamples, segment: IntArray
 ) -> IntArray:
-    """Return which of the parts of joined segments (N,) the tools of N configurations are nearest.
+    """Return which of the parts of joined segments (N,) the tools of N samples are nearest.
 
     The parts are the problem's own segments.
     """
     ends = np.searchsorted(problem.tube.numbers, joined.numbers)
-    distance = problem.tube.distance(problem.robot.tool_position(q))
+    distance = problem.tube.distance(problem.robot.tool_position(samples.position))
     part = np.arange(problem.tube.segment_count)
     is_other = (part < ends[segment, None]) | (part >= ends[segment + 1, None])
     nearest: IntArray = np.where(is_other, np.inf, distance).argmin(axis=1)
@@ -115,13 +120,31 @@ def segments_reached(
 
 
 def _following(segments: BoolArray, now: BoolArray, passable: BoolArray) -> BoolArray:
-    """Return the segments (N, m) that may follow some, of those the next sample is in."""
-    following = segments & now
-    before = segments[:, 0]  # that may have been reached before the next sample
-    for k in range(1, now.shape[1]):
-        following[:, k] |= now[:, k] & (before | following[:, k - 1])
-        before = segments[:, k] | (before & passable[k])
-    return following
+    """Return the segments (N, m) that may follow some, of those the next sample is in.
+
+    Args:
+        segments: In which the sample before may be: bool, shape (N, m).
+        now: In which the next sample is: bool, shape (N, m).
+        passable: Which segments may be passed between two samples: bool, shape (m,).
+    """
+    # That may have been reached before the next sample, and left.
+    left = _carried(segments, np.broadcast_to(passable, segments.shape))
+    entered = now & segments
+    entered[:, 1:] |= now[:, 1:] & left[:, :-1]
+    return _carried(entered, now)
+
+
+def _carried(begun: BoolArray, open_: BoolArray) -> BoolArray:
+    """Return where something is that begins in some columns and goes on through open ones.
+
+    The recursion `carried[k] = begun[k] | (open_[k] & carried[k-1])` along the rows of (N, m): the
+    last beginning is not before the last column that is not open.
+    """
+    column = np.arange(begun.shape[1])
+    last_begun = np.maximum.accumulate(np.where(begun, column, -1), axis=1)
+    last_shut = np.maximum.accumulate(np.where(open_, -1, column), axis=1)
+    carried: BoolArray = (last_begun >= 0) & (last_begun >= last_shut)
+    return carried
 
 
 def first_departure(
@@ -147,6 +170,28 @@ def first_departure(
     if not outside.any():
         return None
     return int(outside.argmax()) // _SAMPLES_PER_PIECE
+
+
+def may_pass_points(problem: PlanningProblem, trajectory: JointTrajectory) -> bool:
+    """Return whether a trajectory may pass every compulsory point, at any time.
+
+    Judged at 65 samples per piece, nearer by the steps beside them: too lenient, never too strict.
+
+    Args:
+        problem: The planning problem.
+        trajectory: Of the problem's joints.
+    """
+    tube = problem.tube
+    if len(tube.compulsory_points) == 0:
+        return True
+    tool = problem.robot.tool_position(trajectory.per_piece(_SAMPLES_PER_PIECE).position)
+    step = np.linalg.norm(np.diff(tool, axis=0), axis=1)
+    reach = np.maximum(np.append(step, 0.0), np.append(0.0, step))
+    radius = passing_radius(tube.effective_radius)
+    return all(
+        (np.linalg.norm(tool - tube.points[k], axis=1) - reach).min() <= radius[k - 1]
+        for k in tube.compulsory_points
+    )
 
 
 def worst_membership(problem: PlanningProblem, trajectory: JointTrajectory) -> float:

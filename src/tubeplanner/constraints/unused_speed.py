@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from tubeplanner.constraints.time_scaling import scaling_factor
+from tubeplanner.constraints.path_samples import PathSamples
+from tubeplanner.constraints.speed_limits import largest_speeds, speed_limits
 from tubeplanner.constraints.tube_membership import current_segments
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
@@ -23,8 +24,8 @@ def unused_speed(problem: PlanningProblem, trajectory: JointTrajectory) -> float
     """
     time = (np.arange(_SAMPLES) + 0.5) * trajectory.duration / _SAMPLES
     at = trajectory.at(time)
-    known = (at.position, at.velocity, at.acceleration, trajectory.jerk(time))
-    segment = current_segments(problem, at.position)
-    factor = scaling_factor(problem, *known, segment=segment)
+    known = np.stack([at.position, at.velocity, at.acceleration, trajectory.jerk(time)])
+    samples = PathSamples(problem, known, lambda: current_segments(problem, trajectory, at))
+    factor = largest_speeds(samples, speed_limits(problem))
     with np.errstate(divide="ignore"):
         return float(np.mean(1 - 1 / np.maximum(factor, 1.0)))

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
+from tubeplanner.errors import OptionError
 from tubeplanner.options import require_between, require_count
 from tubeplanner.outcome import Place, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem
@@ -22,16 +23,32 @@ class MeasureOptions:
         samples: How many configurations of a segment the last counterexample search draws without
             finding a collision. Time is proportional.
         seed: Of the random numbers: the same seed gives the same tube.
+        max_segments: A tube of more segments is refused: each of them takes two to three seconds.
     """
 
     max_radius: float = 0.2
     samples: int = 12_000
     seed: int = 0
+    max_segments: int = 20
 
     def __post_init__(self) -> None:
         require_between(self, 0, np.inf, "max_radius", unit="m")
         require_count(self, 1, "samples")
         require_count(self, 0, "seed")
+        require_count(self, 1, "max_segments")
+
+    def require_few(self, count: int) -> None:
+        """Raise unless a tube has few enough segments to be measured.
+
+        Raises:
+            OptionError: It has more than `max_segments`.
+        """
+        if count > self.max_segments:
+            raise OptionError(
+                f"measure: {count} segments; at most {self.max_segments} are measured, at two to "
+                "three seconds each: measure a part of the path, leave out points where it hardly "
+                "turns, or allow more (max_segments, --max-segments)"
+            )
 
 
 @dataclass(frozen=True, eq=False)

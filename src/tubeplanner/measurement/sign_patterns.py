@@ -101,8 +101,12 @@ def survey_patterns(
         problem: The planning problem.
         options: How to measure.
         progress: Called as each pattern begins.
+
+    Raises:
+        OptionError: There are too many segments.
     """
     options = options or MeasureOptions()
+    options.require_few(problem.tube.segment_count)
     names = [problem.robot.joint_names[joint] for joint in folding_joints(problem.robot)]
     patterns = [dict(zip(names, signs, strict=True)) for signs in product("+-", repeat=len(names))]
     rows = []

@@ -58,7 +58,8 @@ def measure_tube(
     such that in all configurations with the tool in that capsule and the joints in those ranges
     everything keeps clear, as far as a counterexample search over many configurations can tell.
     Where a radius can only grow at the cost of a range, the needs of a fast trajectory decide. The
-    problem's own radii do not count; its joint signs do.
+    problem's own radii do not count; its joint signs do. Where there are more segments than the
+    options allow, those on one line that ask the same are measured as one.
 
     Args:
         problem: The planning problem.
@@ -70,7 +71,7 @@ def measure_tube(
         collide.)
 
     Raises:
-        OptionError: The largest radius is not above the tool radius.
+        OptionError: The largest radius is not above the tool radius, or the segments are too many.
         ProblemError: The start or the goal is farther from the tube than the largest radius.
     """
     options = options or MeasureOptions()
@@ -81,17 +82,21 @@ def measure_tube(
             f"{tube.tool_radius:g} m"
         )
     clock = PlanningClock(None, progress)
-    widest = problem.with_tube(tube.with_radius(options.max_radius))
+    whole = problem if tube.segment_count <= options.max_segments else problem.joined
+    options.require_few(whole.tube.segment_count)
+    widest = whole.with_tube(whole.tube.with_radius(options.max_radius))
     try:
-        segments = _segments_of_some_branch(widest, options, clock)
+        found = _segments_of_some_branch(widest, options, clock)
     except Infeasible as reason:
         return TubeMeasurement(
             reason.status, str(reason), reason.place, measuring_time=clock.elapsed
         )
+    # Of joined segments, each part has what was measured for all.
+    segments = tuple(found[k] for k in np.searchsorted(whole.tube.numbers, tube.numbers[1:]) - 1)
     radii = np.array([segment.radius for segment in segments])
     ranges = tuple(segment.joint_ranges for segment in segments)
     measured = problem.with_tube(replace(tube, radius=radii, joint_signs=ranges))
-    shown_radii = ", ".join(f"{1000 * radius:.1f}" for radius in radii)
+    shown_radii = ", ".join(f"{1000 * segment.radius:.1f}" for segment in found)
     message = f"no collision found within radii of {shown_radii} mm and the joint ranges"
     return TubeMeasurement(PlanStatus.SUCCESS, message, Place(), segments, measured, clock.elapsed)
 
@@ -292,7 +297,8 @@ class BranchNeighbourhood:
             return found
         place = _place(self._problem, k, found.q, self._pair_clearance.pairs[found.pair])
         message = (
-            f"there is no free space around the branch in segment {k}: within its own joint ranges "
+            f"there is no free space around the branch in segment {place.segment}: within its own "
+            "joint ranges "
             f"{place}, {-1000 * found.clearance:.1f} mm too close; split the segment by another "
             "reference point, or move it"
         )
@@ -313,8 +319,9 @@ def _require_clearance(
     if least <= 0:
         place = _place(problem, k, q[worst], clearance.pairs[found.pair[worst]])
         message = (
-            f"the arm collides on the centre line of segment {k}: {place}, {-1000 * least:.1f} mm "
-            "too close; move the reference points or choose another configuration"
+            f"the arm collides on the centre line of segment {place.segment}: {place}, "
+            f"{-1000 * least:.1f} mm too close; move the reference points or choose another "
+            "configuration"
         )
         raise Infeasible(PlanStatus.TUBE_BLOCKED, message, place)
     return least
@@ -360,5 +367,6 @@ def _place(
     problem: PlanningProblem, k: int, q: FloatArray, pair: Any, joint: str | None = None
 ) -> Place:
     links, obstacle = problem.collision.owners(pair)
-    place = Place(joint=joint, segment=k, links=links, obstacle=obstacle)
+    number = problem.tube.segment_number(k)
+    place = Place(joint=joint, segment=number, links=links, obstacle=obstacle)
     return place.at(problem.robot.tool_position(q[None])[0])

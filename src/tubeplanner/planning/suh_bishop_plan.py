@@ -2,6 +2,9 @@
 
 from dataclasses import replace
 
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
 from tubeplanner.branches.known_branches import KnownBranches
 from tubeplanner.branches.reference_branch import ReferenceBranch, redundancy_rules
 from tubeplanner.constraints.time_scaling import scaled_to_limits
@@ -13,6 +16,7 @@ from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, Progress, StoppedBy, until_stopped
 from tubeplanner.suh_bishop.knot_trajectory import KnotTrajectory
 from tubeplanner.suh_bishop.suh_bishop import SuhBishop
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.verification.certificate import Certificate
 from tubeplanner.waypoint_search.branch_and_bound import BranchAndBound
 from tubeplanner.waypoint_search.candidate_waypoints import candidate_waypoints
@@ -62,8 +66,7 @@ def _along(
     if search.best is None and stopped_by == "interrupt":
         return stopped_result(clock, stopped_by, SUH_BISHOP)
     if search.best is None or search.certificate is None:
-        # Raises if gravity alone is too strong somewhere along the branch.
-        scaled_to_limits(problem, sequential_quartics(problem.robot.joint_names, waypoints))
+        _require_held(problem, waypoints)
         nothing = _nothing_found(search, options, stopped_by)
         return replace(nothing, search=search.statistics, stopped_by=stopped_by)
     knots = waypoints[list(search.best_waypoints)]
@@ -86,6 +89,16 @@ def _along(
         phase_two=statistics,
         stopped_by=stopped_by,
     )
+
+
+def _require_held(problem: PlanningProblem, waypoints: FloatArray) -> None:
+    """Raise Infeasible if gravity alone is too strong on the joint lines between waypoints (M, n).
+
+    Not on quartics through all of them: those swing ever farther, and soon beyond all numbers.
+    """
+    rows = [np.diff(waypoints, axis=0), waypoints[:-1]]
+    lines = JointTrajectory(problem.robot.joint_names, np.arange(len(waypoints)), rows)
+    scaled_to_limits(problem, lines)
 
 
 def _phase_two(

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from tubeplanner.arrays import FloatArray, read_only
+from tubeplanner.arrays import FloatArray, IntArray, read_only
 from tubeplanner.collision.collision_checker import CollisionChecker
 from tubeplanner.collision.collision_scene import CollisionScene
 from tubeplanner.collision.obstacle import MAX_SIZE, AttachedSolid, Obstacle
@@ -86,6 +86,19 @@ class PlanningProblem:
         """The robot's links and the obstacles, ready to be checked."""
         assert self._scene is not None
         return self._scene.checker
+
+    @cached_property
+    def distinct_joint_bounds(self) -> tuple[FloatArray, FloatArray, IntArray]:
+        """The different rows of `joint_lower` and `joint_upper`, and which each segment has.
+
+        Lower and upper bounds, (u, n) each, and a row for each of m segments, (m,).
+        """
+        both = np.hstack([self.joint_lower, self.joint_upper])
+        rows, bounds_of = np.unique(both, axis=0, return_inverse=True)
+        lower, upper = map(read_only, np.hsplit(rows, 2))
+        bounds_of = bounds_of.ravel()
+        bounds_of.setflags(write=False)
+        return lower, upper, bounds_of
 
     @cached_property
     def joined(self) -> "PlanningProblem":

@@ -24,7 +24,8 @@ from tubeplanner.problem.problem_format import (
 from tubeplanner.resources import find_description, find_mesh, find_problem
 from tubeplanner.robot.joint_limits import LimitOverrides
 from tubeplanner.robot.pinocchio_model import Payload, ToolOffset
-from tubeplanner.robot.robot_model import RobotModel, load_robot
+from tubeplanner.robot.robot_loader import load_robot
+from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.robot.srdf import read_allowed_pairs
 from tubeplanner.tube.tube import Tube
 

@@ -63,7 +63,7 @@ def trajectory_measures(
     middles = (np.arange(_SAMPLES) + 0.5) / _SAMPLES * trajectory.duration
     samples = trajectory.at(middles)
     tool = problem.robot.tool_position(samples.position)
-    segment = current_segments(problem, samples.position)
+    segment = current_segments(problem, trajectory, samples)
     return TrajectoryMeasures(
         smoothness,
         peak,

@@ -5,11 +5,12 @@ power first, local time from 0 to the width of the piece.
 """
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from scipy.special import comb
 
-from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.arrays import FloatArray, IntArray, read_only
 
 # Halvings after which a piece is not cut further: its width is then 1e-12 of the original.
 _MAX_HALVINGS = 40
@@ -51,7 +52,7 @@ def bernstein_coefficients(
     for power in range(degree + 1):
         # Taylor coefficient about the start: sum over k of C(k, power) start^(k - power) c_k.
         orders = np.arange(power, degree + 1)
-        factors = comb(orders, power)[:, None] * start ** (orders - power)[:, None]
+        factors = _binomials(degree)[power:, power, None] * start ** (orders - power)[:, None]
         scaled[power] = np.einsum("kp,kpn->pn", factors, ascending[power:])
         scaled[power] *= (width**power)[:, None]
     return np.einsum("bk,kpn->bpn", _power_to_bernstein(degree), scaled)
@@ -111,7 +112,16 @@ def peak_magnitudes(coefficients: FloatArray, widths: FloatArray) -> Extrema:
     return Extrema(both.value[chosen], both.piece[chosen], both.local_time[chosen])
 
 
+@cache
+def _binomials(degree: int) -> FloatArray:
+    """Return the numbers C(i, j) for i and j from 0 to a degree, (k+1, k+1)."""
+    i, j = np.mgrid[: degree + 1, : degree + 1]
+    return read_only(comb(i, j))
+
+
+@cache
 def _power_to_bernstein(degree: int) -> FloatArray:
     """Return the matrix from powers of u on [0, 1] to Bernstein coefficients, (k+1, k+1)."""
-    i, j = np.mgrid[: degree + 1, : degree + 1]
-    return np.where(j <= i, comb(i, j) / comb(degree, j), 0.0)
+    binomials = _binomials(degree)
+    # 0 above the diagonal, as C(i, j) is.
+    return read_only(binomials / binomials[-1])

@@ -325,7 +325,16 @@ def concatenate(parts: Sequence[JointTrajectory]) -> JointTrajectory:
 
 def from_spline(joint_names: Sequence[str], spline: BSpline) -> JointTrajectory:
     """Return a B-spline with control points of shape (K, n), clamped and starting at time 0."""
-    breakpoints = np.unique(spline.t)
-    powers = np.arange(spline.k, -1, -1)
-    rows = [spline.derivative(power)(breakpoints[:-1]) / factorial(power) for power in powers]
-    return JointTrajectory(joint_names, breakpoints, rows)
+    return from_splines(joint_names, BSpline(spline.t, spline.c[:, None], spline.k))[0]
+
+
+def from_splines(joint_names: Sequence[str], splines: BSpline) -> list[JointTrajectory]:
+    """Return the S B-splines with control points of shape (K, S, n), as `from_spline`."""
+    breakpoints, degree = np.unique(splines.t), splines.k
+    powers = np.arange(degree, -1, -1)
+    rows = [splines.derivative(power)(breakpoints[:-1]) / factorial(power) for power in powers]
+    coefficients = np.array(rows)
+    return [
+        JointTrajectory(joint_names, breakpoints, coefficients[:, :, k])
+        for k in range(coefficients.shape[2])
+    ]

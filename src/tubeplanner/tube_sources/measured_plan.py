@@ -20,6 +20,8 @@ from tubeplanner.tube_sources.reference_tube import reference_tube
 from tubeplanner.tube_sources.tool_corners import ToolCorners, with_another_corner
 
 _MAX_PARTINGS = 4
+# A segment takes one to two seconds with as few samples as `route` and `teach` draw.
+MAX_CORNER_SEGMENTS = 40
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +76,12 @@ def measured_plan(
                 raise
             corners = finer
     return _measured(in_tube(problem, corners, band, options.max_radius), options, enter)
+
+
+def measure_options(max_radius: float, samples: int, seed: int) -> MeasureOptions:
+    """Return how the tube around corners is measured; all of them, and those added to them."""
+    most = MAX_CORNER_SEGMENTS + _MAX_PARTINGS
+    return MeasureOptions(max_radius, samples, seed, max_segments=most)
 
 
 def in_tube(

@@ -9,14 +9,18 @@ from collections.abc import Callable
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import ProblemError
-from tubeplanner.measurement.measured_tube import MeasureOptions
 from tubeplanner.outcome import Infeasible
 from tubeplanner.planning.plan_options import PlanOptions
 from tubeplanner.planning.planner import plan
 from tubeplanner.problem.problem import PlanningProblem, Seed
 from tubeplanner.tube_sources.goal_configurations import goal_configurations
 from tubeplanner.tube_sources.joint_route import require_ompl
-from tubeplanner.tube_sources.measured_plan import MeasuredPlan, in_tube, measured_plan
+from tubeplanner.tube_sources.measured_plan import (
+    MeasuredPlan,
+    in_tube,
+    measure_options,
+    measured_plan,
+)
 from tubeplanner.tube_sources.route_candidates import (
     RouteCandidate,
     RouteOptions,
@@ -86,7 +90,7 @@ class _RouteFinder:
         goals = goal_configurations(self._problem, start, options.seed)
         routes = route_candidates(self._problem, start, goals, options, self._enter)
         best, first, measured = None, None, 0
-        how = MeasureOptions(options.max_radius, options.samples, options.seed)
+        how = measure_options(options.max_radius, options.samples, options.seed)
         for route, enough in self._fastest_first(routes[:_MAX_COMPARED]):
             try:
                 found = measured_plan(

@@ -7,12 +7,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.measurement.measured_tube import MeasureOptions
+from tubeplanner.errors import OptionError
 from tubeplanner.options import require_between, require_count
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.tube_sources.free_space import FreeSpace
-from tubeplanner.tube_sources.measured_plan import MeasuredPlan, measured_plan
+from tubeplanner.tube_sources.measured_plan import (
+    MAX_CORNER_SEGMENTS,
+    MeasuredPlan,
+    measure_options,
+    measured_plan,
+)
 from tubeplanner.tube_sources.tool_corners import ToolCorners, tool_corners
 from tubeplanner.tube_sources.trail import MIN_MOVE, moving_part, without_ways_back
 from tubeplanner.tube_sources.tube_answer import TubeAnswer, answer_of
@@ -60,7 +65,8 @@ def teach(
 
     Raises:
         TrajectoryError: The trail does not move, or comes back the way it went.
-        OptionError: The largest radius is not above the tool radius.
+        OptionError: The largest radius is not above the tool radius, or the deviation is so small
+            that the trail becomes too many segments.
     """
     options, enter = options or TeachOptions(), progress or (lambda stage: None)
     begin = time.perf_counter()
@@ -76,16 +82,28 @@ def teach(
         "(no tube can ask for it; record two trails to have the tool go there)"
         for turn in turns
     ]
-    how = MeasureOptions(options.max_radius, options.samples, options.seed)
+    how = measure_options(options.max_radius, options.samples, options.seed)
     found: MeasuredPlan | Infeasible
     try:
         space = FreeSpace(problem, 0.0, moving[[0, -1]])
         corners = _corners(problem, space, moving, options.deviation)
+        _require_few(corners, options.deviation)
         found = measured_plan(problem, space, corners, options.band, how, enter)
         notes += _left_by_trail(found.problem, moving)
     except Infeasible as reason:
         found = reason
     return answer_of(found, notes=tuple(notes), search_time=time.perf_counter() - begin)
+
+
+def _require_few(corners: ToolCorners, deviation: float) -> None:
+    """Raise unless the corners of a trail make few enough segments to be measured."""
+    count = len(corners.parts)
+    if count > MAX_CORNER_SEGMENTS:
+        raise OptionError(
+            f"deviation is {deviation:g} m, at which the trail becomes {count} segments; at most "
+            f"{MAX_CORNER_SEGMENTS} are measured, at one to two seconds each: choose a larger "
+            "deviation, or cut the trail into parts"
+        )
 
 
 def _left_by_trail(problem: PlanningProblem, trail: FloatArray) -> list[str]:

@@ -29,6 +29,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray, read_only
 from tubeplanner.errors import ProblemError, unknown_name
+from tubeplanner.tube.compulsory_points import passing_radius
 from tubeplanner.tube.joint_ranges import JointSign
 from tubeplanner.tube.tube import Tube
 
@@ -150,6 +151,8 @@ def tube_from_zones(
     Returns:
         A tube with three reference points at every corner that has a zone z, the corner itself and
         one z/4 before and behind it. Beside the corner the radius is 3/4 z, elsewhere `accuracy`.
+        Where the lines turn back by more than 150 degrees, the point is compulsory (see `Tube`):
+        the tool passes it within 3/4 z, nearer than a controller might.
 
     Raises:
         ProblemError: A name, count or number is wrong, a zone does not fit on its lines, or the
@@ -184,8 +187,9 @@ def zones_of_tube(tube: Tube, controller: str) -> ZonedPath:
     """Return the largest zones with which a controller stays in the tube.
 
     Reference points without a turn are no points of the program. No zone passes the middle of a
-    line. Only the capsules of both lines of a corner count; where they overlap far, out and back
-    the same way, the tube lets the tool turn round early, and so does the zone.
+    line. Only the capsules of both lines of a corner count. Points that the tool must pass are
+    passed: where the tube turns back, the zone ends where the chord across it, or the parabola, is
+    a radius away from the point; beside a point on a line, a radius beyond the point.
 
     Args:
         tube: Where the tool may be; rotation tolerances and joint signs do not matter here.
@@ -205,6 +209,7 @@ def zones_of_tube(tube: Tube, controller: str) -> ZonedPath:
         lengths = np.linalg.norm([first - corner, last - corner], axis=1)
         available = 0.5 * float(lengths.min()) - (0.0 if rules.half else _APART)
         walls = slice(ends[k - 1], ends[k + 1])
+        available = min(available, _passing(tube, walls, ends[k], rules.blend))
         zones.append(_zone(rules, _largest(tube, walls, ends[k], rules.blend, available)))
     return ZonedPath(read_only(tube.points[ends]), tuple(zones))
 
@@ -277,6 +282,29 @@ def _directions(points: FloatArray) -> FloatArray:
     """Return the unit vectors along the lines between points (m+1, 3), shape (m, 3)."""
     directions = np.diff(points, axis=0)
     return directions / np.linalg.norm(directions, axis=1)[:, None]
+
+
+def _passing(tube: Tube, walls: slice, corner: int, blend: str) -> float:
+    """Return up to which zone [m] blends pass the compulsory points on both lines of a corner.
+
+    The chord of a zone z passes the corner at z cos(p/2), p being the angle between the lines; the
+    parabola at half of that; no blend in the triangle with less to go on either side is farther
+    away. A point on a line is passed until the line is left, which is a radius later at most.
+    """
+    here, passing = tube.points[corner], passing_radius(tube.effective_radius)
+    most = np.inf
+    for point in tube.compulsory_points:
+        if not walls.start < point < walls.stop:
+            continue
+        radius = float(passing[point - 1])
+        if point == corner:
+            axes = tube.points[[walls.start, walls.stop]] - here
+            axes /= np.linalg.norm(axes, axis=1)[:, None]
+            share = np.linalg.norm(axes.sum(axis=0)) / (4 if blend == "parabola" else 2)
+            most = min(most, radius / max(float(share), _ROUNDING))
+        else:
+            most = min(most, float(np.linalg.norm(tube.points[point] - here)) + radius)
+    return most
 
 
 def _largest(tube: Tube, walls: slice, corner: int, blend: str, available: float) -> float:

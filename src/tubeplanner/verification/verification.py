@@ -11,6 +11,7 @@ from tubeplanner.verification.certificate import Certificate
 from tubeplanner.verification.conditions import JUDGED, SEGMENT_MARGINS
 from tubeplanner.verification.judged_condition import Tolerance
 from tubeplanner.verification.judged_motion import JudgedMotion
+from tubeplanner.verification.tube_visits import Visit
 
 
 def verify(
@@ -39,3 +40,14 @@ def verify(
     motion = JudgedMotion(problem.joined, trajectory, tolerance, SEGMENT_MARGINS)
     conditions = {name: judge(motion) for name, judge in JUDGED.items()}
     return Certificate(conditions, tolerance, problem.collision.left_out)
+
+
+def judged_visits(problem: PlanningProblem, trajectory: JointTrajectory) -> list[Visit]:
+    """Return when a trajectory is in which segment, as `verify` judges it.
+
+    Args:
+        problem: The planning problem; the segments are those of `PlanningProblem.joined`.
+        trajectory: Of the problem's joints, in any order.
+    """
+    trajectory = trajectory.reordered(problem.robot.joint_names)
+    return JudgedMotion(problem.joined, trajectory, Tolerance(), SEGMENT_MARGINS).visits

@@ -23,6 +23,7 @@ _MAIN: dict[str, Any] = {"color": "#D55E00", "linewidth": 1.6}
 _SAMPLES, _MIN_PER_PIECE = 800, 4
 _MAX_FACTOR = 3.0  # more than so many times faster is drawn as that
 _MAX_LABELS = 8
+_MAX_MARKED = 24  # segments one by one; more of them as groups, of which each has a label
 _LONG_LABEL, _SHORT_LABEL = 0.2, 0.1  # shares of the duration that a label needs
 _MARGIN = 0.08
 
@@ -55,10 +56,18 @@ class TrajectoryCurves:
 
     @property
     def visits(self) -> list[tuple[int, float, float]]:
-        """The visits of segments in turn: segment, begin and end [s]."""
-        time, segment = self.samples.time, self.segment
-        ends = [0, *(np.flatnonzero(np.diff(segment)) + 1).tolist(), len(time) - 1]
-        return [(int(segment[a]), float(time[a]), float(time[b])) for a, b in pairwise(ends)]
+        """The visits of groups of segments in turn: group, begin and end [s].
+
+        A group is `segments_per_group` segments: of hundreds, nothing could be seen one by one.
+        """
+        time, group = self.samples.time, self.segment // self.segments_per_group
+        ends = [0, *(np.flatnonzero(np.diff(group)) + 1).tolist(), len(time) - 1]
+        return [(int(group[a]), float(time[a]), float(time[b])) for a, b in pairwise(ends)]
+
+    @property
+    def segments_per_group(self) -> int:
+        """How many segments one after the other are marked as one."""
+        return segments_per_group(self.problem.tube.segment_count)
 
 
 def trajectory_curves(problem: PlanningProblem, trajectory: JointTrajectory) -> TrajectoryCurves:
@@ -68,7 +77,7 @@ def trajectory_curves(problem: PlanningProblem, trajectory: JointTrajectory) -> 
     samples = trajectory.per_piece(max(_MIN_PER_PIECE, _SAMPLES // pieces))
     q, v, a = samples.position, samples.velocity, samples.acceleration
     rotation, tool, jacobian = robot.tool_pose_jacobian(q)
-    segment = current_segments(problem, q)
+    segment = current_segments(problem, trajectory, samples)
     turned = None
     if tube.rotation is not None:
         error = tube.rotation.error(rotation, tool, segment)
@@ -176,25 +185,38 @@ def draw_tube_use(axis: "Axes", curves: TrajectoryCurves) -> None:
 def mark_segments(axis: "Axes", curves: TrajectoryCurves, *, labels: bool = False) -> None:
     """Shade a panel over time by the segments that the tool is in, and name them if asked."""
     visits = curves.visits
-    for segment, begin, end in visits:
-        axis.axvspan(begin, end, color=segment_color(segment), alpha=0.10, linewidth=0, zorder=0)
+    for group, begin, end in visits:
+        axis.axvspan(begin, end, color=segment_color(group), alpha=0.10, linewidth=0, zorder=0)
         if begin > 0:
             axis.axvline(begin, color="#888888", linewidth=0.8, linestyle=":")
         if labels and len(visits) <= _MAX_LABELS:
-            radius = 1000 * curves.problem.tube.effective_radius[segment]
-            share = (end - begin) / curves.samples.time[-1]
-            name = f"segment {segment}" if share > _LONG_LABEL else str(segment)
-            axis.text(
-                (begin + end) / 2,
-                1.01,
-                f"{name}: {radius:.3g} mm" if share > _SHORT_LABEL else name,
-                transform=axis.get_xaxis_transform(),
-                ha="center",
-                fontsize=7,
-            )
+            name = _label(curves, group, (end - begin) / float(curves.samples.time[-1]))
+            place = axis.get_xaxis_transform()
+            axis.text((begin + end) / 2, 1.01, name, transform=place, ha="center", fontsize=7)
     axis.set_xlim(0.0, curves.samples.time[-1])
     axis.set_xlabel("time [s]")
     axis.grid(alpha=0.25)
+
+
+def segments_per_group(count: int) -> int:
+    """Return how many of so many segments are marked as one: a round number, 1 of a few."""
+    if count <= _MAX_MARKED:
+        return 1
+    steps = (digit * 10**power for power in range(9) for digit in (1, 2, 5))
+    return next(step for step in steps if -(-count // step) <= _MAX_LABELS)
+
+
+def _label(curves: TrajectoryCurves, group: int, share: float) -> str:
+    """Return what a visit of a group is called that takes a share of the duration."""
+    tube, step = curves.problem.tube, curves.segments_per_group
+    first, last = group * step, min((group + 1) * step, tube.segment_count) - 1
+    number = str(first) if first == last else f"{first}-{last}"
+    radius = 1000 * tube.effective_radius[first : last + 1]
+    is_group = first < last
+    if share <= (_LONG_LABEL if is_group else _SHORT_LABEL) or np.ptp(radius) > 0:
+        return number
+    name = f"segment{'s' * is_group} {number}" if share > _LONG_LABEL else number
+    return f"{name}: {radius[0]:.3g} mm"
 
 
 def _draw_shares(

@@ -9,6 +9,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.collision.convex_shape import ConvexShape
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
+from tubeplanner.tube.tube import Tube
 from tubeplanner.views.figure_files import new_figure, saved
 from tubeplanner.views.palette import OBSTACLE_COLOR, REFERENCE_COLOR, segment_color
 from tubeplanner.views.panels import (
@@ -19,9 +20,10 @@ from tubeplanner.views.panels import (
     draw_tube_use,
     draw_velocities,
     mark_segments,
+    segments_per_group,
     trajectory_curves,
 )
-from tubeplanner.views.surface import capsule_grid
+from tubeplanner.views.surface import capsule_grid, pipe
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -70,10 +72,9 @@ def plot_trajectory(
 
 def _draw_tool(axis: Any, problem: PlanningProblem, tool: FloatArray) -> None:
     tube = problem.tube
-    for k in range(tube.segment_count):
-        color = segment_color(k)
-        surface = capsule_grid(tube.points[k], tube.points[k + 1], tube.effective_radius[k])
-        axis.plot_surface(*surface, color=color, alpha=0.18, linewidth=0, shade=False)
+    step = segments_per_group(tube.segment_count)
+    for group, first in enumerate(range(0, tube.segment_count, step)):
+        _draw_segments(axis, tube, slice(first, first + step), segment_color(group))
     for obstacle in problem.obstacles:
         for shape in obstacle.shapes:
             _draw_shape(axis, shape, OBSTACLE_COLOR, 0.2)
@@ -85,6 +86,25 @@ def _draw_tool(axis: Any, problem: PlanningProblem, tool: FloatArray) -> None:
     axis.set_xlabel("x [m]")
     axis.set_ylabel("y [m]")
     axis.set_zlabel("z [m]")
+
+
+def _draw_segments(axis: Any, tube: Tube, segments: slice, color: str) -> None:
+    """Draw some segments one after the other: a capsule, or one skin for many of one radius.
+
+    Hundreds of translucent capsules in one another would be an opaque lump, drawn slowly.
+    """
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    radii = tube.effective_radius[segments]
+    if len(radii) > 1 and np.ptp(radii) == 0:
+        points = tube.points[segments.start : segments.start + len(radii) + 1]
+        skin, _ = pipe(points, float(radii[0]))
+        triangles = skin.vertices[skin.faces]
+        axis.add_collection3d(Poly3DCollection(triangles, facecolor=color, alpha=0.18))
+        return
+    for k in range(tube.segment_count)[segments]:
+        surface = capsule_grid(tube.points[k], tube.points[k + 1], tube.effective_radius[k])
+        axis.plot_surface(*surface, color=color, alpha=0.18, linewidth=0, shade=False)
 
 
 def _draw_arm(axis: Any, problem: PlanningProblem, q: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -20,7 +20,7 @@ import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.constraints.time_scaling import scaled_to_limits
-from tubeplanner.constraints.tube_membership import first_departure
+from tubeplanner.constraints.tube_membership import first_departure, may_pass_points
 from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
@@ -274,6 +274,9 @@ class BranchAndBound:
             self._refused += 1
             return
         fault = first_departure(self._problem, shape, MARGIN_TOLERANCE)
+        if fault is None and not may_pass_points(self._problem, shape):
+            self._refused += 1  # a certificate would take far longer to say so
+            return
         if fault is None:
             begin = time.perf_counter()
             certificate = verify(self._problem, trajectory)

@@ -1,0 +1,66 @@
+"""Loading an arm: from a URDF and what a problem says about it."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from tubeplanner.errors import RobotError
+from tubeplanner.resources import find_description
+from tubeplanner.robot.joint_limits import LimitOverrides, resolve_limits
+from tubeplanner.robot.pinocchio_model import Payload, ToolOffset, planning_group
+from tubeplanner.robot.robot_model import RobotModel
+from tubeplanner.robot.urdf import read_urdf
+
+EARTH_GRAVITY = (0.0, 0.0, -9.81)  # [m/s^2]
+
+
+def load_robot(
+    urdf: str | Path,
+    tool_frame: str,
+    *,
+    joints: Sequence[str] | None = None,
+    locked_joints: Mapping[str, float] | None = None,
+    tool_offset: ToolOffset | None = None,
+    gravity: Sequence[float] = EARTH_GRAVITY,
+    payload: Payload | None = None,
+    limits: LimitOverrides | None = None,
+    package_dirs: Sequence[str | Path] = (),
+    directory: str | Path = ".",
+) -> RobotModel:
+    """Load the arm that ends at a link of a URDF.
+
+    Args:
+        urdf: A path, `package://PACKAGE/...`, or `example:NAME`.
+        tool_frame: Any link; with the tool offset it gives the point that must stay in the tube.
+        joints: Planning group, in the order wanted; default: the movable joints from the root to
+            the tool frame, in chain order, or the joints that these mimic.
+        locked_joints: Values of joints outside the group, by name [rad or m]; default 0, moved
+            into the limits. A mimic joint follows its master, locked or planned.
+        tool_offset: Tool centre point in the tool frame; default: its origin.
+        gravity: In the base frame [m/s^2].
+        payload: Carried mass; default: none.
+        limits: What replaces the URDF's limits; default: nothing.
+        package_dirs: Further folders that hold the packages of `package://` names.
+        directory: Where relative paths start.
+
+    Raises:
+        RobotError: The description cannot be planned with; the message says why.
+    """
+    if np.shape(gravity) != (3,) or not np.isfinite(gravity).all():
+        raise RobotError(f"robot.gravity {list(gravity)} must be three finite numbers [m/s^2]")
+    directory = Path(directory)
+    folders = tuple(directory / folder for folder in package_dirs)
+    description = read_urdf(find_description(urdf, directory, folders))
+    group = planning_group(description, tool_frame, joints)
+    return RobotModel(
+        description,
+        tuple(group),
+        tool_frame,
+        tool_offset or ToolOffset(),
+        resolve_limits(description, group, limits or LimitOverrides()),
+        folders,
+        dict(locked_joints or {}),
+        tuple(gravity),
+        payload,
+    )
