@@ -16,31 +16,47 @@ from scipy.sparse.linalg import splu
 from tubeplanner.arrays import BoolArray, FloatArray
 from tubeplanner.errors import ProblemError
 from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.refinement.tube_chains import smoothed_turns
+from tubeplanner.refinement.tube_chains import sharpest_bend, smoothed_turns
 from tubeplanner.tube.tube import Tube
 
-# By what share of the radius points may move: at .3 sharp bends stay, at .7 the tube is narrow.
-_ROOM = 0.5
+# By what shares of the radius points may move; the first that leaves no bends sharper than this
+# [rad over the length of a radius], or the best if it takes away a tenth of them at least.
+_ROOMS, _GENTLE, _SMOOTHER = (0.5, 0.8), 1.0, 0.9
 # A given start or goal may be so far from its reference point, in radii, or there is no such tube.
 _MOST_AT_ENDS = 0.9
 # Beyond it a path over some radii turns back: not by noise, and the tool must go there [rad].
 _TURNS_BACK = np.radians(150)
 # Of the splitting method; distances settle to a thousandth of the room.
 _STEPS, _COUPLING, _OVERSHOOT = 200, 0.1, 1.6
+_SHORTEST_STEP = 0.3  # of the usual one
 
 
 def smoother_problem(problem: PlanningProblem) -> PlanningProblem | None:
     """Return a problem whose tube lies inside a problem's and bends less; None if there is none.
 
     Its segments are those of the problem, and whatever keeps its tube keeps the problem's: but for
-    compulsory points and for rotations, which are compared at other points of the segments.
+    points that count as turning back by noise alone, which need not be passed there, and rotations,
+    which are compared at other points of the segments.
     """
+    best, least = None, _SMOOTHER * sharpest_bend(problem.tube)
+    for room in _ROOMS:
+        found = _with_room(problem, room)
+        bend = np.inf if found is None else sharpest_bend(found.tube)
+        if bend < least:
+            best, least = found, bend
+        if bend <= _GENTLE:
+            break
+    return best
+
+
+def _with_room(problem: PlanningProblem, share: float) -> PlanningProblem | None:
+    """Return a problem about a path whose points may move by a share of the radius, if any."""
     tube, radius = problem.tube, problem.tube.effective_radius
     ends = _ends(problem)
     at_ends = np.linalg.norm(ends - tube.points[[0, -1]], axis=1)
     if (at_ends > _MOST_AT_ENDS * radius[[0, -1]]).any():
         return None
-    room = _ROOM * np.minimum(np.append(radius, np.inf), np.append(np.inf, radius))
+    room = share * np.minimum(np.append(radius, np.inf), np.append(np.inf, radius))
     is_kept = _turns_back(tube)
     room[is_kept] = 0.0
     room[[0, -1]] = 0.0
@@ -85,12 +101,12 @@ def smoothed(points: FloatArray, room: FloatArray, is_free: BoolArray) -> FloatA
 def _bending(points: FloatArray, is_free: BoolArray) -> sparse.csr_matrix:
     """Return the matrix (N, N) of the sum of squared curvatures over a path.
 
-    Of usual spacing, so that its scale is that of distances. Steps count as at least the usual one:
-    noise makes some of them short.
+    Of usual spacing, so that its scale is that of distances. None counts as far shorter: noise
+    makes some of them so.
     """
     count = len(points)
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    steps = np.maximum(steps / np.median(steps), 1.0)
+    steps = np.maximum(steps / np.median(steps), _SHORTEST_STEP)
     direction = sparse.diags([-1 / steps, 1 / steps], [0, 1], shape=(count - 1, count))
     turn = sparse.diags([-1.0, 1.0], [0, 1], shape=(count - 2, count - 1)) @ direction
     weight = ~is_free[1:-1] * 2 / (steps[1:] + steps[:-1])

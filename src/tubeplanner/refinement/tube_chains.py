@@ -20,7 +20,7 @@ from tubeplanner.tube.tube import Tube
 _SAMPLES = 200
 _KINK = 0.02
 # Up to so many corners all end a phase; of more, only the sharper ones, and at most so many.
-_MANY_CORNERS, _SHARP_KINK, _MOST_SHARP = 12, 0.1, 24
+_MANY_CORNERS, _SHARP_KINK, _MOST_SHARP = 12, 0.1, 100
 # A turn counts as far as the path turns over so many radii on both sides: noise turns back at once.
 _WINDOW = 3.0
 
@@ -50,14 +50,14 @@ def largest_kink(tube: Tube, chains: tuple[range, ...], spacing: float) -> float
     return float(_kinks(tube, spacing, _turns(tube))[inner].max(initial=0.0))
 
 
-def sharpest_bend(tube: Tube, chains: tuple[range, ...]) -> float:
-    """Return by how much a path turns in chains over the length of a radius, at most [rad].
+def sharpest_bend(tube: Tube, chains: tuple[range, ...] = ()) -> float:
+    """Return by how much a path turns over the length of a radius, at most [rad].
 
     To and fro count as one: it is the inverse of the radius of curvature, in radii, or noise.
 
     Args:
         tube: The tube.
-        chains: The segments of every phase.
+        chains: The segments of every phase, if only what lies within counts.
     """
     turns = _turns(tube)
     turns[[chain.stop - 1 for chain in chains[:-1]]] = 0.0
