@@ -98,7 +98,7 @@ def test_forty_sharp_corners_all_end_a_phase(robot):
     """Samples beside a corner inside a chain leave out its inner side: 0.05 mm too much."""
     legs = np.arange(41)
     right_angles = [0.01 * (legs // 2), 0.03 * ((legs + 1) // 2 % 2), 0 * legs]
-    points = np.column_stack(right_angles) + [0.35, -0.015, 0.3]
+    points = np.column_stack(right_angles) + np.array([0.35, -0.015, 0.3])
     problem = ur5_problem(robot, points, 0.002)
     assert len(tube_chains(problem)) == 40
     assert require_refined(problem) < 0.83  # it is 0.807, and 1.76 with stops
@@ -108,7 +108,8 @@ def test_forty_sharp_corners_all_end_a_phase(robot):
 def test_a_figure_of_eight_is_followed_through_its_crossing(robot):
     angle = np.linspace(0, 2 * np.pi, 201)
     eight = 0.06 * np.column_stack([np.sin(angle), np.sin(2 * angle), 0 * angle])
-    require_refined(ur5_problem(robot, eight + [0.45, 0, 0.3], RADIUS))
+    points = eight + np.array([0.45, 0, 0.3])
+    require_refined(ur5_problem(robot, points, RADIUS))
 
 
 @pytest.mark.slow

@@ -1,6 +1,7 @@
 """Planning by refinement: the second phase of the paper, from the reference branch."""
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -84,6 +85,8 @@ def _inner_problems(
         yield problem, branches
     smoother = smoother_problem(problem)
     if smoother is not None:
+        with suppress(Infeasible):  # a branch of its own, so that Ctrl-C has an answer
+            branches.by_rule(redundancy_rules(problem)[0])
         yield smoother, KnownBranches(smoother, clock)
     if bends_sharply:
         yield problem, branches

@@ -66,7 +66,7 @@ def _with_room(problem: PlanningProblem, share: float) -> PlanningProblem | None
     moved = np.linalg.norm(points - tube.points, axis=1)
     narrower = tube.radius - np.maximum(moved[:-1], moved[1:])
     try:
-        smoother = replace(tube, points=points, radius=narrower)  # type: ignore[arg-type]
+        smoother = replace(tube, points=points, radius=narrower)
         if smoother.segment_count != tube.segment_count:
             return None
         object.__setattr__(smoother, "parts", tube.parts)
