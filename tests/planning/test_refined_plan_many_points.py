@@ -86,6 +86,7 @@ def require_refined(problem):
     return answer.duration
 
 
+@pytest.mark.slow
 def test_a_scan_that_runs_backwards_is_no_slower_than_what_was_scanned(robot):
     noise = 0.001 * np.random.default_rng(0).normal(size=(201, 3))
     noise[[0, -1]] = 0
