@@ -100,7 +100,7 @@ def cases() -> list[Case]:
     ]
     found.append(Case("wave of 2.5 mm bends, 10 mm", 400, wave(400, 0.010)))
     return found + [
-        Case(f"zigzag {1000 * radius:g} mm", legs, zigzag(legs, radius))
+        Case(f"zigzag of {legs} legs, {1000 * radius:g} mm", legs, zigzag(legs, radius))
         for radius in (0.005, 0.002)
         for legs in LEGS
     ]

@@ -20,7 +20,7 @@ from tubeplanner.refinement.tube_chains import sharpest_bend, smoothed_turns
 from tubeplanner.tube.tube import Tube
 
 # By what shares of the radius points may move; the first that leaves no bends sharper than this
-# [rad over the length of a radius], or the best if it takes away a tenth of them at least.
+# [rad over the length of a radius], or the last that takes away a tenth of them at least.
 _ROOMS, _GENTLE, _SMOOTHER = (0.5, 0.8), 1.0, 0.9
 # A given start or goal may be so far from its reference point, in radii, or there is no such tube.
 _MOST_AT_ENDS = 0.9
@@ -43,7 +43,7 @@ def smoother_problem(problem: PlanningProblem) -> PlanningProblem | None:
         found = _with_room(problem, room)
         bend = np.inf if found is None else sharpest_bend(found.tube)
         if bend < least:
-            best, least = found, bend
+            best, least = found, _SMOOTHER * bend
         if bend <= _GENTLE:
             break
     return best
