@@ -2,17 +2,20 @@
 
     python benchmarks/many_points.py [--against CHECKOUT] [--only SUBSTRING] [--limit SECONDS]
 
-Plans a circle and a spline, each of 12 to 1,000 points, and bundled problems whose segments are cut
-into short ones. Prints durations and processor times beside another checkout's, plan by plan in
-turns; where that takes longer than the limit, nothing. Exit status 1 if a plan is not certified, if
-a path of 25 points or more becomes more than 1 % slower than the fastest of them, or if 500 points
-take more than 2.5 times as long to plan as 12.
+Plans a circle and a spline, each of 12 to 2,000 points, bundled problems whose segments are cut
+into short ones, scans that run backwards, bends more sharply than the tube is wide, and zigzags of
+many sharp corners. Prints durations, processor times and peaks of memory (every plan is a process
+of its own) beside another checkout's, plan by plan in turns; where that takes longer than the
+limit, nothing. Exit status 1 if a plan is not certified, if a path of 25 points or more becomes
+more than 1 % slower than the fastest of them, or if 500 points take more than 2.5 times as long to
+plan as 12.
 """
 
 import argparse
 import json
 import math
 import os
+import random
 import subprocess
 import sys
 from dataclasses import asdict, dataclass, field
@@ -20,16 +23,18 @@ from pathlib import Path
 from typing import Any
 
 HERE = Path(__file__).resolve().parent.parent
-COUNTS = (12, 25, 50, 100, 200, 500, 1000)
+COUNTS = (12, 25, 50, 100, 200, 250, 500, 1000, 2000)
 RADII = (0.010, 0.002)
 CUT = ("ur5/over_the_wall", "panda/between_shelves", "xarm7/from_crate_to_crate")
 PARTS = (1, 4, 16)
+NOISE = 0.001  # [m], standard deviation
+LEGS = (40, 60)
 MOST_SLOWER, MOST_CPU = 1.01, 2.5
 ENOUGH = 25  # points, from which on all must be equally fast
 # Planned by either checkout's own package, through names that do not change; the second of two
 # plans counts, so that libraries are loaded and covers known.
 DRIVER = """
-import json, sys, time
+import json, resource, sys, time
 from dataclasses import replace
 import numpy as np
 from tubeplanner import Tube, load_problem, parse_problem, plan
@@ -53,7 +58,8 @@ begun = time.process_time()
 result = plan(problem)
 cpu = time.process_time() - begun
 answer = {"status": result.status, "method": result.method, "duration": result.duration}
-print(json.dumps(answer | {"cpu": cpu}), flush=True)
+memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024  # [MiB] on Linux
+print(json.dumps(answer | {"cpu": cpu, "memory": memory}), flush=True)
 """
 
 
@@ -88,7 +94,16 @@ def cases() -> list[Case]:
         for radius in RADII
         for count in COUNTS
     ]
-    return found + [Case(name, parts, bundled=name) for name in CUT for parts in PARTS]
+    found += [Case(name, parts, bundled=name) for name in CUT for parts in PARTS]
+    found += [
+        Case(f"scan {1000 * radius:g} mm", 200, scan(200, radius)) for radius in (0.005, 0.002)
+    ]
+    found.append(Case("wave of 2.5 mm bends, 10 mm", 400, wave(400, 0.010)))
+    return found + [
+        Case(f"zigzag of {legs} legs, {1000 * radius:g} mm", legs, zigzag(legs, radius))
+        for radius in (0.005, 0.002)
+        for legs in LEGS
+    ]
 
 
 def circle(count: int, radius: float) -> dict[str, Any]:
@@ -122,6 +137,42 @@ def spline(count: int, radius: float) -> dict[str, Any]:
         "start": {"seed": [-0.2, -1.3, 1.9, -2.0, -1.6, 0]},
         "tube": {"points": points, "radius": radius, "joint_signs": {"elbow_joint": "+"}},
     }
+
+
+def scan(count: int, radius: float) -> dict[str, Any]:
+    """Return the spline as a scan has it: many points lie behind those that they follow."""
+    data, noise = spline(count, radius), random.Random(0)
+    inner = data["tube"]["points"][1:-1]
+    inner[:] = [[x + noise.gauss(0, NOISE) for x in point] for point in inner]
+    return data
+
+
+def wave(count: int, radius: float) -> dict[str, Any]:
+    """Return a UR5 on a wavy line of 20 cm, its least radius of curvature 2.5 mm."""
+    amplitude, length = 0.010, 0.200
+    points = []
+    for i in range(count + 1):
+        x = length * i / count
+        fade = min(1.0, x / 0.02, (length - x) / 0.02)
+        points.append(
+            [0.35 + x, fade * amplitude * math.sin(x / math.sqrt(0.0025 * amplitude)), 0.3]
+        )
+    return on_points(points, radius)
+
+
+def zigzag(legs: int, radius: float) -> dict[str, Any]:
+    """Return a UR5 that goes to and fro by 3 cm at right angles, 1 cm ahead each time."""
+    points = [
+        [0.35 + 0.01 * (k // 2), 0.03 * ((k + 1) // 2 % 2) - 0.015, 0.3] for k in range(legs + 1)
+    ]
+    return on_points(points, radius)
+
+
+def on_points(points: list[list[float]], radius: float) -> dict[str, Any]:
+    """Return the UR5 of the spline on other points."""
+    data = spline(1, radius)
+    data["tube"]["points"] = points
+    return data
 
 
 def planned(checkout: Path, case: Case, limit: float) -> dict[str, Any]:
@@ -182,7 +233,7 @@ def main() -> int:
     parser.add_argument("--only", default="", help="problems whose name contains this")
     parser.add_argument("--limit", type=float, default=120.0, help="for every plan [s]")
     arguments = parser.parse_args()
-    print(f"{'problem':40}{'T [s]':>9}{'other':>9}{'CPU':>8}{'other':>8}")
+    print(f"{'problem':40}{'T [s]':>9}{'other':>9}{'CPU':>8}{'other':>8}{'MiB':>7}{'other':>7}")
     answers = {}
     for case in cases():
         if arguments.only not in case.name:
@@ -193,7 +244,8 @@ def main() -> int:
         print(
             f"{case.name:40}{figure(answer.get('duration')):>9}"
             f"{figure(before.get('duration')):>9}"
-            f"{figure(answer.get('cpu'), 2):>8}{figure(before.get('cpu'), 2):>8}",
+            f"{figure(answer.get('cpu'), 2):>8}{figure(before.get('cpu'), 2):>8}"
+            f"{figure(answer.get('memory'), 0):>7}{figure(before.get('memory'), 0):>7}",
             flush=True,
         )
     wrong = faults(answers)

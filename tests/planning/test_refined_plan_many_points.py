@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from tubeplanner import PlanningProblem, Seed, Tube, load_robot, plan, verify
+from tubeplanner.refinement.tube_chains import tube_chains
 
 RADIUS = 0.005
 
@@ -60,3 +62,68 @@ def test_ctrl_c_during_the_first_step_has_an_answer_that_stops_at_corners(robot)
     assert (answer.succeeded, answer.method) == (True, "stop-at-corners")
     assert answer.stopped_by == "interrupt"
     assert answer.planning_time < 20  # two seconds on an idle machine
+
+
+def ur5_problem(robot, points, radius, **more):
+    more = {"joint_signs": {"elbow_joint": "+"}} | more
+    return PlanningProblem(
+        robot, Tube(points, radius, **more), Seed([-0.2, -1.3, 1.9, -2, -1.6, 0])
+    )
+
+
+def curve(count):
+    s = np.linspace(0, 1, count + 1)
+    wave = 0.04 * np.sin(2 * np.pi * (s + 0.3 * s * s))
+    return np.column_stack([0.35 + 0.25 * s, wave, 0.3 + 0.03 * np.sin(np.pi * s)])
+
+
+def require_refined(problem):
+    """Return the duration [s] of refinement's answer, which must be certified."""
+    answer = plan(problem)
+    assert (answer.succeeded, answer.method) == (True, "refinement")
+    assert verify(problem, answer.trajectory).passed
+    assert {p.segment for p in answer.sensitivities} <= {None, *range(problem.tube.segment_count)}
+    return answer.duration
+
+
+@pytest.mark.slow
+def test_a_scan_that_runs_backwards_is_no_slower_than_what_was_scanned(robot):
+    noise = 0.001 * np.random.default_rng(0).normal(size=(201, 3))
+    noise[[0, -1]] = 0
+    scanned = require_refined(ur5_problem(robot, curve(200) + noise, RADIUS))
+    assert scanned < 1.02 * require_refined(ur5_problem(robot, curve(200), RADIUS))
+
+
+@pytest.mark.slow
+def test_forty_sharp_corners_all_end_a_phase(robot):
+    """Samples beside a corner inside a chain leave out its inner side: 0.05 mm too much."""
+    legs = np.arange(41)
+    right_angles = [0.01 * (legs // 2), 0.03 * ((legs + 1) // 2 % 2), 0 * legs]
+    points = np.column_stack(right_angles) + np.array([0.35, -0.015, 0.3])
+    problem = ur5_problem(robot, points, 0.002)
+    assert len(tube_chains(problem)) == 40
+    assert require_refined(problem) < 0.83  # it is 0.807, and 1.76 with stops
+
+
+@pytest.mark.slow
+def test_a_figure_of_eight_is_followed_through_its_crossing(robot):
+    angle = np.linspace(0, 2 * np.pi, 201)
+    eight = 0.06 * np.column_stack([np.sin(angle), np.sin(2 * angle), 0 * angle])
+    points = eight + np.array([0.45, 0, 0.3])
+    require_refined(ur5_problem(robot, points, RADIUS))
+
+
+@pytest.mark.slow
+def test_joint_signs_may_change_within_a_dense_path(robot):
+    signs = [{"shoulder_pan_joint": "-"}] * 92 + [{"shoulder_pan_joint": "0"}] * 108
+    problem = ur5_problem(robot, curve(200) - [0, 0.1, 0], RADIUS, joint_signs=signs)
+    assert len(tube_chains(problem)) == 2
+    require_refined(problem)
+
+
+@pytest.mark.slow
+def test_a_dense_path_may_bound_the_tools_rotation(robot):
+    first = robot.tool_pose(np.array([[-0.2, -1.3, 1.9, -2.0, -1.6, 0]]))[0]
+    upright = np.tile(Rotation.from_matrix(first[0]).as_quat(), (201, 1))
+    tube = {"orientations": upright, "rotation_tolerance": 0.2}
+    require_refined(ur5_problem(robot, curve(200), RADIUS, **tube))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tubeplanner import Tube
-from tubeplanner.refinement.tube_chains import largest_kink, tube_chains
+from tubeplanner.refinement.tube_chains import largest_kink, sharpest_bend, tube_chains
 
 
 def problem(points, radius=0.01, **more):
@@ -50,9 +50,10 @@ def test_noise_is_no_corner():
 
 
 def test_of_many_corners_the_sharpest_end_a_phase():
-    legs = np.arange(61)
+    legs = np.arange(131)
     zigzag = np.column_stack([0.01 * legs, 0.03 * (legs % 2), 0 * legs])
-    assert len(tube_chains(problem(zigzag, 0.002))) == 25
+    assert len(tube_chains(problem(zigzag[:61], 0.002))) == 60
+    assert len(tube_chains(problem(zigzag, 0.002))) == 101
 
 
 def test_a_chain_ends_where_joint_ranges_change():
@@ -81,3 +82,15 @@ def test_a_kink_is_what_samples_miss_at_the_inner_side_of_a_corner():
     outside = -tube.margin(samples.mean(axis=0)[None]).max() / radius
     assert outside == pytest.approx(kink, rel=0.01)
     assert largest_kink(tube, (range(1), range(1, 2)), spacing) == 0.0
+
+
+@pytest.mark.parametrize("radius", [0.01, 0.002])
+def test_a_circle_bends_by_its_radius_of_curvature_in_radii(radius):
+    bend = sharpest_bend(Tube(circle(1000), radius))
+    assert bend == pytest.approx(radius / 0.07, abs=2 * np.pi / 1000)
+
+
+def test_a_corner_that_ends_a_phase_is_no_bend_of_chains():
+    tube = Tube(right_angle(16), 0.01)
+    assert sharpest_bend(tube) == pytest.approx(np.pi / 2)
+    assert sharpest_bend(tube, (range(16), range(16, 32))) == pytest.approx(0.0, abs=1e-9)

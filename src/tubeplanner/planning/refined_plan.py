@@ -1,6 +1,7 @@
 """Planning by refinement: the second phase of the paper, from the reference branch."""
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -9,7 +10,7 @@ import numpy as np
 from tubeplanner.branches.known_branches import KnownBranches
 from tubeplanner.branches.reference_branch import ReferenceBranch, redundancy_rules
 from tubeplanner.constraints.time_scaling import scaled_to_limits
-from tubeplanner.outcome import Infeasible
+from tubeplanner.outcome import Infeasible, PlanStatus
 from tubeplanner.planning.plan_options import QUALITIES, REFINEMENT, PlanOptions, Quality
 from tubeplanner.planning.plan_result import PlanResult, certified_result, stopped_result
 from tubeplanner.problem.problem import PlanningProblem
@@ -17,13 +18,19 @@ from tubeplanner.progress import PlanningClock, Progress, until_stopped
 from tubeplanner.refinement.phased_spline import KnotGrid, PhasedSpline
 from tubeplanner.refinement.refinement import Refinement
 from tubeplanner.refinement.sensitivities import limit_sensitivities
+from tubeplanner.refinement.smoother_tube import smoother_problem
 from tubeplanner.refinement.spline_start import sufficient_start
+from tubeplanner.refinement.tube_chains import sharpest_bend, tube_chains
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
 # How often refinement gets the times of failed conditions from a certificate.
 _MAX_OBJECTIONS = 5
 # Where the segments need more knots than the quality has, there are at most this many times more.
 _MAX_KNOTS_SHARE = 1.5
+# A path that turns more than this over the length of a radius is smoothed before it is tried [rad].
+_SHARP_BEND = 1.5
+# A narrower tube is of no use then: nothing is faster, or links are in the way.
+_ENDS_THE_SEARCH = (PlanStatus.SUCCESS, PlanStatus.TUBE_BLOCKED)
 # What chains need to begin with is divided by this all the same.
 _LEAST_DIVISION = 2
 
@@ -44,19 +51,45 @@ def refined_plan(
 
     def work() -> None:
         nonlocal best
-        for start in _starts(problem, branches, quality):
-            try:
-                found = _from_start(problem, start, clock)
-            except Infeasible:  # nothing from this start
-                continue
-            best = replace(_better(best or found, found), stopped_by=found.stopped_by)
-            if found.stopped_by is not None or (best.succeeded and not quality.every_start):
-                break
+        for inner, known in _inner_problems(problem, branches, clock):
+            for start in _starts(inner, known, quality):
+                try:
+                    found = _from_start(problem, inner, start, clock)
+                except Infeasible:  # nothing from this start
+                    continue
+                best = replace(_better(best or found, found), stopped_by=found.stopped_by)
+                if found.stopped_by is not None or (best.succeeded and not quality.every_start):
+                    return
+            if best is not None and best.status in _ENDS_THE_SEARCH:
+                return
 
     _, stopped_by = until_stopped(work)
     if stopped_by is None:
         return best
     return replace(best or stopped_result(clock, stopped_by, REFINEMENT), stopped_by=stopped_by)
+
+
+def _inner_problems(
+    problem: PlanningProblem, branches: KnownBranches, clock: PlanningClock
+) -> Iterator[tuple[PlanningProblem, KnownBranches]]:
+    """Yield the problem, and one whose tube lies inside, with branches; the likelier one first.
+
+    Only where segments form chains: a phase for every segment follows any bend.
+    """
+    chains = tube_chains(problem)
+    if all(len(chain) == 1 for chain in chains):
+        yield problem, branches
+        return
+    bends_sharply = sharpest_bend(problem.tube, chains) > _SHARP_BEND
+    if not bends_sharply:
+        yield problem, branches
+    smoother = smoother_problem(problem)
+    if smoother is not None:
+        with suppress(Infeasible):  # a branch of its own, so that Ctrl-C has an answer
+            branches.by_rule(redundancy_rules(problem)[0])
+        yield smoother, KnownBranches(smoother, clock)
+    if bends_sharply:
+        yield problem, branches
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,10 +162,18 @@ def _divisions(grid: KnotGrid, wanted: int, divisions: tuple[int, ...]) -> tuple
     return tuple(parts)
 
 
-def _from_start(problem: PlanningProblem, start: _Start, clock: PlanningClock) -> PlanResult:
+def _from_start(
+    problem: PlanningProblem, inner: PlanningProblem, start: _Start, clock: PlanningClock
+) -> PlanResult:
     """Return refinement's result from one start, with samples added where its certificate fails.
 
     After Ctrl-C or the time limit, certifies the best so far.
+
+    Args:
+        problem: The problem that is certified.
+        inner: The one that is refined: the same, or with a tube inside its tube.
+        start: Where to start.
+        clock: The planning's.
 
     Raises:
         Infeasible: Nothing to start from.
@@ -146,7 +187,7 @@ def _from_start(problem: PlanningProblem, start: _Start, clock: PlanningClock) -
         clock.announce(Progress(stage, best_duration=duration))
         clock.check()
 
-    refinement = Refinement(problem, start.spline, start.divisions, checkpoint, widens=start.widens)
+    refinement = Refinement(inner, start.spline, start.divisions, checkpoint, widens=start.widens)
     work: Callable[[], bool] = refinement.run
     for _ in range(_MAX_OBJECTIONS):
         has_more, stopped_by = until_stopped(work)

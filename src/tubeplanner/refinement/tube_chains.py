@@ -20,7 +20,7 @@ from tubeplanner.tube.tube import Tube
 _SAMPLES = 200
 _KINK = 0.02
 # Up to so many corners all end a phase; of more, only the sharper ones, and at most so many.
-_MANY_CORNERS, _SHARP_KINK, _MOST_SHARP = 12, 0.1, 24
+_MANY_CORNERS, _SHARP_KINK, _MOST_SHARP = 12, 0.1, 100
 # A turn counts as far as the path turns over so many radii on both sides: noise turns back at once.
 _WINDOW = 3.0
 
@@ -50,10 +50,40 @@ def largest_kink(tube: Tube, chains: tuple[range, ...], spacing: float) -> float
     return float(_kinks(tube, spacing, _turns(tube))[inner].max(initial=0.0))
 
 
+def sharpest_bend(tube: Tube, chains: tuple[range, ...] = ()) -> float:
+    """Return by how much a path turns over the length of a radius, at most [rad].
+
+    To and fro count as one: it is the inverse of the radius of curvature, in radii, or noise.
+
+    Args:
+        tube: The tube.
+        chains: The segments of every phase, if only what lies within counts.
+    """
+    turns = _turns(tube)
+    turns[[chain.stop - 1 for chain in chains[:-1]]] = 0.0
+    so_far = np.concatenate([[0.0], np.cumsum(turns)])
+    along, radius = arc_lengths(tube.points)[1:-1], tube.effective_radius
+    half = np.minimum(radius[:-1], radius[1:]) / 2
+    last = np.searchsorted(along, along + half, side="right")
+    first = np.searchsorted(along, along - half)
+    return float((so_far[last] - so_far[first]).max(initial=0.0))
+
+
+def smoothed_turns(tube: Tube) -> FloatArray:
+    """Return the angles by which the path turns over some radii, shape (m-1,) [rad]."""
+    points, along = tube.points, arc_lengths(tube.points)
+    radius = tube.effective_radius
+    window = _WINDOW * np.maximum(np.minimum(radius[:-1], radius[1:]), _spacing(tube))
+    before, after = (
+        np.column_stack([np.interp(s, along, column) for column in points.T])
+        for s in (along[1:-1] - window, along[1:-1] + window)
+    )
+    return _angles(points[1:-1] - before, after - points[1:-1])
+
+
 def _is_corner(tube: Tube) -> BoolArray:
     """Return whether each inner reference point is a corner that ends a phase, shape (m-1,)."""
-    spacing = arc_lengths(tube.points)[-1] / _SAMPLES
-    kinks = _kinks(tube, spacing, np.minimum(_turns(tube), _smoothed_turns(tube, spacing)))
+    kinks = _kinks(tube, _spacing(tube), np.minimum(_turns(tube), smoothed_turns(tube)))
     is_corner: BoolArray = kinks >= (_KINK if len(kinks) > _MANY_CORNERS else 0.0)
     if is_corner.sum() > _MANY_CORNERS:
         is_corner = kinks >= _SHARP_KINK
@@ -64,6 +94,11 @@ def _is_corner(tube: Tube) -> BoolArray:
 def _conditions_change(tube: Tube) -> BoolArray:
     """Return where the conditions on the arm are others, shape (m-1,)."""
     return np.array([before != after for before, after in pairwise(tube.conditions)], dtype=bool)
+
+
+def _spacing(tube: Tube) -> float:
+    """Return about how far apart samples are [m]."""
+    return float(arc_lengths(tube.points)[-1]) / _SAMPLES
 
 
 def _kinks(tube: Tube, spacing: float, turn: FloatArray) -> FloatArray:
@@ -82,18 +117,6 @@ def _turns(tube: Tube) -> FloatArray:
     """Return the angles by which the path turns at inner reference points, shape (m-1,) [rad]."""
     axis = np.diff(tube.points, axis=0)
     return _angles(axis[:-1], axis[1:])
-
-
-def _smoothed_turns(tube: Tube, spacing: float) -> FloatArray:
-    """Return the angles by which the path turns over some radii, shape (m-1,) [rad]."""
-    points, along = tube.points, arc_lengths(tube.points)
-    radius = tube.effective_radius
-    window = _WINDOW * np.maximum(np.minimum(radius[:-1], radius[1:]), spacing)
-    before, after = (
-        np.column_stack([np.interp(s, along, column) for column in points.T])
-        for s in (along[1:-1] - window, along[1:-1] + window)
-    )
-    return _angles(points[1:-1] - before, after - points[1:-1])
 
 
 def _angles(a: FloatArray, b: FloatArray) -> FloatArray:
