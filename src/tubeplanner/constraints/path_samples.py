@@ -60,6 +60,14 @@ class PathSamples:
         return self.problem.robot.tool_pose(self.position)
 
     @cached_property
+    def tool_rate(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Velocity of the tool (N, 3) at a speed of 1, and its derivatives by q and q', (N, 3, n).
+
+        As `RobotModel.tool_velocity`.
+        """
+        return self.problem.robot.tool_velocity(*self.by_path[:2])
+
+    @cached_property
     def tool_jacobian(self) -> FloatArray:
         """Jacobian of the tool centre point, as `RobotModel.tool_jacobian`, shape (N, 6, n)."""
         return self.problem.robot.tool_jacobian(self.position)[1]

@@ -1,5 +1,6 @@
 """Which tube segment a trajectory is in when, and how far inside its capsule, for all t."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -182,29 +183,50 @@ def passages(
 
 
 def least_margin(tube: Tube, tool: Enclosure, visits: list[Visit]) -> LeastMargin:
-    """Return how far inside the capsules the tool stays during its visits, for all t.
+    """Return how far inside the capsules the tool stays during its visits, for all t."""
+    radius = tube.effective_radius
 
-    A polynomial lies in the hull of its Bernstein coefficients, and the distance to a segment is
-    convex: on an interval, it is nowhere larger than at the farthest of them. Intervals that could
-    hold the least margin are halved; the bound's excess falls to a quarter each time.
+    def margin(points: FloatArray, segment: IntArray) -> FloatArray:
+        return radius[segment] - segment_distances(tube.points, points, segment)
+
+    return least_concave_margin(tool, visits, margin, np.ones(tube.segment_count))
+
+
+def least_concave_margin(
+    vector: Enclosure,
+    visits: list[Visit],
+    margin_of: Callable[[FloatArray, IntArray], FloatArray],
+    slope: FloatArray,
+) -> LeastMargin:
+    """Return the least margin of a vector during visits, for all t.
+
+    A polynomial lies in the hull of its Bernstein coefficients, and the margin is concave, as the
+    distance to a segment is convex: on an interval, it is nowhere less than at the worst of them.
+    Intervals that could hold the least margin are halved; the bound's excess falls to a quarter
+    each time.
+
+    Args:
+        vector: Of three components.
+        visits: Of the trajectory.
+        margin_of: From vectors (N, R, 3) and one segment per column (R,) to margins (N, R).
+        slope: How much the margin may change with the vector in each segment, at most, shape (m,).
     """
-    interval, start, width, segment = visited_parts(tool, visits)
+    interval, start, width, segment = visited_parts(vector, visits)
     attained, time, worst_segment = np.inf, 0.0, 0
     lower_bound, count = np.inf, 0
-    radius = tube.effective_radius
     while len(interval):
         count += len(interval)
-        hull = bernstein_coefficients(tool.coefficients[:, interval], start, width)
-        margin = radius[segment] - segment_distances(tube.points, hull, segment)
+        hull = bernstein_coefficients(vector.coefficients[:, interval], start, width)
+        margin, error = margin_of(hull, segment), slope[segment] * vector.error[interval, 0]
         ends = margin[[0, -1]]
         end, row = np.unravel_index(int(ends.argmin()), ends.shape)
         if ends[end, row] < attained:
             attained, worst_segment = float(ends[end, row]), int(segment[row])
             local = start[row] + (width[row] if end else 0.0)
-            time = float(tool.start[interval[row]] + local * tool.width[interval[row]])
-        lower = margin.min(axis=0) - tool.error[interval, 0]
+            time = float(vector.start[interval[row]] + local * vector.width[interval[row]])
+        lower = margin.min(axis=0) - error
         resolution = max(_RESOLUTION, _RELATIVE_RESOLUTION * abs(attained))
-        split = (lower < attained - resolution - tool.error[interval, 0]) & (width > _MIN_WIDTH)
+        split = (lower < attained - resolution - error) & (width > _MIN_WIDTH)
         split &= count < _MAX_ROWS
         lower_bound = min(lower_bound, float(lower[~split].min(initial=np.inf)))
         interval, segment = np.repeat(interval[split], 2), np.repeat(segment[split], 2)
