@@ -7,6 +7,7 @@ from tubeplanner.constraints.joint_effort import JointEffort
 from tubeplanner.constraints.joint_rate import RATES, JointRate
 from tubeplanner.constraints.path_samples import PathSamples
 from tubeplanner.constraints.speed_limit import SpeedLimit
+from tubeplanner.constraints.tool_speed import ToolSpeed
 from tubeplanner.problem.problem import PlanningProblem
 
 
@@ -14,7 +15,7 @@ def speed_limits(problem: PlanningProblem) -> tuple[SpeedLimit, ...]:
     """Return the limits of a problem that limit anything."""
     limits = problem.robot.limits
     rates = [JointRate(kind, getattr(limits, kind)) for kind in RATES]
-    found: tuple[SpeedLimit, ...] = (JointEffort(limits.effort), *rates)
+    found: tuple[SpeedLimit, ...] = (JointEffort(limits.effort), *rates, ToolSpeed(problem))
     return tuple(limit for limit in found if limit.keys)
 
 

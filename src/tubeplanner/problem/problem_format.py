@@ -101,6 +101,7 @@ class LimitFields(_Section):
     scale: dict[str, Finite] = Field(
         {}, description="factors in (0, 1] on effort, velocity, acceleration"
     )
+    tool_speed: Number | None = Field(None, description="of the tool centre point [m/s]")
 
 
 class ObstacleFields(_Section):
@@ -187,6 +188,10 @@ class TubeFields(_Section):
         "corners",
         description="which inner points the tool must pass within the smaller radius beside them; "
         "corners: where the tube turns by more than 150 degrees",
+    )
+
+    tool_speed: Number | list[Number | None] | None = Field(
+        None, description="one or m limits on the tool's speed, null where it is free [m/s]"
     )
 
     @field_validator("radius")

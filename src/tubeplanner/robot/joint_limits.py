@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
 
@@ -26,6 +27,7 @@ class LimitOverrides:
         acceleration: Acceleration limit [rad/s^2 or m/s^2]; a URDF has none.
         jerk: Jerk limit [rad/s^3 or m/s^3]; a URDF has none.
         scale: Commissioning factors (0, 1] on "effort", "velocity" and "acceleration".
+        tool_speed: Limit on the speed of the tool centre point [m/s]; None: none.
     """
 
     effort: Mapping[str, float] = field(default_factory=dict)
@@ -34,11 +36,13 @@ class LimitOverrides:
     acceleration: Mapping[str, float] = field(default_factory=dict)
     jerk: Mapping[str, float] = field(default_factory=dict)
     scale: Mapping[str, float] = field(default_factory=dict)
+    tool_speed: float | None = None
 
     def __post_init__(self) -> None:
+        _require_speed(self.tool_speed)
         for field_ in fields(self):
             given = getattr(self, field_.name)
-            if not isinstance(given, Mapping):
+            if field_.name != "tool_speed" and not isinstance(given, Mapping):
                 raise RobotError(
                     f"robot.limits.{field_.name} is {shown(given)}; it must be a map by name, such "
                     "as {'elbow_joint': 1.5}"
@@ -78,6 +82,7 @@ class JointLimits:
         effort: Shape (n,) [N m or N].
         acceleration: Shape (n,) [rad/s^2 or m/s^2].
         jerk: Shape (n,) [rad/s^3 or m/s^3].
+        tool_speed: Of the tool centre point [m/s].
     """
 
     lower_position: FloatArray
@@ -86,6 +91,7 @@ class JointLimits:
     effort: FloatArray
     acceleration: FloatArray
     jerk: FloatArray
+    tool_speed: float = np.inf
 
     def clip(self, q: FloatArray) -> FloatArray:
         """Return configurations of shape (..., n) moved into the position limits."""
@@ -138,7 +144,16 @@ def resolve_limits(
                 f"joint '{name}' has no finite limit among effort, velocity and acceleration, so "
                 "its speed is unbounded; give one in robot.limits"
             )
-    return JointLimits(read_only(positions[:, 0]), read_only(positions[:, 1]), **scaled)
+    tool_speed = np.inf if overrides.tool_speed is None else float(overrides.tool_speed)
+    lower, upper = read_only(positions[:, 0]), read_only(positions[:, 1])
+    return JointLimits(lower, upper, **scaled, tool_speed=tool_speed)
+
+
+def _require_speed(value: Any) -> None:
+    if value is not None and not (is_number(value) and value >= _MIN_LIMIT):
+        raise RobotError(
+            f"robot.limits.tool_speed is {shown(value)}; give a number from {_MIN_LIMIT:g} m/s"
+        )
 
 
 def _bound_by_follower(

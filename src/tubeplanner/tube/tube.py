@@ -25,11 +25,12 @@ from tubeplanner.tube.rotational_tube import (
     rotational_tube,
     unit_quaternions,
 )
+from tubeplanner.tube.tool_speeds import tool_speeds
 
 _ALL = slice(None)
 # What has an entry for each point, and for each segment.
 _BY_POINT = ("points", "orientations", "numbers")
-_BY_SEGMENT = ("radius", "joint_signs", "rotation_tolerance")
+_BY_SEGMENT = ("radius", "joint_signs", "rotation_tolerance", "tool_speed")
 _BLOCK = 100_000  # distances computed at once, which a processor's cache holds
 _MAX_EXTENT = 1e4  # [m]
 VISITS = ("ordered", "any")
@@ -54,6 +55,7 @@ class Tube:
             beside them: "all", "corners" (where the tube turns back by more than 150 degrees) or
             "none".
         numbers: What messages call the points, shape (m+1,): 0 to m, unless points were left out.
+        tool_speed: Limits on the tool's speed, shape (m,) [m/s], inf where free; None: free.
         joint_ranges: Per segment, by joint name: [lower, upper], what the signs mean [rad or m].
         rotation: The rotation tolerance as geometry; None: as above.
         notes: What was left out of what was given.
@@ -69,6 +71,7 @@ class Tube:
     rotation_tolerance: tuple[RotationBound, ...] | None
     pass_through_points: Literal["all", "corners", "none"]
     numbers: IntArray
+    tool_speed: FloatArray | None = None
     joint_ranges: tuple[Mapping[str, JointRange], ...] = field(init=False)
     rotation: RotationalTube | None = field(init=False)
     notes: tuple[str, ...] = field(init=False)
@@ -86,6 +89,7 @@ class Tube:
         rotation_tolerance: float | Sequence[float | Sequence[float]] | None = None,
         pass_through_points: Literal["all", "corners", "none"] = "corners",
         numbers: Sequence[int] | IntArray | None = None,
+        tool_speed: float | Sequence[float | None] | FloatArray | None = None,
     ) -> None:
         """Check and keep the tube; points that repeat the one before are left out, with a note.
 
@@ -103,6 +107,7 @@ class Tube:
                 number serves for all segments [rad].
             pass_through_points: "all", "corners" or "none".
             numbers: What messages call the points, m+1 ascending numbers; default: 0 to m.
+            tool_speed: One limit for all segments, or m of them, None where it is free [m/s].
 
         Raises:
             ProblemError: A count, a number or a sign is wrong; the message names it.
@@ -122,10 +127,11 @@ class Tube:
             )
         named = np.arange(segments + 1) if numbers is None else np.array(numbers)
         sizes = (corners, radii, float(tool_radius))
-        rules = (signs, visit, quaternions, bounds, pass_through_points, named)
+        speeds = tool_speeds(tool_speed, segments)
+        rules = (signs, visit, quaternions, bounds, pass_through_points, named, speeds)
         made = (ranges, rotation, (), None)
         self._keep(*sizes, *rules, *made)
-        asked = list(zip(radii.tolist(), _conditions(ranges, bounds), strict=True))
+        asked = list(zip(radii.tolist(), _conditions(ranges, bounds, speeds), strict=True))
         kept = distinct_points(corners, asked, None if rotation is None else rotation.angles)
         if len(kept.dropped):
             less = self.with_points(kept.points, kept.segments)
@@ -174,7 +180,7 @@ class Tube:
     @cached_property
     def conditions(self) -> tuple[tuple[object, ...], ...]:
         """What each of m segments asks of the arm beside the tool's place, to be compared."""
-        return _conditions(self.joint_ranges, self.rotation_tolerance)
+        return _conditions(self.joint_ranges, self.rotation_tolerance, self.tool_speed)
 
     @property
     def segment_count(self) -> int:
@@ -292,10 +298,14 @@ def _notes(numbers: IntArray, kept: DistinctPoints) -> tuple[str, ...]:
 
 
 def _conditions(
-    ranges: tuple[Mapping[str, JointRange], ...], bounds: tuple[RotationBound, ...] | None
+    ranges: tuple[Mapping[str, JointRange], ...],
+    bounds: tuple[RotationBound, ...] | None,
+    speeds: FloatArray | None,
 ) -> tuple[tuple[object, ...], ...]:
     """Return what each segment asks of the arm beside the tool's place."""
-    return tuple(zip(ranges, bounds or [None] * len(ranges), strict=True))
+    nothing = [None] * len(ranges)
+    fastest = nothing if speeds is None else speeds.tolist()
+    return tuple(zip(ranges, bounds or nothing, fastest, strict=True))
 
 
 def _require_named(key: str, value: object, known: Sequence[str]) -> None:

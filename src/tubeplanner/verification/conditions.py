@@ -17,6 +17,7 @@ from tubeplanner.verification.judged.points import judge_points
 from tubeplanner.verification.judged.position import judge_position
 from tubeplanner.verification.judged.rest import judge_rest
 from tubeplanner.verification.judged.rotation import judge_rotation
+from tubeplanner.verification.judged.tool_speed import judge_tool_speed, tool_speed_margin
 from tubeplanner.verification.judged.tube import judge_tube
 from tubeplanner.verification.judged_condition import JudgedCondition
 from tubeplanner.verification.judged_motion import JudgedMotion
@@ -29,6 +30,7 @@ JUDGED: Mapping[str, Callable[[JudgedMotion], JudgedCondition]] = MappingProxyTy
         "acceleration": judge_acceleration,
         "jerk": judge_jerk,
         "effort": judge_effort,
+        "tool_speed": judge_tool_speed,
         "tube": judge_tube,
         "joint_signs": judge_joint_signs,
         "rotation": judge_rotation,
@@ -43,4 +45,4 @@ JUDGED: Mapping[str, Callable[[JudgedMotion], JudgedCondition]] = MappingProxyTy
 )
 CONDITION_NAMES = tuple(JUDGED)
 # Of those that segments ask, what the judge's switching times must know beside tool and joints.
-SEGMENT_MARGINS: tuple[MarginMaker, ...] = ()
+SEGMENT_MARGINS: tuple[MarginMaker, ...] = (tool_speed_margin,)

@@ -8,6 +8,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.constraints.time_scaling import scaling_factor
+from tubeplanner.constraints.tool_speed import ToolSpeed
 from tubeplanner.constraints.tube_membership import current_segments, tube_use
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
@@ -38,6 +39,7 @@ class TrajectoryCurves:
         effort: Shape (N, n) [N m or N].
         tool: Shape (N, 3) [m].
         speed: Of the tool, shape (N,) [m/s].
+        speed_limit: Its limit in that segment, shape (N,) [m/s]; inf where there is none.
         factor: How many times faster each sample could be run, shape (N,).
         segment: The tube segment of each sample, shape (N,).
         tube_use: The tool's distance from the segment as a share of its radius, shape (N,).
@@ -49,6 +51,7 @@ class TrajectoryCurves:
     effort: FloatArray
     tool: FloatArray
     speed: FloatArray
+    speed_limit: FloatArray
     factor: FloatArray
     segment: IntArray
     tube_use: FloatArray
@@ -89,6 +92,7 @@ def trajectory_curves(problem: PlanningProblem, trajectory: JointTrajectory) -> 
         robot.inverse_dynamics(q, v, a),
         tool,
         np.linalg.norm(np.einsum("nij,nj->ni", jacobian[:, :3], v), axis=1),
+        ToolSpeed(problem).limit[segment],
         scaling_factor(problem, q, v, a, segment=segment),
         segment,
         tube_use(problem, tool, segment),
@@ -163,9 +167,12 @@ def draw_factor(
 
 
 def draw_speed(axis: "Axes", curves: TrajectoryCurves) -> None:
-    """Draw the speed of the tool."""
+    """Draw the speed of the tool, and its limit where there is one."""
     axis.plot(curves.samples.time, curves.speed, **_MAIN)
-    axis.set_ylim(0.0, 1.1 * curves.speed.max())
+    limit = curves.speed_limit
+    shown = limit[np.isfinite(limit) & (limit < 2 * curves.speed.max())]
+    axis.plot(curves.samples.time, np.where(np.isin(limit, shown), limit, np.nan), **LIMIT)
+    axis.set_ylim(0.0, 1.1 * max(curves.speed.max(), shown.max(initial=0.0)))
     axis.set_ylabel("tool speed [m/s]")
 
 
