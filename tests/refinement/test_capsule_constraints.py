@@ -7,15 +7,17 @@ import pytest
 
 from tubeplanner import Tube
 from tubeplanner.constraints.path_samples import PathSamples
-from tubeplanner.refinement.capsule_constraints import Capsules, EvaluatedCapsules, Planes
+from tubeplanner.refinement.capsule_constraints import EvaluatedCapsules, Planes
 from tubeplanner.refinement.ordered_segments import OrderedSegments
 from tubeplanner.refinement.phased_spline import PhasedSpline
 from tubeplanner.refinement.rotation_constraints import EvaluatedRotation
 from tubeplanner.refinement.sampled_spline import sampled
 from tubeplanner.refinement.tube_constraints import evaluated_points, evaluated_tube
+from tubeplanner.tube.segment_regions import Capsules
 
 STEP = 1e-6
 MARGIN = 0.005
+NUMBERS = np.array([[7], [8]])
 
 
 def with_all_points(tube):
@@ -38,19 +40,31 @@ def evaluated(kind, case, spline=None):
     at = sampled(spline or own, samples)
     path = PathSamples(problem, at.by_x, lambda: samples.phase)
     if kind == "points":
-        return evaluated_points(tube, at, path, tube.effective_radius, MARGIN, np.array([7, 8]))
+        return evaluated_points(tube, at, path, tube.regions, MARGIN, NUMBERS)
     if kind == "tube":
         radius = tube.effective_radius
         segments = OrderedSegments(tube.points, radius, (range(1), range(1, 2)), samples)
-        return evaluated_tube(tube, at, path, segments, radius, MARGIN, np.array([7, 8]))
-    return EvaluatedRotation(tube.rotation, at, path, MARGIN, 9 + samples.phase).angle()
+        return evaluated_tube(at, path, segments, tube.regions, MARGIN, NUMBERS)
+    return EvaluatedRotation(tube.rotation, at, path, MARGIN, np.array([9, 10])).angle()
+
+
+def radius_of(here):
+    return here.regions.radius[here.segment]
+
+
+def begin_of(here):
+    return here.regions.begin[here.segment]
+
+
+def end_of(here):
+    return here.regions.end[here.segment]
 
 
 def random_planes(capsules, seed=0):
     rng = np.random.default_rng(seed)
     normal = rng.normal(size=(40, 3))
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    bounded = np.flatnonzero(np.isfinite(capsules.radius))
+    bounded = np.flatnonzero(np.isfinite(radius_of(capsules)))
     sample = rng.choice(bounded, 40)
     return Planes(sample, normal, capsules.segment[sample])
 
@@ -61,7 +75,7 @@ def test_rows_have_the_derivatives_of_their_slack(case, kind):
     planes = random_planes(here)
     rows = here.rows(planes)
     np.testing.assert_array_equal(rows.slack, here.slack(planes))
-    np.testing.assert_array_equal(rows.limit, here.limit[planes.sample])
+    np.testing.assert_array_equal(rows.limit, here.numbers[here.segment[planes.sample], 0])
     rng = np.random.default_rng(5)
     change = rng.normal(size=spline.control_points.shape)
     switching = rng.normal(size=1)
@@ -87,8 +101,7 @@ def test_the_excess_is_the_tubes_own(case):
     tube = evaluated("tube", case)
     tool = problem.robot.tool_position(tube.at.position)
     own = problem.tube.margin(tool)[np.arange(len(tool)), samples.phase]
-    np.testing.assert_allclose(tube.excess - MARGIN, -own / tube.radius, atol=1e-9)
-    assert np.unique(tube.limit).tolist() == [7, 8]
+    np.testing.assert_allclose(tube.excess - MARGIN, -own / radius_of(tube), atol=1e-9)
 
 
 def test_planes_are_outward_and_at_both_caps(case):
@@ -96,7 +109,7 @@ def test_planes_are_outward_and_at_both_caps(case):
     planes, count = tube.planes(), len(tube.vector)
     outward = planes.where(np.arange(count))
     np.testing.assert_allclose(-tube.slack(outward), tube.excess, atol=1e-9)
-    axis = tube.end - tube.begin
+    axis = end_of(tube) - begin_of(tube)
     axis /= np.linalg.norm(axis, axis=1, keepdims=True)
     caps = planes.where(np.arange(count, 3 * count))
     np.testing.assert_allclose(caps.normal, np.concatenate([axis, -axis]))
@@ -108,11 +121,15 @@ def test_every_plane_holds_the_capsule(case, kind):
     here = evaluated(kind, case)
     planes = random_planes(here)
     assert (-here.slack(planes) <= here.excess[planes.sample] + 1e-9).all()
-    ends = replace(here, vector=here.end)  # and every plane is met by a point one radius away
+    ends = replace(here, vector=end_of(here))  # and every plane is met by a point one radius away
     touching = np.zeros_like(here.vector)
     for sample, normal in zip(planes.sample, planes.normal, strict=True):
-        side = here.end if normal @ (here.end - here.begin)[sample] >= 0 else here.begin
-        touching[sample] = side[sample] + (1 - MARGIN) * here.radius[sample] * normal
+        side = (
+            end_of(here)
+            if normal @ (end_of(here) - begin_of(here))[sample] >= 0
+            else begin_of(here)
+        )
+        touching[sample] = side[sample] + (1 - MARGIN) * radius_of(here)[sample] * normal
         one = Planes(np.array([sample]), normal[None], here.segment[[sample]])
         assert replace(ends, vector=touching).slack(one)[0] == pytest.approx(0.0, abs=1e-9)
 
@@ -120,10 +137,10 @@ def test_every_plane_holds_the_capsule(case, kind):
 @pytest.mark.parametrize("kind", ["tube", "angle"])
 def test_tangent_planes_are_where_vectors_are_outside(case, kind):
     here = evaluated(kind, case)
-    bounded = np.isfinite(here.radius)
+    bounded = np.isfinite(radius_of(here))
     rng = np.random.default_rng(2)
     direction = rng.normal(size=here.vector.shape)
-    radius = np.where(bounded, here.radius, 1.0)[:, None]
+    radius = np.where(bounded, radius_of(here), 1.0)[:, None]
     outside = here.vector + 3 * radius * direction
     excess = replace(here, vector=outside).excess
     planes = here.planes_where_outside(outside, 0.5)
@@ -146,12 +163,12 @@ def corner(place, predicted):
         at=None,
         vector=np.array([place[0]]),
         derivative=lambda: np.zeros((1, 3, 2)),
-        capsules=Capsules(axes[:-1], axes[1:], np.array([0.1, 0.2])),
+        regions=Capsules(axes[:-1], axes[1:], np.array([0.1, 0.2])),
         segment=np.zeros(1, dtype=np.int64),
         segments_of=lambda _: np.array([predicted]),
         in_chain=np.ones(1, dtype=bool),
         margin=np.full(1, MARGIN),
-        limit=np.zeros(1, dtype=np.int64),
+        numbers=np.zeros((2, 1), dtype=np.int64),
     )
     return capsules, capsules.planes_where_outside(np.array([place[1]]), 0.0)
 

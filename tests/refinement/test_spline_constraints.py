@@ -36,9 +36,7 @@ class Kinds:
         at = sampled(spline, points)
         path = PathSamples(self.problem, at.by_x, lambda: self.samples.phase)
         if self.kind == "rotation":
-            return EvaluatedRotation(
-                self.problem.tube.rotation, at, path, 0.005, self.samples.phase
-            )
+            return EvaluatedRotation(self.problem.tube.rotation, at, path, 0.005, np.arange(2))
         limits = {limit.kind: limit for limit in speed_limits(self.problem)}
         limit = limits[self.kind.split()[0]]
         return EvaluatedSpeedLimit(limit, at, path, np.arange(len(limit.keys)))
@@ -153,7 +151,7 @@ def test_the_rotations_rows_and_its_ball_are_its_margin(case, margin):
     problem, spline, samples = case
     tube, at = problem.tube.rotation, sampled(spline, samples)
     path = PathSamples(problem, at.by_x, lambda: samples.phase)
-    evaluated = EvaluatedRotation(tube, at, path, margin, samples.phase)
+    evaluated = EvaluatedRotation(tube, at, path, margin, np.arange(2))
     error = tube.error(*problem.robot.tool_pose(at.position), samples.phase)
     used = np.hstack([abs(error), np.linalg.norm(error, axis=1, keepdims=True)])
     used /= tube.bounds[samples.phase]
@@ -163,4 +161,4 @@ def test_the_rotations_rows_and_its_ball_are_its_margin(case, margin):
     np.testing.assert_allclose(slack, 1 - margin - used[:, :3].max(axis=1), atol=1e-12)
     rows = evaluated.rows(1.0, None)  # components of the second alone
     assert np.unique(rows.limit).tolist() == [1]
-    assert evaluated.angle().limit.tolist() == samples.phase.tolist()
+    assert evaluated.angle().numbers.ravel().tolist() == [0, 1]

@@ -77,8 +77,7 @@ def tube_use(problem: PlanningProblem, tool: FloatArray, segment: IntArray) -> F
 
     0 on the segment, 1 on the capsule's wall.
     """
-    distance = problem.tube.distance(tool)[np.arange(len(tool)), segment]
-    return distance / problem.tube.effective_radius[segment]
+    return problem.tube.regions.share(tool, segment)
 
 
 def passable_segments(tube: Tube) -> BoolArray:

@@ -6,7 +6,7 @@ outward and those at the caps, and then the tangent planes where its own predict
 capsule (Kelley, "The cutting-plane method for solving convex programs", 1960).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,8 +15,8 @@ import numpy as np
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.refinement.linear_rows import Rows
 from tubeplanner.refinement.sampled_spline import SampledSpline
+from tubeplanner.tube.segment_regions import SegmentRegions
 
-_NO_LENGTH = 1e-9  # [m or rad]
 # A prediction may leave the capsule by this share of its radius.
 _OUTSIDE = 0.002
 
@@ -52,21 +52,6 @@ class Planes:
 
 
 @dataclass(frozen=True, eq=False)
-class Capsules:
-    """The capsules of m segments.
-
-    Attributes:
-        begin: Where their axes begin, shape (m, 3) [m or rad].
-        end: Where they end, shape (m, 3).
-        radius: Shape (m,) [m or rad].
-    """
-
-    begin: FloatArray
-    end: FloatArray
-    radius: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
 class EvaluatedCapsules:
     """The capsules at N samples of a spline, and the vectors that must stay in them.
 
@@ -74,54 +59,42 @@ class EvaluatedCapsules:
         at: The spline at the samples.
         vector: Shape (N, 3) [m or rad].
         derivative: Returns what the vectors change by with the joints, shape (N, 3, n).
-        capsules: Of all segments.
+        regions: Of all segments.
         segment: The samples' own, shape (N,).
         segments_of: Returns what they would be for other vectors (N, 3).
         in_chain: Whether samples pass from one segment to another by themselves, shape (N,).
         margin: The share of the radii that stays unused, shape (N,).
-        limit: Numbers of the radii among the limits, shape (N,).
+        numbers: Of the regions' tolerances among the limits, by segment and kind, shape (m, kinds).
     """
 
     at: SampledSpline
     vector: FloatArray
     derivative: Callable[[], FloatArray]
-    capsules: Capsules
+    regions: SegmentRegions
     segment: IntArray
     segments_of: Callable[[FloatArray], IntArray]
     in_chain: BoolArray
     margin: FloatArray
-    limit: IntArray
-
-    @cached_property
-    def begin(self) -> FloatArray:
-        """Where the samples' axes begin, shape (N, 3) [m or rad]."""
-        return self.capsules.begin[self.segment]
-
-    @cached_property
-    def end(self) -> FloatArray:
-        """Where they end, shape (N, 3)."""
-        return self.capsules.end[self.segment]
-
-    @cached_property
-    def radius(self) -> FloatArray:
-        """Of the samples' capsules, shape (N,) [m or rad]."""
-        return self.capsules.radius[self.segment]
+    numbers: IntArray
 
     @cached_property
     def excess(self) -> FloatArray:
-        """How far the vectors are outside the narrowed capsules, in radii, shape (N,)."""
-        return self._excess_of(self._away(self.vector, self.segment), self.segment)
+        """How far the vectors are outside the narrowed regions, as a share of them, shape (N,)."""
+        return self._excess_of(self.vector, self.segment)
 
     def planes(self) -> Planes:
-        """Return the planes outward and, where there is an axis that ends, those at both caps."""
-        away, axis = self._away(self.vector, self.segment), self.end - self.begin
-        distance, length = np.linalg.norm(away, axis=1), np.linalg.norm(axis, axis=1)
-        off = np.flatnonzero(distance > _NO_LENGTH)
-        long = np.flatnonzero((length > _NO_LENGTH) & ~self.in_chain)
-        outward = away[off] / distance[off, None]
-        along = axis[long] / length[long, None]
-        sample = np.concatenate([off, long, long])
-        return Planes(sample, np.concatenate([outward, along, -along]), self.segment[sample])
+        """Return the planes outward and, unless segments pass into each other, those of faces."""
+        normals = [self.regions.outward(self.vector, self.segment)]
+        normals += [np.where(self.in_chain[:, None], 0.0, n) for n in self.faces]
+        known = [np.flatnonzero(normal.any(axis=1)) for normal in normals]
+        sample = np.concatenate(known)
+        normal = np.concatenate([n[at] for n, at in zip(normals, known, strict=True)])
+        return Planes(sample, normal, self.segment[sample])
+
+    @cached_property
+    def faces(self) -> Sequence[FloatArray]:
+        """Normals of the regions' faces that do not depend on the vectors, each (N, 3)."""
+        return self.regions.faces(self.segment)
 
     def planes_where_outside(self, vector: FloatArray, elastic: float) -> Planes:
         """Return the tangent planes at other vectors (N, 3) that are outside.
@@ -133,9 +106,8 @@ class EvaluatedCapsules:
             elastic: So many radii outside is allowed.
         """
         segment = self.segments_of(vector)
-        away = self._away(vector, segment)
-        outside = np.flatnonzero(self._excess_of(away, segment) > elastic + _OUTSIDE)
-        normal = away[outside] / np.linalg.norm(away[outside], axis=1)[:, None]
+        outside = np.flatnonzero(self._excess_of(vector, segment) > elastic + _OUTSIDE)
+        normal = self.regions.outward(vector[outside], segment[outside])
         planes = Planes(outside, normal, segment[outside])
         # Those that hold the sample's present capsule too may be farther out than the vectors.
         return planes.where(self.slack(planes, vector - self.vector) < -elastic)
@@ -161,17 +133,18 @@ class EvaluatedCapsules:
         vector = self.vector if bend is None else self.vector + bend
         at, normal = planes.sample, planes.normal
         beyond = np.minimum(
-            np.einsum("pi,pi->p", normal, (vector - self.begin)[at]),
-            np.einsum("pi,pi->p", normal, (vector - self.end)[at]),
+            np.einsum("pi,pi->p", normal, (vector - self._begin)[at]),
+            np.einsum("pi,pi->p", normal, (vector - self._end)[at]),
         )
-        slack: FloatArray = 1 - self.margin[at] - beyond / self.radius[at] + self._farther(planes)
+        extent = self._extent(planes)
+        slack: FloatArray = 1 - self.margin[at] - beyond / extent + self._farther(planes, extent)
         return slack
 
     def rows(self, planes: Planes) -> Rows:
         """Return rows that keep the vectors behind planes; they have no numbers."""
-        at = planes.sample
+        at, segment = planes.sample, self.segment[planes.sample]
         by_joint = np.einsum("pi,pij->pj", planes.normal, self._by_joint[at])
-        by_joint /= self.radius[at, None]
+        by_joint /= self._extent(planes)[:, None]
         control, switching = self.at.chained({0: by_joint[:, None]}, at)
         count = len(planes)
         return Rows(
@@ -180,7 +153,7 @@ class EvaluatedCapsules:
             switching[:, 0],
             np.zeros(count),
             self.slack(planes),
-            self.limit[at],
+            self.numbers[segment, self.regions.kind(planes.normal, segment)],
             np.full(count, -1),
         )
 
@@ -188,10 +161,23 @@ class EvaluatedCapsules:
     def _by_joint(self) -> FloatArray:
         return self.derivative()
 
-    def _farther(self, planes: Planes) -> FloatArray:
-        """Return how much farther out planes must be to hold another segment's capsule too, (P,).
+    @cached_property
+    def _begin(self) -> FloatArray:
+        return self.regions.begin[self.segment]
 
-        In radii of the samples' own. The sample may be in either, so that both are held.
+    @cached_property
+    def _end(self) -> FloatArray:
+        return self.regions.end[self.segment]
+
+    def _extent(self, planes: Planes) -> FloatArray:
+        """Return how far the samples' own regions reach beyond their axes, (P,)."""
+        return self.regions.extent(planes.normal, self.segment[planes.sample])
+
+    def _farther(self, planes: Planes, extent: FloatArray) -> FloatArray:
+        """Return how much farther out planes must be to hold another segment's region too, (P,).
+
+        As a share of the extent of the samples' own. The sample may be in either, so that both are
+        held.
         """
         farther = np.zeros(len(planes))
         both = np.flatnonzero(planes.segment != self.segment[planes.sample])
@@ -200,25 +186,17 @@ class EvaluatedCapsules:
             self._reach(planes.normal[both], segment, at)
             for segment in (self.segment[at], planes.segment[both])
         )
-        farther[both] = np.maximum(other - own, 0.0) / self.radius[at]
+        farther[both] = np.maximum(other - own, 0.0) / extent[both]
         return farther
 
     def _reach(self, normal: FloatArray, segment: IntArray, at: IntArray) -> FloatArray:
-        """Return how far samples' narrowed capsules, in some segments, reach along normals."""
-        axis_ends = (self.capsules.begin[segment], self.capsules.end[segment])
+        """Return how far samples' narrowed regions, in some segments, reach along normals."""
+        axis_ends = (self.regions.begin[segment], self.regions.end[segment])
         farthest = np.maximum(*(np.einsum("pi,pi->p", normal, end) for end in axis_ends))
-        reach: FloatArray = farthest + (1 - self.margin[at]) * self.capsules.radius[segment]
+        extent = self.regions.extent(normal, segment)
+        reach: FloatArray = farthest + (1 - self.margin[at]) * extent
         return reach
 
-    def _excess_of(self, away: FloatArray, segment: IntArray) -> FloatArray:
-        share = np.linalg.norm(away, axis=1) / self.capsules.radius[segment]
-        excess: FloatArray = share - (1 - self.margin)
+    def _excess_of(self, vector: FloatArray, segment: IntArray) -> FloatArray:
+        excess: FloatArray = self.regions.share(vector, segment) - (1 - self.margin)
         return excess
-
-    def _away(self, vector: FloatArray, segment: IntArray) -> FloatArray:
-        """Return vectors (N, 3) from the nearest points of segments' axes to vectors (N, 3)."""
-        begin, end = self.capsules.begin[segment], self.capsules.end[segment]
-        axis = end - begin
-        square = np.maximum(np.einsum("ni,ni->n", axis, axis), _NO_LENGTH**2)
-        share = np.clip(np.einsum("ni,ni->n", vector - begin, axis) / square, 0.0, 1.0)
-        return vector - (begin + share[:, None] * axis)

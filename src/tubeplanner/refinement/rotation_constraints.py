@@ -11,10 +11,11 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.constraints.path_samples import PathSamples
-from tubeplanner.refinement.capsule_constraints import Capsules, EvaluatedCapsules
+from tubeplanner.refinement.capsule_constraints import EvaluatedCapsules
 from tubeplanner.refinement.linear_rows import Rows, StepSize, plane_rows
 from tubeplanner.refinement.sampled_spline import SampledSpline
 from tubeplanner.tube.rotational_tube import RotationalTube
+from tubeplanner.tube.segment_regions import Capsules
 
 _SIDES = np.vstack([np.eye(3), -np.eye(3)])
 
@@ -28,7 +29,7 @@ class EvaluatedRotation:
         at: The spline at the samples.
         path: The arm there.
         margin: The share of the tolerances that stays unused.
-        limit: Numbers of the tolerances among the limits, shape (N,).
+        numbers: Of the tolerances among the limits, shape (m,).
     """
 
     is_elastic: ClassVar[bool] = True
@@ -37,7 +38,7 @@ class EvaluatedRotation:
     at: SampledSpline
     path: PathSamples
     margin: float
-    limit: IntArray
+    numbers: IntArray
 
     @property
     def segment(self) -> IntArray:
@@ -62,7 +63,7 @@ class EvaluatedRotation:
             lambda _: self.segment,
             np.zeros(count, dtype=bool),
             np.full(count, self.margin),
-            self.limit,
+            self.numbers[:, None],
         )
 
     def rows(self, duration: float, size: StepSize | None) -> Rows:
@@ -75,7 +76,9 @@ class EvaluatedRotation:
         bounds = np.hstack([self._bounds, self._bounds])
         by_side = np.matmul(_SIDES, self._by_joint) / bounds[:, :, None]
         slack = np.where(np.isfinite(bounds), self._slack.reshape(bounds.shape), np.inf)
-        return plane_rows(self.at.first, self.at.chained({0: by_side}), slack, self.limit, size)
+        return plane_rows(
+            self.at.first, self.at.chained({0: by_side}), slack, self.numbers[self.segment], size
+        )
 
     @property
     def row_count(self) -> int:

@@ -22,7 +22,7 @@ from tubeplanner.refinement.linear_rows import INNER_MARGIN, MERIT_TOLERANCE, Ro
 from tubeplanner.refinement.linearization import BROKEN, Given, Linearization, Quadratic
 from tubeplanner.refinement.link_constraints import LinkConstraints
 from tubeplanner.refinement.phased_spline import DEGREE, KnotGrid, PhasedSpline
-from tubeplanner.refinement.spline_constraints import TUBE_TOLERANCES, Iterate, SplineConstraints
+from tubeplanner.refinement.spline_constraints import Iterate, SplineConstraints
 
 # Weights of third differences, against wiggles of joints that do not matter, and of the step.
 _SMOOTHING = 1e-5
@@ -190,7 +190,8 @@ class SequentialProgram:
         keys = self.constraints.keys
         cost = linear.costs(step, len(keys)) / 2
         # Rows of the tube are in radii, those of the limits in limits: the narrowing scales along.
-        share = [1 - INNER_MARGIN if key.kind in TUBE_TOLERANCES else 1.0 for key in keys]
+        of_speed = {key for limit in current.limits for key in limit.limit.keys}
+        share = [1.0 if key in of_speed else 1 - INNER_MARGIN for key in keys]
         return dict(zip(keys, -cost * np.array(share), strict=True))
 
     def _can_move(self, rows: Rows) -> BoolArray:

@@ -1,7 +1,7 @@
 """All constraints of a spline at samples, with samples added where necessary."""
 
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -39,7 +39,6 @@ _TUBE_SAMPLES = np.arange(3) / 3
 _DENSE_SAMPLES = np.linspace(0, 1, 21)
 # Samples may lie this much farther apart than on average; and what their kinks may take, in radii.
 _UNEVEN, _MOST_FOR_KINKS = 2, 0.03
-TUBE_TOLERANCES = ("radius", "rotation")
 _HIGHER = 1.001  # peaks of the squared duration between samples that count
 
 
@@ -211,24 +210,33 @@ class SplineConstraints:
         tube = self._problem.tube
         at, path = known.at(samples)
         segments = known.segments_of(samples)
-        limit = self._numbers_of("radius")
-        capsules = [evaluated_tube(tube, at, path, segments, self._radius, self._margin, limit)]
+        regions, numbers = tube.regions_of(self._radius), self._tolerances
+        capsules = [evaluated_tube(at, path, segments, regions, self._margin, numbers)]
         rotation = None
         if tube.rotation is not None:
-            limit_of = self._numbers_of("rotation")[path.segment]
-            turned = EvaluatedRotation(tube.rotation, at, path, INNER_MARGIN, limit_of)
+            own = self._rotation_tolerances
+            turned = EvaluatedRotation(tube.rotation, at, path, INNER_MARGIN, own)
             bounds = np.isfinite(tube.rotation.bounds)
             rotation = turned if bounds[:, :3].any() else None
             capsules += [turned.angle()] if bounds[:, 3].any() else []
         if len(tube.compulsory_points):
             there = known.at(self._passing_samples)
-            capsules.append(evaluated_points(tube, *there, self._radius, INNER_MARGIN, limit))
+            capsules.append(evaluated_points(tube, *there, regions, INNER_MARGIN, numbers))
         return tuple(capsules), rotation
 
-    def _numbers_of(self, kind: str) -> IntArray:
-        """Return the numbers of the tolerances of a kind, shape (m,)."""
-        segments = range(self._problem.tube.segment_count)
-        return np.array([self._numbers[LimitKey(kind, segment=k)] for k in segments])
+    @cached_property
+    def _tolerances(self) -> IntArray:
+        """The numbers of the regions' tolerances, by segment and kind, shape (m, kinds)."""
+        keys = _region_keys(self._problem.tube)
+        numbers = np.zeros((len(keys), max(map(len, keys))), dtype=np.int64)
+        for k, own in enumerate(keys):
+            numbers[k, : len(own)] = [self._numbers[key] for key in own]
+        return numbers
+
+    @cached_property
+    def _rotation_tolerances(self) -> IntArray:
+        """The numbers of the rotation tolerances, shape (m,)."""
+        return np.array([self._numbers[key] for key in _rotation_keys(self._problem.tube)])
 
 
 class _Known:
@@ -258,11 +266,20 @@ class _Known:
 
 def _keys(limits: tuple[SpeedLimit, ...], tube: Tube) -> tuple[LimitKey, ...]:
     """Return the keys of limits and of a tube's tolerances."""
-    kinds = TUBE_TOLERANCES[: 1 if tube.rotation is None else 2]
     of_speed = [key for limit in limits for key in limit.keys]
-    segments = range(tube.segment_count)
-    of_tube = [LimitKey(kind, segment=k) for kind in kinds for k in segments]
-    return tuple(dict.fromkeys([*of_speed, *of_tube]))
+    of_rotation = [] if tube.rotation is None else _rotation_keys(tube)
+    of_regions = [key for own in _region_keys(tube) for key in own]
+    return tuple([*of_speed, *of_regions, *of_rotation])
+
+
+def _region_keys(tube: Tube) -> list[list[LimitKey]]:
+    """Return the keys of the tolerances of every segment's region."""
+    count = tube.segment_count
+    return [[LimitKey(kind, segment=k) for kind in tube.regions.kinds(k)] for k in range(count)]
+
+
+def _rotation_keys(tube: Tube) -> list[LimitKey]:
+    return [LimitKey("rotation", segment=k) for k in range(tube.segment_count)]
 
 
 def _margin_for_kinks(tube: Tube, grid: KnotGrid) -> float:

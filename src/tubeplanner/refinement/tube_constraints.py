@@ -2,44 +2,43 @@
 
 import numpy as np
 
-from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.arrays import IntArray
 from tubeplanner.constraints.path_samples import PathSamples
-from tubeplanner.refinement.capsule_constraints import Capsules, EvaluatedCapsules
+from tubeplanner.refinement.capsule_constraints import EvaluatedCapsules
 from tubeplanner.refinement.ordered_segments import OrderedSegments
 from tubeplanner.refinement.sampled_spline import SampledSpline
+from tubeplanner.tube.segment_regions import Capsules, SegmentRegions
 from tubeplanner.tube.tube import Tube
 
 
 def evaluated_tube(
-    tube: Tube,
     at: SampledSpline,
     path: PathSamples,
     segments: OrderedSegments,
-    radius: FloatArray,
+    regions: SegmentRegions,
     margin: float,
-    limit: IntArray,
+    numbers: IntArray,
 ) -> EvaluatedCapsules:
     """Return the tube at N samples of a spline, each in one of its phase's segments.
 
     Args:
-        tube: The tube.
         at: The spline at the samples.
         path: The arm there.
         segments: Those that the samples may be in.
-        radius: Of the segments, shape (m,) [m].
-        margin: The share of the radii that stays unused.
-        limit: Numbers of the radii among the limits, shape (m,).
+        regions: Of all segments.
+        margin: The share of the regions that stays unused.
+        numbers: Of the regions' tolerances among the limits, by segment and kind, shape (m, kinds).
     """
     return EvaluatedCapsules(
         at,
         path.tool_pose[1],
         lambda: path.tool_jacobian[:, :3],
-        Capsules(tube.points[:-1], tube.points[1:], radius),
+        regions,
         path.segment,
         segments.at,
         segments.in_chain,
         np.full(len(path), margin),
-        limit[path.segment],
+        numbers,
     )
 
 
@@ -47,9 +46,9 @@ def evaluated_points(
     tube: Tube,
     at: SampledSpline,
     path: PathSamples,
-    radius: FloatArray,
+    regions: SegmentRegions,
     margin: float,
-    limit: IntArray,
+    numbers: IntArray,
 ) -> EvaluatedCapsules:
     """Return the balls about compulsory points that the tool must be in at switching times.
 
@@ -59,13 +58,15 @@ def evaluated_points(
         tube: The tube.
         at: The spline at the switching times into the segments that begin at the points.
         path: The arm there.
-        radius: Of the segments, shape (m,) [m].
+        regions: Of all segments.
         margin: The share of the radii that stays unused.
-        limit: Numbers of the radii among the limits, shape (m,).
+        numbers: As for `evaluated_tube`.
     """
-    points = tube.compulsory_points
+    points, radius = tube.compulsory_points, regions.radius
     narrower = points - (radius[points - 1] < radius[points])
     place, own = tube.points[points], np.arange(len(points))
+    # The ball's tolerance is what gives the extent along the segment: that of its end.
+    kind = regions.kind(regions.faces(narrower)[0], narrower)
     return EvaluatedCapsules(
         at,
         path.tool_pose[1],
@@ -75,5 +76,5 @@ def evaluated_points(
         lambda _: own,
         np.zeros(len(points), dtype=bool),
         np.full(len(points), margin),
-        limit[narrower],
+        numbers[narrower, kind][:, None],
     )

@@ -25,6 +25,7 @@ from tubeplanner.tube.rotational_tube import (
     rotational_tube,
     unit_quaternions,
 )
+from tubeplanner.tube.segment_regions import Capsules, SegmentRegions
 from tubeplanner.tube.tool_speeds import tool_speeds
 
 _ALL = slice(None)
@@ -191,6 +192,15 @@ class Tube:
     def effective_radius(self) -> FloatArray:
         """How far the tool centre point may stray, shape (m,) [m]."""
         return self.radius - self.tool_radius
+
+    @cached_property
+    def regions(self) -> SegmentRegions:
+        """The regions about the segments in which the tool centre point must be."""
+        return self.regions_of(self.effective_radius)
+
+    def regions_of(self, radius: FloatArray) -> SegmentRegions:
+        """Return the regions as they would be with other effective radii, (m,) [m]."""
+        return Capsules(self.points[:-1], self.points[1:], radius)
 
     @cached_property
     def compulsory_points(self) -> IntArray:

@@ -27,21 +27,19 @@ class SegmentMargin(Protocol):
         ...
 
 
-class CapsuleMargin:
-    """The tool in the capsules [m]."""
+class ToolMargin:
+    """The tool in the regions about the segments [m]."""
 
     def __init__(self, problem: PlanningProblem, tool: Enclosure) -> None:
         self._tube, self._tool = problem.tube, tool
 
     def at(self, time: FloatArray) -> FloatArray:
-        """Return how far inside all capsules the tool is."""
+        """Return how far inside all regions the tool is."""
         return self._tube.margin(self._tool.at(time))
 
     def within(self, segment: IntArray, time: FloatArray) -> FloatArray:
-        """Return how far inside one capsule each the tool is."""
-        distance = segment_distances(self._tube.points, self._tool.at(time)[None], segment)[0]
-        margin: FloatArray = self._tube.effective_radius[segment] - distance
-        return margin
+        """Return how far inside one region each the tool is."""
+        return self._tube.regions.margin(self._tool.at(time), segment)
 
 
 class JointRangeMargin:
@@ -106,24 +104,9 @@ def segment_margins(
         rotation: Its tool's rotation matrix; None: the tube leaves it free.
         further: What makes the margins of further conditions.
     """
-    found: list[SegmentMargin] = [CapsuleMargin(problem, tool)]
+    found: list[SegmentMargin] = [ToolMargin(problem, tool)]
     found.append(JointRangeMargin(problem, trajectory))
     if rotation is not None:
         found.append(RotationMargin(problem, tool, rotation))
     made = (make(problem, trajectory) for make in further)
     return (*found, *(margin for margin in made if margin is not None))
-
-
-def segment_distances(reference: FloatArray, p: FloatArray, segment: IntArray) -> FloatArray:
-    """Return the distances of points (N, R, 3) to one segment per column, (R,): shape (N, R).
-
-    Args:
-        reference: The tube's points, shape (m+1, 3) [m].
-        p: The points [m].
-        segment: Index of each column's segment.
-    """
-    begin, end = reference[:-1][segment], reference[1:][segment]
-    axis = end - begin
-    share = np.einsum("nri,ri->nr", p - begin, axis) / np.einsum("ri,ri->r", axis, axis)
-    nearest = begin + np.clip(share, 0.0, 1.0)[:, :, None] * axis
-    return np.linalg.norm(p - nearest, axis=2)

@@ -13,7 +13,7 @@ from tubeplanner.trajectory.bernstein import bernstein_coefficients, halves
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.tube.tube import Tube
 from tubeplanner.verification.enclosure import Enclosure
-from tubeplanner.verification.segment_margins import MarginMaker, segment_distances, segment_margins
+from tubeplanner.verification.segment_margins import MarginMaker, segment_margins
 from tubeplanner.verification.switching_samples import best_switching_samples
 
 # Samples among which switching times are found; they are then refined between samples.
@@ -183,13 +183,8 @@ def passages(
 
 
 def least_margin(tube: Tube, tool: Enclosure, visits: list[Visit]) -> LeastMargin:
-    """Return how far inside the capsules the tool stays during its visits, for all t."""
-    radius = tube.effective_radius
-
-    def margin(points: FloatArray, segment: IntArray) -> FloatArray:
-        return radius[segment] - segment_distances(tube.points, points, segment)
-
-    return least_concave_margin(tool, visits, margin, np.ones(tube.segment_count))
+    """Return how far inside the regions the tool stays during its visits, for all t."""
+    return least_concave_margin(tool, visits, tube.regions.margin, np.ones(tube.segment_count))
 
 
 def least_concave_margin(
