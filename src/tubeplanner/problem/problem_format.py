@@ -147,6 +147,13 @@ class RobotFields(_Section):
     limits: LimitFields = Field(LimitFields(), description="replace and scale the URDF's limits")
 
 
+class CrossSectionFields(_Section):
+    """A rectangle in place of the disc of a radius."""
+
+    box: tuple[Finite, Finite] = Field(description="full width, across, and height, along up [m]")
+    up: Vector = Field(description="made perpendicular to the segment")
+
+
 class TubeFields(_Section):
     """Where the tool may be, and its orientation there."""
 
@@ -161,11 +168,15 @@ class TubeFields(_Section):
         description="m+1 reference points, base frame, or a CSV file of them, relative to this "
         "one: x, y, z, then optionally qx, qy, qz, qw, radius [m]"
     )
-    radius: Finite | list[Finite] | None = Field(
+    # Before the radius, whose check asks for it.
+    cross_section: CrossSectionFields | list[CrossSectionFields | None] | None = Field(
+        None, description="boxes in place of discs, one or m; null: the disc of the radius"
+    )
+    radius: Finite | list[Finite | None] | None = Field(
         None,
         validate_default=True,
-        description="one or m path tolerances, from 1e-6 to 1e4; may be left out if the file of "
-        "points has them [m]",
+        description="one or m path tolerances, from 1e-6 to 1e4, null where there is a box; may be "
+        "left out if the file of points has them [m]",
     )
     tool_radius: Finite = Field(
         0.0, description="end effector as a sphere; at least 1e-6 below each radius [m]"
@@ -198,7 +209,8 @@ class TubeFields(_Section):
     @classmethod
     def _required(cls, radius: object, info: ValidationInfo) -> object:
         """Ask for the radius, unless points are in a file, which may have it."""
-        if radius is None and not isinstance(info.data.get("points"), str):
+        has_other = isinstance(info.data.get("points"), str) or info.data.get("cross_section")
+        if radius is None and not has_other:
             raise PydanticCustomError("missing", "it is required")
         return radius
 

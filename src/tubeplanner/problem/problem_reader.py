@@ -155,7 +155,7 @@ def _points(fields: TubeFields, directory: Path) -> dict[str, Any]:
                 )
             given[key] = given[key] if values is None else values
         points = read.points
-    if given["radius"] is None:
+    if given["radius"] is None and not fields.cross_section:
         raise ProblemError(
             f"tube.radius is required: give it here or as a column radius of {fields.points}"
         )

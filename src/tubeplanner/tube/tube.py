@@ -15,6 +15,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray, IntArray, read_only
 from tubeplanner.errors import ProblemError, shown, unknown_name
 from tubeplanner.options import in_figures, is_number
+from tubeplanner.tube.box_regions import BoxRegions, box_sections, radii_of_boxes
 from tubeplanner.tube.compulsory_points import PASS_THROUGH, compulsory_points
 from tubeplanner.tube.joint_ranges import JointRange, JointSign, joint_ranges, sign_maps
 from tubeplanner.tube.repeated_points import MIN_LENGTH, DistinctPoints, distinct_points
@@ -31,7 +32,7 @@ from tubeplanner.tube.tool_speeds import tool_speeds
 _ALL = slice(None)
 # What has an entry for each point, and for each segment.
 _BY_POINT = ("points", "orientations", "numbers")
-_BY_SEGMENT = ("radius", "joint_signs", "rotation_tolerance", "tool_speed")
+_BY_SEGMENT = ("radius", "joint_signs", "rotation_tolerance", "tool_speed", "cross_section")
 _BLOCK = 100_000  # distances computed at once, which a processor's cache holds
 _MAX_EXTENT = 1e4  # [m]
 VISITS = ("ordered", "any")
@@ -57,6 +58,7 @@ class Tube:
             "none".
         numbers: What messages call the points, shape (m+1,): 0 to m, unless points were left out.
         tool_speed: Limits on the tool's speed, shape (m,) [m/s], inf where free; None: free.
+        cross_section: Boxes about segments, shape (m, 5), as `box_sections`; None: discs alone.
         joint_ranges: Per segment, by joint name: [lower, upper], what the signs mean [rad or m].
         rotation: The rotation tolerance as geometry; None: as above.
         notes: What was left out of what was given.
@@ -73,6 +75,7 @@ class Tube:
     pass_through_points: Literal["all", "corners", "none"]
     numbers: IntArray
     tool_speed: FloatArray | None = None
+    cross_section: FloatArray | None = None
     joint_ranges: tuple[Mapping[str, JointRange], ...] = field(init=False)
     rotation: RotationalTube | None = field(init=False)
     notes: tuple[str, ...] = field(init=False)
@@ -81,7 +84,7 @@ class Tube:
     def __init__(
         self,
         points: Sequence[Sequence[float]] | FloatArray,
-        radius: float | Sequence[float] | FloatArray,
+        radius: float | Sequence[float | None] | FloatArray | None,
         *,
         tool_radius: float = 0.0,
         joint_signs: Mapping[str, JointSign] | Sequence[Mapping[str, JointSign]] | None = None,
@@ -91,12 +94,13 @@ class Tube:
         pass_through_points: Literal["all", "corners", "none"] = "corners",
         numbers: Sequence[int] | IntArray | None = None,
         tool_speed: float | Sequence[float | None] | FloatArray | None = None,
+        cross_section: Mapping[str, Any] | Sequence[Any] | FloatArray | None = None,
     ) -> None:
         """Check and keep the tube; points that repeat the one before are left out, with a note.
 
         Args:
             points: m+1 reference points, shape (m+1, 3) [m].
-            radius: One tolerance for all segments, or m of them [m].
+            radius: One tolerance for all segments, or m of them, None where there is a box [m].
             tool_radius: The tool as a sphere [m].
             joint_signs: One map for all segments, or m maps, from joint name to "+" (>= 0),
                 "-" (<= 0), "0" (free), the numbers 1, -1, 0, or a range [lower, upper] [rad or m].
@@ -109,13 +113,16 @@ class Tube:
             pass_through_points: "all", "corners" or "none".
             numbers: What messages call the points, m+1 ascending numbers; default: 0 to m.
             tool_speed: One limit for all segments, or m of them, None where it is free [m/s].
+            cross_section: {"box": [width, height], "up": [x, y, z]} for all segments, or m of them,
+                None for a disc [m].
 
         Raises:
             ProblemError: A count, a number or a sign is wrong; the message names it.
         """
         corners = _points(points)
         segments = len(corners) - 1
-        radii = _radii(radius, segments)
+        sections = box_sections(cross_section, np.diff(corners, axis=0))
+        radii = _radii(radii_of_boxes(radius, sections), segments)
         signs = sign_maps(joint_signs or {}, segments)
         ranges = joint_ranges(signs, visit)
         quaternions, bounds, rotation = _rotation(corners, orientations, rotation_tolerance)
@@ -129,10 +136,11 @@ class Tube:
         named = np.arange(segments + 1) if numbers is None else np.array(numbers)
         sizes = (corners, radii, float(tool_radius))
         speeds = tool_speeds(tool_speed, segments)
-        rules = (signs, visit, quaternions, bounds, pass_through_points, named, speeds)
+        rules = (signs, visit, quaternions, bounds, pass_through_points, named, speeds, sections)
         made = (ranges, rotation, (), None)
         self._keep(*sizes, *rules, *made)
-        asked = list(zip(radii.tolist(), _conditions(ranges, bounds, speeds), strict=True))
+        conditions = _conditions(ranges, bounds, speeds, sections)
+        asked = list(zip(radii.tolist(), conditions, strict=True))
         kept = distinct_points(corners, asked, None if rotation is None else rotation.angles)
         if len(kept.dropped):
             less = self.with_points(kept.points, kept.segments)
@@ -181,7 +189,8 @@ class Tube:
     @cached_property
     def conditions(self) -> tuple[tuple[object, ...], ...]:
         """What each of m segments asks of the arm beside the tool's place, to be compared."""
-        return _conditions(self.joint_ranges, self.rotation_tolerance, self.tool_speed)
+        others = (self.rotation_tolerance, self.tool_speed, self.cross_section)
+        return _conditions(self.joint_ranges, *others)
 
     @property
     def segment_count(self) -> int:
@@ -200,7 +209,10 @@ class Tube:
 
     def regions_of(self, radius: FloatArray) -> SegmentRegions:
         """Return the regions as they would be with other effective radii, (m,) [m]."""
-        return Capsules(self.points[:-1], self.points[1:], radius)
+        axes = (self.points[:-1], self.points[1:])
+        if self.cross_section is None:
+            return Capsules(*axes, radius)
+        return BoxRegions(*axes, radius, self.cross_section, self.tool_radius)
 
     @cached_property
     def compulsory_points(self) -> IntArray:
@@ -232,8 +244,11 @@ class Tube:
         return np.concatenate([_distances(block, start, axis) for block in blocks])
 
     def margin(self, p: FloatArray, segments: slice = _ALL) -> FloatArray:
-        """Return how far inside some capsules (of m, all) points (N, 3) lie, shape (N, m) [m]."""
-        return self.effective_radius[segments] - self.distance(p, segments)
+        """Return how far inside some regions (of m, all) points (N, 3) lie, shape (N, m) [m]."""
+        if self.cross_section is None:
+            return self.effective_radius[segments] - self.distance(p, segments)
+        asked = np.arange(self.segment_count)[segments]
+        return self.regions.margin(p[:, None], asked)
 
     def nearest(self, p: FloatArray, segments: slice = _ALL) -> FloatArray:
         """Return the points of some segments (of m, all) nearest to points (N, 3): (N, m, 3)."""
@@ -308,14 +323,12 @@ def _notes(numbers: IntArray, kept: DistinctPoints) -> tuple[str, ...]:
 
 
 def _conditions(
-    ranges: tuple[Mapping[str, JointRange], ...],
-    bounds: tuple[RotationBound, ...] | None,
-    speeds: FloatArray | None,
+    ranges: tuple[Mapping[str, JointRange], ...], *others: FloatArray | tuple[object, ...] | None
 ) -> tuple[tuple[object, ...], ...]:
     """Return what each segment asks of the arm beside the tool's place."""
+    rows = [other.tolist() if isinstance(other, np.ndarray) else other for other in others]
     nothing = [None] * len(ranges)
-    fastest = nothing if speeds is None else speeds.tolist()
-    return tuple(zip(ranges, bounds or nothing, fastest, strict=True))
+    return tuple(zip(ranges, *(row or nothing for row in rows), strict=True))
 
 
 def _require_named(key: str, value: object, known: Sequence[str]) -> None:

@@ -23,7 +23,7 @@ from tubeplanner.views.panels import (
     segments_per_group,
     trajectory_curves,
 )
-from tubeplanner.views.surface import capsule_grid, pipe
+from tubeplanner.views.surface import capsule_grid, pipe, region_grid
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -96,14 +96,14 @@ def _draw_segments(axis: Any, tube: Tube, segments: slice, color: str) -> None:
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     radii = tube.effective_radius[segments]
-    if len(radii) > 1 and np.ptp(radii) == 0:
+    if len(radii) > 1 and np.ptp(radii) == 0 and tube.cross_section is None:
         points = tube.points[segments.start : segments.start + len(radii) + 1]
         skin, _ = pipe(points, float(radii[0]))
         triangles = skin.vertices[skin.faces]
         axis.add_collection3d(Poly3DCollection(triangles, facecolor=color, alpha=0.18))
         return
     for k in range(tube.segment_count)[segments]:
-        surface = capsule_grid(tube.points[k], tube.points[k + 1], tube.effective_radius[k])
+        surface = region_grid(tube, k)
         axis.plot_surface(*surface, color=color, alpha=0.18, linewidth=0, shade=False)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.collision.convex_shape import ConvexShape, convex_hull
+from tubeplanner.tube.box_regions import BoxRegions
 from tubeplanner.tube.tube import Tube
 
 _ROUND_POINTS = 320  # on a whole sphere
@@ -92,8 +93,8 @@ def tube_surfaces(tube: Tube) -> list[Surface]:
     sides = int(np.clip(240 // tube.segment_count, _MIN_TUBE_SIDES, _MAX_TUBE_SIDES))
     parts = []
     for k in range(tube.segment_count):
-        start, end, radius = tube.points[k], tube.points[k + 1], tube.effective_radius[k]
-        capsule = grid_surface(np.stack(capsule_grid(start, end, radius, sides=sides), axis=-1))
+        radius = tube.effective_radius[k]
+        capsule = grid_surface(np.stack(region_grid(tube, k, sides=sides), axis=-1))
         others = np.delete(np.arange(tube.segment_count), k)
         if len(others) == 0:
             return [capsule]
@@ -102,6 +103,22 @@ def tube_surfaces(tube: Tube) -> list[Surface]:
         outside = (tie - tube.margin(capsule.vertices)[:, others]).min(axis=1)
         parts.append(clipped(capsule, outside))
     return parts
+
+
+def region_grid(
+    tube: Tube, k: int, *, sides: int = 24
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return x, y, z grids of the surface of the region about a segment [m]."""
+    start, end, regions = tube.points[k], tube.points[k + 1], tube.regions
+    if not isinstance(regions, BoxRegions) or not regions.is_box[k]:
+        return capsule_grid(start, end, tube.effective_radius[k], sides=sides)
+    (across, up, along), (width, height, beyond) = regions.frame[k], regions.half[k]
+    corners = [(-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1)]
+    ring = np.array([u * width * across + v * height * up for u, v in corners])
+    ends = [start - beyond * along, end + beyond * along]
+    rows = [ends[0] + 0 * ring, ends[0] + ring, ends[1] + ring, ends[1] + 0 * ring]
+    x, y, z = np.moveaxis(np.stack(rows, axis=1), -1, 0)
+    return x, y, z
 
 
 def capsule_grid(

@@ -1,0 +1,206 @@
+"""Segments with a rectangle for a cross-section: their sizes, and the boxes about them.
+
+A box is the rectangle swept along its segment and, beyond both ends, as far as the smaller half of
+its sides. It has six faces: across, along the given upward direction, and at both ends.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray, read_only
+from tubeplanner.errors import ProblemError, shown
+from tubeplanner.options import is_number
+from tubeplanner.tube.segment_regions import Capsules
+
+_PARALLEL = 1e-6  # sine of the least angle between a segment and what is upward there
+_SMALLEST, _LARGEST = 1e-6, 1e4  # sides [m]
+_SAME = 1e-12  # of a radius and the half of a box's smaller side
+_KINDS = ("width", "height")
+_KEYS = {"box", "up"}
+
+
+def box_sections(given: Any, axis: FloatArray) -> FloatArray | None:
+    """Return the sizes of boxes, by segment: width and height [m], and the upward unit vector.
+
+    Args:
+        given: {"box": [w, h], "up": [x, y, z]} for all segments, or one each, None for a disc.
+        axis: From the begin of every segment to its end, shape (m, 3) [m].
+
+    Returns:
+        Shape (m, 5), zero where a segment has a disc; None if all have.
+
+    Raises:
+        ProblemError: A count, a key or a number is wrong, or up is parallel to the segment.
+    """
+    if given is None or (isinstance(given, np.ndarray) and not given.any()):
+        return None
+    is_one = isinstance(given, Mapping)
+    entries = [given] * len(axis) if is_one else given
+    if not isinstance(entries, Sequence | np.ndarray) or len(entries) != len(axis):
+        raise ProblemError(
+            f"tube.cross_section is {shown(given)}; give one map with box and up, or {len(axis)}, "
+            "one for each segment, null for a disc"
+        )
+    rows = np.zeros((len(axis), 5))
+    for k, entry in enumerate(entries):
+        if entry is not None and np.any([entry]):
+            rows[k] = _section(f"tube.cross_section[{k}]", entry, axis[k])
+    return read_only(rows) if rows.any() else None
+
+
+def radii_of_boxes(radius: Any, sections: FloatArray | None) -> Any:
+    """Return radii with the halves of the boxes' smaller sides put in.
+
+    Args:
+        radius: One number, which holds for the discs, or m, None or the right one where there is a
+            box; None if there are boxes alone.
+        sections: From `box_sections`.
+
+    Raises:
+        ProblemError: A segment has both a box and another radius.
+    """
+    if sections is None:
+        return radius
+    halves = sections[:, :2].min(axis=1) / 2
+    is_box = halves > 0
+    if radius is None or is_number(radius):
+        return np.where(is_box, halves, np.nan if radius is None else radius)
+    radii = np.array(radius, dtype=float)
+    if radii.shape != halves.shape:
+        return radii
+    for k in np.flatnonzero(is_box & np.isfinite(radii) & (abs(radii - halves) > _SAME)):
+        raise ProblemError(
+            f"tube.radius[{k}] is {radii[k]:g} m, but segment {k} has a box of "
+            f"{sections[k, 0]:g} by {sections[k, 1]:g} m (tube.cross_section): its radius is half "
+            "of its smaller side; leave the radius null, or remove the box"
+        )
+    return np.where(is_box, halves, radii)
+
+
+def _section(where: str, entry: Any, axis: FloatArray) -> list[float]:
+    """Return width, height and upward unit vector of one segment."""
+    if isinstance(entry, np.ndarray | list) and len(entry) == 5:  # as `box_sections` returns it
+        box, up = entry[:2], entry[2:]
+    else:
+        if not isinstance(entry, Mapping) or set(entry) != _KEYS:
+            raise ProblemError(f"{where} is {shown(entry)}; give box: [w, h] and up: [x, y, z]")
+        box, up = entry["box"], entry["up"]
+    sides = _numbers(f"{where}.box", box, 2, "[w, h] [m]")
+    if not ((sides >= 2 * _SMALLEST) & (sides <= _LARGEST)).all():
+        raise ProblemError(
+            f"{where}.box is {sides.tolist()}; sides are from {2 * _SMALLEST:g} to {_LARGEST:g} m"
+        )
+    upward = _numbers(f"{where}.up", up, 3, "[x, y, z]")
+    length, along = float(np.linalg.norm(upward)), axis / max(float(np.linalg.norm(axis)), 1e-300)
+    beside = upward - (upward @ along) * along
+    if not np.linalg.norm(beside) > _PARALLEL * length:
+        raise ProblemError(
+            f"{where}.up is {upward.tolist()}, parallel to its segment; give a direction across it"
+        )
+    return [*sides.tolist(), *(upward / length).tolist()]
+
+
+def _numbers(where: str, values: Any, count: int, shape: str) -> FloatArray:
+    is_list = isinstance(values, Sequence | np.ndarray) and len(values) == count
+    if not is_list or not all(is_number(value) and abs(value) < np.inf for value in values):
+        raise ProblemError(f"{where} is {shown(values)}; give {shape}, finite numbers")
+    return np.array(values, dtype=float)
+
+
+@dataclass(frozen=True, eq=False)
+class BoxRegions(Capsules):
+    """Boxes about some segments, capsules about the others; `SegmentRegions`.
+
+    Attributes:
+        sections: From `box_sections`, shape (m, 5).
+        tool_radius: Taken off every half side [m].
+    """
+
+    sections: FloatArray
+    tool_radius: float
+
+    @cached_property
+    def is_box(self) -> BoolArray:
+        """Which segments have a box, shape (m,)."""
+        is_box: BoolArray = self.sections[:, 0] > 0
+        return is_box
+
+    @cached_property
+    def frame(self) -> FloatArray:
+        """Unit vectors across, upward and along each segment, shape (m, 3, 3), row by row."""
+        along = self._direction
+        up = (
+            self.sections[:, 2:]
+            - np.einsum("mi,mi->m", self.sections[:, 2:], along)[:, None] * along
+        )
+        up /= np.maximum(np.linalg.norm(up, axis=1, keepdims=True), np.finfo(float).tiny)
+        return np.stack([np.cross(up, along), up, along], axis=1)
+
+    @cached_property
+    def half(self) -> FloatArray:
+        """Half sides across and upward, and the reach beyond the ends, shape (m, 3) [m]."""
+        sides = self.sections[:, :2] / 2 - self.tool_radius
+        own = np.where(self.is_box, sides.min(axis=1), 1.0)
+        half = np.column_stack([sides, own]) * (self.radius / own)[:, None]
+        return np.where(self.is_box[:, None], half, 1.0)
+
+    def margin(self, p: FloatArray, segment: IntArray) -> FloatArray:
+        """Return how far inside the nearest face, or else the capsule, points are."""
+        inside = (self.half[segment] - self._beyond(p, segment)).min(axis=-1)
+        return np.where(self.is_box[segment], inside, super().margin(p, segment))
+
+    def share(self, p: FloatArray, segment: IntArray) -> FloatArray:
+        """Return the largest share of a half side, or else of the radius."""
+        share = (self._beyond(p, segment) / self.half[segment]).max(axis=-1)
+        return np.where(self.is_box[segment], share, super().share(p, segment))
+
+    def outward(self, p: FloatArray, segment: IntArray) -> FloatArray:
+        """Return the normal of the face that a point is nearest to, or else away from the axis."""
+        share = self._beyond(p, segment) / self.half[segment]
+        face = share.argmax(axis=-1)
+        normal = self.frame[segment, face]
+        offset = p - np.where(face == 2, 0.5, 0.0)[:, None] * (
+            self.end[segment] - self.begin[segment]
+        )
+        side = np.sign(np.einsum("ri,ri->r", normal, offset - self.begin[segment]))
+        normal = np.where((share.max(axis=-1) > 0)[:, None], side[:, None] * normal, 0.0)
+        return np.where(self.is_box[segment, None], normal, super().outward(p, segment))
+
+    def faces(self, segment: IntArray) -> Sequence[FloatArray]:
+        """Return the normals at both ends and those of the other four faces."""
+        sides = np.where(self.is_box[segment, None, None], self.frame[segment, :2], 0.0)
+        across, up = sides[:, 0], sides[:, 1]
+        return (*super().faces(segment), across, -across, up, -up)
+
+    def extent(self, normal: FloatArray, segment: IntArray) -> FloatArray:
+        """Return how far boxes reach along normals, or else the radii."""
+        extent = self._parts(normal, segment).sum(axis=1)
+        return np.where(self.is_box[segment], extent, super().extent(normal, segment))
+
+    def kinds(self, segment: int) -> tuple[str, ...]:
+        """Return that these are width and height, or else the radius."""
+        return _KINDS if self.is_box[segment] else super().kinds(segment)
+
+    def kind(self, normal: FloatArray, segment: IntArray) -> IntArray:
+        """Return whether it is the width (0) or the height (1); 0 for a radius."""
+        parts = self._parts(normal, segment)
+        # The reach beyond the ends follows the smaller side.
+        parts[np.arange(len(parts)), self.half[segment, :2].argmin(axis=1)] += parts[:, 2]
+        is_height: IntArray = (self.is_box[segment] & (parts[:, 1] > parts[:, 0])).astype(np.int64)
+        return is_height
+
+    def _parts(self, normal: FloatArray, segment: IntArray) -> FloatArray:
+        """Return what each half side adds to the extent along normals (R, 3), shape (R, 3)."""
+        return abs(np.einsum("rai,ri->ra", self.frame[segment], normal)) * self.half[segment]
+
+    def _beyond(self, p: FloatArray, segment: IntArray) -> FloatArray:
+        """Return how far points are from the axis across and upward, and beyond its ends."""
+        begin, axis = self.begin[segment], self.end[segment] - self.begin[segment]
+        local = np.einsum("rai,...ri->...ra", self.frame[segment], p - begin)
+        length = np.linalg.norm(axis, axis=-1)
+        ahead = np.maximum(-local[..., 2], local[..., 2] - length)
+        return np.concatenate([abs(local[..., :2]), ahead[..., None]], axis=-1)
