@@ -38,7 +38,7 @@ ARMS = (
     ("ur5", "tool0", None),
     ("panda", "panda_hand_tcp", Payload(0.5)),
     ("ur10", "tool0", Payload(5.0)),
-    ("xarm7", "link_eef", Payload(0.8)),
+    ("xarm7", "link_eef", Payload(5.0)),
 )
 ACCELERATION, JERK = 15.0, 400.0  # limits, where there are any [rad/s^2], [rad/s^3]
 SAMPLES = 50

@@ -99,3 +99,11 @@ def test_either_side_of_several_terms_counts(sign):
     there = (-0.25 + np.sqrt(0.25**2 + 4 * 0.5 * 1.5)) / (2 * 0.5)
     assert used.largest_speed((1.0, -1.0)) == pytest.approx(there, rel=1e-14)
     assert np.isinf(used.largest_speed((sign,)))
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_gravity_beyond_the_motor_stops_it_in_either_direction(sign):
+    held = sign * np.array([[1.2], [0.8]])
+    used = SpeedPolynomial({0: held, 2: -sign * np.array([[0.4], [0.4]])})
+    speed = used.largest_speed((1.0, -1.0))
+    np.testing.assert_allclose(speed[:, 0], [0.0, np.sqrt(1.8 / 0.4)])
