@@ -390,7 +390,6 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("off.max() <= _ON_LINE and", ""),
     ],
     "_turns_evenly": [
-        ("(rotation.bounds[part] != rotation.bounds[first]).any()", "False"),
         (".sum() >= _HALF_TURN", ".sum() >= 9"),
         (".max() <= _ON_LINE", ".max() <= 9"),
     ],

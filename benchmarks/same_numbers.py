@@ -8,10 +8,13 @@ how much faster each sample could be run, the shape's duration, all rows of the 
 slacks at a second spline (those of the second-order correction). `shape_numbers.py` computes them,
 with the sources of this checkout and of another one.
 
-Factors, durations and coefficients' units differ, so differences are relative: of factors and
-durations to themselves, of a row's coefficients to the largest of them or 1, whatever is more (1 is
-the whole limit, radius or 5 cm of clearance), of slacks to themselves or 1. Numbers, places and
-limits of rows must be the same. Exit status 1 if any differs by more than the tolerance.
+Differences are relative: of durations to themselves; of factors too, but times the share of a
+motor that gravity leaves (rounding of the limit is that much more of the rest); of rows'
+coefficients to 1 (the whole limit, a radius, 5 cm of clearance) or, if that is more, to the largest
+one of all rows of that kind on the same four control points: the efforts of all joints come from
+one recursion, and a wrist's small one is rounded as the shoulder's large one is; of slacks to
+themselves or 1. Numbers, places and limits of rows must be the same. Exit status 1 if any differs
+by more than the tolerance.
 """
 
 import argparse
@@ -26,7 +29,7 @@ import numpy as np
 
 HERE = Path(__file__).resolve().parent.parent
 DRIVER = HERE / "benchmarks" / "shape_numbers.py"
-RELATIVE = ("factors", "minimum duration", "estimated duration", "squared duration")
+RELATIVE = ("minimum duration", "estimated duration", "squared duration")
 COEFFICIENTS = ("control", "switching", "duration", "slack")
 LABELS = ("first", "limit", "index", "elastic")
 
@@ -57,28 +60,41 @@ class Checkout:
 
 def differences(one: dict, other: dict) -> Iterator[tuple[str, float]]:
     """Yield by how much two answers differ, by kind; inf where they cannot be compared."""
+    yield "factors", _largest(one["factors"], other["factors"], 0.0, other["spare"])
     for name in RELATIVE:
         yield name, _largest(one[name], other[name], 0.0)
     yield "second slack", _largest(one["second slack"], other["second slack"], 1.0)
     yield "excess", _largest(one["excess"], other["excess"], 1.0)
     yield "names", 0.0 if one["names"] == other["names"] else np.inf
-    yield from _row_differences("rows", one["rows"], other["rows"])
+    yield from _row_differences("rows", one["rows"], other["rows"], one["names"])
     for rows, others in zip(one["capsules"], other["capsules"], strict=True):
-        yield from _row_differences("capsules", rows, others)
+        yield from _row_differences("capsules", rows, others, one["names"])
 
 
-def _row_differences(name: str, rows: dict, others: dict) -> Iterator[tuple[str, float]]:
+def _row_differences(
+    name: str, rows: dict, others: dict, names: list[tuple[str, int]]
+) -> Iterator[tuple[str, float]]:
     """Yield by how much rows differ: their labels, then coefficients as shares of the largest."""
     labels = [label for label in LABELS if label in rows]
     same = all(np.array_equal(rows[label], others[label]) for label in labels)
     yield f"{name}, labels", 0.0 if same else np.inf
     if not same:
         return
-    sizes = [_by_row(others[field]) for field in COEFFICIENTS]
-    largest = np.max([np.ones_like(sizes[0]), *sizes], axis=0)
+    kinds = [*(kind for kind, _ in names), ""]  # rows of no limit have number -1
+    kind = np.unique(kinds, return_inverse=True)[1][others["limit"]]
+    size = np.max([_by_row(others[field]) for field in COEFFICIENTS], axis=0)
+    largest = np.maximum(1.0, _largest_of_group(size, np.array([kind, others["first"]])))
     for field in COEFFICIENTS:
         share = _by_row(rows[field] - others[field]) / largest
         yield f"{name}, {field}", float(share.max(initial=0.0))
+
+
+def _largest_of_group(size: np.ndarray, group: np.ndarray) -> np.ndarray:
+    """Return the largest size in the group of each of R rows, told by the columns of (2, R)."""
+    number = np.unique(group, axis=1, return_inverse=True)[1].ravel()
+    largest = np.zeros(number.max(initial=-1) + 1)
+    np.maximum.at(largest, number, size)
+    return largest[number]
 
 
 def _by_row(values: np.ndarray) -> np.ndarray:
@@ -87,15 +103,21 @@ def _by_row(values: np.ndarray) -> np.ndarray:
     return size
 
 
-def _largest(one: np.ndarray | float, other: np.ndarray | float, least: float) -> float:
-    """Return the largest difference relative to the values, or to a least size."""
+def _largest(
+    one: np.ndarray | float,
+    other: np.ndarray | float,
+    least: float,
+    weight: np.ndarray | float = 1.0,
+) -> float:
+    """Return the largest weighted difference relative to the values, or to a least size."""
     a, b = np.atleast_1d(one), np.atleast_1d(other)
     if a.shape != b.shape:
         return np.inf
     unequal = a != b  # what is infinite, or zero, must be so in both
+    weight = np.broadcast_to(weight, a.shape)[unequal]
     a, b = a[unequal], b[unequal]
     with np.errstate(invalid="ignore"):
-        share = abs(a - b) / np.maximum(np.maximum(abs(a), abs(b)), least)
+        share = weight * abs(a - b) / np.maximum(np.maximum(abs(a), abs(b)), least)
     return float(np.nan_to_num(share, nan=np.inf).max(initial=0.0))
 
 

@@ -38,10 +38,11 @@ ARMS = (
     ("ur5", "tool0", None),
     ("panda", "panda_hand_tcp", Payload(0.5)),
     ("ur10", "tool0", Payload(5.0)),
-    ("xarm7", "link_eef", Payload(5.0)),
+    ("xarm7", "link_eef", Payload(5.0)),  # too much in some configurations
 )
 ACCELERATION, JERK = 15.0, 400.0  # limits, where there are any [rad/s^2], [rad/s^3]
 SAMPLES = 50
+HEAVY = 10.0  # duration of what no motor holds, slow enough for moderate efforts [s]
 SHORTEST = 0.02  # [m] that the tool moves from one phase's end to the next
 
 Numbers = dict[str, Any]
@@ -156,11 +157,18 @@ def numbers(seed: int, names: Interface) -> Numbers:
     constraints = SplineConstraints(problem, spline.grid, links, problem.tube.effective_radius)
     return {
         "factors": names.factor(problem, at.position, at.velocity, at.acceleration),
+        "spare": _spare(problem.robot, at.position),
         "minimum duration": _duration(names.minimum, problem, shape),
         "estimated duration": _duration(names.estimate, problem, shape),
         "names": names.names(constraints),
         **_of_the_optimiser(constraints, spline, rng),
     }
+
+
+def _spare(robot: RobotModel, q: np.ndarray) -> np.ndarray:
+    """Return the share of its motor that gravity leaves, or lacks, of the tightest joint: (N,)."""
+    share: np.ndarray = abs(1 - abs(robot.gravity_effort(q)) / robot.limits.effort).min(axis=1)
+    return np.minimum(share, 1.0)
 
 
 def _duration(
@@ -181,7 +189,7 @@ def _of_the_optimiser(
     """Return rows at a spline, and their slacks at another one in another duration."""
     current = constraints.at(spline)
     least = current.squared_duration
-    drawn = (least if np.isfinite(least) else 1.0) * rng.uniform(0.5, 2.0)
+    drawn = (least if np.isfinite(least) else HEAVY**2) * rng.uniform(0.5, 2.0)
     trial = constraints.at(_moved(spline, rng))
     squared_duration = float(rng.uniform(0.8, 1.2))
     current = replace(current, squared_duration=drawn)
