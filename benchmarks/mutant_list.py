@@ -39,7 +39,21 @@ TESTS = {
     "collision/mesh_cover": ("collision/test_link_geometry.py", "collision/test_obstacle.py"),
     "collision/obstacle": ("collision/test_collision_checker.py",),
     "collision/separation": ("collision/test_collision_checker.py",),
-    "refinement/limit_constraints": ("refinement/test_spline_constraints.py",),
+    "constraints/joint_effort": (
+        "constraints/test_time_scaling.py",
+        "refinement/test_spline_constraints.py",
+    ),
+    "constraints/joint_rate": (
+        "constraints/test_time_scaling.py",
+        "refinement/test_spline_constraints.py",
+    ),
+    "constraints/path_samples": ("refinement/test_spline_constraints.py",),
+    "constraints/speed_limits": (
+        "constraints/test_time_scaling.py",
+        "constraints/test_unused_speed.py",
+    ),
+    "constraints/time_scaling": ("constraints/test_unused_speed.py",),
+    "refinement/speed_limit_rows": ("refinement/test_spline_constraints.py",),
     "refinement/linear_rows": (
         "refinement/test_spline_constraints.py",
         "planning/test_planner_best_known.py",
@@ -209,8 +223,9 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ),
         ('np.searchsorted(time, time[samples], "right")', "samples"),
     ],
-    "least_margin": [
-        ("margin.min(axis=0) - tool.error[interval, 0]", "margin.min(axis=0)"),
+    "least_concave_margin": [
+        ("lower = margin.min(axis=0) - error", "lower = margin.min(axis=0)"),
+        ("slope[segment] * vector", "0 * vector"),
         ("margin[[0, -1]]", "margin[[0, 0]]"),
         ("margin.min(axis=0) -", "ends.min(axis=0) -"),
         ("(width > _MIN_WIDTH)", "(width > 1.0)"),
@@ -226,19 +241,15 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("tool.start <= visit.end", "tool.start + tool.width / 2 <= visit.end"),
         ("ends >= visit.begin", "tool.start >= visit.begin"),
     ],
-    "_distances": [("np.clip(share, 0.0, 1.0)", "share")],
-    "_Fit.at": [
-        ("np.minimum(q[:, None]", "np.maximum(q[:, None]"),
-        ("np.minimum(margin, self._tube.rotation_margin(rotation, tool))", "margin"),
-        (
-            "np.minimum(self._tube.margin(tool), joint_margin[:, self._range_of])",
-            "joint_margin[:, self._range_of]",
-        ),
-        (
-            "np.minimum(self._tube.margin(tool), joint_margin[:, self._range_of])",
-            "self._tube.margin(tool)",
-        ),
+    "segment_margins": [
+        ("[ToolMargin(problem, tool)]", "[]"),
+        ("found.append(JointRangeMargin(problem, trajectory))", "pass"),
+        ("found.append(RotationMargin(problem, tool, rotation))", "pass"),
     ],
+    "JointRangeMargin.at": [("np.minimum(q[:, None]", "np.maximum(q[:, None]")],
+    "JointRangeMargin.within": [("np.minimum(q -", "np.maximum(q -")],
+    "_Fit.at": [("np.minimum.reduce", "np.maximum.reduce")],
+    "_Fit._in": [("np.minimum.reduce", "np.maximum.reduce")],
     "_Fit.best_times": [
         ("np.array([low, high, (begin + end) / 2])", "np.array([low, high])"),
         ("np.minimum(before, after)", "np.maximum(before, after)"),
@@ -368,7 +379,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "joined_segments": [('tube.pass_through_points == "all"', "False")],
     "_are_one": [
         ("tube.radius[last] != tube.radius[first]", "False"),
-        ("tube.joint_ranges[last] != tube.joint_ranges[first]", "False"),
+        ("tube.conditions[last] != tube.conditions[first]", "False"),
         ("tube.rotation is None or _turns_evenly(tube.rotation, first, last, shares)", "True"),
     ],
     "_shares_on_line": [
@@ -376,7 +387,6 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("off.max() <= _ON_LINE and", ""),
     ],
     "_turns_evenly": [
-        ("(rotation.bounds[part] != rotation.bounds[first]).any()", "False"),
         (".sum() >= _HALF_TURN", ".sum() >= 9"),
         (".max() <= _ON_LINE", ".max() <= 9"),
     ],
@@ -611,64 +621,99 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("placement @ placement_in_link(collision)", "placement_in_link(collision)"),
     ],
     "placement_of": [('"xyz", rpy', '"XYZ", rpy')],
+    # --- constraints/speed_polynomial ---------------------------------------------------------
+    "SpeedPolynomial.at": [("speed**k", "speed")],
+    "SpeedPolynomial.largest_speed": [("np.minimum.reduce", "np.maximum.reduce")],
+    "SpeedPolynomial._one_sided": [
+        ("1 - held", "1 + held"),
+        ("held = sign * ", "held = "),
+        ("c[k] = sign * term", "c[k] = term"),
+        ("c[0] -= 1", "pass"),
+        ("len(powers) == 1", "False", "only slower: the cubic has the same root"),
+    ],
+    "_root": [
+        ("(available < 0) | ", ""),
+        (" | ((available == 0) & (use > 0))", ""),
+        ("1 / power", "1"),
+    ],
+    "largest_speed": [("found[c[0] > 0] = 0.0", "pass"), ("root * scale", "root")],
+    "_bracket": [
+        ("np.where(above_last, first, before_end)", "before_end"),
+        ("np.where(above_last, last, far)", "far"),
+        (" | above_last | ", " | "),
+        ("np.maximum(2.5, before_end)", "np.maximum(0.5, before_end)"),
+    ],
+    "_polished": [("(step > begin) & (step < end)", "True")],
+    # --- constraints: joint_effort, joint_rate, path_samples, speed_limits ----------------------
+    "JointEffort.used": [("(effort - gravity)", "effort"), ("0: gravity", "0: 0 * gravity")],
+    "JointEffort.by_path": [("speed**k / ", "1 / ")],
+    "JointEffort.refusal": [
+        ("abs(at.gravity[:, self.joints]) - self.limit", "abs(at.gravity[:, self.joints])"),
+        (".argmax()", ".argmin()"),
+    ],
+    "JointRate.__init__": [("np.isfinite(limit)", "limit > 0")],
+    "JointRate.used": [(" / self.limit", "")],
+    "JointRate.by_path": [("speed**self.rate / self.limit", "speed / self.limit")],
+    "PathSamples.rate": [("speed**order", "speed")],
+    "largest_speeds": [
+        ("limit.rate >= len(at.by_path)", "True"),
+        ("np.minimum(found, limit.used", "(limit.used"),
+        (".min(axis=1)", ".max(axis=1)"),
+    ],
+    "speed_limits": [("JointEffort(limits.effort), *rates", "*rates,")],
     # --- constraints/time_scaling -------------------------------------------------------------
-    "scaling_factor": [
-        (
-            "np.sqrt(_ratio(robot.limits.acceleration, abs(a)))",
-            "_ratio(robot.limits.acceleration, abs(a))",
-        ),
-        ("np.minimum(velocity, acceleration)", "velocity"),
-        ("np.minimum(velocity, acceleration)", "acceleration"),
-    ],
-    "effort_factor_of": [
-        ("np.where(inertial >= 0, limit - gravity, limit + gravity)", "limit - gravity"),
-        ("abs(gravity) < limit", "gravity < limit"),
-        ("tau - gravity", "tau"),
-        ("np.sqrt(_ratio(available, abs(inertial))", "np.abs(_ratio(available, abs(inertial))"),
-    ],
+    "scaling_factor": [("(q, v, a) if jerk is None else (q, v, a, jerk)", "(q, v, a)")],
     "minimum_duration": [
         ("* (1 + _SAFETY)", "", "equivalent but for rounding"),
-        ("min(polynomial, _least_effort_factor(robot, trajectory))", "polynomial"),
+        ("_least(problem, others, trajectory, segments)", "np.inf"),
         ("_exact_peaks", "_hull_peaks"),
+        ("with_jerk or ", ""),
+        ('with_jerk or limit.rate < RATES["jerk"]', "True"),
     ],
-    "estimated_durations": [("np.minimum(polynomial, effort)", "effort")],
+    "estimated_durations": [("np.minimum(polynomial, sampled)", "sampled")],
     "scaled_to_limits": [("duration / trajectory.duration", "trajectory.duration / duration")],
-    "_polynomial_factor": [
-        ("** (1 / order)", "** 1"),
-        ("if with_jerk", "if False"),
-        ("if with_jerk", "if True"),
-        ("(1, limits.velocity), ", ""),
-        (", (2, limits.acceleration)]", "]"),
+    "_rate_factor": [
+        ("** (1 / limit.rate)", "** 1"),
+        ("factor = min(factor, (", "factor = max(0.0, ("),
+        (
+            "peaks(coefficients, trajectory.widths) / limit.limit",
+            "peaks(coefficients, trajectory.widths)",
+        ),
+        ("if used > 0", "if True"),
     ],
     "_hull_peaks": [("abs(hull).max", "hull.max")],
-    "_least_effort_factor": [
+    "_least": [
         ("return -highest", "return least"),
         ("_VALLEY_SHARE * least", "0.0", "the certificate judges what lies between samples"),
     ],
-    "_held_effort_factor": [("(factor == 0).any()", "False"), (".min(axis=1)", ".max(axis=1)")],
-    "_gravity_exceeds_effort": [(".argmin()", ".argmax()")],
+    "_held_factor": [("(factor == 0).any()", "False")],
     # --- refinement: what the planner is constrained by ---------------------------------------
     "EvaluatedCapsules._excess_of": [
         (" - (1 - self.margin)", " - 1"),
-        (" / self.capsules.radius[segment]", ""),
     ],
-    "EvaluatedCapsules._away": [
+    "Capsules._away": [
         ("0.0, 1.0)", "0.0, 2.0)"),
-        ("share[:, None] * axis", "0 * axis"),
+        ("share[..., None] * axis", "0 * axis"),
     ],
+    "Capsules.share": [(" / self.radius[segment]", "")],
+    "Capsules.margin": [("self.radius[segment] - ", "1.0 - ")],
+    "Capsules.outward": [("out=np.zeros_like(away)", "out=away.copy()")],
+    "Capsules.extent": [("self.radius[segment]", "1 + 0 * self.radius[segment]")],
     "EvaluatedCapsules.slack": [
         ("1 - self.margin[at] - beyond", "1 - beyond"),
         ("1 - self.margin[at] - beyond", "0.95 - self.margin[at] - beyond"),
-        ("vector - self.end", "vector - self.begin"),
+        ("vector - self._end", "vector - self._begin"),
         ("np.minimum(", "np.maximum("),
-        (" / self.radius[at]", ""),
+        ("beyond / extent", "beyond"),
         ("self.vector + bend", "self.vector - bend"),
     ],
     "EvaluatedCapsules.rows": [
-        ("by_joint /= self.radius[at, None]", "pass"),
-        ("self.limit[at]", "self.limit[at] - 1"),
+        ("by_joint /= self._extent(planes)[:, None]", "pass"),
+        ("self.numbers[segment, ", "self.numbers[0 * segment, "),
     ],
-    "EvaluatedCapsules.planes": [("along, -along", "along, along")],
+    "EvaluatedCapsules.planes": [
+        ("self.in_chain[:, None], 0.0, n", "~self.in_chain[:, None], 0.0, n")
+    ],
     "EvaluatedCapsules.planes_where_outside": [("> elastic + _OUTSIDE", "> elastic + 1.0")],
     "EvaluatedCapsules.after": [
         ("self.vector + np.einsum", "self.vector - np.einsum"),
@@ -688,44 +733,41 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "EvaluatedRotation.rows": [
         (" / bounds[:, :, None]", ""),
         (
-            "np.where(np.isfinite(bounds), self.slack.reshape(bounds.shape), np.inf)",
-            "self.slack.reshape(bounds.shape)",
+            "np.where(np.isfinite(bounds), self._slack.reshape(bounds.shape), np.inf)",
+            "self._slack.reshape(bounds.shape)",
         ),
     ],
-    "EvaluatedRotation.slack": [("1 - self.margin", "1")],
+    "EvaluatedRotation._slack": [("1 - self.margin", "1")],
     "unused_speed": [
-        ("np.minimum(factor, _jerk_factor(robot, trajectory, time))", "factor"),
+        ("trajectory.jerk(time)", "None"),
         ("1 - 1 / np", "1 / np"),
     ],
-    "_jerk_factor": [("** (-1 / 3)", "** (-1)")],
-    "EvaluatedLimits.squared_durations": [
-        ("** -2", "** -1"),
-        ("** (2 / order)", "** (1 / order)"),
-        ("np.maximum(found, least)", "least"),
+    "EvaluatedSpeedLimit.squared_durations": [
+        ("** -2.0", "** -1.0"),
+        (".min(axis=1)", ".max(axis=1)"),
     ],
-    "EvaluatedLimits._used": [
-        (
-            "(self.effort[:, joints] - gravity) / duration**2",
-            "self.effort[:, joints] / duration**2",
-        ),
-        ("/ duration**2", "/ duration"),
-        ("(gravity / limit, 1.0)", "(0 * gravity, 1.0)"),
-        ("order / 2)", "order / 3)"),
+    "EvaluatedSpeedLimit.row_count": [("len(self.limit.signs)", "2")],
+    "EvaluatedSpeedLimit.rows": [
+        ("self.limit.by_path(self.path, 1 / duration)", "self.limit.by_path(self.path, 1.0)"),
+        ("self._used.at(1 / duration)", "self._used.at(duration)"),
+        ("self._used.degree / 2", "self._used.degree / 3"),
+        ("self.numbers[self.limit.key_of(self.path)]", "self.limit.key_of(self.path)"),
     ],
-    "EvaluatedLimits._change": [
-        (" / duration**k", ""),
-        ("limit * duration**order", "limit"),
-        ("scale[:, None] * self.at.by_switching", "self.at.by_switching"),
+    "EvaluatedSpeedLimit.slack": [
+        ("longer ** (degree - k)", "longer**degree"),
+        ("longer**degree - sign", "1 - sign"),
+        ("squared_duration**0.5", "squared_duration"),
+        ("(duration**-k * ", "("),
     ],
-    "two_sided_rows": [
-        ("sign * with_side[at] - on_both", "sign * with_side[at]"),
+    "EvaluatedSpeedLimit._by_duration": [
+        ("(degree - k) / 2", "(degree - k)"),
+        ("duration**-k * ", ""),
+    ],
+    "sided_rows": [
+        ("sign * with_side[at] - on_every", "sign * with_side[at]"),
         ("1 - sign * used", "1 - used"),
         ("sign * switching[at]", "switching[at]"),
         ("np.maximum(_CLOSE, _reach(control, switching, size))", "np.full(used.shape, _CLOSE)"),
-    ],
-    "two_sided_slack": [
-        ("scale - sign * (used + resting)", "scale - sign * used"),
-        ("scale - sign", "1 - sign"),
     ],
     "plane_rows": [
         ("np.isfinite(slack) & ", "", "equivalent: infinity is within no reach"),
@@ -735,8 +777,8 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("abs(switching) @ size.switching", "0.0"),
         ("abs(control).sum", "control.sum"),
     ],
-    "EvaluatedLinks.slack": [("self.closest.distance - self.aim", "self.closest.distance")],
-    "EvaluatedLinks.rows": [("-gradient[None", "gradient[None"), (" / _UNIT", "")],
+    "EvaluatedLinks._slack": [("self.closest.distance - self.aim", "self.closest.distance")],
+    "EvaluatedLinks.rows": [("{0: -gradient", "{0: gradient"), (" / _UNIT", "")],
     "INNER_MARGIN": [("0.005", "0.055")],
     "Refinement._on_coarse_knots": [("_GAIN, _MAX_STEPS", "_GAIN, 4")],
     "SequentialProgram.improved": [

@@ -29,7 +29,7 @@ PRINTED = {
 # Functions that share out the planning time; none calls another.
 SHARES = {
     "branch, stop at corners, its certificate": "stopping_plan",
-    "rule duration": "_effort_factor",
+    "rule duration": "_sampled_factor",
     "rule tube": "_inside",
     "rule collision": "_free",
     "tests between samples": "_try_trajectory",

@@ -1,18 +1,21 @@
 """Whether two checkouts give the same answers: durations, trajectories and certificates.
 
-    python benchmarks/same_answers.py OTHER_CHECKOUT [--tolerance 0] [--rows]
+    python benchmarks/same_answers.py OTHER_CHECKOUT [--tolerance 0] [--rows] [--in-turn]
 
 Plans every bundled problem with the default method, and the paper's cells with the two phases of
 Suh & Bishop (1988) as well, with the sources of this checkout and of another one, both in one run.
 With tolerance 0 the trajectories' coefficients and all margins must be equal bit for bit; otherwise
 durations and margins may differ by that much, relative or absolute. Exit status 1 if any differs.
+Prints how durations and processor times compare; on a busy machine, compare times in turn.
 """
 
 import argparse
 import json
+import math
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -20,16 +23,18 @@ HERE = Path(__file__).resolve().parent.parent
 PAPER_METHODS = ("branch-and-bound", "suh-bishop")
 # Planned by either checkout's own package, through names that do not change.
 DRIVER = """
-import hashlib, json, sys
+import hashlib, json, sys, time
 from tubeplanner import PlanOptions, load_problem, plan
 for name, method in json.load(sys.stdin):
-    result = plan(load_problem(f"example:{name}"), PlanOptions(method))
+    problem, begin = load_problem(f"example:{name}"), time.process_time()
+    result = plan(problem, PlanOptions(method))
+    seconds = time.process_time() - begin
     margins = {} if result.certificate is None else {
         condition: judged.margin for condition, judged in result.certificate.conditions.items()}
     found = result.trajectory
     content = b"" if found is None else found.breakpoints.tobytes() + found.coefficients.tobytes()
     print(json.dumps({"name": name, "method": method, "status": result.status,
-        "duration": result.duration, "margins": margins,
+        "duration": result.duration, "margins": margins, "seconds": seconds,
         "trajectory": hashlib.sha256(content).hexdigest()}), flush=True)
 """
 
@@ -87,8 +92,9 @@ def main() -> int:
     parser.add_argument("other", type=Path, help="the other checkout")
     parser.add_argument("--tolerance", type=float, default=0.0)
     parser.add_argument("--rows", action="store_true", help="print equal rows too")
+    parser.add_argument("--in-turn", action="store_true", help="one checkout after the other")
     arguments = parser.parse_args()
-    with ThreadPoolExecutor(2) as pool:
+    with ThreadPoolExecutor(1 if arguments.in_turn else 2) as pool:
         here, there = pool.map(answers, (HERE, arguments.other.resolve()))
     different = 0
     for one, other in zip(here, there, strict=True):
@@ -97,14 +103,24 @@ def main() -> int:
         if found or arguments.rows:
             durations = f"{one['duration']!r} here, {other['duration']!r} there"
             print(f"{one['name']} ({one['method']}): {durations}; {found or 'equal'}")
-    worst = max((abs(_ratio(one, other) - 1) for one, other in zip(here, there, strict=True)))
-    print(f"{len(here)} plans, {different} differ; durations by at most {worst:.2g} (relative)")
+    print(f"{len(here)} plans, {different} differ")
+    print(*comparison(here, there), sep="\n")
     return 1 if different else 0
+
+
+def comparison(here: list[dict], there: list[dict]) -> Iterator[str]:
+    """Yield how durations and processor times here compare with those there."""
+    ratios = [_ratio(one, other) for one, other in zip(here, there, strict=True)]
+    mean = math.exp(math.fsum(map(math.log, ratios)) / len(ratios))
+    least, most = min(ratios) - 1, max(ratios) - 1
+    yield f"durations: {mean - 1:+.2g} in the mean, {least:+.2g} to {most:+.2g}"
+    spent, other = (sum(row["seconds"] for row in rows) for rows in (here, there))
+    yield f"processor time: {spent:.1f} s here, {other:.1f} s there, ratio {spent / other:.3f}"
 
 
 def _ratio(one: dict, other: dict) -> float:
     if one["duration"] is None or other["duration"] is None:
-        return 1.0 if one["duration"] == other["duration"] else float("inf")
+        return 1.0 if one["duration"] == other["duration"] else math.inf
     return one["duration"] / other["duration"]
 
 

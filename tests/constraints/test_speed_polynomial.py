@@ -81,3 +81,29 @@ def test_friction_and_inertia_share_a_motor():
 def test_a_limit_that_is_used_up_allows_rest_alone():
     full = SpeedPolynomial({0: np.array([[1.0, 1.0]]), 1: np.array([[0.1, 0.0]])})
     np.testing.assert_array_equal(full.largest_speed((1.0,)), [[0.0, np.inf]])
+
+
+@pytest.mark.parametrize("speed", [0.0, 0.5, 2.0])
+def test_a_polynomial_is_the_sum_of_its_terms(speed):
+    terms = {0: np.array([[0.2, -1.0]]), 1: np.array([[0.3, 0.0]]), 3: np.array([[0.5, 2.0]])}
+    at = SpeedPolynomial(terms).at(speed)
+    np.testing.assert_allclose(at, terms[0] + terms[1] * speed + terms[3] * speed**3)
+    assert SpeedPolynomial(terms).degree == 3
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_either_side_of_several_terms_counts(sign):
+    """Held to one side, driven to the other: 0.25 s + 0.5 s^2 reach 1.5."""
+    terms = {0: 0.5, 1: -0.25, 2: -0.5}
+    used = SpeedPolynomial({k: np.array([[sign * term]]) for k, term in terms.items()})
+    there = (-0.25 + np.sqrt(0.25**2 + 4 * 0.5 * 1.5)) / (2 * 0.5)
+    assert used.largest_speed((1.0, -1.0)) == pytest.approx(there, rel=1e-14)
+    assert np.isinf(used.largest_speed((sign,)))
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_gravity_beyond_the_motor_stops_it_in_either_direction(sign):
+    held = sign * np.array([[1.2], [0.8]])
+    used = SpeedPolynomial({0: held, 2: -sign * np.array([[0.4], [0.4]])})
+    speed = used.largest_speed((1.0, -1.0))
+    np.testing.assert_allclose(speed[:, 0], [0.0, np.sqrt(1.8 / 0.4)])

@@ -15,8 +15,7 @@ from cases import (
     one_joint,
     quintic,
 )
-from tubeplanner import JointTrajectory, Payload, load_robot
-from tubeplanner.constraints.speed_polynomial import SpeedPolynomial
+from tubeplanner import JointTrajectory, LimitOverrides, Payload, load_robot
 from tubeplanner.constraints.time_scaling import (
     estimated_duration,
     estimated_durations,
@@ -37,8 +36,12 @@ from tubeplanner.outcome import Infeasible, PlanStatus
             np.sqrt(ANGLE * PEAK_ACCELERATION / 2),
         ),
         ({"velocity": 100.0, "effort": np.inf, "jerk": 30.0}, np.cbrt(ANGLE * PEAK_JERK / 30)),
+        (
+            {"velocity": 1.5, "effort": np.inf, "acceleration": 1e3, "jerk": 1e6},
+            ANGLE * PEAK_VELOCITY / 1.5,
+        ),
     ],
-    ids=["effort", "velocity", "acceleration", "jerk"],
+    ids=["effort", "velocity", "acceleration", "jerk", "velocity of all"],
 )
 def test_one_joint_move_takes_its_known_minimum_time(tmp_path, limits, expected):
     robot = one_joint(tmp_path, **limits)
@@ -87,6 +90,10 @@ def test_a_joint_at_rest_limits_nothing(tmp_path):
     assert np.isinf(scaling_factor(anywhere(robot), still, still, still)).all()
 
 
+def test_a_shape_that_does_not_move_takes_no_time(tmp_path):
+    assert minimum_duration(anywhere(one_joint(tmp_path)), quintic(0.0)) == 0.0
+
+
 def test_gravity_beyond_the_motor_is_an_answer_with_joint_and_place(tmp_path):
     robot = one_joint(tmp_path, mass=2.0)
     with pytest.raises(Infeasible, match=r"'turn' needs 9\.81 .* effort limit is 5\.00") as caught:
@@ -115,23 +122,23 @@ def test_estimates_of_several_shapes_are_those_of_each(stored):
     problem, trajectory = stored("ur5/over_the_wall")
     cuts = np.linspace(0, trajectory.duration, 4)
     shapes = [trajectory.between(*pair).scaled(3.0) for pair in pairwise(cuts)]
-    each = [estimated_duration(problem.robot, shape) for shape in shapes]
-    np.testing.assert_allclose(estimated_durations(problem.robot, shapes), each, rtol=1e-12)
+    each = [estimated_duration(problem, shape) for shape in shapes]
+    np.testing.assert_allclose(estimated_durations(problem, shapes), each, rtol=1e-12)
 
 
-def test_the_joint_that_is_overloaded_most_is_named():
-    robot = load_robot("example:ur5", "tool0", payload=Payload(mass=60.0))
+@pytest.mark.parametrize("strong", [{}, {"shoulder_lift_joint": 1e4}], ids=["as it is", "strong"])
+def test_the_joint_that_is_overloaded_most_is_named(strong):
+    """Not the one that carries most, where that is strong enough."""
+    limits = LimitOverrides(effort=strong)
+    robot = load_robot("example:ur5", "tool0", payload=Payload(mass=60.0), limits=limits)
     q = np.array([-0.773861, -1.294184, 1.830514, -1.925057, -1.682929, 0.0])
     move = JointTrajectory(robot.joint_names, [0, 1.0], [np.full((1, 6), 1e-6), [q]])
-    overload = abs(robot.gravity_effort(q[None])[0]) - robot.limits.effort
+    gravity = abs(robot.gravity_effort(q[None])[0])
+    overload = gravity - robot.limits.effort
+    if strong:
+        assert gravity.argmax() == robot.joint_names.index(*strong)
     with pytest.raises(Infeasible) as caught:
         minimum_duration(anywhere(robot), move)
-    assert caught.value.place.joint == robot.joint_names[overload.argmax()]
-
-
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_gravity_beyond_the_motor_stops_it_in_either_direction(sign):
-    held = sign * np.array([[1.2], [0.8]])
-    used = SpeedPolynomial({0: held, 2: -sign * np.array([[0.4], [0.4]])})
-    speed = used.largest_speed((1.0, -1.0))
-    np.testing.assert_allclose(speed[:, 0], [0.0, np.sqrt(1.8 / 0.4)])
+    named = caught.value.place.joint
+    assert named == robot.joint_names[overload.argmax()]
+    assert named not in strong

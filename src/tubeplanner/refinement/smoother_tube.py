@@ -25,7 +25,7 @@ _ROOMS, _GENTLE, _SMOOTHER = (0.5, 0.8), 1.0, 0.9
 # A given start or goal may be so far from its reference point, in radii, or there is no such tube.
 _MOST_AT_ENDS = 0.9
 # Beyond it a path over some radii turns back: not by noise, and the tool must go there [rad].
-_TURNS_BACK = np.radians(150)
+_BACKWARDS = np.radians(150)
 # Of the splitting method; distances settle to a thousandth of the room.
 _STEPS, _COUPLING, _OVERSHOOT = 200, 0.1, 1.6
 _SHORTEST_STEP = 0.3  # of the usual one
@@ -126,5 +126,5 @@ def _turns_back(tube: Tube) -> BoolArray:
     """Return at which compulsory points the path turns back for more than some radii, (m+1,)."""
     turns_back = np.zeros(tube.segment_count + 1, dtype=bool)
     compulsory = tube.compulsory_points
-    turns_back[compulsory] = smoothed_turns(tube)[compulsory - 1] > _TURNS_BACK
+    turns_back[compulsory] = smoothed_turns(tube)[compulsory - 1] > _BACKWARDS
     return turns_back

@@ -60,7 +60,7 @@ def _shares_on_line(points: FloatArray) -> FloatArray | None:
 
 
 def _turns_evenly(rotation: RotationalTube, first: int, last: int, shares: FloatArray) -> bool:
-    """Return whether segments ask the same rotation, turning at one rate about one axis.
+    """Return whether segments turn at one rate about one axis.
 
     Args:
         rotation: The reference orientations.
@@ -69,8 +69,6 @@ def _turns_evenly(rotation: RotationalTube, first: int, last: int, shares: Float
         shares: Of the points from the start of the first to the end of the last, shape (P,).
     """
     part = slice(first, last + 1)
-    if (rotation.bounds[part] != rotation.bounds[first]).any():
-        return False
     if np.linalg.norm(rotation.turn[part], axis=1).sum() >= _HALF_TURN:
         return False
     end = rotation.begin[last] @ rotation_matrix(rotation.turn[last])
