@@ -106,6 +106,25 @@ def test_forty_sharp_corners_all_end_a_phase(robot):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("radius", "longest"), [(0.010, 0.23), (0.005, 0.5)])
+def test_bends_sharper_than_the_tube_is_wide_are_not_left_out(robot, radius, longest):
+    """It was not certified; it takes 1.3 s with stops."""
+    path = [[0.35 + 0.01 * (k // 2), 0.03 * ((k + 1) // 2 % 2) - 0.015, 0.3] for k in range(16)]
+    rounded = [path[0]]
+    for before, at, after in np.lib.stride_tricks.sliding_window_view(path, 3, axis=0).swapaxes(
+        1, 2
+    ):
+        back, onward = ((p - at) / np.linalg.norm(p - at) for p in (before, after))
+        angle = np.linspace(0, np.pi / 2, 20)[:, None]
+        rounded += list(at + 0.0025 * ((1 - np.sin(angle)) * back + (1 - np.cos(angle)) * onward))
+    rounded = np.array([*rounded, path[-1]])
+    along = np.append(0, np.cumsum(np.linalg.norm(np.diff(rounded, axis=0), axis=1)))
+    shares = np.linspace(0, along[-1], 401)
+    points = np.column_stack([np.interp(shares, along, column) for column in rounded.T])
+    assert require_refined(ur5_problem(robot, points, radius)) < longest
+
+
+@pytest.mark.slow
 def test_a_figure_of_eight_is_followed_through_its_crossing(robot):
     angle = np.linspace(0, 2 * np.pi, 201)
     eight = 0.06 * np.column_stack([np.sin(angle), np.sin(2 * angle), 0 * angle])

@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 
 from tubeplanner import Tube
-from tubeplanner.refinement.ordered_segments import OrderedSegments, ordered_choice
+from tubeplanner.refinement.ordered_segments import (
+    OrderedSegments,
+    ordered_choice,
+    ordered_choice_paying,
+)
 from tubeplanner.refinement.phased_spline import KnotGrid
 
 
@@ -84,3 +88,65 @@ def test_samples_may_come_in_any_order():
     one = OrderedSegments(tube.points, tube.radius, grid.chains, samples)
     other = OrderedSegments(tube.points, tube.radius, grid.chains, samples.where(mixed))
     np.testing.assert_array_equal(one.at(tool)[mixed], other.at(tool[mixed]))
+
+
+@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("shape", [(2, 4), (5, 3), (4, 6)])
+def test_no_other_choice_in_order_is_cheaper_with_what_it_leaves_out(shape, seed):
+    generator = np.random.default_rng(seed)
+    cost = generator.uniform(size=shape)
+    passing = 0.5 * generator.uniform(size=(shape[0] - 1, shape[1]))
+
+    def price(choice):
+        steps = zip(passing, choice, choice[1:], strict=False)
+        left_out = sum(row[before + 1 : after].sum() for row, before, after in steps)
+        return cost[np.arange(shape[0]), list(choice)].sum() + left_out
+
+    choice = ordered_choice_paying(cost, passing)
+    assert (choice[0], choice[-1]) == (0, shape[1] - 1)
+    assert (np.diff(choice) >= 0).all()
+    cheapest = min(
+        price(other)
+        for other in combinations_with_replacement(range(shape[1]), shape[0])
+        if other[0] == 0 and other[-1] == shape[1] - 1
+    )
+    assert price(choice) == pytest.approx(cheapest, abs=1e-12)
+
+
+def hairpin():
+    """Return a tube along two legs of 40 mm, 10 mm apart, in segments of 1 mm."""
+    out = np.linspace(0, 0.04, 41)
+    across = np.linspace(0, 0.01, 11)[1:]
+    x = np.concatenate([out, np.full(10, 0.04), out[-2::-1]])
+    y = np.concatenate([np.zeros(41), across, np.full(40, 0.01)])
+    return Tube(np.column_stack([x, y, 0 * x]), 0.008)
+
+
+def passed(tube, turns_at):
+    """Return segments and distances, in radii, of a tool that goes that far along both legs."""
+    count = tube.segment_count
+    grid = KnotGrid((np.linspace(0, 1, 31),), (range(count),))
+    samples = grid.samples(np.arange(3) / 3).and_also(grid.phase_ends())
+    segments = OrderedSegments(tube.points, tube.effective_radius, grid.chains, samples)
+    to_and_fro = turns_at * (1 - abs(2 * samples.share - 1))
+    tool = np.column_stack([to_and_fro, 0.01 * samples.share, 0 * to_and_fro])
+    found = segments.at(tool)
+    distance = [
+        tube.distance(p[None], slice(k, k + 1)).min() for p, k in zip(tool, found, strict=True)
+    ]
+    return found[np.argsort(samples.share)], np.array(distance) / 0.008
+
+
+def test_a_short_cut_that_leaves_a_bend_out_is_outside():
+    """Half-way between the legs the tool is in the capsules of either."""
+    tube = hairpin()
+    found, distance = passed(tube, 0.025)
+    assert (np.diff(found) >= 0).all()
+    assert 1.5 < distance.max() < 2.1  # the bend is 15 mm away, 1.9 radii
+
+
+def test_a_tool_about_to_leave_a_bend_out_is_held_to_it():
+    found, distance = passed(hairpin(), 0.034)
+    assert (np.diff(found) >= 0).all()
+    assert distance.max() < 1
+    assert ((found >= 40) & (found < 50)).any()
