@@ -115,8 +115,8 @@ def test_estimates_of_several_shapes_are_those_of_each(stored):
     problem, trajectory = stored("ur5/over_the_wall")
     cuts = np.linspace(0, trajectory.duration, 4)
     shapes = [trajectory.between(*pair).scaled(3.0) for pair in pairwise(cuts)]
-    each = [estimated_duration(problem.robot, shape) for shape in shapes]
-    np.testing.assert_allclose(estimated_durations(problem.robot, shapes), each, rtol=1e-12)
+    each = [estimated_duration(problem, shape) for shape in shapes]
+    np.testing.assert_allclose(estimated_durations(problem, shapes), each, rtol=1e-12)
 
 
 def test_the_joint_that_is_overloaded_most_is_named():
