@@ -39,6 +39,7 @@ TESTS = {
     "collision/mesh_cover": ("collision/test_link_geometry.py", "collision/test_obstacle.py"),
     "collision/obstacle": ("collision/test_collision_checker.py",),
     "collision/separation": ("collision/test_collision_checker.py",),
+    "constraints/tool_speed": ("refinement/test_spline_constraints.py",),
     "refinement/limit_constraints": ("refinement/test_spline_constraints.py",),
     "refinement/linear_rows": (
         "refinement/test_spline_constraints.py",
@@ -75,6 +76,7 @@ TESTS = {
     ),
     "verification/majorants": ("verification/test_enclosure.py",),
     "verification/tube_visits": (
+        "verification/judged/test_tool_speed.py",
         "verification/test_verification_between_samples.py",
         "verification/test_rotation_visits.py",
     ),
@@ -209,8 +211,8 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ),
         ('np.searchsorted(time, time[samples], "right")', "samples"),
     ],
-    "least_margin": [
-        ("margin.min(axis=0) - tool.error[interval, 0]", "margin.min(axis=0)"),
+    "least_concave_margin": [
+        ("margin.min(axis=0) - error", "margin.min(axis=0)"),
         ("margin[[0, -1]]", "margin[[0, 0]]"),
         ("margin.min(axis=0) -", "ends.min(axis=0) -"),
         ("(width > _MIN_WIDTH)", "(width > 1.0)"),
@@ -647,6 +649,56 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     "_held_effort_factor": [("(factor == 0).any()", "False"), (".min(axis=1)", ".max(axis=1)")],
     "_gravity_exceeds_effort": [(".argmin()", ".argmax()")],
+    # --- constraints/tool_speed -----------------------------------------------------------------
+    "ToolSpeed.__init__": [
+        ("np.minimum(free, tube.tool_speed)", "tube.tool_speed"),
+        ("np.minimum(free, tube.tool_speed)", "free"),
+        ("LimitKey(self.kind, segment=k)", "LimitKey(self.kind, segment=0)"),
+    ],
+    "ToolSpeed.used": [
+        ("self.limit[at.segment]", "self.limit[0]"),
+        ("{1: (speed", "{2: (speed"),
+        ("axis=1)", "axis=1) ** 2"),
+    ],
+    "ToolSpeed.by_path": [
+        ("self.limit[at.segment]", "self.limit[0]"),
+        ("speed / self", "1.0 / self"),
+        ("(by_position, by_rate)", "(0 * by_position, by_rate)"),
+        (" / np.maximum(size, np.finfo(float).tiny)", ""),
+    ],
+    "ToolSpeed.key_of": [
+        ("np.searchsorted(self._limited, at.segment)", "at.segment"),
+        ("np.minimum(places, len(self._limited) - 1)", "0 * places"),
+    ],
+    # --- verification/judged/tool_speed -------------------------------------------------------
+    "judge_tool_speed": [
+        (
+            "1 - np.linalg.norm(vector, axis=2) / limit[segment]",
+            "1 - vector[..., 0] / limit[segment]",
+        ),
+        ("/ limit[segment]", "/ limit[0]"),
+        ("isfinite(limit).any()", "isfinite(limit).all()"),
+        ("least.lower_bound, least.attained", "least.attained, least.attained"),
+        ("margin, 1 / limit)", "margin, 0 / limit)"),
+        ("_ENCLOSURE * limit.min()", "0.1 * limit.min()"),
+    ],
+    "ToolSpeedMargin.at": [("/ self._limit", "/ self._limit[0]")],
+    "ToolSpeedMargin.within": [("self._limit[segment]", "self._limit[0]")],
+    "ToolSpeedMargin._speed": [("np.linalg.norm(velocity, axis=1)", "abs(velocity[:, 1])")],
+    "tool_speed_margin": [("np.isfinite(limit).any()", "False")],
+    "_limits": [
+        ("np.minimum(own, asked)", "asked"),
+        ("np.minimum(own, asked)", "own"),
+        ("own if asked is None", "np.full(len(own), np.inf) if asked is None"),
+    ],
+    "_velocity": [
+        ("[:, :3], v)", "[:, 3:], v)"),
+        (" / width\n", " * width\n"),
+        (
+            "derivative(tool_majorant(robot, joints).position)",
+            "tool_majorant(robot, joints).position[:-1]",
+        ),
+    ],
     # --- refinement: what the planner is constrained by ---------------------------------------
     "EvaluatedCapsules._excess_of": [
         (" - (1 - self.margin)", " - 1"),

@@ -22,6 +22,7 @@ NEAR = 1e-3  # [m, rad, relative]: steps beside a smaller margin are looked at a
 PARTS = 20  # into so many
 MAX_LOOKS_BETWEEN = 4
 MAX_ROUNDS = 40  # of dividing the steps where the least margin is; each gains a factor of 20
+MAX_WORST = 20  # samples with the same least margin: a tool may go on at its limit
 SETTLED = 1e-9  # [m, rad, relative] by which a round must change the least margin
 BROKEN = -1e-6  # [m, rad, relative]: below it no visits keep all conditions
 
@@ -132,7 +133,8 @@ def _settled(
             break
         before = values.min()
         switches = np.diff(segments, prepend=segments[0]) != 0
-        tight = rows[(values == before) | (switches & (values < NEAR))]
+        worst = rows[values == before][:MAX_WORST]
+        tight = np.concatenate([worst, rows[switches & (values < NEAR)]])
         new = samples.between(np.concatenate([tight - 1, tight]), PARTS)
         if len(new) == 0:
             break

@@ -44,7 +44,14 @@ def test_every_field_has_a_title_and_a_description():
 def test_physical_fields_say_their_unit():
     units = {
         "RobotFields": ["gravity", "locked_joints"],
-        "TubeFields": ["points", "radius", "tool_radius", "joint_signs", "rotation_tolerance", "tool_speed"],
+        "TubeFields": [
+            "points",
+            "radius",
+            "tool_radius",
+            "joint_signs",
+            "rotation_tolerance",
+            "tool_speed",
+        ],
         "PayloadFields": ["mass", "com", "inertia"],
         "LimitFields": ["effort", "velocity", "position", "acceleration", "jerk", "tool_speed"],
         "ObstacleFields": ["box", "sphere", "cylinder", "capsule", "position", "rpy"],

@@ -233,6 +233,4 @@ def test_a_tools_speed_that_is_none_is_named(given):
     with pytest.raises(RobotError) as caught:
         LimitOverrides(tool_speed=given)
     text = repr(given) if not isinstance(given, float) else f"{given}"
-    assert str(caught.value) == (
-        f"robot.limits.tool_speed is {text}; give a number from 1e-06 m/s"
-    )
+    assert str(caught.value) == (f"robot.limits.tool_speed is {text}; give a number from 1e-06 m/s")

@@ -20,7 +20,9 @@ def divided(parts, quaternions=None, **options):
         turned[::parts] = quaternions
         options |= {"orientations": turned, "rotation_tolerance": [0.2] * parts + [0.3] * parts}
     speeds = [0.5] * parts + [None] * parts
-    return Tube(points, np.repeat([0.1, 0.2], parts), joint_signs=signs, tool_speed=speeds, **options)
+    return Tube(
+        points, np.repeat([0.1, 0.2], parts), joint_signs=signs, tool_speed=speeds, **options
+    )
 
 
 @pytest.mark.parametrize("parts", [2, 3, 16])
@@ -78,7 +80,18 @@ UP = [0, 0, 0, 1]
         ([[0, 0, 0], [1, 0, 0], [0, 0, 0]], 0.1, {}),
         ([[0, 0, 0], [1, 2e-8, 0], [2, 0, 0]], 0.1, {}),
     ],
-    ids=["radius", "signs", "all", "speed", "free speed", "tolerance", "turn", "back", "there and back", "off"],
+    ids=[
+        "radius",
+        "signs",
+        "all",
+        "speed",
+        "free speed",
+        "tolerance",
+        "turn",
+        "back",
+        "there and back",
+        "off",
+    ],
 )
 def test_segments_that_ask_for_different_things_stay_apart(points, radius, options):
     tube = Tube(points, radius, **options)

@@ -1,5 +1,8 @@
 """The tool's speed against closed forms: a bar that turns, a cart on a rail."""
 
+from dataclasses import replace
+from math import factorial
+
 import numpy as np
 import pytest
 
@@ -8,14 +11,16 @@ from tubeplanner import (
     JointTrajectory,
     LimitOverrides,
     PlanningProblem,
-    ToolOffset,
     Tolerance,
+    ToolOffset,
     Tube,
     load_robot,
     verify,
 )
 from tubeplanner.verification import tube_visits
 from tubeplanner.verification.conditions import JUDGED, SEGMENT_MARGINS
+from tubeplanner.verification.enclosure import enclosed
+from tubeplanner.verification.judged import tool_speed
 from tubeplanner.verification.judged_motion import JudgedMotion
 
 LEVER, MIDDLE, END = 0.8, 0.3, 0.6  # [m]
@@ -184,9 +189,7 @@ def test_segments_on_one_line_are_one_only_if_their_limits_are_the_same(slider):
 def test_margins_at_switching_times_are_those_of_the_condition(slider):
     """One column per segment, or one segment each, as the choice of switching times asks."""
     problem = cart(slider, tool_speed=[2.0, 0.5])
-    (margin,) = (
-        found for make in SEGMENT_MARGINS if (found := make(problem, SLOWED)) is not None
-    )
+    (margin,) = (found for make in SEGMENT_MARGINS if (found := make(problem, SLOWED)) is not None)
     time = np.array([0.0, 0.1, SLOWED.duration])
     expected = 1 - np.array([FAST, FAST, SLOW])[:, None] / [2.0, 0.5]
     np.testing.assert_allclose(margin.at(time), expected, atol=1e-12)
@@ -200,3 +203,38 @@ def test_no_limit_is_looked_at_where_none_is(slider):
     motion = JudgedMotion(cart(slider).joined, SLOWED, Tolerance())
     assert JUDGED["tool_speed"](motion).margin is None
     assert "visits" not in motion.__dict__
+
+
+def test_what_the_polynomials_miss_is_taken_off(bar, monkeypatch):
+    """A velocity that may be a millimetre per second elsewhere: a margin that is lower by as much."""
+
+    def rough(*given):
+        found = enclosed(*given)
+        return replace(found, error=found.error + 1e-3)
+
+    limit = LEVER * 1.875
+    exact = judged(bar(limit), quintic(1.0, 1.0)).margin
+    monkeypatch.setattr(tool_speed, "enclosed", rough)
+    margin = judged(bar(limit), quintic(1.0, 1.0)).margin
+    assert margin == pytest.approx(exact - 1e-3 / limit, abs=1e-6)
+
+
+def test_the_bounds_on_the_velocity_are_those_of_a_turning_lever(bar):
+    """At a constant rate, the k-th coefficient of r exp(i a u) is r a^k / k!; of its slope by t too."""
+    problem = bar(1.0)
+    turned, width = np.array([0.3, 2.0]), np.array([0.1, 3.0])  # per interval [rad], [s]
+    joints = np.zeros((9, 2, 1))
+    joints[1, :, 0] = turned
+    bounds = tool_speed._velocity(problem.robot).majorant(joints, width)
+    assert bounds.shape == (8, 2, 3)
+    reach = np.hypot(LEVER, 0.3)
+    for k, bound in enumerate(bounds):
+        true = turned ** (k + 1) / factorial(k) / width
+        assert (bound >= LEVER * true[:, None]).all()
+        assert (bound <= (1 + 1e-9) * reach * true[:, None]).all()
+
+
+def test_the_velocity_that_is_enclosed_is_the_robots(robot):
+    q, v = np.random.default_rng(3).uniform(-1, 1, (2, 20, robot.joint_count))
+    velocity = tool_speed._velocity(robot).values(q, v)
+    np.testing.assert_allclose(velocity, robot.tool_velocity(q, v)[0], atol=1e-12)
