@@ -672,10 +672,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     # --- verification/judged/tool_speed -------------------------------------------------------
     "judge_tool_speed": [
-        (
-            "1 - np.linalg.norm(vector, axis=2) / limit[segment]",
-            "1 - vector[..., 0] / limit[segment]",
-        ),
+        ("np.linalg.norm(vector, axis=2)", "vector[..., 0]"),
         ("/ limit[segment]", "/ limit[0]"),
         ("isfinite(limit).any()", "isfinite(limit).all()"),
         ("least.lower_bound, least.attained", "least.attained, least.attained"),
@@ -696,7 +693,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         (" / width\n", " * width\n"),
         (
             "derivative(tool_majorant(robot, joints).position)",
-            "tool_majorant(robot, joints).position[:-1]",
+            "joints[:-1, :, 0]",
         ),
     ],
     # --- refinement: what the planner is constrained by ---------------------------------------

@@ -329,7 +329,8 @@ def cart(tmp_path):
     (tmp_path / "cart.urdf").write_text(
         """<robot name="cart"><link name="rail"/><link name="cart"/>
         <joint name="slide" type="prismatic"><parent link="rail"/><child link="cart"/>
-        <axis xyz="1 0 0"/><limit lower="-1" upper="1" effort="10" velocity="100"/></joint></robot>"""
+        <axis xyz="1 0 0"/><limit lower="-1" upper="1" effort="10" velocity="100"/></joint>
+        </robot>"""
     )
 
     def slowed_at(place, **tube):

@@ -206,7 +206,7 @@ def test_no_limit_is_looked_at_where_none_is(slider):
 
 
 def test_what_the_polynomials_miss_is_taken_off(bar, monkeypatch):
-    """A velocity that may be a millimetre per second elsewhere: a margin that is lower by as much."""
+    """A velocity that may be off by a millimetre per second: a margin that is lower by as much."""
 
     def rough(*given):
         found = enclosed(*given)
@@ -220,7 +220,7 @@ def test_what_the_polynomials_miss_is_taken_off(bar, monkeypatch):
 
 
 def test_the_bounds_on_the_velocity_are_those_of_a_turning_lever(bar):
-    """At a constant rate, the k-th coefficient of r exp(i a u) is r a^k / k!; of its slope by t too."""
+    """At a constant rate a, the tool is at r exp(i a u), with coefficients r a^k / k!."""
     problem = bar(1.0)
     turned, width = np.array([0.3, 2.0]), np.array([0.1, 3.0])  # per interval [rad], [s]
     joints = np.zeros((9, 2, 1))
