@@ -41,9 +41,9 @@ def test_plans_keep_it_and_use_it(method, given):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("method", ["branch-and-bound", "suh-bishop"])
-def test_searches_keep_it(method):
-    """Of the tool's own: which segment a continuation is in, they do not know while they search."""
-    problem = problem_of([None, 0.5], 1.2, count=2)
+def test_searches_keep_it(method, bundled):
+    problem = bundled("two_link/paper_1_30mm")
+    problem = problem.with_tube(replace(problem.tube, tool_speed=0.8))
     result = plan(problem, PlanOptions(method))
     assert result.succeeded
     assert result.method == method
