@@ -45,8 +45,8 @@ def test_of_the_robots_limit_and_the_tubes_the_smaller_one_counts(
 
 
 def test_a_sample_has_the_key_of_its_segment():
-    problem = problem_of([0.6, None, 0.8])
-    at = PathSamples(problem, np.zeros((3, 4, 2)), lambda: np.array([0, 2, 2, 0]))
+    problem = problem_of([None, 0.6, 0.8])
+    at = PathSamples(problem, np.zeros((3, 4, 2)), lambda: np.array([1, 2, 2, 1]))
     assert ToolSpeed(problem).key_of(at).tolist() == [[0], [1], [1], [0]]
 
 
