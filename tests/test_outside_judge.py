@@ -234,7 +234,9 @@ def tool_speed(case):
 
 
 def tool_too_fast(case):
-    case.robot.setdefault("limits", {})["tool_speed"] = tool_speed(case).max() * (1 - SLIGHTLY)
+    case.robot.setdefault("limits", {})["tool_speed"] = float(
+        tool_speed(case).max() * (1 - SLIGHTLY)
+    )
 
 
 def tool_too_fast_in_a_segment(case):
