@@ -123,7 +123,6 @@ def test_the_tools_speed_is_kept_where_the_tube_is(cell, found):
     assert load_problem(target).tube.tool_speed.tolist() == [np.inf, 0.5]
     again.write_bytes(with_other_tube(target, again, tube.with_radius([0.2, 0.3])))
     assert load_problem(again).tube.tool_speed.tolist() == [np.inf, 0.5]
-    assert "tool_speed: [null, 0.5]" in again.read_text().replace("\n", " ")
     fields = json.loads(target.read_text())
     twice = {key: [values[0], *values] for key, values in fields["tube"].items()}
     target.write_text(json.dumps(fields | {"tube": twice}))
