@@ -54,6 +54,7 @@ TESTS = {
     ),
     "constraints/time_scaling": ("constraints/test_unused_speed.py",),
     "refinement/speed_limit_rows": ("refinement/test_spline_constraints.py",),
+    "constraints/tool_speed": ("refinement/test_spline_constraints.py",),
     "refinement/linear_rows": (
         "refinement/test_spline_constraints.py",
         "planning/test_planner_best_known.py",
@@ -89,6 +90,7 @@ TESTS = {
     ),
     "verification/majorants": ("verification/test_enclosure.py",),
     "verification/tube_visits": (
+        "verification/judged/test_tool_speed.py",
         "verification/test_verification_between_samples.py",
         "verification/test_rotation_visits.py",
     ),
@@ -687,6 +689,53 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("_VALLEY_SHARE * least", "0.0", "the certificate judges what lies between samples"),
     ],
     "_held_factor": [("(factor == 0).any()", "False")],
+    # --- constraints/tool_speed -----------------------------------------------------------------
+    "ToolSpeed.__init__": [
+        ("np.minimum(free, tube.tool_speed)", "tube.tool_speed"),
+        ("np.minimum(free, tube.tool_speed)", "free"),
+        ("LimitKey(self.kind, segment=k)", "LimitKey(self.kind, segment=0)"),
+    ],
+    "ToolSpeed.used": [
+        ("self.limit[at.segment]", "self.limit[0]"),
+        ("{1: (speed", "{2: (speed"),
+        ("axis=1)", "axis=1) ** 2"),
+    ],
+    "ToolSpeed.by_path": [
+        ("self.limit[at.segment]", "self.limit[0]"),
+        ("speed / self", "1.0 / self"),
+        ("(by_position, by_rate)", "(0 * by_position, by_rate)"),
+        (" / np.maximum(size, np.finfo(float).tiny)", ""),
+    ],
+    "ToolSpeed.key_of": [
+        ("np.searchsorted(self._limited, at.segment)", "at.segment"),
+        ("np.minimum(places, len(self._limited) - 1)", "0 * places"),
+    ],
+    # --- verification/judged/tool_speed -------------------------------------------------------
+    "judge_tool_speed": [
+        ("np.linalg.norm(vector, axis=2)", "vector[..., 0]"),
+        ("/ limit[segment]", "/ limit[0]"),
+        ("isfinite(limit).any()", "isfinite(limit).all()"),
+        ("least.lower_bound, least.attained", "least.attained, least.attained"),
+        ("margin, 1 / limit)", "margin, 0 / limit)"),
+        ("_ENCLOSURE * limit.min()", "0.1 * limit.min()"),
+    ],
+    "ToolSpeedMargin.at": [("/ self._limit", "/ self._limit[0]")],
+    "ToolSpeedMargin.within": [("self._limit[segment]", "self._limit[0]")],
+    "ToolSpeedMargin._speed": [("np.linalg.norm(velocity, axis=1)", "abs(velocity[:, 1])")],
+    "tool_speed_margin": [("np.isfinite(limit).any()", "False")],
+    "_limits": [
+        ("np.minimum(own, asked)", "asked"),
+        ("np.minimum(own, asked)", "own"),
+        ("own if asked is None", "np.full(len(own), np.inf) if asked is None"),
+    ],
+    "_velocity": [
+        ("[:, :3], v)", "[:, 3:], v)"),
+        (" / width\n", " * width\n"),
+        (
+            "derivative(tool_majorant(robot, joints).position)",
+            "joints[:-1, :, 0]",
+        ),
+    ],
     # --- refinement: what the planner is constrained by ---------------------------------------
     "EvaluatedCapsules._excess_of": [
         (" - (1 - self.margin)", " - 1"),

@@ -25,7 +25,7 @@ from outside.nearest import Nearest, Poses, least_margin
 from outside.problem import Problem, read_problem
 from outside.trajectory import Samples, Trajectory, read_trajectory
 from outside.tube import CONDITIONS, Least, judge_points, judge_tube
-from outside.verdict import Condition
+from outside.verdict import RELATIVE, Condition
 
 SAMPLES = 5000
 PARTS = 20  # into which steps are divided where links come nearest
@@ -80,6 +80,7 @@ class Judge:
         joint = least.joint
         slides = joint is not None and self.arm.slides[joint]
         unit = "m" if name in ("tube", "points") or slides else "rad"
+        unit = RELATIVE if name == "tool_speed" else unit
         if not np.isfinite(least.margin):
             return Condition(None, unit)
         numbers = self.problem.tube.numbers

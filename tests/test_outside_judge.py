@@ -224,6 +224,28 @@ def spur(case, length):
     return radius[1] - np.linalg.norm(tools - new[3], axis=1).min()
 
 
+def tool_speed(case):
+    """Return how fast the tool is at samples [m/s]."""
+    arm = load_robot("example:two_link", case.robot["tool_frame"])
+    samples = case.trajectory.samples(2000)
+    jacobian = arm.tool_jacobian(case.trajectory.at(samples))[1][:, :3]
+    v = case.trajectory.at(samples, 1)
+    return np.linalg.norm(np.einsum("nij,nj->ni", jacobian, v), axis=1)
+
+
+def tool_too_fast(case):
+    case.robot.setdefault("limits", {})["tool_speed"] = float(
+        tool_speed(case).max() * (1 - SLIGHTLY)
+    )
+
+
+def tool_too_fast_in_a_segment(case):
+    """It stops at corners, so that each segment has its own fastest instant."""
+    case.tube["tool_speed"] = [None, float(tool_speed(case).max() * (1 - SLIGHTLY)), None]
+    speed, thirds = tool_speed(case), len(tool_speed(case)) // 3
+    assert thirds < speed.argmax() < 2 * thirds
+
+
 def misses_a_point(case):
     assert spur(case, 0.2) < -0.01
 
@@ -249,6 +271,8 @@ FAULTS = {
     too_near: ("obstacles", True),
     turned: ("rotation", True),
     misses_a_point: ("points", True),
+    tool_too_fast: ("tool_speed", True),
+    tool_too_fast_in_a_segment: ("tool_speed", True),
 }
 
 
@@ -276,6 +300,66 @@ def test_a_rotation_tolerance_that_is_kept_is_no_fault(case, tmp_path):
     for bound in case.tube["rotation_tolerance"]:
         bound[2] += 2 * SLIGHTLY
     assert case.broken(tmp_path) == set()
+
+
+def test_a_tools_speed_that_is_kept_is_no_fault(case, tmp_path):
+    fastest = float(tool_speed(case).max())
+    case.tube["tool_speed"] = [None, fastest * (1 + SLIGHTLY), None]
+    case.robot.setdefault("limits", {})["tool_speed"] = fastest * (1 + SLIGHTLY / 2)
+    assert case.broken(tmp_path) == set()
+    found = outside_judge.judge(*case.write(tmp_path))["tool_speed"]
+    assert found.margin == pytest.approx(SLIGHTLY / 2, abs=5e-6)
+    assert found.unit == "relative"
+    case.tube["tool_speed"] = fastest * (1 + SLIGHTLY / 4)
+    found = outside_judge.judge(*case.write(tmp_path))["tool_speed"]
+    assert found.margin == pytest.approx(SLIGHTLY / 4, abs=5e-6)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [([1.0], "1 entries for 3"), (0, "is 0"), (True, "is True"), ("fast", "is fast")],
+)
+def test_a_tools_speed_that_is_none_is_refused(case, tmp_path, given, message):
+    case.tube["tool_speed"] = given
+    with pytest.raises(BadInput, match=message):
+        case.broken(tmp_path)
+
+
+@pytest.fixture
+def cart(tmp_path):
+    """A cart that goes from 0 to 0.6 m at 1 m/s, and from some place on at 0.4 m/s."""
+    (tmp_path / "cart.urdf").write_text(
+        """<robot name="cart"><link name="rail"/><link name="cart"/>
+        <joint name="slide" type="prismatic"><parent link="rail"/><child link="cart"/>
+        <axis xyz="1 0 0"/><limit lower="-1" upper="1" effort="10" velocity="100"/></joint>
+        </robot>"""
+    )
+
+    def slowed_at(place, **tube):
+        times = np.array([0.0, place, place + (0.6 - place) / 0.4])
+        rows = np.array([[1.0, 0.4], [0.0, place]])[:, :, None]
+        tube = {"points": [[0, 0, 0], [0.3, 0, 0], [0.6, 0, 0]], "radius": 0.02, **tube}
+        robot = {"urdf": "cart.urdf", "tool_frame": "cart", "limits": {"effort": {"slide": 1e3}}}
+        start = {"joints": [0.0]}
+        fields = {"robot": robot, "tube": tube, "start": start, "collision": {"self": False}}
+        return Case(fields, Trajectory(["slide"], times, rows))
+
+    return slowed_at
+
+
+@pytest.mark.parametrize(("place", "passes"), [(0.2, True), (0.3195, True), (0.3205, False)])
+@pytest.mark.parametrize("visit", ["ordered", "any"])
+def test_hand_overs_are_where_the_tool_is_slow_enough(cart, tmp_path, place, passes, visit):
+    """The first capsule, where it may be fast, ends 20 mm behind the middle."""
+    case = cart(place, tool_speed=[None, 0.5], visit=visit)
+    found = case.broken(tmp_path) & {"tube", "tool_speed", "points"}
+    assert found == (set() if passes else {"tool_speed"})
+
+
+def test_segments_of_one_line_with_other_speeds_are_two(cart, tmp_path):
+    assert "tool_speed" in cart(0.2, tool_speed=[0.5, 0.5]).broken(tmp_path)
+    assert "tool_speed" in cart(0.2, tool_speed=0.5).broken(tmp_path)
+    assert "tool_speed" not in cart(0.2, tool_speed=[1.1, 0.5]).broken(tmp_path)
 
 
 def test_a_point_that_is_passed_or_not_asked_is_no_fault(case, tmp_path):
@@ -387,6 +471,8 @@ def test_joints_that_follow_others_are_where_and_cost_what_they_do(following, tm
     q, v, a = np.random.default_rng(2).uniform(-1, 1, (3, 20, 3))
     for mine, other in zip(arm.tool(q), robot.tool_pose(q), strict=True):
         np.testing.assert_allclose(mine, other, atol=1e-12)
+    velocity = robot.tool_velocity(q, v)[0]
+    np.testing.assert_allclose(arm.tool_velocity(q, v), velocity, atol=1e-12)
     np.testing.assert_allclose(arm.efforts(q, v, a), robot.inverse_dynamics(q, v, a), atol=1e-9)
     np.testing.assert_allclose(arm.limits.lower, robot.limits.lower_position)
     np.testing.assert_allclose(arm.limits.velocity, robot.limits.velocity)

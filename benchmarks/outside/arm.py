@@ -2,7 +2,7 @@
 
 import math
 import xml.etree.ElementTree as ElementTree
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import coal
@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from outside.files import BadInput, find_file, find_urdf
-from outside.problem import Problem
+from outside.problem import Problem, speed_of
 from outside.urdf import Description, Joint, read_description
 
 
@@ -25,6 +25,7 @@ class Limits:
         acceleration: Shape (n,) [rad/s^2 or m/s^2].
         jerk: Shape (n,) [rad/s^3 or m/s^3].
         effort: Shape (n,) [N m or N].
+        tool_speed: Of the tool centre point, whatever the segment [m/s].
     """
 
     lower: np.ndarray
@@ -33,6 +34,7 @@ class Limits:
     acceleration: np.ndarray
     jerk: np.ndarray
     effort: np.ndarray
+    tool_speed: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,6 +134,21 @@ class Arm:
             rotation[k], position[k] = place.rotation, place.translation
         position += rotation @ self._tool.translation
         return rotation @ self._tool.rotation, position
+
+    def tool_velocity(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Return the velocity of the tool centre point, shape (N, 3) [m/s].
+
+        The twist of the joint that carries it, at the tool's place: v + w x r.
+        """
+        model, data, joint = self._model, self._data, self._tool_joint
+        places, rates = q @ self._follow.T + self._offset, v @ self._follow.T
+        velocity = np.empty((len(q), 3))
+        for k, (place, rate) in enumerate(zip(places, rates, strict=True)):
+            pin.forwardKinematics(model, data, place, rate)
+            twist = data.v[joint]
+            there = twist.linear + np.cross(twist.angular, self._tool.translation)
+            velocity[k] = data.oMi[joint].rotation @ there
+        return velocity
 
     def efforts(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
         """Return what the joints must exert, by recursive Newton-Euler, shape (N, n) [N m or N].
@@ -275,7 +292,7 @@ def _followed(
             most = float((fields.get(quantity) or {}).get(name, urdf))
             scale = float((fields.get("scale") or {}).get(quantity, 1.0))
             bound[k] = min(bound[k], most * scale / abs(factor))
-    return Limits(lower, upper, **rates, effort=limits.effort)
+    return replace(limits, lower=lower, upper=upper, **rates)
 
 
 def _limits(
@@ -306,6 +323,7 @@ def _limits(
         row("acceleration", list(free)),
         row("jerk", list(free)),
         row("effort", [joint.effort for joint in joints]),
+        speed_of(fields.get("tool_speed"), "robot.limits.tool_speed"),
     )
 
 

@@ -16,11 +16,11 @@ from outside.points import read_points
 
 SOLID = {"name", *("box", "sphere", "cylinder", "capsule", "mesh"), "scale"}
 SOLID |= {"position", "rpy", "quaternion"}
-LIMITS = {"effort", "velocity", "position", "acceleration", "jerk", "scale"}
+LIMITS = {"effort", "velocity", "position", "acceleration", "jerk", "scale", "tool_speed"}
 ROBOT = {"urdf", "package_dirs", "srdf", "tool_frame", "tool_offset", "joints", "locked_joints"}
 ROBOT |= {"gravity", "payload", "attached", "limits"}
 TUBE = {"points", "radius", "tool_radius", "joint_signs", "orientations", "rotation_tolerance"}
-TUBE |= {"visit", "pass_through_points"}
+TUBE |= {"tool_speed", "visit", "pass_through_points"}
 TOP = {"format", "version", "robot", "tube", "start", "goal", "obstacles", "clearance", "collision"}
 SIGNS = {"+": (0.0, math.inf), "-": (-math.inf, 0.0), "0": (-math.inf, math.inf)}
 SIGNS_BY_NUMBER = {1: "+", -1: "-", 0: "0"}
@@ -36,6 +36,8 @@ class TubeFields:
         ranges: Per segment: joint name to (lower, upper) [rad or m].
         orientations: At the points, quaternions x y z w, shape (m+1, 4), or None.
         bounds: On the components and the length of log(R_ref^T R), shape (m, 4) [rad], or None.
+        speed: What the tool's speed must not exceed in each segment, infinite where it is free:
+            shape (m,) [m/s]. The robot's own limit is not in it.
         is_ordered: Whether segments are visited one after the other.
         passing: Indices of inner points that must be passed within the smaller radius beside them.
         numbers: What the file calls the points: those on straight lines and repeated ones are left
@@ -47,6 +49,7 @@ class TubeFields:
     ranges: list[dict[str, tuple[float, float]]]
     orientations: np.ndarray | None
     bounds: np.ndarray | None
+    speed: np.ndarray
     is_ordered: bool
     passing: list[int]
     numbers: list[int]
@@ -61,6 +64,7 @@ class TubeFields:
             [self.ranges[k] for k in segments],
             None if self.orientations is None else self.orientations[kept],
             None if self.bounds is None else self.bounds[segments],
+            self.speed[segments],
             self.is_ordered,
             [],
             [self.numbers[k] for k in kept],
@@ -72,6 +76,7 @@ class TubeFields:
         return bool(
             self.radius[one] == self.radius[other]
             and self.ranges[one] == self.ranges[other]
+            and self.speed[one] == self.speed[other]
             and (bounds is None or (bounds[one] == bounds[other]).all())
         )
 
@@ -205,6 +210,7 @@ def _tube(fields: Any) -> TubeFields:
         [{name: _range(sign) for name, sign in (row or {}).items()} for row in maps],
         None if orientations is None else np.array(orientations, dtype=float),
         None if tolerance is None else _bounds(tolerance, count),
+        _speeds(fields.get("tool_speed"), count),
         visit == "ordered",
         [],
         list(range(count + 1)),
@@ -243,3 +249,23 @@ def _bounds(tolerance: Any, count: int) -> np.ndarray:
         else:
             row[3] = entry
     return bounds
+
+
+def speed_of(value: Any, name: str) -> float:
+    """Return a limit on the tool's speed [m/s], infinite if there is none.
+
+    Raises:
+        BadInput: It is no positive number.
+    """
+    if value is None:
+        return math.inf
+    if isinstance(value, bool) or not isinstance(value, int | float) or not value > 0:
+        raise BadInput(f"{name} is {value}")
+    return float(value)
+
+
+def _speeds(given: Any, count: int) -> np.ndarray:
+    entries = given if isinstance(given, list) else [given] * count
+    if len(entries) != count:
+        raise BadInput(f"tube.tool_speed has {len(entries)} entries for {count} segments")
+    return np.array([speed_of(value, "tube.tool_speed") for value in entries])

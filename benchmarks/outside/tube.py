@@ -2,7 +2,8 @@
 
 Of all visits of the segments in order, those are taken whose least margin is greatest. The
 margin of an instant in a segment is the least of that of the capsule [m], of the joints' signs or
-ranges [rad, m] and of the rotation tolerance [rad]; at a switching time both segments' count.
+ranges [rad, m], of the rotation tolerance [rad] and of the tool's speed (relative); at a switching
+time both segments' count.
 """
 
 import math
@@ -16,13 +17,14 @@ from outside.arm import Arm
 from outside.problem import TubeFields
 from outside.trajectory import Samples, Trajectory
 
-CONDITIONS = ("tube", "joint_signs", "rotation")
-NEAR = 1e-3  # [m, rad]: steps beside a smaller margin are looked at again, divided
+CONDITIONS = ("tube", "joint_signs", "rotation", "tool_speed")
+NEAR = 1e-3  # [m, rad, relative]: steps beside a smaller margin are looked at again, divided
 PARTS = 20  # into so many
 MAX_LOOKS_BETWEEN = 4
 MAX_ROUNDS = 40  # of dividing the steps where the least margin is; each gains a factor of 20
-SETTLED = 1e-9  # [m, rad] by which a round must change the least margin
-BROKEN = -1e-6  # [m, rad]: below it no visits keep all conditions
+MAX_WORST = 20  # samples with the same least margin: a tool may go on at its limit
+SETTLED = 1e-9  # [m, rad, relative] by which a round must change the least margin
+BROKEN = -1e-6  # [m, rad, relative]: below it no visits keep all conditions
 
 
 @dataclass(frozen=True)
@@ -30,7 +32,7 @@ class Least:
     """A condition's least margin; infinite where it is not asked.
 
     Attributes:
-        margin: [m or rad].
+        margin: [m or rad], or relative.
         time: When [s].
         segment: In which segment.
         joint: Index of the joint, for signs and ranges.
@@ -56,6 +58,7 @@ class _Margins:
     tube: np.ndarray
     joint_signs: np.ndarray
     rotation: np.ndarray
+    tool_speed: np.ndarray
     joint: np.ndarray
 
     @property
@@ -92,7 +95,7 @@ def _on_best_visits(
     """Return the least margins of all conditions on the best visits for some of them."""
 
     def margins_at(where: Samples, segments: np.ndarray | None = None) -> _Margins:
-        return _margins(tube, arm, trajectory.at(where), counted, segments)
+        return _margins(tube, arm, trajectory, where, counted, segments)
 
     choose = _ordered_visits if tube.is_ordered else _union_visits
     margins, found = margins_at(samples), dict.fromkeys(CONDITIONS, Least())
@@ -130,7 +133,8 @@ def _settled(
             break
         before = values.min()
         switches = np.diff(segments, prepend=segments[0]) != 0
-        tight = rows[(values == before) | (switches & (values < NEAR))]
+        worst = rows[values == before][:MAX_WORST]
+        tight = np.concatenate([worst, rows[switches & (values < NEAR)]])
         new = samples.between(np.concatenate([tight - 1, tight]), PARTS)
         if len(new) == 0:
             break
@@ -181,16 +185,21 @@ def _nearest(
 def _margins(
     tube: TubeFields,
     arm: Arm,
-    q: np.ndarray,
+    trajectory: Trajectory,
+    samples: Samples,
     counted: tuple[str, ...],
     segments: np.ndarray | None = None,
 ) -> _Margins:
-    """Return the margins of configurations (N, n) in all segments, or in one per sample (N, 1)."""
+    """Return the margins of N samples in all segments, (N, m), or in one per sample, (N, 1)."""
+    q, fastest = trajectory.at(samples), np.minimum(tube.speed, arm.limits.tool_speed)
     rotation, position = arm.tool(q)
+    speed = np.zeros(len(q))
+    if np.isfinite(fastest).any():
+        speed = np.linalg.norm(arm.tool_velocity(q, trajectory.at(samples, 1)), axis=1)
     count = len(tube.radius)
     shape = (len(q), count if segments is None else 1)
     free = np.full((len(CONDITIONS), *shape), math.inf)
-    found = _Margins(counted, free[0], free[1], free[2], np.zeros(shape, dtype=int))
+    found = _Margins(counted, *free, np.zeros(shape, dtype=int))
     for k in range(count):
         rows = np.arange(len(q)) if segments is None else np.flatnonzero(segments == k)
         column = k if segments is None else 0
@@ -201,6 +210,8 @@ def _margins(
             error = rotation_error(tube, rotation[rows], position[rows], k)
             sizes = np.hstack([abs(error), np.linalg.norm(error, axis=1, keepdims=True)])
             found.rotation[rows, column] = (tube.bounds[k] - sizes).min(axis=1)
+        if np.isfinite(fastest[k]):
+            found.tool_speed[rows, column] = 1 - speed[rows] / fastest[k]
         for name, (lower, upper) in tube.ranges[k].items():
             joint = arm.joint_names.index(name)
             inside = np.minimum(q[rows, joint] - lower, upper - q[rows, joint])
@@ -226,7 +237,7 @@ def judge_points(tube: TubeFields, arm: Arm, trajectory: Trajectory, samples: Sa
             k: min(tube.radius[k - 1 : k + 1]) - np.linalg.norm(tool - tube.points[k], axis=1)
             for k in tube.passing
         }
-        least = _margins(tube, arm, q, CONDITIONS).least
+        least = _margins(tube, arm, trajectory, where, CONDITIONS).least
         if not tube.is_ordered:
             beside = {k: np.maximum(least[:, k - 1], least[:, k]) for k in inside}
             inside = {k: np.minimum(margin, beside[k]) for k, margin in inside.items()}

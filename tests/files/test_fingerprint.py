@@ -116,6 +116,11 @@ SAME = {
         "robot__attached": [{"name": "rod", "box": [0.1, 0.02, 0.02], "touch_links": ["upper"]}],
         "collision__ignore": [["upper", "post"], ["tip", "ball"], ["rod", "tip"]],
     },
+    "a tool's speed that is free": {
+        "robot__limits": {"tool_speed": None},
+        "tube__tool_speed": [None],
+    },
+    "a tool's speed without end": {"robot__limits": {"tool_speed": np.inf}},
     "the default of a limit": {"robot__limits": {"effort": {"j1": 50}}},
 }
 OTHER = {
@@ -133,6 +138,9 @@ OTHER = {
     "pairs that are ignored": {"collision__ignore": [["upper", "post"]]},
     "no self-collision": {"collision__self": False},
     "an effort limit": {"robot__limits": {"effort": {"j1": 51}}},
+    "a limit on the tool's speed": {"robot__limits": {"tool_speed": 0.5}},
+    "one in the tube": {"tube__tool_speed": 0.5},
+    "another one in the tube": {"tube__tool_speed": [0.6]},
 }
 
 
@@ -238,3 +246,15 @@ def test_solids_given_as_shapes_are_known_by_them(cell):
 
     assert with_block(0.1, 0.2) == with_block(0.2, 0.1)
     assert with_block(0.1, 0.2) != with_block(0.1, 0.3)
+
+
+@pytest.mark.usefixtures("covered_roughly")
+def test_all_limits_on_the_tools_speed_have_their_own_hash(cell):
+    """In the robot or in the tube, and how large: none is taken for another."""
+    given = [{"tube__tool_speed": 0.5}, {"tube__tool_speed": 0.6}]
+    given += [{"robot__limits": {"tool_speed": speed}} for speed in (0.5, 0.6)]
+    problems = [parse_problem(changed(**changes), cell) for changes in [{}, *given]]
+    assert len({problem_hash(problem) for problem in problems}) == 5
+    robots = [robot_hash(problem.robot) for problem in problems]
+    assert robots[0] == robots[1] == robots[2]
+    assert len(set(robots)) == 3

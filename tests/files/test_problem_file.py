@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -110,6 +111,25 @@ def test_points_are_written_where_the_file_has_others_or_more(cell, in_file):
     assert again.radius.tolist() == [0.2, 0.3]
     assert again.rotation_tolerance == (3.0, 3.0)
     assert again.notes == ()
+
+
+def test_the_tools_speed_is_kept_where_the_tube_is(cell, found):
+    """With another radius as it was written; with other points by segment; not in another tube."""
+    target, again = cell / "new.json", cell / "again.yaml"
+    tube = replace(found.tube, tool_speed=[None, 0.5])
+    problem = found.with_tube(tube, found.goal)
+    target.write_bytes(with_problem(dict(read_fields(cell / "cell.yaml")), cell, target, problem))
+    assert json.loads(target.read_text())["tube"]["tool_speed"] == [None, 0.5]
+    assert load_problem(target).tube.tool_speed.tolist() == [np.inf, 0.5]
+    again.write_bytes(with_other_tube(target, again, tube.with_radius([0.2, 0.3])))
+    assert load_problem(again).tube.tool_speed.tolist() == [np.inf, 0.5]
+    fields = json.loads(target.read_text())
+    twice = {key: [values[0], *values] for key, values in fields["tube"].items()}
+    target.write_text(json.dumps(fields | {"tube": twice}))
+    again.write_bytes(with_other_tube(target, again, load_problem(target).tube))
+    assert load_problem(again).tube.tool_speed.tolist() == [np.inf, 0.5]
+    again.write_bytes(with_problem(read_fields(target), cell, again, found))
+    assert load_problem(again).tube.tool_speed is None
 
 
 def test_a_file_of_obstacles_needs_no_more(cell):

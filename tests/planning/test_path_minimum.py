@@ -1,10 +1,12 @@
 """The least time for a path against moves whose minimum is known, and against the optimiser."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from cases import ANGLE, INERTIA, anywhere, one_joint, quintic
-from tubeplanner import PlanOptions, load_problem, plan
+from tubeplanner import LimitOverrides, PlanOptions, ToolOffset, load_problem, load_robot, plan
 from tubeplanner.planning.path_minimum import path_minimum
 
 
@@ -43,3 +45,22 @@ def test_refinement_leaves_next_to_nothing_on_its_own_path(planned):
 def test_without_an_answer_there_is_no_path():
     problem = load_problem("example:two_link/paper_1_10mm")
     assert plan(problem, PlanOptions(time_limit=1e-9)).path_minimum is None
+
+
+def test_a_limit_on_the_tools_speed_counts(tmp_path):
+    """A lever of 0.5 m at 0.6 m/s turns at 1.2 rad/s, reached in 0.4 s."""
+    robot = one_joint(tmp_path, velocity=9.0, effort=np.inf, acceleration=3.0)
+    offset = ToolOffset(position=(0.5, 0, 0))
+    limits = LimitOverrides(
+        effort={"turn": np.inf}, acceleration={"turn": 3.0}, velocity={"turn": 9.0}
+    )
+    robot = load_robot(robot.urdf.path, "bar", tool_offset=offset, limits=limits)
+    problem = anywhere(robot)
+    problem = problem.with_tube(replace(problem.tube, tool_speed=0.6))
+    assert path_minimum(problem, quintic()) == pytest.approx(ANGLE / 1.2 + 0.4, rel=2e-3)
+
+
+def test_refinement_leaves_next_to_nothing_with_a_limit_on_the_tools_speed(bundled):
+    problem = bundled("two_link/paper_3_50mm")
+    result = plan(problem.with_tube(replace(problem.tube, tool_speed=0.8)))
+    assert 0.985 * result.duration < result.path_minimum < 1.001 * result.duration

@@ -278,6 +278,10 @@ def test_a_negative_clearance_is_refused(clearance):
             {"robot__limits": {"scale": {"effort": 2}}},
             "robot.limits.scale: effort at 2 must be in (0, 1]",
         ),
+        (
+            {"robot__limits": {"tool_speed": 0}},
+            "robot.limits.tool_speed is 0.0; give a number from 1e-06 m/s",
+        ),
         ({"robot__payload": {"mass": -1}}, "robot.payload: mass -1 kg must be from 0 to 1e+06 kg"),
     ],
 )
@@ -302,6 +306,7 @@ def test_every_field_of_the_robot_reaches_the_robot():
                     "position": {"elbow_joint": [0, 3]},
                     "acceleration": {"elbow_joint": 7},
                     "jerk": {"elbow_joint": 70},
+                    "tool_speed": 0.7,
                     "scale": {"effort": 0.5},
                 },
             },
@@ -328,6 +333,7 @@ def test_every_field_of_the_robot_reaches_the_robot():
     limits = robot.limits
     assert (limits.lower_position[0], limits.upper_position[0]) == (0, 3)
     assert limits.effort.tolist() == [50, 75, 75]
+    assert limits.tool_speed == 0.7
     assert limits.velocity.tolist() == [np.inf, 3.15, 3.15]
     assert (limits.acceleration[0], limits.jerk[0]) == (7, 70)
 

@@ -63,9 +63,9 @@ ROBOT = (
     "urdf, package_dirs, srdf, tool_frame, tool_offset, joints, locked_joints, gravity, payload, "
     "attached, limits"
 )
-LIMITS = "effort, velocity, position, acceleration, jerk, scale"
-TUBE = "points, radius, tool_radius, joint_signs, orientations, rotation_tolerance, visit, "
-TUBE += "pass_through_points"
+LIMITS = "effort, velocity, position, acceleration, jerk, scale, tool_speed"
+TUBE = "points, radius, tool_radius, joint_signs, orientations, rotation_tolerance, "
+TUBE += "tool_speed, visit, pass_through_points"
 OBSTACLE = "name, box, sphere, cylinder, capsule, mesh, scale, position, rpy, quaternion"
 
 
@@ -258,6 +258,8 @@ def test_a_rotation_tolerance_is_angles_or_triples(tmp_path, written, value):
         ("robot.srdf", None),
         ("tube.orientations", None),
         ("tube.rotation_tolerance", None),
+        ("tube.tool_speed", None),
+        ("robot.limits", {"tool_speed": None}),
         ("tube.visit", "ordered"),
         ("robot.joints", None),
         ("robot.payload", None),

@@ -22,6 +22,7 @@ def test_bundled_problems_are_valid(name):
         ({"start": {"jonts": [0]}}, ["start"]),
         ({"clearance": "wide"}, ["clearance"]),
         ({"tube": {"points": [[0, 0, 0]]}}, ["tube"]),
+        ({"tube": {"points": [[0, 0, 0]], "radius": 1, "tool_speed": "x"}}, ["tube"]),
     ],
 )
 def test_wrong_ones_are_not(change, path):
@@ -43,9 +44,16 @@ def test_every_field_has_a_title_and_a_description():
 def test_physical_fields_say_their_unit():
     units = {
         "RobotFields": ["gravity", "locked_joints"],
-        "TubeFields": ["points", "radius", "tool_radius", "joint_signs", "rotation_tolerance"],
+        "TubeFields": [
+            "points",
+            "radius",
+            "tool_radius",
+            "joint_signs",
+            "rotation_tolerance",
+            "tool_speed",
+        ],
         "PayloadFields": ["mass", "com", "inertia"],
-        "LimitFields": ["effort", "velocity", "position", "acceleration", "jerk"],
+        "LimitFields": ["effort", "velocity", "position", "acceleration", "jerk", "tool_speed"],
         "ObstacleFields": ["box", "sphere", "cylinder", "capsule", "position", "rpy"],
         "EndpointFields": ["joints", "seed"],
     }

@@ -40,7 +40,10 @@ def case(request):
     middle = robot.tool_position(points[[5]])[0] + np.array([0.0, 0.0, 0.06])
     ball = Obstacle.sphere("ball", 0.05, placement_of(middle))
     turned = Rotation.from_matrix(robot.tool_pose(points[[0, 6, -1]])[0]).as_quat()
-    tube = Tube(tool, [0.1, 0.2], orientations=turned, rotation_tolerance=[0.3, [0.2, np.inf, 0.4]])
+    bounds = [0.3, [0.2, np.inf, 0.4]]
+    tube = Tube(
+        tool, [0.1, 0.2], orientations=turned, rotation_tolerance=bounds, tool_speed=[0.6, 0.9]
+    )
     problem = PlanningProblem(robot, tube, points[0], obstacles=[ball], clearance=0.01)
     return (
         problem,

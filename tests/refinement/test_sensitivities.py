@@ -1,5 +1,6 @@
 """The sensitivities against planning again, and against what it must add up to."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -46,13 +47,15 @@ def problem_with(robot=None, radius=(0.05, 0.05)):
         {"velocity": {"joint1": 3.0, "joint2": 2.5}},
         {"acceleration": {"joint1": 15.0, "joint2": 30.0}},
         {"jerk": {"joint1": 400.0, "joint2": 600.0}},
+        {"tool_speed": 0.9},
     ],
-    ids=["effort", "velocity", "acceleration", "jerk"],
+    ids=["effort", "velocity", "acceleration", "jerk", "tool_speed"],
 )
 def test_without_gravity_all_limits_together_have_a_known_sensitivity(limits):
     """Twice the efforts and accelerations, four times the speed... T falls in proportion."""
     sensitivities = plan(problem_with(arm(**limits))).sensitivities
     order = {"effort": 2, "acceleration": 2, "velocity": 1, "jerk": 3, "radius": 0}
+    order["tool_speed"] = 1
     total = sum(order[sensitivity.limit] * sensitivity.elasticity for sensitivity in sensitivities)
     assert total == pytest.approx(-1.0, abs=1e-4)
     assert all(sensitivity.elasticity <= 0 for sensitivity in sensitivities)
@@ -94,6 +97,32 @@ def test_sensitivities_are_what_planning_again_finds():
             found.append(polished(changed, spline))
         change = (found[1] - found[0]) / (2 * step)
         assert -elasticity * duration == pytest.approx(change, rel=0.1, abs=1e-3), (limit, index)
+
+
+def test_that_of_the_tools_speed_is_what_planning_again_finds():
+    """Of each segment on its own, by changing its limit by 1 %."""
+    limits = np.array([1.2, 0.6])
+
+    def limited(speeds):
+        problem = problem_with()
+        return problem.with_tube(replace(problem.tube, tool_speed=speeds))
+
+    problem = limited(limits)
+    branch = reference_branch(problem, redundancy_rules(problem)[0])
+    refined = Refinement(problem, starting_spline(problem, branch, 8), (3, 3))
+    refined.run()
+    spline = refined._best.spline
+    duration = polished(problem, spline)
+    prices = {key: e for key, e in refined.elasticities().items() if key.kind == "tool_speed"}
+    assert [(key.joint, key.segment) for key in prices] == [(None, 0), (None, 1)]
+    for key, elasticity in prices.items():
+        found = [
+            polished(limited(limits * np.where(np.arange(2) == key.segment, factor, 1)), spline)
+            for factor in (1.01, 0.99)
+        ]
+        change = (found[1] - found[0]) / 0.02
+        assert -elasticity * duration == pytest.approx(change, rel=0.1, abs=2e-3)
+    assert min(prices.values()) < -0.1
 
 
 @pytest.mark.slow

@@ -1,10 +1,14 @@
 """Conditions of the optimisation: against what they stand for and against finite differences."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from tubeplanner import PlanningProblem, Seed, Tube
 from tubeplanner.constraints.path_samples import PathSamples
 from tubeplanner.constraints.speed_limits import speed_limits
+from tubeplanner.constraints.tool_speed import ToolSpeed
 from tubeplanner.refinement.linear_rows import StepSize
 from tubeplanner.refinement.link_constraints import LinkConstraints
 from tubeplanner.refinement.phased_spline import PhasedSpline, VelocityHull
@@ -14,7 +18,7 @@ from tubeplanner.refinement.speed_limit_rows import EvaluatedSpeedLimit
 
 SWITCHING_TIMES = np.array([0.0, 0.4, 1.0])
 STEP = 1e-6
-LIMITS = ("effort", "velocity", "acceleration", "jerk")
+LIMITS = ("effort", "velocity", "acceleration", "jerk", "tool_speed")
 KINDS = (*LIMITS, "velocity of the hull", "rotation", "links")
 
 
@@ -118,7 +122,7 @@ def test_rows_know_what_the_duration_gives(case, kind):
 def test_the_least_duration_is_that_of_every_limit(case):
     """Run in it, some limit is just met, and none is broken."""
     problem, spline, samples = case
-    robot, limits = problem.robot, problem.robot.limits
+    robot, limits, phase = problem.robot, problem.robot.limits, samples.phase
     at = sampled(spline, samples)
     found = [Kinds(kind, case).at(spline).squared_durations for kind in LIMITS]
     for i, y in enumerate(np.max(found, axis=0)):
@@ -129,6 +133,8 @@ def test_the_least_duration_is_that_of_every_limit(case):
             abs(a) / limits.acceleration,
             abs(j) / limits.jerk,
         ]
+        tool = robot.tool_jacobian(q)[1][0, :3] @ v[0]
+        used.append(np.full(v.shape, np.linalg.norm(tool) / problem.tube.tool_speed[phase[i]]))
         assert np.max(used) == pytest.approx(1.0, abs=1e-9)
 
 
@@ -139,9 +145,10 @@ def test_every_limit_has_a_key_and_rows(case, kind):
     keys = limit.limit.keys
     assert np.unique(rows.limit).tolist() == list(range(len(keys)))
     joints = 1 if kind == "jerk" else case[0].robot.joint_count
-    assert [(key.kind, key.joint, key.segment) for key in keys] == [
-        (kind, j, None) for j in range(joints)
-    ]
+    named = [(kind, j, None) for j in range(joints)]
+    if kind == "tool_speed":
+        named = [(kind, None, segment) for segment in range(2)]
+    assert [(key.kind, key.joint, key.segment) for key in keys] == named
     assert len(rows) == limit.row_count
 
 
@@ -162,3 +169,27 @@ def test_the_rotations_rows_and_its_ball_are_its_margin(case, margin):
     rows = evaluated.rows(1.0, None)  # components of the second alone
     assert np.unique(rows.limit).tolist() == [1]
     assert evaluated.angle().numbers.ravel().tolist() == [0, 1]
+
+
+def test_a_segment_that_leaves_the_tool_free_limits_nothing(case):
+    """Only samples of the other segment use something, and all rows are its limit's."""
+    problem, spline, samples = case
+    tube = replace(problem.tube, tool_speed=[None, 0.9])
+    limit = Kinds("tool_speed", (problem.with_tube(tube), spline, samples)).at(spline)
+    assert [(key.joint, key.segment) for key in limit.limit.keys] == [(None, 1)]
+    squared = limit.squared_durations.ravel()
+    assert (squared[samples.phase == 0] == 0).all()
+    assert (squared[samples.phase == 1] > 0).all()
+    assert set(limit.rows(np.sqrt(squared.max()), None).limit.tolist()) == {0}
+
+
+def test_a_tool_at_rest_has_finite_derivatives(two_link):
+    """At the ends the direction of the velocity is none: nothing there changes the share."""
+    tube = Tube([[0.5, 0, 0], [0.3, 0.3, 0]], 0.1, tool_speed=0.5)
+    problem = PlanningProblem(two_link, tube, Seed(np.array([0.0, -1.0])))
+    still = np.stack([np.array([[0.1, -1.0]]), np.zeros((1, 2)), np.ones((1, 2))])
+    limit = ToolSpeed(problem)
+    at = PathSamples(problem, still, lambda: np.zeros(1, dtype=int))
+    assert limit.used(at).at(2.0).tolist() == [[0.0]]
+    assert all((change == 0).all() for change in limit.by_path(at, 2.0).values())
+    assert limit.used(at).largest_speed(limit.signs).tolist() == [[np.inf]]

@@ -218,3 +218,19 @@ def test_limits_cannot_be_written_to(describe):
 def test_overrides_of_the_wrong_kind_are_refused(field, value, message):
     with pytest.raises(RobotError, match=message):
         LimitOverrides(**{field: value})
+
+
+@pytest.mark.parametrize(("given", "kept"), [(None, INF), (0.25, 0.25), (1, 1.0), (INF, INF)])
+def test_the_tools_speed_is_free_unless_it_is_given(describe, given, kept):
+    overrides = LimitOverrides(tool_speed=given, scale={"velocity": 0.5})
+    limits = resolve_limits(describe(), ["j", "k"], overrides)
+    assert limits.tool_speed == kept
+    assert isinstance(limits.tool_speed, float)
+
+
+@pytest.mark.parametrize("given", [0, -1.0, np.nan, -INF, True, "fast", [1.0], {"j": 1.0}])
+def test_a_tools_speed_that_is_none_is_named(given):
+    with pytest.raises(RobotError) as caught:
+        LimitOverrides(tool_speed=given)
+    text = repr(given) if not isinstance(given, float) else f"{given}"
+    assert str(caught.value) == (f"robot.limits.tool_speed is {text}; give a number from 1e-06 m/s")

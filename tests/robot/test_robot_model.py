@@ -5,6 +5,7 @@ import pytest
 import yourdfpy
 from scipy.spatial.transform import Rotation
 
+from follower_arm import follower_arm
 from tubeplanner import LimitOverrides, Payload, ToolOffset, load_robot
 from tubeplanner.errors import RobotError
 
@@ -581,3 +582,32 @@ def test_what_is_handed_out_cannot_be_written_to(ur5):
     for array in (ur5.gravity, ur5.lever_arm, ur5.link_placement["tool0"]):
         with pytest.raises(ValueError, match="read-only"):
             array[:] = 0.0
+
+
+# --- the velocity of the tool -------------------------------------------------------------------
+
+
+def require_tool_velocity(robot):
+    """Against the Jacobian, and its derivatives against differences."""
+    q, v, _ = random_trajectory(robot, 12)
+    velocity, by_q, by_v = robot.tool_velocity(q, v)
+    jacobian = robot.tool_jacobian(q)[1][:, :3]
+    np.testing.assert_allclose(velocity, np.einsum("nij,nj->ni", jacobian, v), atol=1e-12)
+    np.testing.assert_allclose(by_v, jacobian, atol=1e-12)
+    step = 1e-6
+    for j, direction in enumerate(np.eye(robot.joint_count)):
+        sides = [robot.tool_velocity(q + sign * step * direction, v)[0] for sign in (1, -1)]
+        np.testing.assert_allclose(by_q[:, :, j], (sides[0] - sides[1]) / (2 * step), atol=1e-7)
+    ahead, behind = (robot.tool_position(q + sign * step * v) for sign in (1, -1))
+    np.testing.assert_allclose(velocity, (ahead - behind) / (2 * step), atol=1e-7)
+
+
+def test_the_tools_velocity_is_that_of_the_jacobian(robot):
+    require_tool_velocity(robot)
+
+
+def test_the_tools_velocity_of_joints_that_slide_or_follow(arm, slide, tmp_path):
+    require_tool_velocity(slide)
+    require_tool_velocity(arm(*SLIDER, tool_offset=ToolOffset(position=(0.1, 0.2, 0.3))))
+    (tmp_path / "followers.urdf").write_text(follower_arm())
+    require_tool_velocity(load_robot(tmp_path / "followers.urdf", "tip"))

@@ -19,7 +19,10 @@ def divided(parts, quaternions=None, **options):
         turned = Slerp([0, 1, 2], Rotation.from_quat(quaternions))(places).as_quat()
         turned[::parts] = quaternions
         options |= {"orientations": turned, "rotation_tolerance": [0.2] * parts + [0.3] * parts}
-    return Tube(points, np.repeat([0.1, 0.2], parts), joint_signs=signs, **options)
+    speeds = [0.5] * parts + [None] * parts
+    return Tube(
+        points, np.repeat([0.1, 0.2], parts), joint_signs=signs, tool_speed=speeds, **options
+    )
 
 
 @pytest.mark.parametrize("parts", [2, 3, 16])
@@ -30,6 +33,7 @@ def test_a_divided_line_is_one_segment_to_the_last_digit(parts, quaternions, vis
     given = divided(parts, quaternions, visit=visit, tool_radius=0.01)
     joined = joined_segments(given)
     np.testing.assert_array_equal(joined.points, whole.points)
+    np.testing.assert_array_equal(joined.tool_speed, whole.tool_speed)
     np.testing.assert_array_equal(joined.radius, whole.radius)
     assert joined.joint_ranges == whole.joint_ranges
     assert (joined.visit, joined.tool_radius) == (visit, 0.01)
@@ -61,6 +65,8 @@ UP = [0, 0, 0, 1]
         (LINE, [0.1, 0.2], {}),
         (LINE, 0.1, {"joint_signs": [{"elbow": "+"}, {"elbow": "0"}]}),
         (LINE, 0.1, {"pass_through_points": "all"}),
+        (LINE, 0.1, {"tool_speed": [0.5, 0.6]}),
+        (LINE, 0.1, {"tool_speed": [None, 0.6]}),
         (LINE, 0.1, {"orientations": [UP] * 3, "rotation_tolerance": [0.1, 0.2]}),
         (
             LINE,
@@ -74,7 +80,18 @@ UP = [0, 0, 0, 1]
         ([[0, 0, 0], [1, 0, 0], [0, 0, 0]], 0.1, {}),
         ([[0, 0, 0], [1, 2e-8, 0], [2, 0, 0]], 0.1, {}),
     ],
-    ids=["radius", "signs", "all", "tolerance", "turn", "back", "there and back", "off"],
+    ids=[
+        "radius",
+        "signs",
+        "all",
+        "speed",
+        "free speed",
+        "tolerance",
+        "turn",
+        "back",
+        "there and back",
+        "off",
+    ],
 )
 def test_segments_that_ask_for_different_things_stay_apart(points, radius, options):
     tube = Tube(points, radius, **options)

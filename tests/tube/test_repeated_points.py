@@ -11,9 +11,10 @@ UP = [0, 0, 0, 1]
 
 def test_a_point_like_the_one_before_is_left_out_with_its_segment_and_a_note():
     signs = [{"elbow": "+"}, {"elbow": "+"}, {"elbow": "0"}]
-    tube = Tube(TWICE, [0.1, 0.1, 0.2], joint_signs=signs)
+    tube = Tube(TWICE, [0.1, 0.1, 0.2], joint_signs=signs, tool_speed=[0.3, 0.3, 0.4])
     np.testing.assert_array_equal(tube.points, LINE)
     assert tube.radius.tolist() == [0.1, 0.2]
+    assert tube.tool_speed.tolist() == [0.3, 0.4]
     assert tube.joint_signs == (signs[0], signs[2])
     assert tube.numbers.tolist() == [0, 1, 3]
     assert [tube.segment_number(k) for k in (0, 1)] == [0, 2]
@@ -39,14 +40,15 @@ def test_orientations_go_with_their_points(at):
     assert tube.rotation_tolerance == (0.2, 0.2)
 
 
-@pytest.mark.parametrize("change", ["radius", "signs", "tolerance"])
+@pytest.mark.parametrize("change", ["radius", "signs", "tolerance", "speed"])
 def test_what_only_the_segment_left_out_asks_is_not_lost(change):
     signs = [{}, {"elbow": "+"} if change == "signs" else {}, {}]
     tolerance = [0.2, 0.1 if change == "tolerance" else 0.2, 0.2]
     radius = [0.1, 0.05 if change == "radius" else 0.1, 0.1]
+    speed = [0.5, 0.4 if change == "speed" else 0.5, 0.5]
     turned = {"orientations": [UP] * 4, "rotation_tolerance": tolerance}
     with pytest.raises(ProblemError, match=r"points 1 and 2 .* segment 1 .* \(0 and 2\)"):
-        Tube(TWICE, radius, joint_signs=signs, **turned)
+        Tube(TWICE, radius, joint_signs=signs, tool_speed=speed, **turned)
 
 
 def test_a_turn_on_the_spot_is_refused():

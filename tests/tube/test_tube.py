@@ -12,6 +12,7 @@ POINTS = [[0, 0, 0], [1, 0, 0], [1, 2, 0], [0.5, 2, 0.5]]
 LINE = [[0, 0, 0], [1, 0, 0]]
 CORNER = [[0, 0, 0], [1, 0, 0], [1, 1, 0]]
 INF = np.inf
+SPEED = "it must be from 1e-06 to 10000 m/s, or null where the tool's speed is free"
 
 
 def random_points(count=100):
@@ -173,6 +174,24 @@ def test_without_signs_every_joint_is_free():
             "tube.joint_signs: joint 'j' has the range [0.0, 1.0] in segment 0 and [1.5, 2.0] in "
             "segment 1, which do not meet",
         ),
+        (LINE, 1, {"tool_speed": 0}, f"tube.tool_speed[0] is 0; {SPEED}"),
+        (CORNER, 1, {"tool_speed": [None, -1.5]}, f"tube.tool_speed[1] is -1.5; {SPEED}"),
+        (LINE, 1, {"tool_speed": np.nan}, f"tube.tool_speed[0] is nan; {SPEED}"),
+        (LINE, 1, {"tool_speed": 9e-7}, f"tube.tool_speed[0] is 9e-07; {SPEED}"),
+        (LINE, 1, {"tool_speed": 1e5}, f"tube.tool_speed[0] is 100000.0; {SPEED}"),
+        (LINE, 1, {"tool_speed": -INF}, f"tube.tool_speed[0] is -inf; {SPEED}"),
+        (LINE, 1, {"tool_speed": True}, f"tube.tool_speed[0] is True; {SPEED}"),
+        (LINE, 1, {"tool_speed": "fast"}, f"tube.tool_speed[0] is 'fast'; {SPEED}"),
+        (LINE, 1, {"tool_speed": [[1.0]]}, f"tube.tool_speed[0] is [1.0]; {SPEED}"),
+        (LINE, 1, {"tool_speed": np.ones((1, 2))}, f"tube.tool_speed[0] is [1.0, 1.0]; {SPEED}"),
+        (
+            CORNER,
+            1,
+            {"tool_speed": [1.0, 1.0, None]},
+            "tube.tool_speed has 3 values for 2 segments; give one, or one each, null where it is "
+            "free",
+        ),
+        (CORNER, 1, {"tool_speed": []}, "tube.tool_speed has 0 values for 2 segments; give one"),
     ],
 )
 def test_a_fault_is_named(points, radius, options, message):
@@ -247,3 +266,33 @@ def test_a_tool_radius_leaves_a_tube(tool_radius):
 def test_a_radius_is_a_number(radius):
     with pytest.raises(ProblemError, match="is no number or list of numbers"):
         Tube([[0, 0, 0], [1, 0, 0]], radius)
+
+
+@pytest.mark.parametrize(
+    ("given", "kept"),
+    [
+        (0.5, [0.5, 0.5]),
+        (np.float64(0.5), [0.5, 0.5]),
+        (np.array(0.5), [0.5, 0.5]),
+        ([None, 2], [INF, 2.0]),
+        ((0.3, INF), [0.3, INF]),
+        (np.array([0.3, INF]), [0.3, INF]),
+    ],
+)
+def test_a_speed_is_one_or_one_each(given, kept):
+    tube = Tube(CORNER, 0.1, tool_speed=given)
+    assert tube.tool_speed.tolist() == kept
+    assert tube.with_radius(0.2).tool_speed.tolist() == kept
+    with pytest.raises(ValueError, match="read-only"):
+        tube.tool_speed[0] = 1.0
+
+
+@pytest.mark.parametrize("given", [None, INF, [None, None], [INF, None]])
+def test_a_speed_that_is_free_everywhere_is_none(given):
+    assert Tube(CORNER, 0.1, tool_speed=given).tool_speed is None
+
+
+def test_some_points_keep_the_speeds_of_their_segments():
+    tube = Tube([*CORNER, [5, 5, 5]], 0.1, tool_speed=[0.1, None, 0.3])
+    assert tube.with_points([0, 2, 3], [1, 2]).tool_speed.tolist() == [INF, 0.3]
+    assert tube.with_points([0, 1, 2], [1, 1]).tool_speed is None

@@ -1,5 +1,6 @@
 """Defects that last a fraction of a millisecond, where 2,000 samples see nothing."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -135,3 +136,28 @@ def test_a_thin_plate_passed_between_two_samples(two_link, free_by):
         assert condition.where.time == pytest.approx(crossing, abs=5e-5)
     else:
         assert 0 < condition.margin < 2e-5
+
+
+def test_a_speed_above_its_limit_for_a_fraction_of_a_millisecond(stored):
+    """A bump of a joint of some micrometres, where 2,000 samples of the tool see nothing."""
+    problem, trajectory = stored("two_link/around_a_post", "branch-and-bound")
+
+    def speeds(of, time):
+        at = of.at(time)
+        return np.linalg.norm(problem.robot.tool_velocity(at.position, at.velocity)[0], axis=1)
+
+    samples = np.linspace(0, trajectory.duration, 2000)
+    speed = speeds(trajectory, samples)
+    limit = 1.001 * speed.max()
+    width = 1e-4
+    begin = samples[speed.argmax()] + (samples[1] - width) / 2
+    spiked = with_bump(trajectory, 0, begin, width, 1e-6)
+    assert speeds(spiked, samples).max() < limit
+    tube = replace(problem.tube, tool_speed=limit)
+    before, after = (verify(problem.with_tube(tube), each) for each in (trajectory, spiked))
+    assert before.passed
+    assert "tool_speed" in after.failures()
+    condition = after.conditions["tool_speed"]
+    dense = speeds(spiked, np.linspace(begin, begin + width, 20_001)).max()
+    assert condition.margin == pytest.approx(1 - dense / limit, rel=0.02)
+    assert begin <= condition.where.time <= begin + width

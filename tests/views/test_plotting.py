@@ -1,9 +1,11 @@
 """Figures show what they say: lines, limits, segments, units; and they are not empty."""
 
 import io
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from PIL import Image
 
 from cases import PROBLEMS, slow_but
@@ -20,7 +22,12 @@ from tubeplanner import (
     sweep,
 )
 from tubeplanner.views.figure_files import figure_png
-from tubeplanner.views.panels import draw_factor, segments_per_group, trajectory_curves
+from tubeplanner.views.panels import (
+    draw_factor,
+    draw_speed,
+    segments_per_group,
+    trajectory_curves,
+)
 
 
 def colours(png):
@@ -177,3 +184,20 @@ def test_several_trajectories_share_an_axis(stored):
         draw_factor(axis, curves, label, number)
     dashes = {line.get_linestyle() for line in axis.lines if line.get_label() in ("one", "two")}
     assert len(dashes) == 2  # told apart in grey
+
+
+def test_the_speeds_limit_is_drawn_where_there_is_one(stored):
+    problem, trajectory = stored("ur5/over_the_wall")
+    fastest = trajectory_curves(problem, trajectory).speed.max()
+    tube = replace(problem.tube, tool_speed=[None, 1.2 * fastest, 9 * fastest])
+    curves = trajectory_curves(problem.with_tube(tube), trajectory)
+    expected = np.array([np.inf, 1.2, 9.0])[curves.segment] * fastest
+    np.testing.assert_allclose(curves.speed_limit, expected)
+    axis = Figure().subplots()
+    draw_speed(axis, curves)
+    _, limit = (line.get_ydata() for line in axis.lines)
+    np.testing.assert_allclose(limit[curves.segment == 1], 1.2 * fastest)
+    assert np.isnan(limit[curves.segment != 1]).all()  # free, or out of sight
+    assert axis.get_ylim()[1] == pytest.approx(1.1 * 1.2 * fastest)
+    draw_speed(axis := Figure().subplots(), trajectory_curves(problem, trajectory))
+    assert axis.get_ylim()[1] == pytest.approx(1.1 * fastest)

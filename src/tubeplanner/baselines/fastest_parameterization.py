@@ -7,16 +7,21 @@ A path is stored as the trajectory that runs it at unit speed: its times are the
 space.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.baselines.time_parameterization import run_along
 from tubeplanner.constraints.time_scaling import estimated_duration
+from tubeplanner.constraints.tool_speed import ToolSpeed
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
 # In place of a missing limit: this multiple of what a gentle run of the path uses.
 _AMPLE, _SAMPLES_PER_PIECE = 1e3, 20
+_INSIDE = 1e-4  # [m]: how far outside a capsule a point of the path still counts as in it
+_FASTEST = 1e9  # [1/s]: where the tool stands still, its speed limits nothing
 
 
 def fastest_parameterization(
@@ -28,8 +33,9 @@ def fastest_parameterization(
 ) -> JointTrajectory | None:
     """Return a path's fastest time parameterization: arc length over time, from rest to rest.
 
-    It keeps the limits of velocity, acceleration and effort at points of the path and may exceed
-    them in between; jerk is unlimited, so it is not smooth.
+    It keeps the limits of velocity, acceleration, effort and tool speed at points of the path and
+    may exceed them in between; jerk is unlimited, so it is not smooth. Where the tool is in several
+    segments, the loosest of their limits on its speed counts.
 
     Args:
         problem: The planning problem.
@@ -76,8 +82,11 @@ def _constraints(
     tau = robot.inverse_dynamics(used.position, used.velocity, used.acceleration)
     limits = robot.limits
     effort = _finite(limits.effort, tau)
+    velocity = _finite(limits.velocity, used.velocity)
     return [
-        constraint.JointVelocityConstraint(_finite(limits.velocity, used.velocity)),
+        constraint.JointVelocityConstraintVarying(_velocity_bounds(problem, path, velocity))
+        if ToolSpeed(problem).keys
+        else constraint.JointVelocityConstraint(velocity),
         constraint.JointAccelerationConstraint(_finite(limits.acceleration, used.acceleration)),
         constraint.JointTorqueConstraint(
             lambda q, v, a: robot.inverse_dynamics(q[None], v[None], a[None])[0],
@@ -86,6 +95,28 @@ def _constraints(
             kinds.Interpolation if at_both_ends else kinds.Collocation,
         ),
     ]
+
+
+def _velocity_bounds(
+    problem: PlanningProblem, path: JointTrajectory, velocity: FloatArray
+) -> Callable[[float], FloatArray]:
+    """Return a function from an arc length to bounds on the joints' velocities there, (n, 2).
+
+    Their own, (n,), and those that they have at the largest speed of the tool.
+    """
+    limit = ToolSpeed(problem).limit
+
+    def bounds(arc_length: float) -> FloatArray:
+        at = np.array([arc_length])
+        q, slope = path.position(at), path.velocity(at)
+        inside = problem.tube.margin(problem.robot.tool_position(q))[0]
+        allowed = limit[inside >= min(-_INSIDE, inside.max())].max()
+        by_length = np.linalg.norm(problem.robot.tool_velocity(q, slope)[0])
+        rate = min(allowed / max(by_length, 1 / _FASTEST), _FASTEST)
+        most = np.minimum(velocity, abs(slope[0]) * rate)
+        return np.column_stack([-most, most])
+
+    return bounds
 
 
 def _gentle_run(path: JointTrajectory) -> JointTrajectory:

@@ -38,11 +38,11 @@ class ToolSpeed:
     def by_path(self, at: PathSamples, speed: float) -> Mapping[int, FloatArray]:
         """Return how the share changes with the path; where the tool rests, not at all."""
         rate, by_position, by_rate = at.tool_rate
-        size = np.linalg.norm(rate, axis=1)
-        scale = speed / (np.maximum(size, np.finfo(float).tiny) * self.limit[at.segment])
-        direction = rate * scale[:, None]
+        size = np.linalg.norm(rate, axis=1, keepdims=True)
+        direction = rate / np.maximum(size, np.finfo(float).tiny)
+        gradient = direction * (speed / self.limit[at.segment])[:, None]
         return {
-            order: np.einsum("ni,nij->nj", direction, derivative)[:, None]
+            order: np.einsum("ni,nij->nj", gradient, derivative)[:, None]
             for order, derivative in enumerate((by_position, by_rate))
         }
 

@@ -93,7 +93,7 @@ def with_other_tube(source: Path, target: Path, tube: Tube) -> bytes:
     written = fields["tube"]["points"]
     if isinstance(written, str) or len(written) != len(tube.points):
         fields["tube"]["points"] = other["points"]
-        for key, values in _rotation_fields(tube).items():
+        for key, values in (_rotation_fields(tube) | _speed_fields(tube)).items():
             fields["tube"][key] = values
     fields["tube"]["radius"] = other["radius"]
     fields["tube"]["joint_signs"] = other["joint_signs"]
@@ -132,7 +132,8 @@ def _tube_fields(tube: Tube) -> CommentedMap:
     points = _in_a_row([_in_a_row(point) for point in tube.points.tolist()])
     maps = [_in_a_row(_signs(ranges)) for ranges in tube.joint_ranges]
     signs = maps[0] if all(row == maps[0] for row in maps) else maps
-    return CommentedMap(points=points, radius=_in_a_row(tube.radius.tolist()), joint_signs=signs)
+    rows = {"radius": _in_a_row(tube.radius.tolist()), "joint_signs": signs}
+    return CommentedMap(points=points, **rows, **_speed_fields(tube))
 
 
 def _rotation_fields(tube: Tube) -> dict[str, Any]:
@@ -146,6 +147,14 @@ def _rotation_fields(tube: Tube) -> dict[str, Any]:
         "orientations": _in_a_row(orientations),
         "rotation_tolerance": _in_a_row(bounds),
     }
+
+
+def _speed_fields(tube: Tube) -> dict[str, Any]:
+    """Return the limits on the tool's speed, as a file has them, if there are any."""
+    if tube.tool_speed is None:
+        return {}
+    rows = [speed if np.isfinite(speed) else None for speed in tube.tool_speed.tolist()]
+    return {"tool_speed": _in_a_row(rows)}
 
 
 def _signs(ranges: Mapping[str, JointRange]) -> dict[str, Any]:

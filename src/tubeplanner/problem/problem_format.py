@@ -192,6 +192,9 @@ class TubeFields(_Section):
         description="m angles, or triples of bounds on log(R_ref^T R), .inf where free [rad]; one "
         "number serves for all segments",
     )
+    tool_speed: Number | list[Number | None] | None = Field(
+        None, description="one or m limits on the tool's speed, null where it is free [m/s]"
+    )
     visit: Literal["ordered", "any"] = Field(
         "ordered", description="segments one after the other, or the union of their capsules"
     )
@@ -199,10 +202,6 @@ class TubeFields(_Section):
         "corners",
         description="which inner points the tool must pass within the smaller radius beside them; "
         "corners: where the tube turns by more than 150 degrees",
-    )
-
-    tool_speed: Number | list[Number | None] | None = Field(
-        None, description="one or m limits on the tool's speed, null where it is free [m/s]"
     )
 
     @field_validator("radius")

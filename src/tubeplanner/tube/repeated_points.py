@@ -68,9 +68,9 @@ def _require_nothing_lost(
     same = f"tube.points: points {lost} and {point} are the same within {MIN_LENGTH:g} m"
     if all(asked[lost] != asked[k] for k in beside):
         raise ProblemError(
-            f"{same}; segment {lost} between them would be left out, but its radius, joint signs "
-            f"or tolerances are those of neither segment beside it ({_listed(beside)}): remove "
-            "one of the points, or give them what a neighbour has"
+            f"{same}; segment {lost} between them would be left out, but its radius, joint signs, "
+            f"tolerances or speed are those of neither segment beside it ({_listed(beside)}): "
+            "remove one of the points, or give them what a neighbour has"
         )
     if turn is not None and turn[lost] > _SAME_ORIENTATION:
         raise ProblemError(

@@ -24,7 +24,8 @@ def tool_speeds(given: Any, segments: int) -> FloatArray | None:
     """
     if given is None:
         return None
-    is_list = isinstance(given, Sequence | np.ndarray)
+    given = given.tolist() if isinstance(given, np.ndarray) else given
+    is_list = isinstance(given, Sequence) and not isinstance(given, str)
     entries: list[Any] = list(given) if is_list else [given] * segments
     if len(entries) != segments:
         raise ProblemError(

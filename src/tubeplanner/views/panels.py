@@ -161,7 +161,7 @@ def draw_factor(
     axis.set_xlabel("share of the duration, t / T [-]")
     axis.set_ylabel("b(t), times faster [-]")
     if label is None:
-        title = "1: a motor, velocity or acceleration is at its limit"
+        title = "1: a motor or a speed is at its limit"
         axis.set_title(title, fontsize=8, loc="right")
     axis.grid(alpha=0.25)
 

@@ -45,11 +45,8 @@ class ToolSpeedMargin:
     def __init__(
         self, problem: PlanningProblem, trajectory: JointTrajectory, limit: FloatArray
     ) -> None:
-        self._values, self._trajectory, self._limit = (
-            _velocity(problem.robot).values,
-            trajectory,
-            limit,
-        )
+        self._values = _velocity(problem.robot).values
+        self._trajectory, self._limit = trajectory, limit
 
     def at(self, time: FloatArray) -> FloatArray:
         """Return what is left in all segments."""
