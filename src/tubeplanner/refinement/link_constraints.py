@@ -218,6 +218,14 @@ class EvaluatedLinks:
         """How many rows there are."""
         return len(self.pairs)
 
+    @cached_property
+    def _change(self) -> tuple[FloatArray, FloatArray]:
+        """How the use of the distances changes with control points and switching times."""
+        gradient = self.problem.collision.distance_gradient(
+            self.rotation, self.position, self.pairs, self.closest
+        )
+        return self.at.chained({0: -gradient[:, None] / _UNIT})
+
     @property
     def _slack(self) -> FloatArray:
         """By how much pairs are farther apart than is aimed at, in units of 5 cm, shape (E,)."""
@@ -231,10 +239,7 @@ class EvaluatedLinks:
             duration: T [s].
             size: Of the step; rows that it cannot break are left out. None: all rows.
         """
-        gradient = self.problem.collision.distance_gradient(
-            self.rotation, self.position, self.pairs, self.closest
-        )
-        control, switching = self.at.chained({0: -gradient[:, None] / _UNIT})
+        control, switching = self._change
         count = len(self.pairs)
         rows = Rows(
             self.at.first,

@@ -5,7 +5,7 @@ terms that bring it about, inertia and jerk, do not change with y = T^2, and the
 accelerations are exact in y.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import ClassVar
 
@@ -36,6 +36,8 @@ class EvaluatedSpeedLimit:
     at: SampledSpline
     path: PathSamples
     numbers: IntArray
+    # By duration: after a step that was rejected, the same rows are asked for again.
+    _changes: dict[float, tuple[FloatArray, FloatArray]] = field(default_factory=dict, repr=False)
 
     @cached_property
     def squared_durations(self) -> FloatArray:
@@ -59,7 +61,7 @@ class EvaluatedSpeedLimit:
             duration: T [s].
             size: Of the step; rows that it cannot break are left out. None: all rows.
         """
-        change = self.at.chained(self.limit.by_path(self.path, 1 / duration))
+        change = self._change(duration)
         used = self._used.at(1 / duration)
         limit = np.broadcast_to(self.numbers[self.limit.key_of(self.path)], used.shape)
         by_duration = (self._by_duration(duration), self._used.degree / 2)
@@ -76,6 +78,13 @@ class EvaluatedSpeedLimit:
         terms = self._used.terms.items()
         used = np.sum([c * (duration**-k * longer ** (degree - k)) for k, c in terms], axis=0)
         return np.concatenate([(longer**degree - sign * used).ravel() for sign in self.limit.signs])
+
+    def _change(self, duration: float) -> tuple[FloatArray, FloatArray]:
+        """Return how the quantities change with control points and switching times."""
+        if duration not in self._changes:
+            by_path = self.limit.by_path(self.path, 1 / duration)
+            self._changes[duration] = self.at.chained(by_path)
+        return self._changes[duration]
 
     @cached_property
     def _used(self) -> SpeedPolynomial:
