@@ -796,8 +796,11 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         (".min(axis=1)", ".max(axis=1)"),
     ],
     "EvaluatedSpeedLimit.row_count": [("len(self.limit.signs)", "2")],
-    "EvaluatedSpeedLimit.rows": [
+    "EvaluatedSpeedLimit._change": [
         ("self.limit.by_path(self.path, 1 / duration)", "self.limit.by_path(self.path, 1.0)"),
+        ("if duration not in self._changes", "if not self._changes"),
+    ],
+    "EvaluatedSpeedLimit.rows": [
         ("self._used.at(1 / duration)", "self._used.at(duration)"),
         ("self._used.degree / 2", "self._used.degree / 3"),
         ("self.numbers[self.limit.key_of(self.path)]", "self.limit.key_of(self.path)"),
@@ -827,7 +830,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("abs(control).sum", "control.sum"),
     ],
     "EvaluatedLinks._slack": [("self.closest.distance - self.aim", "self.closest.distance")],
-    "EvaluatedLinks.rows": [("{0: -gradient", "{0: gradient"), (" / _UNIT", "")],
+    "EvaluatedLinks._change": [("{0: -gradient", "{0: gradient"), (" / _UNIT", "")],
     "INNER_MARGIN": [("0.005", "0.055")],
     "Refinement._on_coarse_knots": [("_GAIN, _MAX_STEPS", "_GAIN, 4")],
     "SequentialProgram.improved": [
