@@ -126,7 +126,8 @@ def _arm(robot: dict[str, Any], folder: Path) -> Arm:
     Raises:
         Unsuitable: It has no masses and cannot do without.
     """
-    point = TubeFields(np.zeros((2, 3)), np.ones(1), [{}], None, None, True, [], [0, 1])
+    free = np.full(1, np.inf)
+    point = TubeFields(np.zeros((2, 3)), np.ones(1), [{}], None, None, free, True, [], [0, 1])
     problem = Problem(folder, robot, point, {}, {}, [], 0.0, True, [])
     arm = Arm(problem)
     if not arm.has_masses:
@@ -180,7 +181,9 @@ def _rotation(
     orientations = Rotation.from_matrix(gates).as_quat()
     ranges: list[dict[str, tuple[float, float]]] = [{}] * len(spans)
     numbers = list(range(len(witness.points)))
-    tube = TubeFields(witness.points, witness.needed, ranges, orientations, None, True, [], numbers)
+    free = np.full(len(witness.needed), np.inf)
+    known = (witness.points, witness.needed, ranges, orientations, None, free)
+    tube = TubeFields(*known, True, [], numbers)
     least, by_component = float(rng.uniform(0.01, 0.5)), rng.random() < 0.5
     bounds: list[Any] = []
     for k, (a, b) in enumerate(spans):
