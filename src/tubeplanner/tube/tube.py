@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from tubeplanner.arrays import FloatArray, IntArray, read_only
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray, read_only
 from tubeplanner.errors import ProblemError, shown, unknown_name
 from tubeplanner.options import in_figures, is_number
 from tubeplanner.tube.box_regions import BoxRegions, box_sections, radii_of_boxes
@@ -166,9 +166,32 @@ class Tube:
         """Return the tube with another tolerance, or m others [m].
 
         Raises:
-            ProblemError: A radius is not positive, or not above the tool radius.
+            ProblemError: A radius is not positive, or not above the tool radius, or a segment has a
+                box.
         """
+        self.require_discs("other radii", "scale all (Tube.scaled), or leave cross_section out")
         return replace(self, radius=radius)  # type: ignore[arg-type]  # as `__init__` takes it
+
+    def scaled(self, factor: float) -> "Tube":
+        """Return the tube with all radii and all sides of boxes multiplied by a factor.
+
+        Raises:
+            ProblemError: A radius or a side is too small or too large.
+        """
+        if self.cross_section is None:
+            return self.with_radius(factor * self.radius)
+        sections = self.cross_section * [factor, factor, 1.0, 1.0, 1.0]
+        is_box = sections[:, 0] > 0
+        radii = np.where(is_box, sections[:, :2].min(axis=1) / 2, factor * self.radius)
+        return replace(self, radius=radii, cross_section=sections)
+
+    def require_discs(self, what: str, remedy: str) -> None:
+        """Raise ProblemError, with what is asked for and a remedy, if a segment has a box."""
+        for k in np.flatnonzero(self.is_box)[:1]:
+            raise ProblemError(
+                f"tube.cross_section: segment {self.segment_number(int(k))} has a box, which does "
+                f"not go with {what}; {remedy}"
+            )
 
     def with_points(
         self, points: Sequence[int] | IntArray, segments: Sequence[int] | IntArray
@@ -201,6 +224,22 @@ class Tube:
     def effective_radius(self) -> FloatArray:
         """How far the tool centre point may stray, shape (m,) [m]."""
         return self.radius - self.tool_radius
+
+    @property
+    def is_box(self) -> BoolArray:
+        """Which segments have a box, shape (m,)."""
+        if self.cross_section is None:
+            return np.zeros(self.segment_count, dtype=bool)
+        is_box: BoolArray = self.cross_section[:, 0] > 0
+        return is_box
+
+    @property
+    def reach(self) -> FloatArray:
+        """The effective radii, of boxes the larger effective half sides, shape (m,) [m]."""
+        if self.cross_section is None:
+            return self.effective_radius
+        longer = self.cross_section[:, :2].max(axis=1) / 2 - self.tool_radius
+        return np.maximum(self.effective_radius, longer)
 
     @cached_property
     def regions(self) -> SegmentRegions:
