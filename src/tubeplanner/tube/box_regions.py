@@ -75,7 +75,9 @@ def radii_of_boxes(radius: Any, sections: FloatArray | None) -> Any:
                 "leave the radius out"
             )
         radius = np.where(halves > 0, None, radius)
-    is_list = radius.ndim == 1 if isinstance(radius, np.ndarray) else isinstance(radius, Sequence)
+    is_list = isinstance(radius, list | tuple) or (
+        isinstance(radius, np.ndarray) and radius.ndim == 1
+    )
     if not is_list or len(radius) != len(halves):
         return radius  # which is refused as any other
     return [_radius(k, radius[k], sections[k]) for k in range(len(halves))]
