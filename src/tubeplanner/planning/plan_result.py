@@ -182,6 +182,6 @@ def _success_message(problem: PlanningProblem, trajectory: JointTrajectory) -> s
     for point in np.flatnonzero(distance > reach):
         message += (
             f"; it passes reference point {problem.tube.numbers[point]} at {distance[point]:.3g} "
-            "m: the capsules beside that point overlap elsewhere"
+            "m: the regions beside that point overlap elsewhere"
         )
     return message
