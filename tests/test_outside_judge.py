@@ -230,20 +230,11 @@ def misses_a_point(case):
 
 
 def boxes(case, height=0.2):
-    """Put boxes, wider than they are high, about all discs; return how far up the tool is."""
+    """Put boxes about all discs."""
     case.tube["cross_section"] = [
         {"box": [2 * radius + 0.02, height], "up": [0, 0, 1]} for radius in case.tube["radius"]
     ]
     case.tube["radius"] = None
-
-
-def out_of_a_box(case):
-    """The tool keeps to the discs, and leaves a box that is turned by a quarter turn."""
-    boxes(case)
-    thin = min(one["box"][0] for one in case.tube["cross_section"]) / 8
-    for one in case.tube["cross_section"]:
-        one["box"] = [0.4, thin]
-        one["up"] = [0.3, -0.4, 0.0]
 
 
 def above_a_box(case):
@@ -258,7 +249,6 @@ def above_a_box(case):
 FAULTS = {
     bump: ("tube", False),
     beside: ("tube", True),
-    out_of_a_box: ("tube", False),
     above_a_box: ("tube", True),
     other_way_round: ("tube", True),
     wrong_side: ("joint_signs", True),
