@@ -190,10 +190,8 @@ class BoxRegions(Capsules):
         share = self._beyond(p, segment) / self.half[segment]
         face = share.argmax(axis=-1)
         normal = self.frame[segment, face]
-        offset = p - np.where(face == 2, 0.5, 0.0)[:, None] * (
-            self.end[segment] - self.begin[segment]
-        )
-        side = np.sign(np.einsum("ri,ri->r", normal, offset - self.begin[segment]))
+        # What is nearest to an end and has a share of it is beyond it, on the side where it is.
+        side = np.sign(np.einsum("ri,ri->r", normal, p - self.begin[segment]))
         normal = np.where((share.max(axis=-1) > 0)[:, None], side[:, None] * normal, 0.0)
         return np.where(self.is_box[segment, None], normal, super().outward(p, segment))
 

@@ -49,6 +49,7 @@ class Tube:
         joint_signs: Per segment, by joint name: its sign or range as given.
         visit: "ordered": segments one after the other, with switching times in both capsules;
             "any": the union of all capsules.
+            (Of segments with a box, it takes the place of the capsule.)
         orientations: Of the tool at the reference points, unit quaternions x y z w, shape (m+1, 4);
             None: any orientation is allowed.
         rotation_tolerance: Per segment one angle, or bounds on the three components of
