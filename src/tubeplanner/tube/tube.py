@@ -19,13 +19,7 @@ from tubeplanner.tube.box_regions import BoxRegions, box_sections, radii_of_boxe
 from tubeplanner.tube.compulsory_points import PASS_THROUGH, compulsory_points
 from tubeplanner.tube.joint_ranges import JointRange, JointSign, joint_ranges, sign_maps
 from tubeplanner.tube.repeated_points import MIN_LENGTH, DistinctPoints, distinct_points
-from tubeplanner.tube.rotational_tube import (
-    RotationalTube,
-    RotationBound,
-    rotation_bounds,
-    rotational_tube,
-    unit_quaternions,
-)
+from tubeplanner.tube.rotational_tube import RotationalTube, RotationBound, given_rotation
 from tubeplanner.tube.segment_regions import Capsules, SegmentRegions
 from tubeplanner.tube.tool_speeds import tool_speeds
 
@@ -126,7 +120,7 @@ class Tube:
         radii = _radii(radii_of_boxes(radius, sections), segments)
         signs = sign_maps(joint_signs or {}, segments)
         ranges = joint_ranges(signs, visit)
-        quaternions, bounds, rotation = _rotation(corners, orientations, rotation_tolerance)
+        quaternions, bounds, rotation = given_rotation(corners, orientations, rotation_tolerance)
         _require_named("visit", visit, VISITS)
         _require_named("pass_through_points", pass_through_points, PASS_THROUGH)
         if not is_number(tool_radius) or not 0 <= tool_radius <= radii.min() - MIN_LENGTH:
@@ -394,26 +388,3 @@ def _radii(radius: float | Sequence[float] | FloatArray, segments: int) -> Float
                 f"{_MAX_EXTENT:g} m"
             )
     return read_only(radii)
-
-
-def _rotation(
-    points: FloatArray, orientations: object, tolerance: object
-) -> tuple[FloatArray | None, tuple[RotationBound, ...] | None, RotationalTube | None]:
-    """Return quaternions, rotation bounds and their geometry; None where nothing is bounded."""
-    if orientations is None and tolerance is None:
-        return None, None, None
-    if orientations is None or tolerance is None:
-        missing = "orientations" if orientations is None else "rotation_tolerance"
-        given = "rotation_tolerance" if orientations is None else "orientations"
-        remedy = (
-            "a quaternion [x, y, z, w] for every reference point"
-            if orientations is None
-            else "an angle or three bounds [rad] for every segment"
-        )
-        raise ProblemError(
-            f"tube.{given} is given without tube.{missing}; give {remedy}, or leave both out"
-        )
-    quaternions = unit_quaternions(orientations, len(points))
-    bounds = rotation_bounds(tolerance, len(points) - 1)
-    rotation = rotational_tube(points, quaternions, bounds)
-    return quaternions, bounds, rotation if rotation.is_bounded else None
