@@ -63,9 +63,9 @@ ROBOT = (
     "urdf, package_dirs, srdf, tool_frame, tool_offset, joints, locked_joints, gravity, payload, "
     "attached, limits"
 )
-LIMITS = "effort, velocity, position, acceleration, jerk, scale"
-TUBE = "points, radius, tool_radius, joint_signs, orientations, rotation_tolerance, visit, "
-TUBE += "pass_through_points"
+LIMITS = "effort, velocity, position, acceleration, jerk, scale, tool_speed"
+TUBE = "points, cross_section, radius, tool_radius, joint_signs, orientations, rotation_tolerance, visit, "
+TUBE += "pass_through_points, tool_speed"
 OBSTACLE = "name, box, sphere, cylinder, capsule, mesh, scale, position, rpy, quaternion"
 
 
