@@ -840,6 +840,43 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
             "min(trust, _next_trust(trust, ratio, float(abs(step.control).max(initial=0.0))))",
         ),
     ],
+    # --- tube/box_regions ---------------------------------------------------------------------
+    "box_sections": [("entry is None or (", "not entry or (")],
+    "radii_of_boxes": [("(halves > 0).all()", "(halves > 0).any()")],
+    "_radius": [("min(width, height) / 2", "width / 2"), ("<= _SAME", "<= 1.0")],
+    "_section": [
+        ("sides >= _SMALLEST", "sides >= 0"),
+        ("- (upward @ along) * along", "- 0 * along"),
+        ("distance >= MIN_LENGTH", "distance > 0"),
+        ("abs(length - 1) > _SAME", "True"),
+    ],
+    "BoxRegions.frame": [
+        (
+            '- np.einsum("mi,mi->m", self.sections[:, 2:], along)[:, None] * along',
+            "- 0 * along",
+        ),
+    ],
+    "BoxRegions.half": [
+        ("/ 2 - self.tool_radius", "/ 2"),
+        ("sides.min(axis=1)", "sides.max(axis=1)"),
+        ("* (self.radius / own)[:, None]", "* 1.0"),
+    ],
+    "BoxRegions.margin": [(".min(axis=-1)", ".max(axis=-1)")],
+    "BoxRegions.share": [(".max(axis=-1)", ".min(axis=-1)")],
+    "BoxRegions.outward": [
+        ("share.argmax", "share.argmin"),
+        ("side[:, None] * normal", "normal"),
+    ],
+    "BoxRegions.faces": [("-across, up, -up", "-across, up, up")],
+    "BoxRegions.kind": [
+        ("parts[:, 1] > parts[:, 0]", "parts[:, 0] > parts[:, 1]"),
+        ("argmin", "argmax"),
+    ],
+    "BoxRegions._parts": [("abs(", "(")],
+    "BoxRegions._beyond": [
+        ("abs(local[..., :2])", "local[..., :2]"),
+        ("- length)", "- 0.9 * length)"),
+    ],
 }
 
 MUTANTS = tuple(Mutant(where, *change) for where, changes in _CHANGES.items() for change in changes)

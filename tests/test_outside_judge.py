@@ -13,12 +13,13 @@ import yaml
 
 import outside_judge
 from follower_arm import RULES, follower_arm
+from outside.box import box_margin, radii, read_sections
 from outside.files import BadInput, find_urdf
 from outside.nearest import Poses, least_margin, signed_distance
 from outside.trajectory import Trajectory, read_trajectory
 from outside.tube import _ordered_visits
 from outside_judge import Judge, main, passes
-from tubeplanner import load_robot
+from tubeplanner import Tube, load_robot
 from tubeplanner.errors import RobotError
 from tubeplanner.files.export import trajectory_json
 from tubeplanner.resources import bundled_problems, example_robot_names, find_description
@@ -250,10 +251,27 @@ def misses_a_point(case):
     assert spur(case, 0.2) < -0.01
 
 
+def boxes(case, height=0.2):
+    """Put boxes about all discs."""
+    case.tube["cross_section"] = [
+        {"box": [2 * radius + 0.02, height], "up": [0, 0, 1]} for radius in case.tube["radius"]
+    ]
+    case.tube["radius"] = None
+
+
+def above_a_box(case):
+    """The tool stays inside the walls, and above the top by a millimetre."""
+    boxes(case, height=0.02)
+    case.tube["points"] = [[x, y, z - 0.01 - SLIGHTLY] for x, y, z in case.tube["points"]]
+    q = case.positions()
+    case.fields["start"], case.fields["goal"] = ({"joints": end.tolist()} for end in (q[0], q[-1]))
+
+
 # The condition that each fault breaks, and whether it is to break no other.
 FAULTS = {
     bump: ("tube", False),
     beside: ("tube", True),
+    above_a_box: ("tube", True),
     other_way_round: ("tube", True),
     wrong_side: ("joint_signs", True),
     out_of_range: ("joint_signs", True),
@@ -321,6 +339,55 @@ def test_a_tools_speed_that_is_kept_is_no_fault(case, tmp_path):
 )
 def test_a_tools_speed_that_is_none_is_refused(case, tmp_path, given, message):
     case.tube["tool_speed"] = given
+    with pytest.raises(BadInput, match=message):
+        case.broken(tmp_path)
+
+
+def test_boxes_about_discs_are_kept(case, tmp_path):
+    before = outside_judge.judge(*case.write(tmp_path))["tube"].margin
+    boxes(case)
+    found = outside_judge.judge(*case.write(tmp_path))
+    assert passes(found)
+    assert found["tube"].margin >= before + 0.01 - 1e-9
+    case.tube["tool_radius"] = 0.005
+    assert outside_judge.judge(*case.write(tmp_path))["tube"].margin >= before + 0.005 - 1e-9
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_both_judges_have_the_same_boxes(seed):
+    rng = np.random.default_rng(seed)
+    points, sides, up = rng.uniform(-1, 1, (2, 3)), rng.uniform(0.1, 0.5, 2), rng.normal(size=3)
+    section = {"box": sides.tolist(), "up": up.tolist()}
+    tube = Tube(points, None, cross_section=section, tool_radius=0.02)
+    p = rng.uniform(-1.5, 1.5, (500, 3))
+    (mine,) = read_sections(section, 1)
+    np.testing.assert_allclose(box_margin(*points, mine, 0.02, p), tube.margin(p)[:, 0], atol=1e-12)
+    assert radii(None, [mine]) == pytest.approx(tube.radius)
+
+
+def test_a_divided_line_of_boxes_is_one(case, tmp_path):
+    boxes(case)
+    before = outside_judge.judge(*case.write(tmp_path))
+    points = case.tube["points"]
+    points.insert(1, ((np.array(points[0]) + points[1]) / 2).tolist())
+    case.tube["cross_section"].insert(0, dict(case.tube["cross_section"][0]))
+    after = outside_judge.judge(*case.write(tmp_path))
+    assert after["tube"].margin == pytest.approx(before["tube"].margin, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"cross_section": [None]}, "1 entries for 3 segments"),
+        ({"cross_section": {"box": [1, 1]}}, "has box and up"),
+        ({"cross_section": {"box": [1, 0], "up": [0, 0, 1]}}, "must be two lengths"),
+        ({"cross_section": {"box": [1, 1], "up": [0, 0, 1]}}, "segment 0 has a box"),
+        ({"radius": None}, "segment 0 has neither a radius nor a box"),
+        ({"radius": [0.1]}, "1 values for 3 segments"),
+    ],
+)
+def test_boxes_that_say_nothing_are_refused(change, message, case, tmp_path):
+    case.tube.update(change)
     with pytest.raises(BadInput, match=message):
         case.broken(tmp_path)
 
@@ -561,10 +628,10 @@ def test_the_way_in_order_takes_the_best_switching_times():
 
 
 def test_a_field_that_is_not_known_is_refused_by_name(case, tmp_path, capsys):
-    case.tube["cross_section"] = None
+    case.tube["colour"] = None
     files = [str(path) for path in case.write(tmp_path)]
     assert main(files) == 2
-    assert "tube.cross_section" in capsys.readouterr().err
+    assert "tube.colour" in capsys.readouterr().err
 
 
 def test_json_is_one_object(case, tmp_path, capsys):

@@ -10,6 +10,7 @@ import numpy as np
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
+from outside.box import Section, radii, read_sections
 from outside.files import BadInput
 from outside.line import distinct, joined, passing
 from outside.points import read_points
@@ -20,7 +21,7 @@ LIMITS = {"effort", "velocity", "position", "acceleration", "jerk", "scale", "to
 ROBOT = {"urdf", "package_dirs", "srdf", "tool_frame", "tool_offset", "joints", "locked_joints"}
 ROBOT |= {"gravity", "payload", "attached", "limits"}
 TUBE = {"points", "radius", "tool_radius", "joint_signs", "orientations", "rotation_tolerance"}
-TUBE |= {"tool_speed", "visit", "pass_through_points"}
+TUBE |= {"tool_speed", "visit", "pass_through_points", "cross_section"}
 TOP = {"format", "version", "robot", "tube", "start", "goal", "obstacles", "clearance", "collision"}
 SIGNS = {"+": (0.0, math.inf), "-": (-math.inf, 0.0), "0": (-math.inf, math.inf)}
 SIGNS_BY_NUMBER = {1: "+", -1: "-", 0: "0"}
@@ -32,7 +33,8 @@ class TubeFields:
 
     Attributes:
         points: Reference points, base frame, shape (m+1, 3) [m].
-        radius: What the tool centre point may be off each segment, shape (m,) [m].
+        radius: What the tool centre point may be off each segment, shape (m,) [m]; in a box, half
+            of the smaller side.
         ranges: Per segment: joint name to (lower, upper) [rad or m].
         orientations: At the points, quaternions x y z w, shape (m+1, 4), or None.
         bounds: On the components and the length of log(R_ref^T R), shape (m, 4) [rad], or None.
@@ -42,6 +44,9 @@ class TubeFields:
         passing: Indices of inner points that must be passed within the smaller radius beside them.
         numbers: What the file calls the points: those on straight lines and repeated ones are left
             out.
+        sections: Width and height [m] and what is upward, None for a disc, for each segment; None:
+            discs alone.
+        tool_radius: What is taken off the radii, and to be taken off the boxes [m].
     """
 
     points: np.ndarray
@@ -53,6 +58,8 @@ class TubeFields:
     is_ordered: bool
     passing: list[int]
     numbers: list[int]
+    sections: list[Section | None] | None = None
+    tool_radius: float = 0.0
 
     def some(self, kept: list[int]) -> "TubeFields":
         """Return the tube with some of its points; each segment is the one that ends there."""
@@ -68,6 +75,8 @@ class TubeFields:
             self.is_ordered,
             [],
             [self.numbers[k] for k in kept],
+            None if self.sections is None else [self.sections[k] for k in segments],
+            self.tool_radius,
         )
 
     def same(self, one: int, other: int) -> bool:
@@ -75,6 +84,7 @@ class TubeFields:
         bounds = self.bounds
         return bool(
             self.radius[one] == self.radius[other]
+            and (self.sections is None or self.sections[one] == self.sections[other])
             and self.ranges[one] == self.ranges[other]
             and self.speed[one] == self.speed[other]
             and (bounds is None or (bounds[one] == bounds[other]).all())
@@ -192,7 +202,9 @@ def _tube(fields: Any) -> TubeFields:
     if points.ndim != 2 or points.shape[1] != 3 or len(points) < 2:
         raise BadInput("tube.points must be two or more positions")
     count = len(points) - 1
-    radius = np.broadcast_to(np.array(fields["radius"], dtype=float), (count,))
+    sections = read_sections(fields.get("cross_section"), count)
+    radius = radii(fields.get("radius"), sections)
+    tool_radius = float(fields.get("tool_radius", 0.0))
     signs = fields.get("joint_signs") or {}
     maps = [signs] * count if isinstance(signs, dict) else signs
     if len(maps) != count:
@@ -206,7 +218,7 @@ def _tube(fields: Any) -> TubeFields:
     tolerance = fields.get("rotation_tolerance")
     tube = TubeFields(
         points,
-        radius - float(fields.get("tool_radius", 0.0)),
+        radius - tool_radius,
         [{name: _range(sign) for name, sign in (row or {}).items()} for row in maps],
         None if orientations is None else np.array(orientations, dtype=float),
         None if tolerance is None else _bounds(tolerance, count),
@@ -214,6 +226,8 @@ def _tube(fields: Any) -> TubeFields:
         visit == "ordered",
         [],
         list(range(count + 1)),
+        sections,
+        tool_radius,
     )
     return _reduced(tube, fields.get("pass_through_points", "corners"))
 

@@ -1,9 +1,9 @@
 """Whether a trajectory goes through a tube: which segment it is in at which instant.
 
 Of all visits of the segments in order, those are taken whose least margin is greatest. The
-margin of an instant in a segment is the least of that of the capsule [m], of the joints' signs or
-ranges [rad, m], of the rotation tolerance [rad] and of the tool's speed (relative); at a switching
-time both segments' count.
+margin of an instant in a segment is the least of that of the capsule or box [m], of the joints'
+signs or ranges [rad, m], of the rotation tolerance [rad] and of the tool's speed (relative); at a
+switching time both segments' count.
 """
 
 import math
@@ -14,6 +14,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from outside.arm import Arm
+from outside.box import box_margin
 from outside.problem import TubeFields
 from outside.trajectory import Samples, Trajectory
 
@@ -169,6 +170,16 @@ def distance(points: np.ndarray, position: np.ndarray, segment: int) -> np.ndarr
     return _nearest(points, position, segment)[1]
 
 
+def region_margin(tube: TubeFields, position: np.ndarray, segment: int) -> np.ndarray:
+    """Return how far positions (N, 3) are inside a segment's capsule or box, shape (N,) [m]."""
+    section = None if tube.sections is None else tube.sections[segment]
+    if section is None:
+        margin: np.ndarray = tube.radius[segment] - distance(tube.points, position, segment)
+        return margin
+    begin, end = tube.points[segment : segment + 2]
+    return box_margin(begin, end, section, tube.tool_radius, position)
+
+
 def _margin(least: Least) -> float:
     return least.margin
 
@@ -205,7 +216,7 @@ def _margins(
         column = k if segments is None else 0
         if len(rows) == 0:
             continue
-        found.tube[rows, column] = tube.radius[k] - distance(tube.points, position[rows], k)
+        found.tube[rows, column] = region_margin(tube, position[rows], k)
         if tube.orientations is not None and tube.bounds is not None:
             error = rotation_error(tube, rotation[rows], position[rows], k)
             sizes = np.hstack([abs(error), np.linalg.norm(error, axis=1, keepdims=True)])

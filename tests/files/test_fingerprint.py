@@ -121,10 +121,15 @@ SAME = {
         "tube__tool_speed": [None],
     },
     "a tool's speed without end": {"robot__limits": {"tool_speed": np.inf}},
+    "discs and no boxes": {"tube__cross_section": [None]},
     "the default of a limit": {"robot__limits": {"effort": {"j1": 50}}},
 }
 OTHER = {
     "a radius": {"tube__radius": 0.11},
+    "a box that holds the disc": {
+        "tube__radius": None,
+        "tube__cross_section": {"box": [0.2, 0.2], "up": [0, 0, 1]},
+    },
     "a clearance": {"clearance": 0.02},
     "an attached solid's size": {"robot__attached__0__box": [0.1, 0.02, 0.03]},
     "an attached solid's place": {"robot__attached__0__position": [0, 0, 0.01]},
@@ -258,3 +263,15 @@ def test_all_limits_on_the_tools_speed_have_their_own_hash(cell):
     robots = [robot_hash(problem.robot) for problem in problems]
     assert robots[0] == robots[1] == robots[2]
     assert len(set(robots)) == 3
+
+
+@pytest.mark.usefixtures("covered_roughly")
+def test_each_side_of_a_box_and_its_turn_count(cell):
+    boxes = [([0.2, 0.2], [0, 0, 1]), ([0.2, 0.3], [0, 0, 1]), ([0.3, 0.2], [0, 0, 1])]
+    boxes += [([0.2, 0.2], [1, 1, 1]), ([0.2, 0.3], [0, 0, 2])]
+    hashes = [
+        hash_of(changed(tube__radius=None, tube__cross_section={"box": b, "up": u}), cell)
+        for b, u in boxes
+    ]
+    assert len(set(hashes[:4])) == 4
+    assert hashes[4] == hashes[1]

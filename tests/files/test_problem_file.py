@@ -148,3 +148,25 @@ def test_a_malformed_file_is_refused_by_line(cell):
     (cell / "bad.yaml").write_text("obstacles: [\n")
     with pytest.raises(ProblemError, match=r"bad.yaml is malformed: line 1"):
         read_fields(cell / "bad.yaml")
+
+
+BOXES = [None, {"box": [0.1, 0.04], "up": [0, 0, 1]}]
+
+
+@pytest.mark.parametrize("name", ["new.yaml", "new.json"])
+def test_boxes_are_written_and_read(cell, found, name):
+    tube = Tube(POINTS, [0.1, None], cross_section=BOXES, joint_signs={"joint2": "+"})
+    target = cell / name
+    boxed = found.with_tube(tube, found.goal)
+    target.write_bytes(with_problem(read_fields(cell / "cell.yaml"), cell, target, boxed))
+    fields = read_fields(target)["tube"]
+    assert fields["radius"] == [0.1, None]
+    assert fields["cross_section"] == BOXES
+    again = load_problem(target).tube
+    np.testing.assert_array_equal(again.cross_section, tube.cross_section)
+    np.testing.assert_array_equal(again.radius, tube.radius)
+    narrow = with_other_tube(target, cell / f"narrow_{name}", tube.scaled(0.5))
+    (cell / f"narrow_{name}").write_bytes(narrow)
+    np.testing.assert_allclose(load_problem(cell / f"narrow_{name}").tube.radius, [0.05, 0.01])
+    discs = with_other_tube(target, cell / f"discs_{name}", Tube(POINTS, 0.1))
+    assert "cross_section" not in discs.decode()

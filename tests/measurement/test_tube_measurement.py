@@ -18,7 +18,7 @@ from tubeplanner import (
     placement_of,
     plan,
 )
-from tubeplanner.errors import OptionError
+from tubeplanner.errors import OptionError, ProblemError
 from tubeplanner.measurement.sign_patterns import survey_patterns
 
 QUICK = MeasureOptions(samples=500)
@@ -191,3 +191,12 @@ def test_parts_of_a_line_are_measured_as_one_where_there_are_too_many(post):
         assert segment.radius == whole.segments[k // 3].radius
     assert found.problem.joined.tube.segment_count == count
     assert found.message == whole.message
+
+
+@pytest.mark.parametrize("survey", [measure_tube, survey_patterns])
+def test_a_tube_of_boxes_is_refused_by_name(survey, bundled):
+    problem = bundled("two_link/around_a_post")
+    section = {"box": [0.1, 0.04], "up": [0, 0, 1]}
+    boxes = problem.with_tube(Tube(problem.tube.points, None, cross_section=section))
+    with pytest.raises(ProblemError, match=r"segment 0 has a box.*leave out tube.cross_section"):
+        survey(boxes)

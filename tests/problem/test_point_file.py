@@ -91,3 +91,19 @@ def test_a_radius_is_given_once(tmp_path):
         problem_with(tmp_path, PLAIN.replace("\n", ",0.1\n"))
     with pytest.raises(ProblemError, match=r"tube.radius is required: give it here or as a column"):
         problem_with(tmp_path, PLAIN, radius=None)
+
+
+BOX = {"box": [0.1, 0.06], "up": [1, 0, 0.5]}
+
+
+def test_boxes_go_with_points_from_a_file(tmp_path):
+    tube = problem_with(tmp_path, PLAIN, radius=None, cross_section=BOX).tube
+    np.testing.assert_allclose(tube.radius, [0.03] * 3)
+    rows = PLAIN.splitlines()
+    text = "\n".join(
+        f"{row},{radius}" for row, radius in zip(rows, ["0.04", "0.03", "0.05", ""], strict=True)
+    )
+    tube = problem_with(tmp_path, text, radius=None, cross_section=[None, BOX, None]).tube
+    np.testing.assert_allclose(tube.radius, [0.04, 0.03, 0.05])
+    with pytest.raises(ProblemError, match=r"tube.radius\[0\] is 0.04 m, but segment 0 has a box"):
+        problem_with(tmp_path, text, radius=None, cross_section=BOX)

@@ -64,8 +64,8 @@ ROBOT = (
     "attached, limits"
 )
 LIMITS = "effort, velocity, position, acceleration, jerk, scale, tool_speed"
-TUBE = "points, radius, tool_radius, joint_signs, orientations, rotation_tolerance, "
-TUBE += "tool_speed, visit, pass_through_points"
+TUBE = "points, cross_section, radius, tool_radius, joint_signs, orientations, "
+TUBE += "rotation_tolerance, tool_speed, visit, pass_through_points"
 OBSTACLE = "name, box, sphere, cylinder, capsule, mesh, scale, position, rpy, quaternion"
 
 

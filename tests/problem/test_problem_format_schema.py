@@ -4,6 +4,7 @@ import jsonschema
 import pytest
 from ruamel.yaml import YAML
 
+from tubeplanner import parse_problem
 from tubeplanner.problem.problem_format import problem_schema
 from tubeplanner.resources import bundled_problems
 
@@ -23,6 +24,11 @@ def test_bundled_problems_are_valid(name):
         ({"clearance": "wide"}, ["clearance"]),
         ({"tube": {"points": [[0, 0, 0]]}}, ["tube"]),
         ({"tube": {"points": [[0, 0, 0]], "radius": 1, "tool_speed": "x"}}, ["tube"]),
+        (
+            {"tube": {"points": [[0, 0, 0]], "radius": 1, "cross_section": {"box": [1, 1]}}},
+            ["tube"],
+        ),
+        ({"tube": {"points": [[0, 0, 0]], "cross_section": None}}, ["tube"]),
     ],
 )
 def test_wrong_ones_are_not(change, path):
@@ -61,3 +67,16 @@ def test_physical_fields_say_their_unit():
         for name in names:
             field = SCHEMA["$defs"][section]["properties"][name]
             assert "[" in field["description"], name
+
+
+@pytest.mark.parametrize("radius", [None, 0.03, [0.03, None, 0.03]])
+def test_boxes_are_valid(radius):
+    path = bundled_problems()["ur5/over_the_wall"]
+    fields = YAML(typ="safe", pure=True).load(path.read_text())
+    box = {"box": [0.2, 0.04], "up": [0.5, 0, 1]}
+    fields["tube"] |= {"radius": radius, "cross_section": [None, box, None] if radius else box}
+    if radius is None:
+        del fields["tube"]["radius"]
+    jsonschema.Draft202012Validator(SCHEMA).validate(fields)
+    tube = parse_problem(fields, path.parent).tube
+    assert tube.is_box.tolist() == ([False, True, False] if radius else [True] * 3)

@@ -18,6 +18,7 @@ from tubeplanner.tube.segment_regions import Capsules
 STEP = 1e-6
 MARGIN = 0.005
 NUMBERS = np.array([[7], [8]])
+SIDE_NUMBERS = np.array([[3, 4], [5, 6]])
 
 
 def with_all_points(tube):
@@ -28,6 +29,12 @@ def with_all_points(tube):
         rotation_tolerance=tube.rotation_tolerance,
         pass_through_points="all",
     )
+
+
+def with_boxes(tube):
+    """Return a tube with a flat box and a tall one about its two segments."""
+    sections = [{"box": [0.3, 0.2], "up": [0.2, 0.5, 1]}, {"box": [0.1, 0.4], "up": [1, 0.3, -2]}]
+    return Tube(tube.points, None, cross_section=sections)
 
 
 def evaluated(kind, case, spline=None):
@@ -41,10 +48,12 @@ def evaluated(kind, case, spline=None):
     path = PathSamples(problem, at.by_x, lambda: samples.phase)
     if kind == "points":
         return evaluated_points(tube, at, path, tube.regions, MARGIN, NUMBERS)
-    if kind == "tube":
+    if kind in ("tube", "box"):
+        tube = with_boxes(tube) if kind == "box" else tube
+        numbers = SIDE_NUMBERS if kind == "box" else NUMBERS
         radius = tube.effective_radius
         segments = OrderedSegments(tube.points, radius, (range(1), range(1, 2)), samples)
-        return evaluated_tube(at, path, segments, tube.regions, MARGIN, NUMBERS)
+        return evaluated_tube(at, path, segments, tube.regions, MARGIN, numbers)
     return EvaluatedRotation(tube.rotation, at, path, MARGIN, np.array([9, 10])).angle()
 
 
@@ -69,13 +78,14 @@ def random_planes(capsules, seed=0):
     return Planes(sample, normal, capsules.segment[sample])
 
 
-@pytest.mark.parametrize("kind", ["tube", "angle", "points"])
+@pytest.mark.parametrize("kind", ["tube", "box", "angle", "points"])
 def test_rows_have_the_derivatives_of_their_slack(case, kind):
     here, spline = evaluated(kind, case), case[1]
     planes = random_planes(here)
     rows = here.rows(planes)
     np.testing.assert_array_equal(rows.slack, here.slack(planes))
-    np.testing.assert_array_equal(rows.limit, here.numbers[here.segment[planes.sample], 0])
+    tolerance = here.regions.kind(planes.normal, planes.segment)
+    np.testing.assert_array_equal(rows.limit, here.numbers[planes.segment, tolerance])
     rng = np.random.default_rng(5)
     change = rng.normal(size=spline.control_points.shape)
     switching = rng.normal(size=1)
@@ -134,7 +144,7 @@ def test_every_plane_holds_the_capsule(case, kind):
         assert replace(ends, vector=touching).slack(one)[0] == pytest.approx(0.0, abs=1e-9)
 
 
-@pytest.mark.parametrize("kind", ["tube", "angle"])
+@pytest.mark.parametrize("kind", ["tube", "box", "angle"])
 def test_tangent_planes_are_where_vectors_are_outside(case, kind):
     here = evaluated(kind, case)
     bounded = np.isfinite(radius_of(here))
@@ -192,3 +202,70 @@ def test_a_chains_plane_never_cuts_the_samples_own_capsule():
 def test_samples_in_chains_have_no_caps():
     capsules, _ = corner(([0.9, 0.05, 0], [0.9, 0.05, 0]), 0)
     np.testing.assert_allclose(capsules.planes().normal, [[0, 1, 0]])
+
+
+def test_a_boxs_rows_name_the_side_that_binds(case):
+    here = evaluated("box", case)
+    first = np.flatnonzero(here.segment == 0)[:1]
+    across, up, along = here.regions.frame[0]
+    for normal, number in ((across, 3), (-up, 4), (along, 4)):  # the flat box's reach is its height
+        assert here.rows(Planes(first, normal[None], np.zeros(1, np.int64))).limit == number
+
+
+def test_a_boxs_planes_are_those_of_all_its_faces(case):
+    here = evaluated("box", case)
+    planes, count = here.planes(), len(here.vector)
+    assert len(planes) == 7 * count
+    np.testing.assert_allclose(-here.slack(planes.where(np.arange(count))), here.excess, atol=1e-9)
+    for k in (0, 1):
+        normals = planes.normal[planes.segment == k]
+        frame = here.regions.frame[k]
+        np.testing.assert_allclose(abs(normals @ frame.T).max(axis=1), 1.0)
+        assert len(np.unique(np.round(normals, 9), axis=0)) == 6
+
+
+def test_every_plane_holds_the_box(case):
+    here = evaluated("box", case)
+    faces = here.planes()
+    # As shares of what each reaches, the face that a point is nearest to tells all.
+    worst = np.full(len(here.vector), -np.inf)
+    np.maximum.at(worst, faces.sample, -here.slack(faces))
+    np.testing.assert_allclose(worst, here.excess, atol=1e-9)
+    planes = random_planes(here)
+    assert (-here.slack(planes) <= here.excess[planes.sample] + 1e-9).all()
+
+
+def box_corner(place):
+    """Return a sample in the first of two equal boxes with a right angle between them, and planes.
+
+    Args:
+        place: Where the sample is, and a step would take it into the second, both (3,).
+    """
+    tube = Tube(
+        [[0, 0, 0], [1, 0, 0], [1, 1, 0]], None, cross_section={"box": [0.4, 0.1], "up": [0, 0, 1]}
+    )
+    boxes, _ = corner(place, 1)
+    numbers = np.zeros((2, 2), dtype=np.int64)
+    boxes = replace(boxes, regions=tube.regions, numbers=numbers)
+    return boxes, boxes.planes_where_outside(np.array([place[1]]), 0.0)
+
+
+def test_a_chain_of_boxes_is_left_by_the_second_ones_wall():
+    boxes, planes = box_corner(([0.9, 0.0, 0], [1.3, 0.5, 0]))
+    np.testing.assert_allclose(planes.normal, [[1, 0, 0]])
+    assert planes.segment.tolist() == [1]
+    # The second box reaches 0.2 m beyond its axis along x, the first 0.05 m beyond its end.
+    room = 1 + 0.2 * (1 - MARGIN) - 0.9
+    assert boxes.slack(planes)[0] == pytest.approx(room / 0.05)
+
+
+def test_a_ball_in_a_tube_of_boxes_has_the_price_of_the_smaller_side(case):
+    problem, own, samples = case
+    sections = [{"box": [0.3, 0.2], "up": [0.2, 0.5, 1]}, {"box": [0.25, 0.4], "up": [1, 0.3, -2]}]
+    tube = Tube(problem.tube.points, None, cross_section=sections, pass_through_points="all")
+    samples = samples.where(np.array([4]))
+    at = sampled(own, samples)
+    path = PathSamples(problem, at.by_x, lambda: samples.phase)
+    ball = evaluated_points(tube, at, path, tube.regions, MARGIN, SIDE_NUMBERS)
+    assert ball.numbers.tolist() == [[4]]  # the height of the first: 0.1 m, and 0.125 m beside it
+    np.testing.assert_allclose(ball.regions.radius, [0.1])

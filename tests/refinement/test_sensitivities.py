@@ -181,3 +181,39 @@ def test_a_start_on_its_rotation_tolerance_costs_nothing(two_link):
     effort = sum(one.elasticity for one in result.sensitivities if one.limit == "effort")
     assert effort < -0.3  # but other limits do cost something
     assert all(one.saved < 0.1 * result.duration for one in result.sensitivities)
+
+
+SIDES = np.array([[0.1, 0.3], [0.3, 0.1]])  # the arm's plane cuts the first across, then upright
+
+
+def problem_in_boxes(sides=SIDES, tool_radius=0.0):
+    ups = ([0, 0, 1], [0.3, 1, 0])
+    sections = [{"box": box, "up": up} for box, up in zip(sides.tolist(), ups, strict=True)]
+    points = [[0.45, -0.3, 0], [0.45, 0.1, 0], [0.2, 0.3, 0]]
+    signs = {"joint2": "-"}
+    tube = Tube(points, None, cross_section=sections, joint_signs=signs, tool_radius=tool_radius)
+    return PlanningProblem(arm(), tube, Seed(np.array([0.0, -1.0])))
+
+
+def test_widths_and_heights_have_the_prices_that_planning_again_finds():
+    problem = problem_in_boxes()
+    branch = reference_branch(problem, redundancy_rules(problem)[0])
+    refined = Refinement(problem, starting_spline(problem, branch, 8), (3, 3))
+    refined.run()
+    spline = refined._best.spline
+    prices = {key: value for key, value in refined.elasticities().items() if key.joint is None}
+    found, step = {}, 0.02
+    for kind, column in (("width", 0), ("height", 1)):
+        for segment in (0, 1):
+            durations = []
+            for factor in (1 + step, 1 - step):
+                sides = SIDES.copy()
+                sides[segment, column] *= factor
+                durations.append(polished(problem_in_boxes(sides), spline))
+            quotient = np.log(durations[0] / durations[1]) / np.log((1 + step) / (1 - step))
+            found[kind, segment] = quotient
+    for (kind, segment), quotient in found.items():
+        own = sum(v for k, v in prices.items() if (k.kind, k.segment) == (kind, segment))
+        assert own == pytest.approx(quotient, rel=0.1, abs=1e-3), (kind, segment)
+    assert found["width", 0] < -0.01
+    assert found["height", 1] < -0.01

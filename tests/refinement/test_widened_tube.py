@@ -58,3 +58,11 @@ def test_without_widening_there_is_an_answer_too(monkeypatch):
     assert found.succeeded
     assert found.method == "refinement"
     assert len(widened) > 0
+
+
+def test_a_box_is_widened_on_all_sides():
+    section = {"box": [0.02, 0.004], "up": [0, 0, 1]}
+    tube = Tube([[0, 0, 0], [0.6, 0, 0]], None, cross_section=section)
+    widened = widened_radius(tube, grid(3))
+    assert widened == pytest.approx(0.2 * 0.6 / 3)
+    np.testing.assert_allclose(tube.regions_of(widened).half, [[0.2, 0.04, 0.04]])

@@ -18,6 +18,7 @@ from tubeplanner import (
     plan,
     sweep,
 )
+from tubeplanner.errors import ProblemError
 
 
 @pytest.fixture(scope="module")
@@ -125,3 +126,41 @@ def test_ctrl_c_keeps_the_rows_that_are_done(two_link):
     )
     assert [row.value for row in result.rows] == [0.03]
     assert result.as_dict()["stopped_by"] == "interrupt"
+
+
+def boxed(two_link, tool_radius=0.0):
+    """Return the two-link arm in a disc of 30 mm and a box of 60 x 100 mm, tool excluded."""
+    points = [[0.45, -0.3, 0], [0.45, 0.1, 0], [0.2, 0.3, 0]]
+    sides = [0.06 + 2 * tool_radius, 0.1 + 2 * tool_radius]
+    sections = [None, {"box": sides, "up": [0, 0, 1]}]
+    radii = [0.03 + tool_radius, None]
+    tube = Tube(points, radii, cross_section=sections, tool_radius=tool_radius)
+    return PlanningProblem(two_link, tube, Seed(np.array([0.0, -1.0])))
+
+
+def test_factors_scale_boxes_too_and_slopes_count_their_sides(two_link):
+    rows = sweep(boxed(two_link), scales=[1.0, 1.1]).rows
+    np.testing.assert_allclose(rows[1].problem.tube.cross_section[1, :2], [0.066, 0.11])
+    np.testing.assert_allclose(rows[1].problem.tube.radius, [0.033, 0.033])
+    gained = (rows[1].duration - rows[0].duration) / 0.1
+    assert 1.1 * rows[0].slope < gained < 0.9 * rows[1].slope < 0
+    prices = {p.limit: p for p in rows[0].result.sensitivities if p.segment == 1}
+    assert prices["width"].elasticity < -0.01
+    own = [p.elasticity for p in rows[0].result.sensitivities if p.segment is not None]
+    assert rows[0].elasticity == pytest.approx(sum(own))
+
+
+def test_the_slope_of_a_box_counts_the_tool_radius(two_link):
+    row = sweep(boxed(two_link, tool_radius=0.01), scales=[1.0]).rows[0]
+    whole = {"radius": 0.04 / 0.03, "width": 0.04 / 0.03, "height": 0.06 / 0.05}
+    prices = [p for p in row.result.sensitivities if p.segment is not None]
+    expected = sum(whole[p.limit] * p.elasticity for p in prices)
+    assert row.elasticity == pytest.approx(expected)
+    assert row.elasticity < 1.1 * sum(p.elasticity for p in prices) < 0
+
+
+def test_radii_are_no_tolerances_of_boxes(two_link):
+    with pytest.raises(
+        ProblemError, match=r"segment 1 has a box, which .*radii; sweep over factors"
+    ):
+        sweep(boxed(two_link), [0.02, 0.03])

@@ -13,6 +13,7 @@ from many_points import spline
 from tubeplanner import (
     OutputError,
     PlanOptions,
+    Tube,
     load_problem,
     parse_problem,
     plan,
@@ -25,7 +26,9 @@ from tubeplanner.views.figure_files import figure_png
 from tubeplanner.views.panels import (
     draw_factor,
     draw_speed,
+    draw_tube_use,
     segments_per_group,
+    size_of,
     trajectory_curves,
 )
 
@@ -201,3 +204,36 @@ def test_the_speeds_limit_is_drawn_where_there_is_one(stored):
     assert axis.get_ylim()[1] == pytest.approx(1.1 * 1.2 * fastest)
     draw_speed(axis := Figure().subplots(), trajectory_curves(problem, trajectory))
     assert axis.get_ylim()[1] == pytest.approx(1.1 * fastest)
+
+
+def in_boxes(problem):
+    """Return a problem with a flat box about its second segment."""
+    tube = problem.tube
+    sections = [None] * tube.segment_count
+    sections[1] = {"box": [0.3, 2 * tube.radius[1] + 0.02], "up": [0, 0, 1]}
+    radii = [None if k == 1 else radius for k, radius in enumerate(tube.radius)]
+    boxes = Tube(tube.points, radii, cross_section=sections, joint_signs=tube.joint_signs)
+    return problem.with_tube(boxes)
+
+
+def test_boxes_are_called_by_their_sides(stored, tmp_path):
+    problem, trajectory = stored("ur5/over_the_wall")
+    boxes = in_boxes(problem)
+    curves = trajectory_curves(boxes, trajectory)
+    assert curves.tube_use.max() <= 1.0
+    figure = Figure()
+    draw_tube_use(figure.add_subplot(), curves)
+    (axis,) = figure.axes
+    assert axis.get_legend().get_texts()[0].get_text() == "distance / radius or half side"
+    height = f"{1000 * boxes.tube.cross_section[1, 1]:.3g}"
+    assert size_of(boxes.tube, 1) == f"300 x {height} mm"
+    assert size_of(boxes.tube, 0) == size_of(problem.tube, 0)
+    thick = Tube(
+        boxes.tube.points,
+        None,
+        cross_section={"box": [0.3, 0.1], "up": [1, 1, 3]},
+        tool_radius=0.01,
+    )
+    assert size_of(thick, 0) == "280 x 80 mm"
+    plot_trajectory(boxes, trajectory, tmp_path / "boxes.png")
+    assert colours((tmp_path / "boxes.png").read_bytes()) > 100

@@ -338,3 +338,15 @@ def test_planning_writes_the_page_with_its_other_files(tmp_path, capsys):
     trajectory.unlink()
     assert main([*asked[:-1], str(tmp_path / "t.txt")]) == 2
     assert not trajectory.exists()
+
+
+def test_boxes_are_named_by_their_sides():
+    problem = load_problem("example:two_link/around_a_post")
+    points = np.column_stack([np.linspace(0.4, 0.5, 10), np.linspace(-0.3, 0.3, 10), np.zeros(10)])
+    sections = [{"box": [0.2, 0.08], "up": [0, 0, 1]}] + [None] * 8
+    tube = tubeplanner.Tube(points, 0.05, cross_section=sections)
+    boxed = tubeplanner.PlanningProblem(problem.robot, tube, problem.start)
+    entries = panel_data(view(boxed).scene)["layers"][1]["entries"]
+    assert entries[0]["text"] == "segment 0: box 200 x 80 mm"
+    assert entries[1]["text"] == "segment 1: radius 50 mm"
+    assert entries[-1]["text"].endswith("40 to 50 mm (of boxes, half the smaller side)")

@@ -66,7 +66,7 @@ def plot(problem: str, trajectory: Path, output: Path | None, as_json: bool) -> 
 @click.command()
 @click.argument("problem")
 @click.option("--radius", help="Radii for all segments [m], such as 0.005,0.01,0.02.")
-@click.option("--radius-scale", help="Factors for the problem's radii, such as 0.5,1,2.")
+@click.option("--radius-scale", help="Factors for the problem's radii and boxes, such as 0.5,1,2.")
 @click.option("-o", "--output", type=PATH, help="Table (CSV or JSON, by its ending).")
 @click.option("--plot", "figure", type=PATH, help="Figure (PNG).")
 @click.option("--quality", default="balanced", show_default=True, help="fast, balanced or best.")

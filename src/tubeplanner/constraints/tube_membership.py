@@ -84,10 +84,11 @@ def passable_segments(tube: Tube) -> BoolArray:
     """Return which segments a tool may pass whole between two samples: bool, shape (m,).
 
     Between the switching times at its ends it travels at least the segment's length less twice the
-    radius; samples are far less than a quarter of the reference path apart.
+    radius, or the larger half side of a box; samples are far less than a quarter of the reference
+    path apart.
     """
     length = np.linalg.norm(np.diff(tube.points, axis=0), axis=1)
-    return length <= 2 * tube.effective_radius + _MAX_STEP * length.sum()
+    return length <= 2 * tube.reach + _MAX_STEP * length.sum()
 
 
 def segments_reached(

@@ -86,8 +86,8 @@ def with_other_tube(source: Path, target: Path, tube: Tube) -> bytes:
     Args:
         source: A valid problem file.
         target: Where the contents will be; its ending says whether they are JSON or YAML.
-        tube: Its radii and joint ranges are written, and its points, if the file names another one
-            that has them or points were left out.
+        tube: Its radii, boxes and joint ranges are written, and its points, if the file names
+            another one that has them or points were left out.
     """
     fields, other = read_fields(source), _tube_fields(tube)
     written = fields["tube"]["points"]
@@ -95,8 +95,11 @@ def with_other_tube(source: Path, target: Path, tube: Tube) -> bytes:
         fields["tube"]["points"] = other["points"]
         for key, values in (_rotation_fields(tube) | _speed_fields(tube)).items():
             fields["tube"][key] = values
-    fields["tube"]["radius"] = other["radius"]
-    fields["tube"]["joint_signs"] = other["joint_signs"]
+    for key in ("radius", "cross_section", "joint_signs"):
+        if key in other:
+            fields["tube"][key] = other[key]
+        else:
+            fields["tube"].pop(key, None)
     return _contents(fields, source.parent, target)
 
 
@@ -132,8 +135,21 @@ def _tube_fields(tube: Tube) -> CommentedMap:
     points = _in_a_row([_in_a_row(point) for point in tube.points.tolist()])
     maps = [_in_a_row(_signs(ranges)) for ranges in tube.joint_ranges]
     signs = maps[0] if all(row == maps[0] for row in maps) else maps
-    rows = {"radius": _in_a_row(tube.radius.tolist()), "joint_signs": signs}
-    return CommentedMap(points=points, **rows, **_speed_fields(tube))
+    fields = CommentedMap(points=points, radius=_in_a_row(tube.radius.tolist()))
+    if tube.cross_section is not None:
+        radii = zip(tube.radius.tolist(), tube.is_box, strict=True)
+        fields["radius"] = _in_a_row([None if is_box else radius for radius, is_box in radii])
+        fields["cross_section"] = _in_a_row([_box(row) for row in tube.cross_section.tolist()])
+    fields["joint_signs"] = signs
+    fields.update(_speed_fields(tube))
+    return fields
+
+
+def _box(section: Sequence[float]) -> Any:
+    """Return the cross-section of a segment as a file has it; None for a disc."""
+    if not any(section):
+        return None
+    return _in_a_row({"box": _in_a_row(section[:2]), "up": _in_a_row(section[2:])})
 
 
 def _rotation_fields(tube: Tube) -> dict[str, Any]:

@@ -104,8 +104,10 @@ def survey_patterns(
 
     Raises:
         OptionError: There are too many segments.
+        ProblemError: A segment has a box.
     """
     options = options or MeasureOptions()
+    problem.tube.require_discs("measuring, which gives radii", "leave out tube.cross_section")
     options.require_few(problem.tube.segment_count)
     names = [problem.robot.joint_names[joint] for joint in folding_joints(problem.robot)]
     patterns = [dict(zip(names, signs, strict=True)) for signs in product("+-", repeat=len(names))]

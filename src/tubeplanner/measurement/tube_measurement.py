@@ -72,7 +72,8 @@ def measure_tube(
 
     Raises:
         OptionError: The largest radius is not above the tool radius, or the segments are too many.
-        ProblemError: The start or the goal is farther from the tube than the largest radius.
+        ProblemError: The start or the goal is farther from the tube than the largest radius, or a
+            segment has a box.
     """
     options = options or MeasureOptions()
     tube = problem.tube
@@ -81,6 +82,10 @@ def measure_tube(
             f"max_radius is {options.max_radius:g} m; it must be above the tool radius, "
             f"{tube.tool_radius:g} m"
         )
+    tube.require_discs(
+        "measuring, which gives radii",
+        "leave out tube.cross_section: the file's radii do not count, any will do",
+    )
     clock = PlanningClock(None, progress)
     whole = problem if tube.segment_count <= options.max_segments else problem.joined
     options.require_few(whole.tube.segment_count)

@@ -178,10 +178,10 @@ def _success_message(problem: PlanningProblem, trajectory: JointTrajectory) -> s
         message += f"; the goal was left open and became [{q}]"
     tool = problem.robot.tool_position(trajectory.per_piece(_SAMPLES_PER_PIECE).position)
     distance, _ = KDTree(tool).query(problem.tube.points)
-    reach = _FAR_IN_RADII * problem.tube.radius.max()
+    reach = _FAR_IN_RADII * (problem.tube.reach.max() + problem.tube.tool_radius)
     for point in np.flatnonzero(distance > reach):
         message += (
             f"; it passes reference point {problem.tube.numbers[point]} at {distance[point]:.3g} "
-            "m: the capsules beside that point overlap elsewhere"
+            "m: the regions beside that point overlap elsewhere"
         )
     return message

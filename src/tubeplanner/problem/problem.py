@@ -231,9 +231,10 @@ class PlanningProblem:
         margin = float(self._joined_tube.margin(tool)[0, 0 if end == "start" else -1])
         if margin < -MARGIN_TOLERANCE:
             point = self.tube.points[segment + (end == "goal")]
+            region = "box" if self.tube.is_box[segment] else "capsule"
             raise ProblemError(
                 f"{end}: the tool is at {np.round(tool[0], 4).tolist()} m, {-margin:.3g} m outside "
-                f"the capsule of segment {number} (its end point is {point.tolist()} m); move the "
+                f"the {region} of segment {number} (its end point is {point.tolist()} m); move the "
                 f"{end} or the reference point"
             )
         self._require_turned(end, rotation, tool, number)

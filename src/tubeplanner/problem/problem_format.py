@@ -159,7 +159,7 @@ class TubeFields(_Section):
 
     model_config = ConfigDict(
         json_schema_extra={
-            "if": {"properties": {"points": {"type": "array"}}},
+            "if": {"properties": {"points": {"type": "array"}, "cross_section": {"type": "null"}}},
             "then": {"required": ["radius"]},
         }
     )

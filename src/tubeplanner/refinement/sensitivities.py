@@ -14,8 +14,8 @@ class Sensitivity:
     """What one limit costs, with start, goal and all other limits fixed.
 
     Attributes:
-        limit: "effort" (both directions together), "velocity", "acceleration", "jerk", "radius" or
-            "rotation".
+        limit: "effort" (both directions together), "velocity", "acceleration", "jerk", "radius",
+            "rotation", or "width" or "height" of a box.
         joint: Whose limit; None for a segment's.
         segment: Which segment's, the first of those that count as one; None for a joint's.
         elasticity: d ln T / d ln limit, at most 0: the relative change of the duration per relative

@@ -36,8 +36,11 @@ def smoother_problem(problem: PlanningProblem) -> PlanningProblem | None:
 
     Its segments are those of the problem, and whatever keeps its tube keeps the problem's: but for
     points that count as turning back by noise alone, which need not be passed there, and rotations,
-    which are compared at other points of the segments.
+    which are compared at other points of the segments. Boxes have none: about a path that bends
+    otherwise, they would be turned otherwise.
     """
+    if problem.tube.is_box.any():
+        return None
     best, least = None, _SMOOTHER * sharpest_bend(problem.tube)
     for room in _ROOMS:
         found = _with_room(problem, room)

@@ -22,6 +22,7 @@ from tubeplanner.progress import Progress, StoppedBy
 from tubeplanner.refinement.sensitivities import Sensitivity
 from tubeplanner.tube.tube import Tube
 
+_SIDES = ("width", "height")  # of boxes, in the order of `Tube.cross_section`
 _SAME = 1e-3  # durations nearer to each other (relative) do not differ
 
 
@@ -30,11 +31,13 @@ class SweepRow:
     """One tolerance, and the result of planning with it.
 
     Attributes:
-        value: The radius of all segments [m], or the factor by which all radii are scaled.
+        value: The radius of all segments [m], or the factor by which all radii, and the sides of
+            boxes, are scaled.
         problem: The problem with that tolerance; None where it cannot be posed.
         result: The result of planning; None where the problem cannot be posed.
         message: One sentence: the answer, or why there is none.
-        elasticity: d ln T / d ln radius of all segments together, from the sensitivities: the share
+        elasticity: d ln T / d ln radius (of boxes, width and height) of all segments together, from
+            the sensitivities: the share
             by which the duration falls, per share by which the tolerance grows; None if not known.
         note: Further information about the answer; None: none.
     """
@@ -134,7 +137,7 @@ def sweep(
     Args:
         problem: The planning problem, but for the radii.
         radii: Path tolerances, each for all segments [m]; either these or `scales`.
-        scales: Factors for the problem's own radii.
+        scales: Factors for the problem's own radii and boxes.
         options: How to plan.
         progress: Called as by `plan`; its stage names the tolerance.
 
@@ -143,13 +146,16 @@ def sweep(
         reason in its row. After Ctrl-C, the finished rows.
 
     Raises:
-        ProblemError: The problem is none.
+        ProblemError: The problem is none, or has boxes, for which radii are no tolerances.
         OptionError: Not exactly one of radii and scales is given, or one is not positive.
         KeyboardInterrupt: Ctrl-C before the first tolerance was done.
     """
     PlanningProblem.require(problem)
     if (radii is None) == (scales is None):
         raise OptionError("sweep takes either radii or scales")
+    if scales is None:
+        remedy = "sweep over factors (scales, --radius-scale), which scale its width and height"
+        problem.tube.require_discs("a sweep over radii", remedy)
     quantity, given = ("radius", radii) if scales is None else ("radius_scale", scales)
     values = _values(quantity, given or ())
     rows: list[SweepRow] = []
@@ -187,9 +193,9 @@ def _row(
     narrower: Sequence[SweepRow],
 ) -> SweepRow:
     tube = problem.tube
-    radius = np.full(tube.segment_count, value) if quantity == "radius" else value * tube.radius
     try:
-        posed = problem.with_tube(tube.with_radius(radius))
+        other = tube.with_radius(value) if quantity == "radius" else tube.scaled(value)
+        posed = problem.with_tube(other)
     except ProblemError as error:
         return SweepRow(value, None, None, str(error))
     result = plan(posed, options, progress)
@@ -212,11 +218,14 @@ def _row(
 
 
 def _by_whole_radius(sensitivity: Sensitivity, tube: Tube) -> float:
-    """Return an elasticity by the radius, the tool radius included; nothing for joints."""
-    if sensitivity.limit != "radius" or sensitivity.segment is None:
+    """Return an elasticity by the radius or side, tool radius included; nothing for joints."""
+    if sensitivity.limit not in ("radius", *_SIDES) or sensitivity.segment is None:
         return 0.0
     k = tube.segment_index(sensitivity.segment)
-    return float(sensitivity.elasticity * tube.radius[k] / tube.effective_radius[k])
+    whole = tube.radius[k]
+    if sensitivity.limit in _SIDES and tube.cross_section is not None:
+        whole = tube.cross_section[k, _SIDES.index(sensitivity.limit)] / 2
+    return float(sensitivity.elasticity * whole / (whole - tube.tool_radius))
 
 
 def _is_faster(row: SweepRow, result: PlanResult) -> bool:

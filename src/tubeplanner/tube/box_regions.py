@@ -13,12 +13,13 @@ import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray, read_only
 from tubeplanner.errors import ProblemError, shown
-from tubeplanner.options import is_number
+from tubeplanner.options import in_figures, is_number
+from tubeplanner.tube.repeated_points import MIN_LENGTH
 from tubeplanner.tube.segment_regions import Capsules
 
 _PARALLEL = 1e-6  # sine of the least angle between a segment and what is upward there
-_SMALLEST, _LARGEST = 1e-6, 1e4  # sides [m]
-_SAME = 1e-12  # of a radius and the half of a box's smaller side
+_SMALLEST, _LARGEST = 2 * MIN_LENGTH, 1e4  # sides [m]
+_SAME = 1e-12  # of a radius and the half of a box's smaller side, and of a length and one
 _KINDS = ("width", "height")
 _KEYS = {"box", "up"}
 
@@ -47,7 +48,8 @@ def box_sections(given: Any, axis: FloatArray) -> FloatArray | None:
         )
     rows = np.zeros((len(axis), 5))
     for k, entry in enumerate(entries):
-        if entry is not None and np.any([entry]):
+        is_disc = entry is None or (isinstance(entry, np.ndarray) and not entry.any())
+        if not is_disc:
             rows[k] = _section(f"tube.cross_section[{k}]", entry, axis[k])
     return read_only(rows) if rows.any() else None
 
@@ -61,47 +63,72 @@ def radii_of_boxes(radius: Any, sections: FloatArray | None) -> Any:
         sections: From `box_sections`.
 
     Raises:
-        ProblemError: A segment has both a box and another radius.
+        ProblemError: A segment has both a box and another radius, or neither.
     """
     if sections is None:
         return radius
     halves = sections[:, :2].min(axis=1) / 2
-    is_box = halves > 0
     if radius is None or is_number(radius):
-        return np.where(is_box, halves, np.nan if radius is None else radius)
-    radii = np.array(radius, dtype=float)
-    if radii.shape != halves.shape:
-        return radii
-    for k in np.flatnonzero(is_box & np.isfinite(radii) & (abs(radii - halves) > _SAME)):
+        if radius is not None and (halves > 0).all():
+            raise ProblemError(
+                f"tube.radius is {radius:g} m, but every segment has a box (tube.cross_section); "
+                "leave the radius out"
+            )
+        radius = np.where(halves > 0, None, radius)
+    is_list = isinstance(radius, list | tuple) or (
+        isinstance(radius, np.ndarray) and radius.ndim == 1
+    )
+    if not is_list or len(radius) != len(halves):
+        return radius  # which is refused as any other
+    return [_radius(k, radius[k], sections[k]) for k in range(len(halves))]
+
+
+def _radius(k: int, radius: Any, section: FloatArray) -> Any:
+    """Return the radius of a segment: half of the smaller side of its box, if it has one."""
+    width, height = section[:2]
+    half = min(width, height) / 2
+    if half == 0 and radius is None:
         raise ProblemError(
-            f"tube.radius[{k}] is {radii[k]:g} m, but segment {k} has a box of "
-            f"{sections[k, 0]:g} by {sections[k, 1]:g} m (tube.cross_section): its radius is half "
-            "of its smaller side; leave the radius null, or remove the box"
+            f"tube.radius[{k}] is missing: segment {k} has no box (tube.cross_section); give one"
         )
-    return np.where(is_box, halves, radii)
+    if radius is None:
+        return half
+    if half == 0:
+        return radius
+    if not is_number(radius) or not abs(radius - half) <= _SAME:
+        raise ProblemError(
+            f"tube.radius[{k}] is {in_figures(radius)} m, but segment {k} has a box of "
+            f"{width:g} by {height:g} m (tube.cross_section): its radius is half of its smaller "
+            "side; leave the radius null, or remove the box"
+        )
+    return half
 
 
 def _section(where: str, entry: Any, axis: FloatArray) -> list[float]:
     """Return width, height and upward unit vector of one segment."""
-    if isinstance(entry, np.ndarray | list) and len(entry) == 5:  # as `box_sections` returns it
+    if isinstance(entry, np.ndarray) and entry.shape == (5,):  # as `box_sections` returns it
         box, up = entry[:2], entry[2:]
     else:
         if not isinstance(entry, Mapping) or set(entry) != _KEYS:
             raise ProblemError(f"{where} is {shown(entry)}; give box: [w, h] and up: [x, y, z]")
         box, up = entry["box"], entry["up"]
     sides = _numbers(f"{where}.box", box, 2, "[w, h] [m]")
-    if not ((sides >= 2 * _SMALLEST) & (sides <= _LARGEST)).all():
+    if not ((sides >= _SMALLEST) & (sides <= _LARGEST)).all():
         raise ProblemError(
-            f"{where}.box is {sides.tolist()}; sides are from {2 * _SMALLEST:g} to {_LARGEST:g} m"
+            f"{where}.box is {sides.tolist()}; sides are from {_SMALLEST:g} to {_LARGEST:g} m"
         )
     upward = _numbers(f"{where}.up", up, 3, "[x, y, z]")
-    length, along = float(np.linalg.norm(upward)), axis / max(float(np.linalg.norm(axis)), 1e-300)
+    length, distance = float(np.linalg.norm(upward)), float(np.linalg.norm(axis))
+    # A segment of no length, which is left out later, has no direction.
+    along = axis / distance if distance >= MIN_LENGTH else np.zeros(3)
     beside = upward - (upward @ along) * along
     if not np.linalg.norm(beside) > _PARALLEL * length:
         raise ProblemError(
             f"{where}.up is {upward.tolist()}, parallel to its segment; give a direction across it"
         )
-    return [*sides.tolist(), *(upward / length).tolist()]
+    if abs(length - 1) > _SAME:  # what is a unit vector stays the same, to the last digit
+        upward = upward / length
+    return [*sides.tolist(), *upward.tolist()]
 
 
 def _numbers(where: str, values: Any, count: int, shape: str) -> FloatArray:
@@ -163,10 +190,8 @@ class BoxRegions(Capsules):
         share = self._beyond(p, segment) / self.half[segment]
         face = share.argmax(axis=-1)
         normal = self.frame[segment, face]
-        offset = p - np.where(face == 2, 0.5, 0.0)[:, None] * (
-            self.end[segment] - self.begin[segment]
-        )
-        side = np.sign(np.einsum("ri,ri->r", normal, offset - self.begin[segment]))
+        # What is nearest to an end and has a share of it is beyond it, on the side where it is.
+        side = np.sign(np.einsum("ri,ri->r", normal, p - self.begin[segment]))
         normal = np.where((share.max(axis=-1) > 0)[:, None], side[:, None] * normal, 0.0)
         return np.where(self.is_box[segment, None], normal, super().outward(p, segment))
 

@@ -158,6 +158,38 @@ def rotational_tube(
     return RotationalTube(read_only(matrices[:-1]), read_only(turn), read_only(bounds), points)
 
 
+def given_rotation(
+    points: FloatArray, orientations: object, tolerance: object
+) -> tuple[FloatArray | None, tuple[RotationBound, ...] | None, RotationalTube | None]:
+    """Return quaternions, rotation bounds and their geometry; None where nothing is bounded.
+
+    Args:
+        points: Reference points, shape (m+1, 3) [m].
+        orientations: As `unit_quaternions` takes them; None if the rotation is free.
+        tolerance: As `rotation_bounds` takes it; None likewise.
+
+    Raises:
+        ProblemError: One is given without the other, or wrong.
+    """
+    if orientations is None and tolerance is None:
+        return None, None, None
+    if orientations is None or tolerance is None:
+        missing = "orientations" if orientations is None else "rotation_tolerance"
+        given = "rotation_tolerance" if orientations is None else "orientations"
+        remedy = (
+            "a quaternion [x, y, z, w] for every reference point"
+            if orientations is None
+            else "an angle or three bounds [rad] for every segment"
+        )
+        raise ProblemError(
+            f"tube.{given} is given without tube.{missing}; give {remedy}, or leave both out"
+        )
+    quaternions = unit_quaternions(orientations, len(points))
+    bounds = rotation_bounds(tolerance, len(points) - 1)
+    rotation = rotational_tube(points, quaternions, bounds)
+    return quaternions, bounds, rotation if rotation.is_bounded else None
+
+
 def unit_quaternions(orientations: Any, point_count: int) -> FloatArray:
     """Return orientations as unit quaternions x y z w, shape (m+1, 4).
 

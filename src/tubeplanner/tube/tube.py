@@ -12,20 +12,14 @@ from typing import Any, Literal
 
 import numpy as np
 
-from tubeplanner.arrays import FloatArray, IntArray, read_only
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray, read_only
 from tubeplanner.errors import ProblemError, shown, unknown_name
 from tubeplanner.options import in_figures, is_number
 from tubeplanner.tube.box_regions import BoxRegions, box_sections, radii_of_boxes
 from tubeplanner.tube.compulsory_points import PASS_THROUGH, compulsory_points
 from tubeplanner.tube.joint_ranges import JointRange, JointSign, joint_ranges, sign_maps
 from tubeplanner.tube.repeated_points import MIN_LENGTH, DistinctPoints, distinct_points
-from tubeplanner.tube.rotational_tube import (
-    RotationalTube,
-    RotationBound,
-    rotation_bounds,
-    rotational_tube,
-    unit_quaternions,
-)
+from tubeplanner.tube.rotational_tube import RotationalTube, RotationBound, given_rotation
 from tubeplanner.tube.segment_regions import Capsules, SegmentRegions
 from tubeplanner.tube.tool_speeds import tool_speeds
 
@@ -49,6 +43,7 @@ class Tube:
         joint_signs: Per segment, by joint name: its sign or range as given.
         visit: "ordered": segments one after the other, with switching times in both capsules;
             "any": the union of all capsules.
+            (Of segments with a box, it takes the place of the capsule.)
         orientations: Of the tool at the reference points, unit quaternions x y z w, shape (m+1, 4);
             None: any orientation is allowed.
         rotation_tolerance: Per segment one angle, or bounds on the three components of
@@ -125,7 +120,7 @@ class Tube:
         radii = _radii(radii_of_boxes(radius, sections), segments)
         signs = sign_maps(joint_signs or {}, segments)
         ranges = joint_ranges(signs, visit)
-        quaternions, bounds, rotation = _rotation(corners, orientations, rotation_tolerance)
+        quaternions, bounds, rotation = given_rotation(corners, orientations, rotation_tolerance)
         _require_named("visit", visit, VISITS)
         _require_named("pass_through_points", pass_through_points, PASS_THROUGH)
         if not is_number(tool_radius) or not 0 <= tool_radius <= radii.min() - MIN_LENGTH:
@@ -166,9 +161,32 @@ class Tube:
         """Return the tube with another tolerance, or m others [m].
 
         Raises:
-            ProblemError: A radius is not positive, or not above the tool radius.
+            ProblemError: A radius is not positive, or not above the tool radius, or a segment has a
+                box.
         """
+        self.require_discs("other radii", "scale all (Tube.scaled), or leave cross_section out")
         return replace(self, radius=radius)  # type: ignore[arg-type]  # as `__init__` takes it
+
+    def scaled(self, factor: float) -> "Tube":
+        """Return the tube with all radii and all sides of boxes multiplied by a factor.
+
+        Raises:
+            ProblemError: A radius or a side is too small or too large.
+        """
+        if self.cross_section is None:
+            return self.with_radius(factor * self.radius)
+        sections = self.cross_section * [factor, factor, 1.0, 1.0, 1.0]
+        is_box = sections[:, 0] > 0
+        radii = np.where(is_box, sections[:, :2].min(axis=1) / 2, factor * self.radius)
+        return replace(self, radius=radii, cross_section=sections)
+
+    def require_discs(self, what: str, remedy: str) -> None:
+        """Raise ProblemError, with what is asked for and a remedy, if a segment has a box."""
+        for k in np.flatnonzero(self.is_box)[:1]:
+            raise ProblemError(
+                f"tube.cross_section: segment {self.segment_number(int(k))} has a box, which does "
+                f"not go with {what}; {remedy}"
+            )
 
     def with_points(
         self, points: Sequence[int] | IntArray, segments: Sequence[int] | IntArray
@@ -201,6 +219,22 @@ class Tube:
     def effective_radius(self) -> FloatArray:
         """How far the tool centre point may stray, shape (m,) [m]."""
         return self.radius - self.tool_radius
+
+    @property
+    def is_box(self) -> BoolArray:
+        """Which segments have a box, shape (m,)."""
+        if self.cross_section is None:
+            return np.zeros(self.segment_count, dtype=bool)
+        is_box: BoolArray = self.cross_section[:, 0] > 0
+        return is_box
+
+    @property
+    def reach(self) -> FloatArray:
+        """The effective radii, of boxes the larger effective half sides, shape (m,) [m]."""
+        if self.cross_section is None:
+            return self.effective_radius
+        longer = self.cross_section[:, :2].max(axis=1) / 2 - self.tool_radius
+        return np.maximum(self.effective_radius, longer)
 
     @cached_property
     def regions(self) -> SegmentRegions:
@@ -354,26 +388,3 @@ def _radii(radius: float | Sequence[float] | FloatArray, segments: int) -> Float
                 f"{_MAX_EXTENT:g} m"
             )
     return read_only(radii)
-
-
-def _rotation(
-    points: FloatArray, orientations: object, tolerance: object
-) -> tuple[FloatArray | None, tuple[RotationBound, ...] | None, RotationalTube | None]:
-    """Return quaternions, rotation bounds and their geometry; None where nothing is bounded."""
-    if orientations is None and tolerance is None:
-        return None, None, None
-    if orientations is None or tolerance is None:
-        missing = "orientations" if orientations is None else "rotation_tolerance"
-        given = "rotation_tolerance" if orientations is None else "orientations"
-        remedy = (
-            "a quaternion [x, y, z, w] for every reference point"
-            if orientations is None
-            else "an angle or three bounds [rad] for every segment"
-        )
-        raise ProblemError(
-            f"tube.{given} is given without tube.{missing}; give {remedy}, or leave both out"
-        )
-    quaternions = unit_quaternions(orientations, len(points))
-    bounds = rotation_bounds(tolerance, len(points) - 1)
-    rotation = rotational_tube(points, quaternions, bounds)
-    return quaternions, bounds, rotation if rotation.is_bounded else None

@@ -12,6 +12,7 @@ from tubeplanner.constraints.tool_speed import ToolSpeed
 from tubeplanner.constraints.tube_membership import current_segments, tube_use
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
+from tubeplanner.tube.tube import Tube
 from tubeplanner.views.palette import LINE_COLORS, segment_color
 
 if TYPE_CHECKING:
@@ -42,7 +43,8 @@ class TrajectoryCurves:
         speed_limit: Its limit in that segment, shape (N,) [m/s]; inf where there is none.
         factor: How many times faster each sample could be run, shape (N,).
         segment: The tube segment of each sample, shape (N,).
-        tube_use: The tool's distance from the segment as a share of its radius, shape (N,).
+        tube_use: The tool's distance from the segment as a share of its radius, or of the nearest
+            half side of its box, shape (N,).
         rotation_use: The same of the rotation tolerance; None where there is none.
     """
 
@@ -177,8 +179,10 @@ def draw_speed(axis: "Axes", curves: TrajectoryCurves) -> None:
 
 
 def draw_tube_use(axis: "Axes", curves: TrajectoryCurves) -> None:
-    """Draw the distance to the segment the tool is in as a share of its radius; rotation too."""
-    axis.plot(curves.samples.time, 100 * curves.tube_use, label="distance / radius", **_MAIN)
+    """Draw the distance to the tool's segment as a share of its radius or box; rotation too."""
+    has_boxes = curves.problem.tube.cross_section is not None
+    label = "distance / radius or half side" if has_boxes else "distance / radius"
+    axis.plot(curves.samples.time, 100 * curves.tube_use, label=label, **_MAIN)
     if curves.rotation_use is not None:
         style = line_style(3)
         turned = 100 * curves.rotation_use
@@ -218,12 +222,20 @@ def _label(curves: TrajectoryCurves, group: int, share: float) -> str:
     tube, step = curves.problem.tube, curves.segments_per_group
     first, last = group * step, min((group + 1) * step, tube.segment_count) - 1
     number = str(first) if first == last else f"{first}-{last}"
-    radius = 1000 * tube.effective_radius[first : last + 1]
+    sizes = [size_of(tube, k) for k in range(first, last + 1)]
     is_group = first < last
-    if share <= (_LONG_LABEL if is_group else _SHORT_LABEL) or np.ptp(radius) > 0:
+    if share <= (_LONG_LABEL if is_group else _SHORT_LABEL) or len(set(sizes)) > 1:
         return number
     name = f"segment{'s' * is_group} {number}" if share > _LONG_LABEL else number
-    return f"{name}: {radius[0]:.3g} mm"
+    return f"{name}: {sizes[0]}"
+
+
+def size_of(tube: Tube, k: int) -> str:
+    """Return what views call the effective size of a segment: its radius, or its box's sides."""
+    if tube.cross_section is None or not tube.is_box[k]:
+        return f"{1000 * tube.effective_radius[k]:.3g} mm"
+    width, height = 1000 * (tube.cross_section[k, :2] - 2 * tube.tool_radius)
+    return f"{width:.3g} x {height:.3g} mm"
 
 
 def _draw_shares(

@@ -130,7 +130,7 @@ def _frame(axis: Any, problem: PlanningProblem, low: FloatArray, high: FloatArra
     """Show tube and arm whole, in equal scale; a flat tube is seen from above."""
     from matplotlib.ticker import MaxNLocator
 
-    reach = problem.tube.radius.max()
+    reach = problem.tube.reach.max() + problem.tube.tool_radius
     low = np.minimum(low, problem.tube.points.min(axis=0) - reach)
     high = np.maximum(high, problem.tube.points.max(axis=0) + reach)
     axis.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))

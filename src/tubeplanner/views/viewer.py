@@ -25,6 +25,7 @@ from tubeplanner.files.output_files import write_files
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.views.palette import OBSTACLE_COLOR, REFERENCE_COLOR, SPEED_COLORS, segment_color
+from tubeplanner.views.panels import size_of
 from tubeplanner.views.scene import CARRIED_COLOR, SWEPT_COLOR, Item, Layer, Scene, build_scene
 
 _TEMPLATE = Path(__file__).with_name("view_page.html")
@@ -357,14 +358,18 @@ def _listed(kind: str, names: Sequence[str]) -> str:
 
 
 def _segment_entries(problem: PlanningProblem) -> list[dict[str, str]]:
-    """Return colours and radii of the tube's segments, the first few of many."""
-    radii = 1000 * problem.tube.effective_radius
+    """Return colours and sizes of the tube's segments, the first few of many."""
+    tube = problem.tube
+    radii = 1000 * tube.effective_radius
+    kinds = ["box" if is_box else "radius" for is_box in tube.is_box]
     named = range(min(len(radii), _MAX_SEGMENTS_NAMED))
     entries = [
-        {"color": segment_color(k), "text": f"segment {k}: radius {radii[k]:.3g} mm"} for k in named
+        {"color": segment_color(k), "text": f"segment {k}: {kinds[k]} {size_of(tube, k)}"}
+        for k in named
     ]
     if len(radii) > len(named):
         low, high = radii.min(), radii.max()
         text = f"and so on: {len(radii)} segments, {low:.3g} to {high:.3g} mm"
+        text += " (of boxes, half the smaller side)" * bool(tube.is_box.any())
         entries.append({"color": "", "text": text})
     return entries
