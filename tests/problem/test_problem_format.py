@@ -64,8 +64,8 @@ ROBOT = (
     "attached, limits"
 )
 LIMITS = "effort, velocity, position, acceleration, jerk, scale, tool_speed"
-TUBE = "points, cross_section, radius, tool_radius, joint_signs, orientations, rotation_tolerance, visit, "
-TUBE += "pass_through_points, tool_speed"
+TUBE = "points, cross_section, radius, tool_radius, joint_signs, orientations, rotation_tolerance, "
+TUBE += "visit, pass_through_points, tool_speed"
 OBSTACLE = "name, box, sphere, cylinder, capsule, mesh, scale, position, rpy, quaternion"
 
 
