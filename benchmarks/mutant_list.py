@@ -737,7 +737,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ),
     ],
     # --- refinement: what the planner is constrained by ---------------------------------------
-    "EvaluatedCapsules._excess_of": [
+    "EvaluatedRegions._excess_of": [
         (" - (1 - self.margin)", " - 1"),
     ],
     "Capsules._away": [
@@ -748,7 +748,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "Capsules.margin": [("self.radius[segment] - ", "1.0 - ")],
     "Capsules.outward": [("out=np.zeros_like(away)", "out=away.copy()")],
     "Capsules.extent": [("self.radius[segment]", "1 + 0 * self.radius[segment]")],
-    "EvaluatedCapsules.slack": [
+    "EvaluatedRegions.slack": [
         ("1 - self.margin[at] - beyond", "1 - beyond"),
         ("1 - self.margin[at] - beyond", "0.95 - self.margin[at] - beyond"),
         ("vector - self._end", "vector - self._begin"),
@@ -756,15 +756,15 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("beyond / extent", "beyond"),
         ("self.vector + bend", "self.vector - bend"),
     ],
-    "EvaluatedCapsules.rows": [
+    "EvaluatedRegions.rows": [
         ("by_joint /= self._extent(planes)[:, None]", "pass"),
         ("self.numbers[segment, ", "self.numbers[0 * segment, "),
     ],
-    "EvaluatedCapsules.planes": [
+    "EvaluatedRegions.planes": [
         ("self.in_chain[:, None], 0.0, n", "~self.in_chain[:, None], 0.0, n")
     ],
-    "EvaluatedCapsules.planes_where_outside": [("> elastic + _OUTSIDE", "> elastic + 1.0")],
-    "EvaluatedCapsules.after": [
+    "EvaluatedRegions.planes_where_outside": [("> elastic + _OUTSIDE", "> elastic + 1.0")],
+    "EvaluatedRegions.after": [
         ("self.vector + np.einsum", "self.vector - np.einsum"),
         ("at.change(control, switching)", "at.change(control, 0 * switching)"),
     ],

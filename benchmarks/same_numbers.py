@@ -67,8 +67,8 @@ def differences(one: dict, other: dict) -> Iterator[tuple[str, float]]:
     yield "excess", _largest(one["excess"], other["excess"], 1.0)
     yield "names", 0.0 if one["names"] == other["names"] else np.inf
     yield from _row_differences("rows", one["rows"], other["rows"], one["names"])
-    for rows, others in zip(one["capsules"], other["capsules"], strict=True):
-        yield from _row_differences("capsules", rows, others, one["names"])
+    for rows, others in zip(one["regions"], other["regions"], strict=True):
+        yield from _row_differences("regions", rows, others, one["names"])
 
 
 def _row_differences(

@@ -199,7 +199,7 @@ def _of_the_optimiser(
         "excess": current.excess,
         "rows": vars(rows) | {"elastic": elastic},
         "second slack": constraints.slack(current, trial, squared_duration),
-        "capsules": [_capsule_rows(current, k) for k in range(len(current.capsules))],
+        "regions": [_region_rows(region) for region in _regions(current)],
     }
 
 
@@ -211,10 +211,14 @@ def _moved(spline: PhasedSpline, rng: np.random.Generator) -> PhasedSpline:
     return PhasedSpline(spline.grid, np.sort(times), points)
 
 
-def _capsule_rows(current: Iterate, k: int) -> Numbers:
-    """Return the rows of a capsule constraint's planes."""
-    capsules = current.capsules[k]
-    return vars(capsules.rows(capsules.planes()))
+def _regions(current: Iterate) -> Any:
+    """Return the constraints that the tool is in regions; older checkouts have capsules."""
+    return current.regions if hasattr(current, "regions") else current.capsules
+
+
+def _region_rows(region: Any) -> Numbers:
+    """Return the rows of a region's planes."""
+    return vars(region.rows(region.planes()))
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""What every constraint at samples of a spline tells the optimiser, but for capsules."""
+"""What every constraint at samples of a spline tells the optimiser, but for regions."""
 
 from typing import Protocol
 

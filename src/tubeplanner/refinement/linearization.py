@@ -1,7 +1,7 @@
 """The constraints at a trajectory, to first order, and the steps that keep them.
 
-Rows that are far away and tangent planes of capsules are added where a step turns out to break
-them, so that what a step predicts is inside the convex set that the capsules are, not inside a few
+Rows that are far away and tangent planes of regions are added where a step turns out to break
+them, so that what a step predicts is inside the convex set that the regions are, not inside a few
 planes about it.
 """
 
@@ -12,11 +12,11 @@ import numpy as np
 from scipy import sparse
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
-from tubeplanner.refinement.capsule_constraints import Planes
 from tubeplanner.refinement.control_variables import ControlVariables
 from tubeplanner.refinement.linear_program import Bounds, Step, StepProgram
 from tubeplanner.refinement.linear_rows import Rows, stacked
 from tubeplanner.refinement.phased_spline import DEGREE
+from tubeplanner.refinement.region_constraints import Planes
 from tubeplanner.refinement.spline_constraints import Iterate
 
 _MAX_ROUNDS, _MAX_CORRECTIONS = 4, 3
@@ -44,8 +44,8 @@ class Given:
 
     Attributes:
         rows: Whether it gets each row, shape (R,).
-        planes: Of every kind of capsules.
-        ignored: The samples of every kind of capsules whose planes it never gets, shape (N,).
+        planes: Of every kind of regions.
+        ignored: The samples of every kind of regions whose planes it never gets, shape (N,).
     """
 
     rows: BoolArray
@@ -75,7 +75,7 @@ class Linearization:
 
         Args:
             current: The trajectory.
-            rows: All constraints but capsules, and 1 for those that may be violated, else 0.
+            rows: All constraints but regions, and 1 for those that may be violated, else 0.
             given: Those that the first program gets.
             variables: What may change.
             bounds: Where a step must stay.
@@ -106,17 +106,17 @@ class Linearization:
         return costs
 
     def binding(self, step: Step) -> tuple[Planes, ...]:
-        """Return the planes, of every kind of capsules, that a step ends at."""
+        """Return the planes, of every kind of regions, that a step ends at."""
         return tuple(
-            planes.where(capsules.slack(planes, vector - capsules.vector) < _BINDING - step.elastic)
-            for capsules, planes, vector in zip(
-                self._current.capsules, self._planes, self._after(step), strict=True
+            planes.where(regions.slack(planes, vector - regions.vector) < _BINDING - step.elastic)
+            for regions, planes, vector in zip(
+                self._current.regions, self._planes, self._after(step), strict=True
             )
         )
 
     def solve(self) -> Step | None:
         """Return the step, or None if there is none."""
-        bends = [np.zeros_like(capsules.vector) for capsules in self._current.capsules]
+        bends = [np.zeros_like(regions.vector) for regions in self._current.regions]
         step = None
         for _ in range(_MAX_ROUNDS):
             better = self._solved(self._rows.slack, bends)
@@ -143,9 +143,9 @@ class Linearization:
         slack = rows.slack + slack[rows.index] - left
         bends = [
             there.vector - vector
-            for there, vector in zip(trial.capsules, self._after(step), strict=True)
+            for there, vector in zip(trial.regions, self._after(step), strict=True)
         ]
-        self._add_planes([capsules.vector for capsules in trial.capsules], step.elastic)
+        self._add_planes([regions.vector for regions in trial.regions], step.elastic)
         other = self._solved_again(slack, bends)
         for _ in range(_MAX_CORRECTIONS - 1):
             if other is None:
@@ -160,8 +160,8 @@ class Linearization:
         """Return the step of the program for rows with some slack, vectors being bent."""
         self._given, self._has_more = np.flatnonzero(self._active), False
         parts = [self._rows.where(self._given)]
-        for capsules, planes in zip(self._current.capsules, self._planes, strict=True):
-            parts.append(capsules.rows(planes))
+        for regions, planes in zip(self._current.regions, self._planes, strict=True):
+            parts.append(regions.rows(planes))
         rows = replace(stacked(parts), slack=self._given_slack(slack, bends))
         elastic = np.ones(len(rows))
         elastic[: len(self._given)] = self._is_elastic[self._given]
@@ -189,9 +189,9 @@ class Linearization:
     def _given_slack(self, slack: FloatArray, bends: list[FloatArray]) -> FloatArray:
         """Return the slack of the program's rows, those of planes last."""
         of_planes = [
-            capsules.slack(planes, bend)
-            for capsules, planes, bend in zip(
-                self._current.capsules, self._planes, bends, strict=True
+            regions.slack(planes, bend)
+            for regions, planes, bend in zip(
+                self._current.regions, self._planes, bends, strict=True
             )
         ]
         return np.concatenate([slack[self._given], *of_planes])
@@ -199,10 +199,10 @@ class Linearization:
     def _add_planes(self, vectors: list[FloatArray], elastic: float) -> bool:
         """Add tangent planes where vectors are outside; return whether some are."""
         fresh = []
-        for capsules, vector, ignored in zip(
-            self._current.capsules, vectors, self._ignored, strict=True
+        for regions, vector, ignored in zip(
+            self._current.regions, vectors, self._ignored, strict=True
         ):
-            planes = capsules.planes_where_outside(vector, elastic)
+            planes = regions.planes_where_outside(vector, elastic)
             fresh.append(planes.where(~ignored[planes.sample]))
         self._planes = tuple(starmap(Planes.and_also, zip(self._planes, fresh, strict=True)))
         has_more = any(len(planes) for planes in fresh)
@@ -210,9 +210,9 @@ class Linearization:
         return has_more
 
     def _after(self, step: Step) -> list[FloatArray]:
-        """Return the capsules' vectors after a step, to first order."""
+        """Return the regions' vectors after a step, to first order."""
         control = self._variables.change(step.control)
-        return [capsules.after(control, step.switching) for capsules in self._current.capsules]
+        return [regions.after(control, step.switching) for regions in self._current.regions]
 
     def _slack_after(self, step: Step) -> FloatArray:
         """Return the slack that a step leaves to all rows, to first order."""

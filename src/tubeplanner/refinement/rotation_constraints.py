@@ -11,8 +11,8 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.constraints.path_samples import PathSamples
-from tubeplanner.refinement.capsule_constraints import EvaluatedCapsules
 from tubeplanner.refinement.linear_rows import Rows, StepSize, plane_rows
+from tubeplanner.refinement.region_constraints import EvaluatedRegions
 from tubeplanner.refinement.sampled_spline import SampledSpline
 from tubeplanner.tube.rotational_tube import RotationalTube
 from tubeplanner.tube.segment_regions import Capsules
@@ -51,10 +51,10 @@ class EvaluatedRotation:
         excess: FloatArray = (abs(self._error) / self._bounds).max(axis=1) - (1 - self.margin)
         return excess
 
-    def angle(self) -> EvaluatedCapsules:
+    def angle(self) -> EvaluatedRegions:
         """Return the bound on the angle: the rotation vector in a ball."""
         centre, count = np.zeros((len(self.tube.bounds), 3)), len(self.segment)
-        return EvaluatedCapsules(
+        return EvaluatedRegions(
             self.at,
             self._error,
             lambda: self._by_joint,

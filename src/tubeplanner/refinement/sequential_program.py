@@ -15,13 +15,13 @@ from scipy import sparse
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.constraints.speed_limit import LimitKey
 from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.refinement.capsule_constraints import EvaluatedCapsules, Planes
 from tubeplanner.refinement.control_variables import FIXED, ControlVariables
 from tubeplanner.refinement.linear_program import Bounds, Step
 from tubeplanner.refinement.linear_rows import INNER_MARGIN, MERIT_TOLERANCE, Rows, StepSize
 from tubeplanner.refinement.linearization import BROKEN, Given, Linearization, Quadratic
 from tubeplanner.refinement.link_constraints import LinkConstraints
 from tubeplanner.refinement.phased_spline import DEGREE, KnotGrid, PhasedSpline
+from tubeplanner.refinement.region_constraints import EvaluatedRegions, Planes
 from tubeplanner.refinement.spline_constraints import Iterate, SplineConstraints
 
 # Weights of third differences, against wiggles of joints that do not matter, and of the step.
@@ -166,11 +166,11 @@ class SequentialProgram:
             By the limits on the speed and the tube's tolerances. None of them is positive.
         """
         # What the answer itself is outside of the margins costs nothing.
-        current = replace(current, capsules=tuple(map(_holding, current.capsules)))
+        current = replace(current, regions=tuple(map(_holding, current.regions)))
         rows, is_elastic = self.constraints.rows(current, None)
         rows = replace(rows, slack=np.maximum(rows.slack, 0.0))
         # Nor does what no variable moves, such as a start on its tolerance.
-        still = tuple(~self._variables.move(capsules.at) for capsules in current.capsules)
+        still = tuple(~self._variables.move(regions.at) for regions in current.regions)
         linear = Linearization(
             current,
             (rows, is_elastic),
@@ -232,7 +232,7 @@ class SequentialProgram:
         size = StepSize(trust, bounds.switching)
         rows, is_elastic = self.constraints.rows(current, size)
         near = (rows.slack < _NEAR) | (rows.slack < _NEAR_SHARE * rows.reach(size))
-        none = tuple(np.zeros(len(capsules.vector), bool) for capsules in current.capsules)
+        none = tuple(np.zeros(len(regions.vector), bool) for regions in current.regions)
         planes = _near_planes(current, none)
         if remembered.planes:
             planes = tuple(starmap(Planes.and_also, zip(planes, remembered.planes, strict=True)))
@@ -286,17 +286,17 @@ class SequentialProgram:
         return (third.T @ third).tocsr() * weight
 
 
-def _holding(capsules: EvaluatedCapsules) -> EvaluatedCapsules:
-    """Return capsules that hold their vectors, with less margin where they did not."""
-    return replace(capsules, margin=capsules.margin - np.maximum(capsules.excess, 0.0))
+def _holding(regions: EvaluatedRegions) -> EvaluatedRegions:
+    """Return regions that hold their vectors, with less margin where they did not."""
+    return replace(regions, margin=regions.margin - np.maximum(regions.excess, 0.0))
 
 
 def _near_planes(current: Iterate, ignored: tuple[BoolArray, ...]) -> tuple[Planes, ...]:
-    """Return the planes of every kind of capsules that are near, but for some samples'."""
+    """Return the planes of every kind of regions that are near, but for some samples'."""
     found = []
-    for capsules, left_out in zip(current.capsules, ignored, strict=True):
-        planes = capsules.planes()
-        is_near = capsules.slack(planes) < _NEAR
+    for regions, left_out in zip(current.regions, ignored, strict=True):
+        planes = regions.planes()
+        is_near = regions.slack(planes) < _NEAR
         found.append(planes.where(is_near & ~left_out[planes.sample]))
     return tuple(found)
 

@@ -12,7 +12,6 @@ from tubeplanner.constraints.speed_limit import LimitKey, SpeedLimit
 from tubeplanner.constraints.speed_limits import speed_limits
 from tubeplanner.polyline import arc_lengths
 from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.refinement.capsule_constraints import EvaluatedCapsules
 from tubeplanner.refinement.evaluated_rows import EvaluatedRows
 from tubeplanner.refinement.linear_rows import INNER_MARGIN, Rows, StepSize, stacked
 from tubeplanner.refinement.link_constraints import EvaluatedLinks, LinkConstraints
@@ -24,6 +23,7 @@ from tubeplanner.refinement.phased_spline import (
     Samples,
     VelocityHull,
 )
+from tubeplanner.refinement.region_constraints import EvaluatedRegions
 from tubeplanner.refinement.rotation_constraints import EvaluatedRotation
 from tubeplanner.refinement.sampled_spline import SampledSpline, sampled
 from tubeplanner.refinement.speed_limit_rows import EvaluatedSpeedLimit
@@ -52,7 +52,7 @@ class Iterate:
         excess: How far tool or links violate their constraints, >= 0: of the tool in
             radii or rotation tolerances beyond the narrowed tube, of links in units of 5 cm.
         limits: What it was computed from: the limits on its speed.
-        capsules: Likewise, the tool's position and the angle of its rotation, if that is bounded.
+        regions: Likewise, the tool's position and the angle of its rotation, if that is bounded.
         rotation: Likewise, the components of its rotation; None where they are free.
         links: Likewise.
     """
@@ -61,20 +61,20 @@ class Iterate:
     squared_duration: float
     excess: float
     limits: tuple[EvaluatedSpeedLimit, ...]
-    capsules: tuple[EvaluatedCapsules, ...]
+    regions: tuple[EvaluatedRegions, ...]
     rotation: EvaluatedRotation | None
     links: EvaluatedLinks
 
     @property
     def constraints(self) -> tuple[EvaluatedRows, ...]:
-        """All but capsules, in the order in which their rows are numbered."""
+        """All but regions, in the order in which their rows are numbered."""
         rotation = () if self.rotation is None else (self.rotation,)
         return (*self.limits, *rotation, self.links)
 
     @property
-    def tool(self) -> tuple[EvaluatedCapsules | EvaluatedRotation, ...]:
+    def tool(self) -> tuple[EvaluatedRegions | EvaluatedRotation, ...]:
         """The constraints of the tube on the tool."""
-        return self.capsules if self.rotation is None else (*self.capsules, self.rotation)
+        return self.regions if self.rotation is None else (*self.regions, self.rotation)
 
     @property
     def duration(self) -> float:
@@ -105,7 +105,7 @@ class SplineConstraints:
         self.keys = _keys(self._limits, problem.tube)
         self._numbers = {key: number for number, key in enumerate(self.keys)}
         self._margin = INNER_MARGIN + _margin_for_kinks(problem.tube, grid)
-        # A switching time has a sample on either side, so that the tool is in both capsules there.
+        # A switching time has a sample on either side, so that the tool is in both regions there.
         ends = grid.phase_ends()
         self._hull = VelocityHull(grid.control_point_count)
         self._rate_samples = grid.samples(_RATE_SAMPLES).and_also(ends)
@@ -125,7 +125,7 @@ class SplineConstraints:
         return self._at(spline, self._watched_samples, self._tube_samples)
 
     def rows(self, current: Iterate, size: StepSize | None) -> tuple[Rows, FloatArray]:
-        """Return the rows of all but capsules, and 1 for those that may be violated, else 0.
+        """Return the rows of all but regions, and 1 for those that may be violated, else 0.
 
         Args:
             current: The spline.
@@ -187,12 +187,12 @@ class SplineConstraints:
             EvaluatedSpeedLimit(limit, *known.at(self._points(limit, watched)), self._number(limit))
             for limit in self._limits
         )
-        capsules, rotation = self._tool_at(known, tube_samples)
+        regions, rotation = self._tool_at(known, tube_samples)
         links = self._links.at(spline)
-        found = [part.excess.max(initial=0.0) for part in (*capsules, rotation, links) if part]
+        found = [part.excess.max(initial=0.0) for part in (*regions, rotation, links) if part]
         squared_duration = max(float(limit.squared_durations.max()) for limit in limits)
         excess = float(max(*found, 0.0))
-        return Iterate(spline, squared_duration, excess, limits, capsules, rotation, links)
+        return Iterate(spline, squared_duration, excess, limits, regions, rotation, links)
 
     def _points(self, limit: SpeedLimit, watched: Samples) -> EvaluationPoints:
         """Return where a limit is looked at."""
@@ -205,24 +205,24 @@ class SplineConstraints:
 
     def _tool_at(
         self, known: "_Known", samples: Samples
-    ) -> tuple[tuple[EvaluatedCapsules, ...], EvaluatedRotation | None]:
+    ) -> tuple[tuple[EvaluatedRegions, ...], EvaluatedRotation | None]:
         """Return the constraints of the tube on the tool, as in an iterate."""
         tube = self._problem.tube
         at, path = known.at(samples)
         segments = known.segments_of(samples)
         regions, numbers = tube.regions_of(self._radius), self._tolerances
-        capsules = [evaluated_tube(at, path, segments, regions, self._margin, numbers)]
+        evaluated = [evaluated_tube(at, path, segments, regions, self._margin, numbers)]
         rotation = None
         if tube.rotation is not None:
             own = self._rotation_tolerances
             turned = EvaluatedRotation(tube.rotation, at, path, INNER_MARGIN, own)
             bounds = np.isfinite(tube.rotation.bounds)
             rotation = turned if bounds[:, :3].any() else None
-            capsules += [turned.angle()] if bounds[:, 3].any() else []
+            evaluated += [turned.angle()] if bounds[:, 3].any() else []
         if len(tube.compulsory_points):
             there = known.at(self._passing_samples)
-            capsules.append(evaluated_points(tube, *there, regions, INNER_MARGIN, numbers))
-        return tuple(capsules), rotation
+            evaluated.append(evaluated_points(tube, *there, regions, INNER_MARGIN, numbers))
+        return tuple(evaluated), rotation
 
     @cached_property
     def _tolerances(self) -> IntArray:

@@ -1,11 +1,11 @@
-"""The tool in the capsule of its segment and at compulsory points, at samples of a spline."""
+"""The tool in the region of its segment and at compulsory points, at samples of a spline."""
 
 import numpy as np
 
 from tubeplanner.arrays import IntArray
 from tubeplanner.constraints.path_samples import PathSamples
-from tubeplanner.refinement.capsule_constraints import EvaluatedCapsules
 from tubeplanner.refinement.ordered_segments import OrderedSegments
+from tubeplanner.refinement.region_constraints import EvaluatedRegions
 from tubeplanner.refinement.sampled_spline import SampledSpline
 from tubeplanner.tube.segment_regions import Capsules, SegmentRegions
 from tubeplanner.tube.tube import Tube
@@ -18,7 +18,7 @@ def evaluated_tube(
     regions: SegmentRegions,
     margin: float,
     numbers: IntArray,
-) -> EvaluatedCapsules:
+) -> EvaluatedRegions:
     """Return the tube at N samples of a spline, each in one of its phase's segments.
 
     Args:
@@ -29,7 +29,7 @@ def evaluated_tube(
         margin: The share of the regions that stays unused.
         numbers: Of the regions' tolerances among the limits, by segment and kind, shape (m, kinds).
     """
-    return EvaluatedCapsules(
+    return EvaluatedRegions(
         at,
         path.tool_pose[1],
         lambda: path.tool_jacobian[:, :3],
@@ -49,7 +49,7 @@ def evaluated_points(
     regions: SegmentRegions,
     margin: float,
     numbers: IntArray,
-) -> EvaluatedCapsules:
+) -> EvaluatedRegions:
     """Return the balls about compulsory points that the tool must be in at switching times.
 
     A ball is a capsule without length. The tool is in it as it passes on to the next segment.
@@ -67,7 +67,7 @@ def evaluated_points(
     place, own = tube.points[points], np.arange(len(points))
     # The ball's tolerance is what gives the extent along the segment: that of its end.
     kind = regions.kind(regions.faces(narrower)[0], narrower)
-    return EvaluatedCapsules(
+    return EvaluatedRegions(
         at,
         path.tool_pose[1],
         lambda: path.tool_jacobian[:, :3],

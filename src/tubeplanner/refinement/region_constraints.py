@@ -1,9 +1,9 @@
-"""Vectors that must stay in capsules, at samples of a spline: the tool's position, its rotation.
+"""Vectors that must stay in regions, at samples of a spline: the tool's position, its rotation.
 
-A capsule is convex: a vector p is inside if n.p <= max(n.A, n.B) + r for every unit normal n, A and
-B being the ends of its axis. A linear program gets a few of these planes: at each sample the one
-outward and those at the caps, and then the tangent planes where its own prediction leaves the
-capsule (Kelley, "The cutting-plane method for solving convex programs", 1960).
+A region is convex: a vector p is inside if n.p <= max(n.A, n.B) + e(n) for every unit normal n, A
+and B being the ends of its axis and e its extent beyond. A linear program gets a few of these
+planes: at each sample the one outward and those of faces, and then the tangent planes where its own
+prediction leaves the region (Kelley, "The cutting-plane method for solving convex programs", 1960).
 """
 
 from collections.abc import Callable, Sequence
@@ -17,18 +17,18 @@ from tubeplanner.refinement.linear_rows import Rows
 from tubeplanner.refinement.sampled_spline import SampledSpline
 from tubeplanner.tube.segment_regions import SegmentRegions
 
-# A prediction may leave the capsule by this share of its radius.
+# A prediction may leave the region by this share of its extent.
 _OUTSIDE = 0.002
 
 
 @dataclass(frozen=True, eq=False)
 class Planes:
-    """P supporting planes of capsules.
+    """P supporting planes of regions.
 
     Attributes:
-        sample: Whose capsule, shape (P,).
+        sample: Whose region, shape (P,).
         normal: Unit vectors, outward, shape (P, 3).
-        segment: Whose capsule they hold beside the sample's own, shape (P,).
+        segment: Whose region they hold beside the sample's own, shape (P,).
     """
 
     sample: IntArray
@@ -52,8 +52,8 @@ class Planes:
 
 
 @dataclass(frozen=True, eq=False)
-class EvaluatedCapsules:
-    """The capsules at N samples of a spline, and the vectors that must stay in them.
+class EvaluatedRegions:
+    """The regions at N samples of a spline, and the vectors that must stay in them.
 
     Attributes:
         at: The spline at the samples.
@@ -109,7 +109,7 @@ class EvaluatedCapsules:
         outside = np.flatnonzero(self._excess_of(vector, segment) > elastic + _OUTSIDE)
         normal = self.regions.outward(vector[outside], segment[outside])
         planes = Planes(outside, normal, segment[outside])
-        # Those that hold the sample's present capsule too may be farther out than the vectors.
+        # Those that hold the sample's present region too may be farther out than the vectors.
         return planes.where(self.slack(planes, vector - self.vector) < -elastic)
 
     def after(self, control: FloatArray, switching: FloatArray) -> FloatArray:

@@ -7,9 +7,9 @@ import pytest
 
 from tubeplanner import Tube
 from tubeplanner.constraints.path_samples import PathSamples
-from tubeplanner.refinement.capsule_constraints import EvaluatedCapsules, Planes
 from tubeplanner.refinement.ordered_segments import OrderedSegments
 from tubeplanner.refinement.phased_spline import PhasedSpline
+from tubeplanner.refinement.region_constraints import EvaluatedRegions, Planes
 from tubeplanner.refinement.rotation_constraints import EvaluatedRotation
 from tubeplanner.refinement.sampled_spline import sampled
 from tubeplanner.refinement.tube_constraints import evaluated_points, evaluated_tube
@@ -169,7 +169,7 @@ def corner(place, predicted):
         predicted: In which segment it would then be.
     """
     axes = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0]])
-    capsules = EvaluatedCapsules(
+    capsules = EvaluatedRegions(
         at=None,
         vector=np.array([place[0]]),
         derivative=lambda: np.zeros((1, 3, 2)),
