@@ -169,14 +169,17 @@ class SequentialProgram:
         current = replace(current, regions=tuple(map(_holding, current.regions)))
         rows, is_elastic = self.constraints.rows(current, None)
         rows = replace(rows, slack=np.maximum(rows.slack, 0.0))
-        # Nor does what no variable moves, such as a start on its tolerance.
-        still = tuple(~self._variables.move(regions.at) for regions in current.regions)
+        # Nor does what variables hardly move, such as a start on its tolerance.
+        bounds = self._bounds(current, _MULTIPLIER_TRUST, goal_moves=False)
+        size = StepSize(_MULTIPLIER_TRUST, bounds.switching)
+        still = tuple(self._hardly_move(regions, size) for regions in current.regions)
+        given = (rows.slack < _NEAR) & (self._reach(rows, size) + abs(rows.duration) > 0)
         linear = Linearization(
             current,
             (rows, is_elastic),
-            Given((rows.slack < _NEAR) & self._can_move(rows), _near_planes(current, still), still),
+            Given(given, _near_planes(current, still), still),
             self._variables,
-            self._bounds(current, _MULTIPLIER_TRUST, goal_moves=False),
+            bounds,
             Quadratic(
                 self._hessian * _MULTIPLIER_SMOOTHING,
                 self._gradient(current) * _MULTIPLIER_SMOOTHING,
@@ -194,11 +197,18 @@ class SequentialProgram:
         share = [1.0 if key in of_speed else 1 - INNER_MARGIN for key in keys]
         return dict(zip(keys, -cost * np.array(share), strict=True))
 
-    def _can_move(self, rows: Rows) -> BoolArray:
-        """Return whether variables change rows at all, shape (R,)."""
+    def _hardly_move(self, regions: EvaluatedRegions, size: StepSize) -> BoolArray:
+        """Return which samples a step moves by less than what the merit function ignores, (N,)."""
+        planes = regions.planes()
+        reach = np.full(len(regions.vector), np.inf)
+        reach[planes.sample] = 0.0
+        np.maximum.at(reach, planes.sample, self._reach(regions.rows(planes), size))
+        return (reach < MERIT_TOLERANCE) | ~self._variables.move(regions.at)
+
+    def _reach(self, rows: Rows, size: StepSize) -> FloatArray:
+        """Return how far a step of the variables can move each row, shape (R,)."""
         is_free = self._variables.column[rows.first[:, None] + np.arange(DEGREE + 1)] != FIXED
-        by_control = (abs(rows.control).sum(axis=2) * is_free).sum(axis=1)
-        return by_control + abs(rows.switching).sum(axis=1) + abs(rows.duration) > 0
+        return replace(rows, control=rows.control * is_free[:, :, None]).reach(size)
 
     def _moved(self, current: Iterate, step: Step) -> Iterate | None:
         points = self._variables.moved(current.spline.control_points, step.control)
