@@ -67,7 +67,10 @@ TESTS = {
         "refinement/test_sequential_program.py",
         "planning/test_planner_best_known.py",
     ),
-    "refinement/sequential_program": ("planning/test_planner_best_known.py",),
+    "refinement/sequential_program": (
+        "refinement/test_sensitivities.py",
+        "planning/test_planner_best_known.py",
+    ),
     "robot/robot_model": ("collision/test_collision_checker.py", "robot/test_followers.py"),
     "trajectory/bernstein": ("verification/test_enclosure.py",),
     "verification/certificate": ("verification/test_verification.py",),
@@ -833,6 +836,11 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "EvaluatedLinks._change": [("{0: -gradient", "{0: gradient"), (" / _UNIT", "")],
     "INNER_MARGIN": [("0.005", "0.055")],
     "Refinement._on_coarse_knots": [("_GAIN, _MAX_STEPS", "_GAIN, 4")],
+    "SequentialProgram._hardly_move": [
+        ("reach < MERIT_TOLERANCE", "reach < 0.0"),
+        ("reach < MERIT_TOLERANCE", "reach < 10.0"),
+    ],
+    "SequentialProgram._reach": [("rows.control * is_free[:, :, None]", "0 * rows.control")],
     "SequentialProgram.improved": [
         ("gain < _GOOD_RATIO * predicted", "False"),
         (

@@ -166,6 +166,7 @@ def test_only_refinement_has_sensitivities():
         sensitivity for sensitivity in result.sensitivities if sensitivity.limit == "radius"
     )
     assert (radius.joint, radius.segment) == (None, 0)
+    assert radius.elasticity < -0.01  # of one segment alone, without switching times
 
 
 def test_a_start_on_its_rotation_tolerance_costs_nothing(two_link):
