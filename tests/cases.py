@@ -5,7 +5,7 @@ from dataclasses import fields as dataclass_fields
 import numpy as np
 import pytest
 
-from tubeplanner import JointTrajectory, LimitOverrides, PlanningProblem, Tube, load_robot
+from tubeplanner import JointTrajectory, LimitOverrides, PlanningProblem, Seed, Tube, load_robot
 
 PROBLEMS = (
     "two_link/around_a_post",
@@ -77,6 +77,16 @@ def anywhere(robot):
     tool = robot.tool_position(np.zeros((1, robot.joint_count)))[0]
     tube = Tube([tool, tool + np.array([1.0, 0.0, 0.0])], 1000.0)
     return PlanningProblem(robot, tube, np.zeros(robot.joint_count), self_collision=False)
+
+
+def limited_tool(tube_speed=None, robot_speed=None, count=3):
+    """A problem of the two-link arm in a bent tube, with limits on the tool's speed."""
+    free = {"joint1": np.inf, "joint2": np.inf}
+    limits = LimitOverrides(velocity=free, tool_speed=robot_speed)
+    robot = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=limits)
+    points = [[0.45, -0.3, 0], [0.45, 0.1, 0], [0.2, 0.3, 0], [0.1, 0.4, 0]][: count + 1]
+    tube = Tube(points, 0.05, joint_signs={"joint2": "-"}, tool_speed=tube_speed)
+    return PlanningProblem(robot, tube, Seed(np.array([0.0, -1.0])))
 
 
 def quintic(angle=ANGLE, duration=1.0):

@@ -5,22 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tubeplanner import LimitOverrides, PlanningProblem, Seed, Tube, load_robot
+from cases import limited_tool
 from tubeplanner.constraints.path_samples import PathSamples
 from tubeplanner.constraints.time_scaling import scaled_to_limits, scaling_factor
 from tubeplanner.constraints.tool_speed import ToolSpeed
-
-POINTS = [[0.45, -0.3, 0], [0.45, 0.1, 0], [0.2, 0.3, 0], [0.1, 0.4, 0]]
-FREE = {"joint1": np.inf, "joint2": np.inf}
-
-
-def problem_of(tube_speed=None, robot_speed=None, count=3):
-    """Return a problem of the two-link arm in a bent tube."""
-    limits = LimitOverrides(velocity=FREE, tool_speed=robot_speed)
-    robot = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=limits)
-    signs = {"joint2": "-"}
-    tube = Tube(POINTS[: count + 1], 0.05, joint_signs=signs, tool_speed=tube_speed)
-    return PlanningProblem(robot, tube, Seed(np.array([0.0, -1.0])))
 
 
 @pytest.mark.parametrize(
@@ -36,7 +24,7 @@ def problem_of(tube_speed=None, robot_speed=None, count=3):
 def test_of_the_robots_limit_and_the_tubes_the_smaller_one_counts(
     tube_speed, robot_speed, expected
 ):
-    limit = ToolSpeed(problem_of(tube_speed, robot_speed))
+    limit = ToolSpeed(limited_tool(tube_speed, robot_speed))
     assert limit.limit.tolist() == expected
     limited = np.flatnonzero(np.isfinite(expected)).tolist()
     assert [(key.kind, key.joint, key.segment) for key in limit.keys] == [
@@ -45,7 +33,7 @@ def test_of_the_robots_limit_and_the_tubes_the_smaller_one_counts(
 
 
 def test_a_sample_has_the_key_of_its_segment():
-    problem = problem_of([None, 0.6, 0.8])
+    problem = limited_tool([None, 0.6, 0.8])
     at = PathSamples(problem, np.zeros((3, 4, 2)), lambda: np.array([1, 2, 2, 1]))
     assert ToolSpeed(problem).key_of(at).tolist() == [[0], [1], [1], [0]]
 

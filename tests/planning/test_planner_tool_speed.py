@@ -5,20 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tubeplanner import LimitOverrides, PlanningProblem, PlanOptions, Seed, Tube, load_robot, plan
+from cases import limited_tool
+from tubeplanner import PlanningProblem, PlanOptions, Seed, Tube, plan
 from tubeplanner.baselines.baselines import BASELINES, judged_baseline
-
-POINTS = [[0.45, -0.3, 0], [0.45, 0.1, 0], [0.2, 0.3, 0], [0.1, 0.4, 0]]
-FREE = {"joint1": np.inf, "joint2": np.inf}
-
-
-def problem_of(tube_speed=None, robot_speed=None, count=3):
-    """Return a problem of the two-link arm in a bent tube."""
-    limits = LimitOverrides(velocity=FREE, tool_speed=robot_speed)
-    robot = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=limits)
-    signs = {"joint2": "-"}
-    tube = Tube(POINTS[: count + 1], 0.05, joint_signs=signs, tool_speed=tube_speed)
-    return PlanningProblem(robot, tube, Seed(np.array([0.0, -1.0])))
 
 
 def require_kept(problem, certificate):
@@ -30,12 +19,12 @@ def require_kept(problem, certificate):
 @pytest.mark.parametrize("given", [([None, 0.5], None), (None, 0.6), ([0.4, 0.9], 0.8)])
 @pytest.mark.parametrize("method", ["refinement", "stop-at-corners"])
 def test_plans_keep_it_and_use_it(method, given):
-    problem = problem_of(*given, count=2)
+    problem = limited_tool(*given, count=2)
     result = plan(problem, PlanOptions(method))
     assert result.succeeded
     require_kept(problem, result.certificate)
     assert result.certificate.conditions["tool_speed"].margin < 0.01
-    free = plan(problem_of(count=2), PlanOptions(method))
+    free = plan(limited_tool(count=2), PlanOptions(method))
     assert free.duration < result.duration
 
 
@@ -52,7 +41,7 @@ def test_searches_keep_it(method, bundled):
 
 @pytest.mark.parametrize("name", BASELINES)
 def test_baselines_keep_it(name):
-    problem = problem_of([None, 0.5], 1.2, count=2)
+    problem = limited_tool([None, 0.5], 1.2, count=2)
     _, certificate = judged_baseline(problem, name)
     require_kept(problem, certificate)
 
@@ -84,7 +73,7 @@ def test_many_points_keep_it():
     points = np.column_stack([0.45 * np.cos(angles), 0.45 * np.sin(angles), 0 * angles])
     speeds = [0.6 if 10 <= k < 20 else None for k in range(39)]
     tube = Tube(points, 0.02, joint_signs={"joint2": "-"}, tool_speed=speeds)
-    problem = PlanningProblem(problem_of().robot, tube, Seed(np.array([0.0, -1.0])))
+    problem = PlanningProblem(limited_tool().robot, tube, Seed(np.array([0.0, -1.0])))
     result = plan(problem)
     assert result.succeeded
     require_kept(problem, result.certificate)

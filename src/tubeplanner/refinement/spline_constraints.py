@@ -1,5 +1,6 @@
 """All constraints of a spline at samples, with samples added where necessary."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 
@@ -101,9 +102,11 @@ class SplineConstraints:
             radius: Of the tube's segments, shape (m,) [m].
         """
         self._problem, self._grid, self._links, self._radius = problem, grid, links, radius
-        self._limits = speed_limits(problem)
-        self.keys = _keys(self._limits, problem.tube)
+        limits = speed_limits(problem)
+        self.keys = _keys(limits, problem.tube)
         self._numbers = {key: number for number, key in enumerate(self.keys)}
+        self._limits = [(limit, self._numbers_of(limit.keys)) for limit in limits]
+        self._regions = problem.tube.regions_of(radius)
         self._margin = INNER_MARGIN + _margin_for_kinks(problem.tube, grid)
         # A switching time has a sample on either side, so that the tool is in both regions there.
         ends = grid.phase_ends()
@@ -184,8 +187,8 @@ class SplineConstraints:
         """Return an iterate from limits that depend on the configuration, and the tube, there."""
         known = _Known(self._problem, spline, self._radius)
         limits = tuple(
-            EvaluatedSpeedLimit(limit, *known.at(self._points(limit, watched)), self._number(limit))
-            for limit in self._limits
+            EvaluatedSpeedLimit(limit, *known.at(self._points(limit, watched)), numbers)
+            for limit, numbers in self._limits
         )
         regions, rotation = self._tool_at(known, tube_samples)
         links = self._links.at(spline)
@@ -200,8 +203,8 @@ class SplineConstraints:
             return watched
         return self._hull if limit.rate == RATES["velocity"] else self._rate_samples
 
-    def _number(self, limit: SpeedLimit) -> IntArray:
-        return np.array([self._numbers[key] for key in limit.keys])
+    def _numbers_of(self, keys: Sequence[LimitKey]) -> IntArray:
+        return np.array([self._numbers[key] for key in keys])
 
     def _tool_at(
         self, known: "_Known", samples: Samples
@@ -210,7 +213,7 @@ class SplineConstraints:
         tube = self._problem.tube
         at, path = known.at(samples)
         segments = known.segments_of(samples)
-        regions, numbers = tube.regions_of(self._radius), self._tolerances
+        regions, numbers = self._regions, self._tolerances
         evaluated = [evaluated_tube(at, path, segments, regions, self._margin, numbers)]
         rotation = None
         if tube.rotation is not None:
@@ -230,13 +233,13 @@ class SplineConstraints:
         keys = _region_keys(self._problem.tube)
         numbers = np.zeros((len(keys), max(map(len, keys))), dtype=np.int64)
         for k, own in enumerate(keys):
-            numbers[k, : len(own)] = [self._numbers[key] for key in own]
+            numbers[k, : len(own)] = self._numbers_of(own)
         return numbers
 
     @cached_property
     def _rotation_tolerances(self) -> IntArray:
         """The numbers of the rotation tolerances, shape (m,)."""
-        return np.array([self._numbers[key] for key in _rotation_keys(self._problem.tube)])
+        return self._numbers_of(_rotation_keys(self._problem.tube))
 
 
 class _Known:
