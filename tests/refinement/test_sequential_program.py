@@ -42,8 +42,8 @@ def test_a_step_costs_nothing_it_should_not(begun):
 
 
 def test_a_region_that_is_too_small_grows(begun):
-    assert steps(begun, 0.005, 4).trust >= 8 * 0.005
+    assert steps(begun, 0.005, 4).trust.radius >= 8 * 0.005
 
 
 def test_a_region_that_is_too_wide_shrinks(begun):
-    assert steps(begun, 1.0, 6).trust <= 0.5
+    assert steps(begun, 1.0, 6).trust.radius <= 0.5

@@ -18,6 +18,23 @@ _SOLVERS = (
 
 
 @dataclass(frozen=True, eq=False)
+class Quadratic:
+    """The curvature of a step's cost.
+
+    Attributes:
+        hessian: Over all that may change, shape (V, V).
+        gradient: Over the variables, shape (F n,).
+    """
+
+    hessian: sparse.csc_matrix
+    gradient: FloatArray
+
+    def times(self, factor: float) -> "Quadratic":
+        """Return a multiple of it."""
+        return Quadratic(self.hessian * factor, self.gradient * factor)
+
+
+@dataclass(frozen=True, eq=False)
 class Bounds:
     """Where the step must stay.
 
@@ -70,8 +87,7 @@ class StepProgram:
         is_elastic: FloatArray,
         column: IntArray,
         bounds: Bounds,
-        hessian: sparse.csc_matrix,
-        gradient: FloatArray,
+        quadratic: Quadratic,
         penalty: float,
         tolerance: float,
     ) -> None:
@@ -82,8 +98,7 @@ class StepProgram:
             is_elastic: 1 for rows that may be violated at a penalty, else 0, shape (R,).
             column: The variable of every control point, -1 where it is fixed, shape (K,).
             bounds: Where the step must stay.
-            hessian: Over all that may change, shape (V, V).
-            gradient: Shape (F n,).
+            quadratic: The curvature of the step's cost.
             penalty: Weight of the elastic variable.
             tolerance: Of the solution, absolute and relative.
         """
@@ -91,8 +106,8 @@ class StepProgram:
         switches = len(bounds.switching)
         self._matrix = _matrix(rows, is_elastic, column, *self._free)
         self._widths = bounds.widths if switches else np.zeros(0)
-        self._hessian = hessian
-        self._linear = np.concatenate([gradient, np.zeros(switches), [1.0, penalty]])
+        self._hessian = quadratic.hessian
+        self._linear = np.concatenate([quadratic.gradient, np.zeros(switches), [1.0, penalty]])
         self._lower = np.concatenate(
             [bounds.lower.ravel(), -bounds.switching, [bounds.duration[0], 0.0]]
         )
@@ -109,6 +124,7 @@ class StepProgram:
             solver = piqp.SparseSolver()
             settings = solver.settings
             settings.kkt_solver = kind
+            settings.preconditioner_iter = 0  # rows are scaled by their limits already
             settings.eps_abs = settings.eps_rel = self._tolerance
             settings.eps_duality_gap_abs = settings.eps_duality_gap_rel = self._tolerance
             solver.setup(

@@ -9,11 +9,10 @@ from dataclasses import dataclass, replace
 from itertools import starmap
 
 import numpy as np
-from scipy import sparse
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.refinement.control_variables import ControlVariables
-from tubeplanner.refinement.linear_program import Bounds, Step, StepProgram
+from tubeplanner.refinement.linear_program import Bounds, Quadratic, Step, StepProgram
 from tubeplanner.refinement.linear_rows import Rows, stacked
 from tubeplanner.refinement.phased_spline import DEGREE
 from tubeplanner.refinement.region_constraints import Planes
@@ -23,19 +22,6 @@ _MAX_ROUNDS, _MAX_CORRECTIONS = 4, 3
 BROKEN = 1e-4
 # Planes with less slack after a step [radii] are given to the next program at once.
 _BINDING = 0.005
-
-
-@dataclass(frozen=True, eq=False)
-class Quadratic:
-    """The curvature of a step's cost.
-
-    Attributes:
-        hessian: Over all that may change, shape (V, V).
-        gradient: Over the variables, shape (F n,).
-    """
-
-    hessian: sparse.csc_matrix
-    gradient: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,8 +156,7 @@ class Linearization:
             elastic,
             self._variables.column,
             self._bounds,
-            self._quadratic.hessian,
-            self._quadratic.gradient,
+            self._quadratic,
             self.penalty,
             self._tolerance,
         )

@@ -21,6 +21,7 @@ from tubeplanner.refinement.phased_spline import KnotGrid, PhasedSpline
 from tubeplanner.refinement.sequential_program import FIRST_PENALTY, Improved, SequentialProgram
 from tubeplanner.refinement.spline_constraints import Iterate
 from tubeplanner.refinement.spline_start import subdivided
+from tubeplanner.refinement.trust_region import TrustRegion
 from tubeplanner.refinement.widened_tube import widened_radius
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, from_spline
 from tubeplanner.verification.certificate import Certificate
@@ -64,7 +65,7 @@ class Refinement:
         self._checkpoint_duration = checkpoint
         self._radius = problem.tube.effective_radius
         self._program = SequentialProgram(problem, start.grid)
-        self._penalty = FIRST_PENALTY
+        self._penalty, self._damping = FIRST_PENALTY, TrustRegion.damping
         self._best: Iterate | None = None
 
     @property
@@ -114,7 +115,7 @@ class Refinement:
         own = self._problem.tube.effective_radius
         self._radius = widened_radius(self._problem.tube, grid) if widens else own
         self._program = SequentialProgram(self._problem, grid, links, self._radius)
-        self._penalty = FIRST_PENALTY
+        self._penalty, self._damping = FIRST_PENALTY, TrustRegion.damping
 
     def answer(self, certificate: Certificate, duration: float) -> bool:
         """Continue with samples where a certificate fails; return whether there was anything to do.
@@ -156,18 +157,18 @@ class Refinement:
         return found
 
     def _improved(
-        self, current: Iterate, trust: float, min_gain: float, max_steps: int
+        self, current: Iterate, radius: float, min_gain: float, max_steps: int
     ) -> Improved:
-        """Return a shorter trajectory; the penalty that it took is the next one's first."""
+        """Return a shorter trajectory; the penalty and damping it took are the next one's first."""
         found = self._program.improved(
             current,
-            trust,
+            TrustRegion(radius, self._damping),
             self._penalty,
             min_gain=min_gain,
             max_steps=max_steps,
             checkpoint=self._checkpoint,
         )
-        self._penalty = found.penalty
+        self._penalty, self._damping = found.penalty, found.trust.damping
         return found
 
     def _begun(self, spline: PhasedSpline) -> Iterate:
@@ -194,7 +195,7 @@ class Refinement:
             if inside and found.has_ended and (near or not has_more):
                 break
             again = self._program.iterate(found.iterate.spline)
-            trust = min(max(2 * found.trust, _MIN_LAST_TRUST), _LAST_TRUST)
+            trust = min(max(2 * found.trust.radius, _MIN_LAST_TRUST), _LAST_TRUST)
             found = self._improved(again, trust, _LAST_GAIN, _STEPS_PER_ROUND)
         self._best = best or found.iterate
 

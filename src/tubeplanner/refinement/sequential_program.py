@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from itertools import starmap
 
 import numpy as np
-from scipy import sparse
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.constraints.speed_limit import LimitKey
@@ -18,20 +17,20 @@ from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.refinement.control_variables import FIXED, ControlVariables
 from tubeplanner.refinement.linear_program import Bounds, Step
 from tubeplanner.refinement.linear_rows import INNER_MARGIN, MERIT_TOLERANCE, Rows, StepSize
-from tubeplanner.refinement.linearization import BROKEN, Given, Linearization, Quadratic
+from tubeplanner.refinement.linearization import BROKEN, Given, Linearization
 from tubeplanner.refinement.link_constraints import LinkConstraints
 from tubeplanner.refinement.phased_spline import DEGREE, KnotGrid, PhasedSpline
 from tubeplanner.refinement.region_constraints import EvaluatedRegions, Planes
 from tubeplanner.refinement.spline_constraints import Iterate, SplineConstraints
+from tubeplanner.refinement.step_cost import StepCost
+from tubeplanner.refinement.trust_region import Outcome, TrustRegion
 
-# Weights of third differences, against wiggles of joints that do not matter, and of the step.
-_SMOOTHING = 1e-5
-_PROXIMITY = 1e-3
 # Rows are given to the solver if they are this near, or a part of the trust region away.
 _NEAR, _NEAR_SHARE = 0.03, 0.03
-_MIN_TRUST, _MAX_TRUST = 1e-4, 1.0
 # Steps that gain less than this share of the prediction get a second-order correction.
 _GOOD_RATIO = 0.3
+# Those that gain less than this share in the end are not made.
+_WORTH_A_MOVE = 0.02
 # A step that should lose this share of T^2 obeys planes of two segments that contradict each other.
 _CONTRADICTION = 5e-4
 FIRST_PENALTY, _MAX_PENALTY = 3.0, 1e4
@@ -39,7 +38,8 @@ _DURATION_STEP = (-0.5, 1.0)
 # Phases change by at most this share of their width, and of the trust region.
 _MAX_WIDTH_SHARE, _WIDTH_SHARE = 0.3, 8.0
 # For the multipliers: a small trust region, hardly any quadratic part, an exact solution.
-_MULTIPLIER_TRUST, _MULTIPLIER_SMOOTHING, _MULTIPLIER_TOLERANCE = 0.02, 1e-3, 1e-8
+_MULTIPLIER_TRUST = TrustRegion(0.02, 0.0)
+_MULTIPLIER_SMOOTHING, _MULTIPLIER_TOLERANCE = 1e-3, 1e-8
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,13 +48,13 @@ class Improved:
 
     Attributes:
         iterate: The shortest trajectory.
-        trust: Radius of the trust region [rad or m].
+        trust: The next step's trust region.
         penalty: Weight of the elastic constraints.
         has_ended: Whether it ended by itself, not after the steps that it was given.
     """
 
     iterate: Iterate
-    trust: float
+    trust: TrustRegion
     penalty: float
     has_ended: bool
 
@@ -98,8 +98,7 @@ class SequentialProgram:
         self.constraints = SplineConstraints(problem, grid, links, radius)
         self._problem, self.grid = problem, grid
         self._variables = ControlVariables(problem, grid)
-        self._curvature = self._smoothing()
-        self._hessian = self._step_hessian()
+        self._cost = StepCost(self._variables, grid, problem.robot.joint_count)
 
     def iterate(self, spline: PhasedSpline) -> Iterate:
         """Return a trajectory with its cost, its control points moved into the joints' bounds."""
@@ -109,7 +108,7 @@ class SequentialProgram:
     def improved(
         self,
         current: Iterate,
-        trust: float,
+        trust: TrustRegion,
         penalty: float,
         *,
         min_gain: float,
@@ -120,7 +119,7 @@ class SequentialProgram:
 
         Args:
             current: Where to start.
-            trust: First radius of the trust region [rad or m].
+            trust: The first trust region.
             penalty: First weight of the elastic constraints.
             min_gain: A step that should gain less than this share of T^2 ends it, or two that do.
             max_steps: So many steps end it too.
@@ -131,28 +130,35 @@ class SequentialProgram:
             linear = self._linearized(current, trust, penalty, remembered)
             step = linear.solve()
             if step is None:
-                trust *= 0.4
+                trust = trust.smaller()
                 continue
             remembered = _Remembered(linear.added, linear.binding(step))
             trial = self._moved(current, step)
             if trial is None:
-                trust *= 0.4
+                trust = trust.smaller()
                 continue
             predicted, gain = _gains(current, trial, step, penalty)
             if predicted < -_CONTRADICTION:
-                trust *= 0.4
+                trust = trust.smaller()
                 continue
+            first_gain = gain
             if gain < _GOOD_RATIO * predicted:
                 trial, gain = self._corrected(current, linear, step, trial, gain)
-            ratio = gain / max(predicted, 1e-12)
+            outcome = Outcome(
+                predicted,
+                first_gain,
+                gain,
+                float(abs(step.control).max(initial=0.0)),
+                self._cost.squared_rates(step.control),
+            )
             if step.elastic > BROKEN:
                 penalty = min(4 * penalty, _MAX_PENALTY)
-            if ratio > 0.02:
+            if outcome.ratio > _WORTH_A_MOVE:
                 current = trial
                 small_gains = small_gains + 1 if gain < min_gain else 0
             checkpoint(current)
-            trust = _next_trust(trust, ratio, float(abs(step.control).max(initial=0.0)))
-            if predicted < min_gain or small_gains == 2 or trust < _MIN_TRUST:
+            trust = trust.after(outcome)
+            if predicted < min_gain or small_gains == 2 or trust.has_collapsed:
                 return Improved(current, trust, penalty, has_ended=True)
         return Improved(current, trust, penalty, has_ended=False)
 
@@ -171,7 +177,7 @@ class SequentialProgram:
         rows = replace(rows, slack=np.maximum(rows.slack, 0.0))
         # Nor does what variables hardly move, such as a start on its tolerance.
         bounds = self._bounds(current, _MULTIPLIER_TRUST, goal_moves=False)
-        size = StepSize(_MULTIPLIER_TRUST, bounds.switching)
+        size = StepSize(_MULTIPLIER_TRUST.radius, bounds.switching)
         still = tuple(self._hardly_move(regions, size) for regions in current.regions)
         given = (rows.slack < _NEAR) & (self._reach(rows, size) + abs(rows.duration) > 0)
         linear = Linearization(
@@ -180,10 +186,7 @@ class SequentialProgram:
             Given(given, _near_planes(current, still), still),
             self._variables,
             bounds,
-            Quadratic(
-                self._hessian * _MULTIPLIER_SMOOTHING,
-                self._gradient(current) * _MULTIPLIER_SMOOTHING,
-            ),
+            self._cost.quadratic(current.spline.control_points).times(_MULTIPLIER_SMOOTHING),
             _MAX_PENALTY,
             _MULTIPLIER_TOLERANCE,
         )
@@ -236,10 +239,10 @@ class SequentialProgram:
         return (second, second_gain) if second_gain > gain else (trial, gain)
 
     def _linearized(
-        self, current: Iterate, trust: float, penalty: float, remembered: _Remembered
+        self, current: Iterate, trust: TrustRegion, penalty: float, remembered: _Remembered
     ) -> Linearization:
         bounds = self._bounds(current, trust)
-        size = StepSize(trust, bounds.switching)
+        size = StepSize(trust.radius, bounds.switching)
         rows, is_elastic = self.constraints.rows(current, size)
         near = (rows.slack < _NEAR) | (rows.slack < _NEAR_SHARE * rows.reach(size))
         none = tuple(np.zeros(len(regions.vector), bool) for regions in current.regions)
@@ -252,48 +255,26 @@ class SequentialProgram:
             Given(near | np.isin(rows.index, remembered.rows), planes, none),
             self._variables,
             bounds,
-            Quadratic(self._hessian, self._gradient(current)),
+            self._cost.quadratic(current.spline.control_points, trust.damping),
             penalty,
         )
 
-    def _bounds(self, current: Iterate, trust: float, *, goal_moves: bool = True) -> Bounds:
+    def _bounds(self, current: Iterate, trust: TrustRegion, *, goal_moves: bool = True) -> Bounds:
         """Return the bounds of a step."""
         widths = np.diff(current.spline.switching_times)
-        widths *= min(_MAX_WIDTH_SHARE, _WIDTH_SHARE * trust)
+        widths *= min(_MAX_WIDTH_SHARE, _WIDTH_SHARE * trust.radius)
         switching = np.minimum(np.cumsum(widths)[:-1], np.cumsum(widths[::-1])[-2::-1])
         points = current.spline.control_points
         now, joints = self._variables.of(points), points.shape[1]
         held = self._variables.held(points)
         return Bounds(
-            np.clip(self._variables.lower - now, -trust, 0.0),
-            np.clip(self._variables.upper - now, 0.0, trust),
+            np.clip(self._variables.lower - now, -trust.radius, 0.0),
+            np.clip(self._variables.upper - now, 0.0, trust.radius),
             switching,
             widths,
             _DURATION_STEP,
             held if goal_moves or len(held) == 0 else np.eye(joints),
         )
-
-    def _gradient(self, current: Iterate) -> FloatArray:
-        """Return how the smoothing changes with the variables, shape (F n,)."""
-        gradient: FloatArray = self._curvature @ current.spline.control_points
-        return (self._variables.selection.T @ gradient).ravel()
-
-    def _step_hessian(self) -> sparse.csc_matrix:
-        """Return the curvature of a step's cost: smoothing and proximity; else next to none."""
-        joints = self._problem.robot.joint_count
-        selection = self._variables.selection
-        inner = selection.T @ self._curvature @ selection
-        inner = inner + sparse.identity(inner.shape[0]) * _PROXIMITY
-        others = len(self.grid.shares) - 1 + 2  # switching times, eta, elastic
-        parts = [sparse.kron(inner, sparse.identity(joints)), sparse.identity(others) * 1e-9]
-        return sparse.block_diag(parts, format="csc")
-
-    def _smoothing(self) -> sparse.csr_matrix:
-        """Return the matrix of the squared third differences, scaled with the knots' spacing."""
-        count = self.grid.control_point_count
-        third = sparse.diags([-1.0, 3.0, -3.0, 1.0], [0, 1, 2, 3], shape=(count - 3, count))
-        weight = 2 * _SMOOTHING * self.grid.interval_count**5 / 250_000
-        return (third.T @ third).tocsr() * weight
 
 
 def _holding(regions: EvaluatedRegions) -> EvaluatedRegions:
@@ -322,14 +303,3 @@ def _gains(current: Iterate, trial: Iterate, step: Step, penalty: float) -> tupl
 def _beyond(excess: float) -> float:
     """Return the counted part of an excess."""
     return max(excess - MERIT_TOLERANCE, 0.0)
-
-
-def _next_trust(trust: float, ratio: float, size: float) -> float:
-    """Return the trust region's next radius, by how well a step's gain was predicted."""
-    if ratio < 0.1:
-        return 0.4 * min(trust, max(size, _MIN_TRUST))
-    if ratio < 0.3:
-        return 0.6 * trust
-    if ratio > 0.7 and size > 0.8 * trust:
-        return min(2 * trust, _MAX_TRUST)
-    return trust

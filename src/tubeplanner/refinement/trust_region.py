@@ -1,0 +1,85 @@
+"""How far the next step may go: a box, and a damping of its rates.
+
+A linear program ends at the corners of its box. Where motors are not at their limits, corners are
+worth hardly more than what lies within, but what the linearization leaves out grows with the square
+of the step's rates: Coriolis and centrifugal efforts. That much is added to the cost.
+(Lewis & Wright, "A proximal method for composite minimization", 2016.)
+"""
+
+from dataclasses import dataclass, replace
+
+MIN_RADIUS, _MAX_RADIUS = 1e-4, 1.0
+_POOR, _FAIR, _GOOD = 0.1, 0.3, 0.7
+_NEARLY_AT_RADIUS = 0.8
+# Damping is at least doubled after a step that gained little, up to this share of what the step's
+# cost was off by, and divided after one that gained what it should.
+_SHARE_OF_ERROR = 0.2
+_MORE, _LESS = 2.0, 3.0
+_MIN_DAMPING, _MAX_DAMPING = 1e-9, 1e3
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a step.
+
+    Attributes:
+        predicted: What it should have gained.
+        linear: What it did as the linear program gave it.
+        gain: What it did in the end.
+        size: Largest change of a control point [rad or m].
+        squared_rates: As in `StepCost.squared_rates`.
+    """
+
+    predicted: float
+    linear: float
+    gain: float
+    size: float
+    squared_rates: float
+
+    @property
+    def ratio(self) -> float:
+        """The gain as a share of the prediction."""
+        return self.gain / max(self.predicted, 1e-12)
+
+
+@dataclass(frozen=True)
+class TrustRegion:
+    """How far a step may go.
+
+    Attributes:
+        radius: Largest change of a control point [rad or m].
+        damping: Weight of half the step's squared rates in its cost.
+    """
+
+    radius: float
+    damping: float = _MIN_DAMPING
+
+    @property
+    def has_collapsed(self) -> bool:
+        """Whether no step is left to be tried."""
+        return self.radius < MIN_RADIUS or self.damping > _MAX_DAMPING
+
+    def smaller(self) -> "TrustRegion":
+        """Return the region after a step that could not be made or contradicts itself."""
+        return replace(self, radius=0.4 * self.radius)
+
+    def after(self, outcome: Outcome) -> "TrustRegion":
+        """Return the region after a step."""
+        return TrustRegion(self._next_radius(outcome), self._next_damping(outcome))
+
+    def _next_radius(self, outcome: Outcome) -> float:
+        ratio, size = outcome.ratio, outcome.size
+        if ratio < _POOR:
+            return 0.4 * min(self.radius, max(size, MIN_RADIUS))
+        if ratio > _GOOD and size > _NEARLY_AT_RADIUS * self.radius:
+            return min(2 * self.radius, _MAX_RADIUS)
+        return self.radius
+
+    def _next_damping(self, outcome: Outcome) -> float:
+        if outcome.ratio > _GOOD:
+            return max(self.damping / _LESS, _MIN_DAMPING)
+        if outcome.ratio > _FAIR:
+            return self.damping
+        error = max(outcome.predicted - outcome.linear, 0.0)
+        enough = _SHARE_OF_ERROR * error / max(outcome.squared_rates, 1e-300)
+        return max(_MORE * self.damping, enough)
