@@ -50,7 +50,7 @@ def assert_same(first, second):
 
 def test_what_is_read_back_is_what_was_computed(folder, ring, uncomputed):
     cold, error = ring().cover(), ring().outer_error()
-    assert len(list(folder.glob("cover-*.npz"))) == 1
+    assert len(list(folder.glob("cover-*"))) == 1
     uncomputed()
     assert_same(ring().cover(), cold)
     assert ring().outer_error() == error > 0
@@ -69,7 +69,7 @@ def test_a_robot_from_the_cache_is_the_same(folder):
 @pytest.mark.parametrize("content", [b"", b"noise", None])
 def test_an_entry_that_cannot_be_read_is_replaced(folder, ring, uncomputed, content):
     cold = ring().cover()
-    (entry,) = folder.glob("cover-*.npz")
+    (entry,) = folder.glob("cover-*")
     whole = entry.read_bytes()
     entry.write_bytes(whole[: len(whole) // 2] if content is None else content)
     assert_same(ring().cover(), cold)
@@ -91,7 +91,7 @@ def test_another_mesh_or_scale_is_another_entry(folder, ring):
     MeshFile("link 'ring'", ring().path, 2.0).cover()
     trimesh.creation.box([0.1, 0.1, 0.1]).export(ring().path)
     assert len(ring().cover()[0].vertices) == 8 != len(first[0].vertices)
-    assert len(list(folder.glob("cover-*.npz"))) == 3
+    assert len(list(folder.glob("cover-*"))) == 3
 
 
 def test_a_mesh_moved_elsewhere_is_the_same_entry(folder, ring, tmp_path, uncomputed):
@@ -110,7 +110,7 @@ def test_an_entry_is_never_half_written(folder):
 
     def write():
         while not stop.is_set():
-            for entry in folder.glob("numbers-*.npz"):
+            for entry in folder.glob("numbers-*"):
                 entry.unlink(missing_ok=True)
             cached("numbers", "a" * 64, lambda: {"values": content})
 
@@ -129,7 +129,7 @@ def test_an_entry_is_never_half_written(folder):
 
 def test_a_write_that_fails_leaves_nothing(folder, ring, monkeypatch):
     cold = ring().cover()
-    (entry,) = folder.glob("*.npz")
+    (entry,) = folder.glob("*")
     entry.unlink()
 
     def full(self, target):
