@@ -20,7 +20,7 @@ TESTS = Path(__file__).parent
 KNOWS = {
     "pinocchio": {"robot.pinocchio_model", "robot.robot_model"},
     "fcl": {"collision.mesh_solid", "collision.separation"},
-    "yourdfpy": {"collision.link_geometry"},
+    "yourdfpy": {"collision.link_elements"},
     "trimesh": {"collision.mesh_cover", "views.visual_mesh"},
     "matplotlib": {
         "views.comparison_plot",

@@ -112,10 +112,10 @@ class MeshPiece:
     @cached_property
     def _facets(self) -> tuple[FloatArray, BoolArray]:
         """The hull's triangles, shape (F, 3, 3) [m], and which of them a cut made, shape (F,)."""
-        facets = self.hull.vertices[self.hull.faces]
+        facets: FloatArray = self.hull.vertices[self.hull.faces]
         on_cut = np.zeros(len(facets), dtype=bool)
         for bound in (self.low, self.high):
-            on_cut |= (abs(facets - bound) < _ON_PLANE).all(axis=1).any(axis=1)
+            on_cut |= np.any(np.all(abs(facets - bound) < _ON_PLANE, axis=1), axis=1)
         return facets, on_cut
 
     @property
