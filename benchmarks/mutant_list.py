@@ -256,7 +256,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "_Fit.at": [("np.minimum.reduce", "np.maximum.reduce")],
     "_Fit._in": [("np.minimum.reduce", "np.maximum.reduce")],
     "_Fit.best_times": [
-        ("np.array([low, high, (begin + end) / 2])", "np.array([low, high])"),
+        ("np.array([low, high, _highest(worse, low, high)])", "np.array([low, high])"),
         ("np.minimum(before, after)", "np.maximum(before, after)"),
     ],
     # --- verification/rotation_visits ---------------------------------------------------------
@@ -371,7 +371,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     "_Fit.best_passage": [
         ('self._tube.visit == "ordered"', "True"),
-        ("candidates.append(float(found.x))", "pass"),
+        ("candidates.append(float(_highest(margin, around[:1], around[2:])[0]))", "pass"),
         ("self.at(t)[:, [k - 1, k]].max(axis=1)", "self.at(t)[:, [k - 1, k]].min(axis=1)"),
         ("float(margins.max()) - error", "float(margins.max())"),
     ],
@@ -602,11 +602,12 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "ConvexShape.reach": [(" + self.radius", ""), (".max())", ".min())")],
     "ConvexShape.center": [("/ 2", "/ 4")],
     "ConvexShape.faces": [("np.where(inward", "np.where(~inward")],
+    "_prism_faces": [("fan[:, ::-1]", "fan")],
     "ConvexShape.transformed": [
         ("placement[:3, :3].T", "placement[:3, :3]"),
         ("read_only(moved), self.radius", "read_only(moved)"),
     ],
-    "box": [("/ 2)", "/ 4)")],
+    "box": [("np.array(list(size)) / 2", "np.array(list(size)) / 4")],
     "capsule": [("[0, 0, length / 2]", "[0, 0, length / 4]")],
     "cylinder": [
         ("radius / np.cos(np.pi / _PRISM_SIDES)", "radius"),
@@ -621,11 +622,11 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "_cover_and_slabs": [("_WORTHWHILE_VOLUME_RATIO * ", "0 * ")],
     "length_unit": [('float(element.get("meter", "1"))', "1.0")],
     "load_mesh": [("loaded.apply_scale(scale)", "pass")],
-    "link_parts": [
-        ("placement @ placement_in_link(collision)", "placement"),
-        ("placement @ placement_in_link(collision)", "placement_in_link(collision)"),
+    "_part": [
+        ("robot.link_placement[link] @ element.placement", "robot.link_placement[link]"),
+        ("robot.link_placement[link] @ element.placement", "element.placement"),
     ],
-    "placement_of": [('"xyz", rpy', '"XYZ", rpy')],
+    "matrix_of_rpy": [("z @ y @ x", "x @ y @ z")],
     # --- constraints/speed_polynomial ---------------------------------------------------------
     "SpeedPolynomial.at": [("speed**k", "speed")],
     "SpeedPolynomial.largest_speed": [("np.minimum.reduce", "np.maximum.reduce")],

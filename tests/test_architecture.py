@@ -1,6 +1,7 @@
 """The rules of the sources, beside those of import-linter in pyproject.toml."""
 
 import ast
+import os
 import subprocess
 import sys
 import tomllib
@@ -11,6 +12,7 @@ from grimp import build_graph
 from importlinter.cli import lint_imports
 
 import tubeplanner
+from stored_trajectories import REFINEMENT, stored_path
 
 PACKAGE = Path(tubeplanner.__file__).parent
 MODULES = [path for path in sorted(PACKAGE.rglob("*.py")) if path.name != "__init__.py"]
@@ -20,7 +22,7 @@ TESTS = Path(__file__).parent
 KNOWS = {
     "pinocchio": {"robot.pinocchio_model", "robot.robot_model"},
     "fcl": {"collision.mesh_solid", "collision.separation"},
-    "yourdfpy": {"collision.link_geometry"},
+    "yourdfpy": {"collision.link_elements"},
     "trimesh": {"collision.mesh_cover", "views.visual_mesh"},
     "matplotlib": {
         "views.comparison_plot",
@@ -84,6 +86,37 @@ def test_importing_the_package_loads_no_heavy_library():
     )
     output = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert output.stdout.strip() == "[]"
+
+
+def loaded_by(*arguments, cache):
+    """Return the libraries that a command loads in a process of its own."""
+    code = (
+        "import sys; from tubeplanner.commands.cli import main;"
+        "assert main(sys.argv[1:]) == 0; print('LOADED', *sys.modules)"
+    )
+    output = subprocess.run(
+        [sys.executable, "-c", code, *arguments],
+        env=os.environ | {"TUBEPLANNER_CACHE": str(cache)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return set(output.stdout.rsplit("LOADED", 1)[1].split())
+
+
+def test_plan_and_check_load_no_library_that_they_can_do_without(tmp_path, monkeypatch):
+    """What reads meshes and finds hulls is not loaded once the cache has what comes of them."""
+    problem, stored = "example:ur5/over_the_wall", stored_path("ur5/over_the_wall", REFINEMENT)
+    monkeypatch.setenv("TUBEPLANNER_CACHE", str(tmp_path))
+    _ = tubeplanner.load_problem(problem).collision
+    checked = loaded_by("check", problem, str(stored), cache=tmp_path)
+    planned = loaded_by("plan", problem, cache=tmp_path)
+    never = {"trimesh", "yourdfpy", "matplotlib", "meshcat", "ruamel", "toppra", "ompl"}
+    assert (checked | planned) & never == set()
+    assert {name for name in checked if name.startswith("scipy")} == set()
+    # PIQP takes its matrices only from scipy.sparse.
+    parts = {name.split(".")[1] for name in planned if name.startswith("scipy.")}
+    assert {part for part in parts if not part.startswith("_")} == {"sparse", "version"}
 
 
 def test_judging_loads_nothing_of_what_makes_or_writes_trajectories():

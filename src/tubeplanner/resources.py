@@ -204,8 +204,10 @@ def _example_robot_data_share() -> Path:
         raise RobotError(
             "example-robot-data is not installed: pip install example-robot-data"
         ) from None
-    for file in distribution.files or []:
-        if str(file).endswith("example-robot-data/package.xml"):
+    # Its list of files as text: `distribution.files` would make a path of each of the thousand.
+    for line in (distribution.read_text("RECORD") or "").splitlines():
+        file = line.split(",")[0]
+        if file.endswith("example-robot-data/package.xml"):
             return Path(str(distribution.locate_file(file))).resolve().parent.parent
     raise RobotError("the installed example-robot-data holds no package.xml: reinstall it")
 

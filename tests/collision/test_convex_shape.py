@@ -47,7 +47,19 @@ def test_a_cylinder_becomes_a_prism_around_it_at_most_one_percent_wider():
     assert (support(shape, d) <= exact + 0.2 * 0.0087 * flat).all()
 
 
-@pytest.mark.parametrize("shape", [box([1, 2, 3]), cylinder(0.2, 1.0)], ids=["box", "cylinder"])
+PLACEMENT = np.eye(4)
+PLACEMENT[:3, :3] = Rotation.from_euler("xyz", [1.0, 2.0, 3.0]).as_matrix()
+PLACEMENT[:3, 3] = 4.0, 5.0, 6.0
+POLYTOPES = {
+    "box": box([1, 2, 3]),
+    "cylinder": cylinder(0.2, 1.0),
+    "placed box": box([1, 2, 3]).transformed(PLACEMENT),
+    "hull": convex_hull(np.random.default_rng(0).normal(size=(50, 3))),
+    "flat": convex_hull(np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0.0]])),
+}
+
+
+@pytest.mark.parametrize("shape", POLYTOPES.values(), ids=POLYTOPES.keys())
 def test_faces_are_turned_outward_and_close_the_surface(shape):
     a, b, c = shape.vertices[shape.faces].transpose(1, 0, 2)
     volume = np.einsum("fi,fi->", a, np.cross(b, c)) / 6

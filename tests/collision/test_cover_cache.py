@@ -1,14 +1,17 @@
 """The cache changes times, never answers, and nothing that happens to it is an error."""
 
+import io
 import os
 import threading
 from pathlib import Path
 
 import numpy as np
+import platformdirs
 import pytest
 import trimesh
 
-from tubeplanner import load_robot
+from stored_trajectories import STOP
+from tubeplanner import PlanOptions, load_problem, load_robot, plan
 from tubeplanner.collision.collision_checker import CollisionChecker
 from tubeplanner.collision.cover_cache import VARIABLE, cache_folder, cached
 from tubeplanner.collision.link_covers import link_covers
@@ -45,12 +48,32 @@ def assert_same(first, second):
     assert len(first) == len(second)
     for one, other in zip(first, second, strict=True):
         np.testing.assert_array_equal(one.vertices, other.vertices)
+        np.testing.assert_array_equal(one.faces, other.faces)
         assert one.radius == other.radius
+
+
+def assert_same_geometry(first, second):
+    assert_same([s.shape for s in first.shapes], [s.shape for s in second.shapes])
+    np.testing.assert_array_equal(first.pairs, second.pairs)
+    assert first.left_out == second.left_out
+
+
+def spoiled(entry):
+    """Yield an entry's content cut short, with a bit turned, as plain arrays, and as noise."""
+    whole = entry.read_bytes()
+    yield from (b"", b"noise", whole[: len(whole) // 2], whole[:40])
+    yield whole[:-100] + bytes([whole[-100] ^ 1]) + whole[-99:]
+    foreign = io.BytesIO()
+    np.savez(foreign, vertices=np.zeros((1, 3)), counts=np.array([10**15]))
+    yield foreign.getvalue()
+    pickled = io.BytesIO()
+    np.savez(pickled, vertices=np.array([Path.unlink], dtype=object))
+    yield pickled.getvalue()
 
 
 def test_what_is_read_back_is_what_was_computed(folder, ring, uncomputed):
     cold, error = ring().cover(), ring().outer_error()
-    assert len(list(folder.glob("cover-*.npz"))) == 1
+    assert len(list(folder.glob("cover-*"))) == 1
     uncomputed()
     assert_same(ring().cover(), cold)
     assert ring().outer_error() == error > 0
@@ -60,21 +83,61 @@ def test_a_robot_from_the_cache_is_the_same(folder):
     robot = load_robot("example:finger_edu", "finger_tip_link")
     cold, warm = CollisionChecker(robot), CollisionChecker(robot)
     assert cold.closer_covers
-    assert_same([s.shape for s in cold.shapes], [s.shape for s in warm.shapes])
-    np.testing.assert_array_equal(cold.pairs, warm.pairs)
-    assert cold.left_out == warm.left_out
+    assert_same_geometry(cold, warm)
     assert link_covers(cold) == link_covers(warm)
 
 
-@pytest.mark.parametrize("content", [b"", b"noise", None])
-def test_an_entry_that_cannot_be_read_is_replaced(folder, ring, uncomputed, content):
+def test_an_entry_that_is_not_as_it_was_written_is_replaced(folder, ring):
     cold = ring().cover()
-    (entry,) = folder.glob("cover-*.npz")
+    (entry,) = folder.glob("cover-*")
     whole = entry.read_bytes()
-    entry.write_bytes(whole[: len(whole) // 2] if content is None else content)
+    for content in spoiled(entry):
+        entry.write_bytes(content)
+        assert_same(ring().cover(), cold)
+        assert entry.read_bytes() == whole
+
+
+def test_an_entry_of_something_else_is_replaced(folder, ring):
+    """A whole entry under another's name: what it holds is not what is asked for."""
+    cold = ring().cover()
+    (entry,) = folder.glob("cover-*")
+    MeshFile("link 'ring'", ring().path, 2.0).cover()
+    (other,) = set(folder.glob("cover-*")) - {entry}
+    entry.write_bytes(other.read_bytes())
     assert_same(ring().cover(), cold)
-    uncomputed()
+
+
+def test_a_folder_in_the_place_of_an_entry_is_no_error(folder, ring):
+    cold = ring().cover()
+    (entry,) = folder.glob("cover-*")
+    entry.unlink()
+    entry.mkdir()
     assert_same(ring().cover(), cold)
+
+
+def test_plans_are_the_same_with_a_cold_warm_broken_and_no_cache(folder, monkeypatch):
+    def planned():
+        problem = load_problem("example:ur5/over_the_wall")
+        trajectory = plan(problem, PlanOptions(STOP)).trajectory
+        return problem.collision, trajectory.breakpoints, trajectory.coefficients
+
+    cold, warm = planned(), planned()
+    for entry in folder.iterdir():
+        entry.write_bytes(entry.read_bytes()[:-1])
+    broken = planned()
+    monkeypatch.setenv(VARIABLE, "off")
+    for other in (warm, broken, planned()):
+        assert_same_geometry(cold[0], other[0])
+        np.testing.assert_array_equal(cold[1], other[1])
+        np.testing.assert_array_equal(cold[2], other[2])
+
+
+def test_the_folder_is_the_users_unless_there_is_none(monkeypatch, tmp_path):
+    monkeypatch.delenv(VARIABLE)
+    monkeypatch.setattr(platformdirs, "user_cache_path", lambda *_, **__: tmp_path)
+    assert cache_folder() == tmp_path
+    monkeypatch.setattr(platformdirs, "user_cache_path", lambda *_, **__: Path("~/.cache"))
+    assert cache_folder() is None
 
 
 def test_it_can_be_switched_off(folder, ring, monkeypatch, tmp_path):
@@ -91,7 +154,7 @@ def test_another_mesh_or_scale_is_another_entry(folder, ring):
     MeshFile("link 'ring'", ring().path, 2.0).cover()
     trimesh.creation.box([0.1, 0.1, 0.1]).export(ring().path)
     assert len(ring().cover()[0].vertices) == 8 != len(first[0].vertices)
-    assert len(list(folder.glob("cover-*.npz"))) == 3
+    assert len(list(folder.glob("cover-*"))) == 3
 
 
 def test_a_mesh_moved_elsewhere_is_the_same_entry(folder, ring, tmp_path, uncomputed):
@@ -110,7 +173,7 @@ def test_an_entry_is_never_half_written(folder):
 
     def write():
         while not stop.is_set():
-            for entry in folder.glob("numbers-*.npz"):
+            for entry in folder.glob("numbers-*"):
                 entry.unlink(missing_ok=True)
             cached("numbers", "a" * 64, lambda: {"values": content})
 
@@ -129,7 +192,7 @@ def test_an_entry_is_never_half_written(folder):
 
 def test_a_write_that_fails_leaves_nothing(folder, ring, monkeypatch):
     cold = ring().cover()
-    (entry,) = folder.glob("*.npz")
+    (entry,) = folder.glob("*")
     entry.unlink()
 
     def full(self, target):

@@ -44,7 +44,7 @@ def test_a_trajectory_file_is_what_scipy_takes(stored):
     assert fields["version"] == 1
     assert fields["duration"] == fields["breakpoints"][-1] == trajectory.duration
     position = PPoly(np.array(fields["coefficients"]), np.array(fields["breakpoints"]))
-    np.testing.assert_array_equal(position(0.3), trajectory.position(0.3))
+    np.testing.assert_allclose(position(0.3), trajectory.position(0.3), rtol=1e-14)
 
 
 def test_csv_has_every_quantity_of_every_joint(stored):

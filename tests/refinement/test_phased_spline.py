@@ -65,7 +65,7 @@ def test_the_velocity_stays_within_its_hull_and_touches_it():
         assert (velocity.max(axis=0) <= bound.max(axis=0) + 1e-12).all()
         assert (velocity.min(axis=0) >= bound.min(axis=0) - 1e-12).all()
     derivative = phased.bspline().derivative()
-    np.testing.assert_allclose(bound, derivative.c[: len(bound)], rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(bound, derivative.control_points, rtol=1e-12, atol=1e-12)
 
 
 def test_it_rests_at_both_ends():

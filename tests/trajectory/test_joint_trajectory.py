@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
-from scipy.interpolate import BSpline, PPoly
+from scipy.interpolate import PPoly
 
 from tubeplanner import JointTrajectory, TrajectoryError
 from tubeplanner.trajectory.averaging import averaged
+from tubeplanner.trajectory.b_spline import BSpline
 from tubeplanner.trajectory.joint_trajectory import concatenate, from_spline
 
 NAMES = ("a", "b")

@@ -16,7 +16,7 @@ import tubeplanner
 from cases import PROBLEMS, slow_but
 from stored_trajectories import STOP, stored_path
 from tubeplanner import OptionError, OutputError, TrajectoryError, load_problem
-from tubeplanner.collision.link_geometry import read_geometry
+from tubeplanner.collision.link_elements import read_geometry
 from tubeplanner.commands.cli import main
 from tubeplanner.files.export import trajectory_csv, trajectory_json, trajectory_ros
 from tubeplanner.views.palette import SEGMENT_COLORS

@@ -6,9 +6,9 @@ Later planners start from it and must beat it.
 """
 
 from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import BSpline, CubicSpline
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.branches.reference_branch import ReferenceBranch
@@ -16,8 +16,12 @@ from tubeplanner.constraints.time_scaling import estimated_durations, scaled_to_
 from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Place, PlanStatus
 from tubeplanner.polyline import arc_lengths
 from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.trajectory.b_spline import BSpline
 from tubeplanner.trajectory.fitted_spline import REST_POINTS, fitted_control_points, times_between
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, concatenate, from_splines
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 _DEGREE = 5
 # Configurations nearer to their neighbour than this share of the largest step carry no direction.
@@ -159,12 +163,14 @@ def _fits(
     return from_splines(problem.robot.joint_names, BSpline(knots, of_ramps, _DEGREE))
 
 
-def _along(q: FloatArray) -> CubicSpline:
+def _along(q: FloatArray) -> "CubicSpline":
     """Return the curve through configurations (P, n) over its own length, from 0 to 1.
 
     Joint-space length rather than the tool's: where the arm is stretched, joints move while the
     tool hardly does.
     """
+    from scipy.interpolate import CubicSpline
+
     lengths = np.linalg.norm(np.diff(q, axis=0), axis=1)
     apart = lengths > _MIN_STEP_SHARE * lengths.max()
     kept = np.concatenate([[True], apart[:-1], [True]])

@@ -9,15 +9,25 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 
-from tubeplanner.arrays import FloatArray, read_only
+from tubeplanner.arrays import FloatArray, IntArray, read_only
+from tubeplanner.collision.hulls import hull, hull_unless_flat
 
 # A cylinder becomes a circumscribed prism; 24 sides make it at most 0.9 % too wide.
 _PRISM_SIDES = 24
 _INSCRIBED_SIDES = 96  # of a prism that leaves out at most 0.05 % of the radius
 # A flat point set has no hull with faces; it is given this half thickness [m].
 _FLAT_HALF_THICKNESS = 1e-6
+_MIN_CORNERS = 3  # of a polytope with faces; fewer are a ball or a capsule
+# Two triangles of each side, for corners in the order of `_BOX_SIGNS`.
+_BOX_SIGNS = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T
+_BOX_FACES = np.array(
+    [
+        *([0, 1, 5], [0, 5, 4], [2, 6, 7], [2, 7, 3]),  # x
+        *([0, 2, 3], [0, 3, 1], [4, 5, 7], [4, 7, 6]),  # y
+        *([0, 4, 6], [0, 6, 2], [1, 3, 7], [1, 7, 5]),  # z
+    ]
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,10 +37,12 @@ class ConvexShape:
     Attributes:
         vertices: Shape (V, 3) [m].
         radius: Growth [m], >= 0.
+        known_faces: `faces`, if they are known; None: they are found when first asked for.
     """
 
     vertices: FloatArray
     radius: float = 0.0
+    known_faces: IntArray | None = None
 
     @cached_property
     def center(self) -> FloatArray:
@@ -43,28 +55,33 @@ class ConvexShape:
         return self.reach(self.center)
 
     @cached_property
-    def faces(self) -> np.ndarray:
-        """Triangles of the polytope as vertex indices, outward: int, shape (F, 3)."""
-        hull = ConvexHull(self.vertices)
-        triangles = self.vertices[hull.simplices]
+    def faces(self) -> IntArray:
+        """Triangles of the polytope as vertex indices, outward, shape (F, 3); none of a ball."""
+        if self.known_faces is not None:
+            return self.known_faces
+        if len(self.vertices) < _MIN_CORNERS:
+            return np.zeros((0, 3), dtype=np.int64)
+        found = hull(self.vertices)
+        triangles = self.vertices[found.simplices]
         normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-        inward = np.einsum("fi,fi->f", normals, hull.equations[:, :3]) < 0
-        return np.where(inward[:, None], hull.simplices[:, ::-1], hull.simplices)
+        inward = np.einsum("fi,fi->f", normals, found.equations[:, :3]) < 0
+        outward = np.where(inward[:, None], found.simplices[:, ::-1], found.simplices)
+        return outward.astype(np.int64)
 
     def reach(self, point: FloatArray) -> float:
         """Return the largest distance from a point (3,) to the shape [m]."""
         return float(np.linalg.norm(self.vertices - point, axis=1).max()) + self.radius
 
     def transformed(self, placement: FloatArray) -> "ConvexShape":
-        """Return the shape moved by a homogeneous transform, shape (4, 4)."""
+        """Return the shape moved by a rotation and a translation, shape (4, 4)."""
         moved = self.vertices @ placement[:3, :3].T + placement[:3, 3]
-        return ConvexShape(read_only(moved), self.radius)
+        return ConvexShape(read_only(moved), self.radius, self.known_faces)
 
 
 def box(size: Iterable[float]) -> ConvexShape:
     """Return a centred box of full side lengths [m]."""
-    signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T
-    return ConvexShape(read_only(signs * np.array(list(size)) / 2))
+    corners = _BOX_SIGNS * np.array(list(size)) / 2
+    return ConvexShape(read_only(corners), known_faces=_BOX_FACES)
 
 
 def sphere(radius: float) -> ConvexShape:
@@ -91,18 +108,30 @@ def _prism(radius: float, length: float, sides: int) -> ConvexShape:
     angles = np.arange(sides) * 2 * np.pi / sides
     ring = radius * np.array([np.cos(angles), np.sin(angles)]).T
     ends = [np.column_stack([ring, np.full(sides, z)]) for z in (-length / 2, length / 2)]
-    return ConvexShape(read_only(np.vstack(ends)))
+    return ConvexShape(read_only(np.vstack(ends)), known_faces=_prism_faces(sides))
+
+
+def _prism_faces(sides: int) -> IntArray:
+    """Return the triangles of a prism whose bottom comes first, both ends counterclockwise."""
+    here = np.arange(sides)
+    following = np.roll(here, -1)
+    fan = np.column_stack([np.zeros(sides - 2, dtype=np.int64), here[1:-1], here[2:]])
+    sloping = (
+        np.column_stack([here, following, following + sides]),
+        np.column_stack([here, following + sides, here + sides]),
+    )
+    return np.concatenate([fan[:, ::-1], fan + sides, *sloping])
 
 
 def convex_hull(points: FloatArray) -> ConvexShape:
     """Return the convex hull of points (N, 3); a flat set becomes its thickened bounding box."""
-    try:
-        return ConvexShape(read_only(points[ConvexHull(points).vertices]))
-    except QhullError:
-        low = points.min(axis=0) - _FLAT_HALF_THICKNESS
-        high = points.max(axis=0) + _FLAT_HALF_THICKNESS
-        corners = box(high - low).vertices + (low + high) / 2
-        return ConvexShape(read_only(corners))
+    found = hull_unless_flat(points)
+    if found is not None:
+        return ConvexShape(read_only(points[found.vertices]))
+    low = points.min(axis=0) - _FLAT_HALF_THICKNESS
+    high = points.max(axis=0) + _FLAT_HALF_THICKNESS
+    corners = box(high - low).vertices + (low + high) / 2
+    return ConvexShape(read_only(corners), known_faces=_BOX_FACES)
 
 
 def flat_hull(points: FloatArray) -> ConvexShape:

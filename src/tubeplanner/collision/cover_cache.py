@@ -1,26 +1,28 @@
-"""What was computed of meshes before, kept in the user's cache folder.
+"""What was computed of robots and meshes before, kept in the user's cache folder.
 
-An entry is named by a hash of all that it was computed from, so that none is ever stale. What
-cannot be read or written is computed again: the cache changes times, never answers.
+An entry is named by a hash of all that it was computed from, so that none is ever stale, and begins
+with a hash of its name and content, so that none is taken that was not written so. What cannot be
+read or written is computed again: the cache changes times, never answers.
 """
 
 import hashlib
+import io
 import os
-import sys
 import tempfile
-import zipfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+import platformdirs
 
+from tubeplanner import __version__
 from tubeplanner.arrays import read_only
 from tubeplanner.collision.convex_shape import ConvexShape
 
 VARIABLE = "TUBEPLANNER_CACHE"  # a folder, or "off"
 # Part of every name: another number, and entries made by other code are not found any more.
-_FORMAT = "2"
-_UNREADABLE = (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile)
+_FORMAT = f"{__version__}-3"
+_DIGEST_SIZE = hashlib.sha256().digest_size
 
 Arrays = dict[str, np.ndarray]
 
@@ -32,15 +34,8 @@ def cache_folder() -> Path | None:
         return None
     if given:
         return Path(given)
-    if sys.platform == "win32":
-        base = os.environ.get("LOCALAPPDATA")
-    else:
-        base = os.environ.get("XDG_CACHE_HOME")
-    try:
-        default = Path.home() / ("Library/Caches" if sys.platform == "darwin" else ".cache")
-    except RuntimeError:  # a user without a home
-        return Path(base) / "tubeplanner" if base else None
-    return (Path(base) if base else default) / "tubeplanner"
+    folder = platformdirs.user_cache_path("tubeplanner", appauthor=False)
+    return folder if folder.is_absolute() else None  # that of a user without a home begins with ~
 
 
 def content_hash(parts: Iterable[bytes | str | np.ndarray]) -> str:
@@ -56,21 +51,27 @@ def content_hash(parts: Iterable[bytes | str | np.ndarray]) -> str:
 
 
 def packed(shapes: Sequence[ConvexShape]) -> Arrays:
-    """Return shapes as arrays."""
+    """Return shapes as arrays, with their faces, so that no hull is found again."""
+    no_faces = np.zeros((0, 3), dtype=np.int64)
     return {
         "vertices": np.concatenate([np.zeros((0, 3)), *(shape.vertices for shape in shapes)]),
         "counts": np.array([len(shape.vertices) for shape in shapes], dtype=np.int64),
+        "faces": np.concatenate([no_faces, *(shape.faces for shape in shapes)]),
+        "face_counts": np.array([len(shape.faces) for shape in shapes], dtype=np.int64),
         "radius": np.array([shape.radius for shape in shapes], dtype=np.float64),
     }
 
 
 def unpacked(arrays: Mapping[str, np.ndarray]) -> list[ConvexShape]:
     """Return the shapes that `packed` made arrays of."""
-    ends = np.cumsum(arrays["counts"])
-    parts = np.split(arrays["vertices"], ends[:-1]) if len(ends) else []
+    parts = (
+        _parts(arrays["vertices"], arrays["counts"]),
+        _parts(arrays["faces"], arrays["face_counts"]),
+        arrays["radius"],
+    )
     return [
-        ConvexShape(read_only(vertices), float(radius))
-        for vertices, radius in zip(parts, arrays["radius"], strict=True)
+        ConvexShape(read_only(vertices), float(radius), faces)
+        for vertices, faces, radius in zip(*parts, strict=True)
     ]
 
 
@@ -85,7 +86,7 @@ def cached(kind: str, key: str | None, compute: Callable[[], Mapping[str, np.nda
     folder = cache_folder()
     if folder is None or key is None:
         return dict(compute())
-    path = folder / f"{kind}-{_FORMAT}-{key[:40]}.npz"
+    path = folder / f"{kind}-{_FORMAT}-{key[:40]}"
     found = _read(path)
     if found is None:
         found = dict(compute())
@@ -93,22 +94,36 @@ def cached(kind: str, key: str | None, compute: Callable[[], Mapping[str, np.nda
     return found
 
 
+def _parts(rows: np.ndarray, counts: np.ndarray) -> list[np.ndarray]:
+    return np.split(rows, np.cumsum(counts)[:-1]) if len(counts) else []
+
+
+def _digest(path: Path, content: bytes) -> bytes:
+    return hashlib.sha256(path.name.encode() + content).digest()
+
+
 def _read(path: Path) -> Arrays | None:
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as entry:
-            return {name: entry[name] for name in entry.files}
-    except _UNREADABLE:
+        entry = path.read_bytes()
+    except OSError:
         return None
+    digest, content = entry[:_DIGEST_SIZE], entry[_DIGEST_SIZE:]
+    if digest != _digest(path, content):
+        return None
+    with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
+        return {name: arrays[name] for name in arrays.files}
 
 
 def _write(path: Path, arrays: Arrays) -> None:
     """Write an entry whole or not at all."""
+    content = io.BytesIO()
+    np.savez(content, **arrays)  # type: ignore[arg-type]
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, unfinished = tempfile.mkstemp(dir=path.parent, suffix=".tmp")
         try:
             with os.fdopen(handle, "wb") as file:
-                np.savez(file, **arrays)  # type: ignore[arg-type]
+                file.write(_digest(path, content.getvalue()) + content.getvalue())
             Path(unfinished).replace(path)
         except BaseException:
             Path(unfinished).unlink(missing_ok=True)

@@ -1,13 +1,17 @@
 """How far covers stand off the solids that they cover."""
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial import ConvexHull
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.collision.convex_shape import ConvexShape
+from tubeplanner.collision.hulls import hull
 from tubeplanner.collision.mesh_solid import MeshSolid
+
+if TYPE_CHECKING:
+    from scipy.spatial import ConvexHull
 
 _SAMPLES = 200  # points on each shape's surface
 _SEED = 0
@@ -24,7 +28,7 @@ def cover_error(solid: MeshSolid, shapes: Sequence[ConvexShape]) -> float:
         shapes: Its cover, in the same frame.
     """
     rng = np.random.default_rng(_SEED)
-    hulls = [ConvexHull(s.vertices) if len(s.vertices) >= _MIN_VERTICES else None for s in shapes]
+    hulls = [hull(s.vertices) if len(s.vertices) >= _MIN_VERTICES else None for s in shapes]
     worst = 0.0
     for k, shape in enumerate(shapes):
         if hulls[k] is None or len(solid.faces) == 0:
@@ -47,7 +51,7 @@ def surface_samples(triangles: FloatArray, count: int, rng: np.random.Generator)
     return np.einsum("nk,nki->ni", rng.dirichlet(np.ones(3), count), triangles[chosen])
 
 
-def _outside(hull: ConvexHull, points: FloatArray) -> FloatArray:
+def _outside(hull: "ConvexHull", points: FloatArray) -> FloatArray:
     """Return how far points (N, 3) are outside of a hull at least, shape (N,) [m]."""
     values = points @ hull.equations[:, :3].T + hull.equations[:, 3]
     outside: FloatArray = values.max(axis=1)

@@ -1,13 +1,9 @@
-"""Collision shapes of a robot's links: its URDF geometry, covered by convex shapes.
+"""Collision shapes of a robot's links: its URDF geometry, covered by convex shapes."""
 
-yourdfpy reads the URDF's geometry; it is imported when first needed.
-"""
-
-import io
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property, lru_cache, partial
-from typing import Any
+from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
@@ -19,6 +15,7 @@ from tubeplanner.collision.convex_shape import (
     inscribed_cylinder,
     sphere,
 )
+from tubeplanner.collision.link_elements import MESH, LinkElement, link_elements
 from tubeplanner.collision.mesh_file import MeshFile
 from tubeplanner.collision.mesh_solid import MeshSolid
 from tubeplanner.collision.solid_contents import (
@@ -26,7 +23,6 @@ from tubeplanner.collision.solid_contents import (
     mesh_contents,
     simple_contents,
 )
-from tubeplanner.errors import RobotError
 from tubeplanner.resources import find_mesh
 from tubeplanner.robot.robot_model import RobotModel
 
@@ -85,16 +81,10 @@ def link_parts(robot: RobotModel) -> dict[str, list[LinkPart]]:
     Raises:
         RobotError: A mesh is missing, or a geometry is of a kind no URDF has.
     """
-    parts: dict[str, list[LinkPart]] = {}
-    for link in read_geometry(robot).links:
-        placement = robot.link_placement[link.name]
-        elements = [
-            _part(robot, link.name, placement @ placement_in_link(collision), collision.geometry)
-            for collision in link.collisions
-        ]
-        if elements:
-            parts[link.name] = elements
-    return parts
+    return {
+        link: [_part(robot, link, element) for element in own]
+        for link, own in link_elements(robot).items()
+    }
 
 
 def link_shapes(robot: RobotModel) -> dict[str, list[ConvexShape]]:
@@ -122,83 +112,39 @@ def link_contents(robot: RobotModel) -> dict[str, tuple[SolidContents, ...]]:
         RobotError: As `link_shapes`.
     """
     return {
-        link.name: tuple(_contents(robot, link.name, element) for element in link.collisions)
-        for link in read_geometry(robot).links
-        if link.collisions
+        link: tuple(_contents(robot, element) for element in own)
+        for link, own in link_elements(robot).items()
     }
 
 
-@lru_cache(maxsize=1)
-def read_geometry(robot: RobotModel) -> Any:
-    """Return links and materials of a robot's URDF, as yourdfpy has them; meshes are not loaded.
-
-    Raises:
-        RobotError: A geometry is of a kind no URDF has.
-    """
-    import yourdfpy
-
-    source = robot.urdf
-    try:
-        parsed = yourdfpy.URDF.load(
-            io.BytesIO(source.xml),
-            build_scene_graph=False,
-            load_meshes=False,
-            build_collision_scene_graph=False,
-            load_collision_meshes=False,
-            filename_handler=partial(find_mesh, urdf=source.path, package_dirs=robot.package_dirs),
-        )
-    except (ValueError, IndexError, TypeError, KeyError, AttributeError) as error:
-        raise RobotError(f"{source.path}: link geometry cannot be read: {error}") from error
-    return parsed.robot
-
-
-def placement_in_link(element: Any) -> np.ndarray:
-    """Return where a collision or visual element is in its link, shape (4, 4)."""
-    return np.eye(4) if element.origin is None else element.origin
-
-
-def _part(robot: RobotModel, link: str, placement: FloatArray, geometry: Any) -> LinkPart:
-    simple = simple_shape(geometry)
-    if simple is not None:
-        core = simple
-        if geometry.cylinder is not None:
-            core = inscribed_cylinder(geometry.cylinder.radius, geometry.cylinder.length)
-        return LinkPart(placement, shape=simple, core=core)
-    if geometry.mesh is not None:
-        path = find_mesh(geometry.mesh.filename, robot.urdf.path, robot.package_dirs)
-        return LinkPart(placement, MeshFile(f"link '{link}'", path, geometry.mesh.scale))
-    raise _no_known_geometry(robot, link)
-
-
-def _contents(robot: RobotModel, link: str, element: Any) -> SolidContents:
-    """Return what one <collision> was made from."""
-    geometry, placement = element.geometry, placement_in_link(element)
-    if geometry.box is not None:
-        return simple_contents("box", geometry.box.size, placement)
-    if geometry.sphere is not None:
-        return simple_contents("sphere", [geometry.sphere.radius], placement)
-    if geometry.cylinder is not None:
-        sizes = [geometry.cylinder.radius, geometry.cylinder.length]
-        return simple_contents("cylinder", sizes, placement)
-    if geometry.mesh is None:
-        raise _no_known_geometry(robot, link)
-    path = find_mesh(geometry.mesh.filename, robot.urdf.path, robot.package_dirs)
-    scale = 1.0 if geometry.mesh.scale is None else geometry.mesh.scale
-    return mesh_contents(path, np.broadcast_to(scale, 3), placement)
-
-
-def _no_known_geometry(robot: RobotModel, link: str) -> RobotError:
-    return RobotError(
-        f"{robot.urdf.path}: link '{link}' has a <collision> without a known geometry"
-    )
-
-
-def simple_shape(geometry: Any) -> ConvexShape | None:
-    """Return a URDF geometry that is no mesh as a shape, in its own frame; None if it is one."""
-    if geometry.box is not None:
-        return box(geometry.box.size)
-    if geometry.sphere is not None:
-        return sphere(geometry.sphere.radius)
-    if geometry.cylinder is not None:
-        return cylinder(geometry.cylinder.radius, geometry.cylinder.length)
+def simple_shape(element: LinkElement) -> ConvexShape | None:
+    """Return an element that is no mesh as a shape, in its own frame; None if it is one."""
+    if element.kind == "box":
+        return box(element.sizes)
+    if element.kind == "sphere":
+        return sphere(*element.sizes)
+    if element.kind == "cylinder":
+        return cylinder(*element.sizes)
     return None
+
+
+def _part(robot: RobotModel, link: str, element: LinkElement) -> LinkPart:
+    placement = robot.link_placement[link] @ element.placement
+    if element.kind == MESH:
+        path = _mesh_path(robot, element)
+        return LinkPart(placement, MeshFile(f"link '{link}'", path, element.sizes))
+    simple = core = simple_shape(element)
+    if element.kind == "cylinder":
+        core = inscribed_cylinder(*element.sizes)
+    return LinkPart(placement, shape=simple, core=core)
+
+
+def _contents(robot: RobotModel, element: LinkElement) -> SolidContents:
+    """Return what one <collision> was made from."""
+    if element.kind == MESH:
+        return mesh_contents(_mesh_path(robot, element), element.sizes, element.placement)
+    return simple_contents(element.kind, element.sizes, element.placement)
+
+
+def _mesh_path(robot: RobotModel, element: LinkElement) -> Path:
+    return find_mesh(element.filename, robot.urdf.path, robot.package_dirs)

@@ -29,6 +29,8 @@ from tubeplanner.robot.robot_model import RobotModel
 # Link pairs that touch in all of so many random configurations are taken to touch always.
 _TOUCH_SAMPLES = 400
 _TOUCH_SEED = 0
+# Arms whose bodies are equally placed in so many of them are placed equally in all.
+_TELLING = 8
 # Covers of a pair are refined if they overlap in more than this share of the first so many
 # configurations although the links are apart: below it hardly a motion is lost, and each further
 # shape costs time in every plan.
@@ -73,9 +75,10 @@ def judged_pairs(
     """
     if not pairs:
         return LinkPairs((), (), {})
-    judge = LinkJudge(robot, parts, covers)
-    found = cached("pairs", judge.key(pairs), lambda: _as_arrays(judge.judged(pairs)))
-    return _of_arrays(found)
+    key = _key(robot, parts, pairs)
+    return _of_arrays(
+        cached("pairs", key, lambda: _as_arrays(LinkJudge(robot, parts, covers).judged(pairs)))
+    )
 
 
 class LinkJudge:
@@ -96,16 +99,6 @@ class LinkJudge:
             shapes += [BodyShape(link, robot.link_body[link], shape) for shape in cover]
         self._covers = BodyShapes(robot, shapes)
         self._rotation, self._position = robot.body_poses(_random_configurations(robot))
-
-    def key(self, pairs: Sequence[Pair]) -> str | None:
-        """Return a hash of all that the judgement depends on; None if that is not known."""
-        if any(part.mesh and part.mesh.key is None for own in self._parts.values() for part in own):
-            return None
-        contents: list[str | FloatArray] = [self._rotation, self._position]
-        for link, own in self._parts.items():
-            contents += [link, str(self._robot.link_body[link])]
-            contents += [content for part in own for content in part.contents()]
-        return content_hash([*contents, *(name for pair in pairs for name in pair)])
 
     def overlapping(self, pair: Pair) -> bool:
         """Return whether a pair's covers overlap in all configurations."""
@@ -218,6 +211,21 @@ class _SurfacePoints(dict[str, FloatArray]):
             points.append(surface_samples(np.concatenate(surfaces), _PROBES, rng))
         self[link] = np.vstack(points)
         return self[link]
+
+
+def _key(
+    robot: RobotModel, parts: Mapping[str, Sequence[LinkPart]], pairs: Sequence[Pair]
+) -> str | None:
+    """Return a hash of all that the judgement of pairs depends on; None if that is not known."""
+    if any(part.mesh and part.mesh.key is None for own in parts.values() for part in own):
+        return None
+    configurations = _random_configurations(robot)
+    contents: list[str | FloatArray] = [configurations]
+    contents += robot.body_poses(configurations[:_TELLING])
+    for link, own in parts.items():
+        contents += [link, str(robot.link_body[link])]
+        contents += [content for part in own for content in part.contents()]
+    return content_hash([*contents, *(name for pair in pairs for name in pair)])
 
 
 def _random_configurations(robot: RobotModel) -> FloatArray:

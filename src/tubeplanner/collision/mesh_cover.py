@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tubeplanner.collision.convex_shape import ConvexShape, convex_hull
+from tubeplanner.collision.hulls import hull
 from tubeplanner.errors import RobotError, shown
 
 if TYPE_CHECKING:
@@ -144,6 +145,4 @@ def _slab_points(mesh: "trimesh.Trimesh", axis: int, low: float, high: float) ->
 
 
 def _volume(shapes: list[ConvexShape]) -> float:
-    from scipy.spatial import ConvexHull
-
-    return sum(float(ConvexHull(shape.vertices).volume) for shape in shapes)
+    return sum(float(hull(shape.vertices).volume) for shape in shapes)

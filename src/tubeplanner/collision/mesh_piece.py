@@ -11,11 +11,11 @@ from functools import cached_property
 from itertools import product
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray, read_only
 from tubeplanner.collision.convex_shape import ConvexShape, flat_hull
 from tubeplanner.collision.cover_error import surface_samples
+from tubeplanner.collision.hulls import hull, hull_unless_flat
 
 # Where a piece may be cut: at its deepest notches, at the coordinates that most of its corners
 # have, and in its middle. A cut at a corner is preferred to one that is better by less than this
@@ -56,10 +56,8 @@ class MeshPiece:
     def hull(self) -> ConvexShape:
         """The hull of the solid inside the box, as exact as rounding allows."""
         points = self._all_points
-        try:
-            return ConvexShape(points[ConvexHull(points).vertices])
-        except QhullError:
-            return flat_hull(points)
+        found = hull_unless_flat(points)
+        return flat_hull(points) if found is None else ConvexShape(points[found.vertices])
 
     def shape(self) -> ConvexShape:
         """Return the hull, grown by what rounding left outside of it: nothing of the solid is."""
@@ -72,8 +70,8 @@ class MeshPiece:
         low, high = vertices.min(axis=0), vertices.max(axis=0)
         outside: FloatArray = np.maximum(low - points, points - high).max(axis=1)
         inside = outside <= 0
-        hull = ConvexHull(vertices)
-        beyond = points[inside] @ hull.equations[:, :3].T + hull.equations[:, 3]
+        planes = hull(vertices).equations
+        beyond = points[inside] @ planes[:, :3].T + planes[:, 3]
         outside[inside] = np.maximum(outside[inside], beyond.max(axis=1))
         return outside
 
@@ -114,10 +112,10 @@ class MeshPiece:
     @cached_property
     def _facets(self) -> tuple[FloatArray, BoolArray]:
         """The hull's triangles, shape (F, 3, 3) [m], and which of them a cut made, shape (F,)."""
-        facets = self.hull.vertices[self.hull.faces]
+        facets: FloatArray = self.hull.vertices[self.hull.faces]
         on_cut = np.zeros(len(facets), dtype=bool)
         for bound in (self.low, self.high):
-            on_cut |= (abs(facets - bound) < _ON_PLANE).all(axis=1).any(axis=1)
+            on_cut |= np.any(np.all(abs(facets - bound) < _ON_PLANE, axis=1), axis=1)
         return facets, on_cut
 
     @property
@@ -288,6 +286,7 @@ _DIRECTIONS = _spiral(_DIRECTION_COUNT)
 
 def _volume(points: FloatArray) -> float:
     try:
-        return float(ConvexHull(points).volume)
-    except (QhullError, ValueError):
+        found = hull_unless_flat(points)
+    except ValueError:  # too few
         return 0.0
+    return 0.0 if found is None else float(found.volume)

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from tubeplanner.arrays import FloatArray, read_only
 from tubeplanner.collision import convex_shape
@@ -19,6 +18,7 @@ from tubeplanner.collision.solid_contents import (
 from tubeplanner.errors import ProblemError, shown
 from tubeplanner.names import require_name
 from tubeplanner.options import in_figures, is_number
+from tubeplanner.orientation import matrix_of_quaternion, matrix_of_rpy
 
 # Lengths that make sense around an arm [m]; far outside them distances are only rounding.
 MIN_SIZE, MAX_SIZE = 1e-6, 1e4
@@ -142,11 +142,11 @@ def placement_of(
     if quaternion is not None:
         if len(quaternion) != 4 or not 1e-9 < np.linalg.norm(quaternion) < 1e9:
             raise ProblemError(f"quaternion {list(quaternion)} has no direction")
-        placement[:3, :3] = Rotation.from_quat(quaternion).as_matrix()
+        placement[:3, :3] = matrix_of_quaternion(np.array(quaternion, dtype=float))
     elif rpy is not None:
         if len(rpy) != 3 or not np.isfinite(rpy).all():
             raise ProblemError(f"rpy {list(rpy)} must be three finite angles")
-        placement[:3, :3] = Rotation.from_euler("xyz", rpy).as_matrix()
+        placement[:3, :3] = matrix_of_rpy(*rpy)
     return placement
 
 

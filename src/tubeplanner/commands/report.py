@@ -3,22 +3,26 @@
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
 from tubeplanner.collision.collision_checker import ALWAYS_TOUCHING
-from tubeplanner.collision.link_covers import LinkCover
-from tubeplanner.measurement.measured_tube import SegmentMeasurement, TubeMeasurement
-from tubeplanner.measurement.sign_patterns import PatternSurvey
-from tubeplanner.planning.plan_result import PlanResult
-from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.studies.comparison import Comparison
-from tubeplanner.studies.tolerance_sweep import SweepResult
-from tubeplanner.tube_sources.tube_answer import TubeAnswer
-from tubeplanner.verification.certificate import Certificate
-from tubeplanner.verification.judged_condition import RELATIVE, JudgedCondition
+from tubeplanner.verification.judged_condition import RELATIVE
+
+if TYPE_CHECKING:
+    from tubeplanner.collision.link_covers import LinkCover
+    from tubeplanner.measurement.measured_tube import SegmentMeasurement, TubeMeasurement
+    from tubeplanner.measurement.sign_patterns import PatternSurvey
+    from tubeplanner.planning.plan_result import PlanResult
+    from tubeplanner.problem.problem import PlanningProblem
+    from tubeplanner.studies.comparison import Comparison
+    from tubeplanner.studies.tolerance_sweep import SweepResult
+    from tubeplanner.tube_sources.tube_answer import TubeAnswer
+    from tubeplanner.verification.certificate import Certificate
+    from tubeplanner.verification.judged_condition import JudgedCondition
 
 _WIDTH_OF_A_FILE = 160  # [characters]
 # Rounding errors of the machine are shown as zero.
@@ -27,7 +31,11 @@ _SENSITIVITIES_SHOWN = 3
 
 
 def plan_text(
-    problem: PlanningProblem, result: PlanResult, loading_time: float, *, with_minimum: bool = False
+    problem: "PlanningProblem",
+    result: "PlanResult",
+    loading_time: float,
+    *,
+    with_minimum: bool = False,
 ) -> str:
     """Return the result of planning as text.
 
@@ -77,7 +85,7 @@ def plan_text(
     return "\n".join(lines)
 
 
-def sweep_text(result: SweepResult) -> str:
+def sweep_text(result: "SweepResult") -> str:
     """Return a sweep as a table, as wide as the terminal, and the rows' messages."""
     scaled = result.quantity != "radius"
     table = Table(title=f"{result.problem.name}: duration against tolerance", title_justify="left")
@@ -98,7 +106,7 @@ def sweep_text(result: SweepResult) -> str:
     return _rendered(table)
 
 
-def comparison_text(result: Comparison) -> str:
+def comparison_text(result: "Comparison") -> str:
     """Return a comparison as a table, as wide as the terminal, and the rows' messages."""
     table = Table(title=f"{result.problem.name}: methods compared", title_justify="left")
     table.add_column("method")
@@ -123,14 +131,16 @@ def comparison_text(result: Comparison) -> str:
     return "\n".join([_rendered(table), *(f"{row.method}: {row.message}" for row in result.rows)])
 
 
-def _excess(condition: JudgedCondition) -> str:
+def _excess(condition: "JudgedCondition") -> str:
     """Return by how much a trajectory violates a condition, with its unit."""
     missed = -(condition.margin or 0.0)
     percent = condition.unit == RELATIVE
     return f"{100 * missed:.3g} %" if percent else f"{missed:.3g} {condition.unit}"
 
 
-def measurement_text(problem: PlanningProblem, result: TubeMeasurement, loading_time: float) -> str:
+def measurement_text(
+    problem: "PlanningProblem", result: "TubeMeasurement", loading_time: float
+) -> str:
     """Return a measured tube as a table of what limits each radius and range, and the counts."""
     lines = [
         f"{problem.name}: {problem.robot.name}, loaded in {loading_time:.2f} s, measured in "
@@ -155,7 +165,7 @@ def measurement_text(problem: PlanningProblem, result: TubeMeasurement, loading_
     return "\n".join([*lines, f"where: {place}"] if place else lines)
 
 
-def links_text(problem: PlanningProblem, covers: Sequence[LinkCover]) -> str:
+def links_text(problem: "PlanningProblem", covers: "Sequence[LinkCover]") -> str:
     """Return how closely links are covered as a table, and the pairs that are left out."""
     table = Table(title=f"{problem.name}: links and their convex covers", title_justify="left")
     table.add_column("link")
@@ -174,7 +184,7 @@ def links_text(problem: PlanningProblem, covers: Sequence[LinkCover]) -> str:
     return "\n".join([_rendered(table), *pairs])
 
 
-def patterns_text(problem: PlanningProblem, survey: PatternSurvey) -> str:
+def patterns_text(problem: "PlanningProblem", survey: "PatternSurvey") -> str:
     """Return sign patterns as a table, and the suggested one."""
     table = Table(title=f"{problem.name}: configurations by segment", title_justify="left")
     for heading in ("segment", "signs", "reachable", "free", "radius up to", "why not"):
@@ -187,7 +197,7 @@ def patterns_text(problem: PlanningProblem, survey: PatternSurvey) -> str:
     return f"{_rendered(table)}\n{survey.message}"
 
 
-def _measured_rows(segment: SegmentMeasurement) -> list[tuple[str, str, str]]:
+def _measured_rows(segment: "SegmentMeasurement") -> list[tuple[str, str, str]]:
     """Return what is bounded, by how much, and what limits it there."""
     ended: dict[str | None, list[str]] = {}
     for binding in segment.bindings:
@@ -200,7 +210,7 @@ def _measured_rows(segment: SegmentMeasurement) -> list[tuple[str, str, str]]:
     return rows
 
 
-def tube_text(name: str, answer: TubeAnswer) -> str:
+def tube_text(name: str, answer: "TubeAnswer") -> str:
     """Return the result of a search for a tube as text.
 
     Args:
@@ -223,7 +233,7 @@ def tube_text(name: str, answer: TubeAnswer) -> str:
     return "\n".join([*lines, f"where: {place}"] if place else lines)
 
 
-def certificate_text(certificate: Certificate) -> str:
+def certificate_text(certificate: "Certificate") -> str:
     """Return a certificate as a table, as wide as the terminal."""
     table = Table(title="Certificate", title_justify="left")
     for heading in ("condition", "margin", "holds", "where", "coverage"):
@@ -241,7 +251,7 @@ def certificate_text(certificate: Certificate) -> str:
     return _rendered(table)
 
 
-def left_out_lines(certificate: Certificate) -> list[str]:
+def left_out_lines(certificate: "Certificate") -> list[str]:
     """Return a note that names the pairs of links that always touch; none if there are none."""
     pairs = [pair for pair in certificate.left_out if pair.reason == ALWAYS_TOUCHING]
     named = "; ".join(" and ".join(pair.links) for pair in pairs)

@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial import ConvexHull
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.collision import convex_shape
 from tubeplanner.collision.collision_checker import BodyShape
 from tubeplanner.collision.convex_shape import ConvexShape, convex_hull
+from tubeplanner.collision.hulls import hull
 from tubeplanner.collision.link_geometry import link_contents
 from tubeplanner.collision.mesh_cover import load_mesh
 from tubeplanner.collision.obstacle import AttachedSolid, Obstacle
@@ -189,4 +189,4 @@ def _slab_points(mesh: Any, axis: int, low: float, high: float) -> np.ndarray:
 
 
 def _volume(shapes: list[ConvexShape]) -> float:
-    return sum(float(ConvexHull(shape.vertices).volume) for shape in shapes)
+    return sum(float(hull(shape.vertices).volume) for shape in shapes)

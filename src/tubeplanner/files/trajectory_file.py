@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import BPoly, CubicSpline, PPoly
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.documents import DocumentError, parse_json, parse_yaml, read_text
@@ -294,6 +293,8 @@ def _from_samples(
         )
     _require_same_units(time, tables)
     if "velocity" not in tables:
+        from scipy.interpolate import CubicSpline
+
         curve = CubicSpline(time, tables["position"], bc_type="clamped")
         how = "a cubic spline through the positions, at rest at both ends"
     else:
@@ -313,6 +314,8 @@ def joined_samples(
         time: Shape (N,), increasing from 0 [s].
         known: Positions and their derivatives at the samples, each (N, n).
     """
+    from scipy.interpolate import BPoly, PPoly
+
     curve = PPoly.from_bernstein_basis(BPoly.from_derivatives(time, np.stack(known, axis=1)))
     return JointTrajectory(joint_names, curve.x, curve.c)
 

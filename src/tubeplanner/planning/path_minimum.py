@@ -1,9 +1,10 @@
-"""How fast motors that switch instantly could run the path of a trajectory."""
+"""How fast motors that switch instantly could run the path of a trajectory.
+
+What this needs and plans do not is imported when first asked for.
+"""
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
-from tubeplanner.baselines.fastest_parameterization import fastest_parameterization
 from tubeplanner.polyline import arc_lengths
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
@@ -28,6 +29,8 @@ def path_minimum(problem: PlanningProblem, trajectory: JointTrajectory) -> float
     Returns:
         The time, or None if the solver finds none.
     """
+    from tubeplanner.baselines.fastest_parameterization import fastest_parameterization
+
     path = _by_length(trajectory)
     timing = fastest_parameterization(problem, path, path.breakpoints, at_both_ends=False)
     return None if timing is None else timing.duration
@@ -39,6 +42,8 @@ def _by_length(trajectory: JointTrajectory) -> JointTrajectory:
     Its points are equal times apart, so that they are close together wherever the trajectory rests:
     there the path begins, ends, or has a corner.
     """
+    from scipy.interpolate import CubicSpline
+
     q = trajectory.position(np.linspace(0, trajectory.duration, _GRID_POINTS))
     arc_length = arc_lengths(q)
     _, apart = np.unique(np.floor(arc_length / (_APART * arc_length[-1])), return_index=True)

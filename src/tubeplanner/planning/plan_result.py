@@ -6,7 +6,6 @@ from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from tubeplanner.constraints.unused_speed import unused_speed
 from tubeplanner.outcome import Place, PlanStatus
@@ -177,9 +176,9 @@ def _success_message(problem: PlanningProblem, trajectory: JointTrajectory) -> s
         q = ", ".join(f"{value:.4f}" for value in trajectory.position(trajectory.duration))
         message += f"; the goal was left open and became [{q}]"
     tool = problem.robot.tool_position(trajectory.per_piece(_SAMPLES_PER_PIECE).position)
-    distance, _ = KDTree(tool).query(problem.tube.points)
+    distance = [np.linalg.norm(tool - point, axis=1).min() for point in problem.tube.points]
     reach = _FAR_IN_RADII * (problem.tube.reach.max() + problem.tube.tool_radius)
-    for point in np.flatnonzero(distance > reach):
+    for point in np.flatnonzero(np.array(distance) > reach):
         message += (
             f"; it passes reference point {problem.tube.numbers[point]} at {distance[point]:.3g} "
             "m: the regions beside that point overlap elsewhere"

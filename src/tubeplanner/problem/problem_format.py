@@ -69,7 +69,8 @@ _MAX_BYTES = 10_000_000
 
 
 class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    # Built once, as part of what is read, rather than each alone when it is imported.
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
 
 class ToolOffsetFields(_Section):

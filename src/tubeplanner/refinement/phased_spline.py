@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
-from scipy.interpolate import BSpline
 
 from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.trajectory.b_spline import BSpline, basis_functions
 
 DEGREE = 3
 _SWITCHING_STEP = 1e-7
@@ -39,9 +39,8 @@ class Samples:
 
     def basis(self, grid: "KnotGrid", switching_times: FloatArray) -> FloatArray:
         """Return the weights of four control points in position and derivatives, (4, N, 4)."""
-        return _basis_functions(
-            grid.knots(switching_times), self.interval + DEGREE, self.times(switching_times)
-        )
+        knots, x = grid.knots(switching_times), self.times(switching_times)
+        return basis_functions(knots, DEGREE, self.interval + DEGREE, x)
 
     def and_also(self, other: "Samples") -> "Samples":
         """Return these samples and others."""
@@ -191,34 +190,3 @@ class PhasedSpline:
     def bspline(self) -> BSpline:
         """Return the spline over time x."""
         return BSpline(self.grid.knots(self.switching_times), self.control_points, DEGREE)
-
-
-def _basis_functions(knots: FloatArray, span: IntArray, x: FloatArray) -> FloatArray:
-    """Return the four basis functions that count at each x and their derivatives, (4, N, 4).
-
-    Args:
-        knots: Clamped knot vector.
-        span: For each x, the knot interval that counts, shape (N,).
-        x: Shape (N,).
-
-    By the recursions of Cox and de Boor (Piegl & Tiller, "The NURBS Book", 1997, equations 2.5 and
-    2.9): the order-th derivative at one degree comes from the order before at the degree below.
-    """
-    known = [np.ones((1, len(x), 1))]
-    for degree in range(1, DEGREE + 1):
-        below = known[-1]
-        offsets = np.arange(degree + 2) - degree
-        t = knots[span[:, None] + offsets]  # t[:, r] begins function r of this degree
-        t_end = knots[span[:, None] + offsets + degree]
-        with np.errstate(divide="ignore"):
-            inverse = np.where(t_end > t, 1 / (t_end - t), 0.0)
-        new = np.zeros((degree + 1, len(x), degree + 1))
-        padded = np.zeros((len(below), len(x), degree + 2))
-        padded[:, :, 1:-1] = below * inverse[:, 1:-1]
-        left, right = padded[:, :, :-1], padded[:, :, 1:]
-        rising = x[:, None] - t[:, :-1]
-        falling = knots[span[:, None] + offsets[1:] + degree] - x[:, None]
-        new[0] = rising * left[0] + falling * right[0]
-        new[1:] = degree * (left - right)
-        known.append(new)
-    return known[-1]

@@ -11,7 +11,6 @@ from dataclasses import replace
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.linalg import splu
 
 from tubeplanner.arrays import BoolArray, FloatArray
 from tubeplanner.errors import ProblemError
@@ -89,6 +88,8 @@ def smoothed(points: FloatArray, room: FloatArray, is_free: BoolArray) -> FloatA
         room: How far each may be moved, shape (N,) [m].
         is_free: Whether the path may bend there at no cost, shape (N,).
     """
+    from scipy.sparse.linalg import splu
+
     bending = _bending(points, is_free) + _COUPLING * sparse.identity(len(points))
     solve = splu(bending.tocsc()).solve
     near, dual = points.copy(), np.zeros_like(points)

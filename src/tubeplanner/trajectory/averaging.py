@@ -1,8 +1,8 @@
 """Trajectories averaged over neighbouring intervals of time."""
 
 import numpy as np
-from scipy.interpolate import BSpline
 
+from tubeplanner.trajectory.b_spline import BSpline
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, from_spline
 
 _DEGREE = 3

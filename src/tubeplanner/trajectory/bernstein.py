@@ -6,9 +6,9 @@ power first, local time from 0 to the width of the piece.
 
 from dataclasses import dataclass
 from functools import cache
+from math import comb
 
 import numpy as np
-from scipy.special import comb
 
 from tubeplanner.arrays import FloatArray, IntArray, read_only
 
@@ -115,8 +115,8 @@ def peak_magnitudes(coefficients: FloatArray, widths: FloatArray) -> Extrema:
 @cache
 def _binomials(degree: int) -> FloatArray:
     """Return the numbers C(i, j) for i and j from 0 to a degree, (k+1, k+1)."""
-    i, j = np.mgrid[: degree + 1, : degree + 1]
-    return read_only(comb(i, j))
+    numbers = range(degree + 1)
+    return read_only([[comb(i, j) for j in numbers] for i in numbers])
 
 
 @cache

@@ -1,10 +1,9 @@
 """B-splines fitted to configurations, at rest at both ends."""
 
 import numpy as np
-from scipy.interpolate import BSpline
-from scipy.linalg import solveh_banded
 
 from tubeplanner.arrays import FloatArray
+from tubeplanner.trajectory.b_spline import basis_functions, knot_intervals
 
 REST_POINTS = 3  # equal control points at an end put velocity and acceleration there to zero
 
@@ -29,19 +28,19 @@ def fitted_control_points(
             those that the times leave open; 0 if there are none.
     """
     count = len(knots) - degree - 1
-    design = BSpline.design_matrix(times, knots, degree)
+    span = knot_intervals(knots, degree, times)
+    near = span[:, None] + np.arange(-degree, 1)
+    weights = basis_functions(knots, degree, span, times)[0]
     inner = slice(REST_POINTS, count - REST_POINTS)
     line = ends[0] + np.linspace(0, 1, count)[:, None] * (ends[1] - ends[0])
     points = np.zeros_like(line)
     points[:REST_POINTS], points[-REST_POINTS:] = ends
-    # Normal equations, as a band: well conditioned, and nothing for threads to wait for.
-    squared = (design.T @ design).tocsr()[inner, inner]
-    bands = np.zeros((degree + 1, count - 2 * REST_POINTS))
-    for k in range(min(degree + 1, bands.shape[1])):
-        bands[k, : bands.shape[1] - k] = squared.diagonal(-k)
-    bands[0] += draw
-    wanted = (design.T @ (path - design @ points))[inner] + draw * line[inner]
-    points[inner] = solveh_banded(bands, wanted, lower=True)
+    # Normal equations, gathered from the few weights that count at each time: well conditioned.
+    squared, wanted = draw * np.eye(count), draw * line
+    np.add.at(squared, (near[:, :, None], near[:, None]), weights[:, :, None] * weights[:, None])
+    rest = path - np.einsum("nk,nkj->nj", weights, points[near])
+    np.add.at(wanted, near, weights[:, :, None] * rest[:, None])
+    points[inner] = np.linalg.solve(squared[inner, inner], wanted[inner])
     return points
 
 

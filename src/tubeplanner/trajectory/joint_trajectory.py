@@ -2,17 +2,18 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import factorial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import BSpline, PPoly
-from scipy.special import factorial
 
 from tubeplanner.arrays import FloatArray, read_only
 from tubeplanner.errors import TrajectoryError, shown
 from tubeplanner.names import require_name
 from tubeplanner.options import is_number
+from tubeplanner.trajectory.b_spline import BSpline
+from tubeplanner.trajectory.piecewise_polynomial import PiecewisePolynomial
 
 if TYPE_CHECKING:
     from tubeplanner.problem.problem import PlanningProblem
@@ -61,7 +62,7 @@ class JointTrajectory:
     joint_names: tuple[str, ...]
     breakpoints: FloatArray
     coefficients: FloatArray
-    _derivatives: tuple[PPoly, ...]
+    _derivatives: tuple[PiecewisePolynomial, ...]
 
     def __init__(
         self, joint_names: Sequence[str], breakpoints: object, coefficients: object
@@ -88,7 +89,7 @@ class JointTrajectory:
                 ) from None
         self._require_consistent()
         self._require_sensible()
-        position = PPoly(self.coefficients, self.breakpoints)
+        position = PiecewisePolynomial(self.coefficients, self.breakpoints)
         derivatives = tuple(position.derivative(order) for order in range(4))
         self._keep("_derivatives", derivatives)
         self._require_bounded()
@@ -138,7 +139,7 @@ class JointTrajectory:
 
         Shape (degree+1-order, pieces, n), at least one row.
         """
-        return self._derivatives[order].c
+        return self._derivatives[order].coefficients
 
     def reach(self, order: int = 0) -> FloatArray:
         """Return how large a derivative of an order from 0 to 3 may get, shape (pieces, n).
@@ -217,8 +218,8 @@ class JointTrajectory:
         local = self.breakpoints - begin
         inner = (local > 0) & (local < width)
         starts = np.concatenate([[begin], self.breakpoints[inner]])
-        position = PPoly(self.coefficients, self.breakpoints)
-        powers = np.arange(len(self.coefficients) - 1, -1, -1)
+        position = self._derivatives[0]
+        powers = range(len(self.coefficients) - 1, -1, -1)
         rows = [position.derivative(power)(starts) / factorial(power) for power in powers]
         breakpoints = np.concatenate([[0.0], local[inner], [width]])
         return JointTrajectory(self.joint_names, breakpoints, rows)
@@ -325,15 +326,18 @@ def concatenate(parts: Sequence[JointTrajectory]) -> JointTrajectory:
 
 def from_spline(joint_names: Sequence[str], spline: BSpline) -> JointTrajectory:
     """Return a B-spline with control points of shape (K, n), clamped and starting at time 0."""
-    return from_splines(joint_names, BSpline(spline.t, spline.c[:, None], spline.k))[0]
+    return from_splines(
+        joint_names, BSpline(spline.knots, spline.control_points[:, None], spline.degree)
+    )[0]
 
 
 def from_splines(joint_names: Sequence[str], splines: BSpline) -> list[JointTrajectory]:
     """Return the S B-splines with control points of shape (K, S, n), as `from_spline`."""
-    breakpoints, degree = np.unique(splines.t), splines.k
-    powers = np.arange(degree, -1, -1)
-    rows = [splines.derivative(power)(breakpoints[:-1]) / factorial(power) for power in powers]
-    coefficients = np.array(rows)
+    breakpoints = np.unique(splines.knots)
+    powers = range(splines.degree, -1, -1)
+    coefficients = np.array(
+        [splines(breakpoints[:-1], power) / factorial(power) for power in powers]
+    )
     return [
         JointTrajectory(joint_names, breakpoints, coefficients[:, :, k])
         for k in range(coefficients.shape[2])

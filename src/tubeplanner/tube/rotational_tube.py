@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from tubeplanner.arrays import FloatArray, IntArray, read_only
 from tubeplanner.errors import ProblemError
+from tubeplanner.orientation import matrix_of_quaternion
 from tubeplanner.tube.rotations import inverse_right_jacobian, rotation_matrix, rotation_vector
 
 # One angle [rad], or bounds on the three components [rad].
@@ -141,7 +141,7 @@ def rotational_tube(
     Raises:
         ProblemError: Neighbouring orientations are 180 degrees apart.
     """
-    matrices = Rotation.from_quat(orientations).as_matrix()
+    matrices = matrix_of_quaternion(orientations)
     turn = rotation_vector(matrices[:-1].transpose(0, 2, 1) @ matrices[1:])
     for k, angle in enumerate(np.linalg.norm(turn, axis=1)):
         if angle > np.pi - _HALF_TURN_TOLERANCE:

@@ -13,10 +13,10 @@ What is enclosed is a `Quantity`: its values, and a majorant made from the serie
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from math import comb
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from scipy.special import comb
 
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.trajectory.bernstein import bernstein_coefficients, halves

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.problem.problem import PlanningProblem
@@ -294,13 +293,7 @@ class _Fit:
         around = time[[max(best - 1, 0), best, min(best + 1, len(time) - 1)]]
         candidates = [float(around[1])]
         if around[0] < around[2]:
-            found = minimize_scalar(
-                lambda t: -float(margin(np.array([t]))[0]),
-                bounds=(around[0], around[2]),
-                method="bounded",
-                options={"xatol": _SWITCHING_TOLERANCE},
-            )
-            candidates.append(float(found.x))
+            candidates.append(float(_highest(margin, around[:1], around[2:])[0]))
         margins = margin(np.array(candidates))
         # Where the tool really is; the enclosure is off by next to nothing.
         error = float(self._tool.error.max())
@@ -310,9 +303,6 @@ class _Fit:
         self, pairs: tuple[IntArray, IntArray], low: FloatArray, high: FloatArray
     ) -> FloatArray:
         """Return when, between two times each, the worse of two segments' margins is largest.
-
-        By golden sections, of all H switching times at once (Kiefer, "Sequential minimax search for
-        a maximum", 1953).
 
         Args:
             pairs: The segments before and those after the switching times, each (H,).
@@ -327,22 +317,7 @@ class _Fit:
             before, after = (self._in(segment, time) for segment in pairs)
             return np.minimum(before, after)
 
-        begin, end = low, high
-        early, late = end - _GOLDEN * (end - begin), begin + _GOLDEN * (end - begin)
-        at_early, at_late = worse(early), worse(late)
-        while (end - begin).max(initial=0.0) > _SWITCHING_TOLERANCE:
-            is_early = at_early >= at_late
-            begin, end = np.where(is_early, begin, early), np.where(is_early, late, end)
-            inner = np.where(
-                is_early, end - _GOLDEN * (end - begin), begin + _GOLDEN * (end - begin)
-            )
-            at_inner = worse(inner)
-            early, late = np.where(is_early, inner, late), np.where(is_early, early, inner)
-            at_early, at_late = (
-                np.where(is_early, at_inner, at_late),
-                np.where(is_early, at_early, at_inner),
-            )
-        candidates = np.array([low, high, (begin + end) / 2])
+        candidates = np.array([low, high, _highest(worse, low, high)])
         best = np.array([worse(time) for time in candidates]).argmax(axis=0)
         found: FloatArray = candidates[best, np.arange(len(low))]
         return found
@@ -350,3 +325,26 @@ class _Fit:
     def _in(self, segment: IntArray, time: FloatArray) -> FloatArray:
         """Return the margins as `at`, each for one segment at one time, shape (N,)."""
         return np.minimum.reduce([margin.within(segment, time) for margin in self._margins])
+
+
+def _highest(
+    function: Callable[[FloatArray], FloatArray], low: FloatArray, high: FloatArray
+) -> FloatArray:
+    """Return where a function of times is highest, of all H intervals at once, shape (H,) [s].
+
+    By golden sections (Kiefer, "Sequential minimax search for a maximum", 1953).
+    """
+    begin, end = low, high
+    early, late = end - _GOLDEN * (end - begin), begin + _GOLDEN * (end - begin)
+    at_early, at_late = function(early), function(late)
+    while (end - begin).max(initial=0.0) > _SWITCHING_TOLERANCE:
+        is_early = at_early >= at_late
+        begin, end = np.where(is_early, begin, early), np.where(is_early, late, end)
+        inner = np.where(is_early, end - _GOLDEN * (end - begin), begin + _GOLDEN * (end - begin))
+        at_inner = function(inner)
+        early, late = np.where(is_early, inner, late), np.where(is_early, early, inner)
+        at_early, at_late = (
+            np.where(is_early, at_inner, at_late),
+            np.where(is_early, at_early, at_inner),
+        )
+    return (begin + end) / 2

@@ -4,13 +4,8 @@ from collections import defaultdict
 from dataclasses import dataclass
 from typing import Any
 
-from tubeplanner.arrays import FloatArray
-from tubeplanner.collision.link_geometry import (
-    link_shapes,
-    placement_in_link,
-    read_geometry,
-    simple_shape,
-)
+from tubeplanner.collision.link_elements import element_of, read_geometry
+from tubeplanner.collision.link_geometry import link_shapes, simple_shape
 from tubeplanner.errors import RobotError
 from tubeplanner.resources import find_mesh
 from tubeplanner.robot.robot_model import RobotModel
@@ -80,17 +75,16 @@ def link_parts(robot: RobotModel, max_faces: int) -> tuple[list[LinkPart], list[
 
 def _pieces(robot: RobotModel, visual: Any, named: dict[str, Any]) -> list[tuple[Color, Surface]]:
     """Return colours and surfaces of one <visual>, in the frame of its link."""
-    color, geometry = _urdf_color(visual.material, named), visual.geometry
-    simple = simple_shape(geometry)
+    color, element = _urdf_color(visual.material, named), element_of(visual)
+    if element is None:
+        raise RobotError("a <visual> has no known geometry")
+    simple = simple_shape(element)
     if simple is not None:
         pieces: list[tuple[Color | None, Surface]] = [(None, shape_surface(simple))]
-    elif geometry.mesh is not None:
-        path = find_mesh(geometry.mesh.filename, robot.urdf.path, robot.package_dirs)
-        pieces = read_visual_mesh(path, geometry.mesh.scale)
     else:
-        raise RobotError("a <visual> has no known geometry")
-    placement: FloatArray = placement_in_link(visual)
-    return [(own or color, surface.moved(placement)) for own, surface in pieces]
+        path = find_mesh(element.filename, robot.urdf.path, robot.package_dirs)
+        pieces = read_visual_mesh(path, element.sizes)
+    return [(own or color, surface.moved(element.placement)) for own, surface in pieces]
 
 
 def _urdf_color(material: Any, named: dict[str, Any]) -> Color:

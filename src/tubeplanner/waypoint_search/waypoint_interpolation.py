@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-from scipy.linalg import solve
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
@@ -147,7 +146,7 @@ def _spline_velocities(step: FloatArray) -> FloatArray:
     for end in (0, -1):  # the quartics at the ends
         matrix[end, end] += 1
         weighted[end] *= 2
-    return solve(matrix, weighted[:-1] + weighted[1:], assume_a="pos")
+    return np.asarray(np.linalg.solve(matrix, weighted[:-1] + weighted[1:]), dtype=np.float64)
 
 
 def _quintic(joint_names: Sequence[str], waypoints: FloatArray) -> JointTrajectory:
