@@ -6,6 +6,7 @@ from tubeplanner import load_problem
 from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
 from tubeplanner.refinement.sequential_program import FIRST_PENALTY, SequentialProgram
 from tubeplanner.refinement.spline_start import starting_spline
+from tubeplanner.refinement.trust_region import TrustRegion
 
 
 @pytest.fixture(scope="module")
@@ -20,7 +21,7 @@ def begun():
 
 def steps(begun, trust, count):
     program, begin = begun
-    return program.improved(begin, trust, FIRST_PENALTY, min_gain=1e-6, max_steps=count)
+    return program.improved(begin, TrustRegion(trust), FIRST_PENALTY, min_gain=1e-6, max_steps=count)
 
 
 @pytest.mark.parametrize("trust", [0.2, 0.4])
