@@ -23,6 +23,7 @@ from tubeplanner.branches.reference_branch import redundancy_rules, reference_br
 from tubeplanner.refinement.refinement import Refinement
 from tubeplanner.refinement.sequential_program import FIRST_PENALTY, SequentialProgram
 from tubeplanner.refinement.spline_start import starting_spline
+from tubeplanner.refinement.trust_region import TrustRegion
 
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"
 EVERY = {"joint1": np.inf, "joint2": np.inf}
@@ -69,7 +70,7 @@ def polished(problem, spline):
     program = SequentialProgram(problem, spline.grid)
     program.constraints.look_for_links(spline)
     begin = program.iterate(spline)
-    found = program.improved(begin, 0.01, FIRST_PENALTY, min_gain=1e-8, max_steps=60)
+    found = program.improved(begin, TrustRegion(0.01), FIRST_PENALTY, min_gain=1e-8, max_steps=60)
     return found.iterate.duration
 
 

@@ -5,7 +5,6 @@ tool keeps its position.
 """
 
 import numpy as np
-from scipy import sparse
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.branches.inverse_kinematics import solve_position
@@ -26,7 +25,6 @@ class ControlVariables:
 
     Attributes:
         column: The variable of every control point, -1 where it is fixed, shape (K,).
-        selection: How control points depend on the variables, sparse, shape (K, F).
         lower: Bounds of the variables, shape (F, n) [rad or m].
         upper: Likewise.
     """
@@ -38,9 +36,6 @@ class ControlVariables:
         self.column = self._columns(grid.control_point_count)
         moving = np.flatnonzero(self.column != FIXED)
         count = int(self.column.max()) + 1
-        self.selection = sparse.csr_matrix(
-            (np.ones(len(moving)), (moving, self.column[moving])), (len(self.column), count)
-        )
         lower, upper = self._control_bounds()
         self._share_of_goal = _minimum_jerk(grid.control_point_count)
         self.lower, self.upper = np.full((2, count, lower.shape[1]), np.inf)
@@ -57,6 +52,13 @@ class ControlVariables:
         """Return how control points change with a step of the variables (F, n), shape (K, n)."""
         padded = np.vstack([step, np.zeros((1, step.shape[1]))])  # the last one is that of FIXED
         return padded[self.column]
+
+    def collected(self, by_point: FloatArray) -> FloatArray:
+        """Return derivatives by the variables (F, n) from those by control points (K, n)."""
+        by_variable = np.zeros_like(self.lower)
+        moving = self.column != FIXED
+        np.add.at(by_variable, self.column[moving], by_point[moving])
+        return by_variable
 
     def within_bounds(self, control_points: FloatArray) -> FloatArray:
         """Return control points (K, n), the movable ones clipped to their bounds."""

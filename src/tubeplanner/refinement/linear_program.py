@@ -1,5 +1,6 @@
 """The linear program of one step: solved by PIQP, an interior-point method for sparse problems."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,6 +75,21 @@ class Step:
     multipliers: FloatArray
 
 
+@dataclass(frozen=True, eq=False)
+class SparseRows:
+    """R rows over all that may change, compressed.
+
+    Attributes:
+        data: Their entries, row after row, shape (entries,).
+        column: Where they are, shape (entries,).
+        count: How many entries each row has, shape (R,).
+    """
+
+    data: FloatArray
+    column: IntArray
+    count: IntArray
+
+
 class StepProgram:
     """A linear program with a little curvature, and its solver.
 
@@ -83,9 +99,8 @@ class StepProgram:
 
     def __init__(
         self,
-        rows: Rows,
-        is_elastic: FloatArray,
-        column: IntArray,
+        rows: Sequence[SparseRows],
+        slack: FloatArray,
         bounds: Bounds,
         quadratic: Quadratic,
         penalty: float,
@@ -94,9 +109,8 @@ class StepProgram:
         """Set it up.
 
         Args:
-            rows: The constraints.
-            is_elastic: 1 for rows that may be violated at a penalty, else 0, shape (R,).
-            column: The variable of every control point, -1 where it is fixed, shape (K,).
+            rows: The constraints, R of them in all, from `sparse_rows`.
+            slack: Theirs, shape (R,).
             bounds: Where the step must stay.
             quadratic: The curvature of the step's cost.
             penalty: Weight of the elastic variable.
@@ -104,7 +118,6 @@ class StepProgram:
         """
         self._free = bounds.lower.shape
         switches = len(bounds.switching)
-        self._matrix = _matrix(rows, is_elastic, column, *self._free)
         self._widths = bounds.widths if switches else np.zeros(0)
         self._hessian = quadratic.hessian
         self._linear = np.concatenate([quadratic.gradient, np.zeros(switches), [1.0, penalty]])
@@ -114,7 +127,9 @@ class StepProgram:
         self._upper = np.concatenate(
             [bounds.upper.ravel(), bounds.switching, [bounds.duration[1], np.inf]]
         )
-        self._slack, self._tolerance = rows.slack, tolerance
+        changes = _width_changes(switches, bounds.lower.size)
+        self._matrix = _matrix([*rows, changes], len(self._linear))
+        self._slack, self._tolerance = slack, tolerance
         self._held = self._equalities(bounds)
         self._solver: piqp.SparseSolver | None = None
 
@@ -155,11 +170,12 @@ class StepProgram:
         return np.concatenate([slack, self._widths])
 
     def _equalities(self, bounds: Bounds) -> sparse.csc_matrix | None:
-        if len(bounds.held) == 0:
+        count, n = bounds.held.shape
+        if count == 0:
             return None
-        before = sparse.csc_matrix((len(bounds.held), bounds.lower[:-1].size))
-        after = sparse.csc_matrix((len(bounds.held), len(self._linear) - bounds.lower.size))
-        return sparse.hstack([before, bounds.held, after], format="csc")
+        column = np.tile(np.arange(bounds.lower.size - n, bounds.lower.size), count)
+        rows = SparseRows(bounds.held.ravel(), column, np.full(count, n))
+        return _matrix([rows], len(self._linear))
 
     def _solution(self, solver: piqp.SparseSolver) -> Step | None:
         status = solver.solve()
@@ -177,45 +193,49 @@ class StepProgram:
         )
 
 
-def _matrix(
-    rows: Rows, is_elastic: FloatArray, column: IntArray, free: int, n: int
-) -> sparse.csc_matrix:
-    """Return rows, and the changes of the phases' widths, over all that may change."""
-    count, weights = len(rows), rows.control.shape[1]
+def sparse_rows(rows: Rows, is_elastic: FloatArray, column: IntArray, free: int) -> SparseRows:
+    """Return rows over all that may change.
+
+    Args:
+        rows: R constraints.
+        is_elastic: 1 for rows that may be violated at a penalty, else 0, shape (R,).
+        column: The variable of every control point, -1 where it is fixed, shape (K,).
+        free: How many variables there are.
+    """
+    count, weights, n = rows.control.shape
     switches = rows.switching.shape[1]
     variable = column[rows.first[:, None] + np.arange(weights)]
-    columns = (variable[:, :, None] * n + np.arange(n)).reshape(count, weights * n)
-    values = rows.control * (variable >= 0)[:, :, None]
-    extra = free * n + np.arange(switches + 2)
-    columns = np.hstack([columns, np.tile(extra, (count, 1))])
-    data = np.hstack(
-        [
-            values.reshape(count, weights * n),
-            rows.switching,
-            rows.duration[:, None],
-            -is_elastic[:, None],
-        ]
-    )
+    data = np.empty((count, weights * n + switches + 2))
+    columns = np.empty(data.shape, dtype=np.int32)
+    by_control = (rows.control * (variable >= 0)[:, :, None]).reshape(count, weights * n)
+    data[:, : weights * n] = by_control
+    data[:, weights * n : -2], data[:, -2], data[:, -1] = rows.switching, rows.duration, -is_elastic
+    columns[:, : weights * n] = np.add.outer(variable * n, np.arange(n)).reshape(count, weights * n)
+    columns[:, weights * n :] = free * n + np.arange(switches + 2)
     keep = data != 0
-    ends, switch, by_switch = _width_changes(switches)
-    indptr = np.concatenate([[0], np.cumsum(np.append(keep.sum(axis=1), ends))])
-    matrix = sparse.csr_matrix(
-        (np.append(data[keep], by_switch), np.append(columns[keep], free * n + switch), indptr),
-        shape=(len(indptr) - 1, free * n + switches + 2),
-    )
-    matrix.sum_duplicates()  # control points that move as one
-    return matrix.tocsc()
+    return SparseRows(data[keep], columns[keep], keep.sum(axis=1))
 
 
-def _width_changes(switches: int) -> tuple[IntArray, IntArray, FloatArray]:
-    """Return how the phases' widths change with the switching times, row after row.
+def _width_changes(switches: int, first: int) -> SparseRows:
+    """Return how the phases' widths change with the switching times, that begin at a column.
 
     A phase grows with the time that ends it, and shrinks with the one that begins it.
-
-    Returns:
-        How many switching times count for each phase, which, and their weights.
     """
     if switches == 0:
-        return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
+        nothing = np.zeros(0, dtype=np.int64)
+        return SparseRows(np.zeros(0), nothing, nothing)
     counts = np.concatenate([[1], np.full(switches - 1, 2), [1]])
-    return counts, np.repeat(np.arange(switches), 2), np.tile([1.0, -1.0], switches)
+    column = first + np.repeat(np.arange(switches), 2)
+    return SparseRows(np.tile([1.0, -1.0], switches), column, counts)
+
+
+def _matrix(parts: Sequence[SparseRows], columns: int) -> sparse.csc_matrix:
+    """Return the matrix of several sets of rows."""
+    data, column, count = (
+        np.concatenate([getattr(part, name) for part in parts])
+        for name in ("data", "column", "count")
+    )
+    ends = np.concatenate([[0], np.cumsum(count)])
+    matrix = sparse.csr_matrix((data, column, ends), shape=(len(count), columns))
+    matrix.sum_duplicates()  # control points that move as one
+    return matrix.tocsc()

@@ -5,15 +5,23 @@ them, so that what a step predicts is inside the convex set that the regions are
 planes about it.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import starmap
 
 import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.refinement.control_variables import ControlVariables
-from tubeplanner.refinement.linear_program import Bounds, Quadratic, Step, StepProgram
-from tubeplanner.refinement.linear_rows import Rows, stacked
+from tubeplanner.refinement.linear_program import (
+    Bounds,
+    Quadratic,
+    SparseRows,
+    Step,
+    StepProgram,
+    sparse_rows,
+)
+from tubeplanner.refinement.linear_rows import Rows
 from tubeplanner.refinement.phased_spline import DEGREE
 from tubeplanner.refinement.region_constraints import Planes
 from tubeplanner.refinement.spline_constraints import Iterate
@@ -37,6 +45,21 @@ class Given:
     rows: BoolArray
     planes: tuple[Planes, ...]
     ignored: tuple[BoolArray, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """R rows of a program.
+
+    Attributes:
+        rows: The rows.
+        limit: Numbers of their limits, shape (R,).
+        slack: Returns their slack (R,), given that of all rows and by how much vectors are bent.
+    """
+
+    rows: SparseRows
+    limit: IntArray
+    slack: Callable[[FloatArray, Sequence[FloatArray]], FloatArray]
 
 
 class Linearization:
@@ -75,8 +98,11 @@ class Linearization:
         self._planes, self._ignored = given.planes, given.ignored
         self._quadratic, self.penalty, self._tolerance = quadratic, penalty, tolerance
         self._program: StepProgram | None = None
-        self._given = self._limit = np.zeros(0, dtype=np.int64)
+        self._parts: list[_Part] = []
         self._has_more = True  # than the last program had
+        self._give(np.flatnonzero(given.rows))
+        for kind, planes in enumerate(given.planes):
+            self._give_planes(kind, planes)
 
     @property
     def added(self) -> IntArray:
@@ -85,10 +111,10 @@ class Linearization:
 
     def costs(self, step: Step, count: int) -> FloatArray:
         """Return what the rows and planes of each of so many limits cost, shape (count,)."""
-        named = self._limit >= 0
-        multipliers = np.maximum(step.multipliers[named], 0.0)
+        limit = np.concatenate([part.limit for part in self._parts])[: len(step.multipliers)]
+        named = limit >= 0
         costs = np.zeros(count)
-        np.add.at(costs, self._limit[named], multipliers)
+        np.add.at(costs, limit[named], np.maximum(step.multipliers[named], 0.0))
         return costs
 
     def binding(self, step: Step) -> tuple[Planes, ...]:
@@ -109,10 +135,9 @@ class Linearization:
             if better is None:  # what there was before leaves something to the correction
                 break
             step = better
-            broken = (self._slack_after(step) < -BROKEN) & ~self._active
-            self._active |= broken
-            self._has_more |= bool(broken.any())
-            if not self._add_planes(self._after(step), step.elastic) and not broken.any():
+            broken = np.flatnonzero((self._slack_after(step) < -BROKEN) & ~self._active)
+            self._give(broken)
+            if not self._add_planes(self._after(step), step.elastic) and len(broken) == 0:
                 break
         return step
 
@@ -144,26 +169,16 @@ class Linearization:
 
     def _solved(self, slack: FloatArray, bends: list[FloatArray]) -> Step | None:
         """Return the step of the program for rows with some slack, vectors being bent."""
-        self._given, self._has_more = np.flatnonzero(self._active), False
-        parts = [self._rows.where(self._given)]
-        for regions, planes in zip(self._current.regions, self._planes, strict=True):
-            parts.append(regions.rows(planes))
-        rows = replace(stacked(parts), slack=self._given_slack(slack, bends))
-        elastic = np.ones(len(rows))
-        elastic[: len(self._given)] = self._is_elastic[self._given]
+        self._has_more = False
         self._program = StepProgram(
-            rows,
-            elastic,
-            self._variables.column,
+            [part.rows for part in self._parts],
+            self._given_slack(slack, bends),
             self._bounds,
             self._quadratic,
             self.penalty,
             self._tolerance,
         )
-        step = self._program.solve()
-        if step is not None:
-            self._limit = rows.limit
-        return step
+        return self._program.solve()
 
     def _solved_again(self, slack: FloatArray, bends: list[FloatArray]) -> Step | None:
         """Return the step of the last program, if nothing was added, for other slack and bends."""
@@ -172,27 +187,44 @@ class Linearization:
         return self._program.solve_again(self._given_slack(slack, bends))
 
     def _given_slack(self, slack: FloatArray, bends: list[FloatArray]) -> FloatArray:
-        """Return the slack of the program's rows, those of planes last."""
-        of_planes = [
-            regions.slack(planes, bend)
-            for regions, planes, bend in zip(
-                self._current.regions, self._planes, bends, strict=True
-            )
-        ]
-        return np.concatenate([slack[self._given], *of_planes])
+        """Return the slack of the program's rows."""
+        found = [part.slack(slack, bends) for part in self._parts]
+        return np.concatenate([np.zeros(0), *found])
+
+    def _give(self, which: IntArray) -> None:
+        """Give rows to the next program."""
+        if len(which):
+            self._active[which] = True
+            own, is_elastic = self._rows.where(which), self._is_elastic[which]
+            self._add(own, is_elastic, lambda slack, _: slack[which])
+
+    def _give_planes(self, kind: int, planes: Planes) -> None:
+        """Give planes of a kind of regions to the next program."""
+        if len(planes):
+            regions, is_elastic = self._current.regions[kind], np.ones(len(planes))
+            own = regions.rows(planes)
+            self._add(own, is_elastic, lambda _, bends: regions.slack(planes, bends[kind]))
+
+    def _add(
+        self,
+        rows: Rows,
+        is_elastic: FloatArray,
+        slack: Callable[[FloatArray, Sequence[FloatArray]], FloatArray],
+    ) -> None:
+        own = sparse_rows(rows, is_elastic, self._variables.column, len(self._bounds.lower))
+        self._parts.append(_Part(own, rows.limit, slack))
+        self._has_more = True
 
     def _add_planes(self, vectors: list[FloatArray], elastic: float) -> bool:
         """Add tangent planes where vectors are outside; return whether some are."""
-        fresh = []
-        for regions, vector, ignored in zip(
-            self._current.regions, vectors, self._ignored, strict=True
-        ):
+        found = []
+        for kind, (regions, vector) in enumerate(zip(self._current.regions, vectors, strict=True)):
             planes = regions.planes_where_outside(vector, elastic)
-            fresh.append(planes.where(~ignored[planes.sample]))
-        self._planes = tuple(starmap(Planes.and_also, zip(self._planes, fresh, strict=True)))
-        has_more = any(len(planes) for planes in fresh)
-        self._has_more |= has_more
-        return has_more
+            fresh = planes.where(~self._ignored[kind][planes.sample])
+            self._give_planes(kind, fresh)
+            found.append(fresh)
+        self._planes = tuple(starmap(Planes.and_also, zip(self._planes, found, strict=True)))
+        return any(len(planes) for planes in found)
 
     def _after(self, step: Step) -> list[FloatArray]:
         """Return the regions' vectors after a step, to first order."""

@@ -46,6 +46,8 @@ class LinkConstraints:
         self._samples = Samples(np.zeros(0, int), np.zeros(0), np.zeros(0, int))
         self._pair = np.zeros(0, dtype=np.int64)
         self._aim = np.full(len(self._pairs), np.nan)
+        self._approach = checker.motion_weights(self._pairs)
+        self._seen: tuple[FloatArray, FloatArray] | None = None
 
     def at(self, spline: PhasedSpline) -> "EvaluatedLinks":
         """Return the pairs that are watched, at a spline."""
@@ -63,6 +65,7 @@ class LinkConstraints:
         moved = copy(self)
         times = self._samples.times(spline.switching_times)
         moved._samples = other.grid.samples_at(other.switching_times, times)
+        moved._seen = None
         return moved
 
     def look(self, spline: PhasedSpline) -> bool:
@@ -70,7 +73,9 @@ class LinkConstraints:
         if len(self._pairs) == 0:
             return False
         samples = spline.grid.samples(np.arange(_PER_INTERVAL) / _PER_INTERVAL)
-        distance = self._distances(sampled(spline, samples).position)
+        q = sampled(spline, samples).position
+        distance = self._distances(q, self._still_apart(q))
+        self._seen = q, distance
         clearance = distance - self._required
         before = np.vstack([np.full((1, len(self._pairs)), np.inf), clearance[:-1]])
         after = np.vstack([clearance[1:], np.full((1, len(self._pairs)), np.inf)])
@@ -81,7 +86,8 @@ class LinkConstraints:
 
     def look_at(self, spline: PhasedSpline, samples: Samples) -> None:
         """Watch the pairs that come close at samples."""
-        distance = self._distances(sampled(spline, samples).position)
+        q = sampled(spline, samples).position
+        distance = self._distances(q, np.full((len(q), len(self._pairs)), -np.inf))
         sample, pair = np.nonzero(distance - self._required < _WATCHED)
         at = samples.where(sample)
         self._watch(spline, at, pair, np.zeros(len(pair)), _SAME_SHARE_ASKED)
@@ -125,13 +131,24 @@ class LinkConstraints:
         aim[pairs] = np.clip(there, required, required + _INNER_MARGIN)
         self._aim = aim
 
-    def _distances(self, q: FloatArray) -> FloatArray:
+    def _still_apart(self, q: FloatArray) -> FloatArray:
+        """Return lower bounds of the distances (N, P) [m] at configurations on these knots.
+
+        By how far they have moved since the last look.
+        """
+        if self._seen is None:
+            return np.full((len(q), len(self._pairs)), -np.inf)
+        seen, distance = self._seen
+        bounds: FloatArray = distance - abs(q - seen) @ self._approach.T
+        return bounds
+
+    def _distances(self, q: FloatArray, known: FloatArray) -> FloatArray:
         """Return distances of all pairs at configurations along a spline, shape (N, P).
 
-        Those beyond what is watched are lower bounds: from spheres, or along the direction that
-        separates the pair at a configuration near by.
+        Those beyond what is watched are lower bounds: known ones, from spheres, or along the
+        direction that separates the pair at a configuration near by.
         """
-        distances = _Distances(self._checker, q, self._pairs, self._required + _WATCHED)
+        distances = _Distances(self._checker, q, self._pairs, self._required + _WATCHED, known)
         before = len(q)
         for stride in _STRIDES:
             samples = np.arange(0, len(q), stride)
@@ -148,11 +165,17 @@ class _Distances:
     """
 
     def __init__(
-        self, checker: CollisionChecker, q: FloatArray, pairs: IntArray, matters: FloatArray
+        self,
+        checker: CollisionChecker,
+        q: FloatArray,
+        pairs: IntArray,
+        matters: FloatArray,
+        known: FloatArray,
     ) -> None:
         self._checker, self._pairs, self._matters = checker, pairs, matters
         self._rotation, self._position = checker.robot.body_poses(q)
-        self.found = checker.sphere_distances(self._rotation, self._position, pairs)
+        spheres = checker.sphere_distances(self._rotation, self._position, pairs)
+        self.found = np.maximum(spheres, known)
         self._near = self.found < matters
         self._direction = np.zeros((*self.found.shape, 3))
         self._is_known = np.zeros(self.found.shape, dtype=bool)

@@ -7,6 +7,7 @@ velocity and acceleration vanish exactly at both ends.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TypeAlias
 
 import numpy as np
@@ -39,8 +40,17 @@ class Samples:
 
     def basis(self, grid: "KnotGrid", switching_times: FloatArray) -> FloatArray:
         """Return the weights of four control points in position and derivatives, (4, N, 4)."""
-        knots, x = grid.knots(switching_times), self.times(switching_times)
-        return basis_functions(knots, DEGREE, self.interval + DEGREE, x)
+        at_knot = _at_knots(grid, switching_times.tobytes())[:, self.interval]
+        breakpoints = grid.breakpoints(switching_times)
+        behind = (self.times(switching_times) - breakpoints[self.interval])[:, None]
+        weights = np.empty_like(at_knot)
+        weights[3] = at_knot[3]
+        weights[2] = at_knot[2] + behind * at_knot[3]
+        weights[1] = at_knot[1] + behind * (at_knot[2] + weights[2]) / 2
+        weights[0] = at_knot[0] + behind * (
+            at_knot[1] + behind * (at_knot[2] + behind * at_knot[3] / 3) / 2
+        )
+        return weights
 
     def and_also(self, other: "Samples") -> "Samples":
         """Return these samples and others."""
@@ -128,6 +138,14 @@ class KnotGrid:
         count = len(self.shares)
         last = np.cumsum([len(share) - 1 for share in self.shares]) - 1
         return Samples(np.arange(count), np.ones(count), last)
+
+
+@lru_cache(maxsize=16)  # of several kinds of samples, and while switching times stay
+def _at_knots(grid: KnotGrid, switching_times: bytes) -> FloatArray:
+    """Return the weights at the beginning of every knot interval, shape (4, M, 4)."""
+    knots = grid.knots(np.frombuffer(switching_times))
+    interval = np.arange(grid.interval_count) + DEGREE
+    return basis_functions(knots, DEGREE, interval, knots[interval])
 
 
 @dataclass(frozen=True, eq=False)

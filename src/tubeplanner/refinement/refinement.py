@@ -64,7 +64,7 @@ class Refinement:
         self._widens = widens
         self._checkpoint_duration = checkpoint
         self._radius = problem.tube.effective_radius
-        self._program = SequentialProgram(problem, start.grid)
+        self._program: SequentialProgram  # of the level that `run` is on
         self._penalty, self._damping = FIRST_PENALTY, TrustRegion.damping
         self._best: Iterate | None = None
 

@@ -3,8 +3,8 @@
 import numpy as np
 from scipy import sparse
 
-from tubeplanner.arrays import FloatArray
-from tubeplanner.refinement.control_variables import ControlVariables
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.refinement.control_variables import FIXED, ControlVariables
 from tubeplanner.refinement.linear_program import Quadratic
 from tubeplanner.refinement.phased_spline import KnotGrid
 
@@ -13,6 +13,7 @@ _SMOOTHING = 1e-5
 _PROXIMITY = 1e-3
 # Of switching times, eta and the elastic variable: next to none.
 _OTHERS = 1e-9
+_FIRST, _THIRD = (-1.0, 1.0), (-1.0, 3.0, -3.0, 1.0)
 
 
 class StepCost:
@@ -26,38 +27,65 @@ class StepCost:
             grid: The splines' knots.
             joints: How many there are.
         """
-        selection, count = variables.selection, grid.control_point_count
-        third = _differences(count, 3)
-        weight = 2 * _SMOOTHING * grid.interval_count**5 / 250_000
-        self._smoothing = (selection.T @ (third.T @ third)).tocsr() * weight
-        first = _differences(count, 1) @ selection
-        self._rates = (first.T @ first).tocsr() * grid.interval_count
-        inner = self._smoothing @ selection + sparse.identity(selection.shape[1]) * _PROXIMITY
+        self._variables, self._intervals = variables, grid.interval_count
+        self._weight = 2 * _SMOOTHING * grid.interval_count**5 / 250_000
+        count, others = len(variables.lower), len(grid.shares) - 1 + 2
         # Real and imaginary: two matrices with one pattern, so that their sum costs no search.
-        both = sparse.kron(inner + 1j * self._rates, sparse.identity(joints))
-        others = len(grid.shares) - 1 + 2
-        parts = [both, sparse.identity(others) * _OTHERS]
-        self._both = sparse.block_diag(parts, format="csc")
+        smoothing = _squared_differences(variables.column, _THIRD)
+        rates = _squared_differences(variables.column, _FIRST)
+        alone = np.arange(count)
+        row, column = np.hstack([smoothing[0], rates[0], [alone, alone]])
+        value = np.concatenate(
+            [
+                self._weight * smoothing[1],
+                1j * self._intervals * rates[1],
+                np.full(count, _PROXIMITY),
+            ]
+        )
+        rest = count * joints + np.arange(others)
+        row, column = (
+            np.append(np.add.outer(which * joints, np.arange(joints)), rest)
+            for which in (row, column)
+        )
+        value = np.append(np.repeat(value, joints), np.full(others, _OTHERS))
+        size = count * joints + others
+        self._both = sparse.coo_matrix((value, (row, column)), (size, size)).tocsc()
 
     def quadratic(self, control_points: FloatArray, damping: float = 0.0) -> Quadratic:
         """Return the cost at control points (K, n), squared rates weighted with a damping."""
         both = self._both
         data = both.data.real + damping * both.data.imag
         hessian = sparse.csc_matrix((data, both.indices, both.indptr), both.shape)
-        gradient: FloatArray = self._smoothing @ control_points
-        return Quadratic(hessian, gradient.ravel())
+        bends = np.diff(control_points, len(_THIRD) - 1, axis=0)
+        by_point = np.zeros_like(control_points)
+        for place, weight in enumerate(_THIRD):
+            by_point[place : place + len(bends)] += weight * bends
+        return Quadratic(hessian, self._weight * self._variables.collected(by_point).ravel())
 
     def squared_rates(self, step: FloatArray) -> float:
         """Return the integral of the squared rates of a step (F, n), run in one second.
 
         Nearly: knots are taken as evenly spaced.
         """
-        return float(np.vdot(step, self._rates @ step))
+        rates = np.diff(self._variables.change(step), axis=0)
+        return self._intervals * float(np.vdot(rates, rates))
 
 
-def _differences(count: int, order: int) -> sparse.csr_matrix:
-    """Return the matrix of differences of an order of so many points."""
-    steps = sparse.identity(count, format="csr")
-    for _ in range(order):
-        steps = steps[1:] - steps[:-1]
-    return steps
+def _squared_differences(
+    column: IntArray, weights: tuple[float, ...]
+) -> tuple[IntArray, FloatArray]:
+    """Return the sum of squared differences of control points, as entries over the variables.
+
+    Args:
+        column: The variable of every control point, -1 where it is fixed, shape (K,).
+        weights: Of consecutive control points in a difference.
+
+    Returns:
+        Rows and columns (2, E), and values (E,); they may repeat.
+    """
+    order = len(weights)
+    which = column[np.arange(len(column) - order + 1)[:, None] + np.arange(order)]
+    row, other = np.broadcast_arrays(which[:, :, None], which[:, None, :])
+    value = np.broadcast_to(np.outer(weights, weights), row.shape)
+    both = (row != FIXED) & (other != FIXED)
+    return np.stack([row[both], other[both]]), value[both]
