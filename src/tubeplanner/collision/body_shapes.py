@@ -11,7 +11,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.collision.bounding_box import BoundingBoxes, bounding_boxes
 from tubeplanner.collision.convex_shape import ConvexShape
-from tubeplanner.collision.separation import PlacedShapes, ClosestPoints
+from tubeplanner.collision.separation import ClosestPoints, PlacedShapes
 from tubeplanner.robot.robot_model import RobotModel
 
 

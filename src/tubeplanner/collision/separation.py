@@ -145,7 +145,9 @@ class PlacedShapes:
         offset = np.einsum("pki,pi->pk", position, direction)
         low, high = low + offset, high + offset
         ahead, behind = low[:, 1] - high[:, 0], low[:, 0] - high[:, 1]
-        return np.maximum(ahead, behind), np.where((ahead >= behind)[:, None], direction, -direction)
+        return np.maximum(ahead, behind), np.where(
+            (ahead >= behind)[:, None], direction, -direction
+        )
 
     def _improved(
         self, pair: IntArray, rotation: FloatArray, position: FloatArray, gap: FloatArray

@@ -16,6 +16,7 @@ _MAX_STEP, _MIN_STEP = 0.15, 1e-3  # [rad or m] of all joints together
 _FLAT = 1e-6  # [m/rad or 1]: a clearance that changes less does not change
 _AIM = 2e-3  # [m] of overlap that a step of the descent aims at
 _MIN_SAMPLES, _MAX_SAMPLES = 1024, 4096  # samples at once
+_LOOKED_BESIDE, _NEIGHBOURS = 8, 24  # collisions, and configurations looked at beside each
 _ENOUGH = 48  # collisions that end a search
 
 
@@ -83,8 +84,24 @@ def search_counterexamples(
             hits.append((q[lowest < 0], pair[lowest < 0]))
             least = min(least, lowest.min(initial=np.inf))
         count = min(2 * count, _MAX_SAMPLES)
+    hits.append(_beside(allowed, clearance, np.concatenate([q for q, _ in hits]), rng))
     q_hit, pair_hit = (np.concatenate(parts) for parts in zip(*hits, strict=True))
     return CounterexampleSearch(q_hit, pair_hit, float(least), drawn, tried)
+
+
+def _beside(
+    allowed: ConfigurationSet, clearance: PairClearance, q: FloatArray, rng: np.random.Generator
+) -> tuple[FloatArray, IntArray]:
+    """Return collisions beside the first of some collisions (C, n), and their pairs.
+
+    What is left of a colliding region is found by chance otherwise, in many more searches.
+    """
+    beside = np.repeat(q[:_LOOKED_BESIDE], _NEIGHBOURS, axis=0)
+    away = rng.uniform(0.0, _MAX_STEP, (len(beside), 1)) * rng.normal(size=beside.shape)
+    beside = allowed.back_inside(beside + away)
+    beside = beside[allowed.contains(beside)]
+    found = clearance.least(beside, 0.0)
+    return beside[found.clearance < 0], found.pair[found.clearance < 0]
 
 
 def _starts(clearance: FloatArray, pair: IntArray) -> IntArray:

@@ -30,6 +30,11 @@ class Box:
     extent: FloatArray
     blocker: IntArray
 
+    @property
+    def has_choice(self) -> bool:
+        """Whether it might reach farther in one direction at the cost of another."""
+        return bool((self.blocker >= 0).any() and (self.extent > 0).sum() > 1)
+
 
 class BoxSearch:
     """The search for the best of many boxes; points may be added between searches."""

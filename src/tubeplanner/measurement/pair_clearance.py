@@ -72,9 +72,7 @@ class PairClearance:
         live = np.flatnonzero((bound < 0).any(axis=1))
         while len(live):
             pair = bound[live].argmin(axis=1)
-            closest = self._checker.closest_points(
-                rotation[live], position[live], self.pairs[pair]
-            )
+            closest = self._checker.closest_points(rotation[live], position[live], self.pairs[pair])
             clearance = closest.distance - self.required[pair]
             hit = live[clearance < 0]
             bound[hit] = np.inf
