@@ -219,11 +219,13 @@ class BranchNeighbourhood:
         return cores
 
     def _key(self, k: int) -> bytes:
-        """Return what a segment's measurement depends on, beside its branch."""
-        problem, extra = self._problem, self._pair_clearance.required
-        points = problem.tube.points[k : k + 2]
+        """Return what a segment's measurement depends on, beside its branch.
+
+        Not the extra clearance: less of it is tried later, and serves as well.
+        """
+        problem = self._problem
         bounds = problem.joint_lower[k], problem.joint_upper[k]
-        return np.concatenate([points.ravel(), *bounds, extra]).tobytes()
+        return np.concatenate([problem.tube.points[k : k + 2].ravel(), *bounds]).tobytes()
 
     def _searched(
         self, k: int, samples: int, preferences: SetPreferences, within: Box | None = None

@@ -36,6 +36,6 @@ class KeptSegments:
         for boxes, found in self._found.get(key, ()):
             old = found.allowed
             allowed = ConfigurationSet(problem, segment, old.lower, old.upper, old.radius)
-            if allowed.contains(branch).all():
+            if boxes.collision() is None and allowed.contains(branch).all():
                 return boxes.moved_to(problem, segment), replace(found, allowed=allowed)
         return None
