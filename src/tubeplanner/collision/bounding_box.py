@@ -40,9 +40,9 @@ class BoundingBoxes:
 
 def bounding_boxes(shapes: Sequence[ConvexShape]) -> BoundingBoxes:
     """Return boxes around shapes: along their principal or their body's axes, what is smaller."""
-    found = [min(_box(s, np.eye(3)), _box(s, _principal_axes(s)), key=_volume) for s in shapes]
-    axes, center, half = (np.array(values) for values in zip(*found, strict=True))
-    return BoundingBoxes(axes, center, half)
+    boxes = [min(_box(s, np.eye(3)), _box(s, _principal_axes(s)), key=_volume) for s in shapes]
+    axes, center, half = (np.array([box[k] for box in boxes]) for k in range(3))
+    return BoundingBoxes(axes.reshape(-1, 3, 3), center.reshape(-1, 3), half.reshape(-1, 3))
 
 
 def _box(shape: ConvexShape, axes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -33,6 +33,10 @@ from tubeplanner.robot.pinocchio_model import (
 from tubeplanner.robot.urdf import UrdfDescription, joint_id
 
 
+# From so many configurations on, arrays are quicker than Pinocchio called for each of them.
+_MANY = 64
+
+
 class _Scratch(threading.local):
     """What Pinocchio writes its results into, one for every thread."""
 
@@ -133,6 +137,8 @@ class RobotModel:
 
     def tool_pose(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return rotation (N, 3, 3) and position (N, 3) [m] of the tool centre point."""
+        if len(q) >= _MANY:
+            return self._tool_in(*self.body_poses(q))
         model, data, tool_id = self._model, self._scratch.data, self._tool_id
         rotation, position = np.empty((len(q), 3, 3)), np.empty((len(q), 3))
         placement = data.oMf[tool_id]
@@ -152,6 +158,8 @@ class RobotModel:
 
     def tool_pose_jacobian(self, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return rotation (N, 3, 3), position (N, 3) [m] and Jacobian (N, 6, n) of that point."""
+        if len(q) >= _MANY:
+            return self._tool_jacobian_of_many(q)
         model, data, tool_id = self._model, self._scratch.data, self._tool_id
         rotation, position = np.empty((len(q), 3, 3)), np.empty((len(q), 3))
         shape = (6, self._model.nv)
@@ -163,6 +171,26 @@ class RobotModel:
             pin.updateFramePlacement(model, data, tool_id)
             rotation[i], position[i] = placement.rotation, placement.translation
         return rotation, position, self._joints.collected(jacobian)
+
+    def _tool_in(
+        self, rotation: FloatArray, position: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return `tool_pose` from `body_poses`."""
+        tool = self._model.frames[self._tool_id]
+        turned = rotation[:, tool.parentJoint]
+        placed = turned @ tool.placement.translation + position[:, tool.parentJoint]
+        return turned @ tool.placement.rotation, placed
+
+    def _tool_jacobian_of_many(self, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return `tool_pose_jacobian`."""
+        rotation, position = self.body_poses(q)
+        turned, tool = self._tool_in(rotation, position)
+        carried = self.carries[self._model.frames[self._tool_id].parentJoint]
+        axis = (rotation[:, 1:] @ self._joint_axes[:, :, None])[..., 0] * carried[:, None]
+        turns = self.body_turns[1:, None]
+        linear = np.where(turns, _cross(axis, tool[:, None] - position[:, 1:]), axis)
+        columns = np.concatenate([linear, np.where(turns, axis, 0.0)], axis=2)
+        return turned, tool, self._joints.collected(columns.swapaxes(1, 2))
 
     def tool_velocity(
         self, q: FloatArray, v: FloatArray
