@@ -528,54 +528,42 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("upper, low + 2 * np.pi", "upper, low"),
     ],
     "CollisionChecker._judge_links": [(" if not {*pair} & self._attached_names", "")],
-    "BodyShapes._measured": [
-        (
-            "separation(placed[i], placed[j])",
-            "separation(placed[j], placed[i])",
-        )
+    "BodyShapes.box_distances": [
+        ("((0, 1), (1, 0))", "((0, 0), (1, 1))"),
+        (" - radii[pairs[:, ball]]", ""),
     ],
     "_carried_shapes": [("shape.transformed(placement)", "shape")],
     # --- collision/separation -----------------------------------------------------------------
-    "PlacedShape.move": [
-        ("self._rotation @ self._core[:3, 3]", "self._core[:3, 3]"),
-        ("self._rotation @ self._core[:3, :3]", "self._rotation"),
+    "PlacedShapes._core_poses": [
+        ("core[:, :, :3, 3]) + position", "core[:, :, :3, 3])"),
+        ("rotation @ core[:, :, :3, :3]", "rotation"),
     ],
-    "PlacedShape.extremes": [("self._rotation.T @ direction", "self._rotation @ direction")],
-    "PlacedShape.nearest_points": [
-        ("distance <= 0", "distance <= -1", "only slower: any direction gives a bound")
+    "PlacedShapes._nearest_points": [
+        ("result) <= 0", "result) <= -1", "only slower: any direction gives a bound"),
     ],
-    "PlacedShape.center_to": [
+    "PlacedShapes._gaps": [
         (
-            "other._world_center() - self._world_center()",
-            "self._world_center() - other._world_center()",
+            "[::-1]",
+            "",
             "equivalent: both directions are tried",
-        )
-    ],
-    "separation": [
-        (" - first.radius", ""),
-        (" - second.radius", ""),
-        ("not overlap and best <= length - _LOOSE", "False"),
-        ("not overlap and ", "", "only slower: any direction gives a bound"),
-        (
-            "max((best, along), first.separated(second, gap), key=itemgetter(0))",
-            "first.separated(second, gap)",
-            "only stricter: the better of two bounds is taken",
         ),
-        (
-            "gap = first.center_to(second)",
-            "gap = gap",
-            "only stricter: any direction gives a bound",
-        ),
+        ("(centers + position[row])", "centers", "only stricter: any direction gives a bound"),
     ],
-    "_apart": [
-        ("(-behind, -direction)", "(ahead, direction)"),
-        ("(-behind, -direction)", "(-behind, direction)"),
-        ("back_2 - ahead_1", "back_2 - back_1"),
+    "PlacedShapes.separations": [
+        (" - self._radii[pairs].sum(axis=1)", ""),
+        ("~overlap & (best <= length - _LOOSE)", "length < 0"),
+        ("~overlap & ", "", "only slower: any direction gives a bound"),
     ],
-    "PlacedShape.separated": [
-        ("other._rotation @ direction[0]", "direction[0]"),
-        ("(back @ self._rotation)[None]", "self._rotation[None]"),
-        ("self._position - other._position", "other._position - self._position"),
+    "PlacedShapes._apart": [
+        ("direction, -direction", "direction, direction"),
+        ("np.maximum(ahead, behind)", "ahead"),
+        ("low[:, 1] - high[:, 0]", "low[:, 1] - low[:, 0]"),
+        ('"pkij,pi->pkj"', '"pkji,pi->pkj"'),
+    ],
+    "PlacedShapes._improved": [
+        ("rotation[1] @ direction[0]", "direction[0]"),
+        ("(back @ rotation[0])[None]", "rotation[0][None]"),
+        ("position[0] - position[1]", "position[1] - position[0]"),
     ],
     # --- collision/gilbert --------------------------------------------------------------------
     "separating_directions": [

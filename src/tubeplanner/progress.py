@@ -93,6 +93,11 @@ class PlanningClock:
         """Wall time left before the limit [s]."""
         return self._limit - self.elapsed
 
+    @property
+    def used(self) -> float:
+        """The share of the time limit that has passed; 0 where there is none."""
+        return self.elapsed / self._limit
+
 
 def until_stopped(work: Callable[[], _Answer]) -> tuple[_Answer | None, StoppedBy | None]:
     """Return what work returns, or None and what stopped it: the time limit or Ctrl-C."""

@@ -7,8 +7,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from random_attack import random_attack
 from tubeplanner import RouteOptions, find_route, load_problem, parse_problem, plan
 from tubeplanner.errors import OptionError
+from tubeplanner.progress import PlanningClock, TimeLimitReached
 from tubeplanner.tube_sources.free_space import FreeSpace
 from tubeplanner.tube_sources.goal_configurations import goal_configurations
 from tubeplanner.tube_sources.joint_route import RouteSearch
@@ -139,8 +141,89 @@ def test_the_tube_of_a_route_is_planned_and_certified(gap, answer):
     again = plan(problem)
     assert again.succeeded and again.duration == answer.found.duration
     np.testing.assert_allclose(problem.goal, gap.goal)
-    assert 2 <= len(answer.compared) <= 4
-    assert answer.found.duration <= 1.3 * min(answer.compared)
+    assert 2 <= len(answer.compared) <= 3
+    assert answer.found.duration <= min(answer.compared)
+
+
+@pytest.mark.slow
+def test_the_measured_tube_is_offered_beside_the_faster_motion(answer):
+    measured = answer.measured
+    assert measured is not answer.found
+    assert measured.result.succeeded and measured.duration > answer.found.duration
+    rng = np.random.default_rng(3)
+    for k in range(measured.problem.tube.segment_count):
+        assert random_attack(measured.problem, k, 500, rng).collisions == 0
+    fields = answer.as_dict()
+    assert fields["duration"] == answer.found.duration
+    assert fields["measured"]["duration"] == measured.duration
+    assert fields["measured"]["radius"] == measured.problem.tube.radius.tolist()
+    assert fields["radius"] == [0.05] * len(fields["radius"])
+
+
+@pytest.mark.slow
+def test_one_progress_tells_of_the_whole(gap):
+    told = []
+    find_route(gap, QUICK, told.append)
+    steps = [int(each.stage.split()[1]) for each in told]
+    assert all(each.stage.startswith("step ") for each in told)
+    assert steps == sorted(steps) and set(steps) == {1, 2, 3, 4}
+    best = [each.best_duration for each in told if each.best_duration is not None]
+    assert best == sorted(best, reverse=True)
+    assert told[-1].best_duration is not None and told[0].best_duration is None
+
+
+def stopping(gap, monkeypatch, at, error):
+    """Find a route whose work is ended as a step begins."""
+
+    def enter(self, progress, announce=PlanningClock.announce):
+        announce(self, progress)
+        if at in progress.stage:
+            raise error
+
+    monkeypatch.setattr(PlanningClock, "announce", enter)
+    return find_route(gap, QUICK)
+
+
+@pytest.mark.parametrize(
+    ("error", "name"), [(TimeLimitReached(), "time_limit"), (KeyboardInterrupt(), "interrupt")]
+)
+def test_what_is_certified_is_the_answer_when_it_is_ended(gap, monkeypatch, error, name):
+    answer = stopping(gap, monkeypatch, "measuring segment", error)
+    assert answer.succeeded and answer.stopped_by == name
+    assert answer.found.duration == pytest.approx(min(answer.compared), rel=0.02)
+    assert answer.measured is None
+    assert answer.as_dict()["stopped_by"] == name and answer.as_dict()["measured"] is None
+
+
+def test_ended_before_anything_is_certified(gap, monkeypatch):
+    answer = stopping(gap, monkeypatch, "planning along", TimeLimitReached())
+    assert answer.status == "time_limit" and answer.stopped_by == "time_limit"
+    assert answer.found is None
+
+
+def test_interrupted_before_anything_is_certified(gap, monkeypatch):
+    with pytest.raises(KeyboardInterrupt):
+        stopping(gap, monkeypatch, "planning along", KeyboardInterrupt())
+
+
+def test_a_time_limit_of_no_length_is_kept(gap):
+    answer = find_route(gap, RouteOptions(time_limit=1e-6))
+    assert answer.status == "time_limit"
+    assert answer.message.startswith("the time limit of 1e-06 s passed before the end of: ")
+    with pytest.raises(OptionError, match="time_limit is -1 s"):
+        RouteOptions(time_limit=-1)
+
+
+@pytest.mark.slow
+def test_both_tubes_go_to_files_that_plan(run, tmp_path, answer):
+    files = [tmp_path / "fast.yaml", tmp_path / "measured.yaml"]
+    options = ("--tries", 1, "--samples", 200, "-o", files[0], "--measured", files[1])
+    status, out, _ = run("route", GAP, *options)
+    assert status == 0
+    assert "measured tube, in which nothing collides: " in out
+    for path, tube in zip(files, (answer.found, answer.measured), strict=True):
+        assert str(path) in out
+        assert plan(load_problem(path)).duration == pytest.approx(tube.duration, rel=1e-6)
 
 
 def test_a_start_in_collision_is_an_answer_with_its_place(run, tmp_path):

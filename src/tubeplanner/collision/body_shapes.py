@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.collision.bounding_box import BoundingBoxes, bounding_boxes
 from tubeplanner.collision.convex_shape import ConvexShape
-from tubeplanner.collision.separation import PlacedShape, Separation, separation
+from tubeplanner.collision.separation import ClosestPoints, PlacedShapes
 from tubeplanner.robot.robot_model import RobotModel
 
 
@@ -29,28 +30,11 @@ class BodyShape:
     shape: ConvexShape
 
 
-@dataclass(frozen=True, eq=False)
-class ClosestPoints:
-    """Where P pairs of shapes are closest.
-
-    Attributes:
-        distance: Lower bounds on the signed distances, exact nearly always, shape (P,) [m].
-        direction: Unit vectors from the first towards the second shape, base frame, shape (P, 3).
-        first: Points of the first shapes (of the cores, if these are rounded), shape (P, 3) [m].
-        second: Likewise, of the second shapes.
-    """
-
-    distance: FloatArray
-    direction: FloatArray
-    first: FloatArray
-    second: FloatArray
-
-
 class _PlacedShapes(threading.local):
     """Shapes that are moved to where they are measured, for every thread its own."""
 
     def __init__(self, shapes: Sequence[BodyShape]) -> None:
-        self.shapes = [PlacedShape(body_shape.shape) for body_shape in shapes]
+        self.shapes = PlacedShapes([body_shape.shape for body_shape in shapes])
 
 
 class BodyShapes:
@@ -73,7 +57,8 @@ class BodyShapes:
         """Add shapes behind those that there are."""
         if shapes:
             self.shapes += shapes
-            vars(self).pop("_spheres", None)
+            for derived in ("_bodies", "_boxes", "_spheres"):
+                vars(self).pop(derived, None)
             self._placed = _PlacedShapes(self.shapes)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -109,11 +94,10 @@ class BodyShapes:
             Distances (P,) [m] and unit vectors (P, 3) from the first towards the second shape of
             each pair, in the frame of the second shape's body.
         """
-        found = self._measured(rotation, position, pairs)
-        distance = np.array([each.distance for each in found])
-        world = np.array([each.direction for each in found]).reshape(-1, 3)
-        frames = rotation[np.array([self.shapes[j].body for j in pairs[:, 1]], dtype=np.int64)]
-        return distance, np.einsum("pij,pi->pj", frames, world)
+        bodies = self._bodies[pairs]
+        found = self._placed.shapes.separations(pairs, rotation[bodies], position[bodies])
+        frames = rotation[bodies[:, 1]]
+        return found.distance, np.einsum("pij,pi->pj", frames, found.direction)
 
     def closest_points(
         self, rotation: FloatArray, position: FloatArray, pairs: IntArray
@@ -125,14 +109,9 @@ class BodyShapes:
             position: Shape (P, bodies, 3) [m].
             pairs: Shape (P, 2).
         """
-        found = [
-            self._measured(turned, placed, pair[None])[0]
-            for turned, placed, pair in zip(rotation, position, pairs, strict=True)
-        ]
-        vectors = (
-            np.array([each[column] for each in found]).reshape(-1, 3) for column in range(1, 4)
-        )
-        return ClosestPoints(np.array([each.distance for each in found]), *vectors)
+        rows, bodies = np.arange(len(pairs))[:, None], self._bodies[pairs]
+        placed = rotation[rows, bodies], position[rows, bodies]
+        return self._placed.shapes.separations(pairs, *placed)
 
     def distance_gradient(
         self, rotation: FloatArray, position: FloatArray, pairs: IntArray, closest: ClosestPoints
@@ -150,7 +129,7 @@ class BodyShapes:
         """
         gradient = np.zeros((len(pairs), self.robot.joint_count))
         for sign, column, point in ((-1, 0, closest.first), (1, 1, closest.second)):
-            body = np.array([self.shapes[i].body for i in pairs[:, column]], dtype=np.int64)
+            body = self._bodies[pairs[:, column]]
             moved = self.robot.point_jacobian(rotation, position, body, point)
             gradient += sign * np.einsum("pi,pij->pj", closest.direction, moved)
         return gradient
@@ -160,14 +139,8 @@ class BodyShapes:
 
         FCL alone decides, quicker than `distances`: an overlap of some millimetres may be missed.
         """
-        placed = self._placed.shapes
-        for i, j in pairs:
-            for index in (i, j):
-                body = self.shapes[index].body
-                placed[index].move(rotation[body], position[body])
-            if placed[i].overlaps(placed[j]):
-                return True
-        return False
+        bodies = self._bodies[pairs]
+        return self._placed.shapes.overlap(pairs, rotation[bodies], position[bodies])
 
     def separations_along(
         self,
@@ -225,16 +198,41 @@ class BodyShapes:
             rotation: Shape (N, bodies, 3, 3).
             position: Shape (N, bodies, 3) [m].
         """
-        bodies, centers, _ = self._spheres
-        turned = np.einsum("nsij,sj->nsi", rotation[:, bodies], centers)
-        placed: FloatArray = turned + position[:, bodies]
+        centers, _ = self._spheres
+        turned = np.einsum("nsij,sj->nsi", rotation[:, self._bodies], centers)
+        placed: FloatArray = turned + position[:, self._bodies]
         return placed
 
     def gaps_of_spheres(self, centers: FloatArray, pairs: IntArray) -> FloatArray:
         """Return `sphere_distances` (N, P) of pairs (P, 2) from `sphere_centers` (N, S, 3) [m]."""
-        radii, (first, second) = self._spheres[2], pairs.T
+        radii, (first, second) = self._spheres[1], pairs.T
         gap = np.linalg.norm(centers[:, first] - centers[:, second], axis=2)
         return gap - radii[first] - radii[second]
+
+    def box_distances(
+        self, rotation: FloatArray, position: FloatArray, row: IntArray, pairs: IntArray
+    ) -> FloatArray:
+        """Return lower bounds on distances [m]: each shape's sphere against the other one's box.
+
+        Closer than `sphere_distances` where a shape is long or flat.
+
+        Args:
+            rotation: Shape (N, bodies, 3, 3).
+            position: Shape (N, bodies, 3) [m].
+            row: In which of the N configurations each pair is, shape (M,).
+            pairs: Shape (M, 2).
+
+        Returns:
+            Shape (M,).
+        """
+        centers, radii = self._spheres
+        bodies, bounds = self._bodies[pairs], []
+        turned, placed = rotation[row[:, None], bodies], position[row[:, None], bodies]
+        world = np.einsum("mkij,mkj->mki", turned, centers[pairs]) + placed
+        for ball, box in ((0, 1), (1, 0)):
+            away = np.einsum("mij,mi->mj", turned[:, box], world[:, ball] - placed[:, box])
+            bounds.append(self._boxes.distance(pairs[:, box], away) - radii[pairs[:, ball]])
+        return np.maximum(*bounds)
 
     def motion_weights(self, pairs: IntArray) -> FloatArray:
         """Return how fast joints can bring pairs together: shape (P, n) [m per rad or m].
@@ -242,24 +240,21 @@ class BodyShapes:
         When the joints travel by `|dq|`, the distance of a pair changes by at most
         `weights @ |dq|`. A joint that moves both shapes of a pair as one does not count.
         """
-        bodies = np.array([shape.body for shape in self.shapes], dtype=np.int64)
         reach = np.array([shape.shape.reach(np.zeros(3)) for shape in self.shapes])
         first, second = pairs.T
         return self.robot.approach_rates(
-            (bodies[first], bodies[second]), (reach[first], reach[second])
+            (self._bodies[first], self._bodies[second]), (reach[first], reach[second])
         )
 
-    def _measured(
-        self, rotation: FloatArray, position: FloatArray, pairs: IntArray
-    ) -> list[Separation]:
-        placed = self._placed.shapes
-        for index in set(pairs.flat):
-            body = self.shapes[index].body
-            placed[index].move(rotation[body], position[body])
-        return [separation(placed[i], placed[j]) for i, j in pairs]
+    @cached_property
+    def _bodies(self) -> IntArray:
+        return np.array([shape.body for shape in self.shapes], dtype=np.int64)
 
     @cached_property
-    def _spheres(self) -> tuple[IntArray, FloatArray, FloatArray]:
-        bodies = np.array([shape.body for shape in self.shapes], dtype=np.int64)
+    def _boxes(self) -> BoundingBoxes:
+        return bounding_boxes([shape.shape for shape in self.shapes])
+
+    @cached_property
+    def _spheres(self) -> tuple[FloatArray, FloatArray]:
         centers = np.array([shape.shape.center for shape in self.shapes]).reshape(-1, 3)
-        return bodies, centers, np.array([shape.shape.bounding_radius for shape in self.shapes])
+        return centers, np.array([shape.shape.bounding_radius for shape in self.shapes])

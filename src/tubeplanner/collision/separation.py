@@ -1,17 +1,16 @@
-"""The signed distance of two convex shapes, by FCL.
+"""The signed distances of pairs of convex shapes, by FCL.
 
-FCL's distances can be too long by millimetres; what is returned here is a rigorous lower bound,
-the separation of the two shapes along the direction that FCL finds, and exact nearly always.
+FCL's distances can be too long by millimetres; what is returned here are rigorous lower bounds,
+the separations of two shapes along the directions that FCL finds, and exact nearly always.
 """
 
-import math
-from operator import itemgetter
-from typing import NamedTuple
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import fcl
 import numpy as np
 
-from tubeplanner.arrays import FloatArray
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.collision.convex_shape import ConvexShape, frame_along
 from tubeplanner.collision.gilbert import separating_directions
 
@@ -22,125 +21,159 @@ _NO_LENGTH = 1e-12  # [m]
 _LOOSE = 1e-5
 _MAX_IMPROVEMENTS = 40
 _REQUEST = fcl.DistanceRequest(enable_nearest_points=True, enable_signed_distance=True)
+_PAIRS_AT_ONCE = 256  # as many as keep their vertices in the processor's cache
 
 
-class PlacedShape:
-    """A convex shape of a body, and where that body is.
-
-    Attributes:
-        radius: By which the shape's vertices are grown [m].
-    """
-
-    def __init__(self, shape: ConvexShape) -> None:
-        """Take a shape in its body's frame; it must be placed before it is measured."""
-        geometry, self._core = _fcl_geometry(shape)
-        self._object = fcl.CollisionObject(geometry)
-        self._vertices = shape.vertices
-        self._center = shape.center
-        self.radius = shape.radius
-
-    def move(self, rotation: FloatArray, position: FloatArray) -> None:
-        """Place the shape by its body's rotation (3, 3) and origin (3,) [m].
-
-        Raises:
-            ValueError: The pose is not finite: FCL would end the process.
-        """
-        if not (np.isfinite(rotation).all() and np.isfinite(position).all()):
-            raise ValueError("poses must be finite")
-        self._rotation, self._position = rotation, position
-        core_rotation = self._rotation @ self._core[:3, :3]
-        core_position = self._rotation @ self._core[:3, 3] + self._position
-        self._object.setTransform(fcl.Transform(core_rotation, core_position))
-
-    def extremes(self, direction: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the core's vertices farthest back and farthest ahead along a direction, (3,)."""
-        along = self._vertices @ (self._rotation.T @ direction)
-        ends = self._vertices[[along.argmin(), along.argmax()]]
-        back, ahead = ends @ self._rotation.T + self._position
-        return back, ahead
-
-    def nearest_points(self, other: "PlacedShape") -> tuple[FloatArray, FloatArray, bool]:
-        """Return FCL's nearest points of both cores, (3,), and whether the cores overlap."""
-        result = fcl.DistanceResult()
-        distance = fcl.distance(self._object, other._object, _REQUEST, result)
-        near, far = result.nearest_points
-        return near, far, distance <= 0
-
-    def overlaps(self, other: "PlacedShape") -> bool:
-        """Return whether both shapes overlap, as FCL has it."""
-        distance = fcl.distance(self._object, other._object, _REQUEST, fcl.DistanceResult())
-        return bool(distance <= self.radius + other.radius)
-
-    def center_to(self, other: "PlacedShape") -> FloatArray:
-        """Return the vector from the middle of this shape to that of another, (3,)."""
-        return other._world_center() - self._world_center()
-
-    def separated(self, other: "PlacedShape", gap: FloatArray) -> tuple[float, FloatArray]:
-        """Return how far apart both cores are [m], along which direction (3,): found from a gap."""
-        back = other._rotation.T
-        distance, direction = separating_directions(
-            self._vertices,
-            other._vertices,
-            (back @ self._rotation)[None],
-            (back @ (self._position - other._position))[None],
-            (back @ gap)[None],
-            max_steps=_MAX_IMPROVEMENTS,
-            loose=_LOOSE,
-        )
-        return float(distance[0]), other._rotation @ direction[0]
-
-    def _world_center(self) -> FloatArray:
-        return self._rotation @ self._center + self._position
-
-
-class Separation(NamedTuple):
-    """How far two shapes are apart.
+@dataclass(frozen=True, eq=False)
+class ClosestPoints:
+    """Where P pairs of shapes are closest, in the base frame.
 
     Attributes:
-        distance: Lower bound on the signed distance [m].
-        direction: Unit vector from the first towards the second, base frame, shape (3,).
-        first: FCL's nearest point of the first shape's core, base frame, shape (3,) [m].
-        second: Likewise, of the second shape's core.
+        distance: Lower bounds on the signed distances, exact nearly always, shape (P,) [m].
+        direction: Unit vectors from the first towards the second shape, shape (P, 3).
+        first: FCL's nearest points of the first shapes' cores, shape (P, 3) [m].
+        second: Likewise, of the second shapes' cores.
     """
 
-    distance: float
+    distance: FloatArray
     direction: FloatArray
     first: FloatArray
     second: FloatArray
 
 
-def separation(first: PlacedShape, second: PlacedShape) -> Separation:
-    """Return how far two shapes are apart.
+class PlacedShapes:
+    """Convex shapes of bodies, which FCL moves to where it measures them."""
 
-    Any direction gives a bound: how far the second begins beyond the end of the first. FCL's
-    nearest points give the best direction nearly always. Where they do not, it is improved.
-    """
-    near, far, overlap = first.nearest_points(second)
-    gap = far - near
-    length = _length(gap)
-    if length <= _NO_LENGTH:
-        gap = first.center_to(second)
-        length = _length(gap)
-    if length <= _NO_LENGTH:
-        gap, length = np.eye(3)[0], 1.0
-    best, along = _apart(first, second, gap / length)
-    if not overlap and best <= length - _LOOSE:
-        best, along = max((best, along), first.separated(second, gap), key=itemgetter(0))
-    return Separation(best - first.radius - second.radius, along, near, far)
+    def __init__(self, shapes: Sequence[ConvexShape]) -> None:
+        """Take S shapes in their bodies' frames."""
+        cores = [_fcl_geometry(shape) for shape in shapes]
+        self._objects = [fcl.CollisionObject(geometry) for geometry, _ in cores]
+        self._cores = np.array([core for _, core in cores]).reshape(-1, 4, 4)
+        self._shapes = list(shapes)
+        self._centers = np.array([shape.center for shape in shapes]).reshape(-1, 3)
+        self._radii = np.array([shape.radius for shape in shapes])
+        self._vertices = _stacked([shape.vertices for shape in shapes])
+
+    def separations(
+        self, pairs: IntArray, rotation: FloatArray, position: FloatArray
+    ) -> ClosestPoints:
+        """Return how far pairs of shapes are apart.
+
+        Any direction gives a bound: how far the second begins beyond the end of the first. FCL's
+        nearest points give the best direction nearly always. Where they do not, it is improved.
+
+        Args:
+            pairs: Shape (P, 2).
+            rotation: Of the bodies of both, shape (P, 2, 3, 3).
+            position: Of the bodies' origins, shape (P, 2, 3) [m].
+
+        Raises:
+            ValueError: A pose is not finite: FCL would end the process.
+        """
+        near, far, overlap = self._nearest_points(pairs, rotation, position)
+        gap, length = self._gaps(pairs, rotation, position, far - near)
+        best, along = self._apart(pairs, rotation, position, gap / length[:, None])
+        for row in np.flatnonzero(~overlap & (best <= length - _LOOSE)):
+            apart, direction = self._improved(pairs[row], rotation[row], position[row], gap[row])
+            if apart > best[row]:
+                best[row], along[row] = apart, direction
+        return ClosestPoints(best - self._radii[pairs].sum(axis=1), along, near, far)
+
+    def overlap(self, pairs: IntArray, rotation: FloatArray, position: FloatArray) -> bool:
+        """Return whether any pair overlaps, as FCL has it; arguments as of `separations`."""
+        turned, placed = self._core_poses(pairs, rotation, position)
+        for (i, j), turn, place in zip(pairs.tolist(), turned, placed, strict=True):
+            first, second = self._moved(i, turn[0], place[0]), self._moved(j, turn[1], place[1])
+            if fcl.distance(first, second, _REQUEST, fcl.DistanceResult()) <= (
+                self._radii[i] + self._radii[j]
+            ):
+                return True
+        return False
+
+    def _nearest_points(
+        self, pairs: IntArray, rotation: FloatArray, position: FloatArray
+    ) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """Return FCL's nearest points of both cores, (P, 3), and whether the cores overlap."""
+        points, overlap = np.empty((2, len(pairs), 3)), np.empty(len(pairs), dtype=bool)
+        turned, placed = self._core_poses(pairs, rotation, position)
+        for row, (i, j) in enumerate(pairs.tolist()):
+            result = fcl.DistanceResult()
+            first = self._moved(i, turned[row, 0], placed[row, 0])
+            second = self._moved(j, turned[row, 1], placed[row, 1])
+            overlap[row] = fcl.distance(first, second, _REQUEST, result) <= 0
+            points[0, row], points[1, row] = result.nearest_points
+        return points[0], points[1], overlap
+
+    def _core_poses(
+        self, pairs: IntArray, rotation: FloatArray, position: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the poses of the shapes' cores from those of their bodies."""
+        if not (np.isfinite(rotation).all() and np.isfinite(position).all()):
+            raise ValueError("poses must be finite")
+        core = self._cores[pairs]
+        placed = np.einsum("pkij,pkj->pki", rotation, core[:, :, :3, 3]) + position
+        return rotation @ core[:, :, :3, :3], placed
+
+    def _moved(self, index: int, rotation: FloatArray, position: FloatArray) -> fcl.CollisionObject:
+        placed = self._objects[index]
+        placed.setTransform(fcl.Transform(rotation, position))
+        return placed
+
+    def _gaps(
+        self, pairs: IntArray, rotation: FloatArray, position: FloatArray, gap: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return gaps (P, 3) that have a length, and their lengths (P,) [m]."""
+        length = np.linalg.norm(gap, axis=1)
+        for row in np.flatnonzero(length <= _NO_LENGTH):
+            centers = np.einsum("kij,kj->ki", rotation[row], self._centers[pairs[row]])
+            gap[row] = np.subtract(*(centers + position[row])[::-1])
+            length[row] = np.linalg.norm(gap[row])
+            if length[row] <= _NO_LENGTH:
+                gap[row], length[row] = np.eye(3)[0], 1.0
+        return gap, length
+
+    def _apart(
+        self, pairs: IntArray, rotation: FloatArray, position: FloatArray, direction: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return how far apart cores are along lines [m], and which way the second one lies."""
+        low, high = np.empty((2, *pairs.shape))
+        local = np.einsum("pkij,pi->pkj", rotation, direction)
+        for begin in range(0, len(pairs), _PAIRS_AT_ONCE):
+            rows = slice(begin, begin + _PAIRS_AT_ONCE)
+            along = (self._vertices[pairs[rows]] @ local[rows, :, :, None])[..., 0]
+            low[rows], high[rows] = along.min(axis=2), along.max(axis=2)
+        offset = np.einsum("pki,pi->pk", position, direction)
+        low, high = low + offset, high + offset
+        ahead, behind = low[:, 1] - high[:, 0], low[:, 0] - high[:, 1]
+        return np.maximum(ahead, behind), np.where(
+            (ahead >= behind)[:, None], direction, -direction
+        )
+
+    def _improved(
+        self, pair: IntArray, rotation: FloatArray, position: FloatArray, gap: FloatArray
+    ) -> tuple[float, FloatArray]:
+        """Return how far apart two cores are [m], along which direction (3,): found from a gap."""
+        first, second = (self._shapes[index].vertices for index in pair)
+        back = rotation[1].T
+        distance, direction = separating_directions(
+            first,
+            second,
+            (back @ rotation[0])[None],
+            (back @ (position[0] - position[1]))[None],
+            (back @ gap)[None],
+            max_steps=_MAX_IMPROVEMENTS,
+            loose=_LOOSE,
+        )
+        return float(distance[0]), rotation[1] @ direction[0]
 
 
-def _apart(
-    first: PlacedShape, second: PlacedShape, direction: FloatArray
-) -> tuple[float, FloatArray]:
-    """Return how far apart two cores are along a line [m], and which way the second lies."""
-    back_1, ahead_1 = first.extremes(direction)
-    back_2, ahead_2 = second.extremes(direction)
-    ahead, behind = float(direction @ (back_2 - ahead_1)), float(direction @ (ahead_2 - back_1))
-    return (ahead, direction) if ahead >= -behind else (-behind, -direction)
-
-
-def _length(vector: FloatArray) -> float:
-    return math.sqrt(vector @ vector)
+def _stacked(vertices: Sequence[FloatArray]) -> FloatArray:
+    """Return the vertices of all shapes, each with its first one repeated, shape (S, V, 3)."""
+    most = max((len(each) for each in vertices), default=1)
+    stacked = np.empty((len(vertices), most, 3))
+    for index, each in enumerate(vertices):
+        stacked[index, : len(each)], stacked[index, len(each) :] = each, each[0]
+    return stacked
 
 
 def _fcl_geometry(shape: ConvexShape) -> tuple[object, FloatArray]:

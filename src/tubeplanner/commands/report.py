@@ -227,6 +227,12 @@ def tube_text(name: str, answer: "TubeAnswer") -> str:
             place = ", ".join(f"{x:.4f}" for x in point)
             width = "" if radius is None else f", then a radius of {1000 * radius:.1f} mm"
             lines.append(f"point {k}: [{place}] m{width}")
+    if answer.measured is not None and answer.measured is not answer.found:
+        radii = ", ".join(f"{1000 * radius:.1f}" for radius in answer.measured.problem.tube.radius)
+        lines.append(
+            f"measured tube, in which nothing collides: {answer.measured.duration:.4f} s within "
+            f"radii of {radii} mm"
+        )
     lines += [f"note: {note}" for note in answer.notes]
     lines.append(f"{answer.status}: {answer.message}")
     place = str(answer.place)

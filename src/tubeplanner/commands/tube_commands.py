@@ -1,5 +1,6 @@
 """The commands that find tubes: from start and goal alone, and from a recorded trail."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +21,7 @@ from tubeplanner.commands.console import (
 from tubeplanner.errors import OptionError
 
 if TYPE_CHECKING:
+    from tubeplanner.tube_sources.measured_plan import PlannedTube
     from tubeplanner.tube_sources.tube_answer import TubeAnswer
 
 _OUTPUT = click.option("-o", "--output", type=PATH, help="Problem file with the tube.")
@@ -46,6 +48,10 @@ _SEED = click.option("--seed", type=int, default=1, show_default=True, help="Of 
 )
 @_MAX_RADIUS
 @_SAMPLES
+@click.option("--time-limit", type=float, help="End after so many seconds with the best so far.")
+@click.option(
+    "--measured", type=PATH, help="Problem file with the measured tube, in which nothing collides."
+)
 @AS_JSON
 def route(
     problem: str,
@@ -55,12 +61,15 @@ def route(
     checks: int,
     max_radius: float,
     samples: int,
+    time_limit: float | None,
+    measured: Path | None,
     as_json: bool,
 ) -> int:
     """Find a tube for PROBLEM from its start, goal and obstacles alone, and plan through it.
 
-    PROBLEM needs no tube; its goal may be a tool position. The tube goes to the file of -o, which
-    `plan` plans.
+    PROBLEM needs no tube; its goal may be a tool position. The tube of the fastest trajectory that
+    is certified goes to the file of -o, which `plan` plans; a tube that was measured beside it, to
+    the file of --measured.
     """
     from tubeplanner.files.output_files import require_writable
     from tubeplanner.files.problem_file import read_fields
@@ -69,18 +78,21 @@ def route(
     from tubeplanner.tube_sources.route import find_route
     from tubeplanner.tube_sources.route_candidates import RouteOptions
 
-    options = RouteOptions(seed, tries, checks, max_radius=max_radius, samples=samples)
+    options = RouteOptions(
+        seed, tries, checks, max_radius=max_radius, samples=samples, time_limit=time_limit
+    )
     require_ompl()
-    outputs = [] if output is None else [output]
+    outputs = [path for path in (output, measured) if path is not None]
     require_writable(outputs, [Path(problem)])
     with shown_progress() as enter:
         loaded, loading_time = load_timed(problem, enter, reads_tube=False)
         source = find_problem(problem, Path())
         require_writable(outputs, [source, loaded.robot.urdf.path])
         answer = find_route(loaded, options, enter)
-    if output is not None and answer.found is not None:
-        _write(read_fields(source), source.parent, output, answer)
-    return _print_answer(loaded.name, answer, loading_time, output, as_json)
+    found = {output: answer.found, measured: answer.measured}
+    written = _write(read_fields(source), source.parent, found)
+    files = {"problem": output, "measured": measured}
+    return _print_answer(loaded.name, answer, loading_time, files, written, as_json)
 
 
 @click.command()
@@ -145,32 +157,45 @@ def teach(
         loaded, recorded = taught_problem(cell, read, str(trail))
         require_writable(outputs, [loaded.robot.urdf.path])
         answer = teach_tube(loaded, recorded, options, enter)
-    if output is not None and answer.found is not None:
-        _write(cell.fields, cell.folder, output, answer)
-    return _print_answer(loaded.name, answer, None, output, as_json)
+    written = _write(cell.fields, cell.folder, {output: answer.found})
+    return _print_answer(loaded.name, answer, None, {"problem": output}, written, as_json)
 
 
-def _write(fields: Any, folder: Path, output: Path, answer: "TubeAnswer") -> None:
+def _write(
+    fields: Any, folder: Path, found: "Mapping[Path | None, PlannedTube | None]"
+) -> list[Path]:
+    """Write the problems that were found to the files that are asked for; return these files."""
     from tubeplanner.files.output_files import write_files
     from tubeplanner.files.problem_file import with_problem
 
-    assert answer.found is not None
-    write_files({output: with_problem(fields, folder, output, answer.found.problem)})
+    contents = {
+        path: with_problem(fields, folder, path, tube.problem)
+        for path, tube in found.items()
+        if path is not None and tube is not None
+    }
+    if contents:
+        write_files(contents)
+    return list(contents)
 
 
 def _print_answer(
-    name: str, answer: "TubeAnswer", loading_time: float | None, output: Path | None, as_json: bool
+    name: str,
+    answer: "TubeAnswer",
+    loading_time: float | None,
+    files: Mapping[str, Path | None],
+    written: list[Path],
+    as_json: bool,
 ) -> int:
-    """Print an answer and return the exit status."""
-    written = output if answer.succeeded else None
+    """Print an answer and which of the files by kind were written; return the exit status."""
+    kept = {kind: path for kind, path in files.items() if path in written}
     if as_json:
         fields = {**empty_report("", "", nowhere()), **answer.as_dict()}
-        more = {"loading_time": loading_time, "problem": None if written is None else str(written)}
-        print_json({**fields, **more})
+        problem = str(kept["problem"]) if "problem" in kept else None
+        print_json({**fields, "loading_time": loading_time, "problem": problem})
     else:
         from tubeplanner.commands.report import tube_text
 
         say(tube_text(name, answer))
-        if written is not None:
-            say(f"problem: {written}")
+        for kind, path in kept.items():
+            say(f"{kind}: {path}")
     return SUCCESS if answer.succeeded else INFEASIBLE

@@ -21,7 +21,7 @@ from tubeplanner.collision.hulls import hull
 from tubeplanner.collision.link_geometry import link_contents
 from tubeplanner.collision.mesh_cover import load_mesh
 from tubeplanner.collision.obstacle import AttachedSolid, Obstacle
-from tubeplanner.collision.separation import PlacedShape, separation
+from tubeplanner.collision.separation import PlacedShapes
 from tubeplanner.collision.solid_contents import SolidContents
 from tubeplanner.errors import RobotError
 from tubeplanner.files.fingerprint import (
@@ -134,17 +134,16 @@ def _coming_apart(
     attached = {solid.name for solid in problem.attached}
     names = [frozenset((shapes[i].owner, shapes[j].owner)) for i, j in pairs]
     touching = {name for name in names if not name & attached}
-    placed = [PlacedShape(shape.shape) for shape in shapes]
+    placed = PlacedShapes([shape.shape for shape in shapes])
+    bodies = np.array([shape.body for shape in shapes], dtype=np.int64)
     for rotation, position in zip(*_touch_poses(problem.robot), strict=True):
         rows = [row for row, name in enumerate(names) if name in touching]
         if not rows:
             break
-        for index in {i for row in rows for i in pairs[row]}:
-            body = shapes[index].body
-            placed[index].move(rotation[body], position[body])
-        touching &= {
-            names[row] for row in rows if separation(*(placed[i] for i in pairs[row])).distance <= 0
-        }
+        asked = np.array([pairs[row] for row in rows])
+        on = bodies[asked]
+        distance = placed.separations(asked, rotation[on], position[on]).distance
+        touching &= {names[row] for row, apart in zip(rows, distance, strict=True) if apart <= 0}
     return [pair for pair, name in zip(pairs, names, strict=True) if name not in touching]
 
 

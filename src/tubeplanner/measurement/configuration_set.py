@@ -37,6 +37,12 @@ class ConfigurationSet:
     upper: FloatArray
     radius: float
 
+    def is_as(self, other: "ConfigurationSet") -> bool:
+        """Return whether another set of the same segment has the same bounds."""
+        same_ranges = np.array_equal(self.lower, other.lower)
+        same_ranges &= np.array_equal(self.upper, other.upper)
+        return self.radius == other.radius and same_ranges
+
     def tool_distance(self, q: FloatArray) -> FloatArray:
         """Return how far tools are from the segment, for configurations (N, n): (N,) [m]."""
         return self._distance(self.problem.robot.tool_position(q))

@@ -12,10 +12,11 @@ from tubeplanner.measurement.pair_clearance import PairClearance
 _NEAR = 0.03
 _STARTS_PER_PAIR = 4
 _DESCENT_STEPS = 12
-_MAX_STEP = 0.15  # [rad or m] of all joints together
+_MAX_STEP, _MIN_STEP = 0.15, 1e-3  # [rad or m] of all joints together
 _FLAT = 1e-6  # [m/rad or 1]: a clearance that changes less does not change
 _AIM = 2e-3  # [m] of overlap that a step of the descent aims at
 _MIN_SAMPLES, _MAX_SAMPLES = 1024, 4096  # samples at once
+_LOOKED_BESIDE, _NEIGHBOURS = 8, 24  # collisions, and configurations looked at beside each
 _ENOUGH = 48  # collisions that end a search
 
 
@@ -76,13 +77,31 @@ def search_counterexamples(
         found = clearance.least(q, _NEAR)
         drawn += len(q)
         hits.append((q[found.clearance < 0], found.pair[found.clearance < 0]))
-        starts = _starts(found.clearance, found.pair)
-        q, pair, lowest = _descended(allowed, clearance, q[starts], found.pair[starts])
-        hits.append((q[lowest < 0], pair[lowest < 0]))
-        least = min(least, found.clearance.min(initial=np.inf), lowest.min(initial=np.inf))
+        least = min(least, found.clearance.min(initial=np.inf))
+        if least >= 0:
+            starts = _starts(found.clearance, found.pair)
+            q, pair, lowest = _descended(allowed, clearance, q[starts], found.pair[starts])
+            hits.append((q[lowest < 0], pair[lowest < 0]))
+            least = min(least, lowest.min(initial=np.inf))
         count = min(2 * count, _MAX_SAMPLES)
+    hits.append(_beside(allowed, clearance, np.concatenate([q for q, _ in hits]), rng))
     q_hit, pair_hit = (np.concatenate(parts) for parts in zip(*hits, strict=True))
     return CounterexampleSearch(q_hit, pair_hit, float(least), drawn, tried)
+
+
+def _beside(
+    allowed: ConfigurationSet, clearance: PairClearance, q: FloatArray, rng: np.random.Generator
+) -> tuple[FloatArray, IntArray]:
+    """Return collisions beside the first of some collisions (C, n), and their pairs.
+
+    What is left of a colliding region is found by chance otherwise, in many more searches.
+    """
+    beside = np.repeat(q[:_LOOKED_BESIDE], _NEIGHBOURS, axis=0)
+    away = rng.uniform(0.0, _MAX_STEP, (len(beside), 1)) * rng.normal(size=beside.shape)
+    beside = allowed.back_inside(beside + away)
+    beside = beside[allowed.contains(beside)]
+    found = clearance.least(beside, 0.0)
+    return beside[found.clearance < 0], found.pair[found.clearance < 0]
 
 
 def _starts(clearance: FloatArray, pair: IntArray) -> IntArray:
@@ -99,13 +118,17 @@ def _descended(
     """Find where the clearance of pairs (N,) is least near configurations (N, n), and its value."""
     best, lowest = q.copy(), np.full(len(q), np.inf)
     slope, reach = np.zeros_like(q), np.full(len(q), _MAX_STEP)
-    for _ in range(_DESCENT_STEPS if len(q) else 0):
-        found, found_slope = clearance.of_pairs(q, pair)
-        better = allowed.contains(q) & (found < lowest)
-        best[better], lowest[better] = q[better], found[better]
-        slope[better] = found_slope[better]
-        reach = np.where(better, reach, reach / 2)
-        size = np.maximum(np.linalg.norm(slope, axis=1), _FLAT)
-        length = np.minimum((np.maximum(lowest, 0.0) + _AIM) / size, reach)
-        q = allowed.back_inside(best - (length / size)[:, None] * slope)
+    live = np.arange(len(q))
+    for _ in range(_DESCENT_STEPS):
+        found, found_slope = clearance.of_pairs(q, pair[live])
+        better = allowed.contains(q) & (found < lowest[live])
+        down = live[better]
+        best[down], lowest[down], slope[down] = q[better], found[better], found_slope[better]
+        reach[live[~better]] /= 2
+        live = live[(lowest[live] >= 0) & (reach[live] >= _MIN_STEP)]
+        if len(live) == 0:
+            break
+        size = np.maximum(np.linalg.norm(slope[live], axis=1), _FLAT)
+        length = np.minimum((lowest[live] + _AIM) / size, reach[live])
+        q = allowed.back_inside(best[live] - (length / size)[:, None] * slope[live])
     return best, pair, lowest

@@ -48,6 +48,9 @@ class PairClearance:
             return LeastClearance(np.full(len(q), np.inf), np.zeros(len(q), dtype=np.int64))
         rotation, position = self._robot.body_poses(q)
         bound = self._checker.sphere_distances(rotation, position, self.pairs) - self.required
+        row, pair = np.nonzero(bound < near)
+        boxes = self._checker.box_distances(rotation, position, row, self.pairs[pair])
+        bound[row, pair] = np.maximum(bound[row, pair], boxes - self.required[pair])
         for k in np.flatnonzero((bound < near).any(axis=0)):
             rows = np.flatnonzero(bound[:, k] < near)
             first, second = (self._checker.shapes[index] for index in self.pairs[k])
@@ -55,18 +58,26 @@ class PairClearance:
             apart = separation_bounds(first, second, rotation[rows], position[rows], enough)
             bound[rows, k] = apart - self.required[k]
         bound[bound >= near] = np.inf
-        for row in np.flatnonzero((bound < 0).any(axis=1)):
-            for k in bound[row].argsort():
-                if bound[row, k] >= 0:
-                    break
-                pairs = self.pairs[k][None]
-                distance = self._checker.distances(rotation[row], position[row], pairs)[0]
-                bound[row, k] = distance - self.required[k]
-                if bound[row, k] < 0:
-                    bound[row, np.arange(len(self.pairs)) != k] = np.inf
-                    break
+        self._settle_overlaps(bound, rotation, position)
         pair = bound.argmin(axis=1)
         return LeastClearance(bound[np.arange(len(q)), pair], pair)
+
+    def _settle_overlaps(
+        self, bound: FloatArray, rotation: FloatArray, position: FloatArray
+    ) -> None:
+        """Replace negative bounds (N, P) by clearances, until one of a row is negative itself.
+
+        The other entries of such a row become infinite.
+        """
+        live = np.flatnonzero((bound < 0).any(axis=1))
+        while len(live):
+            pair = bound[live].argmin(axis=1)
+            closest = self._checker.closest_points(rotation[live], position[live], self.pairs[pair])
+            clearance = closest.distance - self.required[pair]
+            hit = live[clearance < 0]
+            bound[hit] = np.inf
+            bound[live, pair] = clearance
+            live = live[(clearance >= 0) & (bound[live] < 0).any(axis=1)]
 
     def of_pairs(self, q: FloatArray, pair: IntArray) -> tuple[FloatArray, FloatArray]:
         """Return the clearance of one pair in each of N configurations, and its derivative.

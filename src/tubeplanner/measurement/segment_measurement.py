@@ -7,6 +7,8 @@ is the idea of IRIS-NP: Petersen & Tedrake, "Growing convex collision-free regio
 space using nonlinear programming", ICRA 2023.)
 """
 
+from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -144,6 +146,8 @@ class CollisionBoxes:
         self.q = np.zeros((0, branch.shape[1]))
         self.pair = np.zeros(0, dtype=np.int64)
         self.beyond = np.zeros((0, len(self.widest)))
+        # Sets in which a search found nothing, and that search.
+        self._cleared: list[tuple[ConfigurationSet, CounterexampleSearch]] = []
 
     def allowed(self, extent: FloatArray) -> ConfigurationSet:
         """Return the set that reaches by extents (1 + 2n,) beyond the branch, in round numbers."""
@@ -168,6 +172,23 @@ class CollisionBoxes:
         q[nearest] = self._edge(q[nearest], pair[nearest])
         self.q, self.pair = np.concatenate([self.q, q]), np.concatenate([self.pair, pair])
         self.beyond = np.concatenate([self.beyond, self._beyond_core(q)])
+
+    def moved_to(self, problem: PlanningProblem, segment: int) -> "CollisionBoxes":
+        """Return the same boxes, of the same segment in another problem."""
+        moved = copy(self)
+        moved._problem, moved._segment = problem, segment
+        return moved
+
+    def clear(self, allowed: ConfigurationSet, search: CounterexampleSearch) -> None:
+        """Take note of a set in which a search found nothing."""
+        self._cleared.append((allowed, search))
+
+    def cleared(self, allowed: ConfigurationSet, samples: int) -> CounterexampleSearch | None:
+        """Return a search of so many samples that found nothing in just this set, if any did."""
+        for other, search in self._cleared:
+            if search.tried >= samples and other.is_as(allowed):
+                return search
+        return None
 
     def collision(self) -> Collision | None:
         """Return a collision that no box leaves out, if there is one."""
@@ -205,6 +226,22 @@ def range_core(
     return lower, upper
 
 
+def search_core(
+    boxes: CollisionBoxes, clearance: PairClearance, samples: int, rng: np.random.Generator
+) -> Collision | None:
+    """Return a collision in what every set around a branch holds, if a quick search finds one.
+
+    Args:
+        boxes: Around the branch.
+        clearance: Of the pairs of links.
+        samples: How many configurations a search draws that must find nothing.
+        rng: Random numbers.
+    """
+    core = boxes.allowed(np.zeros_like(boxes.widest))
+    found = search_counterexamples(core, clearance, samples // _FIRST_SHARE + 1, rng)
+    return None if found.failed else _collision(found, clearance)
+
+
 def search_segment(
     boxes: CollisionBoxes,
     clearance: PairClearance,
@@ -212,6 +249,7 @@ def search_segment(
     rng: np.random.Generator,
     preferences: SetPreferences | None = None,
     within: Box | None = None,
+    checkpoint: Callable[[], None] = lambda: None,
 ) -> SegmentSearch | Collision:
     """Return the largest set found around a branch, or a collision that leaves none.
 
@@ -222,15 +260,14 @@ def search_segment(
         rng: Random numbers.
         preferences: What the set should be like; default: radii count, ranges a little.
         within: A box that the set must lie in; default: none.
+        checkpoint: Called before every counterexample search; it may raise to end the work.
     """
     preferences = preferences or SetPreferences()
     search, budget = _box_search(boxes, preferences, rng), samples // _FIRST_SHARE + 1
     if len(boxes.q) == 0:
-        found = search_counterexamples(
-            boxes.allowed(np.zeros_like(boxes.widest)), clearance, budget, rng
-        )
-        if not found.failed:
-            return _collision(found, clearance)
+        collision = search_core(boxes, clearance, samples, rng)
+        if collision is not None:
+            return collision
         q = boxes.allowed(boxes.widest).sample(_FIRST_SAMPLES, rng)
         least = clearance.least(q, 0.0)
         boxes.learn(q[least.clearance < 0], least.pair[least.clearance < 0])
@@ -239,8 +276,12 @@ def search_segment(
         collision = boxes.collision()
         if collision is not None:
             return collision
+        checkpoint()
         box = search.best(boxes.beyond, within)
         allowed = boxes.allowed(box.extent)
+        cleared = boxes.cleared(allowed, samples)
+        if cleared is not None:
+            return SegmentSearch(allowed, box, preferences, boxes.q, boxes.pair, cleared, total)
         found = search_counterexamples(allowed, clearance, budget, rng)
         while found.failed and found.tried < samples:
             found = found.then(
@@ -251,6 +292,7 @@ def search_segment(
             within = box
         total += found.samples
         if found.failed:
+            boxes.clear(allowed, found)
             return SegmentSearch(allowed, box, preferences, boxes.q, boxes.pair, found, total)
         boxes.learn(found.q, found.pair)
         if number >= _FREE_ROUNDS:

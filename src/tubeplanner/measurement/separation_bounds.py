@@ -8,6 +8,7 @@ from tubeplanner.collision.gilbert import separating_directions
 
 # Steps towards the shortest vector between the shapes; two of them separate most pairs.
 _MAX_STEPS = 12
+_LOOSE = 2e-3  # [m]: by how much distances may fall short of what they could be
 
 
 def separation_bounds(
@@ -44,5 +45,6 @@ def separation_bounds(
         gap,
         max_steps=_MAX_STEPS,
         enough=enough + grown,
+        loose=_LOOSE,
     )
     return apart - grown

@@ -13,11 +13,11 @@ import numpy as np
 from tubeplanner.arrays import FloatArray
 from tubeplanner.branches.reference_branch import RedundancyRule, reference_branch
 from tubeplanner.errors import ProblemError
+from tubeplanner.measurement.branch_neighbourhood import BranchNeighbourhood
 from tubeplanner.measurement.configuration_set import ConfigurationSet
 from tubeplanner.measurement.folding_joints import folding_joints
 from tubeplanner.measurement.measured_tube import MeasureOptions
 from tubeplanner.measurement.pair_clearance import PairClearance
-from tubeplanner.measurement.tube_measurement import BranchNeighbourhood
 from tubeplanner.outcome import Infeasible, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem, Seed
 from tubeplanner.progress import Progress, ProgressCallback

@@ -1,50 +1,28 @@
 """How wide a tube may be: radii and joint ranges inside which no part of the robot collides."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.branches.known_branches import KnownBranches
-from tubeplanner.branches.reference_branch import ReferenceBranch, redundancy_rules
+from tubeplanner.branches.reference_branch import redundancy_rules
 from tubeplanner.errors import OptionError
-from tubeplanner.measurement.folding_joints import is_determined, sign_bounds
+from tubeplanner.measurement.branch_neighbourhood import EXTRA_CLEARANCES, BranchNeighbourhood
+from tubeplanner.measurement.kept_segments import KeptSegments
 from tubeplanner.measurement.measured_tube import (
-    Binding,
     MeasureOptions,
     SegmentMeasurement,
     TubeMeasurement,
 )
-from tubeplanner.measurement.pair_clearance import PairClearance
-from tubeplanner.measurement.segment_measurement import (
-    WANTED_RANGE,
-    Collision,
-    CollisionBoxes,
-    SegmentSearch,
-    SetPreferences,
-    range_core,
-    search_segment,
-)
+from tubeplanner.measurement.segment_measurement import SegmentSearch, SetPreferences
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
-from tubeplanner.planning.plan_options import PlanOptions
-from tubeplanner.planning.plan_result import PlanResult
-from tubeplanner.planning.planner import plan
-from tubeplanner.polyline import densified
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, Progress, ProgressCallback
-from tubeplanner.tube.joint_ranges import JointRange
 
-# Extra distance beyond the clearance [m], in reserve for what later counterexample searches find:
-# the second value where the first leaves nothing around the branch.
-EXTRA_CLEARANCES = (1e-3, 1e-4)
-_ROUNDING = 1e-9
-# How far a trajectory may leave the sets found so far, to say what it needs: [m], and [rad or m].
-_WIDENINGS = ((0.0, np.inf), (0.03, 0.3))
-_RADIUS_WORTHS = (1.0, 4.0)  # trades of radii for joint ranges that are tried, each time
-_ROUGH_SHARE = 8  # of the samples: a rough measurement has so many times fewer
-_SAMPLES_PER_PIECE = 10
-_MAX_STEP = 0.02  # [rad or m] between tested configurations of the branch
+# Trades of radii for joint ranges: how far a trajectory may leave the sets found so far, to say
+# what it needs, [m] and [rad or m], and what a radius is worth.
+_TRADES = ((0.0, np.inf, 1.0), (0.03, 0.3, 4.0))
 
 
 def measure_tube(
@@ -75,7 +53,31 @@ def measure_tube(
         ProblemError: The start or the goal is farther from the tube than the largest radius, or a
             segment has a box.
     """
-    options = options or MeasureOptions()
+    return measured_tube(problem, options or MeasureOptions(), PlanningClock(None, progress))
+
+
+def measured_tube(
+    problem: PlanningProblem,
+    options: MeasureOptions,
+    clock: PlanningClock,
+    way: FloatArray | None = None,
+    kept: KeptSegments | None = None,
+) -> TubeMeasurement:
+    """Measure as `measure_tube` does, under a clock.
+
+    Args:
+        problem: The planning problem.
+        options: How to measure.
+        clock: Announces progress and may end the work.
+        way: Configurations of a fast trajectory, shape (N, n): then its needs decide, and no other
+            one is planned.
+        kept: Segments that were measured before, and that are from now on.
+
+    Raises:
+        OptionError: As for `measure_tube`.
+        ProblemError: As for `measure_tube`.
+        TimeLimitReached: The clock's limit has passed.
+    """
     tube = problem.tube
     if options.max_radius <= tube.tool_radius:
         raise OptionError(
@@ -86,12 +88,11 @@ def measure_tube(
         "measuring, which gives radii",
         "leave out tube.cross_section: the file's radii do not count, any will do",
     )
-    clock = PlanningClock(None, progress)
     whole = problem if tube.segment_count <= options.max_segments else problem.joined
     options.require_few(whole.tube.segment_count)
     widest = whole.with_tube(whole.tube.with_radius(options.max_radius))
     try:
-        found = _segments_of_some_branch(widest, options, clock)
+        found = _segments_of_some_branch(widest, options, clock, way, kept or KeptSegments())
     except Infeasible as reason:
         return TubeMeasurement(
             reason.status, str(reason), reason.place, measuring_time=clock.elapsed
@@ -107,7 +108,11 @@ def measure_tube(
 
 
 def _segments_of_some_branch(
-    problem: PlanningProblem, options: MeasureOptions, clock: PlanningClock
+    problem: PlanningProblem,
+    options: MeasureOptions,
+    clock: PlanningClock,
+    way: FloatArray | None,
+    kept: KeptSegments,
 ) -> tuple[SegmentMeasurement, ...]:
     """Return what was measured around the first branch that has free space around it.
 
@@ -123,7 +128,8 @@ def _segments_of_some_branch(
             continue
         for extra in EXTRA_CLEARANCES:
             try:
-                return _segments(BranchNeighbourhood(problem, branch, options, extra), clock)
+                around = BranchNeighbourhood(problem, branch, options, extra, clock.check)
+                return _segments(around, clock, way, kept)
             except Infeasible as reason:
                 first = first or reason
     assert first is not None
@@ -131,247 +137,64 @@ def _segments_of_some_branch(
 
 
 def _segments(
-    neighbourhood: "BranchNeighbourhood", clock: PlanningClock
+    around: BranchNeighbourhood,
+    clock: PlanningClock,
+    way: FloatArray | None,
+    kept: KeptSegments,
 ) -> tuple[SegmentMeasurement, ...]:
     """Return what was measured around a branch.
 
-    A first, rough measurement ignores trajectories. Then, repeatedly, a fast trajectory that may
-    leave the best sets a little shows which radii and joint ranges it needs; sets with other
-    compromises between them are measured and planned in. The sets of the fastest trajectory get a
-    thorough counterexample search.
+    What is blocked at once comes before what takes time. The sets that suit a fast trajectory best
+    get a thorough counterexample search.
 
     Raises:
         Infeasible: Status tube_blocked.
     """
-    segments, rough = range(neighbourhood.count), []
-    for k in segments:
-        clock.announce(Progress(f"measuring segment {k} of {neighbourhood.count}"))
-        rough.append(neighbourhood.first_search(k))
-    best, shortest = rough, neighbourhood.duration(rough)
-    for widening in _WIDENINGS:
-        needs = neighbourhood.needs_of_trajectory(best, *widening)
-        for worth in _RADIUS_WORTHS:
-            clock.announce(Progress(f"trading radii, worth {worth:g}, for joint ranges"))
-            trade = [neighbourhood.search(k, SetPreferences(needs[k], worth)) for k in segments]
-            duration = neighbourhood.duration(trade)
-            if duration < shortest:
-                best, shortest = trade, duration
+    for k in range(around.count):
+        around.require_space(k)
+    best = _traded(around, clock) if way is None else _suited(around, clock, way, kept)
     final = []
-    for k in segments:
-        clock.announce(
-            Progress(f"searching for counterexamples in segment {k} of {neighbourhood.count}")
-        )
-        final.append(neighbourhood.described(k, neighbourhood.without_counterexamples(k, best[k])))
+    for k, found in enumerate(best):
+        clock.announce(Progress(f"searching for counterexamples in segment {k} of {around.count}"))
+        final.append(around.described(k, around.without_counterexamples(k, found)))
     return tuple(final)
 
 
-class BranchNeighbourhood:
-    """The surroundings of a branch, and what searches find there.
-
-    Attributes:
-        count: Number of segments.
-    """
-
-    def __init__(
-        self,
-        problem: PlanningProblem,
-        branch: ReferenceBranch,
-        options: MeasureOptions,
-        extra: float = EXTRA_CLEARANCES[0],
-    ) -> None:
-        """Test the branch.
-
-        Args:
-            problem: The planning problem; its radii are the largest wanted.
-            branch: Along the centre line.
-            options: How to measure.
-            extra: Extra distance beyond the clearance, unless the branch has less [m].
-
-        Raises:
-            Infeasible: Status tube_blocked: the branch itself collides.
-        """
-        self._problem, self._samples = problem, options.samples
-        self._rough = options.samples // _ROUGH_SHARE + 1
-        self._branch = [densified(q, _MAX_STEP) for q in branch.segments]
-        self.count = len(self._branch)
-        clearance = PairClearance(problem, 0.0)
-        least = min(
-            _require_clearance(problem, clearance, k, q) for k, q in enumerate(self._branch)
-        )
-        self._pair_clearance = PairClearance(problem, min(extra, least / 2))
-        self._rngs = [np.random.default_rng([options.seed, k]) for k in range(self.count)]
-        self._boxes: dict[int, CollisionBoxes] = {}
-
-    def first_search(self, k: int) -> SegmentSearch:
-        """Return what a rough search finds for a segment.
-
-        Signs are tried before ranges, and wider surroundings before narrow ones.
-
-        Raises:
-            Infeasible: Status tube_blocked: not even the branch's own ranges are free.
-        """
-        problem, branch = self._problem, self._branch[k]
-        whole = (problem.joint_lower[k], problem.joint_upper[k])
-        tried = [
-            (range_core(problem, k, branch, WANTED_RANGE), whole),
-            (range_core(problem, k, branch), whole),
-        ]
-        if is_determined(problem.robot):
-            signs = sign_bounds(problem, k, branch)
-            tried.insert(0, (signs, signs))
-        for core, outer in tried:
-            self._boxes[k] = CollisionBoxes(problem, k, branch, core, outer, self._pair_clearance)
-            found = search_segment(self._boxes[k], self._pair_clearance, self._rough, self._rngs[k])
-            if isinstance(found, SegmentSearch):
-                return found
-        return self._unless_collision(k, found)
-
-    def needs_of_trajectory(
-        self, found: list[SegmentSearch], beyond_radius: float, beyond_range: float
-    ) -> list[FloatArray | None]:
-        """Return how far a fast trajectory leaves the branch, by segment; None: there is none.
-
-        Args:
-            found: Sets, which the trajectory may leave.
-            beyond_radius: By how much in space [m].
-            beyond_range: By how much in the joints [rad or m].
-        """
-        result = self._planned(found, beyond_radius, beyond_range)
-        if result.trajectory is None:
-            return [None] * self.count
-        q = result.trajectory.per_piece(_SAMPLES_PER_PIECE).position
-        tool = self._problem.robot.tool_position(q)
-        nearest = self._problem.tube.distance(tool).argmin(axis=1)
-        return [self._boxes[k].needed(q[nearest == k]) for k in range(self.count)]
-
-    def search(self, k: int, preferences: SetPreferences) -> SegmentSearch:
-        """Return what a rough search finds, with the collisions known so far.
-
-        Raises:
-            Infeasible: Status tube_blocked: searches for counterexamples do not end.
-        """
-        found = search_segment(
-            self._boxes[k], self._pair_clearance, self._rough, self._rngs[k], preferences
-        )
-        return self._unless_collision(k, found)
-
-    def duration(self, found: list[SegmentSearch]) -> float:
-        """Return the duration of a trajectory within sets [s]; infinite where there is none."""
-        duration = self._planned(found).duration
-        return np.inf if duration is None else duration
-
-    def _planned(
-        self, found: list[SegmentSearch], beyond_radius: float = 0.0, beyond_range: float = 0.0
-    ) -> PlanResult:
-        """Return what fast planning finds within sets, or a little beyond."""
-        tube, ranges = self._problem.tube, []
-        for k, each in enumerate(found):
-            lower = np.maximum(each.allowed.lower - beyond_range, self._problem.joint_lower[k])
-            upper = np.minimum(each.allowed.upper + beyond_range, self._problem.joint_upper[k])
-            ranges.append(_ranges(self._problem, lower, upper))
-        radii = [each.allowed.radius + tube.tool_radius + beyond_radius for each in found]
-        other = replace(tube, radius=np.array(radii), joint_signs=tuple(ranges))
-        problem = self._problem.with_tube(other)
-        return plan(problem, PlanOptions(quality="fast"))
-
-    def without_counterexamples(self, k: int, found: SegmentSearch) -> SegmentSearch:
-        """Return the largest set within one that a thorough counterexample search leaves.
-
-        Raises:
-            Infeasible: Status tube_blocked: searches for counterexamples do not end.
-        """
-        boxes, clearance, rng = self._boxes[k], self._pair_clearance, self._rngs[k]
-        last = search_segment(boxes, clearance, self._samples, rng, found.preferences, found.box)
-        return self._unless_collision(k, last)
-
-    def described(self, k: int, found: SegmentSearch) -> SegmentMeasurement:
-        """Return the result of a search as radius and joint ranges of a tube segment."""
-        least = found.last.least_clearance
-        return SegmentMeasurement(
-            radius=found.allowed.radius + self._problem.tube.tool_radius,
-            joint_ranges=_ranges(self._problem, found.allowed.lower, found.allowed.upper),
-            bindings=_bindings(self._problem, k, found, self._pair_clearance),
-            samples=found.last.samples,
-            searched=found.samples,
-            collisions=len(found.q),
-            least_clearance=least if np.isfinite(least) else None,
-        )
-
-    def _unless_collision(self, k: int, found: SegmentSearch | Collision) -> SegmentSearch:
-        if isinstance(found, SegmentSearch):
-            return found
-        place = _place(self._problem, k, found.q, self._pair_clearance.pairs[found.pair])
-        message = (
-            f"there is no free space around the branch in segment {place.segment}: within its own "
-            "joint ranges "
-            f"{place}, {-1000 * found.clearance:.1f} mm too close; split the segment by another "
-            "reference point, or move it"
-        )
-        raise Infeasible(PlanStatus.TUBE_BLOCKED, message, place)
-
-
-def _require_clearance(
-    problem: PlanningProblem, clearance: PairClearance, k: int, q: FloatArray
-) -> float:
-    """Return the least clearance along a branch's segment, at most the required one [m].
+def _suited(
+    around: BranchNeighbourhood, clock: PlanningClock, way: FloatArray, kept: KeptSegments
+) -> list[SegmentSearch]:
+    """Return sets that have what a trajectory (N, n) needs, as far as there is space.
 
     Raises:
-        Infeasible: Status tube_blocked: there is none.
+        Infeasible: Status tube_blocked.
     """
-    found = clearance.least(q, 2 * EXTRA_CLEARANCES[0])
-    worst = int(found.clearance.argmin())
-    least = min(float(found.clearance[worst]), 2 * EXTRA_CLEARANCES[0])
-    if least <= 0:
-        place = _place(problem, k, q[worst], clearance.pairs[found.pair[worst]])
-        message = (
-            f"the arm collides on the centre line of segment {place.segment}: {place}, "
-            f"{-1000 * least:.1f} mm too close; move the reference points or choose another "
-            "configuration"
-        )
-        raise Infeasible(PlanStatus.TUBE_BLOCKED, message, place)
-    return least
+    found = []
+    for k, part in enumerate(around.parts(way)):
+        clock.announce(Progress(f"measuring segment {k} of {around.count}"))
+        found.append(around.kept_search(k, part, kept))
+    return found
 
 
-def _ranges(
-    problem: PlanningProblem, lower_bounds: FloatArray, upper_bounds: FloatArray
-) -> dict[str, JointRange]:
-    """Return the ranges tighter than the position limits, by joint name; signs as such."""
-    limits, ranges = problem.robot.limits, {}
-    for joint, name in enumerate(problem.robot.joint_names):
-        lower, upper = float(lower_bounds[joint]), float(upper_bounds[joint])
-        from_lowest = lower <= limits.lower_position[joint]
-        to_highest = upper >= limits.upper_position[joint]
-        if problem.robot.revolute[joint] and upper - lower >= 2 * np.pi - _ROUNDING:
-            continue  # every angle
-        if from_lowest and upper == 0:
-            ranges[name] = (-np.inf, 0.0)
-        elif to_highest and lower == 0:
-            ranges[name] = (0.0, np.inf)
-        elif not (from_lowest and to_highest):
-            ranges[name] = (lower, upper)
-    return ranges
+def _traded(around: BranchNeighbourhood, clock: PlanningClock) -> list[SegmentSearch]:
+    """Return the sets with the fastest trajectory.
 
+    A first, rough measurement ignores trajectories. Then, repeatedly, a fast trajectory that may
+    leave the best sets a little shows which radii and joint ranges it needs; sets with other
+    compromises between them are measured and planned in.
 
-def _bindings(
-    problem: PlanningProblem, k: int, found: SegmentSearch, clearance: PairClearance
-) -> tuple[Binding, ...]:
-    names = problem.robot.joint_names
-    bounds = [("radius", None), *(("lower", n) for n in names), *(("upper", n) for n in names)]
-    return tuple(
-        Binding(
-            bound,
-            _place(problem, k, found.q[blocker], clearance.pairs[found.pair[blocker]], joint),
-            found.q[blocker],
-        )
-        for (bound, joint), blocker in zip(bounds, found.box.blocker, strict=True)
-        if blocker >= 0
-    )
-
-
-def _place(
-    problem: PlanningProblem, k: int, q: FloatArray, pair: Any, joint: str | None = None
-) -> Place:
-    links, obstacle = problem.collision.owners(pair)
-    number = problem.tube.segment_number(k)
-    place = Place(joint=joint, segment=number, links=links, obstacle=obstacle)
-    return place.at(problem.robot.tool_position(q[None])[0])
+    Raises:
+        Infeasible: Status tube_blocked.
+    """
+    segments, best = range(around.count), []
+    for k in segments:
+        clock.announce(Progress(f"measuring segment {k} of {around.count}"))
+        best.append(around.first_search(k))
+    shortest = np.inf
+    for beyond_radius, beyond_range, worth in _TRADES if around.has_trades(best) else ():
+        needs = around.needs_of_trajectory(best, beyond_radius, beyond_range)
+        clock.announce(Progress(f"trading radii, worth {worth:g}, for joint ranges"))
+        trade = [around.search(k, SetPreferences(needs[k], worth)) for k in segments]
+        duration = around.duration(trade)
+        if duration < shortest:
+            best, shortest = trade, duration
+    return best

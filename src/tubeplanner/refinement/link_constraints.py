@@ -8,8 +8,8 @@ from typing import ClassVar
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
-from tubeplanner.collision.body_shapes import ClosestPoints
 from tubeplanner.collision.collision_checker import CollisionChecker
+from tubeplanner.collision.separation import ClosestPoints
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.refinement.linear_rows import (
     INNER_MARGIN,

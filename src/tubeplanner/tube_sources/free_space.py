@@ -42,11 +42,14 @@ class FreeSpace:
         wanted = self._asked + self._margin
         quick = self._checker.sphere_distances(rotation, position, self._pairs)[0] - wanted
         near = np.flatnonzero(quick < 0)
-        for k in near[quick[near].argsort()]:
-            distance = self._checker.distances(rotation[0], position[0], self._pairs[k : k + 1])[0]
-            if distance < wanted[k]:
-                return self._place(q, self._pairs[k])
-        return None
+        alone = np.zeros(len(near), dtype=np.int64)
+        boxes = self._checker.box_distances(rotation, position, alone, self._pairs[near])
+        near = near[boxes < wanted[near]]
+        distance = self._checker.distances(rotation[0], position[0], self._pairs[near])
+        short = distance - wanted[near]
+        if short.min(initial=0.0) >= 0:
+            return None
+        return self._place(q, self._pairs[near[short.argmin()]])
 
     def clearance(self, q: FloatArray) -> float:
         """Return the least distance beyond the clearance at a configuration (n,) [m]."""

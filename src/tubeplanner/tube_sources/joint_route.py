@@ -4,7 +4,7 @@ Sucan, Moll & Kavraki, "The Open Motion Planning Library" (IEEE Robotics & Autom
 19(4), 2012); Kuffner & LaValle, "RRT-Connect" (ICRA 2000). Only this module knows OMPL.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -79,24 +79,27 @@ class RouteSearch:
         self.checks = 0
         self.reached = start
 
-    def route(self, seed: int, budget: int) -> FloatArray | None:
+    def route(
+        self, seed: int, budget: int, is_over: Callable[[], bool] = lambda: False
+    ) -> FloatArray | None:
         """Return the corners (P, n) of a free route, shortened; None if none was found.
 
         Args:
             seed: Of OMPL's random numbers, > 0; they are one stream for the whole process.
             budget: Most configurations to look at before there is a route.
+            is_over: Whether there is no time left to look for one.
         """
         with _silent_ompl():
-            return self._route(seed, budget)
+            return self._route(seed, budget, is_over)
 
-    def _route(self, seed: int, budget: int) -> FloatArray | None:
+    def _route(self, seed: int, budget: int, is_over: Callable[[], bool]) -> FloatArray | None:
         from ompl import base, geometric, util
 
         util.RNG.setSeed(seed)
         self.checks = 0
         setup = self._setup()
         setup.setPlanner(geometric.RRTConnect(setup.getSpaceInformation()))
-        setup.solve(base.PlannerTerminationCondition(lambda: self.checks >= budget))
+        setup.solve(base.PlannerTerminationCondition(lambda: self.checks >= budget or is_over()))
         if not setup.haveSolutionPath():
             return None
         path = setup.getSolutionPath()

@@ -4,17 +4,20 @@ Measuring uses the planner's own branch along the reference points. Where that h
 although the route has enough, the segment gets another reference point.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
+from tubeplanner.arrays import FloatArray
+from tubeplanner.measurement.kept_segments import KeptSegments
 from tubeplanner.measurement.measured_tube import MeasureOptions
-from tubeplanner.measurement.tube_measurement import measure_tube
+from tubeplanner.measurement.tube_measurement import measured_tube
 from tubeplanner.outcome import Infeasible, PlanStatus
+from tubeplanner.planning.plan_options import PlanOptions
 from tubeplanner.planning.plan_result import PlanResult
 from tubeplanner.planning.planner import plan
 from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.progress import PlanningClock
 from tubeplanner.tube_sources.free_space import FreeSpace
 from tubeplanner.tube_sources.reference_tube import reference_tube
 from tubeplanner.tube_sources.tool_corners import ToolCorners, with_another_corner
@@ -25,11 +28,11 @@ MAX_CORNER_SEGMENTS = 40
 
 
 @dataclass(frozen=True, eq=False)
-class MeasuredPlan:
-    """A problem whose tube was measured, and its certified plan.
+class PlannedTube:
+    """A problem with a tube that was found for it, and its certified plan.
 
     Attributes:
-        problem: With the measured tube.
+        problem: With that tube.
         result: Its plan.
     """
 
@@ -49,8 +52,9 @@ def measured_plan(
     corners: ToolCorners,
     band: float,
     options: MeasureOptions,
-    enter: Callable[[object], None],
-) -> MeasuredPlan:
+    clock: PlanningClock,
+    way: FloatArray | None = None,
+) -> PlannedTube:
     """Measure the tube around corners of a route, and plan the trajectory through it.
 
     Args:
@@ -59,23 +63,30 @@ def measured_plan(
         corners: Reference points, and the arm between them.
         band: How far joints may leave their ranges there, before measuring [rad or m].
         options: How to measure.
-        enter: Called with every stage as it begins.
+        clock: Announces progress and may end the work.
+        way: Configurations of a fast trajectory, shape (N, n), whose needs decide; None: such
+            trajectories are planned.
 
     Raises:
         Infeasible: The tube is too narrow, or there is no certified trajectory in it.
+        TimeLimitReached: The clock's limit has passed.
     """
-    for _ in range(_MAX_PARTINGS):
+    kept = KeptSegments()
+    for parted in range(_MAX_PARTINGS + 1):
+        whole = in_tube(problem, corners, band, options.max_radius)
         try:
-            return _measured(in_tube(problem, corners, band, options.max_radius), options, enter)
+            return _measured(whole, options, clock, way, kept)
         except Infeasible as reason:
             segment = reason.place.segment
-            if reason.status is not PlanStatus.TUBE_BLOCKED or segment is None:
+            is_blocked = reason.status is PlanStatus.TUBE_BLOCKED and segment is not None
+            if not is_blocked or parted == _MAX_PARTINGS:
                 raise
+            assert segment is not None
             finer = with_another_corner(problem.robot, space, corners, segment)
             if finer is None:
                 raise
             corners = finer
-    return _measured(in_tube(problem, corners, band, options.max_radius), options, enter)
+    raise AssertionError("the last parting returns or raises")
 
 
 def measure_options(max_radius: float, samples: int, seed: int) -> MeasureOptions:
@@ -101,13 +112,30 @@ def in_tube(
 
 
 def _measured(
-    problem: PlanningProblem, options: MeasureOptions, enter: Callable[[object], None]
-) -> MeasuredPlan:
-    measured = measure_tube(problem, options, enter)
+    problem: PlanningProblem,
+    options: MeasureOptions,
+    clock: PlanningClock,
+    way: FloatArray | None,
+    kept: KeptSegments,
+) -> PlannedTube:
+    measured = measured_tube(problem, options, clock, way, kept)
     if measured.problem is None:
         raise Infeasible(measured.status, measured.message, measured.place)
-    enter("planning through the measured tube")
-    result = plan(measured.problem)
+    clock.enter("planning through the measured tube")
+    result = plan_under(clock, measured.problem)
     if not result.succeeded:
         raise Infeasible(result.status, result.message, result.place)
-    return MeasuredPlan(measured.problem, result)
+    return PlannedTube(measured.problem, result)
+
+
+def plan_under(
+    clock: PlanningClock, problem: PlanningProblem, quality: str = "balanced"
+) -> PlanResult:
+    """Return what planning finds in the time that is left on a clock.
+
+    Raises:
+        TimeLimitReached: None is left.
+    """
+    clock.check()
+    limit = None if np.isinf(clock.remaining) else clock.remaining
+    return plan(problem, PlanOptions(quality=quality, time_limit=limit), clock.announce)

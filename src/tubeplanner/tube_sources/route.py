@@ -1,25 +1,28 @@
 """A tube from start, goal and obstacles alone: the question that Suh & Bishop 1988 left open.
 
 Routes are found at random; the tool's path along each becomes few reference points. The most
-promising are planned, and the tube of the fastest is measured.
+promising are planned in tubes of equal radius, and the fastest is the answer; a tube in which
+nothing collides is measured around it.
 """
 
-import time
 from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import ProblemError
-from tubeplanner.outcome import Infeasible
-from tubeplanner.planning.plan_options import PlanOptions
-from tubeplanner.planning.planner import plan
+from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.planning.plan_result import PlanResult
 from tubeplanner.problem.problem import PlanningProblem, Seed
+from tubeplanner.progress import PlanningClock, Progress, ProgressCallback, until_stopped
 from tubeplanner.tube_sources.goal_configurations import goal_configurations
 from tubeplanner.tube_sources.joint_route import require_ompl
 from tubeplanner.tube_sources.measured_plan import (
-    MeasuredPlan,
+    PlannedTube,
     in_tube,
     measure_options,
     measured_plan,
+    plan_under,
 )
 from tubeplanner.tube_sources.route_candidates import (
     RouteCandidate,
@@ -31,17 +34,18 @@ from tubeplanner.verification.refusal import require_free
 
 # Routes are compared by the trajectory through a tube of this radius [m].
 _RADIUS_TO_COMPARE = 0.05
-_MAX_COMPARED = 4
-# A measured tube whose trajectory takes longer than this, times the fastest one compared, has been
-# squeezed by an obstacle: the next route may be wider.
-_ENOUGH = 1.3
+_MAX_COMPARED = 3
+_SHARE_OF_TIME = 0.6  # of a time limit: after that, no more routes are compared
+# Where the tube around the fastest route is blocked, the next one's is measured.
 _MAX_MEASURED = 2
+_SAMPLES_PER_PIECE = 10
+_STEPS = 4  # routes, their comparison, the plan, the measured tube
 
 
 def find_route(
     problem: PlanningProblem,
     options: RouteOptions | None = None,
-    progress: Callable[[object], None] | None = None,
+    progress: ProgressCallback | None = None,
 ) -> TubeAnswer:
     """Find a tube from a problem's start to its goal, and plan the trajectory through it.
 
@@ -49,72 +53,170 @@ def find_route(
         problem: Start, goal and obstacles count; its tube does not, but for its last point where
             the goal is left open: there the tool is to go.
         options: How to find it.
-        progress: Called with every stage as it begins.
+        progress: Called as each stage begins, with the duration of the best trajectory so far.
 
     Raises:
         OptionError: OMPL is not installed.
         ProblemError: The start is given by a seed.
+        KeyboardInterrupt: Ctrl-C before anything was certified.
     """
     start = problem.start
     if isinstance(start, Seed):
         raise ProblemError("start.joints is required: a seed belongs to the first point of a tube")
     require_ompl()
-    begin = time.perf_counter()
-    finder = _RouteFinder(problem, options or RouteOptions(), progress or (lambda stage: None))
-    found: MeasuredPlan | Infeasible
+    finder = _RouteFinder(problem, options or RouteOptions(), progress)
     try:
-        found = finder.fastest(start)
+        _, stopped_by = until_stopped(lambda: finder.search(start))
     except Infeasible as reason:
-        found = reason
-    elapsed = time.perf_counter() - begin
-    return answer_of(found, compared=tuple(finder.durations), search_time=elapsed)
+        return answer_of(reason, **finder.facts)
+    if finder.best is not None:
+        return answer_of(finder.best, stopped_by=stopped_by, **finder.facts)
+    if stopped_by == "interrupt":
+        raise KeyboardInterrupt
+    late = finder.clock.past_limit
+    return TubeAnswer(PlanStatus.TIME_LIMIT, late, Place(), stopped_by=stopped_by, **finder.facts)
+
+
+@dataclass(frozen=True, eq=False)
+class _Compared:
+    """A route whose trajectory through a tube of the common radius is certified."""
+
+    route: RouteCandidate
+    problem: PlanningProblem
+    result: PlanResult
+
+    @property
+    def planned(self) -> PlannedTube:
+        return PlannedTube(self.problem, self.result)
+
+    @property
+    def way(self) -> FloatArray:
+        assert self.result.trajectory is not None
+        return self.result.trajectory.per_piece(_SAMPLES_PER_PIECE).position
 
 
 class _RouteFinder:
-    """The steps from a problem without a tube to one with the tube of its fastest route."""
+    """The steps from a problem without a tube to one with the tube of its fastest route.
+
+    Attributes:
+        clock: Of the whole search.
+        best: The fastest trajectory that is certified so far, and its tube.
+        measured: The measured tube, if there is one.
+    """
 
     def __init__(
-        self, problem: PlanningProblem, options: RouteOptions, enter: Callable[[object], None]
+        self, problem: PlanningProblem, options: RouteOptions, progress: ProgressCallback | None
     ) -> None:
-        self._problem, self._options, self._enter = problem, options, enter
-        self.durations: list[float | None] = []
+        self._problem, self._options = problem, options
+        self.clock = PlanningClock(options.time_limit, self._shown(progress))
+        self.best: PlannedTube | None = None
+        self.measured: PlannedTube | None = None
+        self._step = 1
+        self._durations: list[float | None] = []
+        self._notes: list[str] = []
 
-    def fastest(self, start: FloatArray) -> MeasuredPlan:
-        """Return the problem in the measured tube that has the fastest trajectory, and its plan.
+    @property
+    def facts(self) -> dict[str, Any]:
+        """What an answer tells beside its tube."""
+        return {
+            "measured": self.measured,
+            "notes": tuple(self._notes),
+            "compared": tuple(self._durations),
+            "search_time": self.clock.elapsed,
+        }
+
+    def search(self, start: FloatArray) -> None:
+        """Find the fastest trajectory, then the measured tube.
 
         Raises:
             Infeasible: There is none; the reason is that of the route that promised most.
+            TimeLimitReached: Before the end; likewise KeyboardInterrupt.
         """
-        options = self._options
         require_free(self._problem, "start", start)
-        goals = goal_configurations(self._problem, start, options.seed)
-        routes = route_candidates(self._problem, start, goals, options, self._enter)
-        best, first, measured = None, None, 0
-        how = measure_options(options.max_radius, options.samples, options.seed)
-        for route, enough in self._fastest_first(routes[:_MAX_COMPARED]):
-            try:
-                found = measured_plan(
-                    self._problem, route.space, route.corners, options.band, how, self._enter
-                )
-            except Infeasible as reason:
-                first = first or reason
-                continue
-            if best is None or found.duration < best.duration:
-                best = found
-            measured += 1
-            if best.duration <= enough or measured == _MAX_MEASURED:
-                break
-        if best is None:
-            assert first is not None
-            raise first
-        return best
+        goals = goal_configurations(self._problem, start, self._options.seed)
+        routes = route_candidates(self._problem, start, goals, self._options, self.clock)
+        routes = routes[:_MAX_COMPARED]
+        self._step = 2
+        fastest = self._fastest_first(routes)
+        if not fastest:
+            self._step = 4
+            self.best = self.measured = self._measured_first(routes)
+            return
+        self._step = 3
+        self.clock.enter("planning along the fastest route")
+        first = fastest[0].problem
+        self._offer(PlannedTube(first, plan_under(self.clock, first)))
+        self._step = 4
+        self._measure(fastest[:_MAX_MEASURED])
 
-    def _fastest_first(self, routes: list[RouteCandidate]) -> list[tuple[RouteCandidate, float]]:
-        """Return routes by their durations in equal tubes, and what is fast enough."""
+    def _fastest_first(self, routes: list[RouteCandidate]) -> list[_Compared]:
+        """Return the routes with a certified trajectory in equal tubes, by its duration."""
+        found: list[_Compared] = []
         for k, route in enumerate(routes):
-            self._enter(f"planning along route {k + 1} of {len(routes)}")
+            if found and self.clock.used > _SHARE_OF_TIME:
+                break
+            self.clock.enter(f"planning along route {k + 1} of {len(routes)}")
             problem = in_tube(self._problem, route.corners, self._options.band, _RADIUS_TO_COMPARE)
-            self.durations.append(plan(problem, PlanOptions(quality="fast")).duration)
-        known = [float("inf") if one is None else one for one in self.durations]
-        order = sorted(range(len(routes)), key=lambda k: known[k])
-        return [(routes[k], _ENOUGH * min(known)) for k in order]
+            result = plan_under(self.clock, problem, "fast")
+            self._durations.append(result.duration)
+            if result.succeeded:
+                found.append(_Compared(route, problem, result))
+                self._offer(found[-1].planned)
+        return sorted(found, key=lambda each: each.planned.duration)
+
+    def _measure(self, compared: list[_Compared]) -> None:
+        """Measure a tube around the first of some routes that has the space."""
+        reason = None
+        for each in compared:
+            try:
+                self.measured = self._measured(each.route, each.way)
+            except Infeasible as why:
+                reason = reason or why
+                continue
+            self._offer(self.measured)
+            return
+        self._notes.append(
+            f"no tube could be measured in which nothing collides: {reason}; the trajectory itself "
+            "is certified"
+        )
+
+    def _measured_first(self, routes: list[RouteCandidate]) -> PlannedTube:
+        """Return the first measured tube that has a trajectory.
+
+        Raises:
+            Infeasible: There is none.
+        """
+        reason = None
+        for route in routes:
+            try:
+                return self._measured(route, None)
+            except Infeasible as why:
+                reason = reason or why
+        assert reason is not None
+        raise reason
+
+    def _measured(self, route: RouteCandidate, way: FloatArray | None) -> PlannedTube:
+        options = self._options
+        how = measure_options(options.max_radius, options.samples, options.seed)
+        return measured_plan(
+            self._problem, route.space, route.corners, options.band, how, self.clock, way
+        )
+
+    def _offer(self, found: PlannedTube) -> None:
+        """Keep a certified trajectory if it is the fastest so far."""
+        if not found.result.succeeded:
+            return
+        if self.best is None or found.duration < self.best.duration:
+            self.best = found
+
+    def _shown(self, progress: ProgressCallback | None) -> Callable[[Progress], None] | None:
+        """Return a callback that tells how far the whole search has come."""
+        if progress is None:
+            return None
+
+        def show(stage: Progress) -> None:
+            best = None if self.best is None else self.best.duration
+            whole = f"step {self._step} of {_STEPS}, {stage.stage}"
+            progress(replace(stage, stage=whole, best_duration=best))
+
+        return show

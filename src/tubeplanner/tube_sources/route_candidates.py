@@ -1,6 +1,5 @@
 """Routes from start to goal, several of them: each search finds another one."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,12 +7,12 @@ import numpy as np
 from tubeplanner.arrays import FloatArray
 from tubeplanner.options import require_between, require_count
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
-from tubeplanner.planning.plan_options import PlanOptions
-from tubeplanner.planning.planner import plan
 from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.progress import PlanningClock
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.tube_sources.free_space import FreeSpace
 from tubeplanner.tube_sources.joint_route import RouteSearch
+from tubeplanner.tube_sources.measured_plan import plan_under
 from tubeplanner.tube_sources.tool_corners import ToolCorners, tool_corners
 
 # Distance kept from obstacles beyond the clearance [m]: wide tubes are fast, narrow passages are
@@ -21,6 +20,7 @@ from tubeplanner.tube_sources.tool_corners import ToolCorners, tool_corners
 _MARGINS = (0.03, 0.01)
 _MIN_MARGIN = 0.002  # where there is no route with more
 _SAMPLES_PER_PIECE = 10
+_SHARE_OF_TIME = 0.3  # of a time limit: after that, no more routes are searched than there are
 
 
 @dataclass(frozen=True)
@@ -34,6 +34,7 @@ class RouteOptions:
         band: How far joints may leave the route's ranges in a segment, before measuring [rad, m].
         max_radius: No segment gets a larger radius [m].
         samples: How many configurations of a segment the last counterexample search draws.
+        time_limit: Wall time after which the search ends with the best it has [s]; None: never.
     """
 
     seed: int = 1
@@ -42,11 +43,14 @@ class RouteOptions:
     band: float = 0.4
     max_radius: float = 0.2
     samples: int = 2_000
+    time_limit: float | None = None
 
     def __post_init__(self) -> None:
         require_count(self, 1, "seed", "tries", "checks", "samples")
         require_between(self, 0, np.inf, "band")
         require_between(self, 0, np.inf, "max_radius", unit="m")
+        if self.time_limit is not None:
+            require_between(self, 0, None, "time_limit", unit="s")
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,21 +74,22 @@ def route_candidates(
     start: FloatArray,
     goals: FloatArray,
     options: RouteOptions,
-    enter: Callable[[str], None],
+    clock: PlanningClock,
 ) -> list[RouteCandidate]:
     """Return routes that were found, the one of the least joint time first.
 
-    Trajectories that optimisation alone finds count as routes too.
+    A trajectory that optimisation alone finds counts as a route too.
 
     Args:
         problem: Its arm and obstacles count.
         start: Shape (n,).
         goals: Free configurations, one of which it must reach, shape (G, n).
         options: How to find them.
-        enter: Called with every stage as it begins.
+        clock: Announces progress and may end the work.
 
     Raises:
         Infeasible: Status no_trajectory: none was found.
+        TimeLimitReached: Before one was.
     """
     found: list[RouteCandidate] = []
     ends = np.vstack([start, goals])
@@ -95,15 +100,21 @@ def route_candidates(
         space = FreeSpace(problem, margin, ends)
         search = RouteSearch(space, start, goals, limits.lower_position, limits.upper_position)
         for k in range(options.tries):
-            enter(f"route {k + 1} of {options.tries}, {1000 * margin:g} mm from obstacles")
-            route = search.route(options.seed + k, options.checks)
+            clock.enter(f"route {k + 1} of {options.tries}, {1000 * margin:g} mm from obstacles")
+            route = search.route(options.seed + k, options.checks, lambda: clock.remaining <= 0)
             found += _candidates(problem.robot, space, route)
+            if found and clock.used > _SHARE_OF_TIME:
+                return sorted(found, key=lambda candidate: candidate.joint_time)
     if not found:
+        clock.check()
         raise _no_route(problem, search, options)
     space = FreeSpace(problem, _MIN_MARGIN, ends)
     for margin in _MARGINS:
-        enter(f"a trajectory without a route, {1000 * margin:g} mm from obstacles")
-        found += _candidates(problem.robot, space, _trajectory(problem, goals[0], margin))
+        clock.enter(f"a trajectory without a route, {1000 * margin:g} mm from obstacles")
+        way = _candidates(problem.robot, space, _trajectory(problem, goals[0], margin, clock))
+        found += way
+        if way or clock.used > _SHARE_OF_TIME:
+            break
     return sorted(found, key=lambda candidate: candidate.joint_time)
 
 
@@ -116,10 +127,12 @@ def _candidates(
     return [RouteCandidate(space, corners, _joint_time(robot, corners.lines))]
 
 
-def _trajectory(problem: PlanningProblem, goal: FloatArray, margin: float) -> FloatArray | None:
+def _trajectory(
+    problem: PlanningProblem, goal: FloatArray, margin: float, clock: PlanningClock
+) -> FloatArray | None:
     """Return the fastest trajectory from straight joint lines, if it avoids all obstacles."""
     wider = replace(problem, goal=goal, clearance=problem.clearance + margin)
-    planned = plan(wider, PlanOptions(quality="fast"))
+    planned = plan_under(clock, wider, "fast")
     if planned.trajectory is None:
         return None
     return planned.trajectory.per_piece(_SAMPLES_PER_PIECE).position

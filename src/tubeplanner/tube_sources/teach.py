@@ -1,7 +1,5 @@
 """A tube from a recorded trail: its corners, and its joints' ranges between them."""
 
-import time
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,10 +9,11 @@ from tubeplanner.errors import OptionError
 from tubeplanner.options import require_between, require_count
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.progress import PlanningClock, ProgressCallback
 from tubeplanner.tube_sources.free_space import FreeSpace
 from tubeplanner.tube_sources.measured_plan import (
     MAX_CORNER_SEGMENTS,
-    MeasuredPlan,
+    PlannedTube,
     measure_options,
     measured_plan,
 )
@@ -53,7 +52,7 @@ def teach(
     problem: PlanningProblem,
     trail: FloatArray,
     options: TeachOptions | None = None,
-    progress: Callable[[object], None] | None = None,
+    progress: ProgressCallback | None = None,
 ) -> TubeAnswer:
     """Make a tube from a trail, and plan the trajectory through it.
 
@@ -68,9 +67,8 @@ def teach(
         OptionError: The largest radius is not above the tool radius, or the deviation is so small
             that the trail becomes too many segments.
     """
-    options, enter = options or TeachOptions(), progress or (lambda stage: None)
-    begin = time.perf_counter()
-    enter("corners of the trail")
+    options, clock = options or TeachOptions(), PlanningClock(None, progress)
+    clock.enter("corners of the trail")
     kept = moving_part(trail)
     moving, turns = without_ways_back(problem.robot, kept, options.deviation)
     notes = [
@@ -83,16 +81,17 @@ def teach(
         for turn in turns
     ]
     how = measure_options(options.max_radius, options.samples, options.seed)
-    found: MeasuredPlan | Infeasible
+    found: PlannedTube | Infeasible
     try:
         space = FreeSpace(problem, 0.0, moving[[0, -1]])
         corners = _corners(problem, space, moving, options.deviation)
         _require_few(corners, options.deviation)
-        found = measured_plan(problem, space, corners, options.band, how, enter)
+        found = measured_plan(problem, space, corners, options.band, how, clock)
         notes += _left_by_trail(found.problem, moving)
     except Infeasible as reason:
         found = reason
-    return answer_of(found, notes=tuple(notes), search_time=time.perf_counter() - begin)
+    measured = None if isinstance(found, Infeasible) else found
+    return answer_of(found, measured=measured, notes=tuple(notes), search_time=clock.elapsed)
 
 
 def _require_few(corners: ToolCorners, deviation: float) -> None:

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
-from tubeplanner.tube_sources.measured_plan import MeasuredPlan
+from tubeplanner.progress import StoppedBy
+from tubeplanner.tube_sources.measured_plan import PlannedTube
 
 
 @dataclass(frozen=True, eq=False)
@@ -12,23 +13,28 @@ class TubeAnswer:
     """The result of a search for a tube.
 
     Attributes:
-        status: Success means that the trajectory through the measured tube is certified.
+        status: Success means that the trajectory through the tube is certified.
         message: One sentence.
         place: Where, if there is no answer.
         found: The problem with its tube, and its plan; None unless successful.
+        measured: The tube in which no collision was found, and its plan: `found`, or slower than
+            that; None if there is none.
         notes: Further information.
         compared: Durations of the trajectories through the tubes that were compared before
             measuring, each of the same radius [s]; None where there was no trajectory.
         search_time: Wall time from the loaded problem to the answer [s].
+        stopped_by: "time_limit" or "interrupt" if that ended the search early; None otherwise.
     """
 
     status: PlanStatus
     message: str
     place: Place
-    found: MeasuredPlan | None = None
+    found: PlannedTube | None = None
+    measured: PlannedTube | None = None
     notes: tuple[str, ...] = ()
     compared: tuple[float | None, ...] = ()
     search_time: float = 0.0
+    stopped_by: StoppedBy | None = None
 
     @property
     def succeeded(self) -> bool:
@@ -38,7 +44,6 @@ class TubeAnswer:
     def as_dict(self) -> dict[str, Any]:
         """Return the fields of the command line's JSON, but for loading_time."""
         planned = {} if self.found is None else self.found.result.as_dict()
-        tube = None if self.found is None else self.found.problem.tube
         return {
             **planned,
             "status": str(self.status),
@@ -47,12 +52,18 @@ class TubeAnswer:
             "notes": [*self.notes, *planned.get("notes", ())],
             "search_time": self.search_time,
             "compared_durations": list(self.compared),
-            "points": None if tube is None else tube.points.tolist(),
-            "radius": None if tube is None else tube.radius.tolist(),
+            "stopped_by": self.stopped_by,
+            **_tube_fields(self.found),
+            "measured": self._measured_fields(),
         }
 
+    def _measured_fields(self) -> dict[str, Any] | None:
+        if self.measured is None:
+            return None
+        return {"duration": self.measured.duration, **_tube_fields(self.measured)}
 
-def answer_of(found: MeasuredPlan | Infeasible, **more: Any) -> TubeAnswer:
+
+def answer_of(found: PlannedTube | Infeasible, **more: Any) -> TubeAnswer:
     """Return an answer: what was found, or why nothing was.
 
     Args:
@@ -64,3 +75,10 @@ def answer_of(found: MeasuredPlan | Infeasible, **more: Any) -> TubeAnswer:
     tube = found.problem.tube
     message = f"tube of {len(tube.points)} reference points; {found.result.message}"
     return TubeAnswer(PlanStatus.SUCCESS, message, Place(), found, **more)
+
+
+def _tube_fields(found: PlannedTube | None) -> dict[str, Any]:
+    if found is None:
+        return {"points": None, "radius": None}
+    tube = found.problem.tube
+    return {"points": tube.points.tolist(), "radius": tube.radius.tolist()}

@@ -1,0 +1,57 @@
+"""Where the bodies of an arm are, in many configurations at once."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class BodyChain:
+    """Bodies that hang from each other; body 0 stands still, joint k moves body k + 1.
+
+    Attributes:
+        parents: Which body carries each, shape (bodies,).
+        rotation: Of each body in its parent, its joint at zero, shape (bodies, 3, 3).
+        position: Of its origin there, shape (bodies, 3) [m].
+        axes: Of the joints, in the frames of the bodies that they move, shape (M, 3).
+        turns: Whether a joint turns (rather than slides), shape (M,).
+    """
+
+    parents: IntArray
+    rotation: FloatArray
+    position: FloatArray
+    axes: FloatArray
+    turns: BoolArray
+
+    def poses(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return rotations (N, bodies, 3, 3) and origins (N, bodies, 3) [m] at positions (N, M)."""
+        shape = (len(q), len(self.parents))
+        rotation, position = np.empty((*shape, 3, 3)), np.empty((*shape, 3))
+        rotation[:, 0], position[:, 0] = np.eye(3), 0.0
+        turned, moved = self._in_parents(q)
+        for body, parent in enumerate(self.parents.tolist()):
+            if body > 0:
+                carrier = rotation[:, parent]
+                np.matmul(carrier, turned[:, body - 1], out=rotation[:, body])
+                shift = carrier @ moved[:, body - 1, :, None]
+                np.add(position[:, parent], shift[:, :, 0], out=position[:, body])
+        return rotation, position
+
+    def _in_parents(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return rotations (N, M, 3, 3) and origins (N, M, 3) of bodies in their parents."""
+        across, twice, along = self._by_joint
+        angle, travel = np.where(self.turns, q, 0.0), np.where(self.turns, 0.0, q)
+        sine, rest = np.sin(angle)[..., None, None], 1 - np.cos(angle)[..., None, None]
+        turned = self.rotation[1:] + sine * across + rest * twice  # Rodrigues
+        return turned, self.position[1:] + travel[..., None] * along
+
+    @cached_property
+    def _by_joint(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """By which a body's rotation changes with sine and 1 - cosine, and its origin by travel."""
+        across = np.cross(self.axes[:, None], np.eye(3)).swapaxes(1, 2)
+        placed = self.rotation[1:]
+        along = np.einsum("mij,mj->mi", placed, self.axes)
+        return placed @ across, placed @ across @ across, along

@@ -1,0 +1,51 @@
+"""The search for collisions in a set: what it finds and what it looks at again."""
+
+import numpy as np
+import pytest
+
+from tubeplanner.measurement.configuration_set import ConfigurationSet
+from tubeplanner.measurement.counterexample_search import search_counterexamples
+from tubeplanner.measurement.pair_clearance import PairClearance
+
+
+@pytest.fixture(scope="module")
+def post():
+    from tubeplanner import load_problem
+
+    return load_problem("example:two_link/around_a_post")
+
+
+def allowed(problem, radius):
+    lower, upper = problem.joint_lower[0], problem.joint_upper[0]
+    return ConfigurationSet(problem, 0, lower, upper, radius)
+
+
+def searched(problem, radius, samples=400):
+    clearance, rng = PairClearance(problem, 0.0), np.random.default_rng(2)
+    return search_counterexamples(allowed(problem, radius), clearance, samples, rng), clearance
+
+
+def test_collisions_are_in_the_set_and_collide(post):
+    found, clearance = searched(post, 0.1)
+    assert not found.failed
+    assert allowed(post, 0.1).contains(found.q).all()
+    assert (clearance.of_pairs(found.q, found.pair)[0] < 0).all()
+
+
+def test_beside_a_collision_there_are_more(post):
+    """Of few collisions by chance, many are known."""
+    found, _ = searched(post, 0.055)
+    assert len(found.q) > 0.1 * found.samples
+
+
+def test_descents_find_what_chance_does_not(post):
+    """The post is 46.6 mm from the tool's way here: few samples of a set 48 mm wide collide."""
+    found, clearance = searched(post, 0.048, samples=100)
+    drawn = allowed(post, 0.048).sample(100, np.random.default_rng(2))
+    assert (clearance.least(drawn, 0.0).clearance >= 0).all()
+    assert not found.failed
+
+
+def test_a_free_set_has_none(post):
+    found, _ = searched(post, 0.02)
+    assert found.failed and found.least_clearance > 0
