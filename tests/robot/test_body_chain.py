@@ -22,6 +22,17 @@ def test_poses_are_those_of_pinocchio(name, bundled):
             np.testing.assert_allclose(position[k, body], placement.translation, atol=1e-14)
 
 
+@pytest.mark.parametrize("name", ["two_link/around_a_post", "panda/between_shelves"])
+def test_the_tool_of_many_is_as_that_of_few(name, bundled):
+    robot = bundled(name).robot
+    q = np.random.default_rng(4).uniform(-2, 2, (100, robot.joint_count))
+    many, few = robot.tool_pose_jacobian(q), robot.tool_pose_jacobian(q[:3])
+    for all_of_them, some in zip(many, few, strict=True):
+        np.testing.assert_allclose(all_of_them[:3], some, atol=1e-14)
+    for pose, same in zip(robot.tool_pose(q), many[:2], strict=True):
+        np.testing.assert_array_equal(pose, same)
+
+
 def test_a_slide_on_a_turned_body_moves_along_its_own_axis():
     upright = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])  # a quarter turn about y
     chain = BodyChain(

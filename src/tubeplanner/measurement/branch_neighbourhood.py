@@ -164,10 +164,9 @@ class BranchNeighbourhood:
         """
         return self._unless_collision(k, self._searched(k, self._rough, preferences))
 
-    def duration(self, found: list[SegmentSearch]) -> float:
-        """Return the duration of a trajectory within sets [s]; infinite where there is none."""
-        duration = self._planned(found).duration
-        return np.inf if duration is None else duration
+    def has_trajectory(self, found: list[SegmentSearch]) -> bool:
+        """Return whether fast planning finds a certified trajectory within sets."""
+        return self._planned(found).succeeded
 
     def _planned(
         self, found: list[SegmentSearch], beyond_radius: float = 0.0, beyond_range: float = 0.0

@@ -15,7 +15,7 @@ _FIRST_SPREAD, _CALMING, _MIN_SPREAD = 0.8, 0.95, 0.3
 # Margins grow from search to search: the box shrinks until no point is left to be found.
 _MARGIN_GROWTH = 1.05
 _NO_SPEED = 1e-12
-_FIRST_DRAWS, _LATER_DRAWS = 400, 150
+_FIRST_DRAWS, _LATER_DRAWS = 200, 60
 
 
 @dataclass(frozen=True, eq=False)

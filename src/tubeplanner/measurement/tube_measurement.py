@@ -21,8 +21,9 @@ from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, Progress, ProgressCallback
 
 # Trades of radii for joint ranges: how far a trajectory may leave the sets found so far, to say
-# what it needs, [m] and [rad or m], and what a radius is worth.
-_TRADES = ((0.0, np.inf, 1.0), (0.03, 0.3, 4.0))
+# what it needs, [m] and [rad or m], and what a radius is worth. In sets that are no wider than what
+# was found, it asks for the radii found, and the trade has nothing to give.
+_TRADES = ((0.03, np.inf, 1.0), (0.03, 0.3, 4.0))
 
 
 def measure_tube(
@@ -176,25 +177,23 @@ def _suited(
 
 
 def _traded(around: BranchNeighbourhood, clock: PlanningClock) -> list[SegmentSearch]:
-    """Return the sets with the fastest trajectory.
+    """Return sets that suit a fast trajectory.
 
-    A first, rough measurement ignores trajectories. Then, repeatedly, a fast trajectory that may
-    leave the best sets a little shows which radii and joint ranges it needs; sets with other
-    compromises between them are measured and planned in.
+    A first, rough measurement ignores trajectories. A fast one that may leave its sets a little
+    then shows which radii and joint ranges it needs, and sets with another compromise between them
+    are measured; once more where nothing can be planned in these.
 
     Raises:
         Infeasible: Status tube_blocked.
     """
-    segments, best = range(around.count), []
+    segments, rough = range(around.count), []
     for k in segments:
         clock.announce(Progress(f"measuring segment {k} of {around.count}"))
-        best.append(around.first_search(k))
-    shortest = np.inf
-    for beyond_radius, beyond_range, worth in _TRADES if around.has_trades(best) else ():
-        needs = around.needs_of_trajectory(best, beyond_radius, beyond_range)
+        rough.append(around.first_search(k))
+    for beyond_radius, beyond_range, worth in _TRADES if around.has_trades(rough) else ():
+        needs = around.needs_of_trajectory(rough, beyond_radius, beyond_range)
         clock.announce(Progress(f"trading radii, worth {worth:g}, for joint ranges"))
         trade = [around.search(k, SetPreferences(needs[k], worth)) for k in segments]
-        duration = around.duration(trade)
-        if duration < shortest:
-            best, shortest = trade, duration
-    return best
+        if around.has_trajectory(trade):
+            return trade
+    return rough

@@ -32,7 +32,6 @@ from tubeplanner.robot.pinocchio_model import (
 )
 from tubeplanner.robot.urdf import UrdfDescription, joint_id
 
-
 # From so many configurations on, arrays are quicker than Pinocchio called for each of them.
 _MANY = 64
 
@@ -172,9 +171,7 @@ class RobotModel:
             rotation[i], position[i] = placement.rotation, placement.translation
         return rotation, position, self._joints.collected(jacobian)
 
-    def _tool_in(
-        self, rotation: FloatArray, position: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
+    def _tool_in(self, rotation: FloatArray, position: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return `tool_pose` from `body_poses`."""
         tool = self._model.frames[self._tool_id]
         turned = rotation[:, tool.parentJoint]
