@@ -43,7 +43,7 @@ def problem_of(name):
     if kind == "example":
         return load_problem(name)
     arm, seed = key.split("/")
-    return random_case(ARMS[arm], int(seed)).problem
+    return random_case(arm, ARMS[arm](), int(seed)).problem
 
 for line in sys.stdin:
     problem, spent[0] = problem_of(line.strip()), 0.0
