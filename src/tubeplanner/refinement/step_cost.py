@@ -27,17 +27,16 @@ class StepCost:
             joints: How many there are.
         """
         selection, count = variables.selection, grid.control_point_count
-        third = _differences(count, 3)
         weight = 2 * _SMOOTHING * grid.interval_count**5 / 250_000
-        self._smoothing = (selection.T @ (third.T @ third)).tocsr() * weight
-        first = _differences(count, 1) @ selection
+        third, first = _differences(count, 3), _differences(count, 1) @ selection
+        by_step = third @ selection
+        self._smoothing = (by_step.T @ third).tocsr() * weight
         self._rates = (first.T @ first).tocsr() * grid.interval_count
-        inner = self._smoothing @ selection + sparse.identity(selection.shape[1]) * _PROXIMITY
         # Real and imaginary: two matrices with one pattern, so that their sum costs no search.
-        both = sparse.kron(inner + 1j * self._rates, sparse.identity(joints))
+        both = (by_step.T @ by_step) * weight + 1j * self._rates
         others = len(grid.shares) - 1 + 2
-        parts = [both, sparse.identity(others) * _OTHERS]
-        self._both = sparse.block_diag(parts, format="csc")
+        diagonal = np.repeat([_PROXIMITY, _OTHERS], [selection.shape[1] * joints, others])
+        self._both = _for_all_joints(both.tocoo(), joints, diagonal)
 
     def quadratic(self, control_points: FloatArray, damping: float = 0.0) -> Quadratic:
         """Return the cost at control points (K, n), squared rates weighted with a damping."""
@@ -55,9 +54,26 @@ class StepCost:
         return float(np.vdot(step, self._rates @ step))
 
 
+def _for_all_joints(
+    matrix: sparse.coo_matrix, joints: int, diagonal: FloatArray
+) -> sparse.csc_matrix:
+    """Return the same (F, F) matrix for every joint, joints alternating, plus a diagonal.
+
+    The diagonal, of F times the joints or more, decides the size.
+    """
+    joint, on_diagonal = np.arange(joints), np.arange(len(diagonal))
+    rows, columns = (
+        np.append(index[:, None] * joints + joint, on_diagonal)
+        for index in (matrix.row, matrix.col)
+    )
+    data = np.append(np.repeat(matrix.data, joints), diagonal)
+    return sparse.csc_matrix((data, (rows, columns)), (len(diagonal), len(diagonal)))
+
+
 def _differences(count: int, order: int) -> sparse.csr_matrix:
     """Return the matrix of differences of an order of so many points."""
-    steps = sparse.identity(count, format="csr")
-    for _ in range(order):
-        steps = steps[1:] - steps[:-1]
-    return steps
+    weights = np.diff(np.eye(order + 1), order, axis=0)
+    rows = count - order
+    columns = np.arange(rows)[:, None] + np.arange(order + 1)
+    ends = np.arange(rows + 1) * (order + 1)
+    return sparse.csr_matrix((np.tile(weights[0], rows), columns.ravel(), ends), (rows, count))
