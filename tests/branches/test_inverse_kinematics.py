@@ -130,3 +130,17 @@ def test_a_rotation_is_followed_beyond_half_a_turn(ur5):
     seed = goal - np.array([0, 0, 0, 0, 0, 0.3])
     solution = solve_position(ur5, target, seed, *bounds(ur5), rotation=rotation)
     np.testing.assert_allclose(solution.q, goal, atol=1e-7)
+
+
+@pytest.mark.parametrize("away", [0.0, 0.7])
+def test_its_errors_are_those_of_its_configuration(away, ur5):
+    """Within reach and out of it, though the last ones are not evaluated but predicted."""
+    q = np.array([0.1, -1.2, 1.6, -1.8, -1.5, 0.2])
+    target, rotation = wanted(ur5, q, vector=(0.2, -0.1, 0.3))
+    target = target + np.array([away, 0, 0])
+    solution = solve_position(ur5, target, q + 0.1, *bounds(ur5), rotation=rotation)
+    distance = np.linalg.norm(ur5.tool_position(solution.q[None])[0] - target)
+    off = np.linalg.norm(rotation_off(ur5, solution.q, rotation))
+    assert solution.error == pytest.approx(distance, abs=1e-10)
+    assert solution.rotation_error == pytest.approx(off, abs=1e-10)
+    assert (distance > 0.1) == (away > 0)

@@ -32,3 +32,20 @@ def test_the_result_is_never_below_a_sample():
     time = np.linspace(0, 1, 5)
     value = np.array([0.0, 3.0, 0.0, 1.0, 0.0])
     assert refined_maximum(lambda t: np.zeros_like(t), time, value, band=0.1) == (3.0, 0.25)
+
+
+@pytest.mark.parametrize("gain", [-1e-4, 1e-4])
+def test_of_two_peaks_the_higher_one_is_found_with_few_evaluations(gain):
+    """Their samples do not tell which it is; a third one, far lower, is soon given up."""
+    centres, heights = np.array([0.21, 0.52, 0.83]), np.array([1.0, 1.0 + gain, 0.8])
+    evaluated = []
+
+    def function(t):
+        evaluated.append(len(t))
+        return (heights - 100 * (t[:, None] - centres) ** 2).max(axis=1)
+
+    time = np.linspace(0, 1, 21)
+    value, when = refined_maximum(function, time, function(time), band=1.0)
+    assert value == pytest.approx(heights.max(), abs=1e-8)
+    assert when == pytest.approx(centres[heights.argmax()], abs=1e-4)
+    assert evaluated[2] < evaluated[1]

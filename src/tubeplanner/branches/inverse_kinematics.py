@@ -7,6 +7,7 @@ position leaves, in the null space of its Jacobian. A third task pulls redundant
 preferred configuration, in the null space of both.
 """
 
+import math
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -88,12 +89,14 @@ def solve_position(
     descent = _Descent(robot, target, rotation, lower, upper)
     preferred = seed if preferred is None else preferred
     solution = descent.run(seed, preferred)
+    if solution.error < _POSITION_TOLERANCE**0.5:
+        return solution
     pattern = (-1.0) ** np.arange(len(seed))
     for bend in _BENDS:
-        if solution.error < _POSITION_TOLERANCE**0.5:
-            break
         other = descent.run(solution.q + bend * pattern, preferred)
         solution = min(solution, other, key=lambda found: found.error)
+        if solution.error < _POSITION_TOLERANCE**0.5:
+            break
     return solution
 
 
@@ -112,27 +115,41 @@ class _Descent:
     upper: FloatArray
 
     def run(self, seed: FloatArray, preferred: FloatArray) -> PositionSolution:
-        q = last = np.clip(seed, self.lower, self.upper)
+        q = last = np.minimum(np.maximum(seed, self.lower), self.upper)
         least = np.inf
         for iteration in range(_MAX_ITERATIONS):
             tasks = self._tasks(q)
-            off, turned = _length(tasks[:1]), _length(tasks[1:])
+            off, turned = _lengths(tasks)
             pulled = iteration < _PULLED_ITERATIONS
             if not pulled and off > max(least, _POSITION_TOLERANCE):
                 q = (last + q) / 2  # a step beyond a target out of reach
                 continue
             least, last = off, q
-            pull = preferred - q if pulled else np.zeros_like(q)
-            step = _step(tasks, pull, q, self.lower, self.upper)
-            step *= min(1.0, _MAX_STEP / max(float(abs(step).max()), 1e-300))
-            moved = np.clip(q + step, self.lower, self.upper) - q
-            q = q + moved
-            if abs(moved).max() < _POSTURE_TOLERANCE:
-                break
+            q = self._moved(q, tasks, preferred - q if pulled else np.zeros_like(q))
+            moved = q - last
+            if np.abs(moved).max() < _POSTURE_TOLERANCE:
+                # Over so short a step the errors change as their Jacobians say.
+                left = [(jacobian, error - jacobian.dot(moved)) for jacobian, error in tasks]
+                return PositionSolution(q, *_lengths(left))
             if not pulled and max(off, turned) < _POSITION_TOLERANCE:
                 break
-        tasks = self._tasks(q)
-        return PositionSolution(q, _length(tasks[:1]), _length(tasks[1:]))
+        return PositionSolution(q, *_lengths(self._tasks(q)))
+
+    def _moved(self, q: FloatArray, tasks: list[_Task], pull: FloatArray) -> FloatArray:
+        """Return the next configuration (n,); joints pushed out of their bounds are held still."""
+        free, step = np.ones(len(q), dtype=bool), _free_step(tasks, pull)
+        while True:
+            ahead = q + step * min(1.0, _MAX_STEP / max(float(np.abs(step).max()), 1e-300))
+            bounded: FloatArray = np.minimum(np.maximum(ahead, self.lower), self.upper)
+            cut = bounded != ahead
+            if not cut.any():
+                return bounded
+            outward = cut & (bounded == q)
+            if not outward.any():
+                return bounded
+            free &= ~outward
+            step = np.zeros_like(q)
+            step[free] = _free_step([(task[:, free], error) for task, error in tasks], pull[free])
 
     def _tasks(self, q: FloatArray) -> list[_Task]:
         """Return the tasks at a configuration (n,), the position first."""
@@ -148,42 +165,30 @@ class _Descent:
         return tasks
 
 
-def _length(tasks: list[_Task]) -> float:
-    """Return the length of the errors of at most one task [m or rad]."""
-    return float(np.sqrt(sum(float(error @ error) for _, error in tasks)))
-
-
-def _step(
-    tasks: list[_Task],
-    pull: FloatArray,
-    q: FloatArray,
-    lower: FloatArray,
-    upper: FloatArray,
-) -> FloatArray:
-    """Return a joint step; joints at a bound that it would push outwards are held still."""
-    free = np.ones(len(q), dtype=bool)
-    while True:
-        step = np.zeros_like(q)
-        step[free] = _free_step(
-            [(jacobian[:, free], error) for jacobian, error in tasks], pull[free]
-        )
-        outward = free & (((q <= lower) & (step < 0)) | ((q >= upper) & (step > 0)))
-        if not outward.any():
-            return step
-        free &= ~outward
+def _lengths(tasks: list[_Task]) -> tuple[float, float]:
+    """Return the lengths of the errors: of the position [m] and of the rotation [rad]."""
+    lengths = [math.sqrt(error.dot(error)) for _, error in tasks]
+    return lengths[0], sum(lengths[1:])
 
 
 def _free_step(tasks: list[_Task], pull: FloatArray) -> FloatArray:
-    """Return the step of joints without bounds: each task in the null space of those before."""
-    if len(pull) == 0:
-        return np.zeros(0)
-    step = np.zeros_like(pull)
-    used = np.zeros((0, len(pull)))
+    """Return the step of joints without bounds: each task in the null space of those before.
+
+    The eigenvalues of a task's J J^T are its squared gains; J^T times the eigenvectors are the
+    directions of joints that they belong to, each as long as its gain.
+    """
+    step, remaining_pull = np.zeros_like(pull), pull
+    used: list[tuple[FloatArray, FloatArray]] = []
     for jacobian, error in tasks:
-        remaining = jacobian - (jacobian @ used.T) @ used
-        rest = error - jacobian @ step
-        u, gain, v = np.linalg.svd(remaining, full_matrices=False)
-        damping = 0.5 * float(error @ error) + _DAMPING
-        step = step + v.T @ (gain / (gain**2 + damping) * (u.T @ rest))
-        used = np.vstack([used, v[gain > _REDUNDANT_GAIN]])
-    return step + pull - used.T @ (used @ pull)
+        remaining = jacobian
+        for directions, inverse in used:
+            remaining = remaining - (remaining.dot(directions.T) * inverse).dot(directions)
+        squared, vectors = np.linalg.eigh(remaining.dot(remaining.T))
+        directions = vectors.T.dot(remaining)
+        damping = 0.5 * error.dot(error) + _DAMPING
+        rest = vectors.T.dot(error - jacobian.dot(step) if used else error)
+        step = step + (rest / (squared + damping)).dot(directions)
+        inverse = (squared > _REDUNDANT_GAIN**2) / np.maximum(squared, _REDUNDANT_GAIN**2)
+        remaining_pull = remaining_pull - (directions.dot(pull) * inverse).dot(directions)
+        used.append((directions, inverse))
+    return step + remaining_pull

@@ -9,7 +9,7 @@ the next segment bounds them: they then enter their bounds by the switching time
 import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray
-from tubeplanner.branches.inverse_kinematics import WantedRotation
+from tubeplanner.branches.inverse_kinematics import PositionSolution, WantedRotation
 from tubeplanner.outcome import MARGIN_TOLERANCE
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.tube.rotational_tube import RotationalTube
@@ -17,6 +17,7 @@ from tubeplanner.tube.rotational_tube import RotationalTube
 # Where the arm cannot reach the wanted orientation, it must keep this share of the distance to the
 # bound, so that the planner has some freedom to start with.
 _KEPT_MARGIN_SHARE = 0.1
+_THERE = 1e-9  # [m or rad]: errors of a solution at the wanted position and rotation
 
 
 class ReferenceTurn:
@@ -45,15 +46,20 @@ class ReferenceTurn:
         self._components = self._components | bounded_components(tube, self._following)
         self._begin = self._vector(begin)
         self._end = np.zeros(3) if goal is None else self._vector(goal)
+        ends = np.array([self._begin, self._end])
+        self._keeps_bounds = bool(self._tube.margin_of(ends, segment).min() >= 0)
 
     def wanted(self, share: float, point: FloatArray) -> WantedRotation:
         """Return the tool's wanted orientation at a point (3,), after a share of the segment."""
         reference = self._tube.reference(point[None], self._segment)[0]
         return WantedRotation(reference, self._vector_after(share), self._components)
 
-    def off_segment(self, q: FloatArray, share: float) -> int | None:
-        """Return the segment whose rotation tolerance a configuration (n,) violates, if any."""
-        rotation, tool = self._robot.tool_pose(q[None])
+    def off_segment(self, solution: PositionSolution, share: float) -> int | None:
+        """Return the segment whose rotation tolerance a solution violates, if any."""
+        is_there = max(solution.error, solution.rotation_error) < _THERE
+        if is_there and share < 1.0 and self._keeps_bounds:
+            return None  # it is turned as wanted, between two rotations that keep the bounds
+        rotation, tool = self._robot.tool_pose(solution.q[None])
         for segment in {self._segment, self._following if share == 1.0 else self._segment}:
             left = float(self._tube.margin_of(self._vector_after(share)[None], segment)[0])
             margin = float(self._tube.margin(rotation, tool, segment)[0])

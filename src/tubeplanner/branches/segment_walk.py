@@ -10,6 +10,8 @@ from tubeplanner.problem.problem import PlanningProblem
 
 # The longest step, of a segment; where there are many short ones, so much of the whole route.
 _MAX_STEP, _MAX_ROUTE_STEP = 1 / 40, 1 / 400
+_EXTRAPOLATED_POINTS = 5
+_REACHED = 1e-9  # [m]
 _MIN_STEP = 1e-5  # of a segment
 _MAX_JOINT_STEP = 0.1  # [rad or m] between neighbouring configurations
 _MAX_PULL = 0.05  # [rad or m] on redundant joints from one configuration to the next
@@ -59,6 +61,11 @@ class SegmentWalk:
         following = min(segment + 1, problem.tube.segment_count - 1)
         self._end_lower = np.maximum(self._lower, problem.joint_lower[following])
         self._end_upper = np.minimum(self._upper, problem.joint_upper[following])
+        # How far the begin is outside of what the end needs: that much wider are bounds at first.
+        self._below = np.maximum(self._end_lower - begin, 0.0)
+        self._above = np.maximum(begin - self._end_upper, 0.0)
+        self._narrows = bool(self._below.any() or self._above.any())
+        self._allowed, self._allowed_at_end = self._allowed_errors()
         tube = problem.tube.rotation if with_rotation else None
         length = np.linalg.norm(np.diff(problem.tube.points, axis=0), axis=1)
         self._max_step = float(
@@ -76,10 +83,12 @@ class SegmentWalk:
 
     def _approach(self) -> list[FloatArray]:
         """Return configurations whose tool goes from the segment's start to its end."""
-        found, shares, step = [self._begin], [0.0], self._max_step
+        found, shares, step, reached = [self._begin], [0.0], self._max_step, 1
         while shares[-1] < 1.0:
             share = min(1.0, shares[-1] + step)
-            solution = self._solve(share, self._extrapolated(share, shares, found), found[-1])
+            known = min(max(reached, 2), _EXTRAPOLATED_POINTS)
+            seed = _extrapolated(share, shares[-known:], found[-known:])
+            solution = self._solve(share, seed, found[-1])
             joint_step = float(abs(solution.q - found[-1]).max())
             if self._is_off(solution, share) or joint_step > _MAX_JOINT_STEP:
                 step /= 2
@@ -88,6 +97,8 @@ class SegmentWalk:
                 continue
             found.append(solution.q)
             shares.append(share)
+            # Beside a target out of reach configurations jitter: no more than their line tells.
+            reached = reached + 1 if solution.error < _REACHED else 0
             if joint_step < _MAX_JOINT_STEP / 3:
                 step = min(2 * step, self._max_step)
         return found
@@ -113,11 +124,11 @@ class SegmentWalk:
         wanted = last
         if self._wanted is not None:
             wanted = (1 - share) * self._wanted[0] + share * self._wanted[1]
-        below = np.maximum(self._end_lower - self._begin, 0.0)
-        above = np.maximum(self._begin - self._end_upper, 0.0)
-        lower = self._end_lower - (1 - share) * below
-        upper = self._end_upper + (1 - share) * above
-        wanted = np.clip(wanted, lower, upper)
+        lower, upper = self._end_lower, self._end_upper
+        if self._narrows:
+            lower = lower - (1 - share) * self._below
+            upper = upper + (1 - share) * self._above
+        wanted = np.minimum(np.maximum(wanted, lower), upper)
         solution = self._solve_with(share, seed, wanted)
         if abs(solution.q - last).max() <= _MAX_JOINT_STEP:
             return solution
@@ -132,29 +143,25 @@ class SegmentWalk:
         wanted = None if self._turn is None else self._turn.wanted(share, point)
         return solve_position(robot, point, seed, self._lower, self._upper, preferred, wanted)
 
-    @staticmethod
-    def _extrapolated(share: float, shares: list[float], found: list[FloatArray]) -> FloatArray:
-        if len(found) < 2:
-            return found[-1]
-        ratio = (share - shares[-1]) / (shares[-1] - shares[-2])
-        return found[-1] + ratio * (found[-1] - found[-2])
-
     def _point(self, share: float) -> FloatArray:
         return (1 - share) * self._ends[0] + share * self._ends[1]
 
     def _is_off(self, solution: PositionSolution, share: float) -> bool:
-        if self._turn is not None and self._turn.off_segment(solution.q, share) is not None:
+        if self._turn is not None and self._turn.off_segment(solution, share) is not None:
             return True
         return self._is_away(solution, share)
 
     def _is_away(self, solution: PositionSolution, share: float) -> bool:
+        return solution.error > (self._allowed_at_end if share == 1.0 else self._allowed)
+
+    def _allowed_errors(self) -> tuple[float, float]:
+        """Return how far the tool may be from the line, and from its end [m]."""
         radius = self._problem.tube.effective_radius
         is_last = self._segment + 1 == len(radius)
-        if share == 1.0 and is_last and self._goal is None:
-            return solution.error > _OPEN_GOAL_TOLERANCE
-        meeting = share == 1.0 and not is_last
-        allowed = radius[self._segment : self._segment + 1 + meeting].min()
-        return solution.error > _ALLOWED_RADIUS_SHARE * allowed
+        allowed = _ALLOWED_RADIUS_SHARE * float(radius[self._segment])
+        if is_last:
+            return allowed, _OPEN_GOAL_TOLERANCE if self._goal is None else allowed
+        return allowed, min(allowed, _ALLOWED_RADIUS_SHARE * float(radius[self._segment + 1]))
 
     def _give_up(self, share: float, q: FloatArray, solution: PositionSolution) -> None:
         point = self._point(share)
@@ -164,7 +171,7 @@ class SegmentWalk:
         joint = self._problem.robot.joint_names[int(jump.argmax())]
         jumps = f"'{joint}' would have to jump by {jump.max():.3f} rad"
         if self._turn is not None and self._could_go_on(share, q):
-            off = self._turn.off_segment(solution.q, share)
+            off = self._turn.off_segment(solution, share)
             why = jumps if off is None else turned_off(solution)
             reason = explain_turn(self._problem, self._segment if off is None else off, why)
         elif self._is_off(solution, share):
@@ -198,6 +205,17 @@ class SegmentWalk:
             f"{self._end_upper[worst]:g}]; move the reference point or change the signs",
             place,
         )
+
+
+def _extrapolated(share: float, shares: list[float], found: list[FloatArray]) -> FloatArray:
+    """Return the value (n,) of the polynomial through configurations at some shares."""
+    weights = np.ones(len(shares))
+    for i, own in enumerate(shares):
+        for other in shares:
+            if other != own:
+                weights[i] *= (share - other) / (own - other)
+    value: FloatArray = weights.dot(found)
+    return value
 
 
 def explain_error(

@@ -24,7 +24,8 @@ def refined_maximum(
         function: From times (N,) to values (N,).
         time: Increasing sample times, shape (N,) [s]; two may be equal where a derivative jumps.
         value: The function at these samples, shape (N,).
-        band: Peaks of the samples this far below the highest are refined as well.
+        band: Peaks of the samples this far below the highest are refined as well, as long as they
+            may become the highest.
 
     Returns:
         At least the largest sample.
@@ -37,14 +38,19 @@ def refined_maximum(
     for _ in range(_ZOOMS):
         grid = low[:, None] + np.linspace(0, 1, _POINTS) * (high - low)[:, None]
         found = function(grid.ravel()).reshape(grid.shape)
-        top = found.argmax(axis=1)
-        rows = np.arange(len(grid))
-        highest = int(found[rows, top].argmax())
-        if found[highest, top[highest]] > best:
-            best = float(found[highest, top[highest]])
-            when = float(grid[highest, top[highest]])
-        low = grid[rows, np.maximum(top - 1, 0)]
-        high = grid[rows, np.minimum(top + 1, _POINTS - 1)]
+        rows, top = np.arange(len(grid)), found.argmax(axis=1)
+        before, after = np.maximum(top - 1, 0), np.minimum(top + 1, _POINTS - 1)
+        value = found[rows, top]
+        highest = int(value.argmax())
+        if value[highest] > best:
+            best, when = float(value[highest]), float(grid[highest, top[highest]])
+        # A concave peak rises above its sample by no more than it falls to the lower neighbour.
+        fall = value - np.minimum(found[rows, before], found[rows, after])
+        fall[(before == top) | (after == top)] = np.inf  # one neighbour is not known
+        rows = rows[value + fall >= best]
+        if len(rows) == 0:
+            break
+        low, high = grid[rows, before[rows]], grid[rows, after[rows]]
     return best, when
 
 

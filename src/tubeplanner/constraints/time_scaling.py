@@ -15,7 +15,8 @@ from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.bernstein import bernstein_coefficients, peak_magnitudes
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
 
-_SAMPLES_PER_PIECE = 24
+# Where pieces are many, each has the fewer.
+_FEWEST_PER_PIECE, _MOST_PER_PIECE, _ENOUGH_IN_ALL = 12, 24, 1000
 # Valleys of the factor this near the smallest sample (relative) are refined.
 _VALLEY_SHARE = 0.02
 # Rounding must not put a trajectory outside a limit it is scaled to meet exactly.
@@ -59,7 +60,7 @@ def minimum_duration(
     """Return the shortest duration [s] of a trajectory's shape under all limits on its speed.
 
     Velocity, acceleration and jerk are exact for all t; others are the highest of their peaks,
-    found from 24 samples per polynomial piece and refined around the highest ones.
+    found from 12 to 24 samples per polynomial piece and refined around the highest ones.
 
     Args:
         problem: The planning problem.
@@ -92,7 +93,7 @@ def estimated_durations(problem: PlanningProblem, shapes: Sequence[JointTrajecto
         Infeasible: Status gravity_exceeds_effort.
     """
     rates, others = rates_and_others(speed_limits(problem))
-    parts = [shape.per_piece(_SAMPLES_PER_PIECE // 2) for shape in shapes]
+    parts = [shape.per_piece(_FEWEST_PER_PIECE) for shape in shapes]
     first = np.cumsum([0, *(len(part.time) for part in parts[:-1])])
     names = ("position", "velocity", "acceleration")
     known = tuple(np.concatenate([getattr(part, name) for part in parts]) for name in names)
@@ -151,8 +152,10 @@ def _least(
     segments: IntArray | None,
 ) -> float:
     """Return the smallest factor over time, its valleys refined between samples."""
-    samples = trajectory.per_piece(_SAMPLES_PER_PIECE)
-    own = None if segments is None else np.repeat(segments, _SAMPLES_PER_PIECE)
+    enough = _ENOUGH_IN_ALL // len(trajectory.widths)
+    count = min(max(enough, _FEWEST_PER_PIECE), _MOST_PER_PIECE)
+    samples = trajectory.per_piece(count)
+    own = None if segments is None else np.repeat(segments, count)
     factor = _held_factor(problem, limits, _known(samples), own)
     least = float(factor.min())
     if not np.isfinite(least):

@@ -8,7 +8,7 @@ from tubeplanner.constraints.tube_membership import current_segments
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
-_SAMPLES = 2000
+_SAMPLES = 1000
 
 
 def unused_speed(problem: PlanningProblem, trajectory: JointTrajectory) -> float:

@@ -27,8 +27,8 @@ class Quality:
 
 QUALITIES = {
     "fast": Quality(((8, (4,)),)),
-    "balanced": Quality(((8, (3, 3)),)),
-    "best": Quality(((8, (3, 3)), (8, (3, 4))), every_start=True),
+    "balanced": Quality(((18, (4,)),)),
+    "best": Quality(((18, (4,)), (8, (3, 4))), every_start=True),
 }
 
 

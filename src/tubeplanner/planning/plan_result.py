@@ -175,12 +175,20 @@ def _success_message(problem: PlanningProblem, trajectory: JointTrajectory) -> s
     if problem.goal is None:
         q = ", ".join(f"{value:.4f}" for value in trajectory.position(trajectory.duration))
         message += f"; the goal was left open and became [{q}]"
-    tool = problem.robot.tool_position(trajectory.per_piece(_SAMPLES_PER_PIECE).position)
-    distance = [np.linalg.norm(tool - point, axis=1).min() for point in problem.tube.points]
+    return message + _passed_by(problem, trajectory)
+
+
+def _passed_by(problem: PlanningProblem, trajectory: JointTrajectory) -> str:
+    """Return the message about reference points that the tool passes far away; empty if none."""
     reach = _FAR_IN_RADII * (problem.tube.reach.max() + problem.tube.tool_radius)
-    for point in np.flatnonzero(np.array(distance) > reach):
-        message += (
-            f"; it passes reference point {problem.tube.numbers[point]} at {distance[point]:.3g} "
-            "m: the regions beside that point overlap elsewhere"
-        )
-    return message
+    for count in (2, _SAMPLES_PER_PIECE):  # as a rule, the few show that it passes them all
+        tool = problem.robot.tool_position(trajectory.per_piece(count).position)
+        away = [np.linalg.norm(tool - point, axis=1).min() for point in problem.tube.points]
+        far = np.flatnonzero(np.array(away) > reach)
+        if len(far) == 0:
+            return ""
+    return "".join(
+        f"; it passes reference point {problem.tube.numbers[point]} at {away[point]:.3g} "
+        "m: the regions beside that point overlap elsewhere"
+        for point in far
+    )

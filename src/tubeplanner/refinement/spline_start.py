@@ -120,6 +120,8 @@ def knot_grid(
 
 def _excess_in_chains(problem: PlanningProblem, spline: PhasedSpline) -> float:
     """Return how far the tool is outside its segments' capsules in chains, in radii."""
+    if all(len(chain) == 1 for chain in spline.grid.chains):
+        return 0.0
     tube, samples = problem.tube, spline.grid.samples(_FIT_SAMPLES)
     segments = OrderedSegments(tube.points, tube.effective_radius, spline.grid.chains, samples)
     tool = problem.robot.tool_position(sampled(spline, samples).position)

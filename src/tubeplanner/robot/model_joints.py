@@ -6,6 +6,7 @@ multiplier * tau_follower`, by the principle of virtual work.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -33,14 +34,14 @@ class ModelJoints:
 
     def positions(self, q: FloatArray) -> FloatArray:
         """Return the positions of all joints, shape (N, M), from those of the group (N, n)."""
-        values = q[:, self.planned]
+        values = q if self._in_order else q[:, self.planned]
         if self._has_followers:
             values = values * self.multiplier + self.offset
         return np.ascontiguousarray(values, dtype=np.float64)
 
     def rates(self, v: FloatArray) -> FloatArray:
         """Return velocities or accelerations of all joints, (N, M), from the group's (N, n)."""
-        values = v[:, self.planned]
+        values = v if self._in_order else v[:, self.planned]
         if self._has_followers:
             values = values * self.multiplier
         return np.ascontiguousarray(values, dtype=np.float64)
@@ -58,13 +59,18 @@ class ModelJoints:
         ends = self.positions(np.stack([lower, upper]))
         return abs(ends).max(axis=0)
 
-    @property
+    @cached_property
     def _has_followers(self) -> bool:
         return len(self.planned) > len(self.own)
 
+    @cached_property
+    def _in_order(self) -> bool:
+        """Whether the M joints are the planned ones, in the same order."""
+        return np.array_equal(self.planned, np.arange(len(self.own)))
+
     def _sums(self, columns: FloatArray, multiplier: FloatArray) -> FloatArray:
         if not self._has_followers:
-            return columns[..., self.own]
+            return columns if self._in_order else columns[..., self.own]
         sums = np.zeros((*columns.shape[:-1], len(self.own)))
         for joint, (planned, factor) in enumerate(zip(self.planned, multiplier, strict=True)):
             sums[..., planned] += factor * columns[..., joint]

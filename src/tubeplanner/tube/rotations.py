@@ -15,12 +15,33 @@ _SMALL = 1e-2  # [rad]: below it, series are used where closed forms lose digits
 MATRIX_ERROR_GAIN = 5.0
 
 
+def _shepperd_rows() -> FloatArray:
+    """Return how 4 q q^T, less 1 on its diagonal, follows from a matrix: (9, 16)."""
+    rows = np.zeros((3, 3, 4, 4))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        rows[i, i, i, i] = rows[i, i, 3, 3] = 1.0
+        rows[j, j, i, i] = rows[k, k, i, i] = -1.0
+        rows[i, j, i, j] = rows[i, j, j, i] = rows[j, i, i, j] = rows[j, i, j, i] = 1.0
+        rows[k, j, i, 3] = rows[k, j, 3, i] = 1.0
+        rows[j, k, i, 3] = rows[j, k, 3, i] = -1.0
+    return rows.reshape(9, 16)
+
+
+def _skew_entries() -> FloatArray:
+    """Return how the entries of [v] follow from v: (3, 9)."""
+    entries = np.zeros((3, 3, 3))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        entries[i, k, j], entries[i, j, k] = 1.0, -1.0
+    return entries.reshape(3, 9)
+
+
+_SHEPPERD_ROWS, _SKEW_ENTRIES = _shepperd_rows(), _skew_entries()
+_ONE_3, _ONE_4 = np.eye(3), np.eye(4).ravel()
+
+
 def skew(v: FloatArray) -> FloatArray:
     """Return the matrices [v] with [v] w = v x w: (..., 3) gives (..., 3, 3)."""
-    matrix = np.zeros((*v.shape, 3))
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        matrix[..., k, j], matrix[..., j, k] = v[..., i], -v[..., i]
-    return matrix
+    return (v @ _SKEW_ENTRIES).reshape(*v.shape, 3)
 
 
 def rotation_vector(matrix: FloatArray) -> FloatArray:
@@ -33,15 +54,9 @@ def rotation_vector(matrix: FloatArray) -> FloatArray:
     as much. At an angle of pi, where v and -v are the same rotation, either is returned.
     """
     m = np.asarray(matrix)
-    rows = np.empty((*m.shape[:-2], 4, 4))
-    trace = np.trace(m, axis1=-2, axis2=-1)
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        rows[..., i, i] = 1 + 2 * m[..., i, i] - trace
-        rows[..., i, j] = rows[..., j, i] = m[..., i, j] + m[..., j, i]
-        rows[..., i, 3] = rows[..., 3, i] = m[..., k, j] - m[..., j, k]
-    rows[..., 3, 3] = 1 + trace
-    largest = np.diagonal(rows, axis1=-2, axis2=-1).argmax(axis=-1)
-    q = np.take_along_axis(rows, largest[..., None, None], axis=-2)[..., 0, :]
+    rows = (m.reshape(*m.shape[:-2], 9) @ _SHEPPERD_ROWS + _ONE_4).reshape(-1, 4, 4)
+    largest = rows[:, range(4), range(4)].argmax(axis=1)
+    q = rows[np.arange(len(rows)), largest].reshape(*m.shape[:-2], 4)
     q = q * np.where(q[..., 3:] < 0, -1.0, 1.0)
     sine = np.linalg.norm(q[..., :3], axis=-1)
     half_angle = np.arctan2(sine, q[..., 3])
@@ -60,6 +75,8 @@ def nearest_branch(v: FloatArray, near: FloatArray, components: BoolArray) -> Fl
         components: Which components count: bool, shape (3,).
     """
     angle = np.linalg.norm(v, axis=-1, keepdims=True)
+    if (angle <= np.pi / 2).all():
+        return v
     other = v * (1 - 2 * np.pi / np.maximum(angle, np.pi / 2))
     far, further = ((abs(x - near) * components).sum(axis=-1) for x in (v, other))
     taken = (angle[..., 0] > np.pi / 2) & (further < far)
@@ -72,7 +89,7 @@ def rotation_matrix(v: FloatArray) -> FloatArray:
     k = skew(v)
     # np.sinc(x) is sin(pi x) / (pi x): sound at zero.
     sine, half = np.sinc(angle / np.pi), np.sinc(angle / (2 * np.pi))
-    return np.eye(3) + sine * k + 0.5 * half**2 * (k @ k)
+    return _ONE_3 + sine * k + 0.5 * half**2 * (k @ k)
 
 
 def inverse_right_jacobian(v: FloatArray) -> FloatArray:
@@ -86,7 +103,7 @@ def inverse_right_jacobian(v: FloatArray) -> FloatArray:
     """
     k = skew(v)
     c = _second_coefficient(np.linalg.norm(v, axis=-1))[..., None, None]
-    return np.eye(3) + 0.5 * k + c * (k @ k)
+    return _ONE_3 + 0.5 * k + c * (k @ k)
 
 
 def turning_gain(angle: FloatArray) -> FloatArray:
