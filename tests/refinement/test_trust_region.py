@@ -12,7 +12,7 @@ def outcome(predicted=0.1, linear=0.1, gain=0.1, size=0.1, squared_rates=1.0):
 def test_a_good_step_at_the_border_widens_the_region_and_is_damped_less():
     region = TrustRegion(0.1, 0.3).after(outcome())
     assert region.radius == pytest.approx(0.2)
-    assert region.damping == pytest.approx(0.1)
+    assert region.damping == pytest.approx(0.3 / 5)
 
 
 def test_a_good_step_inside_leaves_the_radius():
