@@ -4,7 +4,8 @@ from dataclasses import replace
 from functools import partial
 
 from tubeplanner.branches.known_branches import KnownBranches
-from tubeplanner.outcome import PlanStatus
+from tubeplanner.outcome import Infeasible, PlanStatus
+from tubeplanner.planning.necessary_conditions import require_possible
 from tubeplanner.planning.plan_options import REFINEMENT, STOP_AT_CORNERS, SUH_BISHOP, PlanOptions
 from tubeplanner.planning.plan_result import PlanResult, stopped_result
 from tubeplanner.planning.refined_plan import refined_plan
@@ -54,6 +55,10 @@ def _planned(problem: PlanningProblem, options: PlanOptions, clock: PlanningCloc
         TimeLimitReached: Before there was anything; likewise KeyboardInterrupt.
     """
     branches = KnownBranches(problem, clock)
+    try:
+        require_possible(problem, branches)
+    except Infeasible as reason:
+        return PlanResult(reason.status, str(reason), reason.place, options.method)
     if options.method == SUH_BISHOP:
         return suh_bishop_plan(problem, branches, options, clock)
     if options.method != REFINEMENT or problem.tube.visit != "ordered":
@@ -67,7 +72,11 @@ def _planned(problem: PlanningProblem, options: PlanOptions, clock: PlanningCloc
             return refined
         return _after_stop(problem, branches, corners, refined, clock)
     corners = corners or stopping_plan(problem, branches, clock)
-    return _with_better_reason(_searched(problem, corners, options, clock), refined)
+    is_blocked = refined is not None and refined.status is PlanStatus.TUBE_BLOCKED
+    if not (is_blocked and corners.result.status is PlanStatus.TUBE_BLOCKED):
+        # Where links are in the way of both, they are in the way of the search.
+        corners = replace(corners, result=_searched(problem, corners, options, clock))
+    return _with_better_reason(corners.result, refined)
 
 
 def _after_stop(

@@ -10,7 +10,7 @@ import numpy as np
 from tubeplanner.branches.known_branches import KnownBranches
 from tubeplanner.branches.reference_branch import ReferenceBranch, redundancy_rules
 from tubeplanner.constraints.time_scaling import scaled_to_limits
-from tubeplanner.outcome import Infeasible, PlanStatus
+from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.planning.plan_options import QUALITIES, REFINEMENT, PlanOptions, Quality
 from tubeplanner.planning.plan_result import PlanResult, certified_result, stopped_result
 from tubeplanner.problem.problem import PlanningProblem
@@ -21,6 +21,7 @@ from tubeplanner.refinement.sensitivities import limit_sensitivities
 from tubeplanner.refinement.smoother_tube import smoother_problem
 from tubeplanner.refinement.spline_start import sufficient_start
 from tubeplanner.refinement.tube_chains import sharpest_bend, tube_chains
+from tubeplanner.refinement.widened_tube import widened_radius
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
 # How often refinement gets the times of failed conditions from a certificate.
@@ -54,7 +55,7 @@ def refined_plan(
         for inner, known in _inner_problems(problem, branches, clock):
             for start in _starts(inner, known, quality):
                 try:
-                    found = _from_start(problem, inner, start, clock)
+                    found = _from_start(problem, inner, start, clock, needs_reason=best is None)
                 except Infeasible:  # nothing from this start
                     continue
                 best = replace(_better(best or found, found), stopped_by=found.stopped_by)
@@ -110,7 +111,7 @@ class _Start:
 def _starts(
     problem: PlanningProblem, branches: KnownBranches, quality: Quality
 ) -> Iterator[_Start]:
-    """Yield where to start; at last the first once more, without widening the tube."""
+    """Yield where to start; at last the first once more, its tube not widened, if it was."""
     known: list[ReferenceBranch] = []
     first: _Start | None = None
     for search in _branch_searches(problem, branches):
@@ -128,8 +129,14 @@ def _starts(
             first = first or start
             yield start
         known.append(branch)
-    if first is not None:
+    if first is not None and _is_widened(problem, first):
         yield replace(first, widens=False)
+
+
+def _is_widened(problem: PlanningProblem, start: _Start) -> bool:
+    """Return whether a start's coarse knots get another tube than the problem's."""
+    widened = widened_radius(problem.tube, start.spline.grid)
+    return bool((widened > problem.tube.effective_radius).any())
 
 
 def _branch_searches(
@@ -163,7 +170,12 @@ def _divisions(grid: KnotGrid, wanted: int, divisions: tuple[int, ...]) -> tuple
 
 
 def _from_start(
-    problem: PlanningProblem, inner: PlanningProblem, start: _Start, clock: PlanningClock
+    problem: PlanningProblem,
+    inner: PlanningProblem,
+    start: _Start,
+    clock: PlanningClock,
+    *,
+    needs_reason: bool,
 ) -> PlanResult:
     """Return refinement's result from one start, with samples added where its certificate fails.
 
@@ -174,9 +186,10 @@ def _from_start(
         inner: The one that is refined: the same, or with a tube inside its tube.
         start: Where to start.
         clock: The planning's.
+        needs_reason: Whether a certificate is to say why, even where refinement gave up.
 
     Raises:
-        Infeasible: Nothing to start from.
+        Infeasible: Nothing to start from, or refinement gave up.
         TimeLimitReached: Before it began.
     """
     knots = start.spline.grid.interval_count * int(np.prod(start.divisions))
@@ -195,6 +208,8 @@ def _from_start(
             return stopped_result(clock, stopped_by, REFINEMENT)
         if has_more is False:
             break
+        if refinement.gave_up and not needs_reason:
+            raise Infeasible(PlanStatus.TUBE_BLOCKED, "links stay in something", Place())
         shape, segments = refinement.trajectory, refinement.segments
         trajectory = scaled_to_limits(problem, shape, segments=segments)
         result = certified_result(problem, trajectory, REFINEMENT, clock)

@@ -67,6 +67,12 @@ class Refinement:
         self._program = SequentialProgram(problem, start.grid)
         self._penalty, self._damping = FIRST_PENALTY, TrustRegion.damping
         self._best: Iterate | None = None
+        self._gave_up = False
+
+    @property
+    def gave_up(self) -> bool:
+        """Whether it ended on coarse knots, links too deep in something."""
+        return self._gave_up
 
     @property
     def has_spline(self) -> bool:
@@ -97,12 +103,14 @@ class Refinement:
             Infeasible: Status no_trajectory: there was nothing to start from.
         """
         spline, trust, links = self._start, _FIRST_TRUST, LinkConstraints(self._problem)
-        for parts in self._divisions:
+        for level, parts in enumerate(self._divisions, 1):
             self._begin_level(spline.grid, links, widens=self._widens)
             self._program.constraints.look_for_links(spline)
             coarse = self._on_coarse_knots(spline, trust)
-            if self._widens and coarse.links.excess.max(initial=0.0) > _HOPELESS:
-                self._best = coarse
+            # On few knots, what a tube that is not widened does not allow may press links in.
+            has_knots = self._widens or level == len(self._divisions)
+            if has_knots and _is_hopeless(coarse):
+                self._best, self._gave_up = coarse, True
                 return True
             spline, trust = subdivided(coarse.spline, parts), _LATER_TRUST
             links = self._program.constraints.links_on(coarse.spline, spline)
@@ -204,3 +212,8 @@ class Refinement:
         if iterate.excess <= MERIT_TOLERANCE and not is_widened:
             self._best = iterate
         self._checkpoint_duration(iterate.duration)
+
+
+def _is_hopeless(coarse: Iterate) -> bool:
+    """Return whether links are deeper in something on coarse knots than fine ones can mend."""
+    return bool(coarse.links.excess.max(initial=0.0) > _HOPELESS)
