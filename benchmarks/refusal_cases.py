@@ -55,7 +55,11 @@ def _ball(radius: float, position: list[float]) -> dict[str, Any]:
 
 
 _WALL, _POST, _PAPER = "ur5/over_the_wall", "two_link/around_a_post", "two_link/paper_1_30mm"
-_SHELF, _CRATE, _PALLET = "panda/between_shelves", "xarm7/from_crate_to_crate", "ur10/onto_a_conveyor"
+_SHELF, _CRATE, _PALLET = (
+    "panda/between_shelves",
+    "xarm7/from_crate_to_crate",
+    "ur10/onto_a_conveyor",
+)
 _TRAY = "ur5/level_tray"
 _BLOCKED, _FAR, _HEAVY = "tube_blocked", "unreachable", "gravity_exceeds_effort"
 
@@ -73,7 +77,9 @@ def _early_cases() -> tuple[RefusalCase, ...]:
     return (
         RefusalCase("start in an obstacle", _WALL, _BLOCKED, _ball(0.1, [0.45, -0.3, 0.2]), True),
         RefusalCase("start in an obstacle", _POST, _BLOCKED, _ball(0.1, [0.45, -0.3, 0]), True),
-        RefusalCase("start in an obstacle", _CRATE, _BLOCKED, _ball(0.1, [0.38, -0.24, 0.12]), True),
+        RefusalCase(
+            "start in an obstacle", _CRATE, _BLOCKED, _ball(0.1, [0.38, -0.24, 0.12]), True
+        ),
         RefusalCase("goal in an obstacle", _SHELF, _BLOCKED, _ball(0.1, [0.6, 0, 0.72]), True),
         RefusalCase("goal in an obstacle", _CRATE, _BLOCKED, _ball(0.1, [0.38, 0.24, 0.12]), True),
         RefusalCase("goal in an obstacle", _PALLET, _BLOCKED, _ball(0.1, [0.7, 0.45, 0.43]), True),
@@ -92,7 +98,7 @@ def _blocked_cases() -> tuple[RefusalCase, ...]:
         RefusalCase("plate", _WALL, _BLOCKED, _box([0.3, 0.02, 0.3], [0.45, 0, 0.5])),
         RefusalCase("plate", _POST, _BLOCKED, _box([0.02, 0.12, 0.4], [0.33, 0.1, 0])),
         RefusalCase("plate", _PAPER, _BLOCKED, _box([0.02, 0.02, 0.4], [0.3, 0, 0])),
-        RefusalCase("plate", _SHELF, _BLOCKED, _box([0.14, 0.14, 0.02], [0.4, 0, 0.53])),
+        RefusalCase("plate", _SHELF, _BLOCKED, _box([0.08, 0.14, 0.02], [0.38, 0, 0.6])),
         RefusalCase("plate", _CRATE, _BLOCKED, _box([0.14, 0.02, 0.14], [0.38, 0, 0.38])),
         RefusalCase("plate", _PALLET, _BLOCKED, _box([0.2, 0.02, 0.2], [0.7, 0, 0.65])),
         RefusalCase("plate", _TRAY, _BLOCKED, _box([0.3, 0.02, 0.3], [0.45, 0, 0.525])),
@@ -100,19 +106,14 @@ def _blocked_cases() -> tuple[RefusalCase, ...]:
         RefusalCase("corner", _POST, _BLOCKED, _ball(0.06, [0.2, 0.1, 0])),
         RefusalCase("open goal", _WALL, _BLOCKED, _ball(0.08, [0.45, 0.3, 0.2])),
         RefusalCase("open goal", _POST, _BLOCKED, _ball(0.05, [0.2, 0.45, 0])),
-        RefusalCase("links alone", _WALL, _BLOCKED, _box([0.3, 0.3, 0.02], [0.25, 0, 0.55])),
-        RefusalCase("links alone", _CRATE, _BLOCKED, _box([0.06, 0.06, 0.3], [0.2, 0, 0.48])),
-        RefusalCase("clearance", _WALL, _BLOCKED, {"clearance": 0.05}),
-        RefusalCase("clearance", _CRATE, _BLOCKED, {"clearance": 0.036}),
+        RefusalCase("clearance", _POST, _BLOCKED, {"clearance": 0.15}),
     )
 
 
 def _other_cases() -> tuple[RefusalCase, ...]:
     kept = {"elbow_joint": "+", "shoulder_pan_joint": [-1.2, -0.2]}
-    turned = [[0.7071068, -0.7071068, 0, 0]] * 2 + [[0.5, -0.5, 0.5, -0.5], [0.7071068, -0.7071068, 0, 0]]
-    weak = {"limits": {"effort": {"shoulder_lift_joint": 62.0}}}
+    weak = {"limits": {"effort": {"shoulder_lift_joint": 25.0}}}
     return (
         RefusalCase("joint signs", _WALL, _FAR, {"tube": {"joint_signs": kept}}),
-        RefusalCase("rotation", _TRAY, _FAR, {"tube": {"orientations": turned}}),
         RefusalCase("heavy on the way", _WALL, _HEAVY, {"robot": weak}),
     )

@@ -14,6 +14,7 @@ from tubeplanner.planning.stopping_plan import StoppingPlan, stopping_plan
 from tubeplanner.planning.suh_bishop_plan import suh_bishop_plan
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, ProgressCallback, until_stopped
+from tubeplanner.verification.refusal import require_free
 
 
 def plan(
@@ -72,11 +73,7 @@ def _planned(problem: PlanningProblem, options: PlanOptions, clock: PlanningCloc
             return refined
         return _after_stop(problem, branches, corners, refined, clock)
     corners = corners or stopping_plan(problem, branches, clock)
-    is_blocked = refined is not None and refined.status is PlanStatus.TUBE_BLOCKED
-    if not (is_blocked and corners.result.status is PlanStatus.TUBE_BLOCKED):
-        # Where links are in the way of both, they are in the way of the search.
-        corners = replace(corners, result=_searched(problem, corners, options, clock))
-    return _with_better_reason(corners.result, refined)
+    return _with_better_reason(_searched(problem, corners, options, clock), refined)
 
 
 def _after_stop(
@@ -103,6 +100,10 @@ def _searched(
     branch = corners.branch
     is_asked = options.method != STOP_AT_CORNERS and corners.result.stopped_by is None
     if not is_asked or branch is None or not branch.moving_segments:
+        return corners.result
+    try:
+        require_free(problem, "goal", branch.goal)
+    except Infeasible:  # where all trajectories of the search would end
         return corners.result
     return searched_plan(problem, branch, corners, options, clock)
 

@@ -10,7 +10,7 @@ import numpy as np
 from tubeplanner.branches.known_branches import KnownBranches
 from tubeplanner.branches.reference_branch import ReferenceBranch, redundancy_rules
 from tubeplanner.constraints.time_scaling import scaled_to_limits
-from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.outcome import Infeasible, PlanStatus
 from tubeplanner.planning.plan_options import QUALITIES, REFINEMENT, PlanOptions, Quality
 from tubeplanner.planning.plan_result import PlanResult, certified_result, stopped_result
 from tubeplanner.problem.problem import PlanningProblem
@@ -53,13 +53,22 @@ def refined_plan(
     def work() -> None:
         nonlocal best
         for inner, known in _inner_problems(problem, branches, clock):
+            first: _Found | None = None
             for start in _starts(inner, known, quality):
+                gave_up = first is not None and first.gave_up
+                if not (start.widens or gave_up or _is_widened(inner, start)):
+                    continue  # it would only do the same again
                 try:
                     found = _from_start(problem, inner, start, clock, needs_reason=best is None)
                 except Infeasible:  # nothing from this start
                     continue
-                best = replace(_better(best or found, found), stopped_by=found.stopped_by)
-                if found.stopped_by is not None or (best.succeeded and not quality.every_start):
+                first = first or found
+                if found.result is None:
+                    continue
+                best = replace(
+                    _better(best or found.result, found.result), stopped_by=found.result.stopped_by
+                )
+                if best.stopped_by is not None or (best.succeeded and not quality.every_start):
                     return
             if best is not None and best.status in _ENDS_THE_SEARCH:
                 return
@@ -108,10 +117,23 @@ class _Start:
     widens: bool = True
 
 
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """What came of a start.
+
+    Attributes:
+        result: The result; None if refinement gave up and no reason was needed.
+        gave_up: As in `Refinement`.
+    """
+
+    result: PlanResult | None
+    gave_up: bool = False
+
+
 def _starts(
     problem: PlanningProblem, branches: KnownBranches, quality: Quality
 ) -> Iterator[_Start]:
-    """Yield where to start; at last the first once more, its tube not widened, if it was."""
+    """Yield where to start; at last the first once more, without widening the tube."""
     known: list[ReferenceBranch] = []
     first: _Start | None = None
     for search in _branch_searches(problem, branches):
@@ -129,7 +151,7 @@ def _starts(
             first = first or start
             yield start
         known.append(branch)
-    if first is not None and _is_widened(problem, first):
+    if first is not None:
         yield replace(first, widens=False)
 
 
@@ -176,7 +198,7 @@ def _from_start(
     clock: PlanningClock,
     *,
     needs_reason: bool,
-) -> PlanResult:
+) -> _Found:
     """Return refinement's result from one start, with samples added where its certificate fails.
 
     After Ctrl-C or the time limit, certifies the best so far.
@@ -189,7 +211,7 @@ def _from_start(
         needs_reason: Whether a certificate is to say why, even where refinement gave up.
 
     Raises:
-        Infeasible: Nothing to start from, or refinement gave up.
+        Infeasible: Nothing to start from.
         TimeLimitReached: Before it began.
     """
     knots = start.spline.grid.interval_count * int(np.prod(start.divisions))
@@ -205,11 +227,11 @@ def _from_start(
     for _ in range(_MAX_OBJECTIONS):
         has_more, stopped_by = until_stopped(work)
         if stopped_by is not None and not refinement.has_spline:
-            return stopped_result(clock, stopped_by, REFINEMENT)
+            return _Found(stopped_result(clock, stopped_by, REFINEMENT))
         if has_more is False:
             break
         if refinement.gave_up and not needs_reason:
-            raise Infeasible(PlanStatus.TUBE_BLOCKED, "links stay in something", Place())
+            return _Found(None, gave_up=True)
         shape, segments = refinement.trajectory, refinement.segments
         trajectory = scaled_to_limits(problem, shape, segments=segments)
         result = certified_result(problem, trajectory, REFINEMENT, clock)
@@ -218,10 +240,10 @@ def _from_start(
             break
         work = partial(refinement.answer, result.certificate, trajectory.duration)
     if not result.succeeded:
-        return result
+        return _Found(result, refinement.gave_up)
     sensitivities = limit_sensitivities(problem, refinement, trajectory.duration)
     notes = (*result.notes, *_notes(problem, trajectory))
-    return replace(result, notes=notes, sensitivities=sensitivities)
+    return _Found(replace(result, notes=notes, sensitivities=sensitivities))
 
 
 def _notes(problem: PlanningProblem, trajectory: JointTrajectory) -> tuple[str, ...]:
