@@ -108,11 +108,11 @@ class Refinement:
         for level, parts in enumerate(self._divisions, 1):
             self._begin_level(spline.grid, links, widens=self._widens)
             self._program.constraints.look_for_links(spline)
-            is_last = level == len(self._divisions)
-            steps = _MAX_STEPS if self._widens or not is_last else _STEPS_TO_GET_OUT
+            # The fewest knots may be too few to go round something: a last try has some more.
+            has_more_knots = 1 < level == len(self._divisions)
+            steps = _STEPS_TO_GET_OUT if has_more_knots and not self._widens else _MAX_STEPS
             coarse = self._on_coarse_knots(spline, trust, steps)
-            # Without widening, on the finest of them: fewer may be too few to go round something.
-            if (self._widens or is_last) and _is_hopeless(coarse):
+            if (self._widens or has_more_knots) and _is_hopeless(coarse):
                 self._best, self._gave_up = coarse, True
                 return True
             spline, trust = subdivided(coarse.spline, parts), _LATER_TRUST
