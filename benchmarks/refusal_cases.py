@@ -70,7 +70,7 @@ def refusal_cases() -> tuple[RefusalCase, ...]:
 
 
 def _early_cases() -> tuple[RefusalCase, ...]:
-    gripper = {"name": "bar", "box": [1.0, 0.05, 0.05], "position": [0, 0, 0.05]}
+    bar = {"name": "bar", "box": [0.05, 0.05, 0.2], "position": [0, 0, -0.15]}
     far = [[0.45, -0.3, 0.2], [0.45, -0.3, 0.5], [1.5, 0.3, 0.5], [0.45, 0.3, 0.2]]
     far_goal = [[0.45, -0.3, 0.2], [0.45, -0.3, 0.5], [0.45, 0.3, 0.5], [1.2, 0.3, 0.2]]
     far_post = [[0.45, -0.3, 0], [0.45, 0.1, 0], [0.2, 0.1, 0], [0.2, 0.95, 0]]
@@ -83,7 +83,7 @@ def _early_cases() -> tuple[RefusalCase, ...]:
         RefusalCase("goal in an obstacle", _SHELF, _BLOCKED, _ball(0.1, [0.6, 0, 0.72]), True),
         RefusalCase("goal in an obstacle", _CRATE, _BLOCKED, _ball(0.1, [0.38, 0.24, 0.12]), True),
         RefusalCase("goal in an obstacle", _PALLET, _BLOCKED, _ball(0.1, [0.7, 0.45, 0.43]), True),
-        RefusalCase("start in itself", _WALL, _BLOCKED, {"robot": {"attached": [gripper]}}, True),
+        RefusalCase("start in itself", _WALL, _BLOCKED, {"robot": {"attached": [bar]}}, True),
         RefusalCase("start too near", _SHELF, _BLOCKED, {"clearance": 0.2}, True),
         RefusalCase("heavy at start", _WALL, _HEAVY, {"robot": {"payload": {"mass": 60.0}}}, True),
         RefusalCase("heavy at start", _SHELF, _HEAVY, {"robot": {"payload": {"mass": 60.0}}}, True),
