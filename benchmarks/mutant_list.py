@@ -824,7 +824,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "EvaluatedLinks._slack": [("self.closest.distance - self.aim", "self.closest.distance")],
     "EvaluatedLinks._change": [("{0: -gradient", "{0: gradient"), (" / _UNIT", "")],
     "INNER_MARGIN": [("0.005", "0.055")],
-    "Refinement._on_coarse_knots": [("_GAIN, _MAX_STEPS", "_GAIN, 4")],
+    "Refinement._on_coarse_knots": [("_GAIN, max_steps", "_GAIN, 4")],
     "SequentialProgram._hardly_move": [
         ("reach < MERIT_TOLERANCE", "reach < 0.0"),
         ("reach < MERIT_TOLERANCE", "reach < 10.0"),

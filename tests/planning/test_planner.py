@@ -195,6 +195,7 @@ def test_stages_are_announced(two_link):
     stages = []
     plan(two_link_problem(two_link), PlanOptions(STOP), stages.append)
     assert [str(progress) for progress in stages] == [
+        "start and goal",
         "inverse kinematics along the reference path",
         "trajectory along it, stopping at corners",
         "certificate",

@@ -4,7 +4,8 @@ from dataclasses import replace
 from functools import partial
 
 from tubeplanner.branches.known_branches import KnownBranches
-from tubeplanner.outcome import PlanStatus
+from tubeplanner.outcome import Infeasible, PlanStatus
+from tubeplanner.planning.necessary_conditions import require_possible
 from tubeplanner.planning.plan_options import REFINEMENT, STOP_AT_CORNERS, SUH_BISHOP, PlanOptions
 from tubeplanner.planning.plan_result import PlanResult, stopped_result
 from tubeplanner.planning.refined_plan import refined_plan
@@ -13,6 +14,7 @@ from tubeplanner.planning.stopping_plan import StoppingPlan, stopping_plan
 from tubeplanner.planning.suh_bishop_plan import suh_bishop_plan
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, ProgressCallback, until_stopped
+from tubeplanner.verification.refusal import require_free
 
 
 def plan(
@@ -54,6 +56,10 @@ def _planned(problem: PlanningProblem, options: PlanOptions, clock: PlanningCloc
         TimeLimitReached: Before there was anything; likewise KeyboardInterrupt.
     """
     branches = KnownBranches(problem, clock)
+    try:
+        require_possible(problem, branches)
+    except Infeasible as reason:
+        return PlanResult(reason.status, str(reason), reason.place, options.method)
     if options.method == SUH_BISHOP:
         return suh_bishop_plan(problem, branches, options, clock)
     if options.method != REFINEMENT or problem.tube.visit != "ordered":
@@ -94,6 +100,10 @@ def _searched(
     branch = corners.branch
     is_asked = options.method != STOP_AT_CORNERS and corners.result.stopped_by is None
     if not is_asked or branch is None or not branch.moving_segments:
+        return corners.result
+    try:
+        require_free(problem, "goal", branch.goal)
+    except Infeasible:  # where all trajectories of the search would end
         return corners.result
     return searched_plan(problem, branch, corners, options, clock)
 

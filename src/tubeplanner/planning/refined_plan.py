@@ -21,6 +21,7 @@ from tubeplanner.refinement.sensitivities import limit_sensitivities
 from tubeplanner.refinement.smoother_tube import smoother_problem
 from tubeplanner.refinement.spline_start import sufficient_start
 from tubeplanner.refinement.tube_chains import sharpest_bend, tube_chains
+from tubeplanner.refinement.widened_tube import widened_radius
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
 # How often refinement gets the times of failed conditions from a certificate.
@@ -52,13 +53,22 @@ def refined_plan(
     def work() -> None:
         nonlocal best
         for inner, known in _inner_problems(problem, branches, clock):
+            first: _Found | None = None
             for start in _starts(inner, known, quality):
+                gave_up = first is not None and first.gave_up
+                if not (start.widens or gave_up or _is_widened(inner, start)):
+                    continue  # it would only do the same again
                 try:
-                    found = _from_start(problem, inner, start, clock)
+                    found = _from_start(problem, inner, start, clock, needs_reason=best is None)
                 except Infeasible:  # nothing from this start
                     continue
-                best = replace(_better(best or found, found), stopped_by=found.stopped_by)
-                if found.stopped_by is not None or (best.succeeded and not quality.every_start):
+                first = first or found
+                if found.result is None:
+                    continue
+                best = replace(
+                    _better(best or found.result, found.result), stopped_by=found.result.stopped_by
+                )
+                if best.stopped_by is not None or (best.succeeded and not quality.every_start):
                     return
             if best is not None and best.status in _ENDS_THE_SEARCH:
                 return
@@ -107,6 +117,19 @@ class _Start:
     widens: bool = True
 
 
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """What came of a start.
+
+    Attributes:
+        result: The result; None if refinement gave up and no reason was needed.
+        gave_up: As in `Refinement`.
+    """
+
+    result: PlanResult | None
+    gave_up: bool = False
+
+
 def _starts(
     problem: PlanningProblem, branches: KnownBranches, quality: Quality
 ) -> Iterator[_Start]:
@@ -130,6 +153,12 @@ def _starts(
         known.append(branch)
     if first is not None:
         yield replace(first, widens=False)
+
+
+def _is_widened(problem: PlanningProblem, start: _Start) -> bool:
+    """Return whether a start's coarse knots get another tube than the problem's."""
+    widened = widened_radius(problem.tube, start.spline.grid)
+    return bool((widened > problem.tube.effective_radius).any())
 
 
 def _branch_searches(
@@ -163,8 +192,13 @@ def _divisions(grid: KnotGrid, wanted: int, divisions: tuple[int, ...]) -> tuple
 
 
 def _from_start(
-    problem: PlanningProblem, inner: PlanningProblem, start: _Start, clock: PlanningClock
-) -> PlanResult:
+    problem: PlanningProblem,
+    inner: PlanningProblem,
+    start: _Start,
+    clock: PlanningClock,
+    *,
+    needs_reason: bool,
+) -> _Found:
     """Return refinement's result from one start, with samples added where its certificate fails.
 
     After Ctrl-C or the time limit, certifies the best so far.
@@ -174,6 +208,7 @@ def _from_start(
         inner: The one that is refined: the same, or with a tube inside its tube.
         start: Where to start.
         clock: The planning's.
+        needs_reason: Whether a certificate is to say why, even where refinement gave up.
 
     Raises:
         Infeasible: Nothing to start from.
@@ -192,9 +227,11 @@ def _from_start(
     for _ in range(_MAX_OBJECTIONS):
         has_more, stopped_by = until_stopped(work)
         if stopped_by is not None and not refinement.has_spline:
-            return stopped_result(clock, stopped_by, REFINEMENT)
+            return _Found(stopped_result(clock, stopped_by, REFINEMENT))
         if has_more is False:
             break
+        if refinement.gave_up and not needs_reason:
+            return _Found(None, gave_up=True)
         shape, segments = refinement.trajectory, refinement.segments
         trajectory = scaled_to_limits(problem, shape, segments=segments)
         result = certified_result(problem, trajectory, REFINEMENT, clock)
@@ -203,10 +240,10 @@ def _from_start(
             break
         work = partial(refinement.answer, result.certificate, trajectory.duration)
     if not result.succeeded:
-        return result
+        return _Found(result, refinement.gave_up)
     sensitivities = limit_sensitivities(problem, refinement, trajectory.duration)
     notes = (*result.notes, *_notes(problem, trajectory))
-    return replace(result, notes=notes, sensitivities=sensitivities)
+    return _Found(replace(result, notes=notes, sensitivities=sensitivities))
 
 
 def _notes(problem: PlanningProblem, trajectory: JointTrajectory) -> tuple[str, ...]:
