@@ -145,14 +145,24 @@ def _starts(
             return
         if any(branch.is_as(other) for other in known):
             continue
-        for intervals, divisions in quality.knots[: 1 if known else None]:
-            spline = sufficient_start(problem, branch, intervals)
-            start = _Start(spline, _divisions(spline.grid, intervals, divisions))
+        for start in _starts_from(problem, branch, quality, only_first=bool(known)):
             first = first or start
             yield start
         known.append(branch)
     if first is not None:
         yield replace(first, widens=False)
+
+
+def _starts_from(
+    problem: PlanningProblem, branch: ReferenceBranch, quality: Quality, *, only_first: bool
+) -> Iterator[_Start]:
+    """Yield a start from a branch for each of the quality's knots, or for the first of them."""
+    wide = sufficient_start(problem, branch, quality.knots[0][0])
+    is_narrow = _is_widened(problem, _Start(wide, ()))
+    knots = quality.narrow_knots if is_narrow else quality.knots
+    for intervals, divisions in knots[: 1 if only_first else None]:
+        spline = sufficient_start(problem, branch, intervals)
+        yield _Start(spline, _divisions(spline.grid, intervals, divisions))
 
 
 def _is_widened(problem: PlanningProblem, start: _Start) -> bool:
