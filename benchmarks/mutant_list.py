@@ -60,6 +60,10 @@ TESTS = {
         "planning/test_planner_best_known.py",
     ),
     "refinement/refinement": ("planning/test_planner_best_known.py",),
+    "refinement/trust_region": ("refinement/test_trust_region.py",),
+    "refinement/step_cost": ("refinement/test_step_cost.py",),
+    "refinement/link_constraints": ("refinement/test_link_constraints.py",),
+    "refinement/phased_spline": ("refinement/test_phased_spline.py",),
     "refinement/rotation_constraints": ("refinement/test_spline_constraints.py",),
     "refinement/tube_constraints": ("refinement/test_spline_constraints.py",),
     "refinement/link_constraints": ("refinement/test_spline_constraints.py",),
@@ -832,11 +836,29 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "SequentialProgram._reach": [("rows.control * is_free[:, :, None]", "0 * rows.control")],
     "SequentialProgram.improved": [
         ("gain < _GOOD_RATIO * predicted", "False"),
-        (
-            "_next_trust(trust, ratio, float(abs(step.control).max(initial=0.0)))",
-            "min(trust, _next_trust(trust, ratio, float(abs(step.control).max(initial=0.0))))",
-        ),
+        ("trust.after(outcome)", "replace(trust.after(outcome), radius=trust.radius)"),
     ],
+    # --- refinement/trust_region --------------------------------------------------------------
+    "TrustRegion._next_radius": [
+        ("return min(2 * self.radius, _MAX_RADIUS)", "return self.radius"),
+        ("0.4 * min(self.radius, max(size, MIN_RADIUS))", "0.4 * self.radius"),
+    ],
+    "TrustRegion._next_damping": [
+        ("outcome.predicted - outcome.linear", "outcome.predicted - outcome.gain"),
+        ("max(_MORE * self.damping, enough)", "_MORE * self.damping"),
+    ],
+    # --- refinement/step_cost -----------------------------------------------------------------
+    "StepCost.quadratic": [
+        ("damping * both.data.imag", "0 * both.data.imag"),
+        ("weight * bends", "abs(weight) * bends"),
+    ],
+    "StepCost.squared_rates": [("self._intervals * float", "float")],
+    # --- refinement/link_constraints ----------------------------------------------------------
+    "LinkConstraints._still_apart": [
+        ("distance - abs(q - seen) @ self._approach.T", "distance"),
+    ],
+    # --- refinement/phased_spline -------------------------------------------------------------
+    "Samples.basis": [("(second + behind * third / 3)", "(second + behind * third / 2)")],
     # --- tube/box_regions ---------------------------------------------------------------------
     "box_sections": [("entry is None or (", "not entry or (")],
     "radii_of_boxes": [("(halves > 0).all()", "(halves > 0).any()")],
