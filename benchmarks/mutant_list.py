@@ -62,11 +62,13 @@ TESTS = {
     "refinement/refinement": ("planning/test_planner_best_known.py",),
     "refinement/trust_region": ("refinement/test_trust_region.py",),
     "refinement/step_cost": ("refinement/test_step_cost.py",),
-    "refinement/link_constraints": ("refinement/test_link_constraints.py",),
     "refinement/phased_spline": ("refinement/test_phased_spline.py",),
     "refinement/rotation_constraints": ("refinement/test_spline_constraints.py",),
     "refinement/tube_constraints": ("refinement/test_spline_constraints.py",),
-    "refinement/link_constraints": ("refinement/test_spline_constraints.py",),
+    "refinement/link_constraints": (
+        "refinement/test_spline_constraints.py",
+        "refinement/test_link_constraints.py",
+    ),
     "refinement/spline_constraints": (
         "refinement/test_sequential_program.py",
         "planning/test_planner_best_known.py",

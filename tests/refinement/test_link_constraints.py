@@ -14,7 +14,6 @@ from tubeplanner import (
     plan,
     verify,
 )
-
 from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
 from tubeplanner.refinement.link_constraints import LinkConstraints
 from tubeplanner.refinement.phased_spline import PhasedSpline

@@ -54,3 +54,8 @@ def test_the_region_of_a_standstill_is_finite():
     """Variables that do not move leave no rates to divide by."""
     region = TrustRegion(0.1).after(outcome(gain=-1.0, linear=-1.0, size=0.0, squared_rates=0.0))
     assert region.has_collapsed
+
+
+def test_a_correction_that_helps_a_little_does_not_hide_what_was_left_out():
+    region = TrustRegion(0.1, 1e-6).after(outcome(linear=-0.4, gain=0.02))
+    assert region.damping == pytest.approx(0.2 * 0.5)
