@@ -16,7 +16,7 @@ from tubeplanner.planning.plan_result import PlanResult, certified_result, stopp
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, Progress, until_stopped
 from tubeplanner.refinement.phased_spline import KnotGrid, PhasedSpline
-from tubeplanner.refinement.refinement import Refinement
+from tubeplanner.refinement.refinement import Refinement, has_enough_knots
 from tubeplanner.refinement.sensitivities import limit_sensitivities
 from tubeplanner.refinement.smoother_tube import smoother_problem
 from tubeplanner.refinement.spline_start import sufficient_start
@@ -56,8 +56,8 @@ def refined_plan(
             first: _Found | None = None
             for start in _starts(inner, known, quality):
                 gave_up = first is not None and first.gave_up
-                if not (start.widens or gave_up or _is_widened(inner, start)):
-                    continue  # it would only do the same again
+                if not start.widens and not _is_other(inner, start, gave_up):
+                    continue
                 try:
                     found = _from_start(problem, inner, start, clock, needs_reason=best is None)
                 except Infeasible:  # nothing from this start
@@ -165,6 +165,18 @@ def _starts_from(
         yield _Start(spline, _divisions(spline.grid, intervals, divisions))
 
 
+def _is_other(problem: PlanningProblem, last: _Start, gave_up: bool) -> bool:
+    """Return whether a last try without widening is not only the first one again.
+
+    Args:
+        problem: What is planned.
+        last: The last start.
+        gave_up: Whether the first one did.
+    """
+    few_at_first = len(last.divisions) > 1 or not has_enough_knots(last.spline.grid)
+    return _is_widened(problem, last) or (gave_up and few_at_first)
+
+
 def _is_widened(problem: PlanningProblem, start: _Start) -> bool:
     """Return whether a start's coarse knots get another tube than the problem's."""
     widened = widened_radius(problem.tube, start.spline.grid)
@@ -246,7 +258,9 @@ def _from_start(
         trajectory = scaled_to_limits(problem, shape, segments=segments)
         result = certified_result(problem, trajectory, REFINEMENT, clock)
         result = replace(result, stopped_by=stopped_by)
-        if result.succeeded or result.certificate is None or stopped_by is not None:
+        if result.succeeded or result.certificate is None:
+            break
+        if refinement.gave_up or stopped_by is not None:
             break
         work = partial(refinement.answer, result.certificate, trajectory.duration)
     if not result.succeeded:
