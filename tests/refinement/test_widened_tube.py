@@ -44,7 +44,7 @@ def test_a_radius_is_never_made_smaller():
 
 def test_without_widening_there_is_an_answer_too(monkeypatch):
     """What the widened tube leads astray is planned again in the tube as it is."""
-    problem = load_problem("example:two_link/around_a_post")
+    problem = load_problem("example:two_link/paper_5_10mm")
     widened = []
 
     def is_hopeless(found):
