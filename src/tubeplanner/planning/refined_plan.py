@@ -16,6 +16,7 @@ from tubeplanner.planning.plan_result import PlanResult, certified_result, stopp
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, Progress, until_stopped
 from tubeplanner.refinement.phased_spline import KnotGrid, PhasedSpline
+from tubeplanner.refinement.refined_motion import RefinedMotion
 from tubeplanner.refinement.refinement import Refinement
 from tubeplanner.refinement.sensitivities import limit_sensitivities
 from tubeplanner.refinement.smoother_tube import smoother_problem
@@ -165,9 +166,7 @@ def _divisions(grid: KnotGrid, wanted: int, divisions: tuple[int, ...]) -> tuple
 def _from_start(
     problem: PlanningProblem, inner: PlanningProblem, start: _Start, clock: PlanningClock
 ) -> PlanResult:
-    """Return refinement's result from one start, with samples added where its certificate fails.
-
-    After Ctrl-C or the time limit, certifies the best so far.
+    """Return refinement's result from one start.
 
     Args:
         problem: The problem that is certified.
@@ -180,6 +179,17 @@ def _from_start(
         TimeLimitReached: Before it began.
     """
     knots = start.spline.grid.interval_count * int(np.prod(start.divisions))
+    checkpoint = entered(knots, clock)
+    refinement = Refinement(inner, start.spline, start.divisions, checkpoint, widens=start.widens)
+    return certified_refinement(problem, refinement, refinement.run, clock)
+
+
+def entered(knots: int, clock: PlanningClock) -> Callable[[float], None]:
+    """Enter the stage of refinement to so many knots; return what it calls after every step.
+
+    Raises:
+        TimeLimitReached: Before it began.
+    """
     stage = f"refinement to {knots} knots"
     clock.enter(stage)
 
@@ -187,8 +197,28 @@ def _from_start(
         clock.announce(Progress(stage, best_duration=duration))
         clock.check()
 
-    refinement = Refinement(inner, start.spline, start.divisions, checkpoint, widens=start.widens)
-    work: Callable[[], bool] = refinement.run
+    return checkpoint
+
+
+def certified_refinement(
+    problem: PlanningProblem,
+    refinement: Refinement,
+    work: Callable[[], bool],
+    clock: PlanningClock,
+) -> PlanResult:
+    """Return refinement's result, with samples added where its certificate fails.
+
+    After Ctrl-C or the time limit, certifies the best so far.
+
+    Args:
+        problem: The problem that is certified.
+        refinement: Of it, or of one whose tube lies inside of its.
+        work: Its first part.
+        clock: The planning's.
+
+    Raises:
+        Infeasible: Nothing to start from.
+    """
     for _ in range(_MAX_OBJECTIONS):
         has_more, stopped_by = until_stopped(work)
         if stopped_by is not None and not refinement.has_spline:
@@ -206,7 +236,8 @@ def _from_start(
         return result
     sensitivities = limit_sensitivities(problem, refinement, trajectory.duration)
     notes = (*result.notes, *_notes(problem, trajectory))
-    return replace(result, notes=notes, sensitivities=sensitivities)
+    motion = RefinedMotion(refinement.problem, refinement.problem is not problem, refinement.spline)
+    return replace(result, notes=notes, sensitivities=sensitivities, motion=motion)
 
 
 def _notes(problem: PlanningProblem, trajectory: JointTrajectory) -> tuple[str, ...]:
