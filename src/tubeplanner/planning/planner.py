@@ -28,8 +28,8 @@ class Planner:
 
     It remembers the last motion that refinement found and the certificate passed. A changed problem
     begins with it, on the finest knots, if it has the same joints and segments: that takes about
-    half the processor time. Durations were within 0.3 % of a fresh plan's wherever that was tried;
-    like refinement itself, it finds the best motion near its start.
+    half the processor time. After small changes durations were within 0.3 % of a fresh plan's
+    wherever that was tried; like refinement itself, it finds the best motion near its start.
     """
 
     def __init__(self, problem: PlanningProblem, options: PlanOptions | None = None) -> None:
