@@ -60,9 +60,15 @@ TESTS = {
         "planning/test_planner_best_known.py",
     ),
     "refinement/refinement": ("planning/test_planner_best_known.py",),
+    "refinement/trust_region": ("refinement/test_trust_region.py",),
+    "refinement/step_cost": ("refinement/test_step_cost.py",),
+    "refinement/phased_spline": ("refinement/test_phased_spline.py",),
     "refinement/rotation_constraints": ("refinement/test_spline_constraints.py",),
     "refinement/tube_constraints": ("refinement/test_spline_constraints.py",),
-    "refinement/link_constraints": ("refinement/test_spline_constraints.py",),
+    "refinement/link_constraints": (
+        "refinement/test_spline_constraints.py",
+        "refinement/test_link_constraints.py",
+    ),
     "refinement/spline_constraints": (
         "refinement/test_sequential_program.py",
         "planning/test_planner_best_known.py",
@@ -824,7 +830,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "EvaluatedLinks._slack": [("self.closest.distance - self.aim", "self.closest.distance")],
     "EvaluatedLinks._change": [("{0: -gradient", "{0: gradient"), (" / _UNIT", "")],
     "INNER_MARGIN": [("0.005", "0.055")],
-    "Refinement._on_coarse_knots": [("_GAIN, _MAX_STEPS", "_GAIN, 4")],
+    "Refinement._on_coarse_knots": [("_GAIN, max_steps", "_GAIN, 4")],
     "SequentialProgram._hardly_move": [
         ("reach < MERIT_TOLERANCE", "reach < 0.0"),
         ("reach < MERIT_TOLERANCE", "reach < 10.0"),
@@ -832,11 +838,29 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "SequentialProgram._reach": [("rows.control * is_free[:, :, None]", "0 * rows.control")],
     "SequentialProgram.improved": [
         ("gain < _GOOD_RATIO * predicted", "False"),
-        (
-            "_next_trust(trust, ratio, float(abs(step.control).max(initial=0.0)))",
-            "min(trust, _next_trust(trust, ratio, float(abs(step.control).max(initial=0.0))))",
-        ),
+        ("trust.after(outcome)", "replace(trust.after(outcome), radius=trust.radius)"),
     ],
+    # --- refinement/trust_region --------------------------------------------------------------
+    "TrustRegion._next_radius": [
+        ("return min(2 * self.radius, _MAX_RADIUS)", "return self.radius"),
+        ("0.4 * min(self.radius, max(size, MIN_RADIUS))", "0.4 * self.radius"),
+    ],
+    "TrustRegion._next_damping": [
+        ("outcome.predicted - outcome.linear", "outcome.predicted - outcome.gain"),
+        ("max(_MORE * self.damping, enough)", "_MORE * self.damping"),
+    ],
+    # --- refinement/step_cost -----------------------------------------------------------------
+    "StepCost.quadratic": [
+        ("damping * both.data.imag", "0 * both.data.imag"),
+        ("weight * bends", "abs(weight) * bends"),
+    ],
+    "StepCost.squared_rates": [("self._intervals * float", "float")],
+    # --- refinement/link_constraints ----------------------------------------------------------
+    "LinkConstraints._still_apart": [
+        ("distance - abs(q - seen) @ self._approach.T", "distance"),
+    ],
+    # --- refinement/phased_spline -------------------------------------------------------------
+    "Samples.basis": [("(second + behind * third / 3)", "(second + behind * third / 2)")],
     # --- tube/box_regions ---------------------------------------------------------------------
     "box_sections": [("entry is None or (", "not entry or (")],
     "radii_of_boxes": [("(halves > 0).all()", "(halves > 0).any()")],

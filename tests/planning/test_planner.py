@@ -86,8 +86,8 @@ def test_a_problem_with_every_field_is_planned():
     assert result.succeeded
 
 
-def two_link_problem(two_link, obstacles=(), **more):
-    tube = Tube([[0.3, -0.3, 0], [0.3, 0.3, 0]], 0.03, joint_signs={"joint2": "-"})
+def two_link_problem(two_link, obstacles=(), radius=0.03, **more):
+    tube = Tube([[0.3, -0.3, 0], [0.3, 0.3, 0]], radius, joint_signs={"joint2": "-"})
     seed = Seed(np.array([0.0, -1.0]))
     return PlanningProblem(two_link, tube, seed, obstacles=obstacles, **more)
 
@@ -195,6 +195,7 @@ def test_stages_are_announced(two_link):
     stages = []
     plan(two_link_problem(two_link), PlanOptions(STOP), stages.append)
     assert [str(progress) for progress in stages] == [
+        "start and goal",
         "inverse kinematics along the reference path",
         "trajectory along it, stopping at corners",
         "certificate",
@@ -381,7 +382,7 @@ def test_the_duration_falls_while_refining(two_link):
     result = plan(two_link_problem(two_link), progress=told.append)
     stages = [p for p in told if p.stage == "refinement to 72 knots"]
     durations = [p.best_duration for p in stages if p.best_duration is not None]
-    assert durations[0] > 1.1 * durations[-1]
+    assert durations[0] > 1.05 * durations[-1]
     assert durations[-1] == pytest.approx(result.duration, rel=0.01)
 
 
@@ -394,7 +395,8 @@ def test_refinement_that_is_stopped_leaves_what_is_certified(two_link, stop, clo
             clock.now += 0.3
 
     options = PlanOptions(time_limit=0.5 if stop == "time_limit" else None)
-    result = plan(two_link_problem(two_link), options, callback)
+    # On coarse knots a narrow tube is widened: nothing there is an answer yet.
+    result = plan(two_link_problem(two_link, radius=0.005), options, callback)
     assert result.succeeded
     assert result.method == STOP
     assert result.stopped_by == stop

@@ -14,6 +14,10 @@ from tubeplanner import (
     plan,
     verify,
 )
+from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
+from tubeplanner.refinement.link_constraints import LinkConstraints
+from tubeplanner.refinement.phased_spline import PhasedSpline
+from tubeplanner.refinement.spline_start import starting_spline
 
 POINTS = [[0.3, -0.3, 0], [0.3, 0.3, 0]]
 
@@ -84,3 +88,20 @@ def test_a_tube_that_is_blocked_is_reported_with_links_and_depth(two_link):
     assert result.trajectory is None
     assert result.path_minimum is None
     assert (result.notes, result.sensitivities) == ((), ())  # nothing is said of no trajectory
+
+
+def test_what_was_far_off_at_the_last_look_is_seen_once_it_comes_near(two_link):
+    """A second look finds what a first one would, however the spline has moved in between."""
+    problem = problem_with(two_link, post(0.46, 0.0))
+    branch = reference_branch(problem, redundancy_rules(problem)[0])
+    far = starting_spline(problem, branch, 12)
+    bent = far.control_points.copy()
+    bent[3:-3, 1] *= 0.4
+    near = PhasedSpline(far.grid, far.switching_times, bent)
+    known, fresh = LinkConstraints(problem), LinkConstraints(problem)
+    assert not known.look(far)
+    assert known.look(near)
+    assert fresh.look(near)
+    found = [links.at(near).closest.distance.min() for links in (known, fresh)]
+    assert found[0] == pytest.approx(found[1], abs=1e-12)
+    assert found[0] < -0.005

@@ -12,7 +12,7 @@ def outcome(predicted=0.1, linear=0.1, gain=0.1, size=0.1, squared_rates=1.0):
 def test_a_good_step_at_the_border_widens_the_region_and_is_damped_less():
     region = TrustRegion(0.1, 0.3).after(outcome())
     assert region.radius == pytest.approx(0.2)
-    assert region.damping == pytest.approx(0.1)
+    assert region.damping == pytest.approx(0.3 / 5)
 
 
 def test_a_good_step_inside_leaves_the_radius():
@@ -54,3 +54,8 @@ def test_the_region_of_a_standstill_is_finite():
     """Variables that do not move leave no rates to divide by."""
     region = TrustRegion(0.1).after(outcome(gain=-1.0, linear=-1.0, size=0.0, squared_rates=0.0))
     assert region.has_collapsed
+
+
+def test_a_correction_that_helps_a_little_does_not_hide_what_was_left_out():
+    region = TrustRegion(0.1, 1e-6).after(outcome(linear=-0.4, gain=0.02))
+    assert region.damping == pytest.approx(0.2 * 0.5)

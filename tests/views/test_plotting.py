@@ -155,7 +155,7 @@ def test_convergence_ends_at_the_shortest_that_was_found():
     (axis,) = figure.axes
     (line,) = axis.lines
     durations = [step.best_duration for step in told if step.best_duration is not None]
-    assert len(line.get_ydata()) == len(durations) > 10
+    assert len(line.get_ydata()) == len(durations) > 5
     assert line.get_ydata().min() == 0
     assert min(durations) == pytest.approx(result.duration, rel=0.01)
     assert colours(figure_png(figure)) > 50

@@ -3,10 +3,14 @@
 from collections.abc import Callable
 from functools import partial
 
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
 from tubeplanner.branches.joint_lines import joint_lines
 from tubeplanner.branches.reference_branch import (
     RedundancyRule,
     ReferenceBranch,
+    end_configuration,
     redundancy_rules,
     reference_branch,
 )
@@ -24,6 +28,7 @@ class KnownBranches:
     def __init__(self, problem: PlanningProblem, clock: PlanningClock) -> None:
         self._problem, self._clock = problem, clock
         self._found: dict[str, ReferenceBranch | Infeasible] = {}
+        self._ends: FloatArray | Infeasible | None = None
 
     @property
     def has_any(self) -> bool:
@@ -33,8 +38,26 @@ class KnownBranches:
     def under(self, clock: PlanningClock) -> "KnownBranches":
         """Return the same branches for work under another clock."""
         same = KnownBranches(self._problem, clock)
-        same._found = self._found
+        same._found, same._ends = self._found, self._ends
         return same
+
+    def require_ends(self) -> FloatArray:
+        """Return the start and, unless it is open, the goal: shape (1 or 2, n).
+
+        Raises:
+            Infeasible: A seed does not lead there, one of them is in collision or too near to an
+                obstacle.
+            TimeLimitReached: Before that was known.
+        """
+        if self._ends is None:
+            self._clock.enter("start and goal")
+            try:
+                self._ends = self._free_ends()
+            except Infeasible as reason:
+                self._ends = reason
+        if isinstance(self._ends, Infeasible):
+            raise self._ends
+        return self._ends
 
     def by_rule(self, rule: RedundancyRule) -> ReferenceBranch:
         """Return the branch of a rule, its ends clear of everything.
@@ -70,10 +93,11 @@ class KnownBranches:
     def _once(
         self, name: str, stage: str, search: Callable[[], ReferenceBranch]
     ) -> ReferenceBranch:
+        self.require_ends()
         self._clock.enter(stage)
         if name not in self._found:
             try:
-                self._found[name] = self._with_free_ends(search())
+                self._found[name] = search()
             except Infeasible as reason:
                 self._found[name] = reason
         found = self._found[name]
@@ -81,8 +105,11 @@ class KnownBranches:
             raise found
         return found
 
-    def _with_free_ends(self, branch: ReferenceBranch) -> ReferenceBranch:
-        require_free(self._problem, "start", branch.start)
-        if self._problem.goal is not None:  # an open one may move
-            require_free(self._problem, "goal", branch.goal)
-        return branch
+    def _free_ends(self) -> FloatArray:
+        problem = self._problem
+        ends = [end_configuration(problem, problem.start, 0)]
+        require_free(problem, "start", ends[0])
+        if problem.goal is not None:  # an open one may move
+            ends.append(end_configuration(problem, problem.goal, -1))
+            require_free(problem, "goal", ends[1])
+        return np.array(ends)

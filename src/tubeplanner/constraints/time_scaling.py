@@ -119,6 +119,16 @@ def scaled_to_limits(
     return trajectory.scaled(duration / trajectory.duration)
 
 
+def require_held(problem: PlanningProblem, q: FloatArray) -> None:
+    """Check that the motors hold configurations (N, n) against gravity.
+
+    Raises:
+        Infeasible: Status gravity_exceeds_effort.
+    """
+    still = np.zeros_like(q)
+    _held_factor(problem, rates_and_others(speed_limits(problem))[1], (q, still, still), None)
+
+
 def _rate_factor(
     rates: list[JointRate],
     trajectory: JointTrajectory,

@@ -4,8 +4,9 @@ from dataclasses import replace
 from functools import partial
 
 from tubeplanner.branches.known_branches import KnownBranches
-from tubeplanner.outcome import PlanStatus
+from tubeplanner.outcome import Infeasible, PlanStatus
 from tubeplanner.planning.continued_plan import continued_plan
+from tubeplanner.planning.necessary_conditions import require_possible
 from tubeplanner.planning.plan_options import (
     QUALITIES,
     REFINEMENT,
@@ -21,6 +22,7 @@ from tubeplanner.planning.suh_bishop_plan import suh_bishop_plan
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, ProgressCallback, until_stopped
 from tubeplanner.refinement.refined_motion import RefinedMotion
+from tubeplanner.verification.refusal import require_free
 
 
 class Planner:
@@ -134,6 +136,10 @@ def _planned(
         TimeLimitReached: Before there was anything; likewise KeyboardInterrupt.
     """
     branches = KnownBranches(problem, clock)
+    try:
+        require_possible(problem, branches)
+    except Infeasible as reason:
+        return PlanResult(reason.status, str(reason), reason.place, options.method)
     if options.method == SUH_BISHOP:
         return suh_bishop_plan(problem, branches, options, clock)
     if options.method != REFINEMENT or problem.tube.visit != "ordered":
@@ -177,6 +183,10 @@ def _searched(
     branch = corners.branch
     is_asked = options.method != STOP_AT_CORNERS and corners.result.stopped_by is None
     if not is_asked or branch is None or not branch.moving_segments:
+        return corners.result
+    try:
+        require_free(problem, "goal", branch.goal)
+    except Infeasible:  # where all trajectories of the search would end
         return corners.result
     return searched_plan(problem, branch, corners, options, clock)
 

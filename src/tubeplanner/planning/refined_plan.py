@@ -22,6 +22,7 @@ from tubeplanner.refinement.sensitivities import limit_sensitivities
 from tubeplanner.refinement.smoother_tube import smoother_problem
 from tubeplanner.refinement.spline_start import sufficient_start
 from tubeplanner.refinement.tube_chains import sharpest_bend, tube_chains
+from tubeplanner.refinement.widened_tube import widened_radius
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
 # How often refinement gets the times of failed conditions from a certificate.
@@ -53,13 +54,22 @@ def refined_plan(
     def work() -> None:
         nonlocal best
         for inner, known in _inner_problems(problem, branches, clock):
+            first: _Found | None = None
             for start in _starts(inner, known, quality):
+                gave_up = first is not None and first.gave_up
+                if not (start.widens or gave_up or _is_widened(inner, start)):
+                    continue  # it would only do the same again
                 try:
-                    found = _from_start(problem, inner, start, clock)
+                    found = _from_start(problem, inner, start, clock, needs_reason=best is None)
                 except Infeasible:  # nothing from this start
                     continue
-                best = replace(_better(best or found, found), stopped_by=found.stopped_by)
-                if found.stopped_by is not None or (best.succeeded and not quality.every_start):
+                first = first or found
+                if found.result is None:
+                    continue
+                best = replace(
+                    _better(best or found.result, found.result), stopped_by=found.result.stopped_by
+                )
+                if best.stopped_by is not None or (best.succeeded and not quality.every_start):
                     return
             if best is not None and best.status in _ENDS_THE_SEARCH:
                 return
@@ -108,6 +118,19 @@ class _Start:
     widens: bool = True
 
 
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """What came of a start.
+
+    Attributes:
+        result: The result; None if refinement gave up and no reason was needed.
+        gave_up: As in `Refinement`.
+    """
+
+    result: PlanResult | None
+    gave_up: bool = False
+
+
 def _starts(
     problem: PlanningProblem, branches: KnownBranches, quality: Quality
 ) -> Iterator[_Start]:
@@ -123,14 +146,30 @@ def _starts(
             return
         if any(branch.is_as(other) for other in known):
             continue
-        for intervals, divisions in quality.knots[: 1 if known else None]:
-            spline = sufficient_start(problem, branch, intervals)
-            start = _Start(spline, _divisions(spline.grid, intervals, divisions))
+        for start in _starts_from(problem, branch, quality, only_first=bool(known)):
             first = first or start
             yield start
         known.append(branch)
     if first is not None:
         yield replace(first, widens=False)
+
+
+def _starts_from(
+    problem: PlanningProblem, branch: ReferenceBranch, quality: Quality, *, only_first: bool
+) -> Iterator[_Start]:
+    """Yield a start from a branch for each of the quality's knots, or for the first of them."""
+    wide = sufficient_start(problem, branch, quality.knots[0][0])
+    is_narrow = _is_widened(problem, _Start(wide, ()))
+    knots = quality.narrow_knots if is_narrow else quality.knots
+    for intervals, divisions in knots[: 1 if only_first else None]:
+        spline = sufficient_start(problem, branch, intervals)
+        yield _Start(spline, _divisions(spline.grid, intervals, divisions))
+
+
+def _is_widened(problem: PlanningProblem, start: _Start) -> bool:
+    """Return whether a start's coarse knots get another tube than the problem's."""
+    widened = widened_radius(problem.tube, start.spline.grid)
+    return bool((widened > problem.tube.effective_radius).any())
 
 
 def _branch_searches(
@@ -164,15 +203,21 @@ def _divisions(grid: KnotGrid, wanted: int, divisions: tuple[int, ...]) -> tuple
 
 
 def _from_start(
-    problem: PlanningProblem, inner: PlanningProblem, start: _Start, clock: PlanningClock
-) -> PlanResult:
-    """Return refinement's result from one start.
+    problem: PlanningProblem,
+    inner: PlanningProblem,
+    start: _Start,
+    clock: PlanningClock,
+    *,
+    needs_reason: bool,
+) -> _Found:
+    """Return what refinement makes of one start.
 
     Args:
         problem: The problem that is certified.
         inner: The one that is refined: the same, or with a tube inside its tube.
         start: Where to start.
         clock: The planning's.
+        needs_reason: Whether a certificate is to say why, even where refinement gave up.
 
     Raises:
         Infeasible: Nothing to start from.
@@ -181,7 +226,9 @@ def _from_start(
     knots = start.spline.grid.interval_count * int(np.prod(start.divisions))
     checkpoint = entered(knots, clock)
     refinement = Refinement(inner, start.spline, start.divisions, checkpoint, widens=start.widens)
-    return certified_refinement(problem, refinement, refinement.run, clock)
+    work = refinement.run
+    result = certified_refinement(problem, refinement, work, clock, needs_reason=needs_reason)
+    return _Found(result, refinement.gave_up)
 
 
 def entered(knots: int, clock: PlanningClock) -> Callable[[float], None]:
@@ -205,7 +252,9 @@ def certified_refinement(
     refinement: Refinement,
     work: Callable[[], bool],
     clock: PlanningClock,
-) -> PlanResult:
+    *,
+    needs_reason: bool = True,
+) -> PlanResult | None:
     """Return refinement's result, with samples added where its certificate fails.
 
     After Ctrl-C or the time limit, certifies the best so far.
@@ -215,6 +264,10 @@ def certified_refinement(
         refinement: Of it, or of one whose tube lies inside of its.
         work: Its first part.
         clock: The planning's.
+        needs_reason: Whether a certificate is to say why, even where refinement gave up.
+
+    Returns:
+        None if refinement gave up and no reason was needed.
 
     Raises:
         Infeasible: Nothing to start from.
@@ -225,6 +278,8 @@ def certified_refinement(
             return stopped_result(clock, stopped_by, REFINEMENT)
         if has_more is False:
             break
+        if refinement.gave_up and not needs_reason:
+            return None
         shape, segments = refinement.trajectory, refinement.segments
         trajectory = scaled_to_limits(problem, shape, segments=segments)
         result = certified_result(problem, trajectory, REFINEMENT, clock)

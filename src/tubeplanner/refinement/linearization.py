@@ -28,6 +28,7 @@ from tubeplanner.refinement.spline_constraints import Iterate
 
 _MAX_ROUNDS, _MAX_CORRECTIONS = 4, 3
 BROKEN = 1e-4
+_TOLERANCE = 1e-4  # of a step, absolute and relative
 # Planes with less slack after a step [radii] are given to the next program at once.
 _BINDING = 0.005
 
@@ -78,7 +79,6 @@ class Linearization:
         bounds: Bounds,
         quadratic: Quadratic,
         penalty: float,
-        tolerance: float = 1e-4,
     ) -> None:
         """Set it up.
 
@@ -90,13 +90,12 @@ class Linearization:
             bounds: Where a step must stay.
             quadratic: The curvature of its cost.
             penalty: Weight of the elastic constraints.
-            tolerance: Of its solution, absolute and relative.
         """
         self._current, self._variables, self._bounds = current, variables, bounds
         self._rows, self._is_elastic = rows
         self._near, self._active = given.rows, given.rows.copy()
         self._planes, self._ignored = given.planes, given.ignored
-        self._quadratic, self.penalty, self._tolerance = quadratic, penalty, tolerance
+        self._quadratic, self.penalty = quadratic, penalty
         self._program: StepProgram | None = None
         self._parts: list[_Part] = []
         self._has_more = True  # than the last program had
@@ -128,8 +127,7 @@ class Linearization:
 
     def solve(self) -> Step | None:
         """Return the step, or None if there is none."""
-        bends = [np.zeros_like(regions.vector) for regions in self._current.regions]
-        step = None
+        bends, step = self._unbent, None
         for _ in range(_MAX_ROUNDS):
             better = self._solved(self._rows.slack, bends)
             if better is None:  # what there was before leaves something to the correction
@@ -140,6 +138,16 @@ class Linearization:
             if not self._add_planes(self._after(step), step.elastic) and len(broken) == 0:
                 break
         return step
+
+    def solve_exactly(self, tolerance: float) -> Step | None:
+        """Return the step to a tolerance, absolute and relative, once it is known what counts.
+
+        Where the solver does not get there, as near as steps are elsewhere.
+        """
+        step = self.solve()
+        if step is None:
+            return None
+        return self._solved(self._rows.slack, self._unbent, tolerance) or step
 
     def solve_again(self, step: Step, trial: Iterate, slack: FloatArray) -> Step | None:
         """Return the step that is corrected by what a first step left out: curvature.
@@ -167,7 +175,9 @@ class Linearization:
             other = self._solved(slack, bends)
         return other
 
-    def _solved(self, slack: FloatArray, bends: list[FloatArray]) -> Step | None:
+    def _solved(
+        self, slack: FloatArray, bends: list[FloatArray], tolerance: float = _TOLERANCE
+    ) -> Step | None:
         """Return the step of the program for rows with some slack, vectors being bent."""
         self._has_more = False
         self._program = StepProgram(
@@ -176,7 +186,7 @@ class Linearization:
             self._bounds,
             self._quadratic,
             self.penalty,
-            self._tolerance,
+            tolerance,
         )
         return self._program.solve()
 
@@ -225,6 +235,10 @@ class Linearization:
             found.append(fresh)
         self._planes = tuple(starmap(Planes.and_also, zip(self._planes, found, strict=True)))
         return any(len(planes) for planes in found)
+
+    @property
+    def _unbent(self) -> list[FloatArray]:
+        return [np.zeros_like(regions.vector) for regions in self._current.regions]
 
     def _after(self, step: Step) -> list[FloatArray]:
         """Return the regions' vectors after a step, to first order."""

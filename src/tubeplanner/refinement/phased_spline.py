@@ -40,16 +40,16 @@ class Samples:
 
     def basis(self, grid: "KnotGrid", switching_times: FloatArray) -> FloatArray:
         """Return the weights of four control points in position and derivatives, (4, N, 4)."""
-        at_knot = _at_knots(grid, switching_times.tobytes())[:, self.interval]
-        breakpoints = grid.breakpoints(switching_times)
-        behind = (self.times(switching_times) - breakpoints[self.interval])[:, None]
-        weights = np.empty_like(at_knot)
-        weights[3] = at_knot[3]
-        weights[2] = at_knot[2] + behind * at_knot[3]
-        weights[1] = at_knot[1] + behind * (at_knot[2] + weights[2]) / 2
-        weights[0] = at_knot[0] + behind * (
-            at_knot[1] + behind * (at_knot[2] + behind * at_knot[3] / 3) / 2
-        )
+        # Those of a cubic, from its value and derivatives at the knot before.
+        at_knots = _at_knots(grid, switching_times.tobytes())
+        value, first, second, third = at_knots[:, self.interval]
+        behind = self.times(switching_times) - grid.breakpoints(switching_times)[self.interval]
+        behind = behind[:, None]
+        weights = np.empty((DEGREE + 1, *value.shape))
+        weights[3] = third
+        weights[2] = second + behind * third
+        weights[1] = first + behind * (second + behind * third / 2)
+        weights[0] = value + behind * (first + behind * (second + behind * third / 3) / 2)
         return weights
 
     def and_also(self, other: "Samples") -> "Samples":

@@ -35,6 +35,8 @@ _NEAR_TRUST = 0.01  # from where nearly nothing is left to be done
 _MAX_COARSE_ROUNDS, _STEPS_PER_COARSE_ROUND = 6, 10
 # Links that ended clear on fine knots were never this deep on coarse ones (1,856 runs: 0.0073).
 _HOPELESS = 0.05
+# Links that get out of something on more knots do so in half as many steps.
+_STEPS_TO_GET_OUT = 15
 # The exchange of samples ends when violations between them are below this share of T^2.
 _BETWEEN_SAMPLES = 0.003
 
@@ -68,6 +70,12 @@ class Refinement:
         self._program: SequentialProgram  # of the level that `run` is on
         self._penalty, self._damping = FIRST_PENALTY, TrustRegion.damping
         self._best: Iterate | None = None
+        self._gave_up = False
+
+    @property
+    def gave_up(self) -> bool:
+        """Whether it ended early, links too deep in something."""
+        return self._gave_up
 
     @property
     def problem(self) -> PlanningProblem:
@@ -107,12 +115,15 @@ class Refinement:
             Infeasible: Status no_trajectory: there was nothing to start from.
         """
         spline, trust, links = self._start, _FIRST_TRUST, LinkConstraints(self._problem)
-        for parts in self._divisions:
+        for level, parts in enumerate(self._divisions, 1):
             self._begin_level(spline.grid, links, widens=self._widens)
             self._program.constraints.look_for_links(spline)
-            coarse = self._on_coarse_knots(spline, trust)
-            if self._widens and coarse.links.excess.max(initial=0.0) > _HOPELESS:
-                self._best = coarse
+            # The fewest knots may be too few to go round something: a last try has some more.
+            has_more_knots = 1 < level == len(self._divisions)
+            steps = _STEPS_TO_GET_OUT if has_more_knots and not self._widens else _MAX_STEPS
+            coarse = self._on_coarse_knots(spline, trust, steps)
+            if (self._widens or has_more_knots) and _is_hopeless(coarse):
+                self._best, self._gave_up = coarse, True
                 return True
             spline, trust = subdivided(coarse.spline, parts), _LATER_TRUST
             links = self._program.constraints.links_on(coarse.spline, spline)
@@ -168,15 +179,17 @@ class Refinement:
             program = SequentialProgram(self._problem, spline.grid)
         return program.elasticities(program.iterate(spline))
 
-    def _on_coarse_knots(self, spline: PhasedSpline, trust: float) -> Iterate:
+    def _on_coarse_knots(self, spline: PhasedSpline, trust: float, max_steps: int) -> Iterate:
         """Return a trajectory that is about the shortest, links not yet clear between samples."""
-        found = self._improved(self._begun(spline), trust, _GAIN, _MAX_STEPS).iterate
+        found = self._improved(self._begun(spline), trust, _GAIN, max_steps)
         for _ in range(_MAX_COARSE_ROUNDS):
-            if not self._program.constraints.look_for_links(found.spline):
+            if _has_settled_inside(found):
                 break
-            again = self._program.iterate(found.spline)
-            found = self._improved(again, _LATER_TRUST, _GAIN, _STEPS_PER_COARSE_ROUND).iterate
-        return found
+            if not self._program.constraints.look_for_links(found.iterate.spline):
+                break
+            again = self._program.iterate(found.iterate.spline)
+            found = self._improved(again, _LATER_TRUST, _GAIN, _STEPS_PER_COARSE_ROUND)
+        return found.iterate
 
     def _improved(
         self, current: Iterate, radius: float, min_gain: float, max_steps: int
@@ -216,6 +229,9 @@ class Refinement:
             near = dense.squared_duration < (1 + _BETWEEN_SAMPLES) * found.iterate.squared_duration
             if inside and found.has_ended and (near or not has_more):
                 break
+            if best is None and _has_settled_inside(found):
+                self._gave_up = True
+                break
             again = self._program.iterate(found.iterate.spline)
             trust = min(max(2 * found.trust.radius, _MIN_LAST_TRUST), _LAST_TRUST)
             found = self._improved(again, trust, _LAST_GAIN, _STEPS_PER_ROUND)
@@ -226,3 +242,13 @@ class Refinement:
         if iterate.excess <= MERIT_TOLERANCE and not is_widened:
             self._best = iterate
         self._checkpoint_duration(iterate.duration)
+
+
+def _is_hopeless(coarse: Iterate) -> bool:
+    """Return whether links are deeper in something on coarse knots than fine ones can mend."""
+    return bool(coarse.links.excess.max(initial=0.0) > _HOPELESS)
+
+
+def _has_settled_inside(found: Improved) -> bool:
+    """Return whether links stay in something at the samples there are: more of them ask more."""
+    return found.has_ended and _is_hopeless(found.iterate)

@@ -39,7 +39,7 @@ _DURATION_STEP = (-0.5, 1.0)
 _MAX_WIDTH_SHARE, _WIDTH_SHARE = 0.3, 8.0
 # For the multipliers: a small trust region, hardly any quadratic part, an exact solution.
 _MULTIPLIER_TRUST = TrustRegion(0.02, 0.0)
-_MULTIPLIER_SMOOTHING, _MULTIPLIER_TOLERANCE = 1e-3, 1e-8
+_MULTIPLIER_SMOOTHING, _MULTIPLIER_TOLERANCE = 1e-3, 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,9 +188,8 @@ class SequentialProgram:
             bounds,
             self._cost.quadratic(current.spline.control_points).times(_MULTIPLIER_SMOOTHING),
             _MAX_PENALTY,
-            _MULTIPLIER_TOLERANCE,
         )
-        step = linear.solve()
+        step = linear.solve_exactly(_MULTIPLIER_TOLERANCE)
         if step is None or step.elastic > BROKEN:  # then multipliers tell the penalty alone
             return {}
         keys = self.constraints.keys

@@ -14,7 +14,7 @@ _NEARLY_AT_RADIUS = 0.8
 # Damping is at least doubled after a step that gained little, up to this share of what the step's
 # cost was off by, and divided after one that gained what it should.
 _SHARE_OF_ERROR = 0.2
-_MORE, _LESS = 2.0, 3.0
+_MORE, _LESS = 2.0, 5.0
 _MIN_DAMPING, _MAX_DAMPING = 1e-9, 1e3
 
 
