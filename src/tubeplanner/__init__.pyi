@@ -6,6 +6,7 @@ Of what is marked as returned, nobody needs the arguments: the reference leaves 
 
 # Plan and judge
 from .planning.planner import plan as plan
+from .planning.planner import Planner as Planner
 from .planning.plan_options import PlanOptions as PlanOptions
 from .planning.plan_result import PlanResult as PlanResult  # returned
 from .outcome import PlanStatus as PlanStatus

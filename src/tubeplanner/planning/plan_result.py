@@ -12,6 +12,7 @@ from tubeplanner.outcome import Place, PlanStatus
 from tubeplanner.planning.path_minimum import path_minimum
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, StoppedBy
+from tubeplanner.refinement.refined_motion import RefinedMotion
 from tubeplanner.refinement.sensitivities import Sensitivity
 from tubeplanner.suh_bishop.suh_bishop import PhaseTwoStatistics
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
@@ -50,6 +51,7 @@ class PlanResult:
         sensitivities: What every limit costs, the dearest first; empty unless the answer is
             refinement's.
         notes: What else is worth knowing about the answer.
+        motion: What `Planner.replan` begins with; None unless the answer is refinement's.
         path_minimum: The least time [s] in which motors that switch at once could run the answer's
             path; computed when first asked for. None if there is no answer.
     """
@@ -67,6 +69,7 @@ class PlanResult:
     stopped_by: StoppedBy | None = None
     notes: tuple[str, ...] = ()
     sensitivities: tuple[Sensitivity, ...] = ()
+    motion: RefinedMotion | None = None
     _path_minimum: Callable[[], float | None] = _no_path
 
     @cached_property

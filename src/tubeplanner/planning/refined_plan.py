@@ -16,6 +16,7 @@ from tubeplanner.planning.plan_result import PlanResult, certified_result, stopp
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, Progress, until_stopped
 from tubeplanner.refinement.phased_spline import KnotGrid, PhasedSpline
+from tubeplanner.refinement.refined_motion import RefinedMotion
 from tubeplanner.refinement.refinement import Refinement, has_enough_knots
 from tubeplanner.refinement.sensitivities import limit_sensitivities
 from tubeplanner.refinement.smoother_tube import smoother_problem
@@ -221,9 +222,7 @@ def _from_start(
     *,
     needs_reason: bool,
 ) -> _Found:
-    """Return refinement's result from one start, with samples added where its certificate fails.
-
-    After Ctrl-C or the time limit, certifies the best so far.
+    """Return what refinement makes of one start.
 
     Args:
         problem: The problem that is certified.
@@ -237,6 +236,19 @@ def _from_start(
         TimeLimitReached: Before it began.
     """
     knots = start.spline.grid.interval_count * int(np.prod(start.divisions))
+    checkpoint = entered(knots, clock)
+    refinement = Refinement(inner, start.spline, start.divisions, checkpoint, widens=start.widens)
+    work = refinement.run
+    result = certified_refinement(problem, refinement, work, clock, needs_reason=needs_reason)
+    return _Found(result, refinement.gave_up)
+
+
+def entered(knots: int, clock: PlanningClock) -> Callable[[float], None]:
+    """Enter the stage of refinement to so many knots; return what it calls after every step.
+
+    Raises:
+        TimeLimitReached: Before it began.
+    """
     stage = f"refinement to {knots} knots"
     clock.enter(stage)
 
@@ -244,16 +256,42 @@ def _from_start(
         clock.announce(Progress(stage, best_duration=duration))
         clock.check()
 
-    refinement = Refinement(inner, start.spline, start.divisions, checkpoint, widens=start.widens)
-    work: Callable[[], bool] = refinement.run
+    return checkpoint
+
+
+def certified_refinement(
+    problem: PlanningProblem,
+    refinement: Refinement,
+    work: Callable[[], bool],
+    clock: PlanningClock,
+    *,
+    needs_reason: bool = True,
+) -> PlanResult | None:
+    """Return refinement's result, with samples added where its certificate fails.
+
+    After Ctrl-C or the time limit, certifies the best so far.
+
+    Args:
+        problem: The problem that is certified.
+        refinement: Of it, or of one whose tube lies inside of its.
+        work: Its first part.
+        clock: The planning's.
+        needs_reason: Whether a certificate is to say why, even where refinement gave up.
+
+    Returns:
+        None if refinement gave up and no reason was needed.
+
+    Raises:
+        Infeasible: Nothing to start from.
+    """
     for _ in range(_MAX_OBJECTIONS):
         has_more, stopped_by = until_stopped(work)
         if stopped_by is not None and not refinement.has_spline:
-            return _Found(stopped_result(clock, stopped_by, REFINEMENT))
+            return stopped_result(clock, stopped_by, REFINEMENT)
         if has_more is False:
             break
         if refinement.gave_up and not needs_reason:
-            return _Found(None, gave_up=True)
+            return None
         shape, segments = refinement.trajectory, refinement.segments
         trajectory = scaled_to_limits(problem, shape, segments=segments)
         result = certified_result(problem, trajectory, REFINEMENT, clock)
@@ -264,10 +302,11 @@ def _from_start(
             break
         work = partial(refinement.answer, result.certificate, trajectory.duration)
     if not result.succeeded:
-        return _Found(result, refinement.gave_up)
+        return result
     sensitivities = limit_sensitivities(problem, refinement, trajectory.duration)
     notes = (*result.notes, *_notes(problem, trajectory))
-    return _Found(replace(result, notes=notes, sensitivities=sensitivities))
+    motion = RefinedMotion(refinement.problem, refinement.problem is not problem, refinement.spline)
+    return replace(result, notes=notes, sensitivities=sensitivities, motion=motion)
 
 
 def _notes(problem: PlanningProblem, trajectory: JointTrajectory) -> tuple[str, ...]:

@@ -30,6 +30,7 @@ _FIRST_TRUST, _LATER_TRUST, _LAST_TRUST = 0.2, 0.1, 0.02  # [rad or m]
 _MIN_LAST_TRUST = 0.002
 _GAIN, _LAST_GAIN = 5e-4, 3e-4
 _MAX_STEPS, _STEPS_PER_ROUND, _MAX_ROUNDS = 60, 3, 8
+_NEAR_TRUST = 0.01  # from where nearly nothing is left to be done
 # On coarse knots, links that came close during the search keep this much clearance.
 _MAX_COARSE_ROUNDS, _STEPS_PER_COARSE_ROUND = 6, 10
 # Links that ended clear on fine knots were never this deep on coarse ones (1,856 runs: 0.0073).
@@ -82,16 +83,26 @@ class Refinement:
         return self._gave_up
 
     @property
+    def problem(self) -> PlanningProblem:
+        """What is refined."""
+        return self._problem
+
+    @property
     def has_spline(self) -> bool:
         """Whether there is a trajectory yet."""
         return self._best is not None
 
     @property
-    def trajectory(self) -> JointTrajectory:
-        """The best so far, or else the least infeasible one; it takes one second."""
+    def spline(self) -> PhasedSpline:
+        """The best so far, or else the least infeasible one."""
         if self._best is None:
             raise RuntimeError("refinement has not run")
-        return from_spline(self._problem.robot.joint_names, self._best.spline.bspline())
+        return self._best.spline
+
+    @property
+    def trajectory(self) -> JointTrajectory:
+        """That spline as a trajectory that takes one second."""
+        return from_spline(self._problem.robot.joint_names, self.spline.bspline())
 
     @property
     def segments(self) -> IntArray:
@@ -99,8 +110,7 @@ class Refinement:
 
         In a chain, the first: its segments ask the same of the arm.
         """
-        assert self._best is not None
-        grid = self._best.spline.grid
+        grid = self.spline.grid
         return np.repeat([c.start for c in grid.chains], [len(s) - 1 for s in grid.shares])
 
     def run(self) -> bool:
@@ -131,6 +141,18 @@ class Refinement:
             self._best, self._gave_up = begun, True
         else:
             self._exchange(self._improved(begun, trust, _GAIN, _MAX_STEPS))
+        return True
+
+    def run_on(self) -> bool:
+        """Refine a start that is nearly an answer, on the knots that it has; return True.
+
+        Raises:
+            Infeasible: As `run`.
+        """
+        spline = self._start
+        self._begin_level(spline.grid, LinkConstraints(self._problem), widens=False)
+        self._program.constraints.look_for_links(spline)
+        self._exchange(self._improved(self._begun(spline), _NEAR_TRUST, _GAIN, _MAX_STEPS))
         return True
 
     def _begin_level(self, grid: KnotGrid, links: LinkConstraints, *, widens: bool) -> None:
