@@ -90,7 +90,7 @@ def test_ctrl_c_ends_the_comparison(slider):
 
     with pytest.raises(KeyboardInterrupt):
         compare(slider, ["bang-bang"], progress=interrupt)
-    assert said == ["bang-bang: inverse kinematics along the reference path"]
+    assert said == ["bang-bang: start and goal"]
 
 
 def test_ctrl_c_keeps_the_rows_that_are_done(slider):
