@@ -18,24 +18,21 @@ class Quality:
     Attributes:
         knots: About how many knot intervals it begins with, and into how many parts it then divides
             them, repeatedly; one run per pair, from the most natural start.
-        narrow_knots: The same for tubes that the first of these knots are too coarse to follow.
-        chain_knots: The same for paths of many points, whose segments form chains.
+        narrow_knots: The same for tubes that the first of these knots are too coarse to follow, and
+            for paths of many points, whose segments form chains.
         every_start: Whether it tries other starts too, even after a certified trajectory.
     """
 
     knots: tuple[tuple[int, tuple[int, ...]], ...]
     narrow_knots: tuple[tuple[int, tuple[int, ...]], ...]
-    chain_knots: tuple[tuple[int, tuple[int, ...]], ...]
     every_start: bool = False
 
 
 _FEW, _FINER = (8, (4,)), (8, (3, 4))
 QUALITIES = {
-    "fast": Quality((_FEW,), (_FEW,), (_FEW,)),
-    "balanced": Quality(((18, (4,)),), ((8, (3, 3)),), ((12, (6,)),)),
-    "best": Quality(
-        ((18, (4,)), _FINER), ((8, (3, 3)), _FINER), ((12, (6,)), _FINER), every_start=True
-    ),
+    "fast": Quality((_FEW,), (_FEW,)),
+    "balanced": Quality(((18, (4,)),), ((8, (3, 3)),)),
+    "best": Quality(((18, (4,)), _FINER), ((8, (3, 3)), _FINER), every_start=True),
 }
 
 

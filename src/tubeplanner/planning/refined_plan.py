@@ -158,11 +158,10 @@ def _starts_from(
     problem: PlanningProblem, branch: ReferenceBranch, quality: Quality, *, only_first: bool
 ) -> Iterator[_Start]:
     """Yield a start from a branch for each of the quality's knots, or for the first of them."""
-    wide, knots = sufficient_start(problem, branch, quality.knots[0][0]), quality.knots
-    if any(len(chain) > 1 for chain in wide.grid.chains):
-        knots = quality.chain_knots
-    elif _is_widened(problem, _Start(wide, ())):
-        knots = quality.narrow_knots
+    wide = sufficient_start(problem, branch, quality.knots[0][0])
+    has_chains = any(len(chain) > 1 for chain in wide.grid.chains)
+    is_narrow = has_chains or _is_widened(problem, _Start(wide, ()))
+    knots = quality.narrow_knots if is_narrow else quality.knots
     for intervals, divisions in knots[: 1 if only_first else None]:
         spline = sufficient_start(problem, branch, intervals)
         yield _Start(spline, _divisions(spline.grid, intervals, divisions))
