@@ -59,7 +59,10 @@ TESTS = {
         "refinement/test_spline_constraints.py",
         "planning/test_planner_best_known.py",
     ),
-    "refinement/refinement": ("planning/test_planner_best_known.py",),
+    "refinement/refinement": (
+        "planning/test_planner_best_known.py",
+        "refinement/test_link_constraints.py",
+    ),
     "refinement/trust_region": ("refinement/test_trust_region.py",),
     "refinement/step_cost": ("refinement/test_step_cost.py",),
     "refinement/phased_spline": ("refinement/test_phased_spline.py",),
@@ -840,6 +843,8 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("gain < _GOOD_RATIO * predicted", "False"),
         ("trust.after(outcome)", "replace(trust.after(outcome), radius=trust.radius)"),
     ],
+    # --- refinement/refinement ----------------------------------------------------------------
+    "_dodged": [("again.links.excess.max(initial=0.0) > _DODGED", "False")],
     # --- refinement/trust_region --------------------------------------------------------------
     "TrustRegion._next_radius": [
         ("return min(2 * self.radius, _MAX_RADIUS)", "return self.radius"),

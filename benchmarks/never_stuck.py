@@ -9,18 +9,14 @@ slower than a baseline, or more than 2 % above its mark.
 """
 
 import argparse
-import json
-import os
-import subprocess
-import sys
 from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 
+from checkout import HERE, Checkout
 from narrow_cases import Case, cases
 
-HERE = Path(__file__).resolve().parent.parent
 SMOOTHED = ("smoothed-arc-corners", "smoothed-bang-bang")
 MOST_ABOVE_MARK = 1.02
 # Planned by either checkout's own package, through names that do not change; the second of two
@@ -48,28 +44,9 @@ for line in sys.stdin:
 """
 
 
-class Checkout:
-    """A process that plans with the sources of a checkout."""
-
-    def __init__(self, path: Path) -> None:
-        environment = os.environ | {"PYTHONPATH": str(path / "src"), "OPENBLAS_NUM_THREADS": "1"}
-        self._process = subprocess.Popen(
-            [sys.executable, "-c", DRIVER],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            env=environment,
-            text=True,
-        )
-
-    def plan(self, case: Case, baselines: tuple[str, ...] = ()) -> dict:
-        """Return what it plans, and its fastest baseline."""
-        question = asdict(case) | {"baselines": baselines}
-        self._process.stdin.write(json.dumps(question) + "\n")
-        self._process.stdin.flush()
-        line = self._process.stdout.readline()
-        if not line:
-            raise SystemExit(f"{case.name}: the process that plans has ended")
-        return json.loads(line)
+def planned(checkout: Checkout, case: Case, baselines: tuple[str, ...] = ()) -> dict:
+    """Return what a checkout plans, and its fastest baseline."""
+    return checkout.ask(asdict(case) | {"baselines": baselines})
 
 
 def geometric_mean(ratios: list[float]) -> float:
@@ -99,17 +76,17 @@ def main() -> int:
     parser.add_argument("--against", type=Path, help="another checkout")
     parser.add_argument("--only", default="", help="problems whose name contains this")
     arguments = parser.parse_args()
-    here = Checkout(HERE)
-    other = Checkout(arguments.against.resolve()) if arguments.against else None
+    here = Checkout(HERE, DRIVER)
+    other = Checkout(arguments.against.resolve(), DRIVER) if arguments.against else None
     names = ("T [s]", "mark", "baseline", "other T", "CPU", "other")
     print(f"{'problem':32}" + "".join(f"{name:>10}" for name in names))
     faults, ratios = 0, {}
     for case in cases():
         if arguments.only not in case.name:
             continue
-        answer = here.plan(case, SMOOTHED if case.is_narrow else ())
+        answer = planned(here, case, SMOOTHED if case.is_narrow else ())
         answer.setdefault("baseline", None)
-        before = {} if other is None else other.plan(case)
+        before = {} if other is None else planned(other, case)
         wrong = fault(case, answer)
         faults += bool(wrong)
         print(

@@ -9,15 +9,13 @@ processor time without the certificate's. Exit status 1 if the geometric mean of
 """
 
 import argparse
-import json
 import math
-import os
-import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-HERE = Path(__file__).resolve().parent.parent
+from checkout import HERE, Checkout
+
 MAX_MEAN, MAX_WORST, MAX_LONGER = 0.6, 0.8, 1.0005
 # Both checkouts run this, through names that do not change; the problems are made alike.
 DRIVER = """
@@ -46,36 +44,13 @@ def problem_of(name):
     return random_case(arm, ARMS[arm](), int(seed)).problem
 
 for line in sys.stdin:
-    problem, spent[0] = problem_of(line.strip()), 0.0
+    problem, spent[0] = problem_of(json.loads(line)), 0.0
     problem.collision
     begin = time.process_time()
     result = plan(problem)
     seconds = time.process_time() - begin - spent[0]
     print(json.dumps([result.succeeded, result.duration, result.method, seconds]), flush=True)
 """
-
-
-class Checkout:
-    """A process that plans with the sources of a checkout."""
-
-    def __init__(self, folder: Path) -> None:
-        variables = {"PYTHONPATH": str(folder / "src"), "OPENBLAS_NUM_THREADS": "1"}
-        self._process = subprocess.Popen(
-            [sys.executable, "-c", DRIVER, str(HERE / "benchmarks")],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-            env=os.environ | variables,
-        )
-
-    def plan(self, name: str) -> tuple[bool, float | None, str, float]:
-        """Return whether a problem is solved, the duration [s], the method and processor time."""
-        asked, answers = self._process.stdin, self._process.stdout
-        assert asked is not None and answers is not None
-        asked.write(name + "\n")
-        asked.flush()
-        succeeded, duration, method, seconds = json.loads(answers.readline())
-        return succeeded, duration, method, seconds
 
 
 def names(random: int) -> Iterator[str]:
@@ -101,15 +76,16 @@ def main() -> int:
     parser.add_argument("--repeats", type=int, default=1)
     parser.add_argument("--only", nargs="*", default=[])
     arguments = parser.parse_args()
-    checkouts = [Checkout(arguments.other.resolve()), Checkout(HERE)]
+    folders, modules = (arguments.other.resolve(), HERE), str(HERE / "benchmarks")
+    checkouts = [Checkout(folder, DRIVER, modules) for folder in folders]
     for checkout in checkouts:
-        checkout.plan("example:two_link/paper_1_30mm")
+        checkout.ask("example:two_link/paper_1_30mm")
     ratios, durations = [], []
     print(
         f"{'problem':45s} {'T before':>9s} {'now':>9s} {'ratio':>8s} {'CPU':>7s} {'now':>7s} ratio"
     )
     for name in arguments.only or names(arguments.random):
-        runs = [[checkout.plan(name) for checkout in checkouts] for _ in range(arguments.repeats)]
+        runs = [[checkout.ask(name) for checkout in checkouts] for _ in range(arguments.repeats)]
         before, now = runs[0]
         costs = [min(run[side][3] for run in runs) for side in (0, 1)]
         ratios.append(costs[1] / costs[0])

@@ -9,17 +9,13 @@ its share of a plan, ends with another status than it should, or names no place.
 """
 
 import argparse
-import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 from ruamel.yaml import YAML
 
+from checkout import HERE, Checkout
 from refusal_cases import RefusalCase, changed, refusal_cases
 
-HERE = Path(__file__).resolve().parent.parent
 # Planned by either checkout's own package; the least of the times counts.
 DRIVER = """
 import json, sys, time
@@ -36,28 +32,17 @@ for line in sys.stdin:
 """
 
 
-class Checkout:
-    """A process that plans with the sources of a checkout."""
+class Planning:
+    """A checkout that plans."""
 
-    def __init__(self, path: Path) -> None:
-        environment = os.environ | {"PYTHONPATH": str(path / "src"), "OPENBLAS_NUM_THREADS": "1"}
-        self._process = subprocess.Popen(
-            [sys.executable, "-c", DRIVER],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            env=environment,
-            text=True,
-        )
+    def __init__(self, folder: Path) -> None:
+        """Start it in the folder of a checkout."""
+        self._checkout = Checkout(folder, DRIVER)
         self._times: dict[str, float] = {}
 
     def plan(self, data: dict, repeats: int = 1) -> dict:
         """Return status, message, place and processor time [s] of a problem's plan."""
-        self._process.stdin.write(json.dumps({"data": data, "repeats": repeats}) + "\n")
-        self._process.stdin.flush()
-        line = self._process.stdout.readline()
-        if not line:
-            raise SystemExit("a process that plans has ended")
-        return json.loads(line)
+        return self._checkout.ask({"data": data, "repeats": repeats})
 
     def time_of(self, bundled: str) -> float:
         """Return the processor time [s] of a bundled problem's plan, measured once."""
@@ -87,7 +72,7 @@ def main() -> int:
     parser.add_argument("--only", default="", help="cases whose name or problem contains this")
     options = parser.parse_args()
     paths = [HERE] if options.other is None else [options.other.resolve(), HERE]
-    checkouts = [Checkout(path) for path in paths]
+    checkouts = [Planning(path) for path in paths]
     columns = "".join(f"{name:>9}" for name in ("plan", "refusal", "share") * len(paths))
     print(f"{'case':22}{'problem':28}{columns}")
     faults = 0

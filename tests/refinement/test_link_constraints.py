@@ -1,5 +1,7 @@
 """Links in the optimisation: trajectories that would be faster through something."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from tubeplanner import (
     PlanStatus,
     Seed,
     Tube,
+    load_problem,
     placement_of,
     plan,
     verify,
@@ -17,6 +20,7 @@ from tubeplanner import (
 from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
 from tubeplanner.refinement.link_constraints import LinkConstraints
 from tubeplanner.refinement.phased_spline import PhasedSpline
+from tubeplanner.refinement.refinement import Refinement
 from tubeplanner.refinement.spline_start import starting_spline
 
 POINTS = [[0.3, -0.3, 0], [0.3, 0.3, 0]]
@@ -105,3 +109,19 @@ def test_what_was_far_off_at_the_last_look_is_seen_once_it_comes_near(two_link):
     found = [links.at(near).closest.distance.min() for links in (known, fresh)]
     assert found[0] == pytest.approx(found[1], abs=1e-12)
     assert found[0] < -0.005
+
+
+@pytest.mark.parametrize("has_plate", [True, False])
+def test_links_that_pass_between_coarse_samples_are_given_up_on_the_finest(has_plate):
+    """A thin plate across the tube is jumped over where there is no sample."""
+    problem = load_problem("example:panda/between_shelves")
+    plate = Obstacle.box("plate", [0.08, 0.14, 0.02], placement_of([0.38, 0, 0.6]))
+    if has_plate:
+        problem = replace(problem, obstacles=[*problem.obstacles, plate])
+    branch = reference_branch(problem, redundancy_rules(problem)[0])
+    start = starting_spline(problem, branch, 18)
+    refinement = Refinement(problem, start, (4,))
+    refinement.run()
+    assert refinement.gave_up == has_plate
+    # Not for what it looked like on coarse knots.
+    assert refinement.spline.grid.interval_count == 4 * start.grid.interval_count
