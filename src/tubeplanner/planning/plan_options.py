@@ -1,9 +1,10 @@
 """How to plan: method, quality and budgets."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from tubeplanner.errors import OptionError, unknown_name
 from tubeplanner.options import require_between, require_count, require_kind
+from tubeplanner.problem.objective import require_slack
 from tubeplanner.suh_bishop.suh_bishop import SuhBishopOptions
 
 REFINEMENT, BRANCH_AND_BOUND = "refinement", "branch-and-bound"
@@ -56,6 +57,8 @@ class PlanOptions:
             says so.
         suh_bishop: How phase 2 of "suh-bishop" is done.
         time_limit: Wall time after which planning ends with the best it has [s]; None: never.
+        slack: By which share longer than the shortest motion refinement's answer may be, to be
+            smooth; 0: the shortest. None: what the problem's objective says.
     """
 
     method: str = METHODS[0]
@@ -64,6 +67,7 @@ class PlanOptions:
     node_budget: int = 10_000
     suh_bishop: SuhBishopOptions = field(default_factory=SuhBishopOptions)
     time_limit: float | None = None
+    slack: float | None = None
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:
@@ -75,3 +79,10 @@ class PlanOptions:
         require_kind(self, "suh_bishop", SuhBishopOptions)
         if self.time_limit is not None:
             require_between(self, 0, None, "time_limit", unit="s")
+        if self.slack is not None:
+            require_slack("slack", self.slack, OptionError)
+
+    @property
+    def shortest(self) -> "PlanOptions":
+        """The same, for the shortest motion unless a slack is given: what marks are compared by."""
+        return replace(self, slack=0.0) if self.slack is None else self

@@ -52,6 +52,8 @@ class PlanResult:
             refinement's.
         notes: What else is worth knowing about the answer.
         motion: What `Planner.replan` begins with; None unless the answer is refinement's.
+        shortest: The shortest certified trajectory that was found, if the answer is another one
+            that takes a little longer; None if it is the answer.
         path_minimum: The least time [s] in which motors that switch at once could run the answer's
             path; computed when first asked for. None if there is no answer.
     """
@@ -70,6 +72,7 @@ class PlanResult:
     notes: tuple[str, ...] = ()
     sensitivities: tuple[Sensitivity, ...] = ()
     motion: RefinedMotion | None = None
+    shortest: JointTrajectory | None = None
     _path_minimum: Callable[[], float | None] = _no_path
 
     @cached_property
@@ -88,6 +91,11 @@ class PlanResult:
         return None if self.trajectory is None else self.trajectory.duration
 
     @property
+    def shortest_duration(self) -> float | None:
+        """Duration of the shortest certified trajectory that was found [s], None if none was."""
+        return self.duration if self.shortest is None else self.shortest.duration
+
+    @property
     def phase1_duration(self) -> float | None:
         """Duration of branch and bound's trajectory [s], None if it found nothing faster."""
         return None if self.search is None else self.search.best_duration
@@ -99,6 +107,7 @@ class PlanResult:
             "message": self.message,
             "where": self.place.as_dict(),
             "duration": self.duration,
+            "shortest_duration": self.shortest_duration,
             "phase1_duration": self.phase1_duration,
             "planning_time": self.planning_time,
             "certificate_time": self.certificate_time,

@@ -6,6 +6,7 @@ from functools import partial
 from tubeplanner.branches.known_branches import KnownBranches
 from tubeplanner.outcome import Infeasible, PlanStatus
 from tubeplanner.planning.continued_plan import continued_plan
+from tubeplanner.planning.followed_plan import followed_plan
 from tubeplanner.planning.necessary_conditions import require_possible
 from tubeplanner.planning.plan_options import (
     QUALITIES,
@@ -19,6 +20,7 @@ from tubeplanner.planning.refined_plan import refined_plan
 from tubeplanner.planning.searched_plan import searched_plan
 from tubeplanner.planning.stopping_plan import StoppingPlan, stopping_plan
 from tubeplanner.planning.suh_bishop_plan import suh_bishop_plan
+from tubeplanner.problem.objective import Objective
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, ProgressCallback, until_stopped
 from tubeplanner.refinement.refined_motion import RefinedMotion
@@ -95,10 +97,19 @@ class Planner:
             result = stopped_result(clock, stopped_by or "interrupt", options.method)
         if result.status is PlanStatus.INTERRUPTED:
             raise KeyboardInterrupt
+        if result.motion is not None and result.stopped_by is None:
+            result = followed_plan(problem.joined, result, _slack(problem, options), clock)
         if result.stopped_by is None:  # else it may have ended on coarse knots
             self._last = result.motion or self._last
         notes = (*problem.tube.notes, *result.notes)
         return replace(result, planning_time=clock.elapsed, notes=notes)
+
+
+def _slack(problem: PlanningProblem, options: PlanOptions) -> float:
+    """Return by which share longer than the shortest motion the answer may be."""
+    if options.slack is not None:
+        return options.slack
+    return (problem.objective or Objective()).slack
 
 
 def plan(

@@ -9,10 +9,10 @@ import numpy as np
 
 from tubeplanner.branches.known_branches import KnownBranches
 from tubeplanner.branches.reference_branch import ReferenceBranch, redundancy_rules
-from tubeplanner.constraints.time_scaling import scaled_to_limits
 from tubeplanner.outcome import Infeasible, PlanStatus
+from tubeplanner.planning.certified_motion import certified_motion
 from tubeplanner.planning.plan_options import QUALITIES, REFINEMENT, PlanOptions, Quality
-from tubeplanner.planning.plan_result import PlanResult, certified_result, stopped_result
+from tubeplanner.planning.plan_result import PlanResult, stopped_result
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, Progress, until_stopped
 from tubeplanner.refinement.phased_spline import KnotGrid, PhasedSpline
@@ -25,8 +25,6 @@ from tubeplanner.refinement.tube_chains import sharpest_bend, tube_chains
 from tubeplanner.refinement.widened_tube import widened_radius
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
-# How often refinement gets the times of failed conditions from a certificate.
-_MAX_OBJECTIONS = 5
 # Where the segments need more knots than the quality has, there are at most this many times more.
 _MAX_KNOTS_SHARE = 1.5
 # A path that turns more than this over the length of a radius is smoothed before it is tried [rad].
@@ -268,9 +266,7 @@ def certified_refinement(
     *,
     needs_reason: bool = True,
 ) -> PlanResult | None:
-    """Return refinement's result, with samples added where its certificate fails.
-
-    After Ctrl-C or the time limit, certifies the best so far.
+    """Return refinement's result, as `certified_motion`, with what limits cost and how it ended.
 
     Args:
         problem: The problem that is certified.
@@ -285,25 +281,10 @@ def certified_refinement(
     Raises:
         Infeasible: Nothing to start from.
     """
-    for _ in range(_MAX_OBJECTIONS):
-        has_more, stopped_by = until_stopped(work)
-        if stopped_by is not None and not refinement.has_spline:
-            return stopped_result(clock, stopped_by, REFINEMENT)
-        if has_more is False:
-            break
-        if refinement.gave_up and not needs_reason:
-            return None
-        shape, segments = refinement.trajectory, refinement.segments
-        trajectory = scaled_to_limits(problem, shape, segments=segments)
-        result = certified_result(problem, trajectory, REFINEMENT, clock)
-        result = replace(result, stopped_by=stopped_by)
-        if result.succeeded or result.certificate is None:
-            break
-        if refinement.gave_up or stopped_by is not None:
-            break
-        work = partial(refinement.answer, result.certificate, trajectory.duration)
-    if not result.succeeded:
+    result = certified_motion(problem, refinement, work, clock, needs_reason=needs_reason)
+    if result is None or result.trajectory is None:
         return result
+    trajectory = result.trajectory
     sensitivities = limit_sensitivities(problem, refinement, trajectory.duration)
     notes = (*result.notes, *_notes(problem, trajectory))
     motion = RefinedMotion(refinement.problem, refinement.problem is not problem, refinement.spline)

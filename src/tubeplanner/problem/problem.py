@@ -13,10 +13,13 @@ from tubeplanner.collision.obstacle import MAX_SIZE, AttachedSolid, Obstacle
 from tubeplanner.errors import ProblemError, shown, unknown_name
 from tubeplanner.options import in_figures, is_number
 from tubeplanner.outcome import MARGIN_TOLERANCE
+from tubeplanner.problem.objective import Objective
 from tubeplanner.problem.joint_values import configuration_of
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.tube.joined_segments import joined_segments
 from tubeplanner.tube.tube import Tube
+
+_LEAST_PERIOD, _MAX_PERIOD = 1e-5, 1.0  # [s]
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +48,8 @@ class PlanningProblem:
         clearance: Least distance between any moving link and any obstacle [m].
         self_collision: Whether links are checked against each other.
         ignore_collisions: Pairs of names of links or obstacles that may touch.
+        objective: What the answer is to be beside short.
+        period: A controller's [s]: duration and breakpoints are multiples of it; None: any.
         name: What messages and plots call it.
 
     Raises:
@@ -62,6 +67,8 @@ class PlanningProblem:
     clearance: float = 0.0
     self_collision: bool = True
     ignore_collisions: Sequence[tuple[str, str]] = ()
+    objective: Objective | None = None
+    period: float | None = None
     name: str = "problem"
     joint_lower: FloatArray = field(init=False)
     joint_upper: FloatArray = field(init=False)
@@ -80,6 +87,7 @@ class PlanningProblem:
             raise ProblemError(
                 f"clearance is {in_figures(self.clearance)} m; 0 to {MAX_SIZE:g} m are accepted"
             )
+        self._require_timing()
 
     @property
     def collision(self) -> CollisionChecker:
@@ -142,6 +150,18 @@ class PlanningProblem:
             ProblemError: As on construction.
         """
         return replace(self, tube=tube, start=start, goal=None)
+
+    def _require_timing(self) -> None:
+        """Raise unless objective and period are what they must be."""
+        if self.objective is not None and not isinstance(self.objective, Objective):
+            raise ProblemError(f"objective is {shown(self.objective)}; give an Objective")
+        if self.period is None:
+            return
+        if not is_number(self.period) or not _LEAST_PERIOD <= self.period <= _MAX_PERIOD:
+            raise ProblemError(
+                f"period is {in_figures(self.period)} s; give the controller's, {_LEAST_PERIOD:g} "
+                f"to {_MAX_PERIOD:g} s, or leave it out"
+            )
 
     def _keep_groups(self) -> None:
         """Keep obstacles, attached solids and ignored pairs as tuples of what they must be."""

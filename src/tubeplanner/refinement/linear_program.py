@@ -1,7 +1,7 @@
 """The linear program of one step: solved by PIQP, an interior-point method for sparse problems."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import piqp
@@ -20,19 +20,21 @@ _SOLVERS = (
 
 @dataclass(frozen=True, eq=False)
 class Quadratic:
-    """The curvature of a step's cost.
+    """What a step costs, but for the elastic variable.
 
     Attributes:
         hessian: Over all that may change, shape (V, V).
-        gradient: Over the variables, shape (F n,).
+        gradient: Over configurations and switching times, shape (V-2,).
+        duration: What eta costs.
     """
 
     hessian: sparse.csc_matrix
     gradient: FloatArray
+    duration: float = 1.0
 
     def times(self, factor: float) -> "Quadratic":
-        """Return a multiple of it."""
-        return Quadratic(self.hessian * factor, self.gradient * factor)
+        """Return a multiple of its curvature and gradient."""
+        return replace(self, hessian=self.hessian * factor, gradient=self.gradient * factor)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,8 +95,8 @@ class SparseRows:
 class StepProgram:
     """A linear program with a little curvature, and its solver.
 
-    It minimises eta + penalty * elastic + gradient . dC + x . hessian . x / 2 under the rows, x
-    being all that may change: configurations, switching times, eta, elastic.
+    It minimises duration * eta + penalty * elastic + gradient . z + x . hessian . x / 2 under the
+    rows, z being configurations and switching times, x all that may change: z, eta, elastic.
     """
 
     def __init__(
@@ -112,7 +114,7 @@ class StepProgram:
             rows: The constraints, R of them in all, from `sparse_rows`.
             slack: Theirs, shape (R,).
             bounds: Where the step must stay.
-            quadratic: The curvature of the step's cost.
+            quadratic: The step's cost.
             penalty: Weight of the elastic variable.
             tolerance: Of the solution, absolute and relative.
         """
@@ -120,7 +122,7 @@ class StepProgram:
         switches = len(bounds.switching)
         self._widths = bounds.widths if switches else np.zeros(0)
         self._hessian = quadratic.hessian
-        self._linear = np.concatenate([quadratic.gradient, np.zeros(switches), [1.0, penalty]])
+        self._linear = np.concatenate([quadratic.gradient, [quadratic.duration, penalty]])
         self._lower = np.concatenate(
             [bounds.lower.ravel(), -bounds.switching, [bounds.duration[0], 0.0]]
         )

@@ -88,7 +88,7 @@ class Linearization:
             given: Those that the first program gets.
             variables: What may change.
             bounds: Where a step must stay.
-            quadratic: The curvature of its cost.
+            quadratic: Its cost.
             penalty: Weight of the elastic constraints.
         """
         self._current, self._variables, self._bounds = current, variables, bounds

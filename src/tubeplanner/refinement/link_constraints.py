@@ -39,10 +39,17 @@ _SAME_SHARE, _SAME_SHARE_ASKED = 0.3, 1e-3
 class LinkConstraints:
     """The pairs of shapes that must stay apart, and where along the spline they are watched."""
 
-    def __init__(self, problem: PlanningProblem) -> None:
+    def __init__(self, problem: PlanningProblem, room: float = 0.0) -> None:
+        """Watch no pairs yet.
+
+        Args:
+            problem: The planning problem.
+            room: What is to stay free from obstacles, beyond what is asked [m].
+        """
         checker = problem.collision
         self._problem, self._checker = problem, checker
-        self._pairs, self._required = checker.pairs, checker.required(problem.clearance)
+        self._pairs = checker.pairs
+        self._required = checker.required(problem.clearance + room)
         self._samples = Samples(np.zeros(0, int), np.zeros(0), np.zeros(0, int))
         self._pair = np.zeros(0, dtype=np.int64)
         self._aim = np.full(len(self._pairs), np.nan)

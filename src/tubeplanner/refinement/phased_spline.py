@@ -64,6 +64,14 @@ class Samples:
         """Return some of the samples."""
         return Samples(self.phase[keep], self.share[keep], self.interval[keep])
 
+    def times_by_switching(self, count: int) -> FloatArray:
+        """Return the times' derivatives by so many inner switching times, shape (N, count)."""
+        ends = np.arange(1, count + 1)
+        before = (self.phase[:, None] == ends) * (1 - self.share[:, None])
+        after = (self.phase[:, None] == ends - 1) * self.share[:, None]
+        derivatives: FloatArray = before + after
+        return derivatives
+
     def times(self, switching_times: FloatArray) -> FloatArray:
         """Return their times x for switching times (m+1,), shape (N,)."""
         times: FloatArray = (
@@ -79,15 +87,22 @@ class KnotGrid:
     Attributes:
         shares: Per phase, the knots' shares of it, from 0 to 1, both included.
         chains: The tube's segments of every phase; one each if not given.
+        is_fixed: Whether switching times stay where they are.
     """
 
     shares: tuple[FloatArray, ...]
     chains: tuple[range, ...] = ()
+    is_fixed: bool = False
 
     def __post_init__(self) -> None:
         if not self.chains:
             chains = tuple(range(k, k + 1) for k in range(len(self.shares)))
             object.__setattr__(self, "chains", chains)
+
+    @property
+    def switch_count(self) -> int:
+        """Number of switching times that may move."""
+        return 0 if self.is_fixed else len(self.shares) - 1
 
     @property
     def interval_count(self) -> int:
@@ -140,6 +155,15 @@ class KnotGrid:
         return Samples(np.arange(count), np.ones(count), last)
 
 
+def segments_of_pieces(grid: KnotGrid) -> IntArray:
+    """Return the tube segment of each knot interval, shape (M,).
+
+    In a chain, the first: its segments ask the same of the arm.
+    """
+    first = [chain.start for chain in grid.chains]
+    return np.repeat(first, [len(shares) - 1 for shares in grid.shares])
+
+
 @lru_cache(maxsize=16)  # of several kinds of samples, and while switching times stay
 def _at_knots(grid: KnotGrid, switching_times: bytes) -> FloatArray:
     """Return the weights at the beginning of every knot interval, shape (4, M, 4)."""
@@ -181,10 +205,10 @@ EvaluationPoints: TypeAlias = Samples | VelocityHull
 def basis_by_switching(
     evaluation_points: EvaluationPoints, grid: KnotGrid, switching_times: FloatArray
 ) -> FloatArray:
-    """Return the weights' derivatives by the inner switching times, (m-1, orders, N, 4)."""
+    """Return the weights' derivatives by the switching times that may move, (m-1, orders, N, 4)."""
     here = evaluation_points.basis(grid, switching_times)
-    found = np.zeros((len(switching_times) - 2, *here.shape))
-    for column in range(len(switching_times) - 2):
+    found = np.zeros((grid.switch_count, *here.shape))
+    for column in range(grid.switch_count):
         moved = switching_times.copy()
         moved[column + 1] += _SWITCHING_STEP
         found[column] = (evaluation_points.basis(grid, moved) - here) / _SWITCHING_STEP

@@ -17,7 +17,7 @@ from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.refinement.linear_rows import MERIT_TOLERANCE
 from tubeplanner.refinement.link_constraints import LinkConstraints
-from tubeplanner.refinement.phased_spline import KnotGrid, PhasedSpline
+from tubeplanner.refinement.phased_spline import KnotGrid, PhasedSpline, segments_of_pieces
 from tubeplanner.refinement.sequential_program import FIRST_PENALTY, Improved, SequentialProgram
 from tubeplanner.refinement.spline_constraints import Iterate
 from tubeplanner.refinement.spline_start import subdivided
@@ -106,12 +106,8 @@ class Refinement:
 
     @property
     def segments(self) -> IntArray:
-        """The tube segment of each polynomial piece of that trajectory, shape (pieces,).
-
-        In a chain, the first: its segments ask the same of the arm.
-        """
-        grid = self.spline.grid
-        return np.repeat([c.start for c in grid.chains], [len(s) - 1 for s in grid.shares])
+        """The tube segment of each polynomial piece of that trajectory, shape (pieces,)."""
+        return segments_of_pieces(self.spline.grid)
 
     def run(self) -> bool:
         """Refine to the finest knots, or until it turns out to be hopeless; return True.

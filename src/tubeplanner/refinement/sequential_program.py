@@ -19,6 +19,7 @@ from tubeplanner.refinement.linear_program import Bounds, Step
 from tubeplanner.refinement.linear_rows import INNER_MARGIN, MERIT_TOLERANCE, Rows, StepSize
 from tubeplanner.refinement.linearization import BROKEN, Given, Linearization
 from tubeplanner.refinement.link_constraints import LinkConstraints
+from tubeplanner.refinement.step_objective import ShortestDuration, StepObjective
 from tubeplanner.refinement.phased_spline import DEGREE, KnotGrid, PhasedSpline
 from tubeplanner.refinement.region_constraints import EvaluatedRegions, Planes
 from tubeplanner.refinement.spline_constraints import Iterate, SplineConstraints
@@ -34,7 +35,7 @@ _WORTH_A_MOVE = 0.02
 # A step that should lose this share of T^2 obeys planes of two segments that contradict each other.
 _CONTRADICTION = 5e-4
 FIRST_PENALTY, _MAX_PENALTY = 3.0, 1e4
-_DURATION_STEP = (-0.5, 1.0)
+_LARGEST_DURATION_STEP = 1.0
 # Phases change by at most this share of their width, and of the trust region.
 _MAX_WIDTH_SHARE, _WIDTH_SHARE = 0.3, 8.0
 # For the multipliers: a small trust region, hardly any quadratic part, an exact solution.
@@ -84,6 +85,8 @@ class SequentialProgram:
         grid: KnotGrid,
         links: LinkConstraints | None = None,
         radius: FloatArray | None = None,
+        objective: StepObjective | None = None,
+        room: FloatArray | None = None,
     ) -> None:
         """Prepare it.
 
@@ -92,10 +95,15 @@ class SequentialProgram:
             grid: The splines' knots.
             links: What is watched of the links already.
             radius: Of the tube's segments, if not their own, shape (m,) [m].
+            objective: What steps are to gain; None: a shorter duration.
+            room: The share of the tube's regions that stays unused, shape (m,); None: none.
         """
+        self._objective: StepObjective = objective or ShortestDuration()
         radius = problem.tube.effective_radius if radius is None else radius
         links = links or LinkConstraints(problem)
-        self.constraints = SplineConstraints(problem, grid, links, radius)
+        self.constraints = SplineConstraints(
+            problem, grid, links, radius, self._objective.run_in, room
+        )
         self._problem, self.grid = problem, grid
         self._variables = ControlVariables(problem, grid)
         self._cost = StepCost(self._variables, grid, problem.robot.joint_count)
@@ -137,7 +145,7 @@ class SequentialProgram:
             if trial is None:
                 trust = trust.smaller()
                 continue
-            predicted, gain = _gains(current, trial, step, penalty)
+            predicted, gain = self._gains(current, trial, step, penalty)
             if predicted < -_CONTRADICTION:
                 trust = trust.smaller()
                 continue
@@ -151,6 +159,7 @@ class SequentialProgram:
                 float(abs(step.control).max(initial=0.0)),
                 self._cost.squared_rates(step.control),
             )
+            self._objective.after(step)
             if step.elastic > BROKEN:
                 penalty = min(4 * penalty, _MAX_PENALTY)
             if outcome.ratio > _WORTH_A_MOVE:
@@ -217,8 +226,21 @@ class SequentialProgram:
         if points is None:
             return None
         switching_times = current.spline.switching_times.copy()
-        switching_times[1:-1] += step.switching
+        if self.grid.switch_count:
+            switching_times[1:-1] += step.switching
         return self.constraints.at(PhasedSpline(self.grid, switching_times, points))
+
+    def _gains(
+        self, current: Iterate, trial: Iterate, step: Step, penalty: float
+    ) -> tuple[float, float]:
+        """Return what a step should have gained, and what it did."""
+        before, expected, found = (
+            max(excess - self._objective.ignored_excess, 0.0)
+            for excess in (current.excess, step.elastic, trial.excess)
+        )
+        predicted = self._objective.predicted_gain(current, step)
+        gain = self._objective.gain(current, trial)
+        return predicted + penalty * (before - expected), gain + penalty * (before - found)
 
     def _corrected(
         self, current: Iterate, linear: Linearization, step: Step, trial: Iterate, gain: float
@@ -234,7 +256,7 @@ class SequentialProgram:
         second = self._moved(current, other)
         if second is None:
             return trial, gain
-        _, second_gain = _gains(current, second, other, linear.penalty)
+        _, second_gain = self._gains(current, second, other, linear.penalty)
         return (second, second_gain) if second_gain > gain else (trial, gain)
 
     def _linearized(
@@ -254,7 +276,11 @@ class SequentialProgram:
             Given(near | np.isin(rows.index, remembered.rows), planes, none),
             self._variables,
             bounds,
-            self._cost.quadratic(current.spline.control_points, trust.damping),
+            self._objective.cost(
+                current,
+                self._variables,
+                self._cost.quadratic(current.spline.control_points, trust.damping),
+            ),
             penalty,
         )
 
@@ -263,6 +289,7 @@ class SequentialProgram:
         widths = np.diff(current.spline.switching_times)
         widths *= min(_MAX_WIDTH_SHARE, _WIDTH_SHARE * trust.radius)
         switching = np.minimum(np.cumsum(widths)[:-1], np.cumsum(widths[::-1])[-2::-1])
+        switching = switching[: self.grid.switch_count]
         points = current.spline.control_points
         now, joints = self._variables.of(points), points.shape[1]
         held = self._variables.held(points)
@@ -271,7 +298,7 @@ class SequentialProgram:
             np.clip(self._variables.upper - now, 0.0, trust.radius),
             switching,
             widths,
-            _DURATION_STEP,
+            (self._objective.least_duration_step, _LARGEST_DURATION_STEP),
             held if goal_moves or len(held) == 0 else np.eye(joints),
         )
 
@@ -289,16 +316,3 @@ def _near_planes(current: Iterate, ignored: tuple[BoolArray, ...]) -> tuple[Plan
         is_near = regions.slack(planes) < _NEAR
         found.append(planes.where(is_near & ~left_out[planes.sample]))
     return tuple(found)
-
-
-def _gains(current: Iterate, trial: Iterate, step: Step, penalty: float) -> tuple[float, float]:
-    """Return what a step should have gained, and what it did, in squared durations."""
-    before = _beyond(current.excess)
-    predicted = -step.duration + penalty * (before - _beyond(step.elastic))
-    duration = trial.squared_duration / current.squared_duration
-    return predicted, 1 - duration + penalty * (before - _beyond(trial.excess))
-
-
-def _beyond(excess: float) -> float:
-    """Return the counted part of an excess."""
-    return max(excess - MERIT_TOLERANCE, 0.0)

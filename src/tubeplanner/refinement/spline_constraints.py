@@ -40,7 +40,8 @@ _TUBE_SAMPLES = np.arange(3) / 3
 _DENSE_SAMPLES = np.linspace(0, 1, 21)
 # Samples may lie this much farther apart than on average; and what their kinks may take, in radii.
 _UNEVEN, _MOST_FOR_KINKS = 2, 0.03
-_HIGHER = 1.001  # peaks of the squared duration between samples that count
+# Peaks of the squared duration between samples that count.
+_HIGHER, _HIGHER_IN_A_GIVEN_DURATION = 1.001, 1.0002
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,21 +51,28 @@ class Iterate:
     Attributes:
         spline: Control points and switching times.
         squared_duration: The least T^2 that the limits allow at the samples [s^2].
+        duration: T in which it is run [s].
         excess: How far tool or links violate their constraints, >= 0: of the tool in
             radii or rotation tolerances beyond the narrowed tube, of links in units of 5 cm.
         limits: What it was computed from: the limits on its speed.
         regions: Likewise, the tool's position and the angle of its rotation, if that is bounded.
         rotation: Likewise, the components of its rotation; None where they are free.
         links: Likewise.
+        watched: The spline and the arm at two samples per knot interval, at the end of every phase,
+            and at samples that were added.
+        rates: Likewise, at the beginning of every knot interval and at the end of every phase.
     """
 
     spline: PhasedSpline
     squared_duration: float
+    duration: float
     excess: float
     limits: tuple[EvaluatedSpeedLimit, ...]
     regions: tuple[EvaluatedRegions, ...]
     rotation: EvaluatedRotation | None
     links: EvaluatedLinks
+    watched: tuple[SampledSpline, PathSamples]
+    rates: tuple[SampledSpline, PathSamples]
 
     @property
     def constraints(self) -> tuple[EvaluatedRows, ...]:
@@ -77,11 +85,6 @@ class Iterate:
         """The constraints of the tube on the tool."""
         return self.regions if self.rotation is None else (*self.regions, self.rotation)
 
-    @property
-    def duration(self) -> float:
-        """T [s]."""
-        return float(np.sqrt(self.squared_duration))
-
 
 class SplineConstraints:
     """What splines on one knot grid must keep.
@@ -91,7 +94,13 @@ class SplineConstraints:
     """
 
     def __init__(
-        self, problem: PlanningProblem, grid: KnotGrid, links: LinkConstraints, radius: FloatArray
+        self,
+        problem: PlanningProblem,
+        grid: KnotGrid,
+        links: LinkConstraints,
+        radius: FloatArray,
+        run_in: float | None = None,
+        room: FloatArray | None = None,
     ) -> None:
         """Set up the usual samples.
 
@@ -100,14 +109,20 @@ class SplineConstraints:
             grid: The splines' knots.
             links: What is watched of the links already.
             radius: Of the tube's segments, shape (m,) [m].
+            run_in: The duration in which splines are run [s]; None: the least that limits allow.
+            room: The share of the tube's regions that stays unused, shape (m,); None: none.
         """
+        self._run_in = run_in
         self._problem, self._grid, self._links, self._radius = problem, grid, links, radius
         limits = speed_limits(problem)
         self.keys = _keys(limits, problem.tube)
         self._numbers = {key: number for number, key in enumerate(self.keys)}
         self._limits = [(limit, self._numbers_of(limit.keys)) for limit in limits]
         self._regions = problem.tube.regions_of(radius)
-        self._margin = INNER_MARGIN + _margin_for_kinks(problem.tube, grid)
+        least = INNER_MARGIN + _margin_for_kinks(problem.tube, grid)
+        room = np.zeros(problem.tube.segment_count) if room is None else room
+        self._margin = np.maximum(least, room)
+        self._higher = _HIGHER if run_in is None else _HIGHER_IN_A_GIVEN_DURATION
         # A switching time has a sample on either side, so that the tool is in both regions there.
         ends = grid.phase_ends()
         self._hull = VelocityHull(grid.control_point_count)
@@ -159,15 +174,18 @@ class SplineConstraints:
         """Watch links where they come close; return whether some are too close and were not."""
         return self._links.look(spline)
 
+    def between_samples(self, spline: PhasedSpline) -> Iterate:
+        """Return a spline with what it costs between samples too."""
+        return self._at(spline, self._dense_samples, self._dense_samples)
+
     def look_between_samples(self, current: Iterate) -> tuple[Iterate, bool]:
         """Return a spline's cost between samples too, and whether samples had to be added."""
         has_more = self.look_for_links(current.spline)
-        dense = self._dense_samples
-        worst = self._at(current.spline, dense, dense)
+        worst, dense = self.between_samples(current.spline), self._dense_samples
         here = [limit for limit in worst.limits if limit.at.evaluation_points is dense]
         if here:
             slowest = np.max([limit.squared_durations for limit in here], axis=0)
-            higher = _peaks(slowest, _HIGHER * current.squared_duration)
+            higher = _peaks(slowest, self._higher * current.duration**2)
             self._watched_samples = self._watched_samples.and_also(dense.where(higher))
             has_more |= len(higher) > 0
         # Compulsory points are passed at switching times, and need no other samples.
@@ -194,8 +212,18 @@ class SplineConstraints:
         links = self._links.at(spline)
         found = [part.excess.max(initial=0.0) for part in (*regions, rotation, links) if part]
         squared_duration = max(float(limit.squared_durations.max()) for limit in limits)
-        excess = float(max(*found, 0.0))
-        return Iterate(spline, squared_duration, excess, limits, regions, rotation, links)
+        return Iterate(
+            spline,
+            squared_duration,
+            self._run_in or float(np.sqrt(squared_duration)),
+            float(max(*found, 0.0)),
+            limits,
+            regions,
+            rotation,
+            links,
+            known.at(watched),
+            known.at(self._rate_samples),
+        )
 
     def _points(self, limit: SpeedLimit, watched: Samples) -> EvaluationPoints:
         """Return where a limit is looked at."""

@@ -88,7 +88,11 @@ def subdivided(spline: PhasedSpline, parts: int) -> PhasedSpline:
         finer = (x - switching_times[k]) / width
         finer[::parts] = share
         shares.append(finer)
-    grid = KnotGrid(tuple(shares), spline.grid.chains)
+    return on_knots(spline, KnotGrid(tuple(shares), spline.grid.chains), switching_times)
+
+
+def on_knots(spline: PhasedSpline, grid: KnotGrid, switching_times: FloatArray) -> PhasedSpline:
+    """Return the spline on other knots that is nearest to one."""
     times = times_between(grid.breakpoints(switching_times), _FIT_POINTS_PER_INTERVAL)
     ends = spline.control_points[[0, -1]]
     return _fitted(grid, switching_times, times, spline.bspline()(times), *ends)

@@ -13,6 +13,7 @@ _SMOOTHING = 1e-5
 _PROXIMITY = 1e-3
 # Of switching times, eta and the elastic variable: next to none.
 _OTHERS = 1e-9
+_DURATION_AND_ELASTIC = 2
 _FIRST, _THIRD = (-1.0, 1.0), (-1.0, 3.0, -3.0, 1.0)
 
 
@@ -29,7 +30,7 @@ class StepCost:
         """
         self._variables, self._intervals = variables, grid.interval_count
         self._weight = 2 * _SMOOTHING * grid.interval_count**5 / 250_000
-        count, others = len(variables.lower), len(grid.shares) - 1 + 2
+        count, others = len(variables.lower), grid.switch_count + _DURATION_AND_ELASTIC
         # Real and imaginary: two matrices with one pattern, so that their sum costs no search.
         smoothing = _squared_differences(variables.column, _THIRD)
         rates = _squared_differences(variables.column, _FIRST)
@@ -60,7 +61,10 @@ class StepCost:
         by_point = np.zeros_like(control_points)
         for place, weight in enumerate(_THIRD):
             by_point[place : place + len(bends)] += weight * bends
-        return Quadratic(hessian, self._weight * self._variables.collected(by_point).ravel())
+        gradient = np.zeros(hessian.shape[0] - _DURATION_AND_ELASTIC)
+        by_variable = self._weight * self._variables.collected(by_point)
+        gradient[: by_variable.size] = by_variable.ravel()
+        return Quadratic(hessian, gradient)
 
     def squared_rates(self, step: FloatArray) -> float:
         """Return the integral of the squared rates of a step (F, n), run in one second.

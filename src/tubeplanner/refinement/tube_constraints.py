@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tubeplanner.arrays import IntArray
+from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.constraints.path_samples import PathSamples
 from tubeplanner.refinement.ordered_segments import OrderedSegments
 from tubeplanner.refinement.region_constraints import EvaluatedRegions
@@ -16,7 +16,7 @@ def evaluated_tube(
     path: PathSamples,
     segments: OrderedSegments,
     regions: SegmentRegions,
-    margin: float,
+    margin: FloatArray,
     numbers: IntArray,
 ) -> EvaluatedRegions:
     """Return the tube at N samples of a spline, each in one of its phase's segments.
@@ -26,7 +26,7 @@ def evaluated_tube(
         path: The arm there.
         segments: Those that the samples may be in.
         regions: Of all segments.
-        margin: The share of the regions that stays unused.
+        margin: The share of the regions that stays unused, shape (m,).
         numbers: Of the regions' tolerances among the limits, by segment and kind, shape (m, kinds).
     """
     return EvaluatedRegions(
@@ -37,7 +37,7 @@ def evaluated_tube(
         path.segment,
         segments.at,
         segments.in_chain,
-        np.full(len(path), margin),
+        margin[path.segment],
         numbers,
     )
 

@@ -1,0 +1,175 @@
+"""The second stage: the smoothest motion that takes hardly longer than the shortest.
+
+It begins with the shortest one, on its knots, and keeps most of the room that this leaves free in
+the tube and from obstacles.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.refinement.linear_rows import MERIT_TOLERANCE
+from tubeplanner.refinement.link_constraints import LinkConstraints
+from tubeplanner.refinement.phased_spline import PhasedSpline, segments_of_pieces
+from tubeplanner.refinement.sequential_program import SequentialProgram
+from tubeplanner.refinement.smoothness import Smoothness
+from tubeplanner.refinement.spline_constraints import Iterate, SplineConstraints
+from tubeplanner.refinement.trust_region import TrustRegion
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory, from_spline
+from tubeplanner.verification.certificate import Certificate
+
+_FIRST_DAMPING = 0.1
+_FIRST_TRUST, _LEAST_TRUST = 0.02, 0.002  # [rad or m]
+_PENALTY = 30.0
+_GAIN = 0.03  # of the sum of logarithms
+_STEPS_PER_ROUND, _MAX_ROUNDS = 4, 8
+# Aimed at is this share less than the duration that it may take, for peaks between samples, and no
+# more than a share of what it may take longer.
+_RESERVE, _RESERVE_SHARE = 2.5e-4, 0.25
+# What the shortest motion left free may become smaller by this share of the radius; and by this
+# share of the distance from obstacles, of which no more than so much counts [m].
+_LESS_ROOM, _LESS_CLEARANCE, _MOST_CLEARANCE = 0.05, 0.1, 0.02
+
+
+class Smoothing:
+    """The smoothing of one spline, and the best one found so far."""
+
+    def __init__(
+        self,
+        problem: PlanningProblem,
+        spline: PhasedSpline,
+        longest: float,
+        clearance: float,
+        checkpoint: Callable[[float], None] = lambda duration: None,
+    ) -> None:
+        """Prepare it.
+
+        Args:
+            problem: The planning problem; segments are visited in order.
+            spline: The shortest motion.
+            longest: How long a smoother one may take [s].
+            clearance: What that leaves free from obstacles, beyond what is asked [m].
+            checkpoint: Called with the duration [s] after every step; it may raise to end the work.
+        """
+        self._problem, self._start, self._longest = problem, spline, longest
+        plain = SplineConstraints(
+            problem, spline.grid, LinkConstraints(problem), problem.tube.effective_radius
+        )
+        dense = plain.between_samples(spline)
+        reserve = min(_RESERVE, _RESERVE_SHARE * abs(1 - dense.duration / longest))
+        self._objective = Smoothness(problem, spline, longest * (1 - reserve))
+        kept = (1 - _LESS_CLEARANCE) * min(max(clearance, 0.0), _MOST_CLEARANCE)
+        self._program = SequentialProgram(
+            problem,
+            spline.grid,
+            LinkConstraints(problem, kept),
+            objective=self._objective,
+            room=_room(problem, dense) - _LESS_ROOM,
+        )
+        self._checkpoint = checkpoint
+        self._penalty = _PENALTY
+        self._best: Iterate | None = None
+
+    @property
+    def gave_up(self) -> bool:
+        """Whether it ended early: never."""
+        return False
+
+    @property
+    def has_spline(self) -> bool:
+        """Whether there is a smoother motion yet."""
+        return self._best is not None
+
+    @property
+    def trajectory(self) -> JointTrajectory:
+        """The best so far, as a trajectory that takes one second."""
+        return from_spline(self._problem.robot.joint_names, self._found.spline.bspline())
+
+    @property
+    def segments(self) -> IntArray:
+        """The tube segment of each polynomial piece of that trajectory, shape (pieces,)."""
+        return segments_of_pieces(self._found.spline.grid)
+
+    def run(self) -> bool:
+        """Make the motion as smooth as it can be; return whether there is one.
+
+        Raises:
+            Infeasible: Status no_trajectory: the motors cannot hold it.
+        """
+        self._program.constraints.look_for_links(self._start)
+        return self._smoothed(self._begun(self._start), TrustRegion(_FIRST_TRUST, _FIRST_DAMPING))
+
+    def answer(self, certificate: Certificate, duration: float) -> bool:
+        """Continue with samples where a certificate fails; return whether there is an answer.
+
+        Args:
+            certificate: Of the best motion, as long as it may take.
+            duration: Of that motion [s].
+        """
+        found = [certificate.conditions[name].where for name in certificate.failures()]
+        times = [place.time for place in found if place.time is not None]
+        spline = self._found.spline
+        for time in times:
+            self._program.constraints.add_samples(spline, time / duration)
+        self._best = None
+        return bool(times) and self._smoothed(self._begun(spline), TrustRegion(_LEAST_TRUST))
+
+    @property
+    def _found(self) -> Iterate:
+        if self._best is None:
+            raise RuntimeError("smoothing has not run")
+        return self._best
+
+    def _begun(self, spline: PhasedSpline) -> Iterate:
+        iterate = self._program.iterate(spline)
+        if not np.isfinite(iterate.squared_duration):
+            message = "smoothing has no trajectory to start from"
+            raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Place())
+        return iterate
+
+    def _smoothed(self, current: Iterate, trust: TrustRegion) -> bool:
+        """Keep the smoothest motion, adding samples and links where they are missing."""
+        for _ in range(_MAX_ROUNDS):
+            found = self._program.improved(
+                current,
+                trust,
+                self._penalty,
+                min_gain=_GAIN,
+                max_steps=_STEPS_PER_ROUND,
+                checkpoint=lambda iterate: self._checkpoint(self._longest),
+            )
+            self._penalty = found.penalty
+            inside = self._looked_at(found.iterate)
+            if inside and (self._best is None or self._is_smoother(found.iterate)):
+                self._best = found.iterate
+            if inside and found.has_ended:
+                break
+            current = self._begun(found.iterate.spline)
+            trust = TrustRegion(max(found.trust.radius, _LEAST_TRUST), found.trust.damping)
+        return self._best is not None
+
+    def _looked_at(self, iterate: Iterate) -> bool:
+        """Return whether a motion is an answer between samples too; add some where it is not."""
+        dense, _ = self._program.constraints.look_between_samples(iterate)
+        in_time = dense.squared_duration <= self._longest**2
+        return bool(in_time and dense.excess <= MERIT_TOLERANCE)
+
+    def _is_smoother(self, iterate: Iterate) -> bool:
+        return self._objective.value(iterate) < self._objective.value(self._found)
+
+
+def _room(problem: PlanningProblem, dense: Iterate) -> FloatArray:
+    """Return the share of the tube's regions that a motion leaves free, by segment, (m,).
+
+    None beside compulsory points, about which there is a region of another kind.
+    """
+    tube, regions = problem.tube, dense.regions[0]
+    room = np.ones(tube.segment_count)
+    share = regions.regions.share(regions.vector, regions.segment)
+    np.minimum.at(room, regions.segment, 1 - share)
+    beside = np.concatenate([tube.compulsory_points - 1, tube.compulsory_points])
+    room[beside] = 0.0
+    return room
