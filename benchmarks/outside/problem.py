@@ -254,6 +254,10 @@ def _range(sign: Any) -> tuple[float, float]:
 
 def _bounds(tolerance: Any, count: int) -> np.ndarray:
     entries = tolerance if isinstance(tolerance, list) else [tolerance] * count
+    if count != 3 and len(entries) == 3 and not any(isinstance(entry, list) for entry in entries):
+        entries = [entries]  # one triple for all; of three segments, each has its angle
+    if len(entries) == 1 and isinstance(entries[0], list):
+        entries = entries * count
     if len(entries) != count:
         raise BadInput(f"tube.rotation_tolerance has {len(entries)} entries for {count} segments")
     bounds = np.full((count, 4), math.inf)
