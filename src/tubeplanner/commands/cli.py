@@ -19,6 +19,7 @@ from tubeplanner.commands.console import (
     INFEASIBLE,
     INTERRUPTED,
     PATH,
+    SLACK,
     SUCCESS,
     empty_report,
     fail,
@@ -89,7 +90,7 @@ def cli() -> None:
 @click.option("-o", "--output", type=PATH, help="Trajectory file (JSON).")
 @click.option("--csv", type=PATH, help="Samples as CSV.")
 @click.option("--ros", type=PATH, help="Samples as trajectory_msgs/JointTrajectory, YAML.")
-@click.option("--rate", type=float, default=500.0, show_default=True, help="Samples per second.")
+@click.option("--rate", type=float, help="Samples per second [1/period, or else 500].")
 @click.option("--plot", type=PATH, help="Figure (PNG).")
 @click.option("--html", type=PATH, help="The trajectory in 3D, one page that works offline.")
 @click.option(
@@ -97,6 +98,7 @@ def cli() -> None:
 )
 @click.option("--quality", default="balanced", show_default=True, help="fast, balanced or best.")
 @click.option("--time-limit", type=float, help="End after so many seconds with the best so far.")
+@SLACK
 @click.option("--time-left", is_flag=True, help="Report the path's least time, bang-bang.")
 @AS_JSON
 def plan(
@@ -104,12 +106,13 @@ def plan(
     output: Path | None,
     csv: Path | None,
     ros: Path | None,
-    rate: float,
+    rate: float | None,
     plot: Path | None,
     html: Path | None,
     method: str | None,
     quality: str,
     time_limit: float | None,
+    slack: float | None,
     time_left: bool,
     as_json: bool,
 ) -> int:
@@ -121,7 +124,7 @@ def plan(
     from tubeplanner.planning.plan_options import METHODS, PlanOptions
     from tubeplanner.planning.planner import plan as plan_problem
 
-    options = PlanOptions(method or METHODS[0], quality, time_limit=time_limit)
+    options = PlanOptions(method or METHODS[0], quality, time_limit=time_limit, slack=slack)
     outputs = _Outputs(TrajectoryFiles(output, csv, ros, rate), plot, html)
     outputs.require_usable(problem)
     interrupted = False

@@ -20,6 +20,11 @@ SUCCESS, INFEASIBLE, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 _MAX_MESSAGE = 5000  # [characters]
 PATH = click.Path(path_type=Path, dir_okay=False)
 FOLDER = click.Path(path_type=Path, file_okay=False)
+SLACK = click.option(
+    "--slack",
+    type=float,
+    help="Share of the shortest duration that a smooth motion may take more; 0: the shortest.",
+)
 AS_JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 
 

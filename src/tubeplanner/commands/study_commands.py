@@ -10,6 +10,7 @@ from tubeplanner.commands.console import (
     FOLDER,
     INFEASIBLE,
     PATH,
+    SLACK,
     SUCCESS,
     empty_report,
     load_timed,
@@ -70,6 +71,7 @@ def plot(problem: str, trajectory: Path, output: Path | None, as_json: bool) -> 
 @click.option("-o", "--output", type=PATH, help="Table (CSV or JSON, by its ending).")
 @click.option("--plot", "figure", type=PATH, help="Figure (PNG).")
 @click.option("--quality", default="balanced", show_default=True, help="fast, balanced or best.")
+@SLACK
 @AS_JSON
 def sweep(
     problem: str,
@@ -78,6 +80,7 @@ def sweep(
     output: Path | None,
     figure: Path | None,
     quality: str,
+    slack: float | None,
     as_json: bool,
 ) -> int:
     """Plan PROBLEM at several tolerances: how much time does each millimetre buy?
@@ -91,7 +94,7 @@ def sweep(
     if (radius is None) == (radius_scale is None):
         raise OptionError("sweep takes either --radius or --radius-scale")
     radii, scales = _numbers("--radius", radius), _numbers("--radius-scale", radius_scale)
-    options = PlanOptions(quality=quality)
+    options = PlanOptions(quality=quality, slack=slack)
     outputs = [path for path in (output, figure) if path is not None]
     _require_ending(output, "-o", (".csv", ".json"))
     _require_ending(figure, "--plot", (".png",))
@@ -126,6 +129,7 @@ def sweep(
     "--trajectories", type=FOLDER, help="Folder for every trajectory (JSON), certified or not."
 )
 @click.option("--quality", default="balanced", show_default=True, help="fast, balanced or best.")
+@SLACK
 @AS_JSON
 def compare(
     problem: str,
@@ -134,6 +138,7 @@ def compare(
     figure: Path | None,
     trajectories: Path | None,
     quality: str,
+    slack: float | None,
     as_json: bool,
 ) -> int:
     """Plan PROBLEM with every method, and with the schemes that Suh & Bishop compared with.
@@ -144,7 +149,7 @@ def compare(
     from tubeplanner.planning.plan_options import PlanOptions
     from tubeplanner.studies.comparison import compare as compare_methods
 
-    options = PlanOptions(quality=quality)
+    options = PlanOptions(quality=quality, slack=slack)
     names = None if methods is None else [name.strip() for name in methods.split(",")]
     outputs = [path for path in (output, figure) if path is not None]
     _require_ending(output, "-o", (".csv", ".json"))

@@ -15,6 +15,7 @@ from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
 
+_RATE = 500.0  # [Hz]
 _FORMATS = {".json": "json", ".csv": "csv", ".yaml": "ros", ".yml": "ros"}
 
 
@@ -26,7 +27,8 @@ class TrajectoryFiles:
         json: The trajectory itself.
         csv: Its samples.
         ros: Its samples as trajectory_msgs/JointTrajectory, in YAML.
-        rate: Of the samples [Hz].
+        rate: Of the samples [Hz]; None: one every period of the problem's controller, 500 Hz if
+            that is not given.
 
     Raises:
         OptionError: On construction, if the rate is not positive and finite.
@@ -35,10 +37,11 @@ class TrajectoryFiles:
     json: Path | None = None
     csv: Path | None = None
     ros: Path | None = None
-    rate: float = 500.0
+    rate: float | None = None
 
     def __post_init__(self) -> None:
-        require_between(self, 0, inf, "rate", unit="Hz")
+        if self.rate is not None:
+            require_between(self, 0, inf, "rate", unit="Hz")
 
     def contents(
         self,
@@ -75,10 +78,17 @@ class TrajectoryFiles:
     def _samples(
         self, trajectory: JointTrajectory, problem: PlanningProblem | None
     ) -> tuple[TrajectorySamples, tuple[str, ...]]:
+        rate = self.rate or _usual_rate(problem)
         if problem is None:
-            return trajectory.sample(self.rate), ()
-        sampled = samples_for_export(problem, trajectory, self.rate)
+            return trajectory.sample(rate), ()
+        sampled = samples_for_export(problem, trajectory, rate)
         return sampled.samples, () if sampled.note is None else (sampled.note,)
+
+
+def _usual_rate(problem: PlanningProblem | None) -> float:
+    """Return a rate [Hz] for a problem's samples."""
+    period = None if problem is None else problem.period
+    return _RATE if period is None else 1 / period
 
 
 def _effort(robot: RobotModel, samples: TrajectorySamples) -> FloatArray:
@@ -89,7 +99,7 @@ def write_trajectory(
     path: str | Path,
     trajectory: JointTrajectory,
     problem: PlanningProblem | None = None,
-    rate: float = 500.0,
+    rate: float | None = None,
 ) -> tuple[str, ...]:
     """Write a trajectory to a file, as `JointTrajectory.save` documents.
 

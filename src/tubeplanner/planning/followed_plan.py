@@ -3,38 +3,71 @@
 from dataclasses import replace
 
 from tubeplanner.planning.periodic_plan import periodic_plan
-from tubeplanner.planning.plan_result import PlanResult
+from tubeplanner.planning.plan_result import PlanResult, certified_result
 from tubeplanner.planning.smoothed_plan import smoothed_plan
-from tubeplanner.planning.timing import most_periods
+from tubeplanner.planning.timing import fewest_periods, most_periods
+from tubeplanner.problem.objective import Objective
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, until_stopped
 from tubeplanner.refinement.periodic_knots import on_periodic_knots
 
 
 def followed_plan(
-    problem: PlanningProblem, shortest: PlanResult, slack: float, clock: PlanningClock
+    problem: PlanningProblem, shortest: PlanResult, slack: float | None, clock: PlanningClock
 ) -> PlanResult:
     """Return the motion that is written: in whole periods and smooth, as far as that is asked.
 
     Args:
         problem: The planning problem.
-        shortest: Refinement's answer, certified.
-        slack: By which share longer than the shortest motion it may be.
+        shortest: The answer of planning.
+        slack: By which share longer than the shortest motion it may be; None: as the problem says.
         clock: The planning's.
+
+    Returns:
+        The answer itself if it is not refinement's, or planning was stopped early.
     """
-    assert shortest.motion is not None and shortest.duration is not None
-    period, spline = problem.period, shortest.motion.spline
+    problem = problem.joined
+    period = problem.period
+    if slack is None:
+        slack = (problem.objective or Objective()).slack
+    if shortest.motion is None or shortest.duration is None or shortest.stopped_by is not None:
+        return shortest if period is None else _in_whole_periods(problem, shortest, period)
+    spline = shortest.motion.spline
     if period is None:
         longest = shortest.duration * (1 + slack)
         return smoothed_plan(problem, shortest, spline, longest, clock) if slack else shortest
     found, stopped_by = until_stopped(lambda: periodic_plan(problem, shortest, period, clock))
     if found is None:
-        note = f"no motion with knots at multiples of the period, {period:g} s, was found near it"
-        notes = (*shortest.notes, note)
-        return replace(shortest, stopped_by=stopped_by, notes=notes)
+        longer = _in_whole_periods(problem, shortest, period)
+        return replace(longer, stopped_by=stopped_by)
     periodic, spline = found
     if not slack or periodic.stopped_by is not None or periodic.duration is None:
         return periodic
     count = most_periods(periodic.duration * (1 + slack), period)
     spline = on_periodic_knots(spline, count)
     return smoothed_plan(problem, periodic, spline, count * period, clock)
+
+
+def _in_whole_periods(problem: PlanningProblem, shortest: PlanResult, period: float) -> PlanResult:
+    """Return an answer whose duration is a multiple of a period, its breakpoints where they were.
+
+    Slower motions keep all limits that faster ones keep.
+    """
+    if shortest.trajectory is None or shortest.duration is None:
+        return shortest
+    duration = fewest_periods(shortest.duration, period) * period
+    slower = shortest.trajectory.scaled(duration / shortest.duration)
+    clock = PlanningClock(None, None)
+    found = certified_result(problem, slower, shortest.method, clock)
+    note = (
+        f"the duration is a multiple of the period, {period:g} s; the breakpoints are not, so that "
+        "its samples are not the motion itself"
+    )
+    more = shortest if not found.succeeded else found
+    return replace(
+        shortest,
+        trajectory=more.trajectory,
+        certificate=more.certificate,
+        message=more.message,
+        notes=(*shortest.notes, note),
+    )

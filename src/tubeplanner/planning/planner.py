@@ -4,6 +4,7 @@ from dataclasses import replace
 from functools import partial
 
 from tubeplanner.branches.known_branches import KnownBranches
+from tubeplanner.errors import OptionError
 from tubeplanner.outcome import Infeasible, PlanStatus
 from tubeplanner.planning.continued_plan import continued_plan
 from tubeplanner.planning.followed_plan import followed_plan
@@ -20,7 +21,6 @@ from tubeplanner.planning.refined_plan import refined_plan
 from tubeplanner.planning.searched_plan import searched_plan
 from tubeplanner.planning.stopping_plan import StoppingPlan, stopping_plan
 from tubeplanner.planning.suh_bishop_plan import suh_bishop_plan
-from tubeplanner.problem.objective import Objective
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, ProgressCallback, until_stopped
 from tubeplanner.refinement.refined_motion import RefinedMotion
@@ -45,9 +45,11 @@ class Planner:
 
         Raises:
             ProblemError: The problem is none.
+            OptionError: A slack is asked for that the method does not honour.
         """
         PlanningProblem.require(problem)
         self._problem, self._options = problem, options or PlanOptions()
+        _require_honoured(problem, self._options)
         self._last: RefinedMotion | None = None
 
     def plan(self, progress: ProgressCallback | None = None) -> PlanResult:
@@ -83,6 +85,7 @@ class Planner:
             KeyboardInterrupt: Ctrl-C before anything was certified.
         """
         PlanningProblem.require(problem)
+        _require_honoured(problem, self._options)
         self._problem = problem
         every_start = QUALITIES[self._options.quality].every_start
         return self._answer(None if every_start else self._last, progress)
@@ -97,19 +100,23 @@ class Planner:
             result = stopped_result(clock, stopped_by or "interrupt", options.method)
         if result.status is PlanStatus.INTERRUPTED:
             raise KeyboardInterrupt
-        if result.motion is not None and result.stopped_by is None:
-            result = followed_plan(problem.joined, result, _slack(problem, options), clock)
+        result = followed_plan(problem, result, options.slack, clock)
         if result.stopped_by is None:  # else it may have ended on coarse knots
             self._last = result.motion or self._last
         notes = (*problem.robot.limits.notes, *problem.tube.notes, *result.notes)
         return replace(result, planning_time=clock.elapsed, notes=notes)
 
 
-def _slack(problem: PlanningProblem, options: PlanOptions) -> float:
-    """Return by which share longer than the shortest motion the answer may be."""
-    if options.slack is not None:
-        return options.slack
-    return (problem.objective or Objective()).slack
+def _require_honoured(problem: PlanningProblem, options: PlanOptions) -> None:
+    """Raise OptionError if a slack is given to a method that makes nothing smoother."""
+    given = options.slack
+    if given is None:
+        given = 0.0 if problem.objective is None else problem.objective.slack
+    if given > 0 and options.method != REFINEMENT:
+        raise OptionError(
+            f"slack is {given:g}, but method '{options.method}' makes nothing smoother; give slack "
+            f"0, or method '{REFINEMENT}'"
+        )
 
 
 def plan(
@@ -130,6 +137,7 @@ def plan(
 
     Raises:
         ProblemError: The problem is none.
+        OptionError: A slack is asked for that the method does not honour.
         KeyboardInterrupt: Ctrl-C before anything was certified.
     """
     return Planner(problem, options).plan(progress)

@@ -44,11 +44,12 @@ def smoothed_plan(
 
     _, stopped_by = until_stopped(work)
     stopped_by = stopped_by or (None if found is None else found.stopped_by)
-    if found is None or found.trajectory is None or not no_longer(found.trajectory.duration, longest):
+    after = None if found is None else found.trajectory
+    if found is None or after is None or not no_longer(after.duration, longest):
         note = f"the answer is the shortest motion, not smoothed: {_reason(found, stopped_by)}"
         return replace(shortest, stopped_by=stopped_by, notes=(*shortest.notes, note))
     assert shortest.trajectory is not None
-    note = _note(problem, shortest.trajectory, found.trajectory)
+    note = _note(problem, shortest.trajectory, after)
     return replace(
         found,
         stopped_by=stopped_by,

@@ -33,9 +33,7 @@ class Objective:
             raise ProblemError(f"objective.minimise: {message}")
 
 
-def require_slack(
-    what: str, slack: Any, error: type[TubePlannerError] = ProblemError
-) -> None:
+def require_slack(what: str, slack: Any, error: type[TubePlannerError] = ProblemError) -> None:
     """Raise an error unless something is a share of time."""
     if not is_number(slack) or not 0 <= slack <= _MAX_SLACK:
         raise error(

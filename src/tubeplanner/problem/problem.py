@@ -13,8 +13,8 @@ from tubeplanner.collision.obstacle import MAX_SIZE, AttachedSolid, Obstacle
 from tubeplanner.errors import ProblemError, shown, unknown_name
 from tubeplanner.options import in_figures, is_number
 from tubeplanner.outcome import MARGIN_TOLERANCE
-from tubeplanner.problem.objective import Objective
 from tubeplanner.problem.joint_values import configuration_of
+from tubeplanner.problem.objective import Objective
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.tube.joined_segments import joined_segments
 from tubeplanner.tube.tube import Tube

@@ -286,6 +286,17 @@ class CollisionFields(_Section):
     ignore: list[tuple[str, str]] = Field([], description="pairs of links or obstacles left out")
 
 
+class ObjectiveFields(_Section):
+    """What the answer is to be beside short."""
+
+    slack: Finite = Field(
+        0.005, description="share of the shortest duration that it may take more; 0: the shortest"
+    )
+    minimise: Literal["smoothness"] = Field(
+        "smoothness", description="what that time is used for: efforts and jerks that change little"
+    )
+
+
 class ProblemFields(_Section):
     """A tubeplanner problem. SI units, radians; positions in the frame of the URDF's root link."""
 
@@ -304,6 +315,13 @@ class ProblemFields(_Section):
     obstacles: list[ObstacleFields] = Field([], description="solids in the base frame")
     clearance: Finite = Field(0.0, description="least distance of links to obstacles [m]")
     collision: CollisionFields = Field(CollisionFields(), description="what is checked")
+    objective: ObjectiveFields | None = Field(
+        None, description="beside short; left out: smooth within a slack of 0.005"
+    )
+    period: Finite | None = Field(
+        None,
+        description="the controller's: duration and breakpoints are multiples of it [s]",
+    )
 
 
 def problem_schema() -> dict[str, Any]:

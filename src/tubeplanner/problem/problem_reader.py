@@ -11,6 +11,7 @@ from tubeplanner.errors import ProblemError, RobotError
 from tubeplanner.problem.joint_values import configuration_of
 from tubeplanner.problem.limit_values import limits_of
 from tubeplanner.problem.moveit_limits import read_limits_file
+from tubeplanner.problem.objective import Objective
 from tubeplanner.problem.point_file import read_points
 from tubeplanner.problem.presets import read_preset
 from tubeplanner.problem.problem import PlanningProblem, Seed
@@ -18,6 +19,7 @@ from tubeplanner.problem.problem_format import (
     AttachedFields,
     EndpointFields,
     JointValues,
+    ObjectiveFields,
     ObstacleFields,
     ProblemFields,
     RobotFields,
@@ -102,6 +104,8 @@ def _build(
             clearance=fields.clearance,
             self_collision=fields.collision.self_,
             ignore_collisions=(*fields.collision.ignore, *_srdf_pairs(fields, robot, directory)),
+            objective=_objective(fields.objective),
+            period=fields.period,
             name=name,
         )
         _ = problem.collision  # built here: planning starts from loaded geometry
@@ -190,6 +194,10 @@ def _tube_anywhere(fields: ProblemFields, robot: RobotModel, directory: Path) ->
         return Tube.anywhere(robot.tool_position(begin[None])[0], np.array(fields.goal.position))
     end = configuration_of(robot, "goal", _values(fields.goal.joints))
     return Tube.anywhere(*robot.tool_position(np.array([begin, end])))
+
+
+def _objective(fields: ObjectiveFields | None) -> Objective | None:
+    return None if fields is None else Objective(fields.slack, fields.minimise)
 
 
 def _endpoint(end: str, fields: EndpointFields) -> Any:

@@ -1,5 +1,7 @@
 """Knots at multiples of a controller's period, so that its samples are the motion itself."""
 
+from itertools import pairwise
+
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
@@ -18,7 +20,7 @@ def on_periodic_knots(spline: PhasedSpline, periods: int) -> PhasedSpline:
     breakpoints = np.round(spline.grid.breakpoints(spline.switching_times) * periods).astype(int)
     breakpoints = _filled(np.union1d(breakpoints, ends), spline.grid.interval_count)
     shares = []
-    for begin, end in zip(ends[:-1], ends[1:], strict=True):
+    for begin, end in pairwise(ends):
         inner = breakpoints[(breakpoints > begin) & (breakpoints < end)]
         places = np.unique(np.concatenate([[begin], inner, [end]]))
         shares.append((places - begin) / (end - begin))

@@ -19,11 +19,11 @@ from tubeplanner.refinement.linear_program import Bounds, Step
 from tubeplanner.refinement.linear_rows import INNER_MARGIN, MERIT_TOLERANCE, Rows, StepSize
 from tubeplanner.refinement.linearization import BROKEN, Given, Linearization
 from tubeplanner.refinement.link_constraints import LinkConstraints
-from tubeplanner.refinement.step_objective import ShortestDuration, StepObjective
 from tubeplanner.refinement.phased_spline import DEGREE, KnotGrid, PhasedSpline
 from tubeplanner.refinement.region_constraints import EvaluatedRegions, Planes
 from tubeplanner.refinement.spline_constraints import Iterate, SplineConstraints
 from tubeplanner.refinement.step_cost import StepCost
+from tubeplanner.refinement.step_objective import ShortestDuration, StepObjective
 from tubeplanner.refinement.trust_region import Outcome, TrustRegion
 
 # Rows are given to the solver if they are this near, or a part of the trust region away.

@@ -166,15 +166,16 @@ class Smoothness:
             times, (M, R, m-1).
         """
         change = self._by_effort(current)
-        at, path = current.watched
-        clock = _samples(at).times_by_switching(self._switches)[self._which]
+        clock = _samples(current.watched[0]).times_by_switching(self._switches)[self._which]
         later = np.diff(clock, axis=0)[:, None, :]
         scale = measured.elapsed**-0.75
         faster = (-0.75 * measured.rate / measured.elapsed)[:, :, None] * later
         rate = change[0] * scale[:, :, None, None], change[1] * scale[:, :, None] + faster
         jerk = self._by_jerk(current, measured, later)
-        parts = [_by_interval(*part, self._intervals) for part in (rate, change, jerk)]
-        control, switching = zip(*parts, strict=True)
+        control, switching = (
+            [_by_interval(part, self._intervals) for part in parts]
+            for parts in zip(rate, change, jerk, strict=True)
+        )
         return np.concatenate(control, axis=1), np.concatenate(switching, axis=1)
 
     def _by_effort(self, current: Iterate) -> tuple[FloatArray, FloatArray]:
@@ -203,7 +204,9 @@ class Smoothness:
         control = control[: self._intervals] * root[:, :, None, None]
         switching = switching[: self._intervals] * root[:, :, None]
         padding = [(0, 0), (0, 0), (0, 1), (0, 0)]
-        return np.pad(control, padding), switching + (measured.jerk / (2 * width))[:, :, None] * wider
+        return np.pad(control, padding), switching + (measured.jerk / (2 * width))[
+            :, :, None
+        ] * wider
 
 
 def _nominal_efforts(problem: PlanningProblem, at: SampledSpline, run_in: float) -> FloatArray:
@@ -234,16 +237,11 @@ def _derivatives(measured: _Measured) -> tuple[FloatArray, FloatArray]:
     )
 
 
-def _by_interval(
-    control: FloatArray, switching: FloatArray, intervals: int
-) -> tuple[FloatArray, FloatArray]:
-    """Return derivatives of samples by knot interval: (M, R, 5 n) and (M, R, m-1)."""
-    variables = control.shape[2] * control.shape[3]
-    each = control.shape[0] * control.shape[1] // intervals
-    return (
-        control.reshape(intervals, each, variables),
-        switching.reshape(intervals, each, switching.shape[2]),
-    )
+def _by_interval(change: FloatArray, intervals: int) -> FloatArray:
+    """Return derivatives of samples' quantities, (N, I, ...), by knot interval, (M, R, ...)."""
+    samples, quantities = change.shape[:2]
+    each = samples * quantities // intervals
+    return change.reshape(intervals, each, change[0, 0].size)
 
 
 def _assembled(

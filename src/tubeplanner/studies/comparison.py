@@ -157,7 +157,7 @@ def compare(
                 progress(f"{method}: {what}")
 
         try:
-            rows.append(_row(problem, name, options or PlanOptions(), report))
+            rows.append(_row(problem, name, (options or PlanOptions()).shortest, report))
         except KeyboardInterrupt:
             if not rows:
                 raise

@@ -166,7 +166,7 @@ def _cell(example: int, radius: float, progress: Callable[[Progress], None]) -> 
     problem = paper_problem(example, radius)
     results = []
     for method in _METHODS:
-        result = plan(problem, PlanOptions(method), progress)
+        result = plan(problem, PlanOptions(method, slack=0.0), progress)
         if result.stopped_by == "interrupt":
             raise KeyboardInterrupt
         results.append(result)

@@ -166,7 +166,9 @@ def sweep(
                 progress(f"tolerance {where}: {what}")
 
         try:
-            rows.append(_row(problem, quantity, value, options, report, rows))
+            rows.append(
+                _row(problem, quantity, value, (options or PlanOptions()).shortest, report, rows)
+            )
         except KeyboardInterrupt:
             if not rows:
                 raise
@@ -188,7 +190,7 @@ def _row(
     problem: PlanningProblem,
     quantity: str,
     value: float,
-    options: PlanOptions | None,
+    options: PlanOptions,
     progress: Callable[[Progress], None],
     narrower: Sequence[SweepRow],
 ) -> SweepRow:

@@ -4,7 +4,7 @@ Measuring uses the planner's own branch along the reference points. Where that h
 although the route has enough, the segment gets another reference point.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from tubeplanner.measurement.kept_segments import KeptSegments
 from tubeplanner.measurement.measured_tube import MeasureOptions
 from tubeplanner.measurement.tube_measurement import measured_tube
 from tubeplanner.outcome import Infeasible, PlanStatus
+from tubeplanner.planning.followed_plan import followed_plan
 from tubeplanner.planning.plan_options import PlanOptions
 from tubeplanner.planning.plan_result import PlanResult
 from tubeplanner.planning.planner import plan
@@ -138,4 +139,10 @@ def plan_under(
     """
     clock.check()
     limit = None if np.isinf(clock.remaining) else clock.remaining
-    return plan(problem, PlanOptions(quality=quality, time_limit=limit), clock.announce)
+    options = PlanOptions(quality=quality, time_limit=limit, slack=0.0)
+    return plan(problem, options, clock.announce)
+
+
+def followed(found: PlannedTube, clock: PlanningClock) -> PlannedTube:
+    """Return a tube with the motion that its problem asks for: smooth, in whole periods."""
+    return replace(found, result=followed_plan(found.problem, found.result, None, clock))

@@ -19,6 +19,7 @@ from tubeplanner.tube_sources.goal_configurations import goal_configurations
 from tubeplanner.tube_sources.joint_route import require_ompl
 from tubeplanner.tube_sources.measured_plan import (
     PlannedTube,
+    followed,
     in_tube,
     measure_options,
     measured_plan,
@@ -70,7 +71,8 @@ def find_route(
     except Infeasible as reason:
         return answer_of(reason, **finder.facts)
     if finder.best is not None:
-        return answer_of(finder.best, stopped_by=stopped_by, **finder.facts)
+        found = followed(finder.best, finder.clock) if stopped_by is None else finder.best
+        return answer_of(found, stopped_by=stopped_by, **finder.facts)
     if stopped_by == "interrupt":
         raise KeyboardInterrupt
     late = finder.clock.past_limit

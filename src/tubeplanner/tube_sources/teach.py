@@ -14,6 +14,7 @@ from tubeplanner.tube_sources.free_space import FreeSpace
 from tubeplanner.tube_sources.measured_plan import (
     MAX_CORNER_SEGMENTS,
     PlannedTube,
+    followed,
     measure_options,
     measured_plan,
 )
@@ -91,6 +92,8 @@ def teach(
     except Infeasible as reason:
         found = reason
     measured = None if isinstance(found, Infeasible) else found
+    if not isinstance(found, Infeasible):
+        found = followed(found, clock)
     return answer_of(found, measured=measured, notes=tuple(notes), search_time=clock.elapsed)
 
 
