@@ -305,7 +305,10 @@ def test_an_effort_rate_is_free_unless_it_is_given_and_never_scaled(describe):
 def test_a_velocity_by_position_has_the_position_limits_unless_it_gives_its_own(describe):
     given = {"deceleration": 6, "offset": 0.3}
     overrides = LimitOverrides(
-        velocity_by_position={"j": given, "k": given | {"lower": -0.5, "upper": 1.5}},
+        velocity_by_position={
+            "j": given | {"lower": None},
+            "k": given | {"lower": -0.5, "upper": 1.5},
+        },
         position={"j": (-3, 2.5)},
         scale={"velocity": 0.5, "acceleration": 0.5},
     )

@@ -68,13 +68,13 @@ def read_limits_file(path: Path) -> LimitLayer:
     except ValidationError as error:
         raise RobotError(f"{path}: {first_fault(data, error, _FileFields)}") from None
     try:
-        limits = _limits(fields)
+        limits = _limits_of_joints(fields)
     except RobotError as error:
         raise RobotError(f"{path}: {str(error).removeprefix('robot.')}") from None
     return LimitLayer(f"{path}: limits", limits, skips_others=True, notes=_notes(path, fields))
 
 
-def _limits(fields: _FileFields) -> LimitOverrides:
+def _limits_of_joints(fields: _FileFields) -> LimitOverrides:
     given: dict[str, Any] = {quantity: {} for quantity in ("position", *_QUANTITIES)}
     for name, joint in fields.joint_limits.items():
         where = f"joint_limits.{name}"
