@@ -81,6 +81,8 @@ TESTS = {
         "planning/test_planner_best_known.py",
     ),
     "problem/limit_values": ("problem/test_problem.py",),
+    "problem/problem_reader": ("problem/test_problem.py", "problem/test_presets.py"),
+    "robot/limit_layers": ("robot/test_joint_limits.py", "robot/test_followers.py"),
     "robot/limit_overrides": ("robot/test_joint_limits.py",),
     "robot/velocity_by_position": ("robot/test_joint_limits.py",),
     "robot/robot_model": ("collision/test_collision_checker.py", "robot/test_followers.py"),
@@ -918,7 +920,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     "_require_fitting": [("not in (None, len(chain))", "in ()")],
     "_require_some": [("if layer.skips_others else []", "")],
-    "_of_joints": [("if name in known}", "}"), ("if layer.skips_others", "if not given")],
+    "_of_joints": [("and not layer.skips_others", ""), ("if name not in known and", "if")],
     "LimitOverrides.by_name": [
         ("dict.fromkeys(chain, given)", "{chain[0]: given}"),
         ("len(given) != len(chain)", "len(given) < len(chain)"),

@@ -1,5 +1,6 @@
 """Problem files written from others: comments kept, paths valid, numbers as they are."""
 
+import copy
 import json
 import shutil
 from dataclasses import replace
@@ -89,7 +90,7 @@ def test_presets_and_files_of_limits_are_found_from_elsewhere(cell, found):
 
 @pytest.mark.parametrize("given", ["fr3", ["fer", "fr3"]])
 def test_a_bundled_preset_stays_a_name(cell, given):
-    fields = {"robot": {"preset": given}}
+    fields = {"robot": {"preset": copy.deepcopy(given)}}
     move_paths(fields, cell, cell / "other")
     assert fields["robot"]["preset"] == given
 

@@ -141,13 +141,11 @@ def _require_some(layer: LimitLayer, known: Sequence[str]) -> None:
 
 def _of_joints(
     layer: LimitLayer, quantity: str, chain: Sequence[str], known: Sequence[str]
-) -> dict[str, Any]:
+) -> Mapping[str, Any]:
     """Return the limits that a layer gives on one quantity, by joint name."""
     where = f"{layer.called}.{quantity}"
     given = layer.limits.by_name(quantity, chain, where)
-    if layer.skips_others:
-        return {name: value for name, value in given.items() if name in known}
     for name in given:
-        if name not in known:
+        if name not in known and not layer.skips_others:
             raise RobotError(f"{where}: {unknown_name('joint', name, known)}")
-    return dict(given)
+    return given

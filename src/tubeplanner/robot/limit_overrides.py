@@ -62,7 +62,8 @@ class LimitOverrides:
             for where, value in _entries(quantity, getattr(self, quantity)):
                 _require_limit(where, value)
         for where, range_ in _entries("position", self.position):
-            if np.shape(range_) != (2,) or not all(is_number(bound) for bound in range_):
+            is_pair = isinstance(range_, list | tuple | np.ndarray) and len(range_) == 2
+            if not is_pair or not all(is_number(bound) for bound in range_):
                 raise RobotError(f"{where} {shown(range_)}; give [lower, upper]")
         _require_scale(self.scale)
         points = self.point_speed
@@ -99,7 +100,7 @@ class LimitOverrides:
 
 
 def _require_kind(quantity: str, given: Any) -> None:
-    is_list = isinstance(given, list | tuple | np.ndarray) and np.ndim(given) > 0
+    is_list = isinstance(given, list | tuple) or (isinstance(given, np.ndarray) and given.ndim > 0)
     if not isinstance(given, Mapping) and not is_list and quantity not in _NUMBERS:
         raise RobotError(
             f"robot.limits.{quantity} is {shown(given)}; it must be a map by name, or a list with "
