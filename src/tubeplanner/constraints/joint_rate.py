@@ -10,7 +10,7 @@ from tubeplanner.constraints.speed_limit import LimitKey
 from tubeplanner.constraints.speed_polynomial import SpeedPolynomial
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 
-RATES = {"velocity": 1, "acceleration": 2, "jerk": 3}
+RATES: Mapping[str, int] = {"velocity": 1, "acceleration": 2, "jerk": 3}
 
 
 class JointRate:

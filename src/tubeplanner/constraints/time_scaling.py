@@ -67,7 +67,7 @@ def minimum_duration(
     Args:
         problem: The planning problem.
         trajectory: The shape.
-        with_jerk: Whether limits that depend on it count; False where the acceleration jumps anyway.
+        with_jerk: Whether limits that depend on jerk count; False where the acceleration jumps.
         segments: The tube segment of each polynomial piece, shape (pieces,); None: wherever the
             tool is, the nearest.
 
@@ -222,11 +222,7 @@ def _known_per_piece(
 ) -> tuple[FloatArray, ...]:
     """Return positions and derivatives at samples of every piece, three orders or four."""
     known = _known(trajectory.per_piece(count))
-    if orders <= _JERK:
-        return known
-    widths = trajectory.widths
-    local = (np.linspace(0, 1, count) * widths[:, None]).ravel()
-    return *known, trajectory.within(np.repeat(np.arange(len(widths)), count), local, _JERK)
+    return known if orders <= _JERK else (*known, trajectory.jerk_per_piece(count))
 
 
 def _known(samples: TrajectorySamples) -> tuple[FloatArray, FloatArray, FloatArray]:

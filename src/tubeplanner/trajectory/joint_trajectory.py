@@ -200,6 +200,12 @@ class JointTrajectory:
         time = (self.breakpoints[:-1] + local).T.ravel()
         return TrajectorySamples(time, *values)
 
+    def jerk_per_piece(self, count: int) -> FloatArray:
+        """Return the jerk at the samples of `per_piece`, shape (N, n)."""
+        pieces = len(self.widths)
+        local = np.linspace(0.0, 1.0, count) * self.widths[:, None]
+        return self.within(np.repeat(np.arange(pieces), count), local.ravel(), 3)
+
     def within(self, piece: IntArray, local: FloatArray, order: int) -> FloatArray:
         """Return a derivative of an order from 0 to 3 on given pieces, shape (N, n).
 
