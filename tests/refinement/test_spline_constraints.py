@@ -15,10 +15,11 @@ from tubeplanner.refinement.phased_spline import PhasedSpline, VelocityHull
 from tubeplanner.refinement.rotation_constraints import EvaluatedRotation
 from tubeplanner.refinement.sampled_spline import sampled
 from tubeplanner.refinement.speed_limit_rows import EvaluatedSpeedLimit
+from tubeplanner.robot.effort_rate import effort_rate
 
 SWITCHING_TIMES = np.array([0.0, 0.4, 1.0])
 STEP = 1e-6
-LIMITS = ("effort", "velocity", "acceleration", "jerk", "tool_speed")
+LIMITS = ("effort", "effort_rate", "velocity", "acceleration", "jerk", "tool_speed")
 KINDS = (*LIMITS, "velocity of the hull", "rotation", "links")
 
 
@@ -132,6 +133,7 @@ def test_the_least_duration_is_that_of_every_limit(case):
             abs(v) / limits.velocity,
             abs(a) / limits.acceleration,
             abs(j) / limits.jerk,
+            abs(effort_rate(robot, q, v, a, j)) / limits.effort_rate,
         ]
         tool = robot.tool_jacobian(q)[1][0, :3] @ v[0]
         used.append(np.full(v.shape, np.linalg.norm(tool) / problem.tube.tool_speed[phase[i]]))
@@ -144,8 +146,9 @@ def test_every_limit_has_a_key_and_rows(case, kind):
     rows = limit.rows(0.8, None)
     keys = limit.limit.keys
     assert np.unique(rows.limit).tolist() == list(range(len(keys)))
-    joints = 1 if kind == "jerk" else case[0].robot.joint_count
-    named = [(kind, j, None) for j in range(joints)]
+    every = range(case[0].robot.joint_count)
+    joints = {"jerk": every[:1], "effort_rate": every[1:]}.get(kind, every)
+    named = [(kind, j, None) for j in joints]
     if kind == "tool_speed":
         named = [(kind, None, segment) for segment in range(2)]
     assert [(key.kind, key.joint, key.segment) for key in keys] == named
