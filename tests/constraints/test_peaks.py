@@ -57,7 +57,7 @@ def pieces_of(function, pieces, count=6):
     return function(np.repeat(np.arange(pieces), count), share).reshape(pieces, count)
 
 
-@pytest.mark.parametrize("centre", [0.013, 0.4321, 0.987])
+@pytest.mark.parametrize("centre", [0.004, 0.013, 0.4321, 0.68, 0.987])
 @pytest.mark.parametrize("other", [-5.0, 0.99999])
 def test_a_peak_beside_a_jump_is_found_whatever_the_next_piece_does(centre, other):
     def function(piece, share):

@@ -65,8 +65,10 @@ def effort_rate_derivatives(
         jerk: Shape (N, n).
     """
     step = _steps(v, a, jerk)
-    after = robot.inverse_dynamics_derivatives(*_moved(q, v, a, jerk, step))
-    before = robot.inverse_dynamics_derivatives(*_moved(q, v, a, jerk, -step))
+    changes = [step * rate for rate in (v, a, jerk)]
+    state = list(zip((q, v, a), changes, strict=True))
+    after = robot.inverse_dynamics_derivatives(*(now + change for now, change in state))
+    before = robot.inverse_dynamics_derivatives(*(now - change for now, change in state))
     pairs = list(zip(after, before, strict=True))
     mean = [(late + early) / 2 for late, early in pairs]
     change = [(late - early) / (2 * step[:, :, None]) for late, early in pairs]
@@ -75,17 +77,6 @@ def effort_rate_derivatives(
 
 def _steps(v: FloatArray, a: FloatArray, jerk: FloatArray) -> FloatArray:
     """Return for how long to follow motions, shape (N, 1) [s]."""
-    pace = [(abs(rate).max(axis=1) ** (1 / k)) for k, rate in enumerate((v, a, jerk), start=1)]
+    pace = [abs(rate).max(axis=1) ** (1 / k) for k, rate in enumerate((v, a, jerk), start=1)]
     fastest = np.sum(pace, axis=0)[:, None]
     return np.divide(_STEP, fastest, out=np.full_like(fastest, _STEP), where=fastest > 0)
-
-
-def _moved(
-    q: FloatArray, v: FloatArray, a: FloatArray, jerk: FloatArray, step: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return motions of constant jerk some time later [s]."""
-    return (
-        q + step * (v + step * (a / 2 + step * jerk / 6)),
-        v + step * (a + step * jerk / 2),
-        a + step * jerk,
-    )

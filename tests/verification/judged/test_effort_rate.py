@@ -82,7 +82,7 @@ def test_a_bump_between_samples_is_found():
     robot = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=limits)
     times, width = np.array([0.0, 0.5, 0.501, 1.0]), 1e-3
     rows = np.zeros((7, 3, 2))
-    rows[-2:] = 0.3, 0.3 * times[:3, None]
+    rows[-2], rows[-1] = 0.3, 0.3 * times[:3, None]
     problem = anywhere(robot)
     assert judged(problem, JointTrajectory(robot.joint_names, times, rows)).margin > 0.9
     share = np.poly1d([1.0, 0.0])
@@ -93,6 +93,7 @@ def test_a_bump_between_samples_is_found():
     rows[:, 1, 1] += size * bump
     condition = judged(problem, JointTrajectory(robot.joint_names, times, rows))
     assert condition.margin == pytest.approx(-0.2, abs=0.01)
+    assert condition.where.joint == "joint2"
     assert 0.5 <= condition.where.time <= 0.501
 
 
