@@ -692,7 +692,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     # --- constraints/time_scaling -------------------------------------------------------------
     "scaling_factor": [("(q, v, a) if jerk is None else (q, v, a, jerk)", "(q, v, a)")],
     "minimum_duration": [
-        ("* (1 + _SAFETY)", "", "equivalent but for rounding"),
+        ("* (1 + _SAFETY)", ""),
         ("_least(problem, _below_jerk(others), trajectory, segments)", "np.inf"),
         ("_exact_peaks", "_hull_peaks"),
         ("with_jerk or ", ""),
