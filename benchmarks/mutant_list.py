@@ -89,6 +89,11 @@ TESTS = {
         "refinement/test_sensitivities.py",
         "planning/test_planner_best_known.py",
     ),
+    "problem/limit_values": ("problem/test_problem.py",),
+    "problem/problem_reader": ("problem/test_problem.py", "problem/test_presets.py"),
+    "robot/limit_layers": ("robot/test_joint_limits.py", "robot/test_followers.py"),
+    "robot/limit_overrides": ("robot/test_joint_limits.py",),
+    "robot/velocity_by_position": ("robot/test_joint_limits.py",),
     "robot/robot_model": ("collision/test_collision_checker.py", "robot/test_followers.py"),
     "trajectory/bernstein": ("verification/test_enclosure.py",),
     "verification/certificate": ("verification/test_verification.py",),
@@ -736,6 +741,9 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("if ends_are_smooth else np.inf", "if False else np.inf"),
     ],
     "_rise_at_end": [("2 * falling[:, 1]", "falling[:, 1]")],
+    # --- refinement/spline_constraints ----------------------------------------------------------
+    "_JERK_SAMPLES": [("np.arange(3) / 2", "np.arange(2) / 2")],
+    "_depends_on_jerk": [(">=", ">"), ('limit.order >= RATES["jerk"]', "True")],
     # --- constraints/effort_rate, robot/effort_rate ---------------------------------------------
     "EffortRate.used": [
         ("(rate - gravity)", "rate"),
@@ -969,6 +977,68 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "BoxRegions._beyond": [
         ("abs(local[..., :2])", "local[..., :2]"),
         ("- length)", "- 0.9 * length)"),
+    ],
+    # --- robot/limit_layers, limit_overrides, velocity_by_position ------------------------------
+    "layers_of": [('"robot.limits"', '"limits"')],
+    "merged_limits": [
+        ("sorted(joint_names, key=lambda name: _depth(description, name))", "list(joint_names)"),
+        ("if quantity in _FOLLOWED", "if True"),
+        ("for layer in layers][::-1]", "for layer in layers]"),
+        ("if limits.tool_speed is not None", "if True"),
+        ("for limits in above if limits.point_speed", "for limits in above"),
+        ("tuple(note for layer in layers for note in layer.notes)", "()"),
+    ],
+    "_require_fitting": [("not in (None, len(chain))", "in ()")],
+    "_require_some": [("if layer.skips_others else []", "")],
+    "_of_joints": [("and not layer.skips_others", ""), ("if name not in known and", "if")],
+    "LimitOverrides.by_name": [
+        ("dict.fromkeys(chain, given)", "{chain[0]: given}"),
+        ("len(given) != len(chain)", "len(given) < len(chain)"),
+    ],
+    "velocity_by_position": [
+        ("if value is not None}", "}"),
+        ('("offset", 0.0)', '("offset", _LEAST)'),
+        ('("offset", 0.0)', '("offset", -_MOST)'),
+        ("or lower >= upper", "or lower > upper"),
+        ("np.isfinite(end)", "True"),
+    ],
+    "_laws": [("if given.get(name) is not None", "if name in given")],
+    # --- problem/presets, moveit_limits, problem_reader ---------------------------------------
+    "read_preset": [
+        ("limits, fields.joints)", "limits)"),
+        ("_require_sources(called, fields)", "pass"),
+    ],
+    "_require_sources": [
+        ("if fields.limits.scale:", "if False:"),
+        ('.get(name, "").strip()', '.get(name, "")'),
+        ("if name not in given", "if False"),
+    ],
+    "_given_limits": [
+        ("[*given, limits_of(fields.limits)]", "[limits_of(fields.limits), *given]"),
+        ("for name in presets]", "for name in presets][::-1]"),
+    ],
+    "_limits_of_joints": [
+        ("abs(deceleration)", "deceleration"),
+        ("min(abs(deceleration)", "max(abs(deceleration)"),
+        ("(lower, upper)", "(upper, lower)"),
+    ],
+    "_value": [("None if has is False else value", "value"), ("if has and", "if")],
+    "read_limits_file": [("skips_others=True, ", "")],
+    # --- files/problem_file, files/fingerprint ------------------------------------------------
+    "_move_presets": [
+        ("and given not in bundled", ""),
+        ("name if name in bundled else _moved", "_moved"),
+    ],
+    "_optional_limits": [
+        ("np.isfinite(limits.effort_rate).any()", "False"),
+        ("dataclasses.astuple(law)", "law.joint"),
+        ("point.position, ", ""),
+        ("point.link, ", ""),
+    ],
+    # --- tube/rotational_tube -------------------------------------------------------------------
+    "_entries": [
+        ("is_triple and segment_count != 3", "is_triple"),
+        ("return entries * segment_count", "return entries"),
     ],
 }
 

@@ -12,6 +12,7 @@ import pytest
 from ruamel.yaml import YAML
 
 import tubeplanner
+from tubeplanner import read_preset
 from tubeplanner.commands.cli import cli, main
 from tubeplanner.problem.problem_format import check_problem_fields, problem_schema
 
@@ -87,8 +88,12 @@ def run_session(block):
 
 
 def keep_problem(block):
-    """Check a problem file or a part of one; keep a whole one as problem.yaml."""
+    """Check a problem file, a part of one or a preset; keep a whole problem as problem.yaml."""
     fields = YAML(typ="safe", pure=True).load(block)
+    if fields.get("format") == "tubeplanner/preset":
+        Path("preset.yaml").write_text(block)
+        read_preset("preset.yaml")
+        return
     whole = {name: {**REST.get(name, {}), **value} for name, value in sections(fields).items()}
     check_problem_fields({**REST, **fields, **whole}, "the page")
     if fields.keys() >= REST.keys():
@@ -215,6 +220,7 @@ def test_every_field_of_the_problem_file_is_documented(monkeypatch):
         assert section["description"] in page
         assert all(page.count(f"\n| `{name}` | ") for name in section["properties"])
     assert "\n### start · goal\n" in page
+    assert "\n### tube.cross_section\n" in page
     assert "\n| `radius` | number, or list of these | m | required | " in page
     assert "\n| `gravity` | [3 numbers] | m/s² | `[0.0, 0.0, -9.81]` | base frame |" in page
     assert "| [section](#field-robot.tool_offset) |" in page

@@ -26,6 +26,9 @@ from .robot.pinocchio_model import ToolOffset as ToolOffset
 from .robot.pinocchio_model import Payload as Payload
 from .robot.limit_overrides import LimitOverrides as LimitOverrides
 from .robot.point_speed import PointSpeed as PointSpeed
+from .robot.limit_layers import LimitLayer as LimitLayer  # returned
+from .problem.presets import read_preset as read_preset
+from .problem.moveit_limits import read_limits_file as read_limits_file
 
 # Problem
 from .problem.problem_reader import load_problem as load_problem

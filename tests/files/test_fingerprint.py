@@ -125,6 +125,9 @@ SAME = {
     "limits that nobody asks": {
         "robot__limits": {"effort_rate": {}, "velocity_by_position": {}, "point_speed": []}
     },
+    "limits for all joints, by name and as a list": {
+        "robot__limits": {"effort_rate": {"j1": np.inf}, "jerk": [np.inf] * 2, "acceleration": {}}
+    },
     "discs and no boxes": {"tube__cross_section": [None]},
     "the default of a limit": {"robot__limits": {"effort": {"j1": 50}}},
 }

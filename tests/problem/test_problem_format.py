@@ -61,7 +61,7 @@ def read(tmp_path, text, name="p.yaml"):
 TOP = "format, version, robot, tube, start, goal, obstacles, clearance, collision"
 ROBOT = (
     "urdf, package_dirs, srdf, tool_frame, tool_offset, joints, locked_joints, gravity, payload, "
-    "attached, limits"
+    "attached, limits, preset, limits_file"
 )
 LIMITS = "effort, velocity, position, acceleration, jerk, scale, tool_speed, "
 LIMITS += "effort_rate, velocity_by_position, point_speed"

@@ -232,6 +232,9 @@ def test_limits_cannot_be_written_to(describe):
         ("velocity", {"j": True}, "robot.limits.velocity: joint 'j' at True; give a number"),
         ("position", {"j": [1]}, r"robot.limits.position: joint 'j' at \[1\]; give \[lower, upper"),
         ("position", {"j": ["a", "b"]}, r"joint 'j' at \['a', 'b'\]; give \[lower, upper"),
+        ("position", [[0, [1]], [0, 1]], r"robot.limits.position\[0\] is \[0, \[1\]\]; give \[low"),
+        ("effort", [1, [2]], r"robot.limits.effort\[1\] is \[2\]; give a number from 1e-06"),
+        ("effort", np.array(3.0), r"robot.limits.effort is array\(3.\); it must be one number"),
         ("scale", {"effort": "a"}, "robot.limits.scale: effort at 'a' must be in"),
     ],
 )
@@ -305,7 +308,10 @@ def test_an_effort_rate_is_free_unless_it_is_given_and_never_scaled(describe):
 def test_a_velocity_by_position_has_the_position_limits_unless_it_gives_its_own(describe):
     given = {"deceleration": 6, "offset": 0.3}
     overrides = LimitOverrides(
-        velocity_by_position={"j": given, "k": given | {"lower": -0.5, "upper": 1.5}},
+        velocity_by_position={
+            "j": given | {"lower": None},
+            "k": given | {"lower": -0.5, "upper": 1.5},
+        },
         position={"j": (-3, 2.5)},
         scale={"velocity": 0.5, "acceleration": 0.5},
     )

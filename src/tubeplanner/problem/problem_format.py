@@ -144,7 +144,7 @@ class LimitFields(_Section):
     tool_speed: Number | None = Field(None, description="of the tool centre point [m/s]")
     effort_rate: NumberPerJoint = Field({}, description="default: none [N m/s] or [N/s]")
     velocity_by_position: (
-        dict[str, VelocityByPositionFields] | list[VelocityByPositionFields | None]
+        dict[str, VelocityByPositionFields | None] | list[VelocityByPositionFields | None]
     ) = Field({}, description="velocity limits that fall towards the ends of the range")
     point_speed: list[PointSpeedFields] = Field([], description="of points of the arm")
 
@@ -190,6 +190,13 @@ class RobotFields(_Section):
     payload: PayloadFields | None = Field(None, description="a mass carried in tool_frame")
     attached: list[AttachedFields] = Field([], description="solids carried in tool_frame")
     limits: LimitFields = Field(LimitFields(), description="replace and scale the URDF's limits")
+    preset: str | list[str] | None = Field(
+        None,
+        description="limits below these: a bundled name, a file, or a list, of which the later win",
+    )
+    limits_file: str | None = Field(
+        None, description="MoveIt's joint_limits.yaml: limits below those of the preset"
+    )
 
 
 class CrossSectionFields(_Section):
@@ -235,7 +242,7 @@ class TubeFields(_Section):
     rotation_tolerance: Number | list[RotationBoundField] | None = Field(
         None,
         description="m angles, or triples of bounds on log(R_ref^T R), .inf where free [rad]; one "
-        "number serves for all segments",
+        "number or triple serves for all segments; three numbers for three segments: an angle each",
     )
     tool_speed: Number | list[Number | None] | None = Field(
         None, description="one or m limits on the tool's speed, null where it is free [m/s]"
@@ -333,8 +340,8 @@ def check_problem_fields(data: object, source: str) -> ProblemFields:
         raise ProblemError(f"{source}: {fault}") from None
 
 
-def read_document(path: Path) -> object:
-    """Return what a YAML or JSON file holds, as dictionaries and lists.
+def read_document(path: Path, what: str = "problem file") -> object:
+    """Return what a YAML or JSON file holds, as dictionaries and lists; messages call it `what`.
 
     Raises:
         ProblemError: The file cannot be read or is malformed.
@@ -342,8 +349,8 @@ def read_document(path: Path) -> object:
     try:
         text = read_text(path, _MAX_BYTES)
     except DocumentError as error:
-        raise ProblemError(f"problem file {path} cannot be read: {error}") from error
+        raise ProblemError(f"{what} {path} cannot be read: {error}") from error
     try:
         return parse_json(text) if path.suffix == ".json" else parse_yaml(text)
     except DocumentError as error:
-        raise ProblemError(f"problem file {path} is malformed: {error}") from error
+        raise ProblemError(f"{what} {path} is malformed: {error}") from error

@@ -7,18 +7,16 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, read_only
-from tubeplanner.errors import RobotError, unknown_name
+from tubeplanner.errors import RobotError
 from tubeplanner.robot.followers import followers_of
-from tubeplanner.robot.limit_overrides import PER_JOINT, SCALABLE, LimitOverrides
+from tubeplanner.robot.limit_layers import GivenLimits, layers_of, merged_limits
+from tubeplanner.robot.limit_overrides import SCALABLE
 from tubeplanner.robot.point_speed import PointSpeed
 from tubeplanner.robot.urdf import Mimic, UrdfDescription, UrdfJoint
 from tubeplanner.robot.velocity_by_position import VelocityByPosition, velocity_by_position
 
-# Limits by joint name, quantity by quantity.
+# Limits that are given, by quantity and joint name.
 _Given: TypeAlias = Mapping[str, Mapping[str, Any]]
-
-# What joints bound that follow others.
-_FOLLOWED = ("velocity", "position", "acceleration", "jerk")
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +34,7 @@ class JointLimits:
         tool_speed: Of the tool centre point [m/s].
         velocity_by_position: Of those joints that have such a limit, in group order.
         point_speed: Limits on the speed of points of the arm.
+        notes: What in files of limits was not used.
     """
 
     lower_position: FloatArray
@@ -48,6 +47,7 @@ class JointLimits:
     tool_speed: float = np.inf
     velocity_by_position: tuple[VelocityByPosition, ...] = ()
     point_speed: tuple[PointSpeed, ...] = ()
+    notes: tuple[str, ...] = ()
 
     def clip(self, q: FloatArray) -> FloatArray:
         """Return configurations of shape (..., n) moved into the position limits."""
@@ -55,9 +55,9 @@ class JointLimits:
 
 
 def resolve_limits(
-    description: UrdfDescription, joint_names: Sequence[str], overrides: LimitOverrides
+    description: UrdfDescription, joint_names: Sequence[str], limits: GivenLimits
 ) -> JointLimits:
-    """Return the limits of the joints of a planning group.
+    """Return the limits of the joints of a planning group: the URDF's, and above them those given.
 
     Position, velocity, acceleration and jerk of joints that follow one of them bound it too,
     divided by their multipliers; limits that the URDF does not give do not. A follower has no
@@ -70,7 +70,8 @@ def resolve_limits(
             exist, or has not one value per joint.
     """
     followers = followers_of(description, joint_names)
-    given = _by_name(description, joint_names, followers, overrides)
+    merged = merged_limits(description, joint_names, followers, layers_of(limits))
+    given = merged.by_joint
     joints = [description.joints[name] for name in joint_names]
     positions = np.array([_position(description, joint, given) for joint in joints])
     values = {
@@ -85,7 +86,7 @@ def resolve_limits(
         for quantity, bound in _rates_of(description.joints[name], given).items():
             values[quantity][column] = min(values[quantity][column], bound / abs(rule.multiplier))
     scaled = {
-        quantity: read_only(np.array(row) * overrides.scale.get(quantity, 1.0))
+        quantity: read_only(np.array(row) * merged.scale.get(quantity, 1.0))
         for quantity, row in values.items()
     }
     _require_bounded_speed(joint_names, scaled)
@@ -93,36 +94,11 @@ def resolve_limits(
         read_only(positions[:, 0]),
         read_only(positions[:, 1]),
         **scaled,
-        tool_speed=np.inf if overrides.tool_speed is None else float(overrides.tool_speed),
+        tool_speed=merged.tool_speed,
         velocity_by_position=_laws(joint_names, given["velocity_by_position"], positions),
-        point_speed=tuple(overrides.point_speed),
+        point_speed=merged.point_speed,
+        notes=merged.notes,
     )
-
-
-def _by_name(
-    description: UrdfDescription,
-    joint_names: Sequence[str],
-    followers: Mapping[str, Mimic],
-    overrides: LimitOverrides,
-) -> _Given:
-    """Return the limits of joints that a problem gives, by quantity and joint name."""
-    chain = sorted(joint_names, key=lambda name: _depth(description, name))
-    given = {quantity: overrides.by_name(quantity, chain) for quantity in PER_JOINT}
-    for quantity, values in given.items():
-        known = [*joint_names, *(followers if quantity in _FOLLOWED else ())]
-        for name in values:
-            if name not in known:
-                raise RobotError(f"robot.limits.{quantity}: {unknown_name('joint', name, known)}")
-    for point in overrides.point_speed:
-        if point.link not in description.links:
-            message = unknown_name("link", point.link, description.links)
-            raise RobotError(f"robot.limits.point_speed: {message}")
-    return given
-
-
-def _depth(description: UrdfDescription, joint: str) -> int:
-    """Return how many movable joints are on the chain from the root to a joint, itself included."""
-    return len(description.chain(description.joints[joint].child))
 
 
 def _require_bounded_speed(joint_names: Sequence[str], limits: Mapping[str, FloatArray]) -> None:
@@ -144,7 +120,7 @@ def _laws(
             f"robot.limits.velocity_by_position.{name}", column, given[name], positions[column]
         )
         for column, name in enumerate(joint_names)
-        if name in given
+        if given.get(name) is not None
     )
 
 

@@ -17,7 +17,7 @@ PER_JOINT = (*_NUMBERS, "position", "velocity_by_position")
 
 NumberPerJoint: TypeAlias = float | Sequence[float] | Mapping[str, float]
 Range: TypeAlias = tuple[float, float]
-Law: TypeAlias = Mapping[str, float | None]
+Law: TypeAlias = Mapping[str, float | None] | None
 
 _MIN_LIMIT, _MAX_LIMIT = 1e-6, 1e9  # limits that make sense, in SI units
 
@@ -39,7 +39,7 @@ class LimitOverrides:
         effort_rate: Limit on the rate of the effort [N m/s or N/s]; a URDF has none.
         velocity_by_position: Velocity limits that fall towards the ends of a joint's range: maps
             with deceleration, offset, and lower and upper where they are not the position limits,
-            as in `VelocityByPosition`; None in a list: none.
+            as in `VelocityByPosition`; None: none.
         point_speed: Limits on the speed of points of the arm.
     """
 
@@ -51,7 +51,7 @@ class LimitOverrides:
     scale: Mapping[str, float] = field(default_factory=dict)
     tool_speed: float | None = None
     effort_rate: NumberPerJoint = field(default_factory=dict)
-    velocity_by_position: Mapping[str, Law] | Sequence[Law | None] = field(default_factory=dict)
+    velocity_by_position: Mapping[str, Law] | Sequence[Law] = field(default_factory=dict)
     point_speed: Sequence[PointSpeed] = ()
 
     def __post_init__(self) -> None:
@@ -62,7 +62,8 @@ class LimitOverrides:
             for where, value in _entries(quantity, getattr(self, quantity)):
                 _require_limit(where, value)
         for where, range_ in _entries("position", self.position):
-            if np.shape(range_) != (2,) or not all(is_number(bound) for bound in range_):
+            is_pair = isinstance(range_, list | tuple | np.ndarray) and len(range_) == 2
+            if not is_pair or not all(is_number(bound) for bound in range_):
                 raise RobotError(f"{where} {shown(range_)}; give [lower, upper]")
         _require_scale(self.scale)
         points = self.point_speed
@@ -73,12 +74,13 @@ class LimitOverrides:
                 f"robot.limits.point_speed is {shown(points)}; give a list of PointSpeed"
             )
 
-    def by_name(self, quantity: str, chain: Sequence[str]) -> Mapping[str, Any]:
+    def by_name(self, quantity: str, chain: Sequence[str], where: str) -> Mapping[str, Any]:
         """Return the limits of one quantity by joint name.
 
         Args:
             quantity: One of `PER_JOINT`.
             chain: The joints of the planning group, in chain order.
+            where: What messages call the quantity.
 
         Raises:
             RobotError: A list has another number of values than there are joints.
@@ -91,14 +93,14 @@ class LimitOverrides:
         if len(given) != len(chain):
             alone = "one for all joints, " if quantity in _NUMBERS else ""
             raise RobotError(
-                f"robot.limits.{quantity} has {len(given)} values for {len(chain)} joints; give "
+                f"{where} has {len(given)} values for {len(chain)} joints; give "
                 f"{alone}a map by name, or a list in the order of the chain: {', '.join(chain)}"
             )
-        return {name: value for name, value in zip(chain, given, strict=True) if value is not None}
+        return dict(zip(chain, given, strict=True))
 
 
 def _require_kind(quantity: str, given: Any) -> None:
-    is_list = isinstance(given, list | tuple | np.ndarray) and np.ndim(given) > 0
+    is_list = isinstance(given, list | tuple) or (isinstance(given, np.ndarray) and given.ndim > 0)
     if not isinstance(given, Mapping) and not is_list and quantity not in _NUMBERS:
         raise RobotError(
             f"robot.limits.{quantity} is {shown(given)}; it must be a map by name, or a list with "
