@@ -47,6 +47,15 @@ TESTS = {
         "constraints/test_time_scaling.py",
         "refinement/test_spline_constraints.py",
     ),
+    "constraints/effort_rate": (
+        "constraints/test_time_scaling.py",
+        "refinement/test_spline_constraints.py",
+        "refinement/test_sensitivities.py",
+    ),
+    "verification/enclosed_peak": (
+        "verification/judged/test_effort.py",
+        "verification/judged/test_effort_rate.py",
+    ),
     "constraints/path_samples": ("refinement/test_spline_constraints.py",),
     "constraints/speed_limits": (
         "constraints/test_time_scaling.py",
@@ -176,12 +185,12 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("max(term.derivatives", "min(term.derivatives"),
         ("term.majorant(joints, width)[", "0 * term.majorant(joints, width)["),
     ],
-    "enclosed": [
+    "_interpolated": [
         ("[_POINTS]", "[_POINTS - 1]"),
         ("missed > tolerance", "missed > 2 * tolerance"),
         ("(width > _MIN_WIDTH)", "(width > 0.1)"),
         ("width[order], missed[order]", "width[order], missed"),
-        ("_NODE_PRODUCT * quantity", "0 * quantity"),
+        ("missed_of(quantity", "0 * missed_of(quantity"),
     ],
     "joint_bounds": [
         ("comb(degree, k) * ", ""),
@@ -431,12 +440,25 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "judge_acceleration": [("(motion, 2,", "(motion, 1,")],
     "judge_jerk": [("(motion, 3,", "(motion, 2,")],
     "_judge_derivative": [("1 - peak", "2 - peak"), ("bounded[peak.column]", "peak.column")],
-    "judge_effort": [
+    "judge_effort": [("_EFFORT_ENCLOSURE * limit", "1e4 * _EFFORT_ENCLOSURE * limit")],
+    "judge_effort_rate": [
+        ("_RATE_ENCLOSURE * limit)", "1e4 * _RATE_ENCLOSURE * limit)"),
+        ("limits.effort_rate", "limits.effort"),
+        ("isfinite(limit).any()", "isfinite(limit).all()"),
+    ],
+    "judged_peak": [
         ("peaks.value + error", "peaks.value"),
-        ("error[worst] > _EFFORT_ENCLOSURE", "False"),
+        ("error[worst] > closeness", "False"),
         ("1 - float(above[worst])", "1 - float(peaks.value[worst])"),
-        ("* efforts.width[interval]", ""),
-        ("_EFFORT_ENCLOSURE * limit", "1e4 * _EFFORT_ENCLOSURE * limit"),
+        ("* quantity.width[interval]", ""),
+        ("bounded[worst]", "worst"),
+    ],
+    "enclosed_rate": [
+        ("/ width[:, None]", "/ 1.0"),
+        ("_SLOPE_OF_PRODUCT", "_NODE_PRODUCT"),
+        ("* powers[:, None, None]", ""),
+        ("/ whole.width[:, None]", ""),
+        ("coefficients[:-1]", "coefficients[1:]"),
     ],
     "judge_tube": [
         ("(least.lower_bound", "(least.attained"),
@@ -661,27 +683,31 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     "JointRate.__init__": [("np.isfinite(limit)", "limit > 0")],
     "JointRate.used": [(" / self.limit", "")],
-    "JointRate.by_path": [("speed**self.rate / self.limit", "speed / self.limit")],
+    "JointRate.by_path": [("speed**self.order / self.limit", "speed / self.limit")],
     "PathSamples.rate": [("speed**order", "speed")],
     "largest_speeds": [
-        ("limit.rate >= len(at.by_path)", "True"),
+        ("limit.order >= len(at.by_path)", "True"),
         ("np.minimum(found, limit.used", "(limit.used"),
         (".min(axis=1)", ".max(axis=1)"),
     ],
-    "speed_limits": [("JointEffort(limits.effort), *rates", "*rates,")],
+    "speed_limits": [
+        ("JointEffort(limits.effort), EffortRate", "(EffortRate"),
+        (", EffortRate(limits.effort_rate)", ","),
+    ],
     # --- constraints/time_scaling -------------------------------------------------------------
     "scaling_factor": [("(q, v, a) if jerk is None else (q, v, a, jerk)", "(q, v, a)")],
     "minimum_duration": [
-        ("* (1 + _SAFETY)", "", "equivalent but for rounding"),
-        ("_least(problem, others, trajectory, segments)", "np.inf"),
+        ("* (1 + _SAFETY)", ""),
+        ("_least(problem, _below_jerk(others), trajectory, segments)", "np.inf"),
         ("_exact_peaks", "_hull_peaks"),
         ("with_jerk or ", ""),
-        ('with_jerk or limit.rate < RATES["jerk"]', "True"),
+        ("with_jerk or limit.order < _JERK", "True"),
+        ("_with_jerk(others), trajectory, segments", "(), trajectory, segments"),
     ],
     "estimated_durations": [("np.minimum(polynomial, sampled)", "sampled")],
     "scaled_to_limits": [("duration / trajectory.duration", "trajectory.duration / duration")],
     "_rate_factor": [
-        ("** (1 / limit.rate)", "** 1"),
+        ("** (1 / limit.order)", "** 1"),
         ("factor = min(factor, (", "factor = max(0.0, ("),
         (
             "peaks(coefficients, trajectory.widths) / limit.limit",
@@ -694,7 +720,51 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("return -highest", "return least"),
         ("_VALLEY_SHARE * least", "0.0", "the certificate judges what lies between samples"),
     ],
+    "_least_of_pieces": [
+        (
+            "-refined_maximum_of_pieces(negative, value.reshape(pieces, -1), band=band)",
+            "-value.max()",
+        ),
+        ("range(_JERK + 1)", "range(_JERK)"),
+    ],
+    "_known_per_piece": [("known if orders <= _JERK", "known if True")],
     "_held_factor": [("(factor == 0).any()", "False")],
+    # --- constraints/peaks ----------------------------------------------------------------------
+    "refined_maximum_of_pieces": [
+        ("function(piece[peak], share)", "function(piece[0 * peak], share)"),
+        ("np.minimum(sample + 1, last) / last", "sample / last"),
+        ("np.maximum(sample - 1, 0) / last", "sample / last"),
+        ("value.shape[1] - 1", "value.shape[1]"),
+    ],
+    "_zoomed": [
+        ("peak = peak[rows]", "pass"),
+        ("if ends_are_smooth else np.inf", "if False else np.inf"),
+    ],
+    "_rise_at_end": [("2 * falling[:, 1]", "falling[:, 1]")],
+    # --- refinement/spline_constraints ----------------------------------------------------------
+    "_JERK_SAMPLES": [("np.arange(3) / 2", "np.arange(2) / 2")],
+    "_depends_on_jerk": [(">=", ">"), ('limit.order >= RATES["jerk"]', "True")],
+    # --- constraints/effort_rate, robot/effort_rate ---------------------------------------------
+    "EffortRate.used": [
+        ("(rate - gravity)", "rate"),
+        ("{1: gravity", "{0: gravity"),
+        ("at.effort_rate[:, self.joints]", "at.effort_rate[:, -len(self.limit) - 1 : -1]"),
+    ],
+    "EffortRate.by_path": [
+        ("at.rate(3, speed)", "at.by_path[3]"),
+        ("speed**k / self", "speed**3 / self"),
+        ("by[:, self.joints]", "by[:, self.joints - 1]"),
+    ],
+    "EffortRate.key_of": [("np.arange(len(self.joints))", "0 * self.joints")],
+    "EffortRate.__init__": [("np.isfinite(limit)", "0 * limit == 0")],
+    "effort_rate": [("[v, a, jerk]", "[v, v, jerk]"), ("[v, a, jerk]", "[v, a, a]")],
+    "gravity_effort_rate": [("(q, still, still)", "(q, v, still)")],
+    "effort_rate_derivatives": [
+        ("change[1] + mean[0]", "change[1]"),
+        ("change[2] + mean[1]", "change[2]"),
+        ("2 * step", "step"),
+    ],
+    "_steps": [("_STEP, fastest, out", "100 * _STEP, fastest, out"), ("where=fastest > 0", "")],
     # --- constraints/tool_speed -----------------------------------------------------------------
     "ToolSpeed.__init__": [
         ("np.minimum(free, tube.tool_speed)", "tube.tool_speed"),

@@ -165,6 +165,17 @@ def too_strong(case):
     case.limit("effort", {"joint1": 95 * (1 - SLIGHTLY), "joint2": 27 * (1 - SLIGHTLY)})
 
 
+def too_abrupt(case):
+    """The fastest change of an effort, between two samples that are held against each other."""
+    robot = load_robot("example:two_link", case.robot["tool_frame"])
+    samples = case.trajectory.samples(20_001)
+    efforts = robot.inverse_dynamics(*(case.trajectory.at(samples, k) for k in range(3)))
+    step = np.diff(samples.time)
+    inside = (np.diff(samples.piece) == 0) & (step > 0)
+    fastest = abs(np.diff(efforts, axis=0)[inside] / step[inside, None]).max(axis=0)
+    case.limit("effort_rate", {"joint2": float(fastest[1]) * (1 - SLIGHTLY)})
+
+
 def jump(case):
     coefficients = case.trajectory.coefficients.copy()
     coefficients[-1, -3:, 0] += 1e-4
@@ -282,6 +293,7 @@ FAULTS = {
     too_quick: ("acceleration", True),
     too_jerky: ("jerk", True),
     too_strong: ("effort", True),
+    too_abrupt: ("effort_rate", True),
     jump: ("continuity", False),
     kink: ("continuity", False),
     moves_at_the_end: ("rest", False),

@@ -14,6 +14,8 @@ from outside.given_limits import given_limits
 from outside.problem import Problem, speed_of
 from outside.urdf import Description, Joint, read_description
 
+MOTORS = ("effort", "effort_rate")  # what joints that follow others have no limits of
+
 
 @dataclass(frozen=True, eq=False)
 class Limits:
@@ -26,6 +28,7 @@ class Limits:
         acceleration: Shape (n,) [rad/s^2 or m/s^2].
         jerk: Shape (n,) [rad/s^3 or m/s^3].
         effort: Shape (n,) [N m or N].
+        effort_rate: Shape (n,) [N m/s or N/s].
         tool_speed: Of the tool centre point, whatever the segment [m/s].
     """
 
@@ -35,6 +38,7 @@ class Limits:
     acceleration: np.ndarray
     jerk: np.ndarray
     effort: np.ndarray
+    effort_rate: np.ndarray
     tool_speed: float
 
 
@@ -311,7 +315,7 @@ def _limits(
 
     def row(quantity: str, given: list[float | None]) -> np.ndarray:
         own = fields.get(quantity) or {}
-        known = set(names) if quantity == "effort" else {*names, *followers}
+        known = set(names) if quantity in MOTORS else {*names, *followers}
         if unknown := set(own) - known:
             raise BadInput(f"robot.limits.{quantity}: {unknown.pop()} is no joint of the group")
         values = [own.get(name, value) for name, value in zip(names, given, strict=True)]
@@ -331,6 +335,7 @@ def _limits(
         row("acceleration", list(free)),
         row("jerk", list(free)),
         row("effort", [joint.effort for joint in joints]),
+        row("effort_rate", list(free)),
         speed_of(fields.get("tool_speed"), "robot.limits.tool_speed"),
     )
 

@@ -1,6 +1,7 @@
 """Limits, ends and continuity of a trajectory at its samples."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,10 +14,11 @@ QUANTITIES = ("position", "velocity", "acceleration", "jerk")
 STILL = 1e-6  # of the fastest joint's speed: a slower joint is measured by that
 NEAR_SHARE, NEAR_ABSOLUTE = 0.01, 1e-3  # relative; [rad, m]: where steps are divided
 PARTS = 20  # into so many
+SHARE = 1e-3  # of a piece: the step of differences
 
 
 def judge_limits(arm: Arm, trajectory: Trajectory, samples: Samples) -> dict[str, Condition]:
-    """Return the conditions position, velocity, acceleration, jerk and effort.
+    """Return the conditions position, velocity, acceleration, jerk, effort and effort_rate.
 
     Args:
         arm: Its limits are judged.
@@ -74,10 +76,25 @@ def _margins(arm: Arm, trajectory: Trajectory, samples: Samples) -> dict[str, np
     is_bounded = np.isfinite(limits.effort)
     efforts = arm.efforts(q, v, a) if is_bounded.any() else np.zeros_like(q)
     margins["effort"] = 1 - abs(efforts) / limits.effort
-    bounds = {"velocity": limits.velocity, "acceleration": limits.acceleration}
-    for name, bound in {**bounds, "jerk": limits.jerk, "effort": limits.effort}.items():
-        margins[name][:, ~np.isfinite(bound)] = math.inf
+    is_bounded = np.isfinite(limits.effort_rate)
+    rates = _effort_rates(arm, trajectory, samples) if is_bounded.any() else np.zeros_like(q)
+    margins["effort_rate"] = 1 - abs(rates) / limits.effort_rate
+    for name in ("velocity", "acceleration", "jerk", "effort", "effort_rate"):
+        margins[name][:, ~np.isfinite(getattr(limits, name))] = math.inf
     return margins
+
+
+def _effort_rates(arm: Arm, trajectory: Trajectory, samples: Samples) -> np.ndarray:
+    """Return how fast the efforts change, by differences of fourth order, shape (N, n).
+
+    Of the polynomial that holds at each sample, which goes on beyond its breakpoints.
+    """
+    step = SHARE * np.diff(trajectory.breakpoints)[samples.piece]
+    total = np.zeros((len(samples), len(arm.joint_names)))
+    for steps, weight in ((-2, 1.0), (-1, -8.0), (1, 8.0), (2, -1.0)):
+        moved = replace(samples, local=samples.local + steps * step)
+        total += weight * arm.efforts(*(trajectory.at(moved, order) for order in range(3)))
+    return total / (12 * step[:, None])
 
 
 def _condition(arm: Arm, name: str, margin: np.ndarray, samples: Samples) -> Condition:

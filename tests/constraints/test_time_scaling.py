@@ -4,6 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 from cases import (
     ANGLE,
@@ -24,6 +25,7 @@ from tubeplanner.constraints.time_scaling import (
     scaling_factor,
 )
 from tubeplanner.outcome import Infeasible, PlanStatus
+from tubeplanner.robot.effort_rate import effort_rate
 
 
 @pytest.mark.parametrize(
@@ -142,3 +144,61 @@ def test_the_joint_that_is_overloaded_most_is_named(strong):
     named = caught.value.place.joint
     assert named == robot.joint_names[overload.argmax()]
     assert named not in strong
+
+
+RATE = dict.fromkeys(("joint1", "joint2"), 150.0)
+
+
+@pytest.fixture(scope="module")
+def kinked():
+    """A problem with limited effort rates, and a shape whose jerk jumps at every breakpoint."""
+    limits = LimitOverrides(effort=dict.fromkeys(RATE, np.inf), effort_rate=RATE)
+    robot = load_robot("example:two_link", "hand", gravity=(0, -9.81, 0), limits=limits)
+    times = np.array([0.0, 0.15, 0.4, 0.6, 1.0])
+    points = np.array([[0.0, -1.0], [0.5, -0.2], [0.6, -0.9], [-0.3, -1.5], [0.2, -1.2]])
+    spline = CubicSpline(times, points, bc_type="clamped")
+    return anywhere(robot), JointTrajectory(tuple(RATE), times, spline.c)
+
+
+def rates_on_both_sides(robot, trajectory, count=4001):
+    """Return shares of the limits at samples of every piece, evaluated on it."""
+    piece = np.repeat(np.arange(len(trajectory.widths)), count)
+    local = np.linspace(0, 1, count) * trajectory.widths[:, None]
+    states = (trajectory.within(piece, local.ravel(), order) for order in range(4))
+    return abs(effort_rate(robot, *states)) / robot.limits.effort_rate
+
+
+def test_effort_rates_are_met_exactly_on_both_sides_of_breakpoints(kinked):
+    problem, shape = kinked
+    scaled = scaled_to_limits(problem, shape)
+    shares = rates_on_both_sides(problem.robot, scaled)
+    assert shares.max() == pytest.approx(1.0, abs=1e-6)
+    assert shares.max() <= 1.0
+    assert estimated_duration(problem, shape) == pytest.approx(scaled.duration, rel=1e-2)
+    assert estimated_duration(problem, shape) < scaled.duration
+    free = minimum_duration(problem, shape, with_jerk=False)
+    assert free < 0.9 * scaled.duration
+    known = scaled.at(np.linspace(0.01, 0.9, 50) * scaled.duration)
+    states = (known.position, known.velocity, known.acceleration)
+    jerk = scaled.jerk(known.time)
+    assert scaling_factor(problem, *states, jerk).min() < scaling_factor(problem, *states).min()
+
+
+def test_a_pendulums_effort_rate_has_its_known_minimum_time(tmp_path):
+    """Without gravity it is inertia times jerk, largest at both ends, where acceleration is not."""
+    robot = one_joint(tmp_path, velocity=1e3, effort=np.inf, effort_rate=30.0)
+    expected = np.cbrt(INERTIA * ANGLE * PEAK_JERK / 30)
+    found = minimum_duration(anywhere(robot), quintic(duration=0.7))
+    assert found == pytest.approx(expected, rel=1e-7)
+
+
+def test_a_peak_of_an_effort_rate_between_samples_counts(tmp_path):
+    """With gravity: against the largest of the closed form."""
+    robot = one_joint(tmp_path, mass=0.5, velocity=1e3, effort=np.inf, effort_rate=4.0)
+    scaled = scaled_to_limits(anywhere(robot), quintic(3.0))
+    t = np.linspace(0, scaled.duration, 200_001)
+    q, v, jerk = (f(t)[:, 0] for f in (scaled.position, scaled.velocity, scaled.jerk))
+    rate = (INERTIA + 0.5 * 0.5**2) * jerk - 0.5 * 9.81 * 0.5 * np.sin(q) * v
+    assert abs(rate).max() == pytest.approx(4.0, rel=1e-7)
+    assert abs(rate).max() <= 4.0
+    assert 0.1 < t[abs(rate).argmax()] / scaled.duration < 0.9

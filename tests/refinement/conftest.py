@@ -21,7 +21,9 @@ def limited(robot_name):
         tool,
         gravity=(0, 0, -9.81) if robot_name != "two_link" else (0, 0, 0),
         limits=LimitOverrides(
-            acceleration=dict.fromkeys(names, 15.0), jerk=dict.fromkeys(names[:1], 400.0)
+            acceleration=dict.fromkeys(names, 15.0),
+            jerk=dict.fromkeys(names[:1], 400.0),
+            effort_rate=dict.fromkeys(names[1:], 300.0),
         ),
     )
 

@@ -49,15 +49,20 @@ def problem_with(robot=None, radius=(0.05, 0.05)):
         {"acceleration": {"joint1": 15.0, "joint2": 30.0}},
         {"jerk": {"joint1": 400.0, "joint2": 600.0}},
         {"tool_speed": 0.9},
+        {"effort_rate": {"joint1": 300.0, "joint2": 80.0}},
     ],
-    ids=["effort", "velocity", "acceleration", "jerk", "tool_speed"],
+    ids=["effort", "velocity", "acceleration", "jerk", "tool_speed", "effort_rate"],
 )
 def test_without_gravity_all_limits_together_have_a_known_sensitivity(limits):
     """Twice the efforts and accelerations, four times the speed... T falls in proportion."""
     sensitivities = plan(problem_with(arm(**limits))).sensitivities
     order = {"effort": 2, "acceleration": 2, "velocity": 1, "jerk": 3, "radius": 0}
-    order["tool_speed"] = 1
+    order |= {"tool_speed": 1, "effort_rate": 3}
     total = sum(order[sensitivity.limit] * sensitivity.elasticity for sensitivity in sensitivities)
+    assert all(
+        any(one.limit == kind and one.elasticity < -0.01 for one in sensitivities)
+        for kind in limits
+    )
     assert total == pytest.approx(-1.0, abs=1e-4)
     assert all(sensitivity.elasticity <= 0 for sensitivity in sensitivities)
     assert [sensitivity.saved for sensitivity in sensitivities] == sorted(
@@ -123,6 +128,31 @@ def test_that_of_the_tools_speed_is_what_planning_again_finds():
         ]
         change = (found[1] - found[0]) / 0.02
         assert -elasticity * duration == pytest.approx(change, rel=0.1, abs=2e-3)
+    assert min(prices.values()) < -0.1
+
+
+def test_those_of_effort_rates_are_what_planning_again_finds():
+    """With gravity, whose share of the rate is another power of the speed than the rest."""
+    limits, gravity = {"joint1": 400.0, "joint2": 100.0}, (0, -9.81, 0)
+    effort = dict.fromkeys(limits, 200.0)
+
+    def limited(rates):
+        overrides = LimitOverrides(velocity=EVERY, effort=effort, effort_rate=rates)
+        robot = load_robot("example:two_link", "hand", gravity=gravity, limits=overrides)
+        return problem_with(robot)
+
+    problem = limited(limits)
+    branch = reference_branch(problem, redundancy_rules(problem)[0])
+    refined = Refinement(problem, starting_spline(problem, branch, 8), (3, 3))
+    refined.run()
+    spline = refined._best.spline
+    prices = {key: e for key, e in refined.elasticities().items() if key.kind == "effort_rate"}
+    assert [key.joint for key in prices] == [0, 1]
+    for key, elasticity in prices.items():
+        name = problem.robot.joint_names[key.joint]
+        found = [polished(limited(limits | {name: f * limits[name]}), spline) for f in (1.01, 0.99)]
+        quotient = np.log(found[0] / found[1]) / np.log(1.01 / 0.99)
+        assert elasticity == pytest.approx(quotient, rel=0.1, abs=2e-3)
     assert min(prices.values()) < -0.1
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tubeplanner import PlanningProblem, Seed, Tube
+from tubeplanner.constraints.effort_rate import EffortRate
 from tubeplanner.constraints.path_samples import PathSamples
 from tubeplanner.constraints.speed_limits import speed_limits
 from tubeplanner.constraints.tool_speed import ToolSpeed
@@ -15,10 +16,13 @@ from tubeplanner.refinement.phased_spline import PhasedSpline, VelocityHull
 from tubeplanner.refinement.rotation_constraints import EvaluatedRotation
 from tubeplanner.refinement.sampled_spline import sampled
 from tubeplanner.refinement.speed_limit_rows import EvaluatedSpeedLimit
+from tubeplanner.refinement.spline_constraints import SplineConstraints
+from tubeplanner.robot.effort_rate import effort_rate
+from tubeplanner.trajectory.joint_trajectory import from_spline
 
 SWITCHING_TIMES = np.array([0.0, 0.4, 1.0])
 STEP = 1e-6
-LIMITS = ("effort", "velocity", "acceleration", "jerk", "tool_speed")
+LIMITS = ("effort", "effort_rate", "velocity", "acceleration", "jerk", "tool_speed")
 KINDS = (*LIMITS, "velocity of the hull", "rotation", "links")
 
 
@@ -132,6 +136,7 @@ def test_the_least_duration_is_that_of_every_limit(case):
             abs(v) / limits.velocity,
             abs(a) / limits.acceleration,
             abs(j) / limits.jerk,
+            abs(effort_rate(robot, q, v, a, j)) / limits.effort_rate,
         ]
         tool = robot.tool_jacobian(q)[1][0, :3] @ v[0]
         used.append(np.full(v.shape, np.linalg.norm(tool) / problem.tube.tool_speed[phase[i]]))
@@ -144,12 +149,33 @@ def test_every_limit_has_a_key_and_rows(case, kind):
     rows = limit.rows(0.8, None)
     keys = limit.limit.keys
     assert np.unique(rows.limit).tolist() == list(range(len(keys)))
-    joints = 1 if kind == "jerk" else case[0].robot.joint_count
-    named = [(kind, j, None) for j in range(joints)]
+    every = range(case[0].robot.joint_count)
+    joints = {"jerk": every[:1], "effort_rate": every[1:]}.get(kind, every)
+    named = [(kind, j, None) for j in joints]
     if kind == "tool_speed":
         named = [(kind, None, segment) for segment in range(2)]
     assert [(key.kind, key.joint, key.segment) for key in keys] == named
     assert len(rows) == limit.row_count
+
+
+def test_effort_rates_count_on_both_sides_of_every_knot(case):
+    """There the jerk jumps: of two neighbouring intervals, each asks for a duration of its own."""
+    problem, spline, _ = case
+    links, radius = LinkConstraints(problem), problem.tube.effective_radius
+    iterate = SplineConstraints(problem, spline.grid, links, radius).at(spline)
+    (found,) = (part for part in iterate.limits if part.limit.kind == "effort_rate")
+    shape = from_spline(problem.robot.joint_names, spline.bspline())
+    at_ends = shape.per_piece(2)
+    known = (at_ends.position, at_ends.velocity, at_ends.acceleration, shape.jerk_per_piece(2))
+    path = PathSamples(problem, np.stack(known))
+    limit = EffortRate(problem.robot.limits.effort_rate)
+    slowest = limit.used(path).largest_speed(limit.signs).min(axis=1) ** -2.0
+    after, before = slowest[::2], slowest[1::2]
+    assert abs(before[:-1] / after[1:] - 1).max() > 0.1
+    each = found.squared_durations.reshape(len(after), 3)
+    np.testing.assert_allclose(each[:, 0], after, rtol=1e-6)
+    np.testing.assert_allclose(each[:, 2], before, rtol=1e-6)
+    assert iterate.squared_duration >= slowest.max() * (1 - 1e-6)
 
 
 @pytest.mark.parametrize("margin", [0.0, 0.1])

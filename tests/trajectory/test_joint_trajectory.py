@@ -54,6 +54,16 @@ def test_samples_per_piece_see_both_sides_of_a_breakpoint():
     np.testing.assert_allclose(samples.velocity[:, 0], [1, 1, 1, -1, -1, -1])
 
 
+def test_a_given_piece_decides_where_a_derivative_jumps():
+    rows = [[[1.0], [-2.0]], [[0.0], [3.0]], [[0.0], [3.0]], [[0.0], [1.0]]]
+    trajectory = JointTrajectory(["a"], [0, 1, 1.5], rows)
+    np.testing.assert_allclose(trajectory.jerk_per_piece(2)[:, 0], [6, 6, -12, -12])
+    piece, local = np.array([0, 1, 1]), np.array([1.0, 0.0, 0.5])
+    expected = [[1, 1, 3], [3, 3, 4.5], [6, 6, 0], [6, -12, -12]]
+    for order, values in enumerate(expected):
+        np.testing.assert_allclose(trajectory.within(piece, local, order)[:, 0], values)
+
+
 def test_scaling_keeps_the_path():
     trajectory = random_trajectory()
     slower = trajectory.scaled(3.0)

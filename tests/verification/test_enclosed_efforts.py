@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from cases import SLIDE
-from tubeplanner import load_robot
-from tubeplanner.verification.enclosed_efforts import effort_terms
+from tubeplanner import JointTrajectory, load_robot
+from tubeplanner.robot.effort_rate import effort_rate
+from tubeplanner.verification.enclosed_efforts import effort_terms, enclosed_effort_rates
 
 
 @pytest.fixture
@@ -29,3 +30,19 @@ def test_the_term_of_rigid_bodies_holds_no_friction(tmp_path):
     q, v, a = np.random.default_rng(0).uniform(-2, 2, (3, 20, robot.joint_count))
     values = effort_terms(robot)["rigid bodies"].values
     np.testing.assert_allclose(values(q, -v, a), values(q, v, a), rtol=1e-9, atol=1e-9)
+
+
+def test_enclosed_rates_are_those_that_the_planners_limit(robot):
+    """On either side of breakpoints at which the jerk jumps, and in between."""
+    n = robot.joint_count
+    coefficients = np.random.default_rng(3).uniform(-1, 1, (4, 3, n))
+    coefficients *= np.array([400.0, 30.0, 2.0, 1.5])[:, None, None]
+    trajectory = JointTrajectory(robot.joint_names, [0, 0.05, 0.08, 0.2], coefficients)
+    rates = enclosed_effort_rates(robot, trajectory, np.full(n, 1e-4))
+    assert rates.error.max() <= 1e-4
+    interval = np.repeat(np.arange(len(rates.width)), 9)
+    u = np.tile(np.linspace(0, 1, 9), len(rates.width))
+    piece = np.searchsorted(trajectory.breakpoints, rates.start + 1e-9)[interval] - 1
+    local = rates.start[interval] + u * rates.width[interval] - trajectory.breakpoints[piece]
+    expected = effort_rate(robot, *(trajectory.within(piece, local, k) for k in range(4)))
+    np.testing.assert_allclose(rates.within(interval, u), expected, atol=1.01e-4)

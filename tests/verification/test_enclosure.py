@@ -13,7 +13,13 @@ from tubeplanner import JointTrajectory, Payload, load_robot
 from tubeplanner.trajectory.bernstein import bernstein_coefficients
 from tubeplanner.verification.enclosed_efforts import enclosed_efforts
 from tubeplanner.verification.enclosed_pose import enclosed_pose, enclosed_tool
-from tubeplanner.verification.enclosure import Quantity, enclosed, joint_bounds, total
+from tubeplanner.verification.enclosure import (
+    Quantity,
+    enclosed,
+    enclosed_rate,
+    joint_bounds,
+    total,
+)
 from tubeplanner.verification.majorants import derivative, rigid_body_majorant, tool_majorant
 
 
@@ -146,6 +152,33 @@ def test_the_error_is_just_that_of_the_next_power():
     u = np.linspace(0, 1, 100_001)
     off = abs(enclosure.at(u)[:, 0] - u**8)
     assert off.max() == pytest.approx(enclosure.error[0, 0], rel=1e-6)
+
+
+def test_the_error_of_a_rate_is_just_that_of_the_next_power():
+    """At an end of the interval the polynomials' derivative misses all that it may."""
+    trajectory = JointTrajectory(["u"], [0, 2.0], [[[0.5]], [[0.0]]])
+    quantity = Quantity(0, lambda q: q**8, lambda joints, width: np.ones((9, 1, 1)))
+    enclosure = enclosed_rate(trajectory, quantity, np.ones(1))
+    t = np.linspace(0, 2, 100_001)
+    off = abs(enclosure.at(t)[:, 0] - 4 * (t / 2) ** 7)
+    assert off.max() == pytest.approx(enclosure.error[0, 0], rel=1e-6)
+    assert off.argmax() in (0, len(t) - 1)
+
+
+def test_intervals_are_halved_until_the_rate_is_close_enough(two_link):
+    """A rate changes faster than the quantity: the same tolerance takes more intervals."""
+    trajectory = random_trajectory(two_link, 1)
+
+    def majorant(joints, width):
+        return np.stack([rigid_body_majorant(two_link, joints, width)[:, :, 0]], axis=2)
+
+    def values(*states):
+        return two_link.inverse_dynamics(*states)[:, :1]
+
+    quantity, tolerance = Quantity(2, values, majorant), np.array([1e-6])
+    rate = enclosed_rate(trajectory, quantity, tolerance)
+    assert rate.error.max() <= 1e-6
+    assert len(rate.width) > len(enclosed(trajectory, quantity, tolerance).width)
 
 
 def test_a_slow_pendulums_bound_is_its_gravity(tmp_path):

@@ -8,13 +8,15 @@ import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 
-from cases import PROBLEMS, slow_but
+from cases import PROBLEMS, changed, slow_but
 from many_points import spline
 from tubeplanner import (
+    LimitOverrides,
     OutputError,
     PlanOptions,
     Tube,
     load_problem,
+    load_robot,
     parse_problem,
     plan,
     plot_convergence,
@@ -204,6 +206,30 @@ def test_the_speeds_limit_is_drawn_where_there_is_one(stored):
     assert axis.get_ylim()[1] == pytest.approx(1.1 * 1.2 * fastest)
     draw_speed(axis := Figure().subplots(), trajectory_curves(problem, trajectory))
     assert axis.get_ylim()[1] == pytest.approx(1.1 * fastest)
+
+
+def test_effort_rates_have_a_panel_where_they_are_limited(stored):
+    problem, trajectory = stored("two_link/around_a_post")
+    free = plot_trajectory(problem, trajectory)
+    assert trajectory_curves(problem, trajectory).effort_rate is None
+    limits = LimitOverrides(
+        velocity=dict.fromkeys(problem.robot.joint_names, np.inf),
+        effort_rate=dict(zip(problem.robot.joint_names, (1e4, 2e4), strict=True)),
+    )
+    robot = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=limits)
+    limited = changed(problem, robot=robot)
+    figure = plot_trajectory(limited, trajectory)
+    assert len(figure.axes) == len(free.axes) + 1
+    (axis,) = (axis for axis in figure.axes if axis.get_ylabel() == "effort rate [% of limit]")
+    rate = trajectory_curves(limited, trajectory).effort_rate
+    effort = trajectory_curves(limited, trajectory).effort
+    time = axis.lines[0].get_xdata()
+    step = np.diff(time) > 0
+    numeric = np.diff(effort, axis=0)[step] / np.diff(time)[step, None]
+    middle = (rate[1:] + rate[:-1])[step] / 2
+    np.testing.assert_allclose(middle, numeric, atol=2e-2 * abs(rate).max())
+    for joint, limit in enumerate((1e4, 2e4)):
+        np.testing.assert_allclose(axis.lines[joint].get_ydata(), 100 * rate[:, joint] / limit)
 
 
 def in_boxes(problem):

@@ -80,6 +80,17 @@ def limited(_):
     return two_link_problem(robot)
 
 
+def abrupt(_):
+    """Limits on how fast efforts change, of which one is asked often, with gravity."""
+    limits = LimitOverrides(
+        velocity={"joint1": np.inf, "joint2": np.inf},
+        effort={"joint1": 300.0, "joint2": 100.0},
+        effort_rate={"joint1": 900.0, "joint2": 150.0},
+    )
+    robot = load_robot("example:two_link", "hand", gravity=(0, -9.81, 0), limits=limits)
+    return two_link_problem(robot)
+
+
 def six_joints(_):
     wall = load_problem("example:ur5/over_the_wall")
     tube = Tube(wall.tube.points[:3], 0.15, joint_signs={"elbow_joint": "+"})
@@ -95,6 +106,7 @@ def six_joints(_):
         (union, 10),
         (past_a_ball, 10),
         (limited, 10),
+        (abrupt, 10),
         (six_joints, 9),
     ],
 )

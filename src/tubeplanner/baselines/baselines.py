@@ -33,7 +33,7 @@ from tubeplanner.verification.verification import verify
 # kept. The finest is about as fine as refinement's knots.
 _SMOOTHED_INTERVALS = (64, 32, 16)
 # The conditions that a scheme whose acceleration jumps cannot satisfy.
-_SMOOTHNESS = {"rest", "continuity", "jerk"}
+_SMOOTHNESS = {"rest", "continuity", "jerk", "effort_rate"}
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,6 +20,7 @@ class JointEffort:
     """
 
     kind = "effort"
+    order = 2
     signs = (1.0, -1.0)
 
     def __init__(self, limit: FloatArray) -> None:

@@ -10,7 +10,7 @@ from tubeplanner.constraints.speed_limit import LimitKey
 from tubeplanner.constraints.speed_polynomial import SpeedPolynomial
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 
-RATES = {"velocity": 1, "acceleration": 2, "jerk": 3}
+RATES: Mapping[str, int] = {"velocity": 1, "acceleration": 2, "jerk": 3}
 
 
 class JointRate:
@@ -25,21 +25,21 @@ class JointRate:
 
     def __init__(self, kind: str, limit: FloatArray) -> None:
         """Take the finite ones of n joints' limits, (n,)."""
-        self.kind, self.rate = kind, RATES[kind]
+        self.kind, self.order = kind, RATES[kind]
         self.joints = np.flatnonzero(np.isfinite(limit))
         self.limit = limit[self.joints]
         self.keys = tuple(LimitKey(kind, joint=j) for j in self.joints.tolist())
 
     def used(self, at: PathSamples) -> SpeedPolynomial:
         """Return the rates as shares of their limits."""
-        return SpeedPolynomial({self.rate: at.by_path[self.rate][:, self.joints] / self.limit})
+        return SpeedPolynomial({self.order: at.by_path[self.order][:, self.joints] / self.limit})
 
     def by_path(self, at: PathSamples, speed: float) -> Mapping[int, FloatArray]:
         """Return how the shares change with the path: with one derivative alone."""
         count, n = at.position.shape
         change = np.zeros((len(self.joints), n))
-        change[np.arange(len(self.joints)), self.joints] = speed**self.rate / self.limit
-        return {self.rate: np.broadcast_to(change, (count, *change.shape))}
+        change[np.arange(len(self.joints)), self.joints] = speed**self.order / self.limit
+        return {self.order: np.broadcast_to(change, (count, *change.shape))}
 
     def key_of(self, at: PathSamples) -> IntArray:
         """Return one key per joint."""

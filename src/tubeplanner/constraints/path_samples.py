@@ -6,6 +6,7 @@ from functools import cached_property
 
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.robot.effort_rate import effort_rate, gravity_effort_rate
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +54,16 @@ class PathSamples:
     def effort(self) -> FloatArray:
         """Efforts at a speed of 1, shape (N, n) [N m or N]."""
         return self.problem.robot.inverse_dynamics(*self.by_path[:3])
+
+    @cached_property
+    def effort_rate(self) -> FloatArray:
+        """How fast the efforts change at a speed of 1, shape (N, n) [N m/s or N/s]."""
+        return effort_rate(self.problem.robot, *self.by_path[:4])
+
+    @cached_property
+    def gravity_rate(self) -> FloatArray:
+        """How fast efforts against gravity do, likewise."""
+        return gravity_effort_rate(self.problem.robot, *self.by_path[:2])
 
     @cached_property
     def tool_pose(self) -> tuple[FloatArray, FloatArray]:

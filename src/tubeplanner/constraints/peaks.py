@@ -1,10 +1,10 @@
-"""The highest peak of a function of time, refined between its samples."""
+"""The highest peak of a function, refined between its samples."""
 
 from collections.abc import Callable
 
 import numpy as np
 
-from tubeplanner.arrays import FloatArray
+from tubeplanner.arrays import FloatArray, IntArray
 
 _MAX_PEAKS = 24
 _POINTS = 9  # per peak and zoom; every zoom narrows in by a factor of 4
@@ -35,9 +35,59 @@ def refined_maximum(
     # The nearest other times, not the nearest samples: at a breakpoint two samples share a time.
     low = time[np.maximum(np.searchsorted(time, time[peaks], "left") - 1, 0)]
     high = time[np.minimum(np.searchsorted(time, time[peaks], "right"), len(time) - 1)]
+    return _zoomed(lambda _, grid: function(grid), low, high, (best, when))
+
+
+def refined_maximum_of_pieces(
+    function: Callable[[IntArray, FloatArray], FloatArray], value: FloatArray, *, band: float
+) -> float:
+    """Return the largest value of a function that is smooth in pieces and may jump between them.
+
+    Args:
+        function: From pieces (N,) and shares of them, from 0 to 1, (N,), to values (N,).
+        value: The function at equidistant shares of each piece, both ends included, three or more:
+            shape (pieces, shares).
+        band: As for `refined_maximum`; all such peaks are refined.
+
+    Returns:
+        At least the largest sample.
+    """
+    best, last = float(value.max()), value.shape[1] - 1
+    if not np.isfinite(best):
+        return best
+    padded = np.pad(value, ((0, 0), (1, 1)), constant_values=-np.inf)
+    is_peak = (value >= padded[:, :-2]) & (value >= padded[:, 2:]) & (value >= best - band)
+    piece, sample = np.nonzero(is_peak)
+    low, high = np.maximum(sample - 1, 0) / last, np.minimum(sample + 1, last) / last
+
+    def of_peaks(peak: IntArray, share: FloatArray) -> FloatArray:
+        return function(piece[peak], share)
+
+    return _zoomed(of_peaks, low, high, (best, np.nan), ends_are_smooth=True)[0]
+
+
+def _zoomed(
+    function: Callable[[IntArray, FloatArray], FloatArray],
+    low: FloatArray,
+    high: FloatArray,
+    known: tuple[float, float],
+    *,
+    ends_are_smooth: bool = False,
+) -> tuple[float, float]:
+    """Return the largest value of a function around K peaks, and its place.
+
+    Args:
+        function: From numbers of peaks (N,) and places (N,) to values (N,).
+        low: Where to begin to look for each peak, shape (K,).
+        high: And where to end.
+        known: The largest value so far, and its place.
+        ends_are_smooth: Whether a peak at an end of such a stretch rises no more than a concave
+            function does, from its neighbours.
+    """
+    (best, when), peak = known, np.arange(len(low))
     for _ in range(_ZOOMS):
         grid = low[:, None] + np.linspace(0, 1, _POINTS) * (high - low)[:, None]
-        found = function(grid.ravel()).reshape(grid.shape)
+        found = function(np.repeat(peak, _POINTS), grid.ravel()).reshape(grid.shape)
         rows, top = np.arange(len(grid)), found.argmax(axis=1)
         before, after = np.maximum(top - 1, 0), np.minimum(top + 1, _POINTS - 1)
         value = found[rows, top]
@@ -45,13 +95,24 @@ def refined_maximum(
         if value[highest] > best:
             best, when = float(value[highest]), float(grid[highest, top[highest]])
         # A concave peak rises above its sample by no more than it falls to the lower neighbour.
-        fall = value - np.minimum(found[rows, before], found[rows, after])
-        fall[(before == top) | (after == top)] = np.inf  # one neighbour is not known
-        rows = rows[value + fall >= best]
+        rise = value - np.minimum(found[rows, before], found[rows, after])
+        at_end = (before == top) | (after == top)  # one neighbour is not known
+        rise[at_end] = _rise_at_end(found[at_end]) if ends_are_smooth else np.inf
+        rows = rows[value + rise >= best]
         if len(rows) == 0:
             break
         low, high = grid[rows, before[rows]], grid[rows, after[rows]]
+        peak = peak[rows]
     return best, when
+
+
+def _rise_at_end(found: FloatArray) -> FloatArray:
+    """Return how far concave functions that are highest at an end may rise beside it, (K,).
+
+    From there to the next sample they stay below the line through the next two.
+    """
+    falling = np.where((found[:, 0] >= found[:, -1])[:, None], found, found[:, ::-1])
+    return np.maximum(2 * falling[:, 1] - falling[:, 2] - falling[:, 0], 0.0)
 
 
 def _peaks(value: FloatArray, floor: float) -> np.ndarray:

@@ -39,6 +39,11 @@ class SpeedLimit(Protocol):
         ...
 
     @property
+    def order(self) -> int:
+        """The highest derivative of q(x) that the quantities depend on."""
+        ...
+
+    @property
     def keys(self) -> tuple[LimitKey, ...]:
         """What can be raised or lowered, each on its own."""
         ...

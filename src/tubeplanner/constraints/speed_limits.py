@@ -3,6 +3,7 @@
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
+from tubeplanner.constraints.effort_rate import EffortRate
 from tubeplanner.constraints.joint_effort import JointEffort
 from tubeplanner.constraints.joint_rate import RATES, JointRate
 from tubeplanner.constraints.path_samples import PathSamples
@@ -15,7 +16,8 @@ def speed_limits(problem: PlanningProblem) -> tuple[SpeedLimit, ...]:
     """Return the limits of a problem that limit anything."""
     limits = problem.robot.limits
     rates = [JointRate(kind, getattr(limits, kind)) for kind in RATES]
-    found: tuple[SpeedLimit, ...] = (JointEffort(limits.effort), *rates, ToolSpeed(problem))
+    efforts = JointEffort(limits.effort), EffortRate(limits.effort_rate)
+    found: tuple[SpeedLimit, ...] = (*efforts, *rates, ToolSpeed(problem))
     return tuple(limit for limit in found if limit.keys)
 
 
@@ -39,11 +41,11 @@ def rates_and_others(
 def largest_speeds(at: PathSamples, limits: tuple[SpeedLimit, ...]) -> FloatArray:
     """Return up to which speed each sample keeps some limits, shape (N,); inf where none limits.
 
-    Limits of rates that the samples do not know are left out.
+    Limits that depend on a derivative that the samples do not know are left out.
     """
     found = np.full(len(at), np.inf)
     for limit in limits:
-        if isinstance(limit, JointRate) and limit.rate >= len(at.by_path):
+        if limit.order >= len(at.by_path):
             continue
         found = np.minimum(found, limit.used(at).largest_speed(limit.signs).min(axis=1))
     return found

@@ -83,8 +83,11 @@ def largest_speed(c: FloatArray) -> FloatArray:
         c = c * scale ** np.arange(_DEGREE + 1)[:, None]
         c = c / np.maximum(abs(c).max(axis=0), np.finfo(float).tiny)
         low, high, crosses = _bracket(c)
-        root = _polished(c, _nearest(c, _closed_form(c), low, high), low, high)
-        found = np.where(crosses, root * scale, np.inf)
+        found = np.full(len(crosses), np.inf)
+        # Where nothing crosses zero, Newton's method would look for it in vain.
+        rising, low, high = c[:, crosses], low[crosses], high[crosses]
+        root = _polished(rising, _nearest(rising, _closed_form(rising), low, high), low, high)
+        found[crosses] = root * scale[crosses]
     found[c[0] > 0] = 0.0
     return found.reshape(shape)
 

@@ -7,7 +7,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.constraints.joint_rate import RATES, JointRate
 from tubeplanner.constraints.path_samples import PathSamples
-from tubeplanner.constraints.peaks import refined_maximum
+from tubeplanner.constraints.peaks import refined_maximum, refined_maximum_of_pieces
 from tubeplanner.constraints.speed_limit import SpeedLimit
 from tubeplanner.constraints.speed_limits import largest_speeds, rates_and_others, speed_limits
 from tubeplanner.constraints.tube_membership import nearest_segments
@@ -21,6 +21,7 @@ _FEWEST_PER_PIECE, _MOST_PER_PIECE, _ENOUGH_IN_ALL = 12, 24, 1000
 _VALLEY_SHARE = 0.02
 # Rounding must not put a trajectory outside a limit it is scaled to meet exactly.
 _SAFETY = 1e-8
+_JERK = RATES["jerk"]
 
 
 def scaling_factor(
@@ -39,7 +40,7 @@ def scaling_factor(
         q: Positions, shape (N, n) [rad or m].
         v: Velocities, shape (N, n) [rad/s or m/s].
         a: Accelerations, shape (N, n) [rad/s^2 or m/s^2].
-        jerk: Shape (N, n) [rad/s^3 or m/s^3]; None: limits of jerk do not count.
+        jerk: Shape (N, n) [rad/s^3 or m/s^3]; None: limits that depend on it do not count.
         segment: The tube segment of each sample, shape (N,); None: the one the tool is nearest to.
 
     Returns:
@@ -60,22 +61,27 @@ def minimum_duration(
     """Return the shortest duration [s] of a trajectory's shape under all limits on its speed.
 
     Velocity, acceleration and jerk are exact for all t; others are the highest of their peaks,
-    found from 12 to 24 samples per polynomial piece and refined around the highest ones.
+    found from 12 to 24 samples per polynomial piece and refined around the highest ones. What
+    depends on jerk is looked at in every piece by itself: it may jump at breakpoints.
 
     Args:
         problem: The planning problem.
         trajectory: The shape.
-        with_jerk: Whether limits of jerk count; False where the acceleration jumps anyway.
+        with_jerk: Whether limits that depend on jerk count; False where the acceleration jumps.
         segments: The tube segment of each polynomial piece, shape (pieces,); None: wherever the
             tool is, the nearest.
 
     Raises:
         Infeasible: Status gravity_exceeds_effort.
     """
-    rates, others = rates_and_others(speed_limits(problem))
-    rates = [limit for limit in rates if with_jerk or limit.rate < RATES["jerk"]]
-    least = _least(problem, others, trajectory, segments)
-    factor = min(_rate_factor(rates, trajectory, _exact_peaks), least)
+    limits = speed_limits(problem)
+    limits = tuple(limit for limit in limits if with_jerk or limit.order < _JERK)
+    rates, others = rates_and_others(limits)
+    least = min(
+        _rate_factor(rates, trajectory, _exact_peaks),
+        _least(problem, _below_jerk(others), trajectory, segments),
+    )
+    factor = min(least, _least_of_pieces(problem, _with_jerk(others), trajectory, segments))
     return trajectory.duration / factor * (1 + _SAFETY)
 
 
@@ -93,10 +99,10 @@ def estimated_durations(problem: PlanningProblem, shapes: Sequence[JointTrajecto
         Infeasible: Status gravity_exceeds_effort.
     """
     rates, others = rates_and_others(speed_limits(problem))
-    parts = [shape.per_piece(_FEWEST_PER_PIECE) for shape in shapes]
-    first = np.cumsum([0, *(len(part.time) for part in parts[:-1])])
-    names = ("position", "velocity", "acceleration")
-    known = tuple(np.concatenate([getattr(part, name) for part in parts]) for name in names)
+    orders = max((limit.order for limit in others), default=0) + 1
+    parts = [_known_per_piece(shape, _FEWEST_PER_PIECE, orders) for shape in shapes]
+    first = np.cumsum([0, *(len(part[0]) for part in parts[:-1])])
+    known = tuple(np.concatenate(rows) for rows in zip(*parts, strict=True))
     sampled = np.minimum.reduceat(_held_factor(problem, others, known, None), first)
     polynomial = [_rate_factor(rates, shape, _hull_peaks) for shape in shapes]
     duration = np.array([shape.duration for shape in shapes])
@@ -137,10 +143,10 @@ def _rate_factor(
     """Return the largest b that limits of velocity, acceleration and jerk allow."""
     factor = np.inf
     for limit in rates:
-        coefficients = trajectory.derivative_coefficients(limit.rate)[:, :, limit.joints]
+        coefficients = trajectory.derivative_coefficients(limit.order)[:, :, limit.joints]
         used = float((peaks(coefficients, trajectory.widths) / limit.limit).max())
         if used > 0:
-            factor = min(factor, (1 / used) ** (1 / limit.rate))
+            factor = min(factor, (1 / used) ** (1 / limit.order))
     return factor
 
 
@@ -178,6 +184,45 @@ def _least(
 
     highest, _ = refined_maximum(negative, samples.time, -factor, band=_VALLEY_SHARE * least)
     return -highest
+
+
+def _least_of_pieces(
+    problem: PlanningProblem,
+    limits: tuple[SpeedLimit, ...],
+    trajectory: JointTrajectory,
+    segments: IntArray | None,
+) -> float:
+    """Return the smallest factor inside pieces, its valleys refined between samples."""
+    if not limits:
+        return np.inf
+
+    def negative(piece: IntArray, share: FloatArray) -> FloatArray:
+        local = share * trajectory.widths[piece]
+        known = tuple(trajectory.within(piece, local, order) for order in range(_JERK + 1))
+        own = None if segments is None else segments[piece]
+        return -_held_factor(problem, limits, known, own)
+
+    pieces, share = len(trajectory.widths), np.linspace(0, 1, _FEWEST_PER_PIECE)
+    value = negative(np.repeat(np.arange(pieces), len(share)), np.tile(share, pieces))
+    band = _VALLEY_SHARE * float(-value.max())
+    return -refined_maximum_of_pieces(negative, value.reshape(pieces, -1), band=band)
+
+
+def _below_jerk(limits: tuple[SpeedLimit, ...]) -> tuple[SpeedLimit, ...]:
+    """Return the limits that do not jump where the jerk does."""
+    return tuple(limit for limit in limits if limit.order < _JERK)
+
+
+def _with_jerk(limits: tuple[SpeedLimit, ...]) -> tuple[SpeedLimit, ...]:
+    return tuple(limit for limit in limits if limit.order >= _JERK)
+
+
+def _known_per_piece(
+    trajectory: JointTrajectory, count: int, orders: int
+) -> tuple[FloatArray, ...]:
+    """Return positions and derivatives at samples of every piece, three orders or four."""
+    known = _known(trajectory.per_piece(count))
+    return known if orders <= _JERK else (*known, trajectory.jerk_per_piece(count))
 
 
 def _known(samples: TrajectorySamples) -> tuple[FloatArray, FloatArray, FloatArray]:

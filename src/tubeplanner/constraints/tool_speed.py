@@ -20,6 +20,7 @@ class ToolSpeed:
     """
 
     kind = "tool_speed"
+    order = 1
     signs = (1.0,)
 
     def __init__(self, problem: PlanningProblem) -> None:

@@ -19,8 +19,8 @@ def path_minimum(problem: PlanningProblem, trajectory: JointTrajectory) -> float
     """Return the least time [s] for the path of a trajectory, from rest to rest.
 
     Under the limits of velocity, acceleration, effort and tool speed at 1,600 points of the path,
-    jerk unlimited: good to about 0.1 %; less where segments with different tool speeds overlap,
-    since the loosest of them counts.
+    jerk and effort rate unlimited: good to about 0.1 %; less where segments with different tool
+    speeds overlap, since the loosest of them counts.
 
     Args:
         problem: The planning problem.

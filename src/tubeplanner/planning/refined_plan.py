@@ -292,10 +292,11 @@ def certified_refinement(
 
 
 def _notes(problem: PlanningProblem, trajectory: JointTrajectory) -> tuple[str, ...]:
-    """Return a note on the trajectory's jerk, where nothing limits it."""
+    """Return a note on the trajectory's jerk, where neither it nor the effort's rate is limited."""
     robot = problem.robot
     peak = abs(trajectory.derivative_coefficients(3)).max(axis=(0, 1))
-    peak = np.where(np.isfinite(robot.limits.jerk), 0.0, peak)
+    limit = np.minimum(robot.limits.jerk, robot.limits.effort_rate)
+    peak = np.where(np.isfinite(limit), 0.0, peak)
     joint = int(peak.argmax())
     if not peak[joint] > 0:
         return ()

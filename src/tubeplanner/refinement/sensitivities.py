@@ -14,8 +14,9 @@ class Sensitivity:
     """What one limit costs, with start, goal and all other limits fixed.
 
     Attributes:
-        limit: "effort" (both directions together), "velocity", "acceleration", "jerk", "radius",
-            "rotation", or "width" or "height" of a box.
+        limit: "effort" (both directions together), "effort_rate" (likewise), "velocity",
+            "acceleration", "jerk", "tool_speed", "radius", "rotation", or "width" or "height" of a
+            box.
         joint: Whose limit; None for a segment's.
         segment: Which segment's, the first of those that count as one; None for a joint's.
         elasticity: d ln T / d ln limit, at most 0: the relative change of the duration per relative

@@ -1,6 +1,6 @@
 """All constraints of a spline at samples, with samples added where necessary."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 
@@ -36,6 +36,7 @@ from tubeplanner.tube.tube import Tube
 # than these and velocities depend on the configuration.
 _RATE_SAMPLES = np.zeros(1)
 _CONFIGURATION_SAMPLES = np.arange(2) / 2
+_JERK_SAMPLES = np.arange(3) / 2  # at knots, where jerks jump, those of both sides
 _TUBE_SAMPLES = np.arange(3) / 3
 _DENSE_SAMPLES = np.linspace(0, 1, 21)
 # Samples may lie this much farther apart than on average; and what their kinks may take, in radii.
@@ -127,7 +128,11 @@ class SplineConstraints:
         ends = grid.phase_ends()
         self._hull = VelocityHull(grid.control_point_count)
         self._rate_samples = grid.samples(_RATE_SAMPLES).and_also(ends)
-        self._watched_samples = grid.samples(_CONFIGURATION_SAMPLES).and_also(ends)
+        # By whether jerk counts.
+        self._watched_samples = {
+            False: grid.samples(_CONFIGURATION_SAMPLES).and_also(ends),
+            True: grid.samples(_JERK_SAMPLES),
+        }
         self._tube_samples = grid.samples(_TUBE_SAMPLES).and_also(ends)
         # The segment before a compulsory point is the last one of its phase.
         stops = [chain.stop for chain in grid.chains]
@@ -176,18 +181,21 @@ class SplineConstraints:
 
     def between_samples(self, spline: PhasedSpline) -> Iterate:
         """Return a spline with what it costs between samples too."""
-        return self._at(spline, self._dense_samples, self._dense_samples)
+        dense = self._dense_samples
+        return self._at(spline, dict.fromkeys(self._watched_samples, dense), dense)
 
     def look_between_samples(self, current: Iterate) -> tuple[Iterate, bool]:
         """Return a spline's cost between samples too, and whether samples had to be added."""
         has_more = self.look_for_links(current.spline)
         worst, dense = self.between_samples(current.spline), self._dense_samples
         here = [limit for limit in worst.limits if limit.at.evaluation_points is dense]
-        if here:
-            slowest = np.max([limit.squared_durations for limit in here], axis=0)
-            higher = _peaks(slowest, self._higher * current.duration**2)
-            self._watched_samples = self._watched_samples.and_also(dense.where(higher))
-            has_more |= len(higher) > 0
+        for with_jerk, samples in self._watched_samples.items():
+            alike = [part for part in here if _depends_on_jerk(part.limit) is with_jerk]
+            if alike:
+                slowest = np.max([part.squared_durations for part in alike], axis=0)
+                higher = _peaks(slowest, self._higher * current.duration**2)
+                self._watched_samples[with_jerk] = samples.and_also(dense.where(higher))
+                has_more |= len(higher) > 0
         # Compulsory points are passed at switching times, and need no other samples.
         in_tube = [part for part in worst.tool if part.at.evaluation_points is dense]
         outside = np.concatenate([_peaks(part.excess, 0.0) for part in in_tube])
@@ -197,11 +205,14 @@ class SplineConstraints:
     def add_samples(self, spline: PhasedSpline, x: float) -> None:
         """Add samples of everything at an instant, from 0 to 1."""
         samples = self._grid.samples_at(spline.switching_times, np.array([x]))
-        self._watched_samples = self._watched_samples.and_also(samples)
+        for with_jerk, watched in self._watched_samples.items():
+            self._watched_samples[with_jerk] = watched.and_also(samples)
         self._tube_samples = self._tube_samples.and_also(samples)
         self._links.look_at(spline, samples)
 
-    def _at(self, spline: PhasedSpline, watched: Samples, tube_samples: Samples) -> Iterate:
+    def _at(
+        self, spline: PhasedSpline, watched: Mapping[bool, Samples], tube_samples: Samples
+    ) -> Iterate:
         """Return an iterate from limits that depend on the configuration, and the tube, there."""
         known = _Known(self._problem, spline, self._radius)
         limits = tuple(
@@ -221,15 +232,15 @@ class SplineConstraints:
             regions,
             rotation,
             links,
-            known.at(watched),
+            known.at(watched[False]),
             known.at(self._rate_samples),
         )
 
-    def _points(self, limit: SpeedLimit, watched: Samples) -> EvaluationPoints:
+    def _points(self, limit: SpeedLimit, watched: Mapping[bool, Samples]) -> EvaluationPoints:
         """Return where a limit is looked at."""
         if not isinstance(limit, JointRate):
-            return watched
-        return self._hull if limit.rate == RATES["velocity"] else self._rate_samples
+            return watched[_depends_on_jerk(limit)]
+        return self._hull if limit.order == RATES["velocity"] else self._rate_samples
 
     def _numbers_of(self, keys: Sequence[LimitKey]) -> IntArray:
         return np.array([self._numbers[key] for key in keys])
@@ -293,6 +304,10 @@ class _Known:
 
     def _segment(self, samples: Samples) -> IntArray:
         return self.segments_of(samples).at(self.at(samples)[1].tool_pose[1])
+
+
+def _depends_on_jerk(limit: SpeedLimit) -> bool:
+    return limit.order >= RATES["jerk"]
 
 
 def _keys(limits: tuple[SpeedLimit, ...], tube: Tube) -> tuple[LimitKey, ...]:

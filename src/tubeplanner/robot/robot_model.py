@@ -83,7 +83,7 @@ class RobotModel:
             locked_joints=locked_joints,
             gravity=gravity,
             payload=payload,
-            needs_masses=bool(np.isfinite(limits.effort).any()),
+            needs_masses=bool(np.isfinite([limits.effort, limits.effort_rate]).any()),
         )
         self._others = (tool_offset, locked_joints, payload)
         self.name = urdf.name

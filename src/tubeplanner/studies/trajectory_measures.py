@@ -103,7 +103,7 @@ def _peak_jerk(trajectory: JointTrajectory) -> tuple[float, str]:
 def _limit_use(
     problem: PlanningProblem, samples: TrajectorySamples, segment: IntArray
 ) -> FloatArray:
-    """Return the largest share of a limit on the speed in use, but for jerk, shape (N,)."""
+    """Return the largest share of a limit on the speed in use, jerk left out, shape (N,)."""
     known = np.stack([samples.position, samples.velocity, samples.acceleration])
     at = PathSamples(problem, known, lambda: segment)
-    return largest_use(at, tuple(lim for lim in speed_limits(problem) if lim.kind != "jerk"))
+    return largest_use(at, tuple(lim for lim in speed_limits(problem) if lim.order < 3))

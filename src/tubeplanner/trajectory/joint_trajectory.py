@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tubeplanner.arrays import FloatArray, read_only
+from tubeplanner.arrays import FloatArray, IntArray, read_only
 from tubeplanner.errors import TrajectoryError, shown
 from tubeplanner.names import require_name
 from tubeplanner.options import is_number
@@ -199,6 +199,27 @@ class JointTrajectory:
             values.append(value.transpose(1, 0, 2).reshape(-1, len(self.joint_names)))
         time = (self.breakpoints[:-1] + local).T.ravel()
         return TrajectorySamples(time, *values)
+
+    def jerk_per_piece(self, count: int) -> FloatArray:
+        """Return the jerk at the samples of `per_piece`, shape (N, n)."""
+        pieces = len(self.widths)
+        local = np.linspace(0.0, 1.0, count) * self.widths[:, None]
+        return self.within(np.repeat(np.arange(pieces), count), local.ravel(), 3)
+
+    def within(self, piece: IntArray, local: FloatArray, order: int) -> FloatArray:
+        """Return a derivative of an order from 0 to 3 on given pieces, shape (N, n).
+
+        At a breakpoint the piece decides: what jumps there has a value on either side.
+
+        Args:
+            piece: Indices of pieces, shape (N,).
+            local: Times since their beginning, shape (N,) [s].
+            order: 0: position; 1: velocity; 2: acceleration; 3: jerk.
+        """
+        value = np.zeros((len(piece), len(self.joint_names)))
+        for row in self.derivative_coefficients(order):
+            value = value * local[:, None] + row[piece]
+        return value
 
     def scaled(self, factor: float) -> "JointTrajectory":
         """Return the same path with all times multiplied by a factor > 0."""

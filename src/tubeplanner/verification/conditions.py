@@ -6,6 +6,7 @@ from types import MappingProxyType
 from tubeplanner.verification.judged.clearance import judge_obstacles, judge_self_collision
 from tubeplanner.verification.judged.continuity import judge_continuity
 from tubeplanner.verification.judged.effort import judge_effort
+from tubeplanner.verification.judged.effort_rate import judge_effort_rate
 from tubeplanner.verification.judged.endpoints import judge_goal, judge_start
 from tubeplanner.verification.judged.joint_rates import (
     judge_acceleration,
@@ -30,6 +31,7 @@ JUDGED: Mapping[str, Callable[[JudgedMotion], JudgedCondition]] = MappingProxyTy
         "acceleration": judge_acceleration,
         "jerk": judge_jerk,
         "effort": judge_effort,
+        "effort_rate": judge_effort_rate,
         "tool_speed": judge_tool_speed,
         "tube": judge_tube,
         "joint_signs": judge_joint_signs,

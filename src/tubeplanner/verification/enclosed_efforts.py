@@ -1,4 +1,4 @@
-"""Polynomials that enclose the joint efforts, for all t.
+"""Polynomials that enclose the joint efforts and their rates, for all t.
 
 The terms of the effort law are listed once. Its values and the bounds on what lies between them are
 sums over that list, so that no term can be in the one and not in the other.
@@ -10,7 +10,7 @@ from functools import partial
 from tubeplanner.arrays import FloatArray
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
-from tubeplanner.verification.enclosure import Enclosure, Quantity, enclosed, total
+from tubeplanner.verification.enclosure import Enclosure, Quantity, enclosed, enclosed_rate, total
 from tubeplanner.verification.majorants import rigid_body_majorant
 
 
@@ -34,3 +34,16 @@ def enclosed_efforts(
         tolerance: How large the errors may be, shape (n,) [N m or N].
     """
     return enclosed(trajectory, total(effort_terms(robot).values()), tolerance)
+
+
+def enclosed_effort_rates(
+    robot: RobotModel, trajectory: JointTrajectory, tolerance: FloatArray
+) -> Enclosure:
+    """Return how fast the joint efforts change inside the pieces, c = n [N m/s or N/s].
+
+    Args:
+        robot: The arm.
+        trajectory: In the robot's joint order.
+        tolerance: How large the errors may be, shape (n,) [N m/s or N/s].
+    """
+    return enclosed_rate(trajectory, total(effort_terms(robot).values()), tolerance)

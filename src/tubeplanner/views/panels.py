@@ -11,6 +11,7 @@ from tubeplanner.constraints.time_scaling import scaling_factor
 from tubeplanner.constraints.tool_speed import ToolSpeed
 from tubeplanner.constraints.tube_membership import current_segments, tube_use
 from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.robot.effort_rate import effort_rate
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
 from tubeplanner.tube.tube import Tube
 from tubeplanner.views.palette import LINE_COLORS, segment_color
@@ -38,6 +39,7 @@ class TrajectoryCurves:
         problem: The planning problem.
         samples: Times, positions, velocities, accelerations.
         effort: Shape (N, n) [N m or N].
+        effort_rate: Shape (N, n) [N m/s or N/s]; None where no joint's is limited.
         tool: Shape (N, 3) [m].
         speed: Of the tool, shape (N,) [m/s].
         speed_limit: Its limit in that segment, shape (N,) [m/s]; inf where there is none.
@@ -51,6 +53,7 @@ class TrajectoryCurves:
     problem: PlanningProblem
     samples: TrajectorySamples
     effort: FloatArray
+    effort_rate: FloatArray | None
     tool: FloatArray
     speed: FloatArray
     speed_limit: FloatArray
@@ -78,8 +81,8 @@ class TrajectoryCurves:
 def trajectory_curves(problem: PlanningProblem, trajectory: JointTrajectory) -> TrajectoryCurves:
     """Return what there is to draw of a trajectory of the problem's joints, in their order."""
     robot, tube = problem.robot, problem.tube
-    pieces = len(trajectory.widths)
-    samples = trajectory.per_piece(max(_MIN_PER_PIECE, _SAMPLES // pieces))
+    count = max(_MIN_PER_PIECE, _SAMPLES // len(trajectory.widths))
+    samples = trajectory.per_piece(count)
     q, v, a = samples.position, samples.velocity, samples.acceleration
     rotation, tool, jacobian = robot.tool_pose_jacobian(q)
     segment = current_segments(problem, trajectory, samples)
@@ -88,10 +91,14 @@ def trajectory_curves(problem: PlanningProblem, trajectory: JointTrajectory) -> 
         error = tube.rotation.error(rotation, tool, segment)
         angle = np.linalg.norm(error, axis=1, keepdims=True)
         turned = (np.hstack([abs(error), angle]) / tube.rotation.bounds[segment]).max(axis=1)
+    rate = None
+    if np.isfinite(robot.limits.effort_rate).any():
+        rate = effort_rate(robot, q, v, a, trajectory.jerk_per_piece(count))
     return TrajectoryCurves(
         problem,
         samples,
         robot.inverse_dynamics(q, v, a),
+        rate,
         tool,
         np.linalg.norm(np.einsum("nij,nj->ni", jacobian[:, :3], v), axis=1),
         ToolSpeed(problem).limit[segment],
@@ -139,6 +146,15 @@ def draw_efforts(axis: "Axes", curves: TrajectoryCurves) -> None:
     robot = curves.problem.robot
     unit = _unit(curves.problem, "N m", "N")
     _draw_shares(axis, curves, curves.effort, robot.limits.effort, "effort", unit)
+
+
+def draw_effort_rates(axis: "Axes", curves: TrajectoryCurves) -> None:
+    """Draw how fast efforts change against their limits, where there are some."""
+    if curves.effort_rate is None:
+        return
+    limit = curves.problem.robot.limits.effort_rate
+    unit = _unit(curves.problem, "N m/s", "N/s")
+    _draw_shares(axis, curves, curves.effort_rate, limit, "effort rate", unit)
 
 
 def draw_factor(

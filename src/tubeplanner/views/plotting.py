@@ -13,6 +13,7 @@ from tubeplanner.tube.tube import Tube
 from tubeplanner.views.figure_files import new_figure, saved
 from tubeplanner.views.palette import OBSTACLE_COLOR, REFERENCE_COLOR, segment_color
 from tubeplanner.views.panels import (
+    draw_effort_rates,
     draw_efforts,
     draw_factor,
     draw_positions,
@@ -34,8 +35,9 @@ def plot_trajectory(
 ) -> "Figure":
     """Draw a trajectory against limits and tube, the tube's segments marked.
 
-    Positions, velocities and efforts with their limits; how many times faster each instant could be
-    run, `b(t)`; the tool's path in the tube, its speed, and the share of the tolerance it uses.
+    Positions, velocities, efforts, and their rates if a limit is asked, with the limits; how many
+    times faster each instant could be run, `b(t)`; the tool's path in the tube, its speed, and the
+    share of the tolerance it uses.
 
     Args:
         problem: The planning problem.
@@ -50,20 +52,21 @@ def plot_trajectory(
     """
     trajectory = trajectory.reordered(problem.robot.joint_names)
     curves = trajectory_curves(problem, trajectory)
-    figure = new_figure(12.5, 10.8)
+    rows = 4 if curves.effort_rate is None else 5
+    figure = new_figure(12.5, 2.7 * rows)
     figure.suptitle(f"{problem.name}: {trajectory.duration:.4f} s", fontsize=13)
-    grid = figure.add_gridspec(4, 2, width_ratios=(1.15, 1))
-    position, velocity, effort = (figure.add_subplot(grid[row, 0]) for row in range(3))
-    tool_axis = figure.add_subplot(grid[:2, 1], projection="3d")
-    use, factor, speed = (figure.add_subplot(grid[place]) for place in ((2, 1), (3, 0), (3, 1)))
-    draw_positions(position, curves)
-    draw_velocities(velocity, curves)
-    draw_efforts(effort, curves)
+    grid = figure.add_gridspec(rows, 2, width_ratios=(1.15, 1))
+    by_joint = [figure.add_subplot(grid[row, 0]) for row in range(rows - 1)]
+    tool_axis = figure.add_subplot(grid[: rows - 2, 1], projection="3d")
+    use, factor, speed = (figure.add_subplot(grid[place]) for place in ((-2, 1), (-1, 0), (-1, 1)))
+    draws = (draw_positions, draw_velocities, draw_efforts, draw_effort_rates)
+    for axis, draw in zip(by_joint, draws, strict=False):
+        draw(axis, curves)
     draw_tube_use(use, curves)
     draw_speed(speed, curves)
     draw_factor(factor, curves)
-    for axis in (position, velocity, effort, use, speed):
-        mark_segments(axis, curves, labels=axis in (position, use))
+    for axis in (*by_joint, use, speed):
+        mark_segments(axis, curves, labels=axis in (by_joint[0], use))
     _draw_tool(tool_axis, problem, curves.tool)
     low, high = _draw_arm(tool_axis, problem, curves.samples.position[[0, -1]])
     _frame(tool_axis, problem, low, high)

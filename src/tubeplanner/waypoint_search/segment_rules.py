@@ -105,6 +105,7 @@ class SegmentRules:
         # In which segment the tool is, is not known: what depends on it could be too strict here.
         of_joints = [limit for limit in others if all(key.segment is None for key in limit.keys)]
         self._sampled = tuple(of_joints)
+        self._orders = max((limit.order for limit in of_joints), default=0) + 1
         self._least_times = _least_times(problem, waypoints)
         self._passable = passable_segments(problem.tube)
         self.cuts = {"joint_limits": 0, "duration": 0, "tube": 0, "collision": 0}
@@ -170,17 +171,17 @@ class SegmentRules:
         """Return how much faster velocity, acceleration and jerk limits let it be run, (C,)."""
         factor = np.full(len(batch), np.inf)
         for limit in self._rates:
-            rate = batch.at(_RATE_TIMES, limit.rate)[..., limit.joints]
+            rate = batch.at(_RATE_TIMES, limit.order)[..., limit.joints]
             used = (abs(rate) / limit.limit).max(axis=(1, 2, 3))
             with np.errstate(divide="ignore"):
-                factor = np.minimum(factor, (1 / used) ** (1 / limit.rate))
+                factor = np.minimum(factor, (1 / used) ** (1 / limit.order))
         return factor
 
     def _sampled_factor(self, batch: SegmentBatch, times: FloatArray) -> FloatArray:
         """Return how much faster limits of efforts let the samples be run, shape (C,)."""
-        by_path = np.stack([batch.at(times, order) for order in range(3)])
+        by_path = np.stack([batch.at(times, order) for order in range(self._orders)])
         shape, n = by_path.shape[1:4], by_path.shape[4]
-        at = PathSamples(self._problem, by_path.reshape(3, -1, n))
+        at = PathSamples(self._problem, by_path.reshape(self._orders, -1, n))
         return largest_speeds(at, self._sampled).reshape(shape).min(axis=(1, 2))
 
     def _inside(self, batch: SegmentBatch, times: FloatArray) -> BoolArray:
