@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from tubeplanner.arrays import FloatArray, read_only
+from tubeplanner.arrays import FloatArray, IntArray, read_only
 from tubeplanner.errors import RobotError, shown, unknown_name
 from tubeplanner.options import in_figures, is_number
 from tubeplanner.robot.followers import followers_of
@@ -92,6 +92,10 @@ class JointLimits:
     acceleration: FloatArray
     jerk: FloatArray
     tool_speed: float = np.inf
+
+    def unlimited(self, quantity: str) -> IntArray:
+        """Return which joints nothing limits in a quantity, such as "jerk": int, shape (k,)."""
+        return np.flatnonzero(~np.isfinite(getattr(self, quantity)))
 
     def clip(self, q: FloatArray) -> FloatArray:
         """Return configurations of shape (..., n) moved into the position limits."""
