@@ -277,8 +277,7 @@ def _read_ros(text: str) -> TrajectoryFile:
     time = np.array([_ros_time(i, point) for i, point in enumerate(points)])
     file = _from_samples(names, time, tables)
     has_effort = any(bool(point.get("effort")) for point in points)
-    given = GivenSamples(float(time[0]), tuple(tables), has_effort)
-    return replace(file, samples=given)
+    return replace(file, samples=GivenSamples(float(time[0]), tuple(tables), has_effort))
 
 
 def _ros_row(names: list[str], index: int, point: dict[str, Any], field: str) -> list[float]:
