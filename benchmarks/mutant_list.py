@@ -80,6 +80,11 @@ TESTS = {
         "refinement/test_sensitivities.py",
         "planning/test_planner_best_known.py",
     ),
+    "problem/limit_values": ("problem/test_problem.py",),
+    "problem/problem_reader": ("problem/test_problem.py", "problem/test_presets.py"),
+    "robot/limit_layers": ("robot/test_joint_limits.py", "robot/test_followers.py"),
+    "robot/limit_overrides": ("robot/test_joint_limits.py",),
+    "robot/velocity_by_position": ("robot/test_joint_limits.py",),
     "robot/robot_model": ("collision/test_collision_checker.py", "robot/test_followers.py"),
     "trajectory/bernstein": ("verification/test_enclosure.py",),
     "verification/certificate": ("verification/test_verification.py",),
@@ -905,7 +910,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("count + _STILL + 1", "count + 1"),
     ],
     "_Commands.instants": [("self.time[order:]", "self.time[: len(self.time) - order]")],
-    "differences": [("/ PERIOD**order", "/ PERIOD")],
+    "_differences": [("/ PERIOD**order", "/ PERIOD")],
     "_aborts": [("position[:-1]", "position[1:]")],
     "_unrest": [("_AT_REST * limit[joint]", "limit[joint]")],
     "_exceeded": [
@@ -914,7 +919,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         (".any(axis=1)", ".all(axis=1)"),
     ],
     "FrankaLimits.velocity_bounds": [
-        ("2 * np.array", "1 * np.array"),
+        ("2 * deceleration", "1 * deceleration"),
         ("0.0, most)", "-most, most)"),
     ],
     "_altered": [
@@ -922,16 +927,88 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("coefficients[-1, 0]", "coefficients[-1, -1]"),
     ],
     "_refused": [("abs(velocity[joint]) > _MOVES", "velocity[joint] > _MOVES")],
-    "ControllerVerdict.accepted": [("is Effect.NOTED", "is not Effect.REFUSED")],
+    "ControllerVerdict.gravest": [
+        ("(Effect.REFUSED, Effect.ALTERED)", "(Effect.REFUSED,)"),
+        ("Effect.REFUSED, Effect.ALTERED", "Effect.ALTERED, Effect.REFUSED"),
+    ],
     "_tool_rates": [
         ('"nij,nj->ni", by_q, samples.velocity', '"nij,nj->ni", 0 * by_q, samples.velocity'),
     ],
     "unused_values": [("tag == _SOFT and", "False and")],
     "_hard_limit": [('removeprefix("soft_")', 'removeprefix("hard_")')],
-    "_is_given": [("quantity is not None and", "quantity is None or")],
+    "_is_given": [
+        ("field is not None and", "field is None or"),
+        ("law.joint == column", "True"),
+    ],
+    "fitting_presets": [
+        ("layer.joint_count != len(joints)", "False"),
+        ("or np.nan)", "or given[what][joint.name])"),
+    ],
     "BoxRegions._beyond": [
         ("abs(local[..., :2])", "local[..., :2]"),
         ("- length)", "- 0.9 * length)"),
+    ],
+    # --- robot/limit_layers, limit_overrides, velocity_by_position ------------------------------
+    "layers_of": [('"robot.limits"', '"limits"')],
+    "merged_limits": [
+        ("sorted(joint_names, key=lambda name: _depth(description, name))", "list(joint_names)"),
+        ("if quantity in _FOLLOWED", "if True"),
+        ("for layer in layers][::-1]", "for layer in layers]"),
+        ("if limits.tool_speed is not None", "if True"),
+        ("for limits in above if limits.point_speed", "for limits in above"),
+        ("tuple(note for layer in layers for note in layer.notes)", "()"),
+    ],
+    "_require_fitting": [("not in (None, len(chain))", "in ()")],
+    "_require_some": [("if layer.skips_others else []", "")],
+    "_of_joints": [("and not layer.skips_others", ""), ("if name not in known and", "if")],
+    "LimitOverrides.by_name": [
+        ("dict.fromkeys(chain, given)", "{chain[0]: given}"),
+        ("len(given) != len(chain)", "len(given) < len(chain)"),
+    ],
+    "velocity_by_position": [
+        ("if value is not None}", "}"),
+        ('("offset", 0.0)', '("offset", _LEAST)'),
+        ('("offset", 0.0)', '("offset", -_MOST)'),
+        ("or lower >= upper", "or lower > upper"),
+        ("np.isfinite(end)", "True"),
+    ],
+    "_laws": [("if given.get(name) is not None", "if name in given")],
+    # --- problem/presets, moveit_limits, problem_reader ---------------------------------------
+    "read_preset": [
+        ("limits, fields.joints)", "limits)"),
+        ("_require_sources(called, fields)", "pass"),
+    ],
+    "_require_sources": [
+        ("if fields.limits.scale:", "if False:"),
+        ('.get(name, "").strip()', '.get(name, "")'),
+        ("if name not in given", "if False"),
+    ],
+    "_given_limits": [
+        ("[*given, limits_of(fields.limits)]", "[limits_of(fields.limits), *given]"),
+        ("for name in presets]", "for name in presets][::-1]"),
+    ],
+    "_limits_of_joints": [
+        ("abs(deceleration)", "deceleration"),
+        ("min(abs(deceleration)", "max(abs(deceleration)"),
+        ("(lower, upper)", "(upper, lower)"),
+    ],
+    "_value": [("None if has is False else value", "value"), ("if has and", "if")],
+    "read_limits_file": [("skips_others=True, ", "")],
+    # --- files/problem_file, files/fingerprint ------------------------------------------------
+    "_move_presets": [
+        ("and given not in bundled", ""),
+        ("name if name in bundled else _moved", "_moved"),
+    ],
+    "_optional_limits": [
+        ("np.isfinite(limits.effort_rate).any()", "False"),
+        ("dataclasses.astuple(law)", "law.joint"),
+        ("point.position, ", ""),
+        ("point.link, ", ""),
+    ],
+    # --- tube/rotational_tube -------------------------------------------------------------------
+    "_entries": [
+        ("is_triple and segment_count != 3", "is_triple"),
+        ("return entries * segment_count", "return entries"),
     ],
 }
 

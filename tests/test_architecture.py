@@ -50,7 +50,12 @@ KNOWS = {
     "toppra": {"baselines.fastest_parameterization"},
     "yaml": {"documents"},
     "ompl": {"tube_sources.joint_route"},
-    "pydantic": {"problem.problem_faults", "problem.problem_format"},
+    "pydantic": {
+        "problem.moveit_limits",
+        "problem.presets",
+        "problem.problem_faults",
+        "problem.problem_format",
+    },
 }
 
 

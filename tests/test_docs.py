@@ -12,6 +12,7 @@ import pytest
 from ruamel.yaml import YAML
 
 import tubeplanner
+from tubeplanner import read_preset
 from tubeplanner.commands.cli import cli, main
 from tubeplanner.problem.problem_format import check_problem_fields, problem_schema
 
@@ -87,8 +88,12 @@ def run_session(block):
 
 
 def keep_problem(block):
-    """Check a problem file or a part of one; keep a whole one as problem.yaml."""
+    """Check a problem file, a part of one or a preset; keep a whole problem as problem.yaml."""
     fields = YAML(typ="safe", pure=True).load(block)
+    if fields.get("format") == "tubeplanner/preset":
+        Path("preset.yaml").write_text(block)
+        read_preset("preset.yaml")
+        return
     whole = {name: {**REST.get(name, {}), **value} for name, value in sections(fields).items()}
     check_problem_fields({**REST, **fields, **whole}, "the page")
     if fields.keys() >= REST.keys():

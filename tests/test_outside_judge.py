@@ -13,13 +13,15 @@ import yaml
 
 import outside_judge
 from follower_arm import RULES, follower_arm
+from outside.arm import Arm
 from outside.box import box_margin, radii, read_sections
 from outside.files import BadInput, find_urdf
 from outside.nearest import Poses, least_margin, signed_distance
+from outside.problem import _bounds, read_problem
 from outside.trajectory import Trajectory, read_trajectory
 from outside.tube import _ordered_visits
 from outside_judge import Judge, main, passes
-from tubeplanner import Tube, load_robot
+from tubeplanner import Tube, load_robot, parse_problem
 from tubeplanner.errors import RobotError
 from tubeplanner.files.export import trajectory_json
 from tubeplanner.resources import bundled_problems, example_robot_names, find_description
@@ -311,6 +313,58 @@ def test_a_trajectory_the_other_way_round_is_in_the_union(case, tmp_path):
     other_way_round(case)
     case.tube["visit"] = "any"
     assert case.broken(tmp_path) == set()
+
+
+def test_limits_from_files_are_those_of_the_package(tmp_path):
+    """Lists are in the order of the chain, whatever the group's; the problem's own limits win."""
+    (tmp_path / "moveit.yaml").write_text(
+        "joint_limits: {finger: {max_velocity: 9}, elbow_joint: {max_velocity: 2.0, max_jerk: 800,"
+        " max_acceleration: 9, has_deceleration_limits: true, max_deceleration: -8},"
+        " wrist_1_joint: {has_velocity_limits: false, max_velocity: 9, max_effort: 20},"
+        " wrist_2_joint: {has_position_limits: true, min_position: -1, max_position: 2}}"
+    )
+    preset = {
+        "format": "tubeplanner/preset",
+        "joints": 6,
+        "limits": {"effort": [11, 12, 13, 14, 15, 16], "jerk": 700, "tool_speed": 1.5},
+        "sources": {f"limits.{name}": "test" for name in ("effort", "jerk", "tool_speed")},
+    }
+    (tmp_path / "preset.yaml").write_text(yaml.safe_dump(preset))
+    names = ["wrist_3_joint", "elbow_joint", "wrist_1_joint", "shoulder_pan_joint"]
+    names += ["wrist_2_joint", "shoulder_lift_joint"]
+    robot = {
+        "urdf": "example:ur5",
+        "tool_frame": "tool0",
+        "joints": names,
+        "limits_file": "moveit.yaml",
+        "preset": ["preset.yaml"],
+        "limits": {
+            "acceleration": {"wrist_1_joint": 5},
+            "velocity": {"wrist_2_joint": 1.0},
+            "scale": {"effort": 0.5},
+        },
+    }
+    tube = {"points": [[0.4, 0, 0.4], [0.4, 0.2, 0.4]], "radius": 0.05}
+    fields = {"robot": robot, "tube": tube, "start": {"seed": [0.0] * 6}}
+    path = tmp_path / "problem.yaml"
+    path.write_text(yaml.safe_dump(fields))
+    found, expected = Arm(read_problem(path)).limits, parse_problem(fields, tmp_path).robot.limits
+    assert expected.effort.tolist() == [8, 6.5, 7, 5.5, 7.5, 6]
+    assert expected.acceleration[1] == 8
+    for name in ("velocity", "acceleration", "jerk", "effort", "tool_speed"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
+    np.testing.assert_array_equal(found.lower, expected.lower_position)
+    np.testing.assert_array_equal(found.upper, expected.upper_position)
+
+
+@pytest.mark.parametrize("points", [3, 4, 5])
+@pytest.mark.parametrize("tolerance", [[0.1, 0.2, 0.3], [[0.1, 0.2, 0.3]], 0.2])
+def test_one_triple_serves_as_in_the_package(points, tolerance):
+    turned = [[0, 0, 0, 1]] * points
+    corners = [[k % 2, k // 2, 0] for k in range(points)]
+    tube = Tube(corners, 0.1, orientations=turned, rotation_tolerance=tolerance)
+    found = _bounds(tolerance, points - 1)
+    np.testing.assert_array_equal(found, tube.rotation.bounds)
 
 
 def test_a_rotation_tolerance_that_is_kept_is_no_fault(case, tmp_path):

@@ -10,11 +10,13 @@ from tubeplanner import resources
 from tubeplanner.errors import ProblemError, RobotError
 from tubeplanner.resources import (
     bundled_folder,
+    bundled_presets,
     bundled_problems,
     bundled_robots,
     example_robot_names,
     find_description,
     find_mesh,
+    find_preset,
     find_problem,
 )
 
@@ -42,6 +44,15 @@ def test_every_example_name_leads_to_a_urdf_on_this_machine(name):
 def test_bundled_robots_and_problems_are_listed_by_name():
     assert bundled_robots()["two_link"] == bundled_folder() / "two_link" / "two_link.urdf"
     assert {"ur5/over_the_wall", "two_link/around_a_post"} <= set(bundled_problems())
+
+
+def test_a_bundled_preset_is_found_by_name_and_hides_a_file_of_that_name(tmp_path):
+    assert list(bundled_presets()) == ["fer", "fr3"]
+    write(tmp_path / "fer")
+    assert find_preset("fer", tmp_path) == bundled_folder() / "presets" / "fer.yaml"
+    path = write(tmp_path / "fer.yaml")
+    assert find_preset("fer.yaml", tmp_path) == path
+    assert find_preset(path, Path("elsewhere")) == path
 
 
 def test_a_bundled_robot_hides_the_one_of_example_robot_data(tmp_path, monkeypatch):

@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from outside.files import BadInput, find_file, find_urdf
+from outside.given_limits import given_limits
 from outside.problem import Problem, speed_of
 from outside.urdf import Description, Joint, read_description
 
@@ -89,8 +90,9 @@ class Arm:
         self._model, self.solids = _model(description, self.joint_names, fields)
         moving = [name.removeprefix("joint:") for name in self._model.names[1:]]
         self._follow, self._offset = _rules(description, self.joint_names, moving)
-        given = fields.get("limits") or {}
         followers = [name for name in moving if name not in self.joint_names]
+        chain = sorted(self.joint_names, key=lambda name: _depth(description, name))
+        given = given_limits(problem, folders, chain, followers)
         own = _limits(self.joint_names, joints, given, set(followers))
         self.limits = _followed(own, description, self.joint_names, followers, given)
         tool = self._model.frames[self._model.getFrameId(self.tool_frame, pin.FrameType.BODY)]
@@ -239,6 +241,12 @@ def _group(description: Description, tool_frame: str, given: list[str] | None) -
     if not group:
         raise BadInput(f"no joint moves '{tool_frame}'")
     return group
+
+
+def _depth(description: Description, joint: str) -> int:
+    """Return how many movable joints are from the root to a joint."""
+    links = [link for link, (above, _, _) in description.parents.items() if above == joint]
+    return len(description.chain(links[0]))
 
 
 def _rule(description: Description, name: str) -> tuple[str, float, float]:

@@ -19,7 +19,7 @@ SOLID = {"name", *("box", "sphere", "cylinder", "capsule", "mesh"), "scale"}
 SOLID |= {"position", "rpy", "quaternion"}
 LIMITS = {"effort", "velocity", "position", "acceleration", "jerk", "scale", "tool_speed"}
 ROBOT = {"urdf", "package_dirs", "srdf", "tool_frame", "tool_offset", "joints", "locked_joints"}
-ROBOT |= {"gravity", "payload", "attached", "limits"}
+ROBOT |= {"gravity", "payload", "attached", "limits", "preset", "limits_file"}
 TUBE = {"points", "radius", "tool_radius", "joint_signs", "orientations", "rotation_tolerance"}
 TUBE |= {"tool_speed", "visit", "pass_through_points", "cross_section"}
 TOP = {"format", "version", "robot", "tube", "start", "goal", "obstacles", "clearance", "collision"}
@@ -125,12 +125,17 @@ def read_problem(path: Path) -> Problem:
         BadInput: It cannot be read, is incomplete, or has a field that this judge does not know.
     """
     try:
-        return _problem(_document(path), path.resolve().parent)
+        return _problem(read_document(path), path.resolve().parent)
     except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
         raise BadInput(f"{path}: {type(error).__name__}: {error}") from error
 
 
-def _document(path: Path) -> Any:
+def read_document(path: Path) -> Any:
+    """Return what a YAML or JSON file holds.
+
+    Raises:
+        BadInput: It cannot be read.
+    """
     try:
         text = path.read_text("utf-8-sig")
         return (
@@ -254,6 +259,10 @@ def _range(sign: Any) -> tuple[float, float]:
 
 def _bounds(tolerance: Any, count: int) -> np.ndarray:
     entries = tolerance if isinstance(tolerance, list) else [tolerance] * count
+    if count != 3 and len(entries) == 3 and not any(isinstance(entry, list) for entry in entries):
+        entries = [entries]  # one triple for all; of three segments, each has its angle
+    if len(entries) == 1 and isinstance(entries[0], list):
+        entries = entries * count
     if len(entries) != count:
         raise BadInput(f"tube.rotation_tolerance has {len(entries)} entries for {count} segments")
     bounds = np.full((count, 4), math.inf)

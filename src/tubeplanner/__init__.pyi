@@ -13,6 +13,9 @@ from .outcome import PlanStatus as PlanStatus
 from .outcome import Place as Place
 from .refinement.sensitivities import Sensitivity as Sensitivity
 from .waypoint_search.branch_and_bound import SearchStatistics as SearchStatistics
+from .constraints.trajectory_peaks import trajectory_peaks as trajectory_peaks
+from .constraints.trajectory_peaks import TrajectoryPeaks as TrajectoryPeaks  # returned
+from .constraints.trajectory_peaks import Peak as Peak  # returned
 from .progress import Progress as Progress
 from .verification.verification import verify as verify
 from .verification.certificate import Certificate as Certificate
@@ -24,7 +27,11 @@ from .robot.robot_loader import load_robot as load_robot
 from .robot.robot_model import RobotModel as RobotModel  # returned
 from .robot.pinocchio_model import ToolOffset as ToolOffset
 from .robot.pinocchio_model import Payload as Payload
-from .robot.joint_limits import LimitOverrides as LimitOverrides
+from .robot.limit_overrides import LimitOverrides as LimitOverrides
+from .robot.point_speed import PointSpeed as PointSpeed
+from .robot.limit_layers import LimitLayer as LimitLayer  # returned
+from .problem.presets import read_preset as read_preset
+from .problem.moveit_limits import read_limits_file as read_limits_file
 
 # Problem
 from .problem.problem_reader import load_problem as load_problem

@@ -13,6 +13,8 @@ from tubeplanner.errors import ProblemError, RobotError, unknown_name
 
 EXAMPLE_PREFIX = "example:"
 _PACKAGE_PREFIX = "package://"
+_PRESETS = "presets"  # the bundled folder that holds limits alone
+_PRESET_ENDINGS = (".yaml", ".yml", ".json")
 
 # The robots of example-robot-data, below its folder `robots`, by the names of its former loaders
 # package. The distribution has data only, so the table is kept here. It covers releases 5.0 and
@@ -107,7 +109,14 @@ def bundled_robots() -> dict[str, Path]:
 def bundled_problems() -> dict[str, Path]:
     """Return every bundled problem file by its name `ROBOT/NAME`."""
     paths = sorted(bundled_folder().glob("*/*.yaml"))
-    return {f"{path.parent.name}/{path.stem}": path for path in paths}
+    return {
+        f"{path.parent.name}/{path.stem}": path for path in paths if path.parent.name != _PRESETS
+    }
+
+
+def bundled_presets() -> dict[str, Path]:
+    """Return every bundled preset of limits by its name."""
+    return {path.stem: path for path in sorted((bundled_folder() / _PRESETS).glob("*.yaml"))}
 
 
 def example_robot_names() -> list[str]:
@@ -138,6 +147,42 @@ def find_problem(name: str | Path, directory: Path) -> Path:
         raise ProblemError(f"problem file {path} does not exist")
     if path.is_dir():
         raise ProblemError(f"{path} is a folder; name a problem file")
+    return path
+
+
+def find_preset(name: str | Path, directory: Path) -> Path:
+    """Return the path of a preset of limits.
+
+    Args:
+        name: A bundled name, or a path of a YAML or JSON file.
+        directory: Where relative paths start.
+
+    Raises:
+        RobotError: There is no such preset.
+    """
+    presets = bundled_presets()
+    if str(name) in presets:
+        return presets[str(name)]
+    path = directory / name
+    if path.suffix not in _PRESET_ENDINGS:
+        message = unknown_name("preset", str(name), presets)
+        raise RobotError(f"{message}, or the path of a YAML file")
+    if not _exists(path) or path.is_dir():
+        raise RobotError(f"preset {path} does not exist; bundled are {', '.join(presets)}")
+    return path
+
+
+def find_limits_file(name: str, directory: Path, package_dirs: tuple[Path, ...] = ()) -> Path:
+    """Return the path of a file of joint limits: a path, or `package://PACKAGE/...`.
+
+    Raises:
+        RobotError: There is no such file.
+    """
+    if name.startswith(_PACKAGE_PREFIX):
+        return _find_in_packages(name, (*package_dirs, *_environment_roots()))
+    path = directory / name
+    if not _exists(path) or path.is_dir():
+        raise RobotError(f"robot.limits_file {path} does not exist")
     return path
 
 

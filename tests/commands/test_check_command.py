@@ -40,6 +40,10 @@ def test_the_object_has_the_findings(run):
     assert (
         jerk["first_time"] <= jerk["time"] <= answer["duration"] == pytest.approx(0.585, abs=0.01)
     )
+    first = controller["findings"][0]
+    assert answer["message"].endswith(f"; fer: would abort: {first['error']}: {first['message']}")
+    assert answer["where"]["joint"] == first["joint"]
+    assert answer["where"]["time"] == first["first_time"] < first["time"]
     assert answer["tool_speed"]["value"] > 1.7
 
 

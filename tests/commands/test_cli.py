@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from tubeplanner import Place, load_robot
+from tubeplanner.resources import bundled_presets
 
 PROBLEM = "example:two_link/around_a_post"
 FIELDS = {
@@ -309,7 +310,12 @@ def test_robots_and_schema_are_listed(run, run_json):
     assert status == 0
     assert "example:ur5/over_the_wall" in out
     assert "example:two_link  (bundled)" in out
-    assert "panda/between_shelves" in run_json("robots")[1]["problems"]
+    assert "  fr3  " in out
+    assert str(bundled_presets()["fr3"]) in out
+    listed = run_json("robots")[1]
+    assert "panda/between_shelves" in listed["problems"]
+    assert "presets/fr3" not in listed["problems"]
+    assert listed["presets"] == ["fer", "fr3"]
     schema = json.loads(run("schema")[1])
     assert set(schema["required"]) == {"robot", "start"}
 

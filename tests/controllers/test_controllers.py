@@ -20,5 +20,5 @@ def test_each_has_its_own_name_and_limits(bundled):
 
 def test_an_unknown_one_is_refused(bundled):
     name = "panda/between_shelves"
-    with pytest.raises(OptionError, match=r"unknown controller 'fr4'.*there is: fr3, fer, jtc"):
+    with pytest.raises(OptionError, match=r"unknown controller 'fr4'.*there is: fer, fr3, jtc"):
         judged_by("fr4", bundled(name), stored_trajectory(name, REFINEMENT))

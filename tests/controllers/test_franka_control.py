@@ -9,10 +9,16 @@ from cases import PEAK_ACCELERATION, PEAK_JERK, PEAK_VELOCITY
 from tubeplanner import JointTrajectory, OptionError, load_robot
 from tubeplanner.controllers.controller_verdict import Effect
 from tubeplanner.controllers.franka_control import judged_by_franka
-from tubeplanner.controllers.franka_limits import FER, FR3
+from tubeplanner.controllers.franka_limits import franka_limits
+
+FER, FR3 = franka_limits("fer"), franka_limits("fr3")
 
 FREE = replace(
-    FER, velocity=(1e3,) * 7, acceleration=(1e6,) * 7, jerk=(1e9,) * 7, effort_rate=(1e9,) * 7
+    FER,
+    velocity=np.full(7, 1e3),
+    acceleration=np.full(7, 1e6),
+    jerk=np.full(7, 1e9),
+    effort_rate=np.full(7, 1e9),
 )
 START = np.array([0.0, -0.3, 0.0, -2.0, 0.0, 1.8, 0.5])
 SHAPE = np.array([6.0, -15.0, 10.0, 0.0, 0.0, 0.0])
@@ -51,7 +57,7 @@ def test_a_quintic_just_below_a_limit_is_accepted_and_one_above_it_aborts(
     """Differences over a millisecond are means: a share of the peak is lost, below 2 %."""
     angle, duration, limit = 0.9, 1.0, 10.0**order
     field = ("velocity", "acceleration", "jerk")[order - 1]
-    limits = replace(FREE, **{field: (limit,) * 7})
+    limits = replace(FREE, **{field: np.full(7, limit)})
     exact = duration * (peak * angle / duration**order / limit) ** (1 / order)
     assert refusals(panda, turning(panda, angle, 1.001 * exact), limits) == {}
     found = refusals(panda, turning(panda, angle, 0.95 * exact), limits)
@@ -75,7 +81,9 @@ def test_differences_are_those_that_a_loop_over_commands_takes(panda):
         jerk = (bend - a) / 1e-3
         q, v, a = command, rate, bend
         worst = {n: max(worst[n], abs(x)) for n, x in zip(worst, (rate, bend, jerk), strict=True)}
-    limits = replace(FREE, velocity=(1e-3,) * 7, acceleration=(1e-3,) * 7, jerk=(1e-3,) * 7)
+    limits = replace(
+        FREE, velocity=np.full(7, 1e-3), acceleration=np.full(7, 1e-3), jerk=np.full(7, 1e-3)
+    )
     found = refusals(panda, trajectory, limits)
     values = [abs(found[error].value) for error in (VELOCITY, ACCELERATION, JERK)]
     assert values == pytest.approx(list(worst.values()), rel=1e-5)
@@ -127,7 +135,9 @@ def test_near_its_end_the_fr3_is_slower(panda):
 
 
 def test_torques_and_the_tool_are_noted_and_abort_nothing(panda):
-    weak = replace(FREE, effort=(1.0,) * 7, effort_rate=(1e-3,) * 7, tool_rates=(1e-3,) * 3)
+    weak = replace(
+        FREE, effort=np.full(7, 1.0), effort_rate=np.full(7, 1e-3), tool_rates=(1e-3,) * 3
+    )
     verdict = judged_by_franka("fer", panda, turning(panda, 0.5, 2.0), weak)
     assert verdict.accepted
     assert {each.effect for each in verdict.findings} == {Effect.NOTED}

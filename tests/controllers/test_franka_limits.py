@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from tubeplanner.controllers.franka_limits import FER, FR3
+from tubeplanner.controllers.franka_limits import franka_limits
+
+FER, FR3 = franka_limits("fer"), franka_limits("fr3")
 
 
 def test_the_velocity_is_limited_near_the_ends_of_the_second_joint():

@@ -1,5 +1,6 @@
 """Problem files written from others: comments kept, paths valid, numbers as they are."""
 
+import copy
 import json
 import shutil
 from dataclasses import replace
@@ -9,7 +10,13 @@ import pytest
 
 from tubeplanner import Tube, load_problem
 from tubeplanner.errors import ProblemError
-from tubeplanner.files.problem_file import new_fields, read_fields, with_other_tube, with_problem
+from tubeplanner.files.problem_file import (
+    move_paths,
+    new_fields,
+    read_fields,
+    with_other_tube,
+    with_problem,
+)
 from tubeplanner.resources import bundled_folder
 
 TEXT = """# A cell.
@@ -54,6 +61,38 @@ def test_what_is_written_is_read_as_the_same_problem(cell, found, name):
     assert read.tube.joint_ranges == found.tube.joint_ranges
     np.testing.assert_array_equal(read.start, found.start)
     np.testing.assert_array_equal(read.goal, found.goal)
+
+
+def test_presets_and_files_of_limits_are_found_from_elsewhere(cell, found):
+    preset = {
+        "format": "tubeplanner/preset",
+        "joints": 2,
+        "limits": {"jerk": 500},
+        "sources": {"limits.jerk": "controller"},
+    }
+    (cell / "arms" / "mine.yaml").write_text(json.dumps(preset))
+    (cell / "limits.yaml").write_text("joint_limits: {joint1: {max_velocity: 2}}")
+    folder = cell / "other"
+    for given, written in (
+        ("arms/mine.yaml", "../arms/mine.yaml"),
+        (["arms/mine.yaml"], ["../arms/mine.yaml"]),
+    ):
+        fields = read_fields(cell / "cell.yaml")
+        fields["robot"] |= {"preset": given, "limits_file": "limits.yaml"}
+        target = folder / "new.yaml"
+        target.write_bytes(with_problem(fields, cell, target, found))
+        robot = read_fields(target)["robot"]
+        assert (robot["preset"], robot["limits_file"]) == (written, "../limits.yaml")
+        limits = load_problem(target).robot.limits
+        assert limits.jerk.tolist() == [500, 500]
+        assert limits.velocity[0] == 2
+
+
+@pytest.mark.parametrize("given", ["fr3", ["fer", "fr3"]])
+def test_a_bundled_preset_stays_a_name(cell, given):
+    fields = {"robot": {"preset": copy.deepcopy(given)}}
+    move_paths(fields, cell, cell / "other")
+    assert fields["robot"]["preset"] == given
 
 
 def test_comments_and_order_are_kept(cell, found):

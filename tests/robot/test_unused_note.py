@@ -49,6 +49,19 @@ def test_a_limit_that_the_problem_gives_itself_is_not_named(arm, tmp_path):
     assert unused_note(load_robot(path, "tip", limits=given)) is None
 
 
+def test_velocities_by_position_are_named_unless_they_are_given(arm):
+    law = '<position_based_velocity_limits deceleration_limit="6" velocity_offset="0.3"/>'
+    assert unused_note(arm(lift=law)) == (
+        "the URDF says, and nothing here uses: <position_based_velocity_limits deceleration_limit> "
+        "6 (lift); <position_based_velocity_limits velocity_offset> 0.3 (lift); to keep it, give "
+        "robot.limits.velocity_by_position"
+    )
+    given = {"deceleration": 6.0, "offset": 0.3}
+    assert unused_note(arm(LimitOverrides(velocity_by_position={"lift": given}), lift=law)) is None
+    other = LimitOverrides(velocity_by_position={"turn": given})
+    assert unused_note(arm(other, lift=law)) is not None
+
+
 def test_bundled_arms_are_named(panda, ur5):
     assert "<dynamics damping> 0.003 (every joint)" in unused_note(panda)
     assert unused_note(ur5) is None

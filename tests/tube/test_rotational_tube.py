@@ -6,6 +6,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from tubeplanner import Tube
 from tubeplanner.errors import ProblemError
+from tubeplanner.tube.rotational_tube import rotation_bounds
 
 INF = np.inf
 LINE = [[0, 0, 0], [1, 0, 0]]
@@ -98,6 +99,18 @@ def test_the_margin_has_no_jump_at_half_a_turn():
     assert abs(np.diff(margin)).max() < 1e-6
 
 
+@pytest.mark.parametrize("segments", [1, 2, 3, 4])
+def test_one_number_or_triple_serves_for_all_segments(segments):
+    points = [[0.1 * k, 0, 0] for k in range(segments + 1)]
+    still, bounds = [STILL] * len(points), [0.1, 0.2, INF]
+    assert rotation_bounds(0.1, segments) == (0.1,) * segments
+    assert rotation_bounds([bounds], segments) == ((0.1, 0.2, INF),) * segments
+    assert turned(points, still, [bounds]).rotation_tolerance == ((0.1, 0.2, INF),) * segments
+    flat = (0.1, 0.2, INF) if segments == 3 else ((0.1, 0.2, INF),) * segments
+    assert rotation_bounds(bounds, segments) == flat
+    assert rotation_bounds(np.array(bounds), segments) == flat
+
+
 def test_what_is_free_everywhere_is_not_asked():
     tube = turned(CORNER, [STILL] * 3, [[INF, INF, INF], INF])
     assert tube.rotation is None
@@ -172,9 +185,10 @@ def test_rounded_quaternions_are_made_unit():
         (
             [STILL, STILL],
             [0.1, 0.1],
-            "tube.rotation_tolerance has 2 entries for 1 segments; give one angle for all, or an "
-            "angle or three bounds each",
+            "tube.rotation_tolerance has 2 entries for 1 segments; give one angle or triple for "
+            "all, or an angle or three bounds each",
         ),
+        ([STILL, STILL], [[0.1, 0.1, 0.1]] * 2, "tube.rotation_tolerance has 2 entries for 1 seg"),
         ([STILL, STILL], [], "tube.rotation_tolerance has 0 entries for 1 segments"),
         ([STILL, STILL], [0], "tube.rotation_tolerance[0] is 0 rad; it must be > 0, .inf where"),
         ([STILL, STILL], -0.1, "tube.rotation_tolerance[0] is -0.1 rad; it must be > 0"),

@@ -13,7 +13,6 @@ from tubeplanner.commands.console import (
     SUCCESS,
     empty_report,
     load_timed,
-    nowhere,
     print_json,
     say,
     shown_progress,
@@ -23,6 +22,7 @@ from tubeplanner.errors import OptionError
 if TYPE_CHECKING:
     from tubeplanner.controllers.controller_verdict import ControllerVerdict
     from tubeplanner.files.trajectory_file import TrajectoryFile
+    from tubeplanner.outcome import Place
     from tubeplanner.problem.problem import PlanningProblem
     from tubeplanner.verification.certificate import Certificate
     from tubeplanner.verification.judged_condition import Tolerance
@@ -109,17 +109,33 @@ def _report(
     """Return the JSON object, times still absent."""
     from tubeplanner.constraints.trajectory_peaks import peaks_as_dict, trajectory_peaks
 
-    failures = certificate.failures()
-    where = certificate.conditions[failures[0]].where.as_dict() if failures else nowhere()
-    status = "success" if not failures and _accepted(verdict) else "certificate_failed"
+    passed = certificate.passed and _accepted(verdict)
+    message = f"the trajectory {_message(certificate, verdict)}"
+    if verdict is not None and verdict.gravest is not None:
+        message += f": {verdict.gravest.error}: {verdict.gravest.message}"
+    where = _where(certificate, verdict).as_dict()
     return {
-        **empty_report(status, f"the trajectory {_message(certificate, verdict)}", where),
+        **empty_report("success" if passed else "certificate_failed", message, where),
         "duration": read.trajectory.duration,
         **peaks_as_dict(trajectory_peaks(problem.robot, read.trajectory)),
         "notes": _notes(problem, read, certificate),
         "certificate": certificate.as_dict(),
         "controller": None if verdict is None else verdict.as_dict(),
     }
+
+
+def _where(certificate: "Certificate", verdict: "ControllerVerdict | None") -> "Place":
+    """Return where the first condition fails, or else the controller first minds something."""
+    from tubeplanner.outcome import Place
+
+    failures = certificate.failures()
+    if failures:
+        return certificate.conditions[failures[0]].where
+    if verdict is None or verdict.gravest is None:
+        return Place()
+    minded = verdict.gravest
+    time = minded.time if minded.first_time is None else minded.first_time
+    return Place(time=time, joint=minded.joint)
 
 
 def _print(

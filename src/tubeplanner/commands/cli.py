@@ -150,12 +150,18 @@ def plan(
 @cli.command()
 @AS_JSON
 def robots(as_json: bool) -> None:
-    """List the robots and problems that `example:` finds."""
-    from tubeplanner.resources import bundled_problems, bundled_robots, example_robot_names
+    """List the robots and problems that `example:` finds, and presets of limits."""
+    from tubeplanner.resources import (
+        bundled_presets,
+        bundled_problems,
+        bundled_robots,
+        example_robot_names,
+    )
 
-    problems = list(bundled_problems())
+    problems, presets = list(bundled_problems()), bundled_presets()
     if as_json:
         fields = {"robots": example_robot_names(), "problems": problems}
+        fields["presets"] = list(presets)
         print_json({**empty_report("success", "names for example:", nowhere()), **fields})
         return
     say("Problems (example:ROBOT/NAME):")
@@ -164,6 +170,8 @@ def robots(as_json: bool) -> None:
     bundled = bundled_robots()
     for name in example_robot_names():
         say(f"  example:{name}{'  (bundled)' if name in bundled else ''}")
+    say("Presets of limits (robot.preset: NAME), each number with its source in the file:")
+    say(*(f"  {name}  {path}" for name, path in presets.items()), sep="\n")
 
 
 @cli.command()

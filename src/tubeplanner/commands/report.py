@@ -11,6 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from tubeplanner.collision.collision_checker import ALWAYS_TOUCHING
+from tubeplanner.problem.fitting_presets import fitting_presets
 from tubeplanner.verification.judged_condition import RELATIVE
 
 if TYPE_CHECKING:
@@ -106,6 +107,7 @@ def peaks_lines(problem: "PlanningProblem", peaks: "TrajectoryPeaks") -> list[st
             f"nothing limits {' or '.join(named)}{of_some}; for a motion that a machine can "
             "follow, give the robot's own as "
             + " and ".join(f"robot.limits.{quantity}" for quantity in named)
+            + "".join(f", or robot.preset: {name}" for name in fitting_presets(robot))
         )
     return lines
 

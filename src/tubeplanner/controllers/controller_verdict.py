@@ -63,15 +63,33 @@ class ControllerVerdict:
     @property
     def accepted(self) -> bool:
         """Whether the controller takes the trajectory, and runs the one that the file says."""
-        return all(finding.effect is Effect.NOTED for finding in self.findings)
+        return self.gravest is None
+
+    @property
+    def gravest(self) -> ControllerFinding | None:
+        """The first finding for which the trajectory is not accepted, refusals before others."""
+        for effect in (Effect.REFUSED, Effect.ALTERED):
+            for finding in self.findings:
+                if finding.effect is effect:
+                    return finding
+        return None
 
     @property
     def summary(self) -> str:
         """What the controller does, in a few words."""
-        effects = [finding.effect for finding in self.findings]
-        if Effect.REFUSED in effects:
-            return f"would {self.refuses}"
-        return "would run otherwise" if Effect.ALTERED in effects else "accepted"
+        gravest = self.gravest
+        if gravest is None:
+            return "accepted"
+        return self._begins[gravest.effect]
+
+    @property
+    def _begins(self) -> dict[Effect, str]:
+        """How a line on a finding begins."""
+        return {
+            Effect.REFUSED: f"would {self.refuses}",
+            Effect.ALTERED: "would run otherwise",
+            Effect.NOTED: "note",
+        }
 
     def as_dict(self) -> dict[str, Any]:
         """Return the fields as JSON values."""
@@ -79,12 +97,10 @@ class ControllerVerdict:
 
     def lines(self) -> list[str]:
         """Return the findings as text, one line each, and that it is accepted, if it is."""
-        begins = {
-            Effect.REFUSED: f"would {self.refuses}",
-            Effect.ALTERED: "would run otherwise",
-            Effect.NOTED: "note",
-        }
         return [
             f"{self.name} ({self.title}): {self.summary}",
-            *(f"  {begins[each.effect]}: {each.error}: {each.message}" for each in self.findings),
+            *(
+                f"  {self._begins[each.effect]}: {each.error}: {each.message}"
+                for each in self.findings
+            ),
         ]

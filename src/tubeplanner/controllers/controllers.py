@@ -2,15 +2,14 @@
 
 from tubeplanner.controllers.controller_verdict import ControllerVerdict
 from tubeplanner.controllers.franka_control import judged_by_franka
-from tubeplanner.controllers.franka_limits import FER, FR3
+from tubeplanner.controllers.franka_limits import FRANKA_ARMS, franka_limits
 from tubeplanner.controllers.joint_trajectory_controller import judged_by_jtc
 from tubeplanner.errors import OptionError, unknown_name
 from tubeplanner.files.trajectory_file import TrajectoryFile
 from tubeplanner.problem.problem import PlanningProblem
 
-_FRANKA = {"fr3": FR3, "fer": FER}
 _JTC = "jtc"
-CONTROLLERS = (*_FRANKA, _JTC)
+CONTROLLERS = (*FRANKA_ARMS, _JTC)
 
 
 def judged_by(name: str, problem: PlanningProblem, file: TrajectoryFile) -> ControllerVerdict:
@@ -29,4 +28,4 @@ def judged_by(name: str, problem: PlanningProblem, file: TrajectoryFile) -> Cont
         raise OptionError(f"--for: {unknown_name('controller', name, CONTROLLERS)}")
     if name == _JTC:
         return judged_by_jtc(name, problem, file)
-    return judged_by_franka(name, problem.robot, file.trajectory, _FRANKA[name])
+    return judged_by_franka(name, problem.robot, file.trajectory, franka_limits(name))

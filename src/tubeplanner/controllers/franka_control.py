@@ -104,14 +104,14 @@ class _Commands:
 
     def differences(self, order: int) -> FloatArray:
         """Return the positions' differences of an order over the period, shape (N - order, n)."""
-        return differences(self.position, order)
+        return _differences(self.position, order)
 
     def instants(self, order: int) -> FloatArray:
         """Return the time of the command that ends each difference, shape (N - order,) [s]."""
         return np.clip(self.time[order:], 0.0, self.trajectory.duration)
 
 
-def differences(values: FloatArray, order: int) -> FloatArray:
+def _differences(values: FloatArray, order: int) -> FloatArray:
     """Return differences of rows over the period, shape (N - order, n)."""
     found: FloatArray = np.diff(values, order, axis=0) / PERIOD**order
     return found
@@ -123,17 +123,17 @@ def _aborts(commands: _Commands, limits: FrankaLimits) -> Iterator[ControllerFin
     # As libfranka's own rate limiter: the limit where the last command was.
     slowest, fastest = limits.velocity_bounds(position[:-1])
     bounds = {
-        _POSITION: (np.array(limits.lower_position), np.array(limits.upper_position)),
+        _POSITION: (limits.position[0], limits.position[1]),
         _VELOCITY: (slowest, fastest),
-        _ACCELERATION: _both(limits.acceleration),
-        _JERK: _both(limits.jerk),
+        _ACCELERATION: (-limits.acceleration, limits.acceleration),
+        _JERK: (-limits.jerk, limits.jerk),
     }
     scales = (np.ones(position.shape[1]), limits.velocity, limits.acceleration, limits.jerk)
     names = commands.trajectory.joint_names
     for order, (quantity, (lower, upper)) in enumerate(bounds.items()):
         value = commands.differences(order)
         time = commands.instants(order)
-        yield from _exceeded(quantity, names, time, value, lower, upper, np.array(scales[order]))
+        yield from _exceeded(quantity, names, time, value, lower, upper, scales[order])
 
 
 def _unrest(commands: _Commands, limits: FrankaLimits) -> Iterator[ControllerFinding]:
@@ -169,10 +169,10 @@ def _recommended(
     names = commands.trajectory.joint_names
     effort = effort[:, [robot.joint_names.index(name) for name in names]]
     for order, quantity, limit in (
-        (0, _EFFORT, np.array(limits.effort)),
-        (1, _EFFORT_RATE, np.array(limits.effort_rate)),
+        (0, _EFFORT, limits.effort),
+        (1, _EFFORT_RATE, limits.effort_rate),
     ):
-        value, time = differences(effort, order), commands.instants(order)
+        value, time = _differences(effort, order), commands.instants(order)
         yield from _exceeded(quantity, names, time, value, -limit, limit, limit)
 
 
@@ -183,16 +183,11 @@ def _cartesian(
     within = commands.trajectory.reordered(robot.joint_names)
     tool = robot.tool_position(within.position(commands.time))
     for order, ((name, unit), most) in enumerate(zip(_TOOL, limits.tool_rates, strict=True), 1):
-        value = np.linalg.norm(differences(tool, order), axis=1, keepdims=True)
+        value = np.linalg.norm(_differences(tool, order), axis=1, keepdims=True)
         limit = np.array([most])
         quantity = _Quantity(name, unit, Effect.NOTED, _CARTESIAN)
         time = commands.instants(order)
         yield from _exceeded(quantity, (None,), time, value, -limit, limit, limit)
-
-
-def _both(limit: object) -> tuple[FloatArray, FloatArray]:
-    upper = np.array(limit, dtype=np.float64)
-    return -upper, upper
 
 
 def _exceeded(
@@ -224,7 +219,7 @@ def _exceeded(
     limit = float(np.broadcast_to(lower if below else upper, value.shape)[row, column])
     first = float(time[int((over > _ROUNDING).any(axis=1).argmax())])
     owner = "" if name is None else f"{name} "
-    begins = "" if first == time[row] else f", from t = {first:.4f} s on"
+    begins = "" if first == time[row] else f", first at t = {first:.4f} s"
     message = (
         f"{owner}{quantity.name} {_shown(found)} {'<' if below else '>'} {_shown(limit)} "
         f"{quantity.unit} at t = {time[row]:.4f} s{begins}"

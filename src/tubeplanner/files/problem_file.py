@@ -14,7 +14,7 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from tubeplanner.errors import ProblemError
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.problem.problem_format import PROBLEM_FORMAT, read_document
-from tubeplanner.resources import EXAMPLE_PREFIX
+from tubeplanner.resources import EXAMPLE_PREFIX, bundled_presets
 from tubeplanner.tube.joint_ranges import JointRange, sign_of
 from tubeplanner.tube.tube import Tube
 
@@ -116,13 +116,25 @@ def move_paths(fields: Any, before: Path, after: Path) -> None:
     """Make the relative paths of a problem, valid in one folder, valid in another."""
     robot = fields.get("robot") or {}
     solids = [*(fields.get("obstacles") or ()), *(robot.get("attached") or ())]
-    holders = [(robot, "urdf"), (robot, "srdf"), *((solid, "mesh") for solid in solids)]
+    holders = [(robot, key) for key in ("urdf", "srdf", "limits_file")]
+    holders += [(solid, "mesh") for solid in solids]
     for holder, key in holders:
         if holder.get(key) is not None:
             holder[key] = _moved(holder[key], before, after)
+    _move_presets(robot, before, after)
     folders = robot.get("package_dirs") or []
     for k, folder in enumerate(folders):
         folders[k] = _moved(folder, before, after)
+
+
+def _move_presets(robot: Any, before: Path, after: Path) -> None:
+    """Move the presets of a robot that are files."""
+    bundled, given = bundled_presets(), robot.get("preset")
+    if isinstance(given, str) and given not in bundled:
+        robot["preset"] = _moved(given, before, after)
+    elif isinstance(given, list):
+        for k, name in enumerate(given):
+            given[k] = name if name in bundled else _moved(name, before, after)
 
 
 def _moved(path: str, before: Path, after: Path) -> str:

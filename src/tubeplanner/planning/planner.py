@@ -97,7 +97,7 @@ class Planner:
             raise KeyboardInterrupt
         if result.stopped_by is None:  # else it may have ended on coarse knots
             self._last = result.motion or self._last
-        notes = (*problem.tube.notes, *result.notes)
+        notes = (*problem.robot.limits.notes, *problem.tube.notes, *result.notes)
         return replace(result, planning_time=clock.elapsed, notes=notes)
 
 

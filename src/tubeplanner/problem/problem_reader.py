@@ -9,7 +9,10 @@ import numpy as np
 from tubeplanner.collision.obstacle import AttachedSolid, Obstacle, placement_of
 from tubeplanner.errors import ProblemError, RobotError
 from tubeplanner.problem.joint_values import configuration_of
+from tubeplanner.problem.limit_values import limits_of
+from tubeplanner.problem.moveit_limits import read_limits_file
 from tubeplanner.problem.point_file import read_points
+from tubeplanner.problem.presets import read_preset
 from tubeplanner.problem.problem import PlanningProblem, Seed
 from tubeplanner.problem.problem_format import (
     AttachedFields,
@@ -17,12 +20,14 @@ from tubeplanner.problem.problem_format import (
     JointValues,
     ObstacleFields,
     ProblemFields,
+    RobotFields,
     TubeFields,
     check_problem_fields,
     read_problem_fields,
 )
-from tubeplanner.resources import find_description, find_mesh, find_problem
-from tubeplanner.robot.joint_limits import LimitOverrides
+from tubeplanner.resources import find_description, find_limits_file, find_mesh, find_problem
+from tubeplanner.robot.limit_layers import LimitLayer
+from tubeplanner.robot.limit_overrides import LimitOverrides
 from tubeplanner.robot.pinocchio_model import Payload, ToolOffset
 from tubeplanner.robot.robot_loader import load_robot
 from tubeplanner.robot.robot_model import RobotModel
@@ -112,7 +117,6 @@ def robot_of(problem: ProblemFields, directory: Path) -> RobotModel:
         RobotError: It cannot be planned with.
     """
     fields = problem.robot
-    limits = fields.limits.model_dump()
     payload = None if fields.payload is None else Payload(**fields.payload.model_dump())
     return load_robot(
         fields.urdf,
@@ -122,10 +126,21 @@ def robot_of(problem: ProblemFields, directory: Path) -> RobotModel:
         tool_offset=ToolOffset(**fields.tool_offset.model_dump()),
         gravity=fields.gravity,
         payload=payload,
-        limits=LimitOverrides(**limits),
+        limits=_given_limits(fields, directory),
         package_dirs=fields.package_dirs,
         directory=directory,
     )
+
+
+def _given_limits(fields: RobotFields, directory: Path) -> list[LimitOverrides | LimitLayer]:
+    """Return what is given of limits, the later ones above."""
+    folders = tuple(directory / folder for folder in fields.package_dirs)
+    given: list[LimitOverrides | LimitLayer] = []
+    if fields.limits_file is not None:
+        given.append(read_limits_file(find_limits_file(fields.limits_file, directory, folders)))
+    presets = [fields.preset] if isinstance(fields.preset, str) else fields.preset or []
+    given += [read_preset(name, directory) for name in presets]
+    return [*given, limits_of(fields.limits)]
 
 
 def _tube(fields: ProblemFields, robot: RobotModel, directory: Path) -> Tube:

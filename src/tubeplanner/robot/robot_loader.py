@@ -7,7 +7,8 @@ import numpy as np
 
 from tubeplanner.errors import RobotError
 from tubeplanner.resources import find_description
-from tubeplanner.robot.joint_limits import LimitOverrides, resolve_limits
+from tubeplanner.robot.joint_limits import resolve_limits
+from tubeplanner.robot.limit_layers import GivenLimits
 from tubeplanner.robot.pinocchio_model import Payload, ToolOffset, planning_group
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.robot.urdf import read_urdf
@@ -24,7 +25,7 @@ def load_robot(
     tool_offset: ToolOffset | None = None,
     gravity: Sequence[float] = EARTH_GRAVITY,
     payload: Payload | None = None,
-    limits: LimitOverrides | None = None,
+    limits: GivenLimits | None = None,
     package_dirs: Sequence[str | Path] = (),
     directory: str | Path = ".",
 ) -> RobotModel:
@@ -40,7 +41,8 @@ def load_robot(
         tool_offset: Tool centre point in the tool frame; default: its origin.
         gravity: In the base frame [m/s^2].
         payload: Carried mass; default: none.
-        limits: What replaces the URDF's limits; default: nothing.
+        limits: What replaces the URDF's limits, or several such, as `read_preset` gives them, of
+            which the later ones hold; default: nothing.
         package_dirs: Further folders that hold the packages of `package://` names.
         directory: Where relative paths start.
 
@@ -58,7 +60,7 @@ def load_robot(
         tuple(group),
         tool_frame,
         tool_offset or ToolOffset(),
-        resolve_limits(description, group, limits or LimitOverrides()),
+        resolve_limits(description, group, limits or ()),
         folders,
         dict(locked_joints or {}),
         tuple(gravity),

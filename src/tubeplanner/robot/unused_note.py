@@ -4,8 +4,13 @@ import numpy as np
 
 from tubeplanner.robot.robot_model import RobotModel
 
-# The problem may give these itself; then it does not matter what the URDF says.
-_LIMITS = ("acceleration", "jerk")
+# What the problem may give itself, by what a URDF calls it; then the URDF's does not matter.
+_FIELDS = {
+    "acceleration": "acceleration",
+    "jerk": "jerk",
+    "deceleration_limit": "velocity_by_position",
+    "velocity_offset": "velocity_by_position",
+}
 
 
 def unused_note(robot: RobotModel) -> str | None:
@@ -21,15 +26,22 @@ def unused_note(robot: RobotModel) -> str | None:
         f"<{what}> " + ", ".join(_of(robot, *pair) for pair in found.items())
         for what, found in joints.items()
     ]
-    limits = [quantity for quantity in _LIMITS if any(what.endswith(quantity) for what in joints)]
-    remedy = "".join(f"; to keep it, give robot.limits.{quantity}" for quantity in limits)
+    fields = dict.fromkeys(field for what in joints if (field := _field(what)) is not None)
+    remedy = "".join(f"; to keep it, give robot.limits.{field}" for field in fields)
     return f"the URDF says, and nothing here uses: {'; '.join(listed)}{remedy}"
 
 
+def _field(what: str) -> str | None:
+    """Return the field of `robot.limits` that serves instead of a URDF's value, if there is one."""
+    return next((field for word, field in _FIELDS.items() if what.endswith(word)), None)
+
+
 def _is_given(robot: RobotModel, column: int, what: str) -> bool:
-    """Return whether the problem itself limits a quantity of a joint."""
-    quantity = next((name for name in _LIMITS if what.endswith(name)), None)
-    return quantity is not None and bool(np.isfinite(getattr(robot.limits, quantity)[column]))
+    """Return whether the problem itself gives a limit of a joint."""
+    field = _field(what)
+    if field == "velocity_by_position":
+        return any(law.joint == column for law in robot.limits.velocity_by_position)
+    return field is not None and bool(np.isfinite(getattr(robot.limits, field)[column]))
 
 
 def _of(robot: RobotModel, value: str, names: list[str]) -> str:

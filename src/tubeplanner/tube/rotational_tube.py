@@ -223,16 +223,32 @@ def rotation_bounds(tolerance: Any, segment_count: int) -> tuple[RotationBound, 
     """Return a rotation tolerance per segment: an angle, or bounds on three components [rad].
 
     Raises:
-        ProblemError: They are not as many as segments (one number serves for all), or an entry is
-            neither a positive number nor three of them.
+        ProblemError: They are not as many as segments (one number or triple serves for all), or an
+            entry is neither a positive number nor three of them.
     """
-    entries = [tolerance] * segment_count if np.isscalar(tolerance) else list(tolerance)
+    entries = _entries(tolerance, segment_count)
     if len(entries) != segment_count:
         raise ProblemError(
             f"tube.rotation_tolerance has {len(entries)} entries for {segment_count} segments; "
-            "give one angle for all, or an angle or three bounds each"
+            "give one angle or triple for all, or an angle or three bounds each"
         )
     return tuple(_bound(f"tube.rotation_tolerance[{k}]", entry) for k, entry in enumerate(entries))
+
+
+def _entries(tolerance: Any, segment_count: int) -> list[Any]:
+    """Return the entries of a rotation tolerance; one number or triple serves for all segments.
+
+    Three numbers for three segments are an angle each.
+    """
+    if np.isscalar(tolerance):
+        return [tolerance] * segment_count
+    entries = list(tolerance)
+    is_triple = len(entries) == 3 and all(np.isscalar(entry) for entry in entries)
+    if is_triple and segment_count != 3:
+        return [entries] * segment_count
+    if len(entries) == 1 and np.shape(entries[0]) == (3,):
+        return entries * segment_count
+    return entries
 
 
 def _bound(name: str, entry: Any) -> RotationBound:

@@ -104,7 +104,8 @@ class Tube:
                 points; between them it turns about one axis, the short way round.
             rotation_tolerance: m entries, each one angle by which the tool may deviate, or bounds
                 on the components of the rotation vector log(R_ref^T R), infinite where free; one
-                number serves for all segments [rad].
+                number, or one list of bounds, serves for all segments. Three numbers for three
+                segments are an angle each [rad].
             pass_through_points: "all", "corners" or "none".
             numbers: What messages call the points, m+1 ascending numbers; default: 0 to m.
             tool_speed: One limit for all segments, or m of them, None where it is free [m/s].

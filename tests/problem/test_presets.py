@@ -1,0 +1,206 @@
+"""Presets of limits: bundled ones, one's own, and what is refused."""
+
+import json
+
+import numpy as np
+import pytest
+from ruamel.yaml import YAML
+
+from tubeplanner import LimitOverrides, RobotError, load_robot, parse_problem, read_preset
+from tubeplanner.resources import bundled_presets, bundled_problems
+
+PRESET = {
+    "format": "tubeplanner/preset",
+    "joints": 2,
+    "limits": {"velocity": [2, 3], "jerk": 500, "tool_speed": 1.5},
+    "sources": {
+        "limits.velocity": "data sheet",
+        "limits.jerk": "controller",
+        "limits.tool_speed": "cell",
+    },
+}
+PROBLEM = {
+    "robot": {"urdf": "example:two_link", "tool_frame": "hand", "gravity": [0, 0, 0]},
+    "tube": {"points": [[0.6, 0, 0], [0.4, 0.4, 0]], "radius": 0.1},
+    "start": {"seed": [0, 1]},
+}
+
+
+def written(folder, name="mine.yaml", **changes):
+    (folder / name).write_text(json.dumps(PRESET | changes))
+    return folder / name
+
+
+def refusal(folder, **changes):
+    with pytest.raises(RobotError) as caught:
+        read_preset(written(folder, **changes))
+    message = str(caught.value)
+    assert message.startswith(f"preset {folder / 'mine.yaml'}: ")
+    return message.split(": ", 1)[1]
+
+
+def panda(*limits, **options):
+    return load_robot("example:panda", "panda_hand_tcp", limits=limits, **options).limits
+
+
+def with_robot(folder, **fields):
+    return parse_problem(PROBLEM | {"robot": PROBLEM["robot"] | fields}, folder).robot.limits
+
+
+# --- bundled -----------------------------------------------------------------------------------
+
+
+def test_a_panda_has_the_limits_of_its_documentation():
+    limits, urdf = panda(read_preset("fer")), panda()
+    np.testing.assert_array_equal(limits.velocity, [2.175] * 4 + [2.61] * 3)
+    np.testing.assert_array_equal(limits.acceleration, [15, 7.5, 10, 12.5, 15, 20, 20])
+    np.testing.assert_array_equal(limits.jerk, [7500, 3750, 5000, 6250, 7500, 10000, 10000])
+    np.testing.assert_array_equal(limits.effort, [87] * 4 + [12] * 3)
+    np.testing.assert_array_equal(limits.effort_rate, [1000] * 7)
+    assert limits.tool_speed == 1.7
+    assert limits.velocity_by_position == ()
+    np.testing.assert_array_equal(limits.lower_position, urdf.lower_position)
+
+
+def test_an_fr3_slows_down_towards_the_ends_of_its_joints():
+    limits = panda(read_preset("fr3"))
+    np.testing.assert_array_equal(limits.velocity, [2.62] * 4 + [5.26, 4.18, 5.26])
+    np.testing.assert_array_equal(limits.acceleration, [10] * 7)
+    np.testing.assert_array_equal(limits.jerk, [5000] * 7)
+    np.testing.assert_array_equal(limits.effort_rate, [1000] * 7)
+    assert limits.tool_speed == 3.0
+    laws = limits.velocity_by_position
+    assert [law.joint for law in laws] == [*range(7)]
+    # libfranka's rate_limiting.h: min(2.62, max(0, -0.20 + sqrt(max(0, 5.17 (1.79180 - q)))))
+    assert (2 * laws[1].deceleration, laws[1].offset, laws[1].upper) == (5.17, 0.20, 1.79180)
+    assert (laws[3].lower, laws[5].lower) == (-3.0481, 0.54092)
+    np.testing.assert_array_equal([law.lower for law in laws], limits.lower_position)
+    np.testing.assert_array_equal([law.upper for law in laws], limits.upper_position)
+
+
+def test_a_smaller_range_leaves_the_fr3s_laws_as_they_are():
+    narrow = LimitOverrides(position={"panda_joint1": (-0.5, 0.5)})
+    limits = panda(read_preset("fr3"), narrow)
+    assert limits.upper_position[0] == 0.5
+    assert limits.velocity_by_position[0].upper == 2.7501
+
+
+@pytest.mark.parametrize("name", bundled_presets())
+def test_every_number_of_a_bundled_preset_has_a_source_with_a_version(name):
+    fields = YAML(typ="safe", pure=True).load(bundled_presets()[name].read_text())
+    assert set(fields["sources"]) == {f"limits.{quantity}" for quantity in fields["limits"]}
+    assert all(any(c.isdigit() for c in source) for source in fields["sources"].values())
+
+
+def test_presets_are_no_problems():
+    assert not [name for name in bundled_problems() if name.startswith("presets/")]
+
+
+# --- in a problem ------------------------------------------------------------------------------
+
+
+def test_a_preset_is_found_beside_the_problem_and_the_problem_wins(tmp_path):
+    (tmp_path / "limits").mkdir()
+    written(tmp_path / "limits", "arm.yaml")
+    limits = with_robot(
+        tmp_path, preset="limits/arm.yaml", limits={"velocity": {"joint2": 1}, "jerk": 900}
+    )
+    np.testing.assert_array_equal(limits.velocity, [2, 1])
+    np.testing.assert_array_equal(limits.jerk, [900, 900])
+    assert limits.tool_speed == 1.5
+
+
+def test_of_several_presets_the_later_one_wins(tmp_path):
+    written(tmp_path, "a.yaml")
+    written(tmp_path, "b.json", limits={"jerk": 700}, sources={"limits.jerk": "cell"})
+    limits = with_robot(tmp_path, preset=["a.yaml", "b.json"])
+    np.testing.assert_array_equal(limits.jerk, [700, 700])
+    np.testing.assert_array_equal(limits.velocity, [2, 3])
+    limits = with_robot(tmp_path, preset=["b.json", "a.yaml"])
+    np.testing.assert_array_equal(limits.jerk, [500, 500])
+
+
+def test_the_file_of_limits_is_below_the_preset_and_above_the_urdf(tmp_path):
+    written(tmp_path, "a.yaml")
+    joints = {"joint1": {"max_velocity": 9, "max_effort": 9}}
+    (tmp_path / "joint_limits.yaml").write_text(json.dumps({"joint_limits": joints}))
+    limits = with_robot(tmp_path, preset="a.yaml", limits_file="joint_limits.yaml")
+    np.testing.assert_array_equal(limits.velocity, [2, 3])
+    assert limits.effort[0] == 9
+    assert limits.effort[1] == with_robot(tmp_path).effort[1]
+
+
+def test_another_number_of_joints_is_refused_by_name(tmp_path):
+    with pytest.raises(RobotError) as caught:
+        with_robot(tmp_path, preset="fer")
+    assert str(caught.value) == (
+        "problem: preset fer: limits are for 7 joints; the planning group has 2: joint1, joint2"
+    )
+
+
+# --- refusals ----------------------------------------------------------------------------------
+
+
+def test_a_wrong_name_lists_those_that_exist():
+    with pytest.raises(RobotError) as caught:
+        read_preset("fr4")
+    assert str(caught.value) == (
+        "unknown preset 'fr4' (did you mean 'fr3'?); there is: fer, fr3, or the path of a YAML file"
+    )
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(RobotError) as caught:
+        read_preset("none.yaml", tmp_path)
+    path = tmp_path / "none.yaml"
+    assert str(caught.value) == f"preset {path} does not exist; bundled are fer, fr3"
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"format": "tubeplanner/problem"}, "format is 'tubeplanner/problem'; it must be"),
+        ({"motors": {}}, "top level: unknown key 'motors'; there is: format, version, joints, "),
+        ({"joints": 0}, "joints is 0; it must be greater than or equal to 1"),
+        ({"joints": True}, "joints is True; it must be a whole number"),
+        ({"limits": {"jerks": 1}}, "limits: unknown key 'jerks' (did you mean 'jerk'?); there is"),
+        ({"limits": {"jerk": "x"}}, "limits.jerk is 'x'; it must be one number for all joints"),
+        ({"limits": {"jerk": 0}, "sources": {"limits.jerk": "a"}}, "limits.jerk is 0; give a num"),
+        (
+            {"limits": {"scale": {"effort": 0.5}}, "sources": {"limits.scale": "a"}},
+            "limits.scale belongs into robot.limits of a problem",
+        ),
+        ({"sources": {}}, "sources.'limits.velocity' is required: say where it is from"),
+        (
+            {"sources": PRESET["sources"] | {"limits.jerk": " "}},
+            "sources.'limits.jerk' is required: say where it is from",
+        ),
+        (
+            {"sources": PRESET["sources"] | {"limits.position": "x"}},
+            "sources: unknown field 'limits.position' (did you mean 'limits.velocity'?); there is:",
+        ),
+    ],
+)
+def test_a_fault_is_named(tmp_path, changes, message):
+    assert refusal(tmp_path, **changes).startswith(message)
+
+
+@pytest.mark.parametrize("key", ["format", "joints", "limits", "sources"])
+def test_what_is_missing_is_named(tmp_path, key):
+    path = tmp_path / "mine.yaml"
+    path.write_text(json.dumps({name: value for name, value in PRESET.items() if name != key}))
+    with pytest.raises(RobotError, match=rf"^preset .*mine\.yaml: {key} is required$"):
+        read_preset(path)
+
+
+@pytest.mark.parametrize("text", ["[1, 2]", "", "text"])
+def test_what_is_no_map_is_refused(tmp_path, text):
+    (tmp_path / "mine.yaml").write_text(text)
+    with pytest.raises(RobotError, match="a preset is a map with format, joints, limits and sour"):
+        read_preset("mine.yaml", tmp_path)
+
+
+def test_a_malformed_file_is_refused_by_line(tmp_path):
+    (tmp_path / "mine.yaml").write_text("limits: [1\n")
+    with pytest.raises(RobotError, match=r"^preset mine\.yaml: file .* is malformed: line 1"):
+        read_preset("mine.yaml", tmp_path)
