@@ -31,7 +31,8 @@ def _find_sections(
 ) -> None:
     """Note under which paths each section is written, in reading order."""
     for name, field in section["properties"].items():
-        for reference in re.findall(r'"#/\$defs/(\w+)"', json.dumps(field)):
+        references = re.findall(r'"#/\$defs/(\w+)"', json.dumps(field))
+        for reference in dict.fromkeys(references):  # a field may take one, or a list of them
             inner = f"{path}.{name}".removeprefix(".")
             paths.setdefault(reference, []).append(inner)
             _find_sections(schema, schema["$defs"][reference], inner, paths)

@@ -220,6 +220,7 @@ def test_every_field_of_the_problem_file_is_documented(monkeypatch):
         assert section["description"] in page
         assert all(page.count(f"\n| `{name}` | ") for name in section["properties"])
     assert "\n### start · goal\n" in page
+    assert "\n### tube.cross_section\n" in page
     assert "\n| `radius` | number, or list of these | m | required | " in page
     assert "\n| `gravity` | [3 numbers] | m/s² | `[0.0, 0.0, -9.81]` | base frame |" in page
     assert "| [section](#field-robot.tool_offset) |" in page
