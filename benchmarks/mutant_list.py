@@ -974,6 +974,46 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("argmin", "argmax"),
     ],
     "BoxRegions._parts": [("abs(", "(")],
+    # --- controllers, peaks, unused values ----------------------------------------------------
+    "_Commands.__init__": [
+        ("-_STILL, count", "0, count"),
+        ("count + _STILL + 1", "count + 1"),
+    ],
+    "_Commands.instants": [("self.time[order:]", "self.time[: len(self.time) - order]")],
+    "_differences": [("/ PERIOD**order", "/ PERIOD")],
+    "_aborts": [("position[:-1]", "position[1:]")],
+    "_unrest": [("_AT_REST * limit[joint]", "limit[joint]")],
+    "_exceeded": [
+        ("lower - value", "value - lower"),
+        ("lower if below else upper", "upper"),
+        (".any(axis=1)", ".all(axis=1)"),
+    ],
+    "FrankaLimits.velocity_bounds": [
+        ("2 * deceleration", "1 * deceleration"),
+        ("0.0, most)", "-most, most)"),
+    ],
+    "_altered": [
+        ("given.first_time > 0", "given.first_time < 0"),
+        ("coefficients[-1, 0]", "coefficients[-1, -1]"),
+    ],
+    "_refused": [("abs(velocity[joint]) > _MOVES", "velocity[joint] > _MOVES")],
+    "ControllerVerdict.gravest": [
+        ("(Effect.REFUSED, Effect.ALTERED)", "(Effect.REFUSED,)"),
+        ("Effect.REFUSED, Effect.ALTERED", "Effect.ALTERED, Effect.REFUSED"),
+    ],
+    "_tool_rates": [
+        ('"nij,nj->ni", by_q, samples.velocity', '"nij,nj->ni", 0 * by_q, samples.velocity'),
+    ],
+    "unused_values": [("tag == _SOFT and", "False and")],
+    "_hard_limit": [('removeprefix("soft_")', 'removeprefix("hard_")')],
+    "_is_given": [
+        ("field is not None and", "field is None or"),
+        ("law.joint == column", "True"),
+    ],
+    "fitting_presets": [
+        ("layer.joint_count != len(joints)", "False"),
+        ("or np.nan)", "or given[what][joint.name])"),
+    ],
     "BoxRegions._beyond": [
         ("abs(local[..., :2])", "local[..., :2]"),
         ("- length)", "- 0.9 * length)"),

@@ -35,6 +35,7 @@ KNOWS = {
     "meshcat": {"views.viewer"},
     "umsgpack": {"views.viewer"},
     "click": {
+        "commands.check_command",
         "commands.console",
         "commands.links_command",
         "commands.measure_command",

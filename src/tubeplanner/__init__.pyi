@@ -13,6 +13,9 @@ from .outcome import PlanStatus as PlanStatus
 from .outcome import Place as Place
 from .refinement.sensitivities import Sensitivity as Sensitivity
 from .waypoint_search.branch_and_bound import SearchStatistics as SearchStatistics
+from .constraints.trajectory_peaks import trajectory_peaks as trajectory_peaks
+from .constraints.trajectory_peaks import TrajectoryPeaks as TrajectoryPeaks  # returned
+from .constraints.trajectory_peaks import Peak as Peak  # returned
 from .progress import Progress as Progress
 from .verification.verification import verify as verify
 from .verification.certificate import Certificate as Certificate

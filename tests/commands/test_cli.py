@@ -87,6 +87,55 @@ def test_json_is_one_object_with_every_field(run_json):
     assert fields["certificate"]["passed"] is True
 
 
+def test_the_first_lines_are_the_peaks_and_what_nothing_limits(run, run_json, tmp_path):
+    lines = run("plan", PROBLEM)[1].splitlines()
+    assert lines[1].startswith("peaks: joint acceleration ")
+    assert "tool speed" in lines[1]
+    assert lines[2].startswith("nothing limits acceleration or jerk; ")
+    assert "robot.limits.acceleration and robot.limits.jerk" in lines[2]
+    _, fields = run_json("plan", PROBLEM)
+    assert fields["peak_acceleration"]["joint"] in {"joint1", "joint2"}
+    for name, unit in (("tool_speed", "m/s"), ("tool_acceleration", "m/s^2")):
+        assert fields[name]["unit"] == unit
+        assert fields[name]["value"] > 0
+        assert 0 <= fields[name]["time"] <= fields["duration"]
+
+
+@pytest.mark.parametrize(
+    ("quantities", "line"),
+    [
+        ({"acceleration": {"joint1": 90.0, "joint2": 90.0}}, "nothing limits jerk; "),
+        (
+            {"acceleration": {"joint1": 90.0, "joint2": 90.0}, "jerk": {"joint1": 9000.0}},
+            "nothing limits jerk of joint2; ",
+        ),
+        (
+            {
+                "acceleration": {"joint1": 90.0, "joint2": 90.0},
+                "jerk": {"joint1": 9000.0, "joint2": 9000.0},
+            },
+            "loaded in ",
+        ),
+    ],
+)
+def test_limits_that_are_given_are_not_asked_for(run, tmp_path, quantities, line):
+    robot = {"urdf": "example:two_link", "tool_frame": "hand", "gravity": [0, 0, 0]}
+    limits = {"velocity": {"joint1": 50.0, "joint2": 50.0}, **quantities}
+    path = problem_file(tmp_path, robot={**robot, "limits": limits})
+    status, text, _ = run("plan", path, "--method", "stop-at-corners")
+    assert status == 0
+    assert text.splitlines()[2].startswith(line)
+
+
+def test_a_refusal_has_no_peaks(run_json, tmp_path):
+    path = problem_file(tmp_path, tube={"points": [[0.3, -0.3, 0], [9.0, 0, 0]], "radius": 0.03})
+    status, fields = run_json("plan", path)
+    assert status == 1
+    assert (
+        fields["peak_acceleration"] is fields["tool_speed"] is fields["tool_acceleration"] is None
+    )
+
+
 def test_a_planned_file_passes_check_and_a_faster_one_fails(run, run_json, tmp_path):
     good, fast = tmp_path / "good.json", tmp_path / "fast.json"
     run("plan", PROBLEM, "-o", good)

@@ -1,12 +1,14 @@
 """Trajectories made elsewhere: what is read, how it is joined, what is refused and why."""
 
+import json
+
 import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
 from tubeplanner import TrajectoryError, verify
 from tubeplanner.files.export import trajectory_csv, trajectory_ros
-from tubeplanner.files.trajectory_file import read_trajectory_file
+from tubeplanner.files.trajectory_file import GivenSamples, read_trajectory_file
 from tubeplanner.verification.judged_condition import FOREIGN_TOLERANCE
 
 UR5 = "ur5/over_the_wall"
@@ -159,3 +161,17 @@ def test_time_may_begin_anywhere(tmp_path):
     text = CSV.replace("0,0,0\n0.1,", "5,0,0\n5.1,").replace("0.2,0.3", "5.2,0.3")
     read = read_trajectory_file(written(tmp_path, "t.csv", text))
     assert read.trajectory.duration == pytest.approx(0.2)
+
+
+def test_what_samples_say_is_kept(tmp_path):
+    """Trajectories begin at zero and know no efforts; a controller is given both."""
+    csv_file, ros_file = tmp_path / "t.csv", tmp_path / "t.yaml"
+    csv_file.write_text("time,a.position,a.effort\n2.5,0,1\n3.5,1,1\n")
+    assert read_trajectory_file(csv_file).samples == GivenSamples(2.5, ("position",))
+    points = [
+        {"positions": [x], "velocities": [0.0], "effort": [1.0], "time_from_start": {"sec": x}}
+        for x in (0, 1)
+    ]
+    ros_file.write_text(json.dumps({"joint_names": ["a"], "points": points}))
+    given = read_trajectory_file(ros_file).samples
+    assert given == GivenSamples(0.0, ("position", "velocity"), has_effort=True)

@@ -4,7 +4,6 @@ Exit status: 0 success; 1 infeasible, or a check that failed; 2 bad input or usa
 """
 
 import sys
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 from tubeplanner import __version__
+from tubeplanner.commands.check_command import check
 from tubeplanner.commands.console import (
     AS_JSON,
     BAD_INPUT,
@@ -43,7 +43,6 @@ if TYPE_CHECKING:
     from tubeplanner.files.trajectory_writer import TrajectoryFiles
     from tubeplanner.problem.problem import PlanningProblem
     from tubeplanner.trajectory.joint_trajectory import JointTrajectory
-    from tubeplanner.verification.judged_condition import Tolerance
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -152,53 +151,6 @@ def plan(
 
 
 @cli.command()
-@click.argument("problem")
-@click.argument("trajectory", type=PATH)
-@click.option("--tolerance", help="ABS[,REL]: how far below zero margins may lie.")
-@AS_JSON
-def check(problem: str, trajectory: Path, tolerance: str | None, as_json: bool) -> int:
-    """Judge the TRAJECTORY file against PROBLEM."""
-    from tubeplanner.files.file_notes import notes_on_file
-    from tubeplanner.files.trajectory_file import read_trajectory_file
-    from tubeplanner.verification.judged_condition import FOREIGN_TOLERANCE, Tolerance
-    from tubeplanner.verification.verification import verify
-
-    asked = _tolerance(tolerance)
-    read = read_trajectory_file(trajectory)
-    limits = asked or (Tolerance() if read.interpolation is None else FOREIGN_TOLERANCE)
-    with shown_progress() as enter:
-        loaded, loading_time = load_timed(problem, enter)
-        enter("certificate")
-        begin = time.perf_counter()
-        certificate = verify(loaded, read.trajectory, limits)
-        certificate_time = time.perf_counter() - begin
-    failures = certificate.failures()
-    reasons = "; ".join(certificate.describe(name) for name in failures)
-    message = f"fails: {reasons}" if failures else "passes every condition"
-    notes = notes_on_file(loaded, read, failed=bool(failures))
-    if as_json:
-        status = "certificate_failed" if failures else "success"
-        where = certificate.conditions[failures[0]].where.as_dict() if failures else nowhere()
-        print_json(
-            {
-                **empty_report(status, f"the trajectory {message}", where),
-                "duration": read.trajectory.duration,
-                "certificate_time": certificate_time,
-                "loading_time": loading_time,
-                "notes": notes,
-                "certificate": certificate.as_dict(),
-            }
-        )
-    else:
-        from tubeplanner.commands.report import certificate_text
-
-        say(certificate_text(certificate))
-        say(*(f"note: {note}" for note in notes), sep="\n", end="\n" if notes else "")
-        say(f"{trajectory} ({read.trajectory.duration:.4f} s) {message}.")
-    return INFEASIBLE if failures else SUCCESS
-
-
-@cli.command()
 @AS_JSON
 def robots(as_json: bool) -> None:
     """List the robots and problems that `example:` finds, and presets of limits."""
@@ -234,7 +186,7 @@ def schema(json: bool) -> None:
     print_json(problem_schema(), indent=2)
 
 
-for command in (draw, sweep, compare, measure, links, teach, route, view, reproduce):
+for command in (check, draw, sweep, compare, measure, links, teach, route, view, reproduce):
     cli.add_command(command)
 
 
@@ -293,14 +245,3 @@ class _Outputs:
             contents[self.html] = view_scene(problem, trajectory, names=[method]).html.encode()
         write_files(contents)
         return notes
-
-
-def _tolerance(text: str | None) -> "Tolerance | None":
-    from tubeplanner.verification.judged_condition import Tolerance
-
-    if text is None:
-        return None
-    try:
-        return Tolerance(*(float(word) for word in text.split(",")))
-    except (TypeError, ValueError):
-        raise OptionError(f"--tolerance '{text}' is not ABS or ABS,REL") from None

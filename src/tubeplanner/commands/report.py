@@ -5,15 +5,18 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
 from tubeplanner.collision.collision_checker import ALWAYS_TOUCHING
+from tubeplanner.problem.fitting_presets import fitting_presets
 from tubeplanner.verification.judged_condition import RELATIVE
 
 if TYPE_CHECKING:
     from tubeplanner.collision.link_covers import LinkCover
+    from tubeplanner.constraints.trajectory_peaks import TrajectoryPeaks
     from tubeplanner.measurement.measured_tube import SegmentMeasurement, TubeMeasurement
     from tubeplanner.measurement.sign_patterns import PatternSurvey
     from tubeplanner.planning.plan_result import PlanResult
@@ -48,6 +51,7 @@ def plan_text(
     robot = problem.robot
     lines = [
         f"{problem.name}: {robot.name}, {robot.joint_count} joints to {robot.tool_frame}",
+        *([] if result.peaks is None else peaks_lines(problem, result.peaks)),
         f"loaded in {loading_time:.2f} s, planned in {result.planning_time:.2f} s "
         f"(certificate {result.certificate_time:.2f} s), method {result.method}",
     ]
@@ -83,6 +87,29 @@ def plan_text(
             "note: the robot has no collision geometry; the obstacles were NOT checked against it"
         )
     return "\n".join(lines)
+
+
+def peaks_lines(problem: "PlanningProblem", peaks: "TrajectoryPeaks") -> list[str]:
+    """Return a trajectory's peaks, and which limits to give where nothing bounds them.
+
+    Args:
+        problem: The planning problem.
+        peaks: Of a trajectory.
+    """
+    robot, lines = problem.robot, [f"peaks: {peaks}"]
+    free = {quantity: robot.limits.unlimited(quantity) for quantity in ("acceleration", "jerk")}
+    named = [quantity for quantity, joints in free.items() if len(joints) > 0]
+    if named:
+        joints = np.union1d(free["acceleration"], free["jerk"])
+        whose = ", ".join(robot.joint_names[joint] for joint in joints)
+        of_some = f" of {whose}" if len(joints) < robot.joint_count else ""
+        lines.append(
+            f"nothing limits {' or '.join(named)}{of_some}; for a motion that a machine can "
+            "follow, give the robot's own as "
+            + " and ".join(f"robot.limits.{quantity}" for quantity in named)
+            + "".join(f", or robot.preset: {name}" for name in fitting_presets(robot))
+        )
+    return lines
 
 
 def sweep_text(result: "SweepResult") -> str:

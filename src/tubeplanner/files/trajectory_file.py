@@ -9,7 +9,7 @@ import io
 from array import array
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +36,21 @@ _SECONDS = (("sec", "nanosec"), ("secs", "nsecs"))
 _MAX_UNIT_RATIO = 10.0
 
 
+@dataclass(frozen=True)
+class GivenSamples:
+    """What the samples of a file say, before they are joined.
+
+    Attributes:
+        first_time: Of the first one [s]; trajectories begin at zero all the same.
+        quantities: Which of position, velocity and acceleration there are.
+        has_effort: Whether a ROS message has efforts, which are not read.
+    """
+
+    first_time: float
+    quantities: tuple[str, ...]
+    has_effort: bool = False
+
+
 @dataclass(frozen=True, eq=False)
 class TrajectoryFile:
     """A trajectory and where it comes from.
@@ -45,12 +60,14 @@ class TrajectoryFile:
         interpolation: How samples were joined; None if the file holds polynomials.
         problem_hash: Of the problem it was made for; None if the file does not say.
         robot_hash: Of the robot it was made for; likewise.
+        samples: What its samples say; None if the file holds polynomials.
     """
 
     trajectory: JointTrajectory
     interpolation: str | None = None
     problem_hash: str | None = None
     robot_hash: str | None = None
+    samples: GivenSamples | None = None
 
 
 def read_trajectory(path: str | Path) -> JointTrajectory:
@@ -161,7 +178,8 @@ def _read_csv(text: str) -> TrajectoryFile:
     time, *values = columns
     n = len(joints)
     known = {what: np.array(values[n * k : n * k + n]).T for k, what in enumerate(tables)}
-    return _from_samples(joints, time, known)
+    file = _from_samples(joints, time, known)
+    return replace(file, samples=GivenSamples(float(time[0]), tuple(known)))
 
 
 def _csv_joints(header: list[str]) -> list[str]:
@@ -257,7 +275,9 @@ def _read_ros(text: str) -> TrajectoryFile:
             )
         tables[quantity] = np.array([_ros_row(names, i, p, field) for i, p in enumerate(points)])
     time = np.array([_ros_time(i, point) for i, point in enumerate(points)])
-    return _from_samples(names, time, tables)
+    file = _from_samples(names, time, tables)
+    has_effort = any(bool(point.get("effort")) for point in points)
+    return replace(file, samples=GivenSamples(float(time[0]), tuple(tables), has_effort))
 
 
 def _ros_row(names: list[str], index: int, point: dict[str, Any], field: str) -> list[float]:

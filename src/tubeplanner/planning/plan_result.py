@@ -7,6 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from tubeplanner.constraints.trajectory_peaks import (
+    TrajectoryPeaks,
+    peaks_as_dict,
+    trajectory_peaks,
+)
 from tubeplanner.constraints.unused_speed import unused_speed
 from tubeplanner.outcome import Place, PlanStatus
 from tubeplanner.planning.path_minimum import path_minimum
@@ -14,6 +19,7 @@ from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, StoppedBy
 from tubeplanner.refinement.refined_motion import RefinedMotion
 from tubeplanner.refinement.sensitivities import Sensitivity
+from tubeplanner.robot.unused_note import unused_note
 from tubeplanner.suh_bishop.suh_bishop import PhaseTwoStatistics
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.verification.certificate import Certificate
@@ -28,7 +34,7 @@ _SAMPLES_PER_PIECE = 20
 _MUCH_UNUSED = 0.02
 
 
-def _no_path() -> None:
+def _no_trajectory() -> None:
     return None
 
 
@@ -56,6 +62,7 @@ class PlanResult:
             that takes a little longer; None if it is the answer.
         path_minimum: The least time [s] in which motors that switch at once could run the answer's
             path; computed when first asked for. None if there is no answer.
+        peaks: The answer's largest joint acceleration, tool speed and tool acceleration; likewise.
     """
 
     status: PlanStatus
@@ -73,12 +80,18 @@ class PlanResult:
     sensitivities: tuple[Sensitivity, ...] = ()
     motion: RefinedMotion | None = None
     shortest: JointTrajectory | None = None
-    _path_minimum: Callable[[], float | None] = _no_path
+    _path_minimum: Callable[[], float | None] = _no_trajectory
+    _peaks: Callable[[], TrajectoryPeaks | None] = _no_trajectory
 
     @cached_property
     def path_minimum(self) -> float | None:
         """The least time for the answer's path [s], if motors switch instantly."""
         return self._path_minimum()
+
+    @cached_property
+    def peaks(self) -> TrajectoryPeaks | None:
+        """Largest joint acceleration, tool speed and tool acceleration of the answer."""
+        return self._peaks()
 
     @property
     def succeeded(self) -> bool:
@@ -112,6 +125,7 @@ class PlanResult:
             "planning_time": self.planning_time,
             "certificate_time": self.certificate_time,
             "stopped_by": self.stopped_by,
+            **peaks_as_dict(self.peaks),
             "method": self.method,
             "notes": list(self.notes),
             "sensitivities": [asdict(sensitivity) for sensitivity in self.sensitivities],
@@ -167,18 +181,21 @@ def judged_result(
         certificate_time=certificate_time,
         notes=_notes(problem, trajectory),
         _path_minimum=partial(path_minimum, problem, trajectory),
+        _peaks=partial(trajectory_peaks, problem.robot, trajectory),
     )
 
 
 def _notes(problem: PlanningProblem, trajectory: JointTrajectory) -> tuple[str, ...]:
-    """Return a note where the motors could do more."""
+    """Return notes on what the motors could do more, and on what the URDF says in vain."""
+    notes = []
     unused = unused_speed(problem, trajectory)
-    if unused <= _MUCH_UNUSED:
-        return ()
-    return (
-        f"on average {unused:.1%} of the speed that the limits allow is not used: there may well "
-        "be a faster trajectory; --quality best looks for it from more starts",
-    )
+    if unused > _MUCH_UNUSED:
+        notes.append(
+            f"on average {unused:.1%} of the speed that the limits allow is not used: there may "
+            "well be a faster trajectory; --quality best looks for it from more starts"
+        )
+    urdf_note = unused_note(problem.robot)
+    return (*notes, *([] if urdf_note is None else [urdf_note]))
 
 
 def _success_message(problem: PlanningProblem, trajectory: JointTrajectory) -> str:

@@ -304,8 +304,7 @@ def _notes(problem: PlanningProblem, trajectory: JointTrajectory) -> tuple[str, 
     return (
         "without a jerk limit, jerk grows with the square of the number of knots "
         f"({len(trajectory.widths)}): here up to "
-        f"{peak[joint]:.2g} {unit} ('{robot.joint_names[joint]}'); give the robot's own as "
-        "limits.jerk for a trajectory that a machine can follow",
+        f"{peak[joint]:.2g} {unit} ('{robot.joint_names[joint]}')",
     )
 
 

@@ -6,7 +6,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from tubeplanner.arrays import FloatArray, read_only
+from tubeplanner.arrays import FloatArray, IntArray, read_only
 from tubeplanner.errors import RobotError
 from tubeplanner.robot.followers import followers_of
 from tubeplanner.robot.limit_layers import GivenLimits, layers_of, merged_limits
@@ -48,6 +48,10 @@ class JointLimits:
     velocity_by_position: tuple[VelocityByPosition, ...] = ()
     point_speed: tuple[PointSpeed, ...] = ()
     notes: tuple[str, ...] = ()
+
+    def unlimited(self, quantity: str) -> IntArray:
+        """Return which joints nothing limits in a quantity, such as "jerk": int, shape (k,)."""
+        return np.flatnonzero(~np.isfinite(getattr(self, quantity)))
 
     def clip(self, q: FloatArray) -> FloatArray:
         """Return configurations of shape (..., n) moved into the position limits."""

@@ -5,8 +5,8 @@ names the fault. Limits are read here and only here; what Pinocchio gets is a pl
 """
 
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +14,7 @@ import numpy as np
 from tubeplanner.documents import DocumentError, read_bytes
 from tubeplanner.errors import RobotError, unknown_name
 from tubeplanner.names import require_name
+from tubeplanner.robot.unused_values import unused_values
 from tubeplanner.robot.urdf_link import require_valid_link
 from tubeplanner.robot.urdf_values import (
     read_child,
@@ -57,6 +58,7 @@ class UrdfJoint:
         effort: Effort limit [N m or N], None where the URDF gives none.
         velocity: Velocity limit [rad/s or m/s], None where the URDF gives none.
         mimic: The rule by which the joint follows another, if any.
+        unused: What else the URDF says of it, as `unused_values` returns it.
     """
 
     name: str
@@ -68,6 +70,7 @@ class UrdfJoint:
     effort: float | None
     velocity: float | None
     mimic: Mimic | None
+    unused: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -233,6 +236,7 @@ def _read_joint(path: Path, element: ElementTree.Element) -> UrdfJoint:
         effort=read_number(where, limit, "effort"),
         velocity=read_number(where, limit, "velocity"),
         mimic=_read_mimic(where, element.find("mimic")),
+        unused=unused_values(element),
     )
 
 

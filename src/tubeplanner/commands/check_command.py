@@ -1,0 +1,165 @@
+"""The command `check`: judge a trajectory file."""
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from tubeplanner.commands.console import (
+    AS_JSON,
+    INFEASIBLE,
+    PATH,
+    SUCCESS,
+    empty_report,
+    load_timed,
+    print_json,
+    say,
+    shown_progress,
+)
+from tubeplanner.errors import OptionError
+
+if TYPE_CHECKING:
+    from tubeplanner.controllers.controller_verdict import ControllerVerdict
+    from tubeplanner.files.trajectory_file import TrajectoryFile
+    from tubeplanner.outcome import Place
+    from tubeplanner.problem.problem import PlanningProblem
+    from tubeplanner.verification.certificate import Certificate
+    from tubeplanner.verification.judged_condition import Tolerance
+
+
+@click.command()
+@click.argument("problem")
+@click.argument("trajectory", type=PATH)
+@click.option("--tolerance", help="ABS[,REL]: how far below zero margins may lie.")
+@click.option(
+    "--for",
+    "controller",
+    help="Also what a controller enforces: fr3, fer (Franka), jtc (JointTrajectoryController).",
+)
+@AS_JSON
+def check(
+    problem: str, trajectory: Path, tolerance: str | None, controller: str | None, as_json: bool
+) -> int:
+    """Judge the TRAJECTORY file against PROBLEM."""
+    from tubeplanner.files.trajectory_file import read_trajectory_file
+    from tubeplanner.verification.judged_condition import FOREIGN_TOLERANCE, Tolerance
+    from tubeplanner.verification.verification import verify
+
+    asked = _tolerance(tolerance)
+    read = read_trajectory_file(trajectory)
+    limits = asked or (Tolerance() if read.interpolation is None else FOREIGN_TOLERANCE)
+    with shown_progress() as enter:
+        loaded, loading_time = load_timed(problem, enter)
+        verdict = _verdict(controller, loaded, read)
+        enter("certificate")
+        begin = time.perf_counter()
+        certificate = verify(loaded, read.trajectory, limits)
+        certificate_time = time.perf_counter() - begin
+    message = _message(certificate, verdict)
+    if as_json:
+        times = {"certificate_time": certificate_time, "loading_time": loading_time}
+        print_json(_report(loaded, read, certificate, verdict) | times)
+    else:
+        _print(loaded, read, certificate, verdict)
+        say(f"{trajectory} ({read.trajectory.duration:.4f} s) {message}.")
+    return SUCCESS if certificate.passed and _accepted(verdict) else INFEASIBLE
+
+
+def _verdict(
+    controller: str | None, problem: "PlanningProblem", read: "TrajectoryFile"
+) -> "ControllerVerdict | None":
+    if controller is None:
+        return None
+    from tubeplanner.controllers.controllers import judged_by
+
+    return judged_by(controller, problem, read)
+
+
+def _accepted(verdict: "ControllerVerdict | None") -> bool:
+    return verdict is None or verdict.accepted
+
+
+def _message(certificate: "Certificate", verdict: "ControllerVerdict | None") -> str:
+    """Return what is said of the trajectory, without the full stop."""
+    reasons = "; ".join(certificate.describe(name) for name in certificate.failures())
+    message = f"fails: {reasons}" if reasons else "passes every condition"
+    if verdict is None:
+        return message
+    return f"{message}; {verdict.name}: {verdict.summary}"
+
+
+def _notes(
+    problem: "PlanningProblem", read: "TrajectoryFile", certificate: "Certificate"
+) -> list[str]:
+    from tubeplanner.files.file_notes import notes_on_file
+    from tubeplanner.robot.unused_note import unused_note
+
+    unused = unused_note(problem.robot)
+    notes = notes_on_file(problem, read, failed=not certificate.passed)
+    return notes if unused is None else [*notes, unused]
+
+
+def _report(
+    problem: "PlanningProblem",
+    read: "TrajectoryFile",
+    certificate: "Certificate",
+    verdict: "ControllerVerdict | None",
+) -> dict[str, object]:
+    """Return the JSON object, times still absent."""
+    from tubeplanner.constraints.trajectory_peaks import peaks_as_dict, trajectory_peaks
+
+    passed = certificate.passed and _accepted(verdict)
+    message = f"the trajectory {_message(certificate, verdict)}"
+    if verdict is not None and verdict.gravest is not None:
+        message += f": {verdict.gravest.error}: {verdict.gravest.message}"
+    where = _where(certificate, verdict).as_dict()
+    return {
+        **empty_report("success" if passed else "certificate_failed", message, where),
+        "duration": read.trajectory.duration,
+        **peaks_as_dict(trajectory_peaks(problem.robot, read.trajectory)),
+        "notes": _notes(problem, read, certificate),
+        "certificate": certificate.as_dict(),
+        "controller": None if verdict is None else verdict.as_dict(),
+    }
+
+
+def _where(certificate: "Certificate", verdict: "ControllerVerdict | None") -> "Place":
+    """Return where the first condition fails, or else the controller first minds something."""
+    from tubeplanner.outcome import Place
+
+    failures = certificate.failures()
+    if failures:
+        return certificate.conditions[failures[0]].where
+    if verdict is None or verdict.gravest is None:
+        return Place()
+    minded = verdict.gravest
+    time = minded.time if minded.first_time is None else minded.first_time
+    return Place(time=time, joint=minded.joint)
+
+
+def _print(
+    problem: "PlanningProblem",
+    read: "TrajectoryFile",
+    certificate: "Certificate",
+    verdict: "ControllerVerdict | None",
+) -> None:
+    from tubeplanner.commands.report import certificate_text, peaks_lines
+    from tubeplanner.constraints.trajectory_peaks import trajectory_peaks
+
+    peaks = trajectory_peaks(problem.robot, read.trajectory)
+    say(*peaks_lines(problem, peaks), certificate_text(certificate), sep="\n")
+    lines = [f"note: {note}" for note in _notes(problem, read, certificate)]
+    lines += [] if verdict is None else verdict.lines()
+    say(*lines, sep="\n", end="\n" if lines else "")
+
+
+def _tolerance(text: str | None) -> "Tolerance | None":
+    from tubeplanner.verification.judged_condition import Tolerance
+
+    if text is None:
+        return None
+    try:
+        return Tolerance(*(float(word) for word in text.split(",")))
+    except (TypeError, ValueError):
+        raise OptionError(f"--tolerance '{text}' is not ABS or ABS,REL") from None

@@ -1,0 +1,1 @@
+"""What controllers make of a trajectory: what they refuse, what they run otherwise."""
