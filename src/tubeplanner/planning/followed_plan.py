@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from tubeplanner.planning.jerk_note import jerk_note
 from tubeplanner.planning.periodic_plan import periodic_plan
 from tubeplanner.planning.plan_result import PlanResult, certified_result
 from tubeplanner.planning.smoothed_plan import smoothed_plan
@@ -26,7 +27,16 @@ def followed_plan(
     Returns:
         The answer itself if it is not refinement's, or planning was stopped early.
     """
-    problem = problem.joined
+    found = _followed(problem.joined, shortest, slack, clock)
+    if found.trajectory is None or found.motion is None or found.shortest is not None:
+        return found
+    return replace(found, notes=(*found.notes, *jerk_note(problem.robot, found.trajectory)))
+
+
+def _followed(
+    problem: PlanningProblem, shortest: PlanResult, slack: float | None, clock: PlanningClock
+) -> PlanResult:
+    """Return what `followed_plan` does, of joined segments, without a note on jerk."""
     period = problem.period
     if slack is None:
         slack = (problem.objective or Objective()).slack
@@ -63,11 +73,14 @@ def _in_whole_periods(problem: PlanningProblem, shortest: PlanResult, period: fl
         f"the duration is a multiple of the period, {period:g} s; the breakpoints are not, so that "
         "its samples are not the motion itself"
     )
-    more = shortest if not found.succeeded else found
+    if not found.succeeded:
+        return shortest
     return replace(
-        shortest,
-        trajectory=more.trajectory,
-        certificate=more.certificate,
-        message=more.message,
+        found,
+        search=shortest.search,
+        phase_two=shortest.phase_two,
+        stopped_by=shortest.stopped_by,
+        sensitivities=shortest.sensitivities,
+        motion=shortest.motion,
         notes=(*shortest.notes, note),
     )

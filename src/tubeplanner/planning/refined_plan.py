@@ -23,7 +23,6 @@ from tubeplanner.refinement.smoother_tube import smoother_problem
 from tubeplanner.refinement.spline_start import sufficient_start
 from tubeplanner.refinement.tube_chains import sharpest_bend, tube_chains
 from tubeplanner.refinement.widened_tube import widened_radius
-from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
 # Where the segments need more knots than the quality has, there are at most this many times more.
 _MAX_KNOTS_SHARE = 1.5
@@ -286,26 +285,8 @@ def certified_refinement(
         return result
     trajectory = result.trajectory
     sensitivities = limit_sensitivities(problem, refinement, trajectory.duration)
-    notes = (*result.notes, *_notes(problem, trajectory))
     motion = RefinedMotion(refinement.problem, refinement.problem is not problem, refinement.spline)
-    return replace(result, notes=notes, sensitivities=sensitivities, motion=motion)
-
-
-def _notes(problem: PlanningProblem, trajectory: JointTrajectory) -> tuple[str, ...]:
-    """Return a note on the trajectory's jerk, where neither it nor the effort's rate is limited."""
-    robot = problem.robot
-    peak = abs(trajectory.derivative_coefficients(3)).max(axis=(0, 1))
-    limit = np.minimum(robot.limits.jerk, robot.limits.effort_rate)
-    peak = np.where(np.isfinite(limit), 0.0, peak)
-    joint = int(peak.argmax())
-    if not peak[joint] > 0:
-        return ()
-    unit = "rad/s^3" if robot.revolute[joint] else "m/s^3"
-    return (
-        "without a jerk limit, jerk grows with the square of the number of knots "
-        f"({len(trajectory.widths)}): here up to "
-        f"{peak[joint]:.2g} {unit} ('{robot.joint_names[joint]}')",
-    )
+    return replace(result, sensitivities=sensitivities, motion=motion)
 
 
 def _better(known: PlanResult, found: PlanResult) -> PlanResult:

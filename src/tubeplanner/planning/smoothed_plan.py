@@ -3,18 +3,16 @@
 from dataclasses import replace
 from functools import partial
 
-import numpy as np
-
 from tubeplanner.constraints.effort_variation import effort_variation
 from tubeplanner.outcome import Infeasible
 from tubeplanner.planning.certified_motion import certified_motion
+from tubeplanner.planning.jerk_note import largest_jerk
 from tubeplanner.planning.plan_result import PlanResult
 from tubeplanner.planning.timing import lengthened, no_longer
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, Progress, StoppedBy, until_stopped
 from tubeplanner.refinement.phased_spline import PhasedSpline
 from tubeplanner.refinement.smoothing import Smoothing
-from tubeplanner.trajectory.bernstein import peak_magnitudes
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
 _STAGE = "smoothing"
@@ -98,14 +96,11 @@ def _note(problem: PlanningProblem, before: JointTrajectory, after: JointTraject
     robot = problem.robot
     swings = [effort_variation(robot, trajectory) for trajectory in (before, after)]
     joints = [int(swing.argmax()) for swing in swings]
-    jerk = [
-        peak_magnitudes(trajectory.derivative_coefficients(3), trajectory.widths).value
-        for trajectory in (before, after)
-    ]
+    (rough, _), (_, jerk) = (largest_jerk(robot, each) for each in (before, after))
     longer = after.duration / before.duration - 1
     return (
         f"smoothed: the shortest motion takes {before.duration:.4f} s; in {longer:.2%} more time, "
         f"the effort that swings most, '{robot.joint_names[joints[1]]}', moves through "
         f"{swings[1][joints[1]]:.1f} limits instead of {swings[0][joints[0]]:.1f}, and the "
-        f"largest jerk is {np.max(jerk[1]) / np.max(jerk[0]):.2g} of that motion's"
+        f"largest jerk is {jerk} instead of {rough:.2g}"
     )
