@@ -24,7 +24,8 @@ from .robot.robot_loader import load_robot as load_robot
 from .robot.robot_model import RobotModel as RobotModel  # returned
 from .robot.pinocchio_model import ToolOffset as ToolOffset
 from .robot.pinocchio_model import Payload as Payload
-from .robot.joint_limits import LimitOverrides as LimitOverrides
+from .robot.limit_overrides import LimitOverrides as LimitOverrides
+from .robot.point_speed import PointSpeed as PointSpeed
 
 # Problem
 from .problem.problem_reader import load_problem as load_problem

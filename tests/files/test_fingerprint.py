@@ -121,6 +121,10 @@ SAME = {
         "tube__tool_speed": [None],
     },
     "a tool's speed without end": {"robot__limits": {"tool_speed": np.inf}},
+    "an effort's rate without end": {"robot__limits": {"effort_rate": np.inf}},
+    "limits that nobody asks": {
+        "robot__limits": {"effort_rate": {}, "velocity_by_position": {}, "point_speed": []}
+    },
     "discs and no boxes": {"tube__cross_section": [None]},
     "the default of a limit": {"robot__limits": {"effort": {"j1": 50}}},
 }
@@ -144,6 +148,23 @@ OTHER = {
     "no self-collision": {"collision__self": False},
     "an effort limit": {"robot__limits": {"effort": {"j1": 51}}},
     "a limit on the tool's speed": {"robot__limits": {"tool_speed": 0.5}},
+    "a limit on the effort's rate": {"robot__limits": {"effort_rate": {"j2": 100}}},
+    "another joint's": {"robot__limits": {"effort_rate": {"j1": 100}}},
+    "a velocity by position": {
+        "robot__limits": {"velocity_by_position": {"j1": {"deceleration": 5, "offset": 0.1}}}
+    },
+    "another deceleration": {
+        "robot__limits": {"velocity_by_position": {"j1": {"deceleration": 6, "offset": 0.1}}}
+    },
+    "a point's speed": {
+        "robot__limits": {"point_speed": [{"link": "tip", "position": [0, 0, 0], "speed": 1}]}
+    },
+    "another point's": {
+        "robot__limits": {"point_speed": [{"link": "tip", "position": [0, 0, 1], "speed": 1}]}
+    },
+    "another link's": {
+        "robot__limits": {"point_speed": [{"link": "upper", "position": [0, 0, 0], "speed": 1}]}
+    },
     "one in the tube": {"tube__tool_speed": 0.5},
     "another one in the tube": {"tube__tool_speed": [0.6]},
 }
@@ -251,6 +272,12 @@ def test_solids_given_as_shapes_are_known_by_them(cell):
 
     assert with_block(0.1, 0.2) == with_block(0.2, 0.1)
     assert with_block(0.1, 0.2) != with_block(0.1, 0.3)
+
+
+@pytest.mark.usefixtures("covered_roughly")
+def test_another_problem_has_its_own_hash_each_time(cell):
+    hashes = {hash_of(changed(**changes), cell) for changes in OTHER.values()}
+    assert len(hashes) == len(OTHER)
 
 
 @pytest.mark.usefixtures("covered_roughly")

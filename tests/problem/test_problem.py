@@ -13,6 +13,7 @@ from tubeplanner import (
     Obstacle,
     Payload,
     PlanningProblem,
+    PointSpeed,
     Seed,
     ToolOffset,
     Tube,
@@ -27,6 +28,7 @@ from tubeplanner import (
 )
 from tubeplanner.errors import ProblemError, RobotError, TrajectoryError
 from tubeplanner.resources import bundled_folder, bundled_problems
+from tubeplanner.robot.velocity_by_position import VelocityByPosition
 
 # The two-link arm, stretched along x at its start, turns to y: the tool goes round the corner.
 MINIMAL = {
@@ -307,6 +309,11 @@ def test_every_field_of_the_robot_reaches_the_robot():
                     "acceleration": {"elbow_joint": 7},
                     "jerk": {"elbow_joint": 70},
                     "tool_speed": 0.7,
+                    "effort_rate": [1000, 2000, 3000],
+                    "velocity_by_position": {"elbow_joint": {"deceleration": 6, "offset": 0.3}},
+                    "point_speed": [
+                        {"link": "forearm_link", "position": [0, 0, 0.1], "speed": 0.9}
+                    ],
                     "scale": {"effort": 0.5},
                 },
             },
@@ -336,6 +343,9 @@ def test_every_field_of_the_robot_reaches_the_robot():
     assert limits.tool_speed == 0.7
     assert limits.velocity.tolist() == [np.inf, 3.15, 3.15]
     assert (limits.acceleration[0], limits.jerk[0]) == (7, 70)
+    assert limits.effort_rate.tolist() == [3000, 1000, 2000]  # given along the chain
+    assert limits.velocity_by_position == (VelocityByPosition(0, 6, 0.3, 0, 3),)
+    assert limits.point_speed == (PointSpeed("forearm_link", (0, 0, 0.1), 0.9),)
 
 
 # --- obstacles ---------------------------------------------------------------------------------

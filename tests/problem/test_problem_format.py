@@ -63,7 +63,8 @@ ROBOT = (
     "urdf, package_dirs, srdf, tool_frame, tool_offset, joints, locked_joints, gravity, payload, "
     "attached, limits"
 )
-LIMITS = "effort, velocity, position, acceleration, jerk, scale, tool_speed"
+LIMITS = "effort, velocity, position, acceleration, jerk, scale, tool_speed, "
+LIMITS += "effort_rate, velocity_by_position, point_speed"
 TUBE = "points, cross_section, radius, tool_radius, joint_signs, orientations, "
 TUBE += "rotation_tolerance, tool_speed, visit, pass_through_points"
 OBSTACLE = "name, box, sphere, cylinder, capsule, mesh, scale, position, rpy, quaternion"
@@ -176,6 +177,36 @@ NOT_A_NUMBER = "it must be a number"
             {"elbow": [0, "x"]},
             f"robot.limits.position.elbow[1] is 'x'; {NOT_A_NUMBER}",
         ),
+        (
+            "robot.limits.jerk",
+            "strong",
+            "robot.limits.jerk is 'strong'; it must be one number for all joints, a list with one "
+            "for each, or a map by name",
+        ),
+        ("robot.limits.jerk", True, "robot.limits.jerk is True; it must be one number for all"),
+        ("robot.limits.jerk", [5, "x"], f"robot.limits.jerk[1] is 'x'; {NOT_A_NUMBER}"),
+        (
+            "robot.limits.velocity_by_position",
+            {"elbow": {"deceleration": 6}},
+            "robot.limits.velocity_by_position.elbow.offset is required",
+        ),
+        (
+            "robot.limits.velocity_by_position",
+            [None, {"deceleration": 6, "offset": 0, "uper": 1}],
+            "robot.limits.velocity_by_position[1]: unknown key 'uper' (did you mean 'upper'?); "
+            "there is: deceleration, offset, lower, upper",
+        ),
+        ("robot.limits.velocity_by_position", 5, "robot.limits.velocity_by_position is 5; it must"),
+        (
+            "robot.limits.point_speed",
+            [{"link": "hand", "position": [0, 0, 0]}],
+            "robot.limits.point_speed[0].speed is required",
+        ),
+        (
+            "robot.limits.point_speed",
+            {"link": "hand"},
+            "robot.limits.point_speed is {'link': 'hand'}; it must be a list",
+        ),
         ("clearance", "1 cm", f"clearance is '1 cm'; {NOT_A_NUMBER}"),
         (
             "obstacles",
@@ -218,7 +249,7 @@ def test_numbers_outside_limits_must_be_finite(place, value):
     assert fault(data) == f"{place} is {value}; it must be a finite number"
 
 
-@pytest.mark.parametrize("quantity", ["effort", "velocity", "acceleration", "jerk"])
+@pytest.mark.parametrize("quantity", ["effort", "velocity", "acceleration", "jerk", "effort_rate"])
 def test_limits_may_be_infinite(tmp_path, quantity):
     text = MINIMAL_YAML.replace("hand}", f"hand, limits: {{{quantity}: {{j: .inf}}}}}}")
     limits = read(tmp_path, text).robot.limits

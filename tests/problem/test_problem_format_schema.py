@@ -59,7 +59,17 @@ def test_physical_fields_say_their_unit():
             "tool_speed",
         ],
         "PayloadFields": ["mass", "com", "inertia"],
-        "LimitFields": ["effort", "velocity", "position", "acceleration", "jerk", "tool_speed"],
+        "LimitFields": [
+            "effort",
+            "velocity",
+            "position",
+            "acceleration",
+            "jerk",
+            "tool_speed",
+            "effort_rate",
+        ],
+        "VelocityByPositionFields": ["deceleration", "offset", "lower", "upper"],
+        "PointSpeedFields": ["position", "speed"],
         "ObstacleFields": ["box", "sphere", "cylinder", "capsule", "position", "rpy"],
         "EndpointFields": ["joints", "seed"],
     }

@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 
 from tubeplanner.errors import RobotError
-from tubeplanner.robot.joint_limits import LimitOverrides, resolve_limits
+from tubeplanner.robot.joint_limits import resolve_limits
+from tubeplanner.robot.limit_overrides import LimitOverrides
+from tubeplanner.robot.point_speed import PointSpeed
 from tubeplanner.robot.urdf import read_urdf
+from tubeplanner.robot.velocity_by_position import VelocityByPosition
 
 COMPLETE = '<limit lower="-1" upper="2" effort="10" velocity="3"/>'
 INF = np.inf
@@ -157,7 +160,18 @@ def test_a_continuous_joint_is_unbounded_unless_the_problem_bounds_it(describe):
     assert (bounded.lower_position[0], bounded.upper_position[0]) == (0, 10)
 
 
-@pytest.mark.parametrize("quantity", ["effort", "velocity", "position", "acceleration", "jerk"])
+@pytest.mark.parametrize(
+    "quantity",
+    [
+        "effort",
+        "velocity",
+        "position",
+        "acceleration",
+        "jerk",
+        "effort_rate",
+        "velocity_by_position",
+    ],
+)
 def test_an_override_for_an_unknown_joint_lists_the_joints(describe, quantity):
     value = (0, 1) if quantity == "position" else 1.0
     with pytest.raises(RobotError) as caught:
@@ -172,6 +186,9 @@ def test_an_override_for_an_unknown_joint_lists_the_joints(describe, quantity):
         ({"velocity": {"j": -2.5}}, f"robot.limits.velocity: joint 'j' at -2.5; {WANTED}"),
         ({"acceleration": {"j": np.nan}}, f"robot.limits.acceleration: joint 'j' at nan; {WANTED}"),
         ({"jerk": {"j": -INF}}, f"robot.limits.jerk: joint 'j' at -inf; {WANTED}"),
+        ({"effort_rate": {"j": 0}}, f"robot.limits.effort_rate: joint 'j' at 0; {WANTED}"),
+        ({"effort": -1}, f"robot.limits.effort is -1; {WANTED}"),
+        ({"jerk": [1, 0]}, f"robot.limits.jerk[1] is 0; {WANTED}"),
         ({"effort": {"j": 1e-7}}, f"robot.limits.effort: joint 'j' at 1e-07; {WANTED}"),
         ({"effort": {"j": 1e10}}, f"robot.limits.effort: joint 'j' at 1e+10; {WANTED}"),
         ({"scale": {"effort": 0}}, "robot.limits.scale: effort at 0 must be in (0, 1]"),
@@ -205,8 +222,11 @@ def test_limits_cannot_be_written_to(describe):
 @pytest.mark.parametrize(
     ("field", "value", "message"),
     [
-        ("effort", [1, 2], r"robot.limits.effort is \[1, 2\]; it must be a map by name"),
-        ("position", 5, "robot.limits.position is 5; it must be a map by name"),
+        ("effort", "strong", "robot.limits.effort is 'strong'; it must be one number for all"),
+        ("jerk", True, "robot.limits.jerk is True; it must be one number for all joints, a list"),
+        ("effort_rate", None, "robot.limits.effort_rate is None; it must be one number for all"),
+        ("position", 5, "robot.limits.position is 5; it must be a map by name, or a list"),
+        ("velocity_by_position", 5, "robot.limits.velocity_by_position is 5; it must be a map by"),
         ("scale", "effort", "robot.limits.scale is 'effort'; it must be a map by name"),
         ("effort", {"j": "a"}, "robot.limits.effort: joint 'j' at 'a'; give a number from 1e-06"),
         ("velocity", {"j": True}, "robot.limits.velocity: joint 'j' at True; give a number"),
@@ -234,3 +254,132 @@ def test_a_tools_speed_that_is_none_is_named(given):
         LimitOverrides(tool_speed=given)
     text = repr(given) if not isinstance(given, float) else f"{given}"
     assert str(caught.value) == (f"robot.limits.tool_speed is {text}; give a number from 1e-06 m/s")
+
+
+QUANTITIES = ["effort", "velocity", "acceleration", "jerk", "effort_rate"]
+
+
+@pytest.mark.parametrize("quantity", QUANTITIES)
+def test_one_number_serves_for_all_joints(describe, quantity):
+    limits = resolve_limits(describe(), ["j", "k"], LimitOverrides(**{quantity: 7}))
+    np.testing.assert_array_equal(getattr(limits, quantity), [7, 7])
+
+
+@pytest.mark.parametrize("quantity", QUANTITIES)
+@pytest.mark.parametrize("kind", [list, tuple, np.array])
+def test_a_list_is_in_the_order_of_the_chain_whatever_that_of_the_group(describe, quantity, kind):
+    overrides = LimitOverrides(**{quantity: kind([3.0, 4.0])})
+    for group, expected in ((["j", "k"], [3, 4]), (["k", "j"], [4, 3])):
+        limits = resolve_limits(describe(), group, overrides)
+        np.testing.assert_array_equal(getattr(limits, quantity), expected)
+
+
+def test_ranges_may_be_a_list_too(describe):
+    limits = resolve_limits(describe(), ["k", "j"], LimitOverrides(position=[(-1, 1), (-2, 2)]))
+    np.testing.assert_array_equal(limits.upper_position, [2, 1])
+
+
+@pytest.mark.parametrize("quantity", [*QUANTITIES, "position", "velocity_by_position"])
+@pytest.mark.parametrize("count", [1, 3])
+def test_a_list_of_another_length_than_the_chain_is_refused(describe, quantity, count):
+    value = {"position": (0, 1), "velocity_by_position": None}.get(quantity, 1.0)
+    with pytest.raises(RobotError) as caught:
+        resolve_limits(describe(), ["j", "k"], LimitOverrides(**{quantity: [value] * count}))
+    alone = "one for all joints, " if quantity in QUANTITIES else ""
+    assert str(caught.value) == (
+        f"robot.limits.{quantity} has {count} values for 2 joints; give {alone}a map by name, or "
+        "a list in the order of the chain: j, k"
+    )
+
+
+def test_an_effort_rate_is_free_unless_it_is_given_and_never_scaled(describe):
+    free = resolve_limits(describe(), ["j", "k"], LimitOverrides())
+    np.testing.assert_array_equal(free.effort_rate, [INF, INF])
+    overrides = LimitOverrides(
+        effort_rate={"k": 1000}, scale={"effort": 0.5, "velocity": 0.5, "acceleration": 0.5}
+    )
+    limits = resolve_limits(describe(), ["j", "k"], overrides)
+    np.testing.assert_array_equal(limits.effort_rate, [INF, 1000])
+
+
+def test_a_velocity_by_position_has_the_position_limits_unless_it_gives_its_own(describe):
+    given = {"deceleration": 6, "offset": 0.3}
+    overrides = LimitOverrides(
+        velocity_by_position={"j": given, "k": given | {"lower": -0.5, "upper": 1.5}},
+        position={"j": (-3, 2.5)},
+        scale={"velocity": 0.5, "acceleration": 0.5},
+    )
+    limits = resolve_limits(describe(), ["k", "j"], overrides)
+    assert limits.velocity_by_position == (
+        VelocityByPosition(0, 6.0, 0.3, -0.5, 1.5),
+        VelocityByPosition(1, 6.0, 0.3, -3.0, 2.5),
+    )
+
+
+def test_a_list_of_velocities_by_position_may_leave_joints_out(describe):
+    overrides = LimitOverrides(velocity_by_position=[None, {"deceleration": 6, "offset": 0}])
+    laws = resolve_limits(describe(), ["j", "k"], overrides).velocity_by_position
+    assert laws == (VelocityByPosition(1, 6.0, 0.0, -1.0, 2.0),)
+    assert resolve_limits(describe(), ["j", "k"], LimitOverrides()).velocity_by_position == ()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            {"deceleration": 0},
+            ".j.deceleration is 0; give a number from 1e-06 to 1e+09",
+        ),
+        ({"deceleration": None}, ".j.deceleration is None; give a number from 1e-06 to 1e+09"),
+        ({"deceleration": True}, ".j.deceleration is True; give a number from 1e-06 to 1e+09"),
+        ({"offset": -0.1}, ".j.offset is -0.1; give a number from 0 to 1e+09"),
+        ({"offset": INF}, ".j.offset is inf; give a number from 0 to 1e+09"),
+        (
+            {"lower": 2},
+            ".j has lower 2 and upper 2; give finite ones, lower below upper",
+        ),
+        (
+            {"upper": INF},
+            ".j has lower -1 and upper inf; give finite ones, lower below upper",
+        ),
+        (
+            {"uper": 1},
+            ".j: unknown key 'uper' (did you mean 'upper'?); there is: deceleration, offset, "
+            "lower, upper",
+        ),
+    ],
+)
+def test_a_senseless_velocity_by_position_is_named(describe, change, message):
+    law = {"deceleration": 6, "offset": 0.3} | change
+    with pytest.raises(RobotError) as caught:
+        resolve_limits(describe(), ["j", "k"], LimitOverrides(velocity_by_position={"j": law}))
+    assert str(caught.value) == f"robot.limits.velocity_by_position{message}"
+
+
+def test_a_velocity_by_position_that_is_no_map_is_named(describe):
+    with pytest.raises(RobotError) as caught:
+        resolve_limits(describe(), ["j", "k"], LimitOverrides(velocity_by_position={"j": 3}))
+    assert str(caught.value) == (
+        "robot.limits.velocity_by_position.j is 3; give a map with deceleration, offset, lower, "
+        "upper"
+    )
+
+
+def test_points_of_the_arm_have_a_speed(describe):
+    point = PointSpeed("c", [0, 0, 0.1], 0.25)
+    limits = resolve_limits(describe(), ["j", "k"], LimitOverrides(point_speed=[point]))
+    assert limits.point_speed == (PointSpeed("c", (0.0, 0.0, 0.1), 0.25),)
+    assert resolve_limits(describe(), ["j", "k"], LimitOverrides()).point_speed == ()
+
+
+def test_a_point_of_an_unknown_link_lists_the_links(describe):
+    overrides = LimitOverrides(point_speed=[PointSpeed("d", (0, 0, 0), 1.0)])
+    with pytest.raises(RobotError) as caught:
+        resolve_limits(describe(), ["j", "k"], overrides)
+    assert str(caught.value) == ("robot.limits.point_speed: unknown link 'd'; there is: a, b, c")
+
+
+@pytest.mark.parametrize("given", [3, {"link": "c"}, [{"link": "c"}], "c"])
+def test_what_is_no_list_of_points_is_named(given):
+    with pytest.raises(RobotError, match=r"robot\.limits\.point_speed is .*; give a list of Point"):
+        LimitOverrides(point_speed=given)

@@ -18,6 +18,7 @@ from tubeplanner.collision.convex_shape import ConvexShape
 from tubeplanner.collision.obstacle import AttachedSolid, Obstacle
 from tubeplanner.collision.solid_contents import SolidContents
 from tubeplanner.problem.problem import PlanningProblem, Seed
+from tubeplanner.robot.joint_limits import JointLimits
 from tubeplanner.robot.robot_model import RobotModel
 
 _CONFIGURATIONS, _SEED = 4, 0
@@ -71,8 +72,22 @@ def robot_parts(robot: RobotModel) -> list[object]:
         limits.effort,
         limits.acceleration,
         limits.jerk,
-        *_optional_parts(limits),
+        *_optional_limits(limits),
     ]
+
+
+def _optional_limits(limits: JointLimits) -> list[object]:
+    """Return the limits that few robots have, each after its name."""
+    parts: list[object] = []
+    if np.isfinite(limits.tool_speed):
+        parts += ["tool_speed", limits.tool_speed]
+    if np.isfinite(limits.effort_rate).any():
+        parts += ["effort_rate", limits.effort_rate]
+    for law in limits.velocity_by_position:
+        parts += ["velocity_by_position", dataclasses.astuple(law)]
+    for point in limits.point_speed:
+        parts += ["point_speed", point.link, point.position, point.speed]
+    return parts
 
 
 def _optional_parts(holder: Any) -> list[object]:

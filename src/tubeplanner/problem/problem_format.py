@@ -25,6 +25,7 @@ Finite: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Number: TypeAlias = Annotated[float, Field(strict=True)]
 Vector: TypeAlias = tuple[Finite, Finite, Finite]
 Quaternion: TypeAlias = tuple[Finite, Finite, Finite, Finite]
+Range: TypeAlias = tuple[Number, Number]
 JointValues: TypeAlias = list[Finite] | dict[str, Finite]
 Flag: TypeAlias = Annotated[bool, Field(strict=True)]
 
@@ -62,6 +63,20 @@ def _angle_or_bounds(value: object) -> object:
 RotationBoundField: TypeAlias = Annotated[
     Number | tuple[Number, Number, Number], BeforeValidator(_angle_or_bounds)
 ]
+
+
+def _per_joint(value: object) -> object:
+    """Report what a limit on joints may be."""
+    if isinstance(value, bool) or not isinstance(value, int | float | list | tuple | dict):
+        raise ValueError(
+            "it must be one number for all joints, a list with one for each, or a map by name"
+        )
+    return value
+
+
+NumberPerJoint: TypeAlias = Annotated[
+    Number | list[Number] | dict[str, Number], BeforeValidator(_per_joint)
+]
 Version: TypeAlias = Annotated[Literal[1], BeforeValidator(_no_flag)]
 
 PROBLEM_FORMAT: Final = "tubeplanner/problem"
@@ -91,18 +106,47 @@ class PayloadFields(_Section):
     )
 
 
-class LimitFields(_Section):
-    """Limits by joint name; they replace the URDF's. `.inf` on purpose is allowed."""
+class VelocityByPositionFields(_Section):
+    """A velocity limit that falls towards the ends of a joint's range, beside `velocity`."""
 
-    effort: dict[str, Number] = Field({}, description="either way [N m] or [N]")
-    velocity: dict[str, Number] = Field({}, description="either way [rad/s] or [m/s]")
-    position: dict[str, tuple[Number, Number]] = Field({}, description="[lower, upper] [rad, m]")
-    acceleration: dict[str, Number] = Field({}, description="default: none [rad/s^2] or [m/s^2]")
-    jerk: dict[str, Number] = Field({}, description="default: none [rad/s^3] or [m/s^3]")
+    deceleration: Finite = Field(description="at which it could still stop [rad/s^2] or [m/s^2]")
+    offset: Finite = Field(description="taken off the velocity [rad/s] or [m/s]")
+    lower: Finite | None = Field(
+        None, description="where it would stop; default: the position limit [rad, m]"
+    )
+    upper: Finite | None = Field(
+        None, description="where it would stop; default: the position limit [rad, m]"
+    )
+
+
+class PointSpeedFields(_Section):
+    """A limit on the speed of a point of the arm."""
+
+    link: str = Field(description="any URDF link")
+    position: Vector = Field(description="of the point in the link's frame [m]")
+    speed: Finite = Field(description="in any direction [m/s]")
+
+
+class LimitFields(_Section):
+    """Limits by joint name, or lists in chain order; a number serves for all. `.inf`: none.
+
+    They replace those of the URDF.
+    """
+
+    effort: NumberPerJoint = Field({}, description="either way [N m] or [N]")
+    velocity: NumberPerJoint = Field({}, description="either way [rad/s] or [m/s]")
+    position: dict[str, Range] | list[Range] = Field({}, description="[lower, upper] [rad, m]")
+    acceleration: NumberPerJoint = Field({}, description="default: none [rad/s^2] or [m/s^2]")
+    jerk: NumberPerJoint = Field({}, description="default: none [rad/s^3] or [m/s^3]")
     scale: dict[str, Finite] = Field(
         {}, description="factors in (0, 1] on effort, velocity, acceleration"
     )
     tool_speed: Number | None = Field(None, description="of the tool centre point [m/s]")
+    effort_rate: NumberPerJoint = Field({}, description="default: none [N m/s] or [N/s]")
+    velocity_by_position: (
+        dict[str, VelocityByPositionFields] | list[VelocityByPositionFields | None]
+    ) = Field({}, description="velocity limits that fall towards the ends of the range")
+    point_speed: list[PointSpeedFields] = Field([], description="of points of the arm")
 
 
 class ObstacleFields(_Section):

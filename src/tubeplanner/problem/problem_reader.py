@@ -15,6 +15,7 @@ from tubeplanner.problem.problem_format import (
     AttachedFields,
     EndpointFields,
     JointValues,
+    LimitFields,
     ObstacleFields,
     ProblemFields,
     TubeFields,
@@ -22,8 +23,9 @@ from tubeplanner.problem.problem_format import (
     read_problem_fields,
 )
 from tubeplanner.resources import find_description, find_mesh, find_problem
-from tubeplanner.robot.joint_limits import LimitOverrides
+from tubeplanner.robot.limit_overrides import LimitOverrides
 from tubeplanner.robot.pinocchio_model import Payload, ToolOffset
+from tubeplanner.robot.point_speed import PointSpeed
 from tubeplanner.robot.robot_loader import load_robot
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.robot.srdf import read_allowed_pairs
@@ -112,7 +114,6 @@ def robot_of(problem: ProblemFields, directory: Path) -> RobotModel:
         RobotError: It cannot be planned with.
     """
     fields = problem.robot
-    limits = fields.limits.model_dump()
     payload = None if fields.payload is None else Payload(**fields.payload.model_dump())
     return load_robot(
         fields.urdf,
@@ -122,10 +123,15 @@ def robot_of(problem: ProblemFields, directory: Path) -> RobotModel:
         tool_offset=ToolOffset(**fields.tool_offset.model_dump()),
         gravity=fields.gravity,
         payload=payload,
-        limits=LimitOverrides(**limits),
+        limits=_overrides(fields.limits),
         package_dirs=fields.package_dirs,
         directory=directory,
     )
+
+
+def _overrides(fields: LimitFields) -> LimitOverrides:
+    points = tuple(PointSpeed(**point.model_dump()) for point in fields.point_speed)
+    return LimitOverrides(**(fields.model_dump() | {"point_speed": points}))
 
 
 def _tube(fields: ProblemFields, robot: RobotModel, directory: Path) -> Tube:

@@ -1,74 +1,24 @@
 """Limits of the planned joints: those of the URDF, replaced and scaled by those of the problem."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, read_only
-from tubeplanner.errors import RobotError, shown, unknown_name
-from tubeplanner.options import in_figures, is_number
+from tubeplanner.errors import RobotError, unknown_name
 from tubeplanner.robot.followers import followers_of
+from tubeplanner.robot.limit_overrides import PER_JOINT, SCALABLE, LimitOverrides
+from tubeplanner.robot.point_speed import PointSpeed
 from tubeplanner.robot.urdf import Mimic, UrdfDescription, UrdfJoint
+from tubeplanner.robot.velocity_by_position import VelocityByPosition, velocity_by_position
 
-_MIN_LIMIT, _MAX_LIMIT = 1e-6, 1e9  # limits that make sense, in SI units
-_SCALABLE = ("effort", "velocity", "acceleration")
+# Limits by joint name, quantity by quantity.
+_Given: TypeAlias = Mapping[str, Mapping[str, Any]]
 
-
-@dataclass(frozen=True)
-class LimitOverrides:
-    """Limits that a problem gives, by joint name.
-
-    Attributes:
-        effort: Replaces the URDF's effort limit [N m or N]; inf on purpose is allowed.
-        velocity: Replaces the URDF's velocity limit [rad/s or m/s]; inf on purpose is allowed.
-        position: Replaces the URDF's (lower, upper) position limits [rad or m].
-        acceleration: Acceleration limit [rad/s^2 or m/s^2]; a URDF has none.
-        jerk: Jerk limit [rad/s^3 or m/s^3]; a URDF has none.
-        scale: Commissioning factors (0, 1] on "effort", "velocity" and "acceleration".
-        tool_speed: Limit on the speed of the tool centre point [m/s]; None: none.
-    """
-
-    effort: Mapping[str, float] = field(default_factory=dict)
-    velocity: Mapping[str, float] = field(default_factory=dict)
-    position: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    acceleration: Mapping[str, float] = field(default_factory=dict)
-    jerk: Mapping[str, float] = field(default_factory=dict)
-    scale: Mapping[str, float] = field(default_factory=dict)
-    tool_speed: float | None = None
-
-    def __post_init__(self) -> None:
-        _require_speed(self.tool_speed)
-        for field_ in fields(self):
-            given = getattr(self, field_.name)
-            if field_.name != "tool_speed" and not isinstance(given, Mapping):
-                raise RobotError(
-                    f"robot.limits.{field_.name} is {shown(given)}; it must be a map by name, such "
-                    "as {'elbow_joint': 1.5}"
-                )
-        for quantity in (*_SCALABLE, "jerk"):
-            for name, value in getattr(self, quantity).items():
-                in_range = is_number(value) and (
-                    _MIN_LIMIT <= value <= _MAX_LIMIT or value == np.inf
-                )
-                if not in_range:
-                    raise RobotError(
-                        f"robot.limits.{quantity}: joint '{name}' at {in_figures(value)}; give a "
-                        f"number from {_MIN_LIMIT:g} to {_MAX_LIMIT:g}, or .inf for none"
-                    )
-        for name, range_ in self.position.items():
-            if np.shape(range_) != (2,) or not all(is_number(bound) for bound in range_):
-                raise RobotError(
-                    f"robot.limits.position: joint '{name}' at {shown(range_)}; give [lower, upper]"
-                )
-        for name, factor in self.scale.items():
-            if name not in _SCALABLE:
-                raise RobotError(f"robot.limits.scale: {unknown_name('quantity', name, _SCALABLE)}")
-            if not is_number(factor) or not 0 < factor <= 1:
-                raise RobotError(
-                    f"robot.limits.scale: {name} at {in_figures(factor)} must be in (0, 1]"
-                )
+# What joints bound that follow others.
+_FOLLOWED = ("velocity", "position", "acceleration", "jerk")
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +32,10 @@ class JointLimits:
         effort: Shape (n,) [N m or N].
         acceleration: Shape (n,) [rad/s^2 or m/s^2].
         jerk: Shape (n,) [rad/s^3 or m/s^3].
+        effort_rate: Shape (n,) [N m/s or N/s].
         tool_speed: Of the tool centre point [m/s].
+        velocity_by_position: Of those joints that have such a limit, in group order.
+        point_speed: Limits on the speed of points of the arm.
     """
 
     lower_position: FloatArray
@@ -91,7 +44,10 @@ class JointLimits:
     effort: FloatArray
     acceleration: FloatArray
     jerk: FloatArray
+    effort_rate: FloatArray
     tool_speed: float = np.inf
+    velocity_by_position: tuple[VelocityByPosition, ...] = ()
+    point_speed: tuple[PointSpeed, ...] = ()
 
     def clip(self, q: FloatArray) -> FloatArray:
         """Return configurations of shape (..., n) moved into the position limits."""
@@ -110,67 +66,101 @@ def resolve_limits(
     Raises:
         RobotError: A limit is missing, zero, negative or reversed and not replaced, a joint has no
             finite limit that bounds its speed, a follower leaves it no position, or an override
-            names a joint that is neither in the group nor follows one of it.
+            names a joint that is neither in the group nor follows one of it, a link that does not
+            exist, or has not one value per joint.
     """
     followers = followers_of(description, joint_names)
-    for quantity in ("effort", "velocity", "position", "acceleration", "jerk"):
-        known = [*joint_names, *(followers if quantity != "effort" else ())]
-        for name in getattr(overrides, quantity):
-            if name not in known:
-                raise RobotError(f"robot.limits.{quantity}: {unknown_name('joint', name, known)}")
+    given = _by_name(description, joint_names, followers, overrides)
     joints = [description.joints[name] for name in joint_names]
-    positions = np.array([_position(description, joint, overrides) for joint in joints])
+    positions = np.array([_position(description, joint, given) for joint in joints])
     values = {
-        "effort": [_required(description, joint, "effort", overrides.effort) for joint in joints],
-        "velocity": [
-            _required(description, joint, "velocity", overrides.velocity) for joint in joints
-        ],
-        "acceleration": [overrides.acceleration.get(name, np.inf) for name in joint_names],
-        "jerk": [overrides.jerk.get(name, np.inf) for name in joint_names],
+        quantity: [_required(description, joint, quantity, given[quantity]) for joint in joints]
+        for quantity in ("effort", "velocity")
     }
+    for quantity in ("acceleration", "jerk", "effort_rate"):
+        values[quantity] = [given[quantity].get(name, np.inf) for name in joint_names]
     for name, rule in followers.items():
         column = list(joint_names).index(rule.master)
-        _bound_by_follower(description.joints[name], rule, overrides, positions[column])
-        for quantity, bound in _rates_of(description.joints[name], overrides).items():
+        _bound_by_follower(description.joints[name], rule, given, positions[column])
+        for quantity, bound in _rates_of(description.joints[name], given).items():
             values[quantity][column] = min(values[quantity][column], bound / abs(rule.multiplier))
     scaled = {
         quantity: read_only(np.array(row) * overrides.scale.get(quantity, 1.0))
         for quantity, row in values.items()
     }
-    bounded = np.array([scaled[quantity] for quantity in _SCALABLE])
+    _require_bounded_speed(joint_names, scaled)
+    return JointLimits(
+        read_only(positions[:, 0]),
+        read_only(positions[:, 1]),
+        **scaled,
+        tool_speed=np.inf if overrides.tool_speed is None else float(overrides.tool_speed),
+        velocity_by_position=_laws(joint_names, given["velocity_by_position"], positions),
+        point_speed=tuple(overrides.point_speed),
+    )
+
+
+def _by_name(
+    description: UrdfDescription,
+    joint_names: Sequence[str],
+    followers: Mapping[str, Mimic],
+    overrides: LimitOverrides,
+) -> _Given:
+    """Return the limits of joints that a problem gives, by quantity and joint name."""
+    chain = sorted(joint_names, key=lambda name: _depth(description, name))
+    given = {quantity: overrides.by_name(quantity, chain) for quantity in PER_JOINT}
+    for quantity, values in given.items():
+        known = [*joint_names, *(followers if quantity in _FOLLOWED else ())]
+        for name in values:
+            if name not in known:
+                raise RobotError(f"robot.limits.{quantity}: {unknown_name('joint', name, known)}")
+    for point in overrides.point_speed:
+        if point.link not in description.links:
+            message = unknown_name("link", point.link, description.links)
+            raise RobotError(f"robot.limits.point_speed: {message}")
+    return given
+
+
+def _depth(description: UrdfDescription, joint: str) -> int:
+    """Return how many movable joints are on the chain from the root to a joint, itself included."""
+    return len(description.chain(description.joints[joint].child))
+
+
+def _require_bounded_speed(joint_names: Sequence[str], limits: Mapping[str, FloatArray]) -> None:
+    bounded = np.array([limits[quantity] for quantity in SCALABLE])
     for name, column in zip(joint_names, bounded.T, strict=True):
         if not np.isfinite(column).any():
             raise RobotError(
                 f"joint '{name}' has no finite limit among effort, velocity and acceleration, so "
                 "its speed is unbounded; give one in robot.limits"
             )
-    tool_speed = np.inf if overrides.tool_speed is None else float(overrides.tool_speed)
-    lower, upper = read_only(positions[:, 0]), read_only(positions[:, 1])
-    return JointLimits(lower, upper, **scaled, tool_speed=tool_speed)
 
 
-def _require_speed(value: Any) -> None:
-    if value is not None and not (is_number(value) and value >= _MIN_LIMIT):
-        raise RobotError(
-            f"robot.limits.tool_speed is {shown(value)}; give a number from {_MIN_LIMIT:g} m/s"
+def _laws(
+    joint_names: Sequence[str], given: Mapping[str, Any], positions: FloatArray
+) -> tuple[VelocityByPosition, ...]:
+    """Return the velocity limits that depend on the position, position limits (n, 2) given."""
+    return tuple(
+        velocity_by_position(
+            f"robot.limits.velocity_by_position.{name}", column, given[name], positions[column]
         )
+        for column, name in enumerate(joint_names)
+        if name in given
+    )
 
 
-def _bound_by_follower(
-    follower: UrdfJoint, rule: Mimic, overrides: LimitOverrides, bounds: FloatArray
-) -> None:
+def _bound_by_follower(follower: UrdfJoint, rule: Mimic, given: _Given, bounds: FloatArray) -> None:
     """Cut a master's position limits (2,) with those of a joint that follows it, in place."""
-    lower, upper = overrides.position.get(follower.name, (follower.lower, follower.upper))
+    lower, upper = given["position"].get(follower.name, (follower.lower, follower.upper))
     if lower == upper == 0.0:  # the URDF gives no limits
         lower, upper = -np.inf, np.inf
     ends = sorted((end - rule.offset) / rule.multiplier for end in (lower, upper))
-    given = bounds.copy()
+    own = bounds.copy()
     bounds[:] = max(bounds[0], ends[0]), min(bounds[1], ends[1])
     where = f"joint '{follower.name}', which follows '{rule.master}'"
     if not lower <= upper or not bounds[0] < bounds[1]:
         raise RobotError(
             f"{where}, has position limits [{lower:g}, {upper:g}]; they leave its master, whose "
-            f"own are [{given[0]:g}, {given[1]:g}], no range; give either in robot.limits.position"
+            f"own are [{own[0]:g}, {own[1]:g}], no range; give either in robot.limits.position"
         )
     if follower.type == "prismatic" and not np.isfinite(bounds).all():
         raise RobotError(
@@ -178,23 +168,21 @@ def _bound_by_follower(
         )
 
 
-def _rates_of(follower: UrdfJoint, overrides: LimitOverrides) -> dict[str, float]:
+def _rates_of(follower: UrdfJoint, given: _Given) -> dict[str, float]:
     """Return the limits that a follower has on velocity, acceleration and jerk, by quantity."""
     name, velocity = follower.name, follower.velocity
     rates = {
-        quantity: getattr(overrides, quantity)[name]
+        quantity: given[quantity][name]
         for quantity in ("velocity", "acceleration", "jerk")
-        if name in getattr(overrides, quantity)
+        if name in given[quantity]
     }
     if velocity is not None and 0 < velocity < np.inf:
         rates.setdefault("velocity", velocity)
     return rates
 
 
-def _position(
-    description: UrdfDescription, joint: UrdfJoint, overrides: LimitOverrides
-) -> tuple[float, float]:
-    lower, upper = overrides.position.get(joint.name, (joint.lower, joint.upper))
+def _position(description: UrdfDescription, joint: UrdfJoint, given: _Given) -> tuple[float, float]:
+    lower, upper = given["position"].get(joint.name, (joint.lower, joint.upper))
     if joint.type == "prismatic" and not np.isfinite([lower, upper]).all():
         raise RobotError(
             f"{description.path}: joint '{joint.name}' slides without end, position limits "
@@ -202,7 +190,7 @@ def _position(
         )
     if not lower < upper:
         source = (
-            "robot.limits.position" if joint.name in overrides.position else str(description.path)
+            "robot.limits.position" if joint.name in given["position"] else str(description.path)
         )
         raise RobotError(
             f"{source}: joint '{joint.name}' has position limits [{lower:g}, {upper:g}], an empty "

@@ -7,7 +7,8 @@ import numpy as np
 
 from tubeplanner.errors import RobotError
 from tubeplanner.resources import find_description
-from tubeplanner.robot.joint_limits import LimitOverrides, resolve_limits
+from tubeplanner.robot.joint_limits import resolve_limits
+from tubeplanner.robot.limit_overrides import LimitOverrides
 from tubeplanner.robot.pinocchio_model import Payload, ToolOffset, planning_group
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.robot.urdf import read_urdf
