@@ -38,10 +38,8 @@ class PointSpeedLimit:
     def by_path(self, at: PathSamples, speed: float) -> Mapping[int, FloatArray]:
         """Return how the shares change with the path; where a point rests, not at all."""
         scale = np.repeat(speed / self.limit[:, None], len(at), axis=1)
-        by_point = [
-            speed_by_path(rate, own)
-            for *rate, own in zip(*at.point_rates, scale, strict=True)
-        ]
+        rates = zip(*at.point_rates, strict=True)
+        by_point = [speed_by_path(*each) for each in zip(rates, scale, strict=True)]
         return {order: np.stack(by, axis=1) for order, by in enumerate(zip(*by_point, strict=True))}
 
     def key_of(self, at: PathSamples) -> IntArray:

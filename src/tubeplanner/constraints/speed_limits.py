@@ -6,8 +6,10 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.constraints.joint_effort import JointEffort
 from tubeplanner.constraints.joint_rate import RATES, JointRate
 from tubeplanner.constraints.path_samples import PathSamples
+from tubeplanner.constraints.point_speed import PointSpeedLimit
 from tubeplanner.constraints.speed_limit import SpeedLimit
 from tubeplanner.constraints.tool_speed import ToolSpeed
+from tubeplanner.constraints.velocity_by_position import VelocityByPositionLimit
 from tubeplanner.problem.problem import PlanningProblem
 
 
@@ -15,7 +17,13 @@ def speed_limits(problem: PlanningProblem) -> tuple[SpeedLimit, ...]:
     """Return the limits of a problem that limit anything."""
     limits = problem.robot.limits
     rates = [JointRate(kind, getattr(limits, kind)) for kind in RATES]
-    found: tuple[SpeedLimit, ...] = (JointEffort(limits.effort), *rates, ToolSpeed(problem))
+    found: tuple[SpeedLimit, ...] = (
+        JointEffort(limits.effort),
+        *rates,
+        VelocityByPositionLimit(limits),
+        ToolSpeed(problem),
+        PointSpeedLimit(limits.point_speed),
+    )
     return tuple(limit for limit in found if limit.keys)
 
 
