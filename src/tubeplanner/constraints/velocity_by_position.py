@@ -102,8 +102,8 @@ class VelocityByPositionLimit:
         return Infeasible(
             PlanStatus.NO_TRAJECTORY,
             f"joint '{name}' moves {way} at {q[joint]:.4f}, where limits.{self.kind} allows it no "
-            f"velocity that way: from {self.edge()[column]:.4f} on; keep start, goal and tube away from the end "
-            "of its range",
+            f"velocity that way: from {self.edge()[column]:.4f} on; keep start, goal and tube away "
+            "from the end of its range",
             Place(joint=name).at(robot.tool_position(q[None])[0]),
         )
 

@@ -15,6 +15,7 @@ from tubeplanner.views.palette import OBSTACLE_COLOR, REFERENCE_COLOR, segment_c
 from tubeplanner.views.panels import (
     draw_efforts,
     draw_factor,
+    draw_points,
     draw_positions,
     draw_speed,
     draw_tube_use,
@@ -35,7 +36,8 @@ def plot_trajectory(
     """Draw a trajectory against limits and tube, the tube's segments marked.
 
     Positions, velocities and efforts with their limits; how many times faster each instant could be
-    run, `b(t)`; the tool's path in the tube, its speed, and the share of the tolerance it uses.
+    run, `b(t)`; the tool's path in the tube, its speed, and the share of the tolerance it uses; the
+    speeds of other points, if these are limited.
 
     Args:
         problem: The planning problem.
@@ -50,19 +52,25 @@ def plot_trajectory(
     """
     trajectory = trajectory.reordered(problem.robot.joint_names)
     curves = trajectory_curves(problem, trajectory)
-    figure = new_figure(12.5, 10.8)
+    extra = int(bool(problem.robot.limits.point_speed))
+    figure = new_figure(12.5, 10.8 + 2.7 * extra)
     figure.suptitle(f"{problem.name}: {trajectory.duration:.4f} s", fontsize=13)
-    grid = figure.add_gridspec(4, 2, width_ratios=(1.15, 1))
+    grid = figure.add_gridspec(4 + extra, 2, width_ratios=(1.15, 1))
     position, velocity, effort = (figure.add_subplot(grid[row, 0]) for row in range(3))
-    tool_axis = figure.add_subplot(grid[:2, 1], projection="3d")
-    use, factor, speed = (figure.add_subplot(grid[place]) for place in ((2, 1), (3, 0), (3, 1)))
+    tool_axis = figure.add_subplot(grid[: 2 + extra, 1], projection="3d")
+    places = ((-2, 1), (-1, 0), (-1, 1))
+    use, factor, speed = (figure.add_subplot(grid[place]) for place in places)
     draw_positions(position, curves)
     draw_velocities(velocity, curves)
     draw_efforts(effort, curves)
     draw_tube_use(use, curves)
     draw_speed(speed, curves)
     draw_factor(factor, curves)
-    for axis in (position, velocity, effort, use, speed):
+    over_time = [position, velocity, effort, use, speed]
+    if extra:
+        over_time.append(figure.add_subplot(grid[3, 0]))
+        draw_points(over_time[-1], curves)
+    for axis in over_time:
         mark_segments(axis, curves, labels=axis in (position, use))
     _draw_tool(tool_axis, problem, curves.tool)
     low, high = _draw_arm(tool_axis, problem, curves.samples.position[[0, -1]])
