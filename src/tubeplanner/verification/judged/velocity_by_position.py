@@ -68,7 +68,7 @@ def judge_velocity_by_position(motion: JudgedMotion) -> JudgedCondition:
         return not_required(RELATIVE, "no joint has such a limit")
     trajectory = motion.trajectory
     approaches = _approaches(motion.robot, trajectory)
-    lower_bound, attained, time, which = _least(approaches, trajectory)
+    lower_bound, attained, time, which = _least_left(approaches, trajectory)
     joint = motion.robot.joint_names[approaches.joint[which]]
     return bracketed(lower_bound, attained, RELATIVE, Place(time=time, joint=joint))
 
@@ -96,7 +96,9 @@ def _approaches(robot: RobotModel, trajectory: JointTrajectory) -> _Approaches:
     )
 
 
-def _least(approaches: _Approaches, trajectory: JointTrajectory) -> tuple[float, float, float, int]:
+def _least_left(
+    approaches: _Approaches, trajectory: JointTrajectory
+) -> tuple[float, float, float, int]:
     """Return a lower bound on the least margin, one that is attained, when [s], and whose it is."""
     pieces, count = approaches.distance.shape[1:]
     piece, which = np.repeat(np.arange(pieces), count), np.tile(np.arange(count), pieces)
