@@ -64,6 +64,12 @@ TESTS = {
     "constraints/time_scaling": ("constraints/test_unused_speed.py",),
     "refinement/speed_limit_rows": ("refinement/test_spline_constraints.py",),
     "constraints/tool_speed": ("refinement/test_spline_constraints.py",),
+    "constraints/point_speed": ("refinement/test_spline_constraints.py",),
+    "constraints/velocity_by_position": (
+        "refinement/test_spline_constraints.py",
+        "refinement/test_sensitivities.py",
+    ),
+    "robot/frame_velocities": ("robot/test_robot_model.py",),
     "refinement/linear_rows": (
         "refinement/test_spline_constraints.py",
         "planning/test_planner_best_known.py",
@@ -102,7 +108,10 @@ TESTS = {
     "verification/enclosed_pose": ("verification/test_enclosure.py",),
     "verification/joint_extremes": ("verification/test_verification.py",),
     "verification/judged/clearance": ("verification/test_verification.py",),
-    "verification/judged/joint_rates": ("verification/test_verification.py",),
+    "verification/judged/joint_rates": (
+        "verification/test_verification.py",
+        "verification/judged/test_velocity_by_position.py",
+    ),
     "verification/judged/joint_signs": ("verification/test_verification.py",),
     "verification/judged/points": ("verification/test_verification.py",),
     "verification/judged/position": ("verification/test_verification.py",),
@@ -114,7 +123,10 @@ TESTS = {
         "verification/judged/test_continuity.py",
         "verification/judged/test_rest.py",
     ),
-    "verification/majorants": ("verification/test_enclosure.py",),
+    "verification/majorants": (
+        "verification/test_enclosure.py",
+        "verification/judged/test_point_speed.py",
+    ),
     "verification/tube_visits": (
         "verification/judged/test_tool_speed.py",
         "verification/test_verification_between_samples.py",
@@ -436,7 +448,11 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
             "-limits.upper_position, limits.upper_position",
         )
     ],
-    "judge_velocity": [("(motion, 1,", "(motion, 2,")],
+    "judge_velocity": [
+        ("for each in (constant, by_position)", "for each in (constant,)"),
+        ("return min(", "return max("),
+        ("(motion, 1,", "(motion, 2,"),
+    ],
     "judge_acceleration": [("(motion, 2,", "(motion, 1,")],
     "judge_jerk": [("(motion, 3,", "(motion, 2,")],
     "_judge_derivative": [("1 - peak", "2 - peak"), ("bounded[peak.column]", "peak.column")],
@@ -691,8 +707,8 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         (".min(axis=1)", ".max(axis=1)"),
     ],
     "speed_limits": [
-        ("JointEffort(limits.effort), EffortRate", "(EffortRate"),
-        (", EffortRate(limits.effort_rate)", ","),
+        ("JointEffort(limits.effort),", ""),
+        ("EffortRate(limits.effort_rate),", ""),
     ],
     # --- constraints/time_scaling -------------------------------------------------------------
     "scaling_factor": [("(q, v, a) if jerk is None else (q, v, a, jerk)", "(q, v, a)")],
@@ -779,12 +795,125 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "ToolSpeed.by_path": [
         ("self.limit[at.segment]", "self.limit[0]"),
         ("speed / self", "1.0 / self"),
-        ("(by_position, by_rate)", "(0 * by_position, by_rate)"),
-        (" / np.maximum(size, np.finfo(float).tiny)", ""),
+        ("at.tool_rate", "[0 * each for each in at.tool_rate]"),
     ],
     "ToolSpeed.key_of": [
         ("np.searchsorted(self._limited, at.segment)", "at.segment"),
         ("np.minimum(places, len(self._limited) - 1)", "0 * places"),
+    ],
+    # --- constraints/speed_of_points -------------------------------------------------------------
+    "speed_by_path": [
+        ("(by_position, by_rate)", "(0 * by_position, by_rate)"),
+        ("(by_position, by_rate)", "(by_rate, by_position)"),
+        (" / np.maximum(size, np.finfo(float).tiny)", ""),
+        ("direction * scale[:, None]", "direction * scale[0]"),
+    ],
+    # --- constraints/point_speed -----------------------------------------------------------------
+    "PointSpeedLimit.__init__": [("point=k", "point=0")],
+    "PointSpeedLimit.used": [
+        ("axis=2)", "axis=2) ** 2"),
+        ("{1: speed", "{2: speed"),
+        ("speed.T / self.limit", "speed.T / self.limit[0]"),
+    ],
+    "PointSpeedLimit.by_path": [
+        ("speed / self", "1.0 / self"),
+        ("self.limit[:, None]", "self.limit[0]"),
+        ("speed_by_path(*each)", "[0 * by for by in speed_by_path(*each)]"),
+    ],
+    "PointSpeedLimit.key_of": [("np.arange(len(self.limit))", "0 * np.arange(len(self.limit))")],
+    # --- constraints/velocity_by_position --------------------------------------------------------
+    "VelocityByPositionLimit.__init__": [
+        ("np.append(upper, -lower)", "np.append(upper, lower)"),
+        ("np.where(np.isfinite(own), own, most)", "most"),
+        ("np.sqrt(2 * self._deceleration", "np.sqrt(self._deceleration"),
+    ],
+    "VelocityByPositionLimit.allowed": [
+        ("- self._offset", "- 0.9 * self._offset"),
+        ("np.maximum(self._root(q) - self._offset, 0.0)", "self._root(q) - self._offset"),
+    ],
+    "VelocityByPositionLimit.edge": [
+        ("share * self.largest", "share"),
+        ("root**2 / (2", "root**2 / (1"),
+    ],
+    "VelocityByPositionLimit.used": [
+        ("(allowed == 0) & (rate < _STILL)", "allowed < 0"),
+        ("(rate > 0) | (allowed == 0)", "rate > 0"),
+        ("(rate > 0) | (allowed == 0)", "rate > -np.inf"),
+        ("1 - allowed, 0.0", "0.5 - allowed, 0.0"),
+        ("SpeedPolynomial(terms, allowed)", "SpeedPolynomial(terms)"),
+    ],
+    "VelocityByPositionLimit.by_path": [
+        ("self._deceleration / np.maximum(root, _LEAST_ROOT * self.largest)", "1.0 / root"),
+        ("np.maximum(root, _LEAST_ROOT * self.largest)", "root"),
+        ("(root > self._offset) & (rate > 0)", "rate > 0"),
+        ("(root > self._offset) & (rate > 0)", "root > self._offset"),
+        ("self.way * speed", "self.way"),
+    ],
+    "VelocityByPositionLimit.key_of": [
+        ("np.arange(len(self.keys))", "0 * np.arange(len(self.keys))")
+    ],
+    "VelocityByPositionLimit.out_of_reach": [
+        ("beyond > allowed", "beyond > 1.0"),
+        ("& (to_go > _STILL)", ""),
+        ("self._offset > 0, -_STILL", "self._offset > 0, _STILL"),
+        ("self._offset > 0, -_STILL", "self._offset >= 0, -_STILL"),
+    ],
+    # --- constraints/approachable_range ----------------------------------------------------------
+    "approachable_range": [
+        ("lower < upper, [lower", "lower < np.inf, [lower"),
+        ("limit.edge(_WORTH_USING)", "limit.edge(0.0)"),
+        ("np.maximum(bounds[1], end)", "bounds[1]"),
+        ("np.minimum(bounds[0], end)", "bounds[0]"),
+    ],
+    # --- robot/frame_velocities ------------------------------------------------------------------
+    "frame_velocities": [
+        ("change += turned.swapaxes(2, 3)", ""),
+        ("rotation @ by_q[..., :3, :]", "rotation @ by_q[..., 3:, :]"),
+        ("by_q[f, i], by_v[f, i]", "by_q[0, i], by_v[0, i]"),
+        ("joints.collected(change)", "change"),
+    ],
+    # --- verification/judged/point_speed ---------------------------------------------------------
+    "judge_point_speed": [
+        ("enumerate(points)", "enumerate(points[:1])"),
+        ("return min(", "return max("),
+    ],
+    "_judged": [
+        ("np.linalg.norm(vector, axis=2)", "vector[..., 0]"),
+        ("least.lower_bound, least.attained", "least.attained, least.attained"),
+        ("np.array([1 / limit])", "np.array([0.0])"),
+        ("_ENCLOSURE * limit", "0.1 * limit"),
+        ("motion.trajectory.duration)", "motion.trajectory.duration / 4)"),
+        ("point_speed=k", "point_speed=0"),
+    ],
+    "_point_velocity": [
+        ("@ np.append(point.position, 1.0)", "@ np.array([0.0, 0.0, 0.0, 1.0])"),
+        ("place = rotation[:, body] @ in_body[:3] + ", "place = "),
+        (" / width\n", " * width\n"),
+        ("np.linalg.norm(in_body[:3])", "0.0"),
+    ],
+    "point_majorant": [
+        ("carrier.origin + reach", "reach"),
+        ("+ reach * carrier.unit", "+ 0.5 * reach * carrier.unit"),
+    ],
+    # --- verification/judged/velocity_by_position ------------------------------------------------
+    "_Approaches.left": [
+        ("root - velocity", "root"),
+        ("2 * self.deceleration[which]", "self.deceleration[which]"),
+        ("- self.offset[which]", ""),
+        ("distance >= 0", "distance >= -1.0"),
+        ("near / self.largest[which]", "near"),
+    ],
+    "_approaches": [
+        ("np.where(np.isfinite(limit), limit,", "np.where(limit < 0, limit,"),
+        ("[velocity, -velocity]", "[velocity, velocity]"),
+        ("to_lower[-1] -=", "to_lower[-1] +="),
+    ],
+    "_least_left": [
+        ("np.maximum(near, away)[[0, -1]]", "near[[0, -1]]"),
+        ("np.maximum(near.min(axis=0), away.min(axis=0))", "near.min(axis=0)"),
+        ("near.min(axis=0), away.min(axis=0)", "near.max(axis=0), away.min(axis=0)"),
+        ("lower[~split].min(initial=np.inf)", "attained"),
+        ("attained - _RESOLUTION", "attained - 1.0"),
     ],
     # --- verification/judged/tool_speed -------------------------------------------------------
     "judge_tool_speed": [

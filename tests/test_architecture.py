@@ -20,7 +20,7 @@ FOLDERS = sorted({path.parent for path in MODULES} - {PACKAGE})
 TESTS = Path(__file__).parent
 # Who may know which library.
 KNOWS = {
-    "pinocchio": {"robot.pinocchio_model", "robot.robot_model"},
+    "pinocchio": {"robot.frame_velocities", "robot.pinocchio_model", "robot.robot_model"},
     "fcl": {"collision.mesh_solid", "collision.separation"},
     "yourdfpy": {"collision.link_elements"},
     "trimesh": {"collision.mesh_cover", "views.visual_mesh"},

@@ -21,7 +21,7 @@ from outside.problem import _bounds, read_problem
 from outside.trajectory import Trajectory, read_trajectory
 from outside.tube import _ordered_visits
 from outside_judge import Judge, main, passes
-from tubeplanner import Tube, load_robot, parse_problem
+from tubeplanner import JointTrajectory, Tube, load_problem, load_robot, parse_problem, verify
 from tubeplanner.errors import RobotError
 from tubeplanner.files.export import trajectory_json
 from tubeplanner.resources import bundled_problems, example_robot_names, find_description
@@ -260,6 +260,37 @@ def tool_too_fast_in_a_segment(case):
     assert thirds < speed.argmax() < 2 * thirds
 
 
+def law_left(case, share):
+    """Give the first joint a law of which its motion leaves some share of its largest velocity."""
+    q = case.positions()[:, 0]
+    v = case.trajectory.at(case.trajectory.samples(2000), 1)[:, 0]
+    deceleration, offset, largest = 5.0, 0.4, 50.0
+    rising = v > 0
+    root = np.maximum(v[rising] + share * largest, 0.0) + offset
+    upper = float((q[rising] + root**2 / (2 * deceleration)).max())
+    law = {"deceleration": deceleration, "offset": offset, "lower": -50.0, "upper": upper}
+    case.limit("velocity", {"joint1": largest})
+    case.limit("velocity_by_position", {"joint1": law})
+
+
+def too_fast_near_an_end(case):
+    law_left(case, -SLIGHTLY)
+
+
+def tool_point(case, share):
+    """Limit the tool's place as a point of its link, and one that is never so fast."""
+    fastest = float(tool_speed(case).max())
+    point = {"link": case.robot["tool_frame"], "position": [0.0, 0.0, 0.0]}
+    case.robot.setdefault("limits", {})["point_speed"] = [
+        {"link": "link1", "position": [0.1, 0.0, 0.0], "speed": 100.0},
+        point | {"speed": fastest * share},
+    ]
+
+
+def point_too_fast(case):
+    tool_point(case, 1 - SLIGHTLY)
+
+
 def misses_a_point(case):
     assert spur(case, 0.2) < -0.01
 
@@ -305,6 +336,8 @@ FAULTS = {
     misses_a_point: ("points", True),
     tool_too_fast: ("tool_speed", True),
     tool_too_fast_in_a_segment: ("tool_speed", True),
+    too_fast_near_an_end: ("velocity", True),
+    point_too_fast: ("point_speed", True),
 }
 
 
@@ -407,6 +440,53 @@ def test_a_tools_speed_that_is_none_is_refused(case, tmp_path, given, message):
     case.tube["tool_speed"] = given
     with pytest.raises(BadInput, match=message):
         case.broken(tmp_path)
+
+
+def test_laws_that_are_kept_are_no_fault(case, tmp_path):
+    law_left(case, SLIGHTLY)
+    found = outside_judge.judge(*case.write(tmp_path))["velocity"]
+    assert found.margin == pytest.approx(SLIGHTLY, abs=5e-6)
+    assert (found.unit, found.where) == ("relative", "joint joint1")
+
+
+def test_points_that_are_slow_enough_are_no_fault(case, tmp_path):
+    tool_point(case, 1 + SLIGHTLY)
+    found = outside_judge.judge(*case.write(tmp_path))["point_speed"]
+    assert found.margin == pytest.approx(SLIGHTLY, abs=5e-6)
+    assert (found.unit, found.where) == ("relative", f"point 1 on {case.robot['tool_frame']}")
+
+
+@pytest.mark.parametrize(
+    ("limits", "message"),
+    [
+        ({"point_speed": [{"link": "no", "position": [0, 0, 0], "speed": 1.0}]}, "not known"),
+        ({"point_speed": [{"link": "link1", "position": [0, 0, 0]}]}, "not known"),
+        ({"point_speed": [{"link": "link1", "position": [0, 0, 0], "speed": 0}]}, "point_speed"),
+        ({"velocity_by_position": {"no": {}}}, "no is no joint"),
+        ({"velocity_by_position": {"joint1": {"deceleration": 1.0, "o": 1}}}, "o is not known"),
+        (
+            {"velocity_by_position": {"joint1": {"deceleration": 0.0, "offset": 1.0}}},
+            "joint1 has",
+        ),
+    ],
+)
+def test_limits_by_place_that_are_none_are_refused(case, tmp_path, limits, message):
+    case.robot.setdefault("limits", {}).update(limits)
+    with pytest.raises(BadInput, match=message):
+        case.broken(tmp_path)
+
+
+def test_both_judges_have_the_same_limits_by_place(case, tmp_path):
+    """Of a certified trajectory, at several shares of what it uses."""
+    for share in (-0.02, 0.0, 0.03):
+        law_left(case, share)
+        tool_point(case, 1 + share)
+        outside = outside_judge.judge(*case.write(tmp_path))
+        problem, ours = load_problem(tmp_path / "problem.yaml"), case.trajectory
+        trajectory = JointTrajectory(ours.joint_names, ours.breakpoints, ours.coefficients)
+        inside = verify(problem, trajectory).conditions
+        for name in ("velocity", "point_speed"):
+            assert outside[name].margin == pytest.approx(inside[name].margin, abs=1e-3)
 
 
 def test_boxes_about_discs_are_kept(case, tmp_path):

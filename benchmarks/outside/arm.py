@@ -2,13 +2,14 @@
 
 import math
 import xml.etree.ElementTree as ElementTree
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import coal
 import numpy as np
 import pinocchio as pin
 
+from outside.by_place import Law, Point, read_laws, read_points
 from outside.files import BadInput, find_file, find_urdf
 from outside.given_limits import given_limits
 from outside.problem import Problem, speed_of
@@ -30,6 +31,8 @@ class Limits:
         effort: Shape (n,) [N m or N].
         effort_rate: Shape (n,) [N m/s or N/s].
         tool_speed: Of the tool centre point, whatever the segment [m/s].
+        laws: Of velocities that depend on the position.
+        points: Whose speed is limited.
     """
 
     lower: np.ndarray
@@ -40,6 +43,8 @@ class Limits:
     effort: np.ndarray
     effort_rate: np.ndarray
     tool_speed: float
+    laws: list[Law] = field(default_factory=list)
+    points: list[Point] = field(default_factory=list)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +103,11 @@ class Arm:
         chain = sorted(self.joint_names, key=lambda name: _depth(description, name))
         given = given_limits(problem, folders, chain, followers)
         own = _limits(self.joint_names, joints, given, set(followers))
-        self.limits = _followed(own, description, self.joint_names, followers, given)
+        limits = _followed(own, description, self.joint_names, followers, given)
+        law = given.get("velocity_by_position")
+        laws = read_laws(law, self.joint_names, limits.lower, limits.upper)
+        points = read_points(given.get("point_speed"), self.links)
+        self.limits = replace(limits, laws=laws, points=points)
         tool = self._model.frames[self._model.getFrameId(self.tool_frame, pin.FrameType.BODY)]
         self._carry(fields.get("payload"), tool)
         offset = placement_of(fields.get("tool_offset") or {})
@@ -142,17 +151,27 @@ class Arm:
         return rotation @ self._tool.rotation, position
 
     def tool_velocity(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """Return the velocity of the tool centre point, shape (N, 3) [m/s].
+        """Return the velocity of the tool centre point, shape (N, 3) [m/s]."""
+        return self._velocity(self._tool_joint, self._tool.translation, q, v)
 
-        The twist of the joint that carries it, at the tool's place: v + w x r.
+    def point_velocity(self, point: Point, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Return the velocity of a point that moves with a link, shape (N, 3) [m/s]."""
+        frame = self._model.frames[self._model.getFrameId(point.link, pin.FrameType.BODY)]
+        place = frame.placement.act(np.array(point.position))
+        return self._velocity(frame.parentJoint, place, q, v)
+
+    def _velocity(self, joint: int, place: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Return the velocity of a place in the frame of a joint, shape (N, 3) [m/s].
+
+        The twist of what the joint carries, at that place: v + w x r.
         """
-        model, data, joint = self._model, self._data, self._tool_joint
+        model, data = self._model, self._data
         places, rates = q @ self._follow.T + self._offset, v @ self._follow.T
         velocity = np.empty((len(q), 3))
-        for k, (place, rate) in enumerate(zip(places, rates, strict=True)):
-            pin.forwardKinematics(model, data, place, rate)
+        for k, (row, rate) in enumerate(zip(places, rates, strict=True)):
+            pin.forwardKinematics(model, data, row, rate)
             twist = data.v[joint]
-            there = twist.linear + np.cross(twist.angular, self._tool.translation)
+            there = twist.linear + np.cross(twist.angular, place)
             velocity[k] = data.oMi[joint].rotation @ there
         return velocity
 

@@ -18,7 +18,7 @@ SHARE = 1e-3  # of a piece: the step of differences
 
 
 def judge_limits(arm: Arm, trajectory: Trajectory, samples: Samples) -> dict[str, Condition]:
-    """Return the conditions position, velocity, acceleration, jerk, effort and effort_rate.
+    """Return position, velocity, acceleration, jerk, effort, effort_rate and point_speed.
 
     Args:
         arm: Its limits are judged.
@@ -64,7 +64,10 @@ def _margin(condition: Condition) -> float:
 
 
 def _margins(arm: Arm, trajectory: Trajectory, samples: Samples) -> dict[str, np.ndarray]:
-    """Return how far each joint is inside its limits, shape (N, n): rad or m, then relative."""
+    """Return how far each joint is inside its limits, shape (N, n): rad or m, then relative.
+
+    Of points' speeds, shape (N, P).
+    """
     limits = arm.limits
     q, v, a, jerk = (trajectory.at(samples, order) for order in range(ORDERS))
     margins = {
@@ -79,8 +82,20 @@ def _margins(arm: Arm, trajectory: Trajectory, samples: Samples) -> dict[str, np
     is_bounded = np.isfinite(limits.effort_rate)
     rates = _effort_rates(arm, trajectory, samples) if is_bounded.any() else np.zeros_like(q)
     margins["effort_rate"] = 1 - abs(rates) / limits.effort_rate
-    for name in ("velocity", "acceleration", "jerk", "effort", "effort_rate"):
-        margins[name][:, ~np.isfinite(getattr(limits, name))] = math.inf
+    bounds = {"velocity": limits.velocity, "acceleration": limits.acceleration}
+    for name, bound in {
+        **bounds,
+        "jerk": limits.jerk,
+        "effort": limits.effort,
+        "effort_rate": limits.effort_rate,
+    }.items():
+        margins[name][:, ~np.isfinite(bound)] = math.inf
+    for law in limits.laws:
+        j = law.joint
+        by_place = law.margin(q[:, j], v[:, j], float(limits.velocity[j]))
+        margins["velocity"][:, j] = np.minimum(margins["velocity"][:, j], by_place)
+    shares = [np.linalg.norm(arm.point_velocity(p, q, v), axis=1) / p.speed for p in limits.points]
+    margins["point_speed"] = 1 - np.array(shares).reshape(len(shares), len(q)).T
     return margins
 
 
@@ -98,7 +113,12 @@ def _effort_rates(arm: Arm, trajectory: Trajectory, samples: Samples) -> np.ndar
 
 
 def _condition(arm: Arm, name: str, margin: np.ndarray, samples: Samples) -> Condition:
+    if margin.size == 0:
+        return Condition(None, RELATIVE)
     row, joint = np.unravel_index(int(margin.argmin()), margin.shape)
+    if name == "point_speed":
+        where = f"point {joint} on {arm.limits.points[joint].link}"
+        return Condition(float(margin[row, joint]), RELATIVE, float(samples.time[row]), where)
     unit = ("m" if arm.slides[joint] else "rad") if name == "position" else RELATIVE
     if not np.isfinite(margin[row, joint]):
         return Condition(None, unit)

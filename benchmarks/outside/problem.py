@@ -19,6 +19,7 @@ SOLID = {"name", *("box", "sphere", "cylinder", "capsule", "mesh"), "scale"}
 SOLID |= {"position", "rpy", "quaternion"}
 LIMITS = {"effort", "velocity", "position", "acceleration", "jerk", "effort_rate", "scale"}
 LIMITS |= {"tool_speed"}
+LIMITS |= {"velocity_by_position", "point_speed"}
 ROBOT = {"urdf", "package_dirs", "srdf", "tool_frame", "tool_offset", "joints", "locked_joints"}
 ROBOT |= {"gravity", "payload", "attached", "limits", "preset", "limits_file"}
 TUBE = {"points", "radius", "tool_radius", "joint_signs", "orientations", "rotation_tolerance"}

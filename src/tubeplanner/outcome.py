@@ -36,6 +36,7 @@ class Place:
         obstacle: Name of the obstacle.
         position: Of the tool, base frame [m].
         point: Index of the tube's reference point, from 0.
+        point_speed: Index of the limit on a point's speed, from 0; `links` names the point's link.
     """
 
     time: float | None = None
@@ -45,6 +46,7 @@ class Place:
     obstacle: str | None = None
     position: tuple[float, float, float] | None = None
     point: int | None = None
+    point_speed: int | None = None
 
     def at(self, tool: Iterable[float]) -> "Place":
         """Return the place with the tool at a point (3,) [m], base frame."""
@@ -67,6 +69,8 @@ class Place:
             parts.append(f"segment {self.segment}")
         if self.point is not None:
             parts.append(f"point {self.point}")
+        if self.point_speed is not None:
+            parts.append(f"point_speed {self.point_speed}")
         if self.time is not None:
             parts.append(f"t = {self.time:.4f} s")
         if self.position is not None:

@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tubeplanner import LimitOverrides, Obstacle, PlanningProblem, Tube, load_robot, placement_of
+from tubeplanner import (
+    LimitOverrides,
+    Obstacle,
+    PlanningProblem,
+    PointSpeed,
+    Tube,
+    load_robot,
+    placement_of,
+)
 from tubeplanner.refinement.phased_spline import PhasedSpline
 from tubeplanner.refinement.spline_start import knot_grid
 
@@ -24,6 +32,14 @@ def limited(robot_name):
             acceleration=dict.fromkeys(names, 15.0),
             jerk=dict.fromkeys(names[:1], 400.0),
             effort_rate=dict.fromkeys(names[1:], 300.0),
+            velocity_by_position={
+                name: {"deceleration": 3.0 + k, "offset": 0.1 * k, "lower": -4.0, "upper": 3.5}
+                for k, name in enumerate(names)
+            },
+            point_speed=[
+                PointSpeed(tool, (0.1, -0.2, 0.05), 0.7),
+                PointSpeed(plain.urdf.joints[names[1]].child, (0.0, 0.1, 0.3), 0.4),
+            ],
         ),
     )
 

@@ -12,6 +12,7 @@ from tubeplanner import (
     LimitOverrides,
     PlanningProblem,
     PlanOptions,
+    PointSpeed,
     Seed,
     Tube,
     load_problem,
@@ -27,6 +28,12 @@ from tubeplanner.refinement.trust_region import TrustRegion
 
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"
 EVERY = {"joint1": np.inf, "joint2": np.inf}
+# Both joints come so near to these ends that they count.
+NEAR = {
+    "joint1": {"deceleration": 4.0, "offset": 0.3, "lower": -0.5, "upper": 2.0},
+    "joint2": {"deceleration": 5.0, "offset": 0.2, "lower": -2.0, "upper": 0.5},
+}
+LAW_AND_POINTS = ("velocity_by_position", "point_speed")
 
 
 def arm(**limits):
@@ -50,14 +57,26 @@ def problem_with(robot=None, radius=(0.05, 0.05)):
         {"jerk": {"joint1": 400.0, "joint2": 600.0}},
         {"tool_speed": 0.9},
         {"effort_rate": {"joint1": 300.0, "joint2": 80.0}},
+        {"point_speed": [PointSpeed("hand", (0.0, 0.1, 0.0), 0.9)]},
+        {"velocity_by_position": NEAR},
     ],
-    ids=["effort", "velocity", "acceleration", "jerk", "tool_speed", "effort_rate"],
+    ids=[
+        "effort",
+        "velocity",
+        "acceleration",
+        "jerk",
+        "tool_speed",
+        "effort_rate",
+        "point_speed",
+        "velocity_by_position",
+    ],
 )
 def test_without_gravity_all_limits_together_have_a_known_sensitivity(limits):
     """Twice the efforts and accelerations, four times the speed... T falls in proportion."""
     sensitivities = plan(problem_with(arm(**limits))).sensitivities
     order = {"effort": 2, "acceleration": 2, "velocity": 1, "jerk": 3, "radius": 0}
-    order |= {"tool_speed": 1, "effort_rate": 3}
+    order |= dict.fromkeys(("tool_speed", "point_speed", "velocity_by_position"), 1)
+    order["effort_rate"] = 3
     total = sum(order[sensitivity.limit] * sensitivity.elasticity for sensitivity in sensitivities)
     assert all(
         any(one.limit == kind and one.elasticity < -0.01 for one in sensitivities)
@@ -77,6 +96,15 @@ def polished(problem, spline):
     begin = program.iterate(spline)
     found = program.improved(begin, TrustRegion(0.01), FIRST_PENALTY, min_gain=1e-8, max_steps=60)
     return found.iterate.duration
+
+
+def refined_to_the_end(problem):
+    """Return a refinement, its spline, and the duration that a tight tolerance leaves of it."""
+    branch = reference_branch(problem, redundancy_rules(problem)[0])
+    refined = Refinement(problem, starting_spline(problem, branch, 8), (3, 3))
+    refined.run()
+    spline = refined._best.spline
+    return refined, spline, polished(problem, spline)
 
 
 def test_sensitivities_are_what_planning_again_finds():
@@ -154,6 +182,57 @@ def test_those_of_effort_rates_are_what_planning_again_finds():
         quotient = np.log(found[0] / found[1]) / np.log(1.01 / 0.99)
         assert elasticity == pytest.approx(quotient, rel=0.1, abs=2e-3)
     assert min(prices.values()) < -0.1
+
+
+def test_that_of_velocities_by_position_is_what_planning_again_finds():
+    """The velocities that the law of one joint allows, changed by 1 % everywhere."""
+
+    def limited(raised=None, factor=1.0):
+        laws = {name: dict(law) for name, law in NEAR.items()}
+        if raised is not None:
+            laws[raised]["deceleration"] *= factor**2
+            laws[raised]["offset"] *= factor
+        return problem_with(arm(velocity_by_position=laws))
+
+    refined, spline, duration = refined_to_the_end(limited())
+    found = {key: e for key, e in refined.elasticities().items() if key.kind in LAW_AND_POINTS}
+    assert [key.joint for key in found] == [0, 1]
+    for key, elasticity in found.items():
+        name = f"joint{key.joint + 1}"
+        ends = [polished(limited(name, factor), spline) for factor in (1.01, 0.99)]
+        change = (ends[1] - ends[0]) / 0.02
+        assert -elasticity * duration == pytest.approx(change, rel=0.1, abs=2e-3)
+    assert min(found.values()) < -0.1
+
+
+def test_those_of_points_are_what_planning_again_finds():
+    """Of each point on its own, by changing its limit by 1 %."""
+    limits = np.array([1.1, 0.5])
+
+    def limited(speeds):
+        places = [("hand", (0.0, 0.05, 0.0)), ("link2", (0.0, 0.0, 0.0))]
+        points = [PointSpeed(*place, v) for place, v in zip(places, speeds, strict=True)]
+        return problem_with(arm(point_speed=points))
+
+    refined, spline, duration = refined_to_the_end(limited(limits))
+    found = {key: e for key, e in refined.elasticities().items() if key.kind in LAW_AND_POINTS}
+    assert [(key.link, key.point) for key in found] == [("hand", 0), ("link2", 1)]
+    for key, elasticity in found.items():
+        ends = [
+            polished(limited(limits * np.where(np.arange(2) == key.point, factor, 1)), spline)
+            for factor in (1.01, 0.99)
+        ]
+        change = (ends[1] - ends[0]) / 0.02
+        assert -elasticity * duration == pytest.approx(change, rel=0.1, abs=2e-3)
+    assert min(found.values()) < -0.1
+
+
+def test_a_points_price_names_its_link():
+    points = [PointSpeed("hand", (0.0, 0.1, 0.0), 0.9)]
+    result = plan(problem_with(arm(point_speed=points)))
+    (price,) = (one for one in result.sensitivities if one.limit == "point_speed")
+    assert (price.joint, price.segment, price.link, price.point) == (None, None, "hand", 0)
+    assert str(price) == f"point_speed of point 0, on hand: {1000 * price.saved:.2g} ms"
 
 
 @pytest.mark.slow

@@ -22,7 +22,16 @@ from tubeplanner.trajectory.joint_trajectory import from_spline
 
 SWITCHING_TIMES = np.array([0.0, 0.4, 1.0])
 STEP = 1e-6
-LIMITS = ("effort", "effort_rate", "velocity", "acceleration", "jerk", "tool_speed")
+LIMITS = (
+    "effort",
+    "effort_rate",
+    "velocity",
+    "acceleration",
+    "jerk",
+    "velocity_by_position",
+    "tool_speed",
+    "point_speed",
+)
 KINDS = (*LIMITS, "velocity of the hull", "rotation", "links")
 
 
@@ -140,6 +149,15 @@ def test_the_least_duration_is_that_of_every_limit(case):
         ]
         tool = robot.tool_jacobian(q)[1][0, :3] @ v[0]
         used.append(np.full(v.shape, np.linalg.norm(tool) / problem.tube.tool_speed[phase[i]]))
+        for law in limits.velocity_by_position:
+            speed, to_go = v[0, law.joint], law.upper - q[0, law.joint]
+            if speed < 0:
+                speed, to_go = -speed, q[0, law.joint] - law.lower
+            allowed = np.sqrt(2 * law.deceleration * to_go) - law.offset
+            used.append(np.full(v.shape, speed / allowed))
+        speeds = np.linalg.norm(robot.point_velocities(q, v)[0][:, 0], axis=1)
+        shares = speeds / [point.speed for point in limits.point_speed]
+        used.append(np.full(v.shape, shares.max()))
         assert np.max(used) == pytest.approx(1.0, abs=1e-9)
 
 
@@ -154,6 +172,12 @@ def test_every_limit_has_a_key_and_rows(case, kind):
     named = [(kind, j, None) for j in joints]
     if kind == "tool_speed":
         named = [(kind, None, segment) for segment in range(2)]
+    if kind == "point_speed":
+        named = [(kind, None, None)] * 2
+        points = case[0].robot.limits.point_speed
+        assert [(key.link, key.point) for key in keys] == [
+            (point.link, k) for k, point in enumerate(points)
+        ]
     assert [(key.kind, key.joint, key.segment) for key in keys] == named
     assert len(rows) == limit.row_count
 

@@ -14,6 +14,7 @@ from tubeplanner import (
     LimitOverrides,
     OutputError,
     PlanOptions,
+    PointSpeed,
     Tube,
     load_problem,
     load_robot,
@@ -29,6 +30,7 @@ from tubeplanner.views.panels import (
     draw_factor,
     draw_speed,
     draw_tube_use,
+    draw_velocities,
     segments_per_group,
     size_of,
     trajectory_curves,
@@ -230,6 +232,37 @@ def test_effort_rates_have_a_panel_where_they_are_limited(stored):
     np.testing.assert_allclose(middle, numeric, atol=2e-2 * abs(rate).max())
     for joint, limit in enumerate((1e4, 2e4)):
         np.testing.assert_allclose(axis.lines[joint].get_ydata(), 100 * rate[:, joint] / limit)
+
+
+def test_velocity_limits_by_position_are_drawn_where_they_are_less(stored):
+    problem, trajectory = stored("ur5/over_the_wall")
+    law = {"deceleration": 2.0, "offset": 0.1, "lower": -9.0, "upper": 2.2}
+    limits = LimitOverrides(velocity_by_position={"elbow_joint": law})
+    robot = load_robot("example:ur5", "tool0", limits=limits)
+    curves = trajectory_curves(replace(problem, robot=robot), trajectory)
+    draw_velocities(plain := Figure().subplots(), trajectory_curves(problem, trajectory))
+    draw_velocities(axis := Figure().subplots(), curves)
+    upper, lower = (line.get_ydata() for line in axis.lines[len(plain.lines) :])
+    most = robot.limits.velocity[2]
+    allowed = np.sqrt(4.0 * (2.2 - curves.samples.position[:, 2])) - 0.1
+    np.testing.assert_allclose(upper, np.where(allowed < most, 100 * allowed / most, np.nan))
+    assert np.isnan(lower).all()
+    assert np.isfinite(upper).any()
+
+
+def test_points_have_a_panel_where_their_speeds_are_limited(stored):
+    problem, trajectory = stored("ur5/over_the_wall")
+    points = [PointSpeed("forearm_link", (0, 0, 0), 2.0), PointSpeed("tool0", (0, 0, 0), 4.0)]
+    robot = load_robot("example:ur5", "tool0", limits=LimitOverrides(point_speed=points))
+    limited = replace(problem, robot=robot)
+    curves = trajectory_curves(limited, trajectory)
+    np.testing.assert_allclose(curves.points[:, 1], curves.speed / 4.0, atol=1e-12)
+    figure, plain = plot_trajectory(limited, trajectory), plot_trajectory(problem, trajectory)
+    (panel,) = (axis for axis in figure.axes if axis.get_ylabel().startswith("speed of points"))
+    assert len(figure.axes) == len(plain.axes) + 1
+    labels = [text.get_text() for text in panel.get_legend().get_texts()]
+    assert labels == ["0: forearm_link", "1: tool0"]
+    np.testing.assert_allclose(panel.lines[0].get_ydata(), 100 * curves.points[:, 0])
 
 
 def in_boxes(problem):

@@ -107,6 +107,8 @@ def _fastest(problem: PlanningProblem, knots: FloatArray, share: float) -> Joint
     for _ in range(_TIMING_ROUNDS):
         trajectory = _trajectory(names, knots, times, share)
         speed_factor = _speed_factor(problem, trajectory, len(times))
+        if (speed_factor == 0).any():  # scaling to the limits says why
+            break
         if times.sum() / speed_factor.min() < shortest:
             best, shortest = times / speed_factor.min(), times.sum() / speed_factor.min()
         times = times / speed_factor**_TIMING_POWER

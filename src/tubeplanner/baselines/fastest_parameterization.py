@@ -11,10 +11,15 @@ from collections.abc import Callable
 
 import numpy as np
 
-from tubeplanner.arrays import FloatArray
+from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.baselines.time_parameterization import run_along
+from tubeplanner.constraints.path_samples import PathSamples
+from tubeplanner.constraints.point_speed import PointSpeedLimit
+from tubeplanner.constraints.speed_limit import SpeedLimit
+from tubeplanner.constraints.speed_limits import largest_speeds, speed_limits
 from tubeplanner.constraints.time_scaling import estimated_duration
 from tubeplanner.constraints.tool_speed import ToolSpeed
+from tubeplanner.constraints.velocity_by_position import VelocityByPositionLimit
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
@@ -33,7 +38,7 @@ def fastest_parameterization(
 ) -> JointTrajectory | None:
     """Return a path's fastest time parameterization: arc length over time, from rest to rest.
 
-    It keeps the limits of velocity, acceleration, effort and tool speed at points of the path and
+    It keeps the limits of velocities, acceleration, effort and tool speed at points of the path and
     may exceed them in between; jerk is unlimited, so it is not smooth. Where the tool is in several
     segments, the loosest of their limits on its speed counts.
 
@@ -85,7 +90,7 @@ def _constraints(
     velocity = _finite(limits.velocity, used.velocity)
     return [
         constraint.JointVelocityConstraintVarying(_velocity_bounds(problem, path, velocity))
-        if ToolSpeed(problem).keys
+        if _further_limits(problem)
         else constraint.JointVelocityConstraint(velocity),
         constraint.JointAccelerationConstraint(_finite(limits.acceleration, used.acceleration)),
         constraint.JointTorqueConstraint(
@@ -102,21 +107,31 @@ def _velocity_bounds(
 ) -> Callable[[float], FloatArray]:
     """Return a function from an arc length to bounds on the joints' velocities there, (n, 2).
 
-    Their own, (n,), and those that they have at the largest speed of the tool.
+    Their own, (n,), and those that they have at the largest speed that further limits allow.
     """
-    limit = ToolSpeed(problem).limit
+    limits, in_segment = _further_limits(problem), ToolSpeed(problem).limit
 
     def bounds(arc_length: float) -> FloatArray:
-        at = np.array([arc_length])
-        q, slope = path.position(at), path.velocity(at)
-        inside = problem.tube.margin(problem.robot.tool_position(q))[0]
-        allowed = limit[inside >= min(-_INSIDE, inside.max())].max()
-        by_length = np.linalg.norm(problem.robot.tool_velocity(q, slope)[0])
-        rate = min(allowed / max(by_length, 1 / _FASTEST), _FASTEST)
+        s = np.array([arc_length])
+        q, slope = path.position(s), path.velocity(s)
+
+        def loosest() -> IntArray:
+            inside = problem.tube.margin(at.tool_pose[1])[0]
+            counts = inside >= min(-_INSIDE, inside.max())
+            return np.array([np.where(counts, in_segment, -np.inf).argmax()])
+
+        at = PathSamples(problem, np.stack([q, slope, np.zeros_like(q)]), loosest)
+        rate = min(float(largest_speeds(at, limits)[0]), _FASTEST)
         most = np.minimum(velocity, abs(slope[0]) * rate)
         return np.column_stack([-most, most])
 
     return bounds
+
+
+def _further_limits(problem: PlanningProblem) -> tuple[SpeedLimit, ...]:
+    """Return the limits on velocities that change along a path."""
+    kinds = ToolSpeed, PointSpeedLimit, VelocityByPositionLimit
+    return tuple(limit for limit in speed_limits(problem) if isinstance(limit, kinds))
 
 
 def _gentle_run(path: JointTrajectory) -> JointTrajectory:

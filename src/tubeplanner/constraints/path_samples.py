@@ -79,6 +79,11 @@ class PathSamples:
         return self.problem.robot.tool_velocity(*self.by_path[:2])
 
     @cached_property
+    def point_rates(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The same of the P points whose speed is limited: (P, N, 3) and twice (P, N, 3, n)."""
+        return self.problem.robot.point_velocities(*self.by_path[:2])
+
+    @cached_property
     def tool_jacobian(self) -> FloatArray:
         """Jacobian of the tool centre point, as `RobotModel.tool_jacobian`, shape (N, 6, n)."""
         return self.problem.robot.tool_jacobian(self.position)[1]

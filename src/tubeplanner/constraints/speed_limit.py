@@ -18,11 +18,15 @@ class LimitKey:
         kind: Such as "effort", "velocity", "radius".
         joint: Index of the joint that it limits; None if it is a segment's.
         segment: Index of the segment; None if it is a joint's.
+        link: Name of the link whose point it limits; None: of none.
+        point: Index of that point among those that are limited.
     """
 
     kind: str
     joint: int | None = None
     segment: int | None = None
+    link: str | None = None
+    point: int | None = None
 
 
 class SpeedLimit(Protocol):
@@ -30,7 +34,6 @@ class SpeedLimit(Protocol):
 
     Quantities are shares of nominal limits, and sign * quantity <= 1. Where a limit L depends on
     the configuration, what is used is used / nominal + 1 - L / nominal: L may be 0.
-
     """
 
     @property

@@ -7,8 +7,10 @@ from tubeplanner.constraints.effort_rate import EffortRate
 from tubeplanner.constraints.joint_effort import JointEffort
 from tubeplanner.constraints.joint_rate import RATES, JointRate
 from tubeplanner.constraints.path_samples import PathSamples
+from tubeplanner.constraints.point_speed import PointSpeedLimit
 from tubeplanner.constraints.speed_limit import SpeedLimit
 from tubeplanner.constraints.tool_speed import ToolSpeed
+from tubeplanner.constraints.velocity_by_position import VelocityByPositionLimit
 from tubeplanner.problem.problem import PlanningProblem
 
 
@@ -16,8 +18,14 @@ def speed_limits(problem: PlanningProblem) -> tuple[SpeedLimit, ...]:
     """Return the limits of a problem that limit anything."""
     limits = problem.robot.limits
     rates = [JointRate(kind, getattr(limits, kind)) for kind in RATES]
-    efforts = JointEffort(limits.effort), EffortRate(limits.effort_rate)
-    found: tuple[SpeedLimit, ...] = (*efforts, *rates, ToolSpeed(problem))
+    found: tuple[SpeedLimit, ...] = (
+        JointEffort(limits.effort),
+        EffortRate(limits.effort_rate),
+        *rates,
+        VelocityByPositionLimit(limits),
+        ToolSpeed(problem),
+        PointSpeedLimit(limits.point_speed),
+    )
     return tuple(limit for limit in found if limit.keys)
 
 

@@ -25,14 +25,22 @@ class SpeedPolynomial:
 
     Attributes:
         terms: By the power k, from 0 to 3, each (N, I).
+        allowed: The limits as shares of nominal ones, (N, I), where they are less; what they lack
+            is in terms[0]. None: they are the nominal ones.
     """
 
     terms: Mapping[int, FloatArray]
+    allowed: FloatArray | None = None
 
     @property
     def degree(self) -> int:
         """The highest power."""
         return max(self.terms)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """N and I."""
+        return next(iter(self.terms.values())).shape
 
     def at(self, speed: float) -> FloatArray:
         """Return the quantities at a speed, shape (N, I)."""

@@ -7,6 +7,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.constraints.path_samples import PathSamples
 from tubeplanner.constraints.speed_limit import LimitKey
+from tubeplanner.constraints.speed_of_points import speed_by_path
 from tubeplanner.constraints.speed_polynomial import SpeedPolynomial
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem
@@ -38,14 +39,8 @@ class ToolSpeed:
 
     def by_path(self, at: PathSamples, speed: float) -> Mapping[int, FloatArray]:
         """Return how the share changes with the path; where the tool rests, not at all."""
-        rate, by_position, by_rate = at.tool_rate
-        size = np.linalg.norm(rate, axis=1, keepdims=True)
-        direction = rate / np.maximum(size, np.finfo(float).tiny)
-        gradient = direction * (speed / self.limit[at.segment])[:, None]
-        return {
-            order: np.einsum("ni,nij->nj", gradient, derivative)[:, None]
-            for order, derivative in enumerate((by_position, by_rate))
-        }
+        by = speed_by_path(at.tool_rate, speed / self.limit[at.segment])
+        return {order: change[:, None] for order, change in enumerate(by)}
 
     def key_of(self, at: PathSamples) -> IntArray:
         """Return the key of each sample's segment; any, where that is free."""

@@ -5,6 +5,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray
 from tubeplanner.branches.inverse_kinematics import solve_position
 from tubeplanner.branches.known_branches import KnownBranches
+from tubeplanner.constraints.approachable_range import require_approachable
 from tubeplanner.constraints.time_scaling import require_held
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem
@@ -20,8 +21,9 @@ _SEED_RANGE = np.pi  # [rad or m]
 def require_possible(problem: PlanningProblem, branches: KnownBranches) -> None:
     """Check what no trajectory can do without.
 
-    Start and a given goal must be free, the motors must hold them, and the arm must reach the
-    farthest place at which the tool passes from segment to segment or ends.
+    Start and a given goal must be free, the motors must hold them, the joints may move to that
+    goal, and the arm must reach the farthest place at which the tool passes from segment to segment
+    or ends.
 
     Args:
         problem: The planning problem.
@@ -34,6 +36,8 @@ def require_possible(problem: PlanningProblem, branches: KnownBranches) -> None:
     ends = branches.require_ends()
     for q in ends:
         require_held(problem, q[None])
+    if len(ends) > 1:
+        require_approachable(problem, *ends)
     _require_reach(problem, ends[0])
 
 

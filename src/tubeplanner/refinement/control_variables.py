@@ -8,6 +8,7 @@ import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.branches.inverse_kinematics import solve_position
+from tubeplanner.constraints.approachable_range import approachable_range
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.refinement.phased_spline import DEGREE, KnotGrid
 from tubeplanner.refinement.sampled_spline import SampledSpline
@@ -117,6 +118,12 @@ class ControlVariables:
         shape = (self._grid.control_point_count, self._problem.robot.joint_count)
         lower, upper = np.full(shape, -np.inf), np.full(shape, np.inf)
         joint_lower, joint_upper = self._problem.joint_lower, self._problem.joint_upper
+        # Where joints may hardly move, rows lead to no better trajectory.
+        least, most = approachable_range(self._problem)
+        joint_lower, joint_upper = (
+            np.clip(least, joint_lower, joint_upper),
+            np.clip(most, joint_lower, joint_upper),
+        )
         first = 0
         for shares, chain in zip(self._grid.shares, self._grid.chains, strict=True):
             counting = slice(first, first + len(shares) - 1 + DEGREE)

@@ -55,11 +55,13 @@ class _Part:
     Attributes:
         rows: The rows.
         limit: Numbers of their limits, shape (R,).
+        index: Their own numbers, -1 for planes, shape (R,).
         slack: Returns their slack (R,), given that of all rows and by how much vectors are bent.
     """
 
     rows: SparseRows
     limit: IntArray
+    index: IntArray
     slack: Callable[[FloatArray, Sequence[FloatArray]], FloatArray]
 
 
@@ -108,12 +110,23 @@ class Linearization:
         """Numbers of the rows that were not near but turned out to be broken."""
         return self._rows.index[self._active & ~self._near]
 
-    def costs(self, step: Step, count: int) -> FloatArray:
-        """Return what the rows and planes of each of so many limits cost, shape (count,)."""
-        limit = np.concatenate([part.limit for part in self._parts])[: len(step.multipliers)]
+    def costs(self, step: Step, count: int, rise: FloatArray) -> FloatArray:
+        """Return what each of so many limits costs, shape (count,).
+
+        Args:
+            step: The step.
+            count: Number of limits.
+            rise: What slack a relative rise of its limit adds to each row, by the rows' numbers;
+                to planes it adds all.
+        """
+        limit, index = (
+            np.concatenate([getattr(part, name) for part in self._parts])[: len(step.multipliers)]
+            for name in ("limit", "index")
+        )
         named = limit >= 0
+        gained = np.where(index >= 0, rise[index], 1.0)
         costs = np.zeros(count)
-        np.add.at(costs, limit[named], np.maximum(step.multipliers[named], 0.0))
+        np.add.at(costs, limit[named], np.maximum(step.multipliers * gained, 0.0)[named])
         return costs
 
     def binding(self, step: Step) -> tuple[Planes, ...]:
@@ -222,7 +235,7 @@ class Linearization:
         slack: Callable[[FloatArray, Sequence[FloatArray]], FloatArray],
     ) -> None:
         own = sparse_rows(rows, is_elastic, self._variables.column, len(self._bounds.lower))
-        self._parts.append(_Part(own, rows.limit, slack))
+        self._parts.append(_Part(own, rows.limit, rows.index, slack))
         self._has_more = True
 
     def _add_planes(self, vectors: list[FloatArray], elastic: float) -> bool:

@@ -14,15 +14,18 @@ class Sensitivity:
     """What one limit costs, with start, goal and all other limits fixed.
 
     Attributes:
-        limit: "effort" (both directions together), "effort_rate" (likewise), "velocity",
-            "acceleration", "jerk", "tool_speed", "radius", "rotation", or "width" or "height" of a
-            box.
-        joint: Whose limit; None for a segment's.
-        segment: Which segment's, the first of those that count as one; None for a joint's.
+        limit: "effort" (both directions together), "effort_rate" (likewise),
+            "velocity", "acceleration", "jerk", "radius",
+            "velocity_by_position", "tool_speed", "point_speed", "rotation", or "width" or "height"
+            of a box.
+        joint: Whose limit; None for a segment's or a point's.
+        segment: Which segment's, the first of those that count as one; None for other limits.
         elasticity: d ln T / d ln limit, at most 0: the relative change of the duration per relative
             rise of the limit.
         saved: What 10 % more would save [s], to first order.
-        last_segment: The last of those; None for a joint.
+        last_segment: The last of those; None for other limits.
+        link: Whose point; None for other limits.
+        point: Index of the point among those whose speed is limited; None for other limits.
     """
 
     limit: str
@@ -31,11 +34,15 @@ class Sensitivity:
     elasticity: float
     saved: float
     last_segment: int | None = None
+    link: str | None = None
+    point: int | None = None
 
     def __str__(self) -> str:
         place = f"segment {self.segment}" if self.joint is None else self.joint
         if self.last_segment not in (None, self.segment):
             place = f"segments {self.segment} to {self.last_segment}"
+        if self.point is not None:
+            place = f"point {self.point}, on {self.link}"
         return f"{self.limit} of {place}: {1000 * self.saved:.2g} ms"
 
 
@@ -54,7 +61,8 @@ def limit_sensitivities(
         joint = None if key.joint is None else problem.robot.joint_names[key.joint]
         first, last = (None, None) if key.segment is None else _numbers(problem.tube, key.segment)
         saved = -elasticity * _RISE * duration
-        found.append(Sensitivity(key.kind, joint, first, elasticity, saved, last))
+        named = (key.link, key.point)
+        found.append(Sensitivity(key.kind, joint, first, elasticity, saved, last, *named))
     return tuple(sorted(found, key=lambda sensitivity: -sensitivity.saved))
 
 

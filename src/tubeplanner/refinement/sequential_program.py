@@ -202,7 +202,7 @@ class SequentialProgram:
         if step is None or step.elastic > BROKEN:  # then multipliers tell the penalty alone
             return {}
         keys = self.constraints.keys
-        cost = linear.costs(step, len(keys)) / 2
+        cost = linear.costs(step, len(keys), self.constraints.rise(current)) / 2
         # Rows of the tube are in radii, those of the limits in limits: the narrowing scales along.
         of_speed = {key for limit in current.limits for key in limit.limit.keys}
         share = [1.0 if key in of_speed else 1 - INNER_MARGIN for key in keys]

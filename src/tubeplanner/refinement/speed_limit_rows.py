@@ -52,7 +52,7 @@ class EvaluatedSpeedLimit:
     @property
     def row_count(self) -> int:
         """How many rows there are."""
-        return len(self.limit.signs) * next(iter(self._used.terms.values())).size
+        return len(self.limit.signs) * int(np.prod(self._used.shape))
 
     def rows(self, duration: float, size: StepSize | None) -> Rows:
         """Return the rows of all sides, of the spline run in T seconds.
@@ -78,6 +78,13 @@ class EvaluatedSpeedLimit:
         terms = self._used.terms.items()
         used = np.sum([c * (duration**-k * longer ** (degree - k)) for k, c in terms], axis=0)
         return np.concatenate([(longer**degree - sign * used).ravel() for sign in self.limit.signs])
+
+    @property
+    def rise(self) -> FloatArray:
+        """What slack the rows gain by a relative rise of their limits, by number."""
+        allowed = self._used.allowed
+        by_side = np.ones(self._used.shape) if allowed is None else allowed
+        return np.tile(by_side.ravel(), len(self.limit.signs))
 
     def _change(self, duration: float) -> tuple[FloatArray, FloatArray]:
         """Return how the quantities change with control points and switching times."""

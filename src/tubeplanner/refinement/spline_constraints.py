@@ -162,6 +162,12 @@ class SplineConstraints:
             count += constraint.row_count
         return stacked(parts), np.concatenate(elastic)
 
+    def rise(self, current: Iterate) -> FloatArray:
+        """Return what slack rows gain by a relative rise of their limits, by their numbers."""
+        others = current.constraints[len(current.limits) :]
+        counts = [np.ones(constraint.row_count) for constraint in others]
+        return np.concatenate([*(limit.rise for limit in current.limits), *counts])
+
     def slack(self, current: Iterate, trial: Iterate, squared_duration: float) -> FloatArray:
         """Return the slack that a trial has, by the numbers of the rows at a spline.
 

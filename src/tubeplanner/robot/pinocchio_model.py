@@ -223,14 +223,14 @@ def _supports(model: pin.Model, body: int) -> list[int]:
     return joints
 
 
-def add_tool_centre_point(model: pin.Model, tool_frame: str, offset: ToolOffset) -> int:
-    """Add the tool centre point to a model; return the index of its frame."""
-    tool = model.frames[model.getFrameId(link_id(tool_frame), pin.FrameType.BODY)]
-    placement = tool.placement * pin.SE3(
+def add_frame(model: pin.Model, name: str, link: str, offset: ToolOffset) -> int:
+    """Add a frame that moves with a link to a model; return its index."""
+    carrier = model.frames[model.getFrameId(link_id(link), pin.FrameType.BODY)]
+    placement = carrier.placement * pin.SE3(
         pin.rpy.rpyToMatrix(*offset.rpy), np.array(offset.position, dtype=float)
     )
     frame = pin.Frame(
-        "tool centre point", tool.parentJoint, tool.parentFrame, placement, pin.FrameType.OP_FRAME
+        name, carrier.parentJoint, carrier.parentFrame, placement, pin.FrameType.OP_FRAME
     )
     return int(model.addFrame(frame))
 

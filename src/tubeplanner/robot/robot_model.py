@@ -17,13 +17,14 @@ import pinocchio as pin
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray, read_only
 from tubeplanner.robot.body_chain import BodyChain
 from tubeplanner.robot.followers import followers_of
+from tubeplanner.robot.frame_velocities import frame_velocities
 from tubeplanner.robot.joint_limits import JointLimits
 from tubeplanner.robot.model_joints import model_joints
 from tubeplanner.robot.pinocchio_model import (
     BodyInertia,
     Payload,
     ToolOffset,
-    add_tool_centre_point,
+    add_frame,
     body_inertias,
     build_model,
     carried_bodies,
@@ -95,7 +96,11 @@ class RobotModel:
         self.limits = limits
         self.link_body, self.link_placement = link_placements(urdf, model)
         self._model = model
-        self._tool_id = add_tool_centre_point(model, tool_frame, tool_offset)
+        self._tool_id = add_frame(model, "tool centre point", tool_frame, tool_offset)
+        self._point_ids = [
+            add_frame(model, f"point {k}", point.link, ToolOffset(point.position))
+            for k, point in enumerate(limits.point_speed)
+        ]
         # A Data made before the last edit of its model corrupts memory without a word.
         self._scratch = _Scratch(model)
         # Pinocchio orders joints its own way, and knows followers as joints of their own.
@@ -202,21 +207,16 @@ class RobotModel:
             The velocity, and its derivatives by positions and by velocities, each (N, 3, n); in the
             base frame.
         """
-        model, data, tool_id = self._model, self._scratch.data, self._tool_id
-        joints, still = self._joints, np.zeros(model.nv)
-        by_q, by_v = np.empty((2, len(q), 6, model.nv))
-        rotation = np.empty((len(q), 3, 3))
-        for i, (q_i, v_i) in enumerate(zip(joints.positions(q), joints.rates(v), strict=True)):
-            pin.computeForwardKinematicsDerivatives(model, data, q_i, v_i, still)
-            # In LOCAL_WORLD_ALIGNED, Pinocchio's derivative leaves out that the frame turns.
-            blocks = pin.getFrameVelocityDerivatives(model, data, tool_id, pin.LOCAL)
-            by_q[i], by_v[i] = np.reshape(blocks, (2, 6, model.nv))
-            rotation[i] = pin.updateFramePlacement(model, data, tool_id).rotation
-        change, linear = rotation @ by_q[:, :3], rotation @ by_v[:, :3]
-        velocity = np.einsum("nij,nj->ni", linear, joints.rates(v))
-        turned = np.cross((rotation @ by_v[:, 3:]).swapaxes(1, 2), velocity[:, None])
-        change += turned.swapaxes(1, 2)
-        return velocity, joints.collected(change), joints.collected(linear)
+        arm = self._model, self._scratch.data, self._joints
+        velocity, by_q, by_v = frame_velocities(*arm, [self._tool_id], q, v)
+        return velocity[0], by_q[0], by_v[0]
+
+    def point_velocities(
+        self, q: FloatArray, v: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return `tool_velocity` of the P points of `limits.point_speed`: (P, N, 3), ..."""
+        arm = self._model, self._scratch.data, self._joints
+        return frame_velocities(*arm, self._point_ids, q, v)
 
     def body_poses(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return rotations (N, bodies, 3, 3) and origins (N, bodies, 3) [m] of all bodies."""

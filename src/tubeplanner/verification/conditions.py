@@ -14,6 +14,7 @@ from tubeplanner.verification.judged.joint_rates import (
     judge_velocity,
 )
 from tubeplanner.verification.judged.joint_signs import judge_joint_signs
+from tubeplanner.verification.judged.point_speed import judge_point_speed
 from tubeplanner.verification.judged.points import judge_points
 from tubeplanner.verification.judged.position import judge_position
 from tubeplanner.verification.judged.rest import judge_rest
@@ -33,6 +34,7 @@ JUDGED: Mapping[str, Callable[[JudgedMotion], JudgedCondition]] = MappingProxyTy
         "effort": judge_effort,
         "effort_rate": judge_effort_rate,
         "tool_speed": judge_tool_speed,
+        "point_speed": judge_point_speed,
         "tube": judge_tube,
         "joint_signs": judge_joint_signs,
         "rotation": judge_rotation,

@@ -60,6 +60,22 @@ def tool_majorant(robot: RobotModel, joints: FloatArray) -> ToolMajorant:
     return ToolMajorant(body.origin + robot.tool_reach * body.unit, body.unit, body.spin)
 
 
+def point_majorant(robot: RobotModel, joints: FloatArray, body: int, reach: float) -> FloatArray:
+    """Return bounds on the Taylor coefficients of the course of a point that moves with a body.
+
+    Args:
+        robot: The arm.
+        joints: Bounds on the Taylor coefficients of the joint positions, shape (order+1, I, n).
+        body: Which one.
+        reach: Distance of the point from the body's origin [m].
+
+    Returns:
+        Shape (order+1, I) [m]; the first row has no meaning.
+    """
+    carrier = _motions(robot, joints)[body]
+    return carrier.origin + reach * carrier.unit
+
+
 def rigid_body_majorant(robot: RobotModel, joints: FloatArray, width: FloatArray) -> FloatArray:
     """Return bounds on the Taylor coefficients of the joint efforts that move the rigid bodies.
 

@@ -7,9 +7,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.constraints.path_samples import PathSamples
+from tubeplanner.constraints.point_speed import PointSpeedLimit
 from tubeplanner.constraints.time_scaling import scaling_factor
 from tubeplanner.constraints.tool_speed import ToolSpeed
 from tubeplanner.constraints.tube_membership import current_segments, tube_use
+from tubeplanner.constraints.velocity_by_position import VelocityByPositionLimit
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.robot.effort_rate import effort_rate
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
@@ -43,6 +46,7 @@ class TrajectoryCurves:
         tool: Shape (N, 3) [m].
         speed: Of the tool, shape (N,) [m/s].
         speed_limit: Its limit in that segment, shape (N,) [m/s]; inf where there is none.
+        points: Speeds of the points that limits name, as shares of these, shape (N, P).
         factor: How many times faster each sample could be run, shape (N,).
         segment: The tube segment of each sample, shape (N,).
         tube_use: The tool's distance from the segment as a share of its radius, or of the nearest
@@ -57,6 +61,7 @@ class TrajectoryCurves:
     tool: FloatArray
     speed: FloatArray
     speed_limit: FloatArray
+    points: FloatArray
     factor: FloatArray
     segment: IntArray
     tube_use: FloatArray
@@ -94,6 +99,7 @@ def trajectory_curves(problem: PlanningProblem, trajectory: JointTrajectory) -> 
     rate = None
     if np.isfinite(robot.limits.effort_rate).any():
         rate = effort_rate(robot, q, v, a, trajectory.jerk_per_piece(count))
+    known = PathSamples(problem, np.stack([q, v, a]))
     return TrajectoryCurves(
         problem,
         samples,
@@ -102,6 +108,7 @@ def trajectory_curves(problem: PlanningProblem, trajectory: JointTrajectory) -> 
         tool,
         np.linalg.norm(np.einsum("nij,nj->ni", jacobian[:, :3], v), axis=1),
         ToolSpeed(problem).limit[segment],
+        PointSpeedLimit(robot.limits.point_speed).used(known).at(1.0),
         scaling_factor(problem, q, v, a, segment=segment),
         segment,
         tube_use(problem, tool, segment),
@@ -135,10 +142,11 @@ def draw_positions(axis: "Axes", curves: TrajectoryCurves) -> None:
 
 
 def draw_velocities(axis: "Axes", curves: TrajectoryCurves) -> None:
-    """Draw velocities against their limits."""
+    """Draw velocities against their limits; in each joint's colour, those that fall below them."""
     robot = curves.problem.robot
     unit = _unit(curves.problem, "rad/s", "m/s")
     _draw_shares(axis, curves, curves.samples.velocity, robot.limits.velocity, "velocity", unit)
+    _draw_velocity_by_position(axis, curves)
 
 
 def draw_efforts(axis: "Axes", curves: TrajectoryCurves) -> None:
@@ -192,6 +200,17 @@ def draw_speed(axis: "Axes", curves: TrajectoryCurves) -> None:
     axis.plot(curves.samples.time, np.where(np.isin(limit, shown), limit, np.nan), **LIMIT)
     axis.set_ylim(0.0, 1.1 * max(curves.speed.max(), shown.max(initial=0.0)))
     axis.set_ylabel("tool speed [m/s]")
+
+
+def draw_points(axis: "Axes", curves: TrajectoryCurves) -> None:
+    """Draw the speeds of points of the arm against their limits."""
+    limited = curves.problem.robot.limits.point_speed
+    for k, (point, share) in enumerate(zip(limited, curves.points.T, strict=True)):
+        axis.plot(curves.samples.time, 100 * share, label=f"{k}: {point.link}", **line_style(k))
+    axis.axhline(100.0, **LIMIT)
+    axis.set_ylim(0.0, 130.0)
+    axis.set_ylabel("speed of points [% of limit]")
+    axis.legend(fontsize=8, loc="upper center", ncols=3)
 
 
 def draw_tube_use(axis: "Axes", curves: TrajectoryCurves) -> None:
@@ -275,6 +294,20 @@ def _draw_shares(
         return
     axis.set_ylabel(f"{quantity} [{unit}]")
     axis.set_title(f"not every joint has a {quantity} limit", fontsize=8, loc="right")
+
+
+def _draw_velocity_by_position(axis: "Axes", curves: TrajectoryCurves) -> None:
+    """Draw the velocities that joints are allowed towards their ends, where they are less."""
+    limits, samples = curves.problem.robot.limits, curves.samples
+    own = limits.velocity
+    unit = own / 100 if np.isfinite(own).all() else np.ones_like(own)
+    most = np.where(np.isfinite(own), own, 1.2 * abs(samples.velocity).max())
+    law = VelocityByPositionLimit(limits)
+    towards_ends = law.allowed(samples.position).T
+    for joint, way, allowed in zip(law.joints, law.way, towards_ends, strict=True):
+        shown = np.where(allowed < most[joint], way * allowed / unit[joint], np.nan)
+        color = LINE_COLORS[joint % len(LINE_COLORS)]
+        axis.plot(samples.time, shown, **{**LIMIT, "color": color})
 
 
 def _unit(problem: PlanningProblem, turning: str, sliding: str) -> str:

@@ -16,6 +16,7 @@ from tubeplanner.views.panels import (
     draw_effort_rates,
     draw_efforts,
     draw_factor,
+    draw_points,
     draw_positions,
     draw_speed,
     draw_tube_use,
@@ -37,7 +38,7 @@ def plot_trajectory(
 
     Positions, velocities, efforts, and their rates if a limit is asked, with the limits; how many
     times faster each instant could be run, `b(t)`; the tool's path in the tube, its speed, and the
-    share of the tolerance it uses.
+    share of the tolerance it uses; the speeds of other points, if these are limited.
 
     Args:
         problem: The planning problem.
@@ -52,21 +53,23 @@ def plot_trajectory(
     """
     trajectory = trajectory.reordered(problem.robot.joint_names)
     curves = trajectory_curves(problem, trajectory)
-    rows = 4 if curves.effort_rate is None else 5
+    draws = [draw_positions, draw_velocities, draw_efforts]
+    draws += [draw_effort_rates] if curves.effort_rate is not None else []
+    draws += [draw_points] if problem.robot.limits.point_speed else []
+    rows = len(draws) + 1
     figure = new_figure(12.5, 2.7 * rows)
     figure.suptitle(f"{problem.name}: {trajectory.duration:.4f} s", fontsize=13)
     grid = figure.add_gridspec(rows, 2, width_ratios=(1.15, 1))
-    by_joint = [figure.add_subplot(grid[row, 0]) for row in range(rows - 1)]
+    left = [figure.add_subplot(grid[row, 0]) for row in range(rows - 1)]
     tool_axis = figure.add_subplot(grid[: rows - 2, 1], projection="3d")
     use, factor, speed = (figure.add_subplot(grid[place]) for place in ((-2, 1), (-1, 0), (-1, 1)))
-    draws = (draw_positions, draw_velocities, draw_efforts, draw_effort_rates)
-    for axis, draw in zip(by_joint, draws, strict=False):
+    for axis, draw in zip(left, draws, strict=True):
         draw(axis, curves)
     draw_tube_use(use, curves)
     draw_speed(speed, curves)
     draw_factor(factor, curves)
-    for axis in (*by_joint, use, speed):
-        mark_segments(axis, curves, labels=axis in (by_joint[0], use))
+    for axis in (*left, use, speed):
+        mark_segments(axis, curves, labels=axis in (left[0], use))
     _draw_tool(tool_axis, problem, curves.tool)
     low, high = _draw_arm(tool_axis, problem, curves.samples.position[[0, -1]])
     _frame(tool_axis, problem, low, high)
