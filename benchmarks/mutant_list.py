@@ -759,7 +759,10 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "_rise_at_end": [("2 * falling[:, 1]", "falling[:, 1]")],
     # --- refinement/spline_constraints ----------------------------------------------------------
     "_JERK_SAMPLES": [("np.arange(3) / 2", "np.arange(2) / 2")],
-    "_depends_on_jerk": [(">=", ">"), ('limit.order >= RATES["jerk"]', "True")],
+    "_depends_on_jerk": [
+        (">=", ">"),
+        ('limit.order >= RATES["jerk"]', "True", "only slower: more samples of efforts"),
+    ],
     # --- constraints/effort_rate, robot/effort_rate ---------------------------------------------
     "EffortRate.used": [
         ("(rate - gravity)", "rate"),
