@@ -66,6 +66,7 @@ TESTS = {
     "constraints/tool_speed": ("refinement/test_spline_constraints.py",),
     "constraints/point_speed": ("refinement/test_spline_constraints.py",),
     "constraints/velocity_by_position": (
+        "constraints/test_approachable_range.py",
         "refinement/test_spline_constraints.py",
         "refinement/test_sensitivities.py",
     ),

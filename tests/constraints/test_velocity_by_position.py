@@ -80,6 +80,8 @@ def test_near_an_end_a_joint_may_rest_and_leave(limited, q):
 
     assert [largest_speed(rate) for rate in (0.0, 1e-12, -1e-12, 0.3 * away)] == [np.inf] * 4
     assert largest_speed(-1e-6 * away) == 0.0
+    # That it must not come back is asked all the same.
+    assert limit.used(path(problem, q, 0.3 * away)).terms[0][0, column] == 1.0
 
 
 def test_one_that_moves_on_is_refused_by_name(limited):

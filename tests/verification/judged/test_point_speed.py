@@ -123,3 +123,16 @@ def test_the_velocity_that_is_enclosed_is_the_points(robot):
         rotation, position = robot.body_poses(q + sign * v)
         sides.append(rotation[:, body] @ in_body[:3] + position[:, body])
     np.testing.assert_allclose(velocity, (sides[0] - sides[1]) / 2e-6, atol=1e-7)
+
+
+def test_the_bounds_know_how_far_the_link_is_away(two_link):
+    """The first joint turns the stretched arm: the whole distance from its axis counts."""
+    point = PointSpeed("link2", (0.3, 0.0, 0.0), 1.0)
+    quantity = point_speed._point_velocity(two_link, point)
+    away = np.linalg.norm(quantity.values(np.zeros((1, 2)), np.array([[1.0, 0.0]])))
+    assert away > 0.4
+    joints = np.zeros((9, 1, 2))
+    joints[1, :, 0] = 0.5
+    bounds = quantity.majorant(joints, np.ones(1))
+    for k, bound in enumerate(bounds):
+        assert (bound >= (1 - 1e-9) * away * 0.5 ** (k + 1) / factorial(k)).all()

@@ -6,7 +6,7 @@ import pytest
 from cases import anywhere, one_joint, quintic
 from tubeplanner import JointTrajectory, Tolerance, verify
 from tubeplanner.verification.judged import velocity_by_position
-from tubeplanner.verification.judged.velocity_by_position import judge_velocity_by_position
+from tubeplanner.verification.judged.velocity_by_position import velocity_by_position_left
 from tubeplanner.verification.judged_motion import JudgedMotion
 
 DECELERATION, OFFSET, LOWER, UPPER, LARGEST = 4.0, 0.6, -1.0, 2.0, 3.0
@@ -24,7 +24,7 @@ def bar(tmp_path):
 
 
 def judged(problem, trajectory):
-    return judge_velocity_by_position(JudgedMotion(problem, trajectory, Tolerance()))
+    return velocity_by_position_left(JudgedMotion(problem, trajectory, Tolerance()))
 
 
 def line(start, velocity, duration=0.1):

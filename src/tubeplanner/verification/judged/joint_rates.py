@@ -6,7 +6,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.outcome import Place
 from tubeplanner.trajectory.bernstein import peak_magnitudes
 from tubeplanner.verification.joint_extremes import highest
-from tubeplanner.verification.judged.velocity_by_position import judge_velocity_by_position
+from tubeplanner.verification.judged.velocity_by_position import velocity_by_position_left
 from tubeplanner.verification.judged_condition import (
     FOR_ALL_TIMES,
     RELATIVE,
@@ -19,7 +19,7 @@ from tubeplanner.verification.judged_motion import JudgedMotion
 def judge_velocity(motion: JudgedMotion) -> JudgedCondition:
     """Judge the velocity limits, exactly, and those that depend on positions."""
     constant = _judge_derivative(motion, 1, motion.robot.limits.velocity)
-    by_position = judge_velocity_by_position(motion)
+    by_position = velocity_by_position_left(motion)
     asked = [each for each in (constant, by_position) if each.margin is not None]
     return min(asked, key=lambda each: each.margin or 0.0, default=constant)
 

@@ -58,7 +58,7 @@ class _Approaches:
         return near / self.largest[which], -velocity / self.largest[which]
 
 
-def judge_velocity_by_position(motion: JudgedMotion) -> JudgedCondition:
+def velocity_by_position_left(motion: JudgedMotion) -> JudgedCondition:
     """Judge the velocity limits that depend on positions, for all t.
 
     Margins are relative to the joint's velocity limit or, where it has none, to the velocity from
