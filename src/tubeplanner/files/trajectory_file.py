@@ -19,6 +19,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.documents import DocumentError, parse_json, parse_yaml, read_text
 from tubeplanner.errors import TrajectoryError, shown
 from tubeplanner.names import require_name
+from tubeplanner.trajectory.hermite_pieces import hermite_pieces
 from tubeplanner.trajectory.joint_trajectory import MIN_DURATION, JointTrajectory
 
 TRAJECTORY_FORMAT = "tubeplanner/trajectory"
@@ -334,10 +335,7 @@ def joined_samples(
         time: Shape (N,), increasing from 0 [s].
         known: Positions and their derivatives at the samples, each (N, n).
     """
-    from scipy.interpolate import BPoly, PPoly
-
-    curve = PPoly.from_bernstein_basis(BPoly.from_derivatives(time, np.stack(known, axis=1)))
-    return JointTrajectory(joint_names, curve.x, curve.c)
+    return JointTrajectory(joint_names, time, hermite_pieces(time, known))
 
 
 def _require_same_units(time: FloatArray, tables: dict[str, FloatArray]) -> None:
