@@ -21,10 +21,10 @@ from tubeplanner.refinement.trust_region import TrustRegion
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, from_spline
 from tubeplanner.verification.certificate import Certificate
 
-_FIRST_DAMPING = 0.1
-_FIRST_TRUST, _LEAST_TRUST = 0.02, 0.002  # [rad or m]
-_PENALTY = 30.0
-_GAIN = 0.03  # of the sum of logarithms
+_FIRST_DAMPING = 1e-3
+_FIRST_TRUST, _LEAST_TRUST = 0.01, 0.002  # [rad or m]
+_PENALTY = 1.0
+_GAIN = 3e-4
 _STEPS_PER_ROUND, _MAX_ROUNDS = 4, 8
 # Aimed at is this share less than the duration that it may take, for peaks between samples, and no
 # more than a share of what it may take longer.

@@ -27,8 +27,9 @@ _NOTHING = 1e-12  # beside measures that may vanish
 # Joints that hardly move count as if they moved this share of the farthest.
 _LEAST_TRAVEL = 0.05
 _LOOKS = 200
-# What a longer T^2 costs at first, and at most: doubled while steps would be longer than they may.
-_FIRST_PRICE, _MAX_PRICE = 100.0, 2000.0
+# What the sum of logarithms is worth at first, and at least, in shares of T^2: halved while steps
+# would make the motion longer than it may be.
+_FIRST_WORTH, _LEAST_WORTH = 1e-2, 5e-4
 _LONGER = 1e-4
 # Control points that count between two samples: those of a knot interval and the next.
 _POINTS = DEGREE + 2
@@ -68,7 +69,7 @@ class Smoothness:
             run_in: The duration [s].
         """
         self.run_in = run_in
-        self._price = _FIRST_PRICE
+        self._worth = _FIRST_WORTH
         looks = spline.grid.samples_at(spline.switching_times, np.linspace(0.0, 1.0, _LOOKS))
         at = sampled(spline, looks)
         travel = np.ptp(at.position, axis=0)
@@ -85,11 +86,11 @@ class Smoothness:
     def cost(
         self, current: Iterate, variables: ControlVariables, regularization: Quadratic
     ) -> Quadratic:
-        """Return the cost: convex quadratics of the measures, and the price of a longer T^2."""
-        own = self._model(current, variables)
+        """Return the cost: convex quadratics of the measures, and eta."""
+        own = self._model(current, variables).times(self._worth)
         self._last = current, own
         hessian = (own.hessian + regularization.hessian).tocsc()
-        return Quadratic(hessian, own.gradient + regularization.gradient, self._price)
+        return Quadratic(hessian, own.gradient + regularization.gradient)
 
     def predicted_gain(self, current: Iterate, step: Step) -> float:
         """Return what a step should gain, of the cost that was asked for last."""
@@ -98,19 +99,19 @@ class Smoothness:
         padded = np.append(change, [0.0, 0.0])
         own = self._last[1]
         less = -(own.gradient @ change) - padded @ (own.hessian @ padded) / 2
-        return float(less + self._price * (self._longer(current) - max(step.duration, 0.0)))
+        return float(less + self._longer(current) - max(step.duration, 0.0))
 
     def gain(self, current: Iterate, trial: Iterate) -> float:
-        """Return by how much a trial is smoother, less the price of being longer."""
+        """Return what being smoother is worth, less the share by which T^2 is longer."""
         if not np.isfinite(trial.squared_duration):
             return -np.inf
         longer = self._longer(trial) - self._longer(current)
-        return self.value(current) - self.value(trial) - self._price * longer
+        return self._worth * (self.value(current) - self.value(trial)) - longer
 
     def after(self, step: Step) -> None:
-        """Raise the price if the step would make the motion longer than it may be."""
+        """Let smoothness be worth less if the step would make the motion longer than it may be."""
         if step.duration > _LONGER:
-            self._price = min(2 * self._price, _MAX_PRICE)
+            self._worth = max(self._worth / 2, _LEAST_WORTH)
 
     def _longer(self, iterate: Iterate) -> float:
         """Return by which share T^2 would have to be longer."""
