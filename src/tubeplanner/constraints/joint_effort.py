@@ -36,8 +36,7 @@ class JointEffort:
 
     def by_path(self, at: PathSamples, speed: float) -> Mapping[int, FloatArray]:
         """Return how the shares change with the path."""
-        state = (at.position, at.rate(1, speed), at.rate(2, speed))
-        blocks = enumerate(at.problem.robot.inverse_dynamics_derivatives(*state))
+        blocks = enumerate(at.effort_derivatives(speed))
         return {k: by[:, self.joints] * (speed**k / self.limit[:, None]) for k, by in blocks}
 
     def key_of(self, at: PathSamples) -> IntArray:

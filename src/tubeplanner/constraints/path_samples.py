@@ -1,7 +1,7 @@
 """An arm's path at samples, and what limits need to know of it, computed once."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 from tubeplanner.arrays import FloatArray, IntArray
@@ -24,6 +24,9 @@ class PathSamples:
     problem: PlanningProblem
     by_path: FloatArray
     segments: Callable[[], IntArray] | None = None
+    _effort_derivatives: dict[float, tuple[FloatArray, FloatArray, FloatArray]] = field(
+        default_factory=dict, repr=False
+    )
 
     def __len__(self) -> int:
         return self.by_path.shape[1]
@@ -64,6 +67,19 @@ class PathSamples:
     def gravity_rate(self) -> FloatArray:
         """How fast efforts against gravity do, likewise."""
         return gravity_effort_rate(self.problem.robot, *self.by_path[:2])
+
+    def effort_derivatives(self, speed: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the efforts' derivatives by position, velocity and acceleration at a speed.
+
+        As `RobotModel.inverse_dynamics_derivatives`, (N, n, n) each; kept for one speed.
+        """
+        if speed not in self._effort_derivatives:
+            state = (self.position, self.rate(1, speed), self.rate(2, speed))
+            self._effort_derivatives.clear()
+            self._effort_derivatives[speed] = self.problem.robot.inverse_dynamics_derivatives(
+                *state
+            )
+        return self._effort_derivatives[speed]
 
     @cached_property
     def tool_pose(self) -> tuple[FloatArray, FloatArray]:

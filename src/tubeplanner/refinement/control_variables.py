@@ -17,7 +17,7 @@ from tubeplanner.trajectory.fitted_spline import REST_POINTS
 FIXED = -1
 # Directions in which the joints at the goal move the tool by less than this [m/rad] are left free.
 _MIN_GAIN = 1e-6
-_TOOL_TOLERANCE = 1e-9  # [m]
+_TOOL_TOLERANCE = 3e-7  # [m], near where the arm loses a direction too
 _SAMPLES, _SEED = 5, 0  # configurations looked at for redundant joints
 
 

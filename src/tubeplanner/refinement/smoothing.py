@@ -24,7 +24,7 @@ from tubeplanner.verification.certificate import Certificate
 _FIRST_DAMPING = 1e-3
 _FIRST_TRUST, _LEAST_TRUST = 0.01, 0.002  # [rad or m]
 _PENALTY = 1.0
-_GAIN = 3e-4
+_GAIN = 5e-4
 _STEPS_PER_ROUND, _MAX_ROUNDS = 4, 8
 # Aimed at is this share less than the duration that it may take, for peaks between samples, and no
 # more than a share of what it may take longer.

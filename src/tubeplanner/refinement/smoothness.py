@@ -1,27 +1,28 @@
 """How smooth a motion is, and what a step makes of it: an objective beside the duration.
 
-Three measures, each seeing what the others do not: the efforts' rates to the fourth power see the
-highest peaks, at both ends; their total variation sees how often motors switch; the squared jerk
-sees joints of little inertia. Their logarithms are added, so that scales do not matter.
+Three measures, each seeing what the others do not: the total variation of the efforts sees how
+often motors switch, their rates how fast, and jerk what joints of little inertia do. Rates and
+jerks count with the fourth power, for their peaks, which are at both ends. The measures' logarithms
+are added, so that scales do not matter.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import sparse
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.constraints.joint_effort import JointEffort
 from tubeplanner.constraints.joint_rate import JointRate
 from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.refinement.control_variables import FIXED, ControlVariables
+from tubeplanner.refinement.control_variables import ControlVariables
+from tubeplanner.refinement.interval_blocks import IntervalBlocks
 from tubeplanner.refinement.linear_program import Quadratic, Step
 from tubeplanner.refinement.phased_spline import DEGREE, KnotGrid, PhasedSpline, Samples
 from tubeplanner.refinement.sampled_spline import SampledSpline, sampled
 from tubeplanner.refinement.spline_constraints import Iterate
 
-# Weights of the logarithms: of the effort rate to the fourth power, total variation, squared jerk.
-_WEIGHTS = (0.25, 1.0, 0.35)
+# Weights of the logarithms: of effort rate and jerk to the fourth power, variation between them.
+_WEIGHTS = (0.25, 1.0, 0.175)
 _ROUNDED = 0.01  # changes of effort below this share of the limit count for less in the variation
 _NOTHING = 1e-12  # beside measures that may vanish
 # Joints that hardly move count as if they moved this share of the farthest.
@@ -43,7 +44,7 @@ class _Measured:
         change: Changes of effort between samples, in limits, shape (2 M, n).
         elapsed: Between those samples, as a share of the duration, shape (2 M, 1).
         rate: The changes, so that their fourth powers add up to the integral of the rate's.
-        jerk: So that the squares add up to the integral of the squared jerk, shape (M, n).
+        jerk: So that the fourth powers add up to the integral of the jerk's, shape (M, n).
         totals: The measures: rate, variation, jerk, shape (3,).
     """
 
@@ -76,6 +77,7 @@ class Smoothness:
         self._jerk = JointRate("jerk", np.maximum(travel, _LEAST_TRAVEL * travel.max()))
         self._effort = JointEffort(_nominal_efforts(problem, at, run_in))
         self._set_samples(spline.grid)
+        self._blocks: IntervalBlocks | None = None
         self._last: tuple[Iterate, Quadratic] | None = None
         self._measured: list[tuple[Iterate, _Measured]] = []
 
@@ -140,9 +142,9 @@ class Smoothness:
         elapsed = np.diff(times)[:, None]
         rate = change * elapsed**-0.75
         width = elapsed[::2] + elapsed[1::2]
-        jerk = self._jerk.used(current.rates[1]).at(1.0)[: self._intervals] * np.sqrt(width)
+        jerk = self._jerk.used(current.rates[1]).at(1.0)[: self._intervals] * width**0.25
         variation = np.sqrt(change**2 + _ROUNDED**2) - _ROUNDED
-        totals = np.array([(rate**4).sum(), variation.sum(), (jerk**2).sum()]) + _NOTHING
+        totals = np.array([(rate**4).sum(), variation.sum(), (jerk**4).sum()]) + _NOTHING
         return _Measured(change, elapsed, rate, jerk, totals)
 
     def _model(self, current: Iterate, variables: ControlVariables) -> Quadratic:
@@ -157,7 +159,11 @@ class Smoothness:
         corner = np.einsum("mri,mr,mrk->ik", switching, curvature, switching)
         gradient = np.einsum("mrv,mr->mv", control, slope)
         by_switching = np.einsum("mri,mr->i", switching, slope)
-        return _assembled(variables, (blocks, mixed, corner), (gradient, by_switching))
+        if self._blocks is None:
+            self._blocks = IntervalBlocks(variables, self._intervals, _POINTS, self._switches)
+        return Quadratic(
+            self._blocks.matrix(blocks, mixed, corner), self._blocks.vector(gradient, by_switching)
+        )
 
     def _residuals(self, current: Iterate, measured: _Measured) -> tuple[FloatArray, FloatArray]:
         """Return how rates, changes and jerks change, interval by interval, R each.
@@ -200,12 +206,12 @@ class Smoothness:
         at, path = current.rates
         control, switching = at.chained(self._jerk.by_path(path, 1.0))
         width = measured.elapsed[::2] + measured.elapsed[1::2]
-        root = np.sqrt(width)
+        root = width**0.25
         wider = later[::2] + later[1::2]
         control = control[: self._intervals] * root[:, :, None, None]
         switching = switching[: self._intervals] * root[:, :, None]
         padding = [(0, 0), (0, 0), (0, 1), (0, 0)]
-        return np.pad(control, padding), switching + (measured.jerk / (2 * width))[
+        return np.pad(control, padding), switching + (measured.jerk / (4 * width))[
             :, :, None
         ] * wider
 
@@ -229,8 +235,8 @@ def _derivatives(measured: _Measured) -> tuple[FloatArray, FloatArray]:
     rate, change, jerk = measured.rate, measured.change, measured.jerk
     share = _WEIGHTS / measured.totals
     rounded = np.sqrt(change**2 + _ROUNDED**2)
-    curvature = (12 * share[0] * rate**2, share[1] / rounded, np.full(jerk.shape, 2 * share[2]))
-    slope = (4 * share[0] * rate**3, share[1] * change / rounded, 2 * share[2] * jerk)
+    curvature = (12 * share[0] * rate**2, share[1] / rounded, 12 * share[2] * jerk**2)
+    slope = (4 * share[0] * rate**3, share[1] * change / rounded, 4 * share[2] * jerk**3)
     rows = len(jerk)
     return (
         np.concatenate([part.reshape(rows, -1) for part in curvature], axis=1),
@@ -243,51 +249,3 @@ def _by_interval(change: FloatArray, intervals: int) -> FloatArray:
     samples, quantities = change.shape[:2]
     each = samples * quantities // intervals
     return change.reshape(intervals, each, change[0, 0].size)
-
-
-def _assembled(
-    variables: ControlVariables,
-    hessian: tuple[FloatArray, FloatArray, FloatArray],
-    gradient: tuple[FloatArray, FloatArray],
-) -> Quadratic:
-    """Return a quadratic over all that may change.
-
-    Args:
-        variables: What may change.
-        hessian: By the 5 control points of every interval, (M, 5 n, 5 n), by these and the
-            switching times, (M, 5 n, m-1), and by these alone, (m-1, m-1).
-        gradient: Likewise, (M, 5 n) and (m-1,).
-    """
-    blocks, mixed, corner = hessian
-    by_control, by_switching = gradient
-    free, n = variables.lower.shape
-    switches = len(corner)
-    # After the last interval there is no further control point; its derivatives are zero.
-    column = np.append(variables.column, FIXED)
-    which = column[np.arange(len(blocks))[:, None] + np.arange(_POINTS)]
-    place = which[:, :, None] * n + np.arange(n)
-    place[which == FIXED] = FIXED
-    place = place.reshape(len(blocks), -1)
-    switching = np.broadcast_to(free * n + np.arange(switches), (len(blocks), switches))
-    place = np.concatenate([place, switching], axis=1)
-    whole = np.concatenate(
-        [
-            np.concatenate([blocks, mixed], axis=2),
-            np.concatenate([np.swapaxes(mixed, 1, 2), _spread(corner, len(blocks))], axis=2),
-        ],
-        axis=1,
-    )
-    row, other = np.broadcast_arrays(place[:, :, None], place[:, None, :])
-    known = (row != FIXED) & (other != FIXED)
-    size = free * n + switches + 2
-    matrix = sparse.coo_matrix((whole[known], (row[known], other[known])), (size, size)).tocsc()
-    total = np.zeros(size - 2)
-    is_free = place[:, : by_control.shape[1]] != FIXED
-    np.add.at(total, place[:, : by_control.shape[1]][is_free], by_control[is_free])
-    total[free * n :] = by_switching
-    return Quadratic(matrix, total)
-
-
-def _spread(corner: FloatArray, count: int) -> FloatArray:
-    """Return what adds up to a matrix, so many times its part."""
-    return np.broadcast_to(corner / count, (count, *corner.shape))

@@ -13,7 +13,7 @@ _SMOOTHING = 1e-5
 _PROXIMITY = 1e-3
 # Of switching times, eta and the elastic variable: next to none.
 _OTHERS = 1e-9
-_DURATION_AND_ELASTIC = 2
+DURATION_AND_ELASTIC = 2
 _FIRST, _THIRD = (-1.0, 1.0), (-1.0, 3.0, -3.0, 1.0)
 
 
@@ -30,7 +30,7 @@ class StepCost:
         """
         self._variables, self._intervals = variables, grid.interval_count
         self._weight = 2 * _SMOOTHING * grid.interval_count**5 / 250_000
-        count, others = len(variables.lower), grid.switch_count + _DURATION_AND_ELASTIC
+        count, others = len(variables.lower), grid.switch_count + DURATION_AND_ELASTIC
         # Real and imaginary: two matrices with one pattern, so that their sum costs no search.
         smoothing = _squared_differences(variables.column, _THIRD)
         rates = _squared_differences(variables.column, _FIRST)
@@ -61,7 +61,7 @@ class StepCost:
         by_point = np.zeros_like(control_points)
         for place, weight in enumerate(_THIRD):
             by_point[place : place + len(bends)] += weight * bends
-        gradient = np.zeros(hessian.shape[0] - _DURATION_AND_ELASTIC)
+        gradient = np.zeros(hessian.shape[0] - DURATION_AND_ELASTIC)
         by_variable = self._weight * self._variables.collected(by_point)
         gradient[: by_variable.size] = by_variable.ravel()
         return Quadratic(hessian, gradient)
