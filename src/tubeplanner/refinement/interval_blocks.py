@@ -66,6 +66,6 @@ class IntervalBlocks:
         """
         known = self._place != FIXED
         size = self._size - DURATION_AND_ELASTIC
-        total: FloatArray = np.bincount(self._place[known], by_control[known], size)
+        total = np.bincount(self._place[known], by_control[known], size).astype(float)
         total[self._switching] += by_switching
         return total
