@@ -159,7 +159,7 @@ def test_a_motion_without_a_certificate_is_planned_afresh(planner_of, bundled, m
         refused = replace(judged[-1], status=PlanStatus.CERTIFICATE_FAILED, certificate=None)
         return refused if len(judged) == 1 else judged[-1]
 
-    monkeypatch.setattr("tubeplanner.planning.refined_plan.certified_result", judge)
+    monkeypatch.setattr("tubeplanner.planning.certified_motion.certified_result", judge)
     result = planner.replan(problem)
     assert len(judged) == 2
     assert result.succeeded
