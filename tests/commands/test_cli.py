@@ -87,6 +87,19 @@ def test_json_is_one_object_with_every_field(run_json):
     assert fields["certificate"]["passed"] is True
 
 
+def test_the_answer_is_smooth_unless_the_shortest_is_asked_for(run_json):
+    _, smooth = run_json("plan", PROBLEM)
+    _, shortest = run_json("plan", PROBLEM, "--slack", 0)
+    least = shortest["duration"]
+    assert smooth["shortest_duration"] == shortest["shortest_duration"] == least
+    assert least < smooth["duration"] <= 1.005 * least * (1 + 1e-9)
+    smoothed = [
+        any(note.startswith("smoothed: the shortest motion takes") for note in fields["notes"])
+        for fields in (smooth, shortest)
+    ]
+    assert smoothed == [True, False]
+
+
 def test_the_first_lines_are_the_peaks_and_what_nothing_limits(run, run_json, tmp_path):
     lines = run("plan", PROBLEM)[1].splitlines()
     assert lines[1].startswith("peaks: joint acceleration ")
