@@ -213,6 +213,18 @@ def test_an_interrupt_leaves_what_is_certified_or_is_passed_on(planner_of, bundl
         planner_of("two_link/around_a_post").replan(wider, after(0))
 
 
+def test_a_shortest_motion_is_remembered_though_it_was_not_smoothed(bundled):
+    def interrupt(step):
+        if step.stage == "smoothing":
+            raise KeyboardInterrupt
+
+    problem = bundled("two_link/around_a_post")
+    planner = Planner(problem)
+    assert planner.plan(interrupt).stopped_by == "interrupt"
+    result = planner.replan(problem, interrupt)
+    assert NOTE in result.notes and result.stopped_by == "interrupt"
+
+
 def test_a_time_limit_ends_it(planner_of, bundled):
     problem = bundled("two_link/around_a_post")
     planner = planner_of("two_link/around_a_post")
