@@ -1,7 +1,7 @@
 """Plan random problems that have a solution, and let the outside judge look at every answer.
 
     python benchmarks/campaign.py --count 40 [--seed 0] [--output F.jsonl] [--pairs]
-        [--baselines] [--processes 1] [--time-limit 60] [--keep FOLDER]
+        [--baselines] [--processes 1] [--time-limit 60] [--slack 0] [--keep FOLDER]
 
 Every problem is built round a slow trajectory that solves it by the outside judge's own verdict
 (`campaign_problems.py`): bundled arms, any chain of example-robot-data, random chains with sliding
@@ -52,12 +52,14 @@ class Options:
         baselines: Whether smoothed schemes as well.
         time_limit: Of every plan [s].
         keep: Where folders of problems that are wrong or refused are kept; None: nowhere.
+        slack: By which share longer than the shortest motions answers may be, to be smooth.
     """
 
     pairs: bool
     baselines: bool
     time_limit: float
     keep: Path | None
+    slack: float = 0.0
 
 
 def examine(seed: int, options: Options) -> Fields:
@@ -116,7 +118,7 @@ def _features(built: Built) -> Fields:
 def _planned(path: Path, options: Options, judge: Judge | None = None) -> Fields:
     """Plan a problem file and judge the answer."""
     trajectory = path.with_suffix(".json")
-    line = _answer(path, trajectory, options.time_limit, baselines=options.baselines)
+    line = _answer(path, trajectory, options)
     if line["status"] != "success":
         return line
     begin = time.perf_counter()
@@ -126,14 +128,15 @@ def _planned(path: Path, options: Options, judge: Judge | None = None) -> Fields
     return line
 
 
-def _answer(path: Path, trajectory: Path, time_limit: float, *, baselines: bool) -> Fields:
-    script = Path(__file__).with_name("campaign_plan.py")
+def _answer(path: Path, trajectory: Path, options: Options) -> Fields:
+    script, time_limit = Path(__file__).with_name("campaign_plan.py"), options.time_limit
     command = [sys.executable, str(script), str(path), str(trajectory)]
-    command += ["--baselines"] if baselines else []
+    command += ["--time-limit", str(time_limit), "--slack", str(options.slack)]
+    command += ["--baselines"] if options.baselines else []
     line: Fields = {"status": "crash", "message": "", "duration": None, "planning_time": None}
     try:
         done = subprocess.run(
-            [*command, "--time-limit", str(time_limit)],
+            command,
             capture_output=True,
             text=True,
             timeout=time_limit + GRACE,
@@ -254,12 +257,13 @@ def main() -> int:
     parser.add_argument("--baselines", action="store_true", help="smoothed schemes as well")
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--time-limit", type=float, default=60.0, help="of every plan [s]")
+    parser.add_argument("--slack", type=float, default=0.0, help="of every plan, to be smooth")
     parser.add_argument("--keep", type=Path, help="folder for problems that are wrong or refused")
     options = parser.parse_args()
     seeds = range(options.seed, options.seed + options.count)
     lines = [line for line in _read(options.output) if line["seed"] in seeds]
     done = {line["seed"] for line in lines}
-    how = Options(options.pairs, options.baselines, options.time_limit, options.keep)
+    how = Options(options.pairs, options.baselines, options.time_limit, options.keep, options.slack)
     for line in _lines([seed for seed in seeds if seed not in done], how, options.processes):
         lines.append(line)
         print(_progress(line), flush=True)

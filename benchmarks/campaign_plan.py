@@ -1,7 +1,7 @@
 """Plan one problem file by the public API, for `campaign.py`, in a process that may be ended.
 
     python benchmarks/campaign_plan.py PROBLEM.yaml TRAJECTORY.json [--time-limit SECONDS]
-    [--baselines]
+    [--slack SHARE] [--baselines]
 
 Prints one JSON object: status, message, duration, planning_time, and with --baselines the duration
 of the fastest smoothed scheme that passes the certificate.
@@ -18,14 +18,14 @@ BASELINES = ("smoothed-arc-corners", "smoothed-bang-bang")
 
 
 def answer(
-    problem: Path, trajectory: Path, time_limit: float | None, baselines: bool
+    problem: Path, trajectory: Path, options: tubeplanner.PlanOptions, baselines: bool
 ) -> dict[str, Any]:
     """Plan a problem, write the trajectory if there is one, and return what came of it."""
     try:
         loaded = tubeplanner.load_problem(problem)
     except tubeplanner.TubePlannerError as error:
         return {"status": "bad_input", "message": str(error)}
-    result = tubeplanner.plan(loaded, tubeplanner.PlanOptions(time_limit=time_limit))
+    result = tubeplanner.plan(loaded, options)
     if result.trajectory is not None:
         trajectory.write_text(json.dumps(_fields(result.trajectory), allow_nan=False))
     line = {
@@ -57,9 +57,11 @@ def main() -> None:
     parser.add_argument("problem", type=Path)
     parser.add_argument("trajectory", type=Path)
     parser.add_argument("--time-limit", type=float)
+    parser.add_argument("--slack", type=float, default=0.0)
     parser.add_argument("--baselines", action="store_true")
-    options = parser.parse_args()
-    found = answer(options.problem, options.trajectory, options.time_limit, options.baselines)
+    asked = parser.parse_args()
+    options = tubeplanner.PlanOptions(time_limit=asked.time_limit, slack=asked.slack)
+    found = answer(asked.problem, asked.trajectory, options, asked.baselines)
     print(json.dumps(found))
 
 

@@ -8,6 +8,12 @@ from pathlib import Path
 from typing import Any
 
 HERE = Path(__file__).resolve().parent.parent
+# What drivers begin with, for either checkout's package, whether it makes motions smooth or not:
+# durations are compared of the shortest ones.
+SHORTEST = """
+from tubeplanner import PlanOptions
+SHORTEST = PlanOptions(slack=0.0) if hasattr(PlanOptions, "slack") else PlanOptions()
+"""
 
 
 class Checkout:

@@ -32,6 +32,9 @@ DRIVER = """
 import importlib, sys, time
 from tubeplanner.commands.cli import main
 *arguments, module, name = sys.argv[1:]
+if arguments[0] == "plan":
+    from tubeplanner import PlanOptions
+    arguments += ["--slack", "0"] if hasattr(PlanOptions, "slack") else []
 module, taken = importlib.import_module(module), []
 real = getattr(module, name)
 def timed(*values, **named):

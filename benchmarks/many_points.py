@@ -23,7 +23,8 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-HERE = Path(__file__).resolve().parent.parent
+from checkout import HERE, SHORTEST
+
 COUNTS = (12, 25, 50, 100, 200, 250, 500, 1000, 2000)
 RADII = (0.010, 0.002)
 CUT = ("ur5/over_the_wall", "panda/between_shelves", "xarm7/from_crate_to_crate")
@@ -54,9 +55,9 @@ if case["bundled"]:
     problem = replace(problem, tube=cut(problem.tube, case["parts"]))
 else:
     problem = parse_problem(case["data"])
-plan(load_problem("example:two_link/around_a_post"))
+plan(load_problem("example:two_link/around_a_post"), SHORTEST)
 begun = time.process_time()
-result = plan(problem)
+result = plan(problem, SHORTEST)
 cpu = time.process_time() - begun
 answer = {"status": result.status, "method": result.method, "duration": result.duration}
 memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024  # [MiB] on Linux
@@ -211,7 +212,7 @@ def planned(checkout: Path, case: Case, limit: float) -> dict[str, Any]:
     question = json.dumps(asdict(case) | {"parts": case.count})
     try:
         run = subprocess.run(
-            [sys.executable, "-c", DRIVER],
+            [sys.executable, "-c", SHORTEST + DRIVER],
             input=question,
             stdout=subprocess.PIPE,
             env=environment,

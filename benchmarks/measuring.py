@@ -20,7 +20,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
-HERE = Path(__file__).resolve().parent.parent
+from checkout import HERE, SHORTEST
+
 MEASURED = (
     "two_link/around_a_post",
     "ur5/over_the_wall",
@@ -50,7 +51,7 @@ compared = [] if kind == "measure" else [one for one in answer.compared if one]
 print(json.dumps({
     "cpu": cpu,
     "radius": None if found is None else found.tube.radius.tolist(),
-    "duration": None if found is None else plan(found).duration,
+    "duration": None if found is None else plan(found, SHORTEST).duration,
     "compared": min(compared, default=None),
 }))
 """
@@ -77,7 +78,7 @@ def main() -> int:
 def _run(root: Path, kind: str, name: str, seed: int) -> dict[str, Any]:
     environment = {**os.environ, "PYTHONPATH": str(root / "src"), "OPENBLAS_NUM_THREADS": "1"}
     done = subprocess.run(
-        [sys.executable, "-c", DRIVER],
+        [sys.executable, "-c", SHORTEST + DRIVER],
         input=json.dumps([kind, name, seed]) + "\n",
         env=environment,
         capture_output=True,

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from checkout import HERE, Checkout
+from checkout import HERE, SHORTEST, Checkout
 from narrow_cases import Case, cases
 
 SMOOTHED = ("smoothed-arc-corners", "smoothed-bang-bang")
@@ -33,7 +33,7 @@ for line in sys.stdin:
         tube = problem.tube
         problem = replace(problem, tube=tube.with_radius(case["radius"] + tube.tool_radius))
     begun = time.process_time()
-    result = plan(problem)
+    result = plan(problem, SHORTEST)
     answer = {"duration": result.duration, "status": result.status, "method": result.method}
     answer["cpu"] = time.process_time() - begun
     if baselines:
@@ -76,8 +76,8 @@ def main() -> int:
     parser.add_argument("--against", type=Path, help="another checkout")
     parser.add_argument("--only", default="", help="problems whose name contains this")
     arguments = parser.parse_args()
-    here = Checkout(HERE, DRIVER)
-    other = Checkout(arguments.against.resolve(), DRIVER) if arguments.against else None
+    here = Checkout(HERE, SHORTEST + DRIVER)
+    other = Checkout(arguments.against.resolve(), SHORTEST + DRIVER) if arguments.against else None
     names = ("T [s]", "mark", "baseline", "other T", "CPU", "other")
     print(f"{'problem':32}" + "".join(f"{name:>10}" for name in names))
     faults, ratios = 0, {}

@@ -14,7 +14,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from checkout import HERE, Checkout
+from checkout import HERE, SHORTEST, Checkout
 
 MAX_MEAN, MAX_WORST, MAX_LONGER = 0.6, 0.8, 1.0005
 # Both checkouts run this, through names that do not change; the problems are made alike.
@@ -47,7 +47,7 @@ for line in sys.stdin:
     problem, spent[0] = problem_of(json.loads(line)), 0.0
     problem.collision
     begin = time.process_time()
-    result = plan(problem)
+    result = plan(problem, SHORTEST)
     seconds = time.process_time() - begin - spent[0]
     print(json.dumps([result.succeeded, result.duration, result.method, seconds]), flush=True)
 """
@@ -77,7 +77,7 @@ def main() -> int:
     parser.add_argument("--only", nargs="*", default=[])
     arguments = parser.parse_args()
     folders, modules = (arguments.other.resolve(), HERE), str(HERE / "benchmarks")
-    checkouts = [Checkout(folder, DRIVER, modules) for folder in folders]
+    checkouts = [Checkout(folder, SHORTEST + DRIVER, modules) for folder in folders]
     for checkout in checkouts:
         checkout.ask("example:two_link/paper_1_30mm")
     ratios, durations = [], []

@@ -34,6 +34,7 @@ from tubeplanner.planning.plan_options import QUALITIES
 from tubeplanner.refinement.refinement import Refinement
 from tubeplanner.refinement.spline_start import starting_spline
 
+SHORTEST = PlanOptions(slack=0.0)
 # What is possible [s] at 10, 30 and 50 mm, by example; what the paper printed after its phase 2.
 POSSIBLE = {
     1: (0.706, 0.688, 0.671),
@@ -79,7 +80,7 @@ def paper(repeats: int) -> None:
             RADII, POSSIBLE[example], PRINTED[example], strict=True
         ):
             problem = load_problem(f"example:{paper_example(example, radius)}")
-            result, seconds = timed(problem, PlanOptions(), repeats)
+            result, seconds = timed(problem, SHORTEST, repeats)
             ratios.append(result.duration / possible)
             times.append(seconds)
             print(
@@ -101,7 +102,10 @@ def arms(repeats: int) -> None:
         problem = load_problem(f"example:{name}")
         methods = [PlanOptions("stop-at-corners"), PlanOptions("branch-and-bound")]
         cells = []
-        for options in [*methods, *(PlanOptions(quality=quality) for quality in QUALITIES)]:
+        for options in [
+            *methods,
+            *(PlanOptions(quality=quality, slack=0.0) for quality in QUALITIES),
+        ]:
             result, seconds = timed(problem, options, repeats)
             other = "" if result.method == options.method else f" ({result.method})"
             cells.append(f"{result.duration:.4f} / {seconds:.2f}{other}")
@@ -133,7 +137,7 @@ def sizes(repeats: int) -> None:
         cells = []
         for count in SEGMENTS:
             problem = zigzag(name, count)
-            result, seconds = timed(problem, PlanOptions(), repeats)
+            result, seconds = timed(problem, SHORTEST, repeats)
             found = f"{result.duration:.3f}" if result.method == "refinement" else result.status
             cells.append(f"{seconds:.2f} ({found})")
         joints = problem.robot.joint_count
@@ -189,7 +193,7 @@ def convergence(path: Path) -> None:
     histories: dict[str, list[Progress]] = {}
     for name in (paper_example(1, 30), paper_example(5, 10), *ARMS[1:]):
         histories[name] = []
-        plan(load_problem(f"example:{name}"), progress=histories[name].append)
+        plan(load_problem(f"example:{name}"), SHORTEST, progress=histories[name].append)
     plot_convergence(histories, path)
     print(f"{path}")
 

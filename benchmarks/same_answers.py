@@ -19,15 +19,17 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-HERE = Path(__file__).resolve().parent.parent
+from checkout import HERE, SHORTEST
+
 PAPER_METHODS = ("branch-and-bound", "suh-bishop")
 # Planned by either checkout's own package, through names that do not change.
 DRIVER = """
+from dataclasses import replace
 import hashlib, json, sys, time
-from tubeplanner import PlanOptions, load_problem, plan
+from tubeplanner import load_problem, plan
 for name, method in json.load(sys.stdin):
     problem, begin = load_problem(f"example:{name}"), time.process_time()
-    result = plan(problem, PlanOptions(method))
+    result = plan(problem, replace(SHORTEST, method=method))
     seconds = time.process_time() - begin
     margins = {} if result.certificate is None else {
         condition: judged.margin for condition, judged in result.certificate.conditions.items()}
@@ -56,7 +58,7 @@ def answers(checkout: Path) -> list[dict]:
     """Return what the sources of a checkout plan."""
     environment = os.environ | {"PYTHONPATH": str(checkout / "src"), "OPENBLAS_NUM_THREADS": "1"}
     done = subprocess.run(
-        [sys.executable, "-c", DRIVER],
+        [sys.executable, "-c", SHORTEST + DRIVER],
         input=json.dumps(bundled_plans()),
         env=environment,
         capture_output=True,

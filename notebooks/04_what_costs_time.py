@@ -22,7 +22,7 @@ from dataclasses import replace
 import matplotlib.pyplot as plt
 import numpy as np
 
-from tubeplanner import LimitOverrides, load_problem, load_robot, plan
+from tubeplanner import LimitOverrides, PlanOptions, load_problem, load_robot, plan
 
 plt.rcParams.update({"figure.dpi": 100, "axes.grid": True, "grid.alpha": 0.25})
 
@@ -30,7 +30,7 @@ plt.rcParams.update({"figure.dpi": 100, "axes.grid": True, "grid.alpha": 0.25})
 # ## Read the sensitivities
 #
 # Each entry is the *elasticity* d ln T / d ln limit: the relative fall of the duration per relative rise of the limit. Most
-# limits cost nothing, because another limit applies first.
+# limits cost nothing, because another limit applies first. They are those of the shortest motion, which `slack=0` asks for.
 
 # %%
 
@@ -50,13 +50,14 @@ def show(result, title, most=8):
     plt.show()
 
 
+shortest = PlanOptions(slack=0.0)
 wall = load_problem("example:ur5/over_the_wall")
-over_the_wall = plan(wall)
+over_the_wall = plan(wall, shortest)
 show(over_the_wall, "UR5 over the wall")
 
 # %%
 post = load_problem("example:two_link/around_a_post")
-around = plan(post)
+around = plan(post, shortest)
 show(around, "Two-link arm around a post", most=5)
 
 # %% [markdown]
@@ -99,7 +100,7 @@ def checked(problem, arm, result, most):
     """Return entries with what they predict and what planning again saves [ms]."""
     rows = []
     for sensitivity in result.sensitivities[:most]:
-        again = plan(with_more(problem, arm, sensitivity))
+        again = plan(with_more(problem, arm, sensitivity), shortest)
         rows.append(
             (
                 f"{arm.__name__}: {name(sensitivity)}",

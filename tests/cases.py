@@ -5,7 +5,18 @@ from dataclasses import fields as dataclass_fields
 import numpy as np
 import pytest
 
-from tubeplanner import JointTrajectory, LimitOverrides, PlanningProblem, Seed, Tube, load_robot
+from tubeplanner import (
+    JointTrajectory,
+    LimitOverrides,
+    PlanningProblem,
+    PlanOptions,
+    Seed,
+    Tube,
+    load_robot,
+)
+
+# Of tests that compare durations, or that plan and look at something else: quicker.
+SHORTEST = PlanOptions(slack=0.0)
 
 PROBLEMS = (
     "two_link/around_a_post",

@@ -93,12 +93,12 @@ def stored(bundled):
 def planned(bundled):
     """Return a function from a bundled problem's name to the problem and its plan, made once.
 
-    For tests of planning.
+    For tests of planning the shortest motion.
     """
 
     @cache
     def of(name, method=STOP):
-        return bundled(name), plan(bundled(name), PlanOptions(method))
+        return bundled(name), plan(bundled(name), PlanOptions(method, slack=0.0))
 
     return of
 

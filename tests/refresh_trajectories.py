@@ -18,7 +18,7 @@ def refresh(names: list[str]) -> None:
         if names and name not in names:
             continue
         problem = load_problem(f"example:{name}")
-        result = plan(problem, PlanOptions(method))
+        result = plan(problem, PlanOptions(method, slack=0.0))
         assert result.trajectory is not None, f"{name} by {method}: {result.message}"
         path = stored_path(name, method)
         path.write_text(trajectory_json(result.trajectory, **origin(problem, method)))

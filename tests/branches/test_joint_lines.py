@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from cases import SHORTEST
 from tubeplanner import Obstacle, PlanningProblem, Tube, load_problem, placement_of, plan
 from tubeplanner.branches.joint_lines import joint_lines
 from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
@@ -40,7 +41,7 @@ def test_a_goal_on_another_branch_is_reached_through_the_stretched_arm(two_link)
     for rule in redundancy_rules(problem):
         with pytest.raises(Infeasible, match="the goal lies on another branch"):
             reference_branch(problem, rule)
-    result = plan(problem)
+    result = plan(problem, SHORTEST)
     assert result.succeeded
     assert result.method == "refinement"
     elbow = result.trajectory.position(np.linspace(0, result.duration, 50))[:, 1]
@@ -57,8 +58,8 @@ def test_an_open_goal_is_moved_out_of_a_collision(ur5):
     body = ur5.link_body["wrist_1_link"]
     wrist = ur5.body_poses(goal[None])[1][0, body]
     ball = Obstacle.sphere("ball", 0.05, placement_of(wrist + np.array([0.0, 0.0, 0.06])))
-    result = plan(PlanningProblem(ur5, tube, start, obstacles=[ball]))
+    result = plan(PlanningProblem(ur5, tube, start, obstacles=[ball]), SHORTEST)
     assert result.succeeded
     assert result.method == "refinement"
-    blocked = plan(PlanningProblem(ur5, tube, start, goal, obstacles=[ball]))
+    blocked = plan(PlanningProblem(ur5, tube, start, goal, obstacles=[ball]), SHORTEST)
     assert "in the goal configuration" in blocked.message

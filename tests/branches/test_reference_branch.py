@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from cases import PROBLEMS
+from cases import PROBLEMS, SHORTEST
 from tubeplanner import (
     LimitOverrides,
     PlanningProblem,
@@ -60,7 +60,7 @@ def test_a_fully_stretched_goal_is_reached(two_link):
     problem = two_link_problem(two_link, [(0.3, 0.0), (0.6, 0.0)], signs={"joint2": "-"})
     branch = branch_of(problem)
     np.testing.assert_allclose(branch.goal, 0, atol=5e-3)
-    assert plan(problem).succeeded
+    assert plan(problem, SHORTEST).succeeded
 
 
 def test_a_given_goal_is_met_exactly_with_redundant_joints_blended(bundled):
@@ -101,7 +101,7 @@ def test_a_stretched_start_is_left(two_link):
     tube = Tube([[0.6, 0, 0], [0.3, 0, 0]], 0.03, joint_signs={"joint2": "-"})
     problem = PlanningProblem(two_link, tube, np.zeros(2))
     assert branch_of(problem).goal[1] < -1
-    assert plan(problem).succeeded
+    assert plan(problem, SHORTEST).succeeded
 
 
 def test_signs_in_the_way_are_named(two_link):

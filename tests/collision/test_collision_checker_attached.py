@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from cases import SHORTEST
 from tubeplanner import (
     AttachedSolid,
     Obstacle,
@@ -29,25 +30,25 @@ def problem(two_link, attached=(), points=((0.3, -0.3, 0), (0.3, 0.3, 0)), **mor
 
 
 def test_what_is_carried_must_clear_the_obstacles(two_link):
-    assert plan(problem(two_link, obstacles=[POST])).succeeded
+    assert plan(problem(two_link, obstacles=[POST]), SHORTEST).succeeded
     carried = AttachedSolid("bar", BAR)
     result = plan(problem(two_link, [carried], obstacles=[POST]), STOPPING)
     assert result.status is PlanStatus.TUBE_BLOCKED
     assert result.place.links == ("bar",)
     assert result.place.obstacle == "post"
     allowed = problem(two_link, [carried], obstacles=[POST], ignore_collisions=[("bar", "post")])
-    assert plan(allowed).succeeded
+    assert plan(allowed, SHORTEST).succeeded
 
 
 def test_what_is_carried_must_clear_the_links_but_not_its_carrier(two_link):
     """A wide tail behind the elbow; it may touch what it is said to touch."""
     tail = Obstacle.box("tail", [0.1, 0.4, 0.02], placement_of([-0.39, 0, -0.02])).shapes
     points = ((0.45, -0.2, 0), (0.45, 0.2, 0))
-    result = plan(problem(two_link, [AttachedSolid("tail", tail)], points))
+    result = plan(problem(two_link, [AttachedSolid("tail", tail)], points), SHORTEST)
     assert result.status is PlanStatus.TUBE_BLOCKED
     assert set(result.place.links) == {"link1", "tail"}
     touching = AttachedSolid("tail", tail, touch_links=("link1", "base"))
-    assert plan(problem(two_link, [touching], points)).succeeded
+    assert plan(problem(two_link, [touching], points), SHORTEST).succeeded
 
 
 def test_it_is_placed_in_the_tool_frame(panda):
@@ -102,6 +103,6 @@ def test_what_is_carried_is_never_excused_by_touching_always(ur5):
     tool = ur5.tool_position(q[None])[0]
     ball = AttachedSolid("ball", Obstacle.sphere("b", 0.25, placement_of()).shapes)
     tube = Tube(tool + np.array([[0, 0, 0], [0, 0, 0.1]]), 0.05)
-    result = plan(PlanningProblem(ur5, tube, q, attached=[ball]))
+    result = plan(PlanningProblem(ur5, tube, q, attached=[ball]), SHORTEST)
     assert result.status is PlanStatus.TUBE_BLOCKED
     assert "ball" in result.place.links

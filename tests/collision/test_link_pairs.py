@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from cases import SHORTEST
 from tubeplanner import Obstacle, load_problem, load_robot, placement_of, plan, verify
 from tubeplanner.collision.collision_checker import CollisionChecker, LeftOutPair
 from tubeplanner.files.trajectory_file import read_trajectory
@@ -92,7 +93,7 @@ def test_links_that_pass_through_each_other_are_seen():
 @pytest.mark.slow
 def test_a_hollow_in_a_trunk_does_not_forbid_a_leg():
     problem = load_problem(CASES / "hyq_concave_trunk.yaml")
-    result = plan(problem)
+    result = plan(problem, SHORTEST)
     assert result.succeeded, result.message
     listed = result.certificate.as_dict()["left_out"]
     assert {"links": ["trunk", "lf_hipassembly"], "reason": "neighbours"} in listed

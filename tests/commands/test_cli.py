@@ -87,6 +87,19 @@ def test_json_is_one_object_with_every_field(run_json):
     assert fields["certificate"]["passed"] is True
 
 
+def test_the_answer_is_smooth_unless_the_shortest_is_asked_for(run_json):
+    _, smooth = run_json("plan", PROBLEM)
+    _, shortest = run_json("plan", PROBLEM, "--slack", 0)
+    least = shortest["duration"]
+    assert smooth["shortest_duration"] == shortest["shortest_duration"] == least
+    assert least < smooth["duration"] <= 1.005 * least * (1 + 1e-9)
+    smoothed = [
+        any(note.startswith("smoothed: the shortest motion takes") for note in fields["notes"])
+        for fields in (smooth, shortest)
+    ]
+    assert smoothed == [True, False]
+
+
 def test_the_first_lines_are_the_peaks_and_what_nothing_limits(run, run_json, tmp_path):
     lines = run("plan", PROBLEM)[1].splitlines()
     assert lines[1].startswith("peaks: joint acceleration ")
@@ -138,7 +151,7 @@ def test_a_refusal_has_no_peaks(run_json, tmp_path):
 
 def test_a_planned_file_passes_check_and_a_faster_one_fails(run, run_json, tmp_path):
     good, fast = tmp_path / "good.json", tmp_path / "fast.json"
-    run("plan", PROBLEM, "-o", good)
+    run("plan", PROBLEM, "-o", good, "--slack", 0)
     status, out, _ = run("check", PROBLEM, good)
     assert status == 0
     assert "passes every condition" in out

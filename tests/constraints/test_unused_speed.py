@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cases import anywhere
+from cases import SHORTEST, anywhere
 from tubeplanner import JointTrajectory, LimitOverrides, load_problem, load_robot, plan
 from tubeplanner.constraints.unused_speed import unused_speed
 
@@ -13,7 +13,7 @@ NAMES = ("joint1", "joint2")
 @pytest.fixture(scope="module")
 def fastest():
     problem = load_problem("example:two_link/paper_1_30mm")  # without gravity
-    return problem, plan(problem).trajectory
+    return problem, plan(problem, SHORTEST).trajectory
 
 
 def test_the_fastest_trajectory_leaves_hardly_any(fastest):

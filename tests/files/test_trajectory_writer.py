@@ -2,6 +2,7 @@ import csv
 import json
 import os
 import tempfile
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -95,6 +96,14 @@ def test_only_the_csv_of_a_problem_has_efforts(post, tmp_path):
     assert columns[-2:] == ["joint1.acceleration", "joint2.acceleration"]
 
 
+def test_unless_asked_otherwise_samples_come_once_in_a_period(post, tmp_path):
+    problem, trajectory = post
+    for period, path in ((0.004, tmp_path / "t.csv"), (None, tmp_path / "u.csv")):
+        trajectory.save(path, replace(problem, period=period))
+        times = [float(row[0]) for row in list(csv.reader(path.read_text().splitlines()))[1:]]
+        np.testing.assert_allclose(np.diff(times)[:-1], period or 0.002, atol=1e-9)
+
+
 def test_notes_are_comments_in_the_ros_file(post, tmp_path):
     problem, trajectory = post
     path = tmp_path / "t.yaml"
@@ -136,7 +145,7 @@ def test_another_suffix_is_refused_with_those_that_there_are(name, post, tmp_pat
 
 
 @pytest.mark.parametrize("suffix", [".json", ".csv", ".yaml"])
-@pytest.mark.parametrize("rate", [0, -1.0, np.nan, np.inf, "fast", None])
+@pytest.mark.parametrize("rate", [0, -1.0, np.nan, np.inf, "fast"])
 def test_a_rate_is_positive_and_finite(rate, suffix, post, tmp_path):
     with pytest.raises(OptionError, match=r"rate is .*; it must be .*> 0 and finite"):
         post[1].save(tmp_path / f"t{suffix}", rate=rate)

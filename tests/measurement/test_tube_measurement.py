@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from cases import SHORTEST
 from random_attack import random_attack
 from tubeplanner import (
     MeasureOptions,
@@ -81,7 +82,7 @@ def test_the_radius_is_where_the_link_meets_the_post(post):
 
 def test_a_measured_tube_is_planned_and_faster(post):
     problem, result = post
-    before, after = plan(problem), plan(result.problem)
+    before, after = plan(problem, SHORTEST), plan(result.problem, SHORTEST)
     assert after.succeeded, after.message
     assert after.duration < before.duration
 
@@ -117,7 +118,7 @@ def test_six_joints_get_ranges_that_survive(beside_a_wall):
     assert attack.collisions == 0
     signs_alone = beside_a_wall.with_tube(beside_a_wall.tube.with_radius(segment.radius))
     assert random_attack(signs_alone, 0, 200, np.random.default_rng(1)).collisions > 20
-    assert plan(result.problem).succeeded
+    assert plan(result.problem, SHORTEST).succeeded
 
 
 def test_the_same_seed_gives_the_same_tube(post):

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cases import ANGLE, INERTIA, anywhere, one_joint, quintic
+from cases import ANGLE, INERTIA, SHORTEST, anywhere, one_joint, quintic
 from tubeplanner import LimitOverrides, PlanOptions, ToolOffset, load_problem, load_robot, plan
 from tubeplanner.planning.path_minimum import path_minimum
 
@@ -62,5 +62,5 @@ def test_a_limit_on_the_tools_speed_counts(tmp_path):
 
 def test_refinement_leaves_next_to_nothing_with_a_limit_on_the_tools_speed(bundled):
     problem = bundled("two_link/paper_3_50mm")
-    result = plan(problem.with_tube(replace(problem.tube, tool_speed=0.8)))
+    result = plan(problem.with_tube(replace(problem.tube, tool_speed=0.8)), SHORTEST)
     assert 0.985 * result.duration < result.path_minimum < 1.001 * result.duration

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
-from cases import PROBLEMS, slow_but
+from cases import PROBLEMS, SHORTEST, slow_but
 from tubeplanner import (
     Obstacle,
     OptionError,
@@ -115,9 +115,9 @@ def test_branch_and_bound_may_pass_what_blocks_the_reference_path(two_link):
 
 def test_a_missed_clearance_is_named(two_link):
     post = Obstacle.cylinder("post", 0.02, 0.3, placement_of([0.37, 0.0, 0.0]))
-    free = plan(two_link_problem(two_link, [post]))
+    free = plan(two_link_problem(two_link, [post]), SHORTEST)
     assert free.succeeded
-    result = plan(two_link_problem(two_link, [post], clearance=0.2))
+    result = plan(two_link_problem(two_link, [post], clearance=0.2), SHORTEST)
     assert result.status is PlanStatus.TUBE_BLOCKED
     assert "mm of 'post' (clearance 200 mm)" in result.message
 
@@ -126,7 +126,7 @@ def test_links_in_each_others_way_are_named(ur5):
     q = np.array([0, -1.2, 2.9, -1.5, -1.5, 0])
     tool = ur5.tool_position(q[None])[0]
     problem = PlanningProblem(ur5, Tube(tool + np.array([[0, 0, 0], [0, 0, 0.02]]), 0.1), q)
-    result = plan(problem)
+    result = plan(problem, SHORTEST)
     assert result.status is PlanStatus.TUBE_BLOCKED
     assert "overlap by" in result.message
     assert "collision.ignore" in result.message
@@ -138,7 +138,7 @@ def test_a_payload_too_heavy_is_named():
     q = np.array([-0.773861, -1.294184, 1.830514, -1.925057, -1.682929, 0.0])
     tool = robot.tool_position(q[None])[0]
     tube = Tube(tool + np.array([[0, 0, 0], [0.1, 0, 0.1]]), 0.05)
-    result = plan(PlanningProblem(robot, tube, q))
+    result = plan(PlanningProblem(robot, tube, q), SHORTEST)
     assert result.status is PlanStatus.GRAVITY_EXCEEDS_EFFORT
     assert "against gravity alone, its effort limit is" in result.message
     assert result.place.joint in robot.joint_names
@@ -146,7 +146,7 @@ def test_a_payload_too_heavy_is_named():
 
 def test_a_tube_out_of_reach_is_named(two_link):
     tube = Tube([[0.3, -0.3, 0], [0.9, 0.3, 0]], 0.03)
-    result = plan(PlanningProblem(two_link, tube, Seed(np.array([0.0, -1.0]))))
+    result = plan(PlanningProblem(two_link, tube, Seed(np.array([0.0, -1.0]))), SHORTEST)
     assert result.status is PlanStatus.UNREACHABLE
     assert "out of the arm's reach" in result.message
     assert result.certificate is None
@@ -154,14 +154,14 @@ def test_a_tube_out_of_reach_is_named(two_link):
 
 
 def test_an_open_goal_is_reported(two_link):
-    result = plan(two_link_problem(two_link))
+    result = plan(two_link_problem(two_link), SHORTEST)
     q = result.trajectory.position(result.duration)
     assert f"the goal was left open and became [{q[0]:.4f}, {q[1]:.4f}]" in result.message
 
 
 def test_a_start_in_collision_is_named_as_such(two_link):
     block = Obstacle.box("block", [0.1, 0.1, 0.1], placement_of([0.3, -0.3, 0.0]))
-    result = plan(two_link_problem(two_link, [block]))
+    result = plan(two_link_problem(two_link, [block]), SHORTEST)
     assert result.status is PlanStatus.TUBE_BLOCKED
     assert "into 'block' in the start configuration" in result.message
     assert result.place.obstacle == "block"
@@ -171,7 +171,7 @@ def test_a_start_that_is_the_goal_leaves_nothing_to_plan(two_link):
     q = np.array([0.3, -1.0])
     tool = two_link.tool_position(q[None])[0]
     tube = Tube(tool + np.array([[0, 0, 0], [0.02, 0, 0]]), 0.05)
-    result = plan(PlanningProblem(two_link, tube, q, q))
+    result = plan(PlanningProblem(two_link, tube, q, q), SHORTEST)
     assert result.status is PlanStatus.NO_TRAJECTORY
     assert result.message == "the start is the goal: there is nothing to move"
 
@@ -182,7 +182,7 @@ def test_redundant_joints_alone_can_be_moved(panda):
     goal = q + np.array([0, 0, 0, 0, 0, 0, 0.8])
     tool = panda.tool_position(q[None])[0]
     tube = Tube(tool + np.array([[0, 0, 0], [0.03, 0, 0]]), 0.05)
-    assert plan(PlanningProblem(panda, tube, q, goal)).succeeded
+    assert plan(PlanningProblem(panda, tube, q, goal), SHORTEST).succeeded
 
 
 def test_a_time_limit_ends_planning(two_link):
@@ -271,7 +271,7 @@ def test_an_interrupt_before_anything_is_certified_is_passed_on(two_link):
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        plan(two_link_problem(two_link), progress=interrupt)
+        plan(two_link_problem(two_link), SHORTEST, progress=interrupt)
 
 
 def test_the_node_budget_is_reported_when_it_binds(two_link):
@@ -304,7 +304,10 @@ def test_limits_scaled_down_slow_the_trajectory_down(planned, two_link):
     unlimited = {"joint1": np.inf, "joint2": np.inf}
     half = LimitOverrides(velocity=unlimited, scale={"effort": 0.5})
     weak = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=half)
-    strong, slow = plan(two_link_problem(two_link)), plan(two_link_problem(weak))
+    strong, slow = (
+        plan(two_link_problem(two_link), SHORTEST),
+        plan(two_link_problem(weak), SHORTEST),
+    )
     assert slow.duration / strong.duration == pytest.approx(np.sqrt(2), rel=1e-6)
 
 
@@ -315,7 +318,7 @@ def test_a_closed_loop_is_planned(two_link, given_goal):
     tool = two_link.tool_position(q[None])[0]
     points = [tool, tool + np.array([-0.1, 0.2, 0]), tool]
     tube = Tube(points, 0.02, joint_signs={"joint2": "-"})
-    result = plan(PlanningProblem(two_link, tube, q, q if given_goal else None))
+    result = plan(PlanningProblem(two_link, tube, q, q if given_goal else None), SHORTEST)
     assert result.succeeded
     far = np.linalg.norm(points[1] - tool)
     path = two_link.tool_position(result.trajectory.per_piece(50).position)
@@ -379,7 +382,7 @@ def test_refinement_is_far_faster(name, planned):
 
 def test_the_duration_falls_while_refining(two_link):
     told = []
-    result = plan(two_link_problem(two_link), progress=told.append)
+    result = plan(two_link_problem(two_link), SHORTEST, progress=told.append)
     stages = [p for p in told if p.stage == "refinement to 72 knots"]
     durations = [p.best_duration for p in stages if p.best_duration is not None]
     assert durations[0] > 1.05 * durations[-1]
@@ -394,7 +397,7 @@ def test_refinement_that_is_stopped_leaves_what_is_certified(two_link, stop, clo
                 raise KeyboardInterrupt
             clock.now += 0.3
 
-    options = PlanOptions(time_limit=0.5 if stop == "time_limit" else None)
+    options = PlanOptions(time_limit=0.5 if stop == "time_limit" else None, slack=0.0)
     # On coarse knots a narrow tube is widened: nothing there is an answer yet.
     result = plan(two_link_problem(two_link, radius=0.005), options, callback)
     assert result.succeeded
@@ -413,7 +416,7 @@ def test_whatever_refinement_has_when_it_is_stopped_is_an_answer(two_link, steps
         if count == steps:
             raise KeyboardInterrupt
 
-    result = plan(two_link_problem(two_link), progress=interrupt)
+    result = plan(two_link_problem(two_link), SHORTEST, progress=interrupt)
     assert result.succeeded
     assert (result.stopped_by == "interrupt") == (count == steps)
     refined = result.method == "refinement"
@@ -425,7 +428,7 @@ def test_whatever_refinement_has_when_it_is_stopped_is_an_answer(two_link, steps
 def test_fewer_knots_are_a_little_slower_and_more_a_little_faster(two_link):
     problem = two_link_problem(two_link)
     fast, balanced, best = (
-        plan(problem, PlanOptions(quality=quality)).duration
+        plan(problem, PlanOptions(quality=quality, slack=0.0)).duration
         for quality in ("fast", "balanced", "best")
     )
     assert balanced < fast < 1.04 * balanced
@@ -433,7 +436,7 @@ def test_fewer_knots_are_a_little_slower_and_more_a_little_faster(two_link):
 
 
 def test_the_same_problem_gives_the_same_refinement(two_link):
-    first, second = (plan(two_link_problem(two_link)) for _ in range(2))
+    first, second = (plan(two_link_problem(two_link), SHORTEST) for _ in range(2))
     np.testing.assert_array_equal(first.trajectory.coefficients, second.trajectory.coefficients)
 
 
@@ -451,5 +454,5 @@ def test_a_machine_with_acceleration_and_jerk_limits_keeps_them(planned):
 def test_any_order_of_visits_is_searched(two_link):
     """Phases are visited in order; a union takes the other road."""
     tube = Tube([[0.3, -0.3, 0], [0.3, 0.3, 0]], 0.03, joint_signs={"joint2": "-"}, visit="any")
-    result = plan(PlanningProblem(two_link, tube, Seed(np.array([0.0, -1.0]))))
+    result = plan(PlanningProblem(two_link, tube, Seed(np.array([0.0, -1.0]))), SHORTEST)
     assert result.method == SEARCH

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from cases import SHORTEST
 from tubeplanner import LimitOverrides, PlanningProblem, PlanOptions, Seed, Tube, load_robot, plan
 from tubeplanner.baselines.baselines import BASELINES, judged_baseline
 
@@ -28,24 +29,24 @@ def require_used(certificate):
 @pytest.mark.parametrize("rates", [{"joint1": 300.0, "joint2": 200.0}, {"joint2": 60.0}])
 @pytest.mark.parametrize("gravity", [(0, 0, 0), (0, -1.6, 0)])
 def test_plans_keep_them_and_use_them(rates, gravity):
-    result = plan(bent(gravity, **rates))
+    result = plan(bent(gravity, **rates), SHORTEST)
     assert (result.succeeded, result.method) == (True, "refinement")
     require_used(result.certificate)
-    assert plan(bent(gravity)).duration < 0.95 * result.duration
+    assert plan(bent(gravity), SHORTEST).duration < 0.95 * result.duration
     dear = [one for one in result.sensitivities if one.limit == "effort_rate"]
     assert {one.joint for one in dear} == set(rates)
     assert min(one.elasticity for one in dear) < -0.05
 
 
 def test_with_a_limit_on_every_joint_no_note_speaks_of_growing_jerk():
-    both, one = plan(bent(joint1=300.0, joint2=200.0)), plan(bent(joint1=300.0))
+    both, one = plan(bent(joint1=300.0, joint2=200.0), SHORTEST), plan(bent(joint1=300.0), SHORTEST)
     assert not any("jerk" in note for note in both.notes)
     assert any("jerk" in note and "'joint2'" in note for note in one.notes)
 
 
 @pytest.mark.parametrize("method", ["branch-and-bound", "stop-at-corners"])
 def test_other_methods_keep_them(method):
-    result = plan(bent(joint1=300.0), PlanOptions(method))
+    result = plan(bent(joint1=300.0), PlanOptions(method, slack=0.0))
     assert (result.succeeded, result.method) == (True, method)
     require_used(result.certificate)
 
@@ -77,7 +78,7 @@ def test_a_panda_keeps_what_its_controller_is_asked_for(bundled):
         obstacles=problem.obstacles,
         clearance=problem.clearance,
     )
-    result = plan(limited)
+    result = plan(limited, SHORTEST)
     assert result.succeeded
     require_used(result.certificate)
-    assert result.duration < 1.15 * plan(problem).duration
+    assert result.duration < 1.15 * plan(problem, SHORTEST).duration

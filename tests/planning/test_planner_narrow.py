@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import pytest
 
+from cases import SHORTEST
 from narrow_cases import drawn
 from tubeplanner import compare, load_problem, parse_problem, plan
 from tubeplanner.baselines.baselines import BASELINES
@@ -43,7 +44,7 @@ def certified_baselines(problem):
 @pytest.mark.parametrize(("name", "millimetres"), CASES)
 def test_a_narrow_tube_takes_no_longer_than_the_best_known(name, millimetres):
     problem = narrowed(name, millimetres)
-    result = plan(problem)
+    result = plan(problem, SHORTEST)
     assert result.method == "refinement"
     assert result.duration <= EACH * BEST[name, millimetres]
     assert unused_speed(problem, result.trajectory) < 0.01
@@ -54,7 +55,7 @@ def test_a_narrow_tube_takes_no_longer_than_the_best_known(name, millimetres):
 def test_a_bead_of_two_millimetres_is_faster_than_every_scheme():
     case = next(case for case in drawn() if case.name.startswith("bead"))
     problem = parse_problem(case.data)
-    result = plan(problem)
+    result = plan(problem, SHORTEST)
     assert result.method == "refinement"
     assert result.duration <= EACH * case.mark
     assert result.duration < min(certified_baselines(problem))
@@ -65,6 +66,8 @@ def test_a_bead_of_two_millimetres_is_faster_than_every_scheme():
     "name", ["ur5/over_the_wall", "panda/between_shelves", "two_link/around_a_post"]
 )
 def test_a_wider_tube_is_never_slower(name):
-    durations = [plan(narrowed(name, radius)).duration for radius in (0.5, 2, 10, 30, 100)]
+    durations = [
+        plan(narrowed(name, radius), SHORTEST).duration for radius in (0.5, 2, 10, 30, 100)
+    ]
     for narrow, wide in pairwise(durations):
         assert wide <= 1.01 * narrow

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cases import SHORTEST
 from tubeplanner import (
     Obstacle,
     Payload,
@@ -33,7 +34,7 @@ def planner_of(bundled):
     """Return a function from a bundled problem's name to a planner that has planned it."""
     plans = {}
 
-    def of(name, options=None):
+    def of(name, options=SHORTEST):
         planner = Planner(bundled(name), options)
         if (name, options) not in plans:
             planner.plan()
@@ -76,7 +77,7 @@ CHANGES = {
 @pytest.mark.parametrize("change", CHANGES)
 def test_after_a_change_the_answer_is_as_good_as_a_fresh_one(change, planner_of, bundled):
     problem = CHANGES[change](bundled(OVER_THE_WALL))
-    result, fresh = planner_of(OVER_THE_WALL).replan(problem), plan(problem)
+    result, fresh = planner_of(OVER_THE_WALL).replan(problem), plan(problem, SHORTEST)
     assert NOTE in result.notes
     assert result.method == "refinement"
     assert verify(problem, result.trajectory).passed
@@ -90,7 +91,7 @@ def test_the_start_may_move_too(planner_of, bundled):
     problem = problem.with_tube(replace(problem.tube, points=points))
     result = planner_of("two_link/around_a_post").replan(problem)
     assert NOTE in result.notes
-    assert result.duration <= AS_GOOD * plan(problem).duration
+    assert result.duration <= AS_GOOD * plan(problem, SHORTEST).duration
 
 
 def test_many_small_changes_leave_the_answer_as_good(planner_of, bundled):
@@ -100,21 +101,21 @@ def test_many_small_changes_leave_the_answer_as_good(planner_of, bundled):
         changed = with_moved_goal(problem, [*random.uniform(-0.02, 0.0, 2), 0.0])
         result = planner.replan(changed)
         assert NOTE in result.notes
-    assert result.duration <= AS_GOOD * plan(changed).duration
+    assert result.duration <= AS_GOOD * plan(changed, SHORTEST).duration
 
 
 def test_the_first_plan_is_what_plan_returns(bundled):
     problem = bundled("two_link/paper_1_30mm")
-    result, alone = Planner(problem).plan(), plan(problem)
+    result, alone = Planner(problem, SHORTEST).plan(), plan(problem, SHORTEST)
     np.testing.assert_array_equal(result.trajectory.coefficients, alone.trajectory.coefficients)
-    again = Planner(problem)
+    again = Planner(problem, SHORTEST)
     again.plan()
     np.testing.assert_array_equal(
         again.plan().trajectory.coefficients, alone.trajectory.coefficients
     )
 
 
-def same_as_fresh(planner, problem, options=None):
+def same_as_fresh(planner, problem, options=SHORTEST):
     """Return the result, after a look whether it is what `plan` returns."""
     result, fresh = planner.replan(problem), plan(problem, options)
     assert NOTE not in result.notes
@@ -128,7 +129,7 @@ def same_as_fresh(planner, problem, options=None):
 
 def test_without_a_motion_it_plans_afresh(bundled):
     problem = bundled("two_link/paper_1_30mm")
-    planner = Planner(problem)
+    planner = Planner(problem, SHORTEST)
     assert same_as_fresh(planner, problem).succeeded
     assert NOTE in planner.replan(problem).notes
 
@@ -158,7 +159,7 @@ def test_a_motion_without_a_certificate_is_planned_afresh(planner_of, bundled, m
         refused = replace(judged[-1], status=PlanStatus.CERTIFICATE_FAILED, certificate=None)
         return refused if len(judged) == 1 else judged[-1]
 
-    monkeypatch.setattr("tubeplanner.planning.refined_plan.certified_result", judge)
+    monkeypatch.setattr("tubeplanner.planning.certified_motion.certified_result", judge)
     result = planner.replan(problem)
     assert len(judged) == 2
     assert result.succeeded
@@ -179,13 +180,13 @@ def test_options_hold_for_every_plan(bundled):
     planner = Planner(problem, stopping)
     assert planner.plan().method == "stop-at-corners"
     assert same_as_fresh(planner, wider, stopping).method == "stop-at-corners"
-    fast = Planner(problem, PlanOptions(quality="fast"))
+    fast = Planner(problem, PlanOptions(quality="fast", slack=0.0))
     knots = len(fast.plan().trajectory.widths)
     assert len(fast.replan(wider).trajectory.widths) == knots < 72
 
 
 def test_every_start_is_tried_again_with_the_best_quality(bundled):
-    problem, best = bundled("two_link/paper_2_30mm"), PlanOptions(quality="best")
+    problem, best = bundled("two_link/paper_2_30mm"), PlanOptions(quality="best", slack=0.0)
     planner = Planner(problem, best)
     planner.plan()
     assert same_as_fresh(planner, problem, best).succeeded
@@ -212,10 +213,22 @@ def test_an_interrupt_leaves_what_is_certified_or_is_passed_on(planner_of, bundl
         planner_of("two_link/around_a_post").replan(wider, after(0))
 
 
+def test_a_shortest_motion_is_remembered_though_it_was_not_smoothed(bundled):
+    def interrupt(step):
+        if step.stage == "smoothing":
+            raise KeyboardInterrupt
+
+    problem = bundled("two_link/around_a_post")
+    planner = Planner(problem)
+    assert planner.plan(interrupt).stopped_by == "interrupt"
+    result = planner.replan(problem, interrupt)
+    assert NOTE in result.notes and result.stopped_by == "interrupt"
+
+
 def test_a_time_limit_ends_it(planner_of, bundled):
     problem = bundled("two_link/around_a_post")
     planner = planner_of("two_link/around_a_post")
-    planner._options = PlanOptions(time_limit=1e-9)
+    planner._options = PlanOptions(time_limit=1e-9, slack=0.0)
     result = planner.replan(problem)
     assert result.status is PlanStatus.TIME_LIMIT
     assert "time limit of 1e-09 s" in result.message
@@ -228,12 +241,12 @@ def test_a_path_of_many_points_is_planned_from_its_last_motion(ur5):
     points[1:-1] += 0.001 * np.random.default_rng(0).normal(size=(99, 3))
     seed = Seed([-0.2, -1.3, 1.9, -2.0, -1.6, 0])
     problem = PlanningProblem(ur5, Tube(points, 0.005), seed)
-    planner = Planner(problem)
+    planner = Planner(problem, SHORTEST)
     assert planner.plan().motion.is_smoother
     wider = problem.with_tube(problem.tube.scaled(1.02))
     result = planner.replan(wider)
     assert NOTE in result.notes
-    assert result.duration <= AS_GOOD * plan(wider).duration
+    assert result.duration <= AS_GOOD * plan(wider, SHORTEST).duration
 
 
 def test_it_takes_problems_only(bundled):

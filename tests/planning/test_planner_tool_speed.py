@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cases import limited_tool
+from cases import SHORTEST, limited_tool
 from tubeplanner import PlanningProblem, PlanOptions, Seed, Tube, plan
 from tubeplanner.baselines.baselines import BASELINES, judged_baseline
 
@@ -20,11 +20,11 @@ def require_kept(problem, certificate):
 @pytest.mark.parametrize("method", ["refinement", "stop-at-corners"])
 def test_plans_keep_it_and_use_it(method, given):
     problem = limited_tool(*given, count=2)
-    result = plan(problem, PlanOptions(method))
+    result = plan(problem, PlanOptions(method, slack=0.0))
     assert result.succeeded
     require_kept(problem, result.certificate)
     assert result.certificate.conditions["tool_speed"].margin < 0.01
-    free = plan(limited_tool(count=2), PlanOptions(method))
+    free = plan(limited_tool(count=2), PlanOptions(method, slack=0.0))
     assert free.duration < result.duration
 
 
@@ -33,7 +33,7 @@ def test_plans_keep_it_and_use_it(method, given):
 def test_searches_keep_it(method, bundled):
     problem = bundled("two_link/paper_1_30mm")
     problem = problem.with_tube(replace(problem.tube, tool_speed=0.8))
-    result = plan(problem, PlanOptions(method))
+    result = plan(problem, PlanOptions(method, slack=0.0))
     assert result.succeeded
     assert result.method == method
     require_kept(problem, result.certificate)
@@ -52,7 +52,7 @@ def test_a_ur5_is_slow_over_the_wall(bundled, speed):
     """At its limit in the middle for most of the time, and certified."""
     problem = bundled("ur5/over_the_wall")
     limited = problem.with_tube(replace(problem.tube, tool_speed=speed))
-    result = plan(limited)
+    result = plan(limited, SHORTEST)
     assert result.succeeded
     require_kept(limited, result.certificate)
     trajectory = result.trajectory
@@ -63,7 +63,7 @@ def test_a_ur5_is_slow_over_the_wall(bundled, speed):
     prices = {p.segment: p.elasticity for p in result.sensitivities if p.limit == "tool_speed"}
     assert min(prices, key=prices.get) == 1
     assert prices[1] < -0.4
-    assert plan(problem).duration < 0.8 * result.duration
+    assert plan(problem, SHORTEST).duration < 0.8 * result.duration
 
 
 @pytest.mark.slow
@@ -74,6 +74,6 @@ def test_many_points_keep_it():
     speeds = [0.6 if 10 <= k < 20 else None for k in range(39)]
     tube = Tube(points, 0.02, joint_signs={"joint2": "-"}, tool_speed=speeds)
     problem = PlanningProblem(limited_tool().robot, tube, Seed(np.array([0.0, -1.0])))
-    result = plan(problem)
+    result = plan(problem, SHORTEST)
     assert result.succeeded
     require_kept(problem, result.certificate)

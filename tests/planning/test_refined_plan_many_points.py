@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from cases import SHORTEST
 from tubeplanner import PlanningProblem, Seed, Tube, load_robot, plan, verify
 from tubeplanner.refinement.tube_chains import tube_chains
 
@@ -25,7 +26,7 @@ def circle(robot, count):
 
 @pytest.fixture(scope="module")
 def answers(robot):
-    return {count: plan(circle(robot, count)) for count in (25, 100)}
+    return {count: plan(circle(robot, count), SHORTEST) for count in (25, 100)}
 
 
 @pytest.mark.parametrize("count", [25, 100])
@@ -58,7 +59,7 @@ def test_ctrl_c_during_the_first_step_has_an_answer_that_stops_at_corners(robot)
         if progress.stage.startswith("refinement"):
             raise KeyboardInterrupt
 
-    answer = plan(circle(robot, 60), progress=interrupt)
+    answer = plan(circle(robot, 60), SHORTEST, progress=interrupt)
     assert (answer.succeeded, answer.method) == (True, "stop-at-corners")
     assert answer.stopped_by == "interrupt"
     assert answer.planning_time < 20  # two seconds on an idle machine
@@ -79,7 +80,7 @@ def curve(count):
 
 def require_refined(problem):
     """Return the duration [s] of refinement's answer, which must be certified."""
-    answer = plan(problem)
+    answer = plan(problem, SHORTEST)
     assert (answer.succeeded, answer.method) == (True, "refinement")
     assert verify(problem, answer.trajectory).passed
     assert {p.segment for p in answer.sensitivities} <= {None, *range(problem.tube.segment_count)}

@@ -58,7 +58,9 @@ def read(tmp_path, text, name="p.yaml"):
 
 # --- names -------------------------------------------------------------------------------------
 
-TOP = "format, version, robot, tube, start, goal, obstacles, clearance, collision"
+TOP = (
+    "format, version, robot, tube, start, goal, obstacles, clearance, collision, objective, period"
+)
 ROBOT = (
     "urdf, package_dirs, srdf, tool_frame, tool_offset, joints, locked_joints, gravity, payload, "
     "attached, limits, preset, limits_file"

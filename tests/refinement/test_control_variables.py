@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
+from cases import SHORTEST
 from tubeplanner import PlanningProblem, load_problem, plan
 from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
 from tubeplanner.refinement.control_variables import FIXED, ControlVariables
@@ -123,7 +124,7 @@ def test_a_goal_left_open_is_where_the_trajectory_is_fastest():
     fixed = PlanningProblem(
         problem.robot, problem.tube, problem.start, nearest, obstacles=problem.obstacles
     )
-    free, held = plan(problem), plan(fixed)
+    free, held = plan(problem, SHORTEST), plan(fixed, SHORTEST)
     assert free.succeeded
     assert free.duration < 0.995 * held.duration
     tool = problem.robot.tool_position(free.trajectory.position(free.duration)[None])[0]

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cases import slow_but
+from cases import SHORTEST, slow_but
 from tubeplanner import (
     Obstacle,
     PlanningProblem,
@@ -48,7 +48,7 @@ def elbow(ur5):
     def problem(*obstacles, **more):
         return PlanningProblem(ur5, tube, start, obstacles=obstacles, **more)
 
-    free = plan(problem())
+    free = plan(problem(), SHORTEST)
     q = free.trajectory.position(0.5 * free.duration)
     body = ur5.link_body["forearm_link"]
     middle = ur5.body_poses(q[None])[1][0, body] + np.array([0.0, 0.0, 0.1])
@@ -60,7 +60,7 @@ def test_an_elbow_that_would_meet_something_is_moved_clear_of_it(elbow):
     refused = verify(problem(ball), free.trajectory)
     assert refused.conditions["obstacles"].margin < -0.005
     assert refused.failures() == ["obstacles"]
-    result = plan(problem(ball))
+    result = plan(problem(ball), SHORTEST)
     assert result.succeeded
     assert result.method == "refinement"
     assert result.certificate.conditions["obstacles"].margin < 0.002  # it is still in the way
@@ -70,22 +70,22 @@ def test_an_elbow_that_would_meet_something_is_moved_clear_of_it(elbow):
 @pytest.mark.parametrize("clearance", slow_but([0.01], [0.002, 0.01]))
 def test_the_clearance_is_kept(elbow, clearance):
     problem, _, ball = elbow
-    result = plan(problem(ball, clearance=clearance))
+    result = plan(problem(ball, clearance=clearance), SHORTEST)
     assert result.succeeded
     assert result.method == "refinement"
     assert -1e-6 <= result.certificate.conditions["obstacles"].margin < 0.002
 
 
 def test_obstacles_far_away_change_nothing(two_link):
-    free = plan(problem_with(two_link))
-    far = plan(problem_with(two_link, post(-0.5, 0.5)))
+    free = plan(problem_with(two_link), SHORTEST)
+    far = plan(problem_with(two_link, post(-0.5, 0.5)), SHORTEST)
     np.testing.assert_array_equal(free.trajectory.coefficients, far.trajectory.coefficients)
 
 
 def test_a_tube_that_is_blocked_is_reported_with_links_and_depth(two_link):
     """The tool itself cannot pass: the wall is wider than the tube."""
     wall = Obstacle.box("wall", [0.5, 0.04, 0.5], placement_of([0.3, 0.0, 0.0]))
-    result = plan(problem_with(two_link, wall, radius=0.03))
+    result = plan(problem_with(two_link, wall, radius=0.03), SHORTEST)
     assert result.status is PlanStatus.TUBE_BLOCKED
     assert result.place.obstacle == "wall"
     assert "mm into 'wall'" in result.message

@@ -5,13 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cases import SHORTEST
 from tubeplanner import PlanningProblem, Tube, load_problem, plan
 from tubeplanner.outcome import Infeasible, PlanStatus
 
 
 @pytest.fixture(scope="module")
 def motion():
-    return plan(load_problem("example:two_link/around_a_post")).motion
+    return plan(load_problem("example:two_link/around_a_post"), SHORTEST).motion
 
 
 def moved(problem, steps):

@@ -53,7 +53,8 @@ def evaluated(kind, case, spline=None):
         numbers = SIDE_NUMBERS if kind == "box" else NUMBERS
         radius = tube.effective_radius
         segments = OrderedSegments(tube.points, radius, (range(1), range(1, 2)), samples)
-        return evaluated_tube(at, path, segments, tube.regions, MARGIN, numbers)
+        margin = np.full(tube.segment_count, MARGIN)
+        return evaluated_tube(at, path, segments, tube.regions, margin, numbers)
     return EvaluatedRotation(tube.rotation, at, path, MARGIN, np.array([9, 10])).angle()
 
 

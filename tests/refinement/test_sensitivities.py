@@ -8,6 +8,7 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
+from cases import SHORTEST
 from tubeplanner import (
     LimitOverrides,
     PlanningProblem,
@@ -73,7 +74,7 @@ def problem_with(robot=None, radius=(0.05, 0.05)):
 )
 def test_without_gravity_all_limits_together_have_a_known_sensitivity(limits):
     """Twice the efforts and accelerations, four times the speed... T falls in proportion."""
-    sensitivities = plan(problem_with(arm(**limits))).sensitivities
+    sensitivities = plan(problem_with(arm(**limits)), SHORTEST).sensitivities
     order = {"effort": 2, "acceleration": 2, "velocity": 1, "jerk": 3, "radius": 0}
     order |= dict.fromkeys(("tool_speed", "point_speed", "velocity_by_position"), 1)
     order["effort_rate"] = 3
@@ -240,7 +241,7 @@ def test_those_of_a_ur5_are_what_planning_again_finds():
     """Six joints, obstacles, three segments: the two that cost most, by changing them by 1 %."""
     path = ROBOTS / "ur5" / "over_the_wall.yaml"
     fields = yaml.safe_load(path.read_text())
-    answer = plan(parse_problem(fields, path.parent))
+    answer = plan(parse_problem(fields, path.parent), SHORTEST)
     goal = answer.trajectory.position(answer.duration).tolist()
     fields["goal"] = {"joints": goal}
     problem = parse_problem(fields, path.parent)
@@ -265,7 +266,7 @@ def test_those_of_a_ur5_are_what_planning_again_finds():
 def test_only_refinement_has_sensitivities():
     problem = load_problem("example:two_link/paper_1_30mm")
     assert plan(problem, PlanOptions("stop-at-corners")).sensitivities == ()
-    result = plan(problem)
+    result = plan(problem, SHORTEST)
     assert {sensitivity.limit for sensitivity in result.sensitivities} == {"effort", "radius"}
     dearest = result.sensitivities[0]
     assert dearest.joint in ("joint1", "joint2")
@@ -285,7 +286,7 @@ def test_a_start_on_its_rotation_tolerance_costs_nothing(two_link):
     tool = two_link.tool_position(np.array([start, goal]))
     turned = Rotation.from_rotvec(np.outer([start.sum() + 0.1, goal.sum()], [0, 0, 1])).as_quat()
     tube = Tube(tool, 0.3, orientations=turned, rotation_tolerance=0.1)
-    result = plan(PlanningProblem(two_link, tube, start, goal))
+    result = plan(PlanningProblem(two_link, tube, start, goal), SHORTEST)
     assert result.succeeded
     assert result.certificate.conditions["rotation"].margin == pytest.approx(0.0, abs=1e-6)
     (turn,) = (one.elasticity for one in result.sensitivities if one.limit == "rotation")

@@ -38,9 +38,10 @@ def test_it_is_the_cost_of_a_step_but_for_what_there_was_before(case):
     quadratic = step_cost.quadratic(spline.control_points, DAMPING)
     others = quadratic.hessian.shape[0] - step.size
     x = np.append(step.ravel(), np.zeros(others))
-    found = quadratic.gradient @ step.ravel() + x @ (quadratic.hessian @ x) / 2
+    found = quadratic.gradient @ x[:-2] + x @ (quadratic.hessian @ x) / 2
     before = cost(spline, variables, np.zeros_like(step))
     assert found == pytest.approx(cost(spline, variables, step) - before, rel=1e-9)
+    assert not quadratic.gradient[step.size :].any() and quadratic.duration == 1
 
 
 def test_squared_rates_are_what_is_damped(case):

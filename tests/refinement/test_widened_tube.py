@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from cases import SHORTEST
 from tubeplanner import Tube, load_problem, plan
 from tubeplanner.refinement import refinement
 from tubeplanner.refinement.phased_spline import KnotGrid
@@ -59,7 +60,7 @@ def test_without_widening_there_is_an_answer_too(monkeypatch):
         return original(tube, grid)
 
     monkeypatch.setattr(refinement, "widened_radius", recorded)
-    found = plan(problem)
+    found = plan(problem, SHORTEST)
     assert found.succeeded
     assert found.method == "refinement"
     assert len(widened) > 0

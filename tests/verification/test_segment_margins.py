@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from cases import SHORTEST
 from tubeplanner import load_problem, plan
 from tubeplanner.verification.enclosed_pose import enclosed_pose, enclosed_tool
 from tubeplanner.verification.segment_margins import segment_margins
@@ -47,7 +48,7 @@ def test_within_one_segment_each_they_are_the_same(tray, times):
 
 def test_a_further_condition_is_asked_where_it_applies():
     problem = load_problem("example:two_link/around_a_post")
-    trajectory = plan(problem).trajectory
+    trajectory = plan(problem, SHORTEST).trajectory
     tool = enclosed_tool(problem.robot, trajectory, 1e-7)
     further = (lambda *_: None, lambda *known: known)
     *_, last = segment_margins(problem, trajectory, tool, None, further)

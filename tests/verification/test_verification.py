@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cases import PROBLEMS, changed, unlimited
+from cases import PROBLEMS, SHORTEST, changed, unlimited
 from tubeplanner import (
     JointTrajectory,
     LimitOverrides,
@@ -381,7 +381,7 @@ def out_and_back(problem, radius=0.02, **options):
 def test_a_compulsory_point_that_is_left_out_is_found(stored):
     """Planned without it, the tool turns round at once: both capsules overlap all the way."""
     problem, _ = stored(UR5)
-    trajectory = plan(out_and_back(problem, pass_through_points="none")).trajectory
+    trajectory = plan(out_and_back(problem, pass_through_points="none"), SHORTEST).trajectory
     certificate = verify(out_and_back(problem), trajectory)
     assert certificate.failures() == ["points"]
     condition = certificate.conditions["points"]
@@ -400,7 +400,7 @@ def test_a_compulsory_point_that_is_left_out_is_found(stored):
 @pytest.mark.parametrize("rule", ["corners", "all"])
 def test_compulsory_points_are_passed_by_what_is_planned(stored, rule):
     problem = out_and_back(stored(UR5)[0], pass_through_points=rule)
-    result = plan(problem)
+    result = plan(problem, SHORTEST)
     assert result.succeeded
     assert "point 2 is the same as the one before" in result.notes[0]
     tool = problem.robot.tool_position(
@@ -440,7 +440,7 @@ def test_a_divided_tube_gets_the_same_certificate_in_its_own_numbers(stored, par
 def test_a_divided_tube_gets_the_same_trajectory_to_the_last_digit():
     problem = load_problem("example:two_link/around_a_post")
     finer = changed(problem, tube=divided(problem.tube, 4))
-    whole, other = plan(problem), plan(finer)
+    whole, other = plan(problem, SHORTEST), plan(finer, SHORTEST)
     np.testing.assert_array_equal(other.trajectory.coefficients, whole.trajectory.coefficients)
     assert other.duration == whole.duration
     radii = [s for s in other.sensitivities if s.limit == "radius"]

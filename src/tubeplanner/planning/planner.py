@@ -100,9 +100,9 @@ class Planner:
             result = stopped_result(clock, stopped_by or "interrupt", options.method)
         if result.status is PlanStatus.INTERRUPTED:
             raise KeyboardInterrupt
-        result = followed_plan(problem, result, options.slack, clock)
         if result.stopped_by is None:  # else it may have ended on coarse knots
             self._last = result.motion or self._last
+        result = followed_plan(problem, result, options.slack, clock)
         notes = (*problem.robot.limits.notes, *problem.tube.notes, *result.notes)
         return replace(result, planning_time=clock.elapsed, notes=notes)
 

@@ -260,7 +260,10 @@ class JointTrajectory:
         return JointTrajectory(joint_names, self.breakpoints, self.coefficients[:, :, columns])
 
     def save(
-        self, path: str | Path, problem: "PlanningProblem | None" = None, rate: float = 500.0
+        self,
+        path: str | Path,
+        problem: "PlanningProblem | None" = None,
+        rate: float | None = None,
     ) -> tuple[str, ...]:
         """Write the trajectory to a file, replaced whole or not at all.
 
@@ -272,7 +275,8 @@ class JointTrajectory:
                 robot, the CSV has efforts, and samples are such that the limits hold when they
                 are joined, where the rate allows it; joints are in the problem's order. None:
                 none of these, and samples are the trajectory's own.
-            rate: Of the samples [Hz].
+            rate: Of the samples [Hz]; None: one every period of the problem's controller, 500 Hz if
+                it has none.
 
         Returns:
             Notes on how the samples differ from the trajectory, or on what joining them breaks;
