@@ -1,19 +1,22 @@
 """How smooth the motion becomes within a slack, what that costs, and what it keeps.
 
     python benchmarks/smooth.py [--slack 0.005] [--repeats 1] [--only SUBSTRING]
+                                [--plot docs/effort_curves.png]
 
 Plans bundled problems as `plan` does by default, and prints of every one the shortest motion and
 the smooth one that is written instead: durations, how far the effort that swings most moves (in
 limits), largest effort rate (in limits per second), jerk, acceleration of a joint and of the tool,
 and the tool's least room in its tube. CPU is the processor time of the second stage with its
 certificate, as a share of the first stage's with its own, both of the same plan; of repeated plans
-the least of each. Exit status 1 if one of six problems misses a goal of `_faults`.
+the least of each. Exit status 1 if one of six problems misses a goal of `_faults`. --plot draws the
+efforts of the first problem, before and after.
 """
 
 import argparse
 import sys
 import time
 from dataclasses import asdict, dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -25,6 +28,8 @@ from tubeplanner.planning.jerk_note import largest_jerk
 from tubeplanner.planning.plan_result import PlanResult
 from tubeplanner.robot.effort_rate import effort_rate
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
+from tubeplanner.views.figure_files import new_figure, saved
+from tubeplanner.views.panels import draw_efforts, mark_segments, trajectory_curves
 
 # Goals are about these; the others are shown beside them.
 JUDGED = (*ARMS[1:], "ur5/level_tray", "two_link/paper_5_10mm")
@@ -193,12 +198,38 @@ def _faults(rows: list[Row]) -> list[str]:
     return faults
 
 
+def draw(name: str, slack: float, path: Path) -> None:
+    """Draw the efforts of a problem's shortest motion above those of its smooth one."""
+    problem = load_problem(f"example:{name}")
+    result = plan(problem, PlanOptions(slack=slack))
+    assert result.shortest is not None and result.trajectory is not None
+    figure = new_figure(8.0, 6.0)
+    axes = figure.subplots(2, 1, sharex=True)
+    motions = {"shortest": result.shortest, "smooth": result.trajectory}
+    for axis, (title, trajectory) in zip(axes, motions.items(), strict=True):
+        curves = trajectory_curves(problem, trajectory)
+        draw_efforts(axis, curves)
+        mark_segments(axis, curves)
+        swings = effort_variation(problem.robot, trajectory)
+        joint = problem.robot.joint_names[swings.argmax()]
+        axis.set_title(
+            f"{title}, {trajectory.duration:.4f} s: the effort of {joint} moves through "
+            f"{swings.max():.1f} limits",
+            loc="left",
+            fontsize=9,
+        )
+    axes[0].set_xlabel("")
+    axes[1].legend(axes[1].lines, problem.robot.joint_names, ncols=3, fontsize=8, loc="lower center")
+    saved(figure, path)
+
+
 def main() -> int:
     """Plan and print the table; return the exit status."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--slack", type=float, default=0.005, help="share of the duration")
     parser.add_argument("--repeats", type=int, default=1, help="plans of every problem")
     parser.add_argument("--only", default="", help="problems whose name contains this")
+    parser.add_argument("--plot", type=Path, help="picture of the efforts before and after")
     asked = parser.parse_args()
     if not asked.slack > 0:
         parser.error(f"--slack {asked.slack:g}: must be positive")
@@ -216,6 +247,8 @@ def main() -> int:
     _print_means("six problems", judged)
     _print_means("all", rows)
     faults += _faults(judged)
+    if asked.plot:
+        draw(JUDGED[0], asked.slack, asked.plot)
     print("\n".join(faults) or "all goals met")
     return 1 if faults else 0
 

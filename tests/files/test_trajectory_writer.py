@@ -136,7 +136,7 @@ def test_another_suffix_is_refused_with_those_that_there_are(name, post, tmp_pat
 
 
 @pytest.mark.parametrize("suffix", [".json", ".csv", ".yaml"])
-@pytest.mark.parametrize("rate", [0, -1.0, np.nan, np.inf, "fast", None])
+@pytest.mark.parametrize("rate", [0, -1.0, np.nan, np.inf, "fast"])
 def test_a_rate_is_positive_and_finite(rate, suffix, post, tmp_path):
     with pytest.raises(OptionError, match=r"rate is .*; it must be .*> 0 and finite"):
         post[1].save(tmp_path / f"t{suffix}", rate=rate)

@@ -10,6 +10,7 @@ from array import array
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from math import factorial, perm
 from pathlib import Path
 from typing import Any
 
@@ -334,10 +335,24 @@ def joined_samples(
         time: Shape (N,), increasing from 0 [s].
         known: Positions and their derivatives at the samples, each (N, n).
     """
-    from scipy.interpolate import BPoly, PPoly
+    count, width = len(known), np.diff(time)[:, None]
+    # From differences of neighbouring samples: positions are large beside what they change by.
+    lower = [values[:-1] / factorial(k) for k, values in enumerate(known)]
+    rest = [
+        (np.diff(known[k], axis=0) - _taylor(known[k + 1 :], width)) * width**k
+        for k in range(count)
+    ]
+    powers = range(count, 2 * count)
+    matrix = np.array([[perm(power, k) for power in powers] for k in range(count)], float)
+    higher = np.einsum("pk,kin->pin", np.linalg.inv(matrix), np.stack(rest))
+    higher /= np.stack([width**power for power in powers])
+    return JointTrajectory(joint_names, time, np.concatenate([lower, higher])[::-1])
 
-    curve = PPoly.from_bernstein_basis(BPoly.from_derivatives(time, np.stack(known, axis=1)))
-    return JointTrajectory(joint_names, curve.x, curve.c)
+
+def _taylor(rates: Sequence[FloatArray], width: FloatArray) -> FloatArray:
+    """Return what values change by in each interval if their known rates alone, (N, n), did it."""
+    terms = [rate[:-1] * width**k / factorial(k) for k, rate in enumerate(rates, start=1)]
+    return np.sum(terms, axis=0) if terms else np.zeros(())
 
 
 def _require_same_units(time: FloatArray, tables: dict[str, FloatArray]) -> None:
