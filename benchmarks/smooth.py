@@ -219,7 +219,8 @@ def draw(name: str, slack: float, path: Path) -> None:
             fontsize=9,
         )
     axes[0].set_xlabel("")
-    axes[1].legend(axes[1].lines, problem.robot.joint_names, ncols=3, fontsize=8, loc="lower center")
+    names = problem.robot.joint_names
+    figure.legend(axes[0].lines[: len(names)], names, ncols=3, fontsize=8, loc="outside upper center")
     saved(figure, path)
 
 
