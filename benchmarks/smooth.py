@@ -219,8 +219,8 @@ def draw(name: str, slack: float, path: Path) -> None:
             fontsize=9,
         )
     axes[0].set_xlabel("")
-    names = problem.robot.joint_names
-    figure.legend(axes[0].lines[: len(names)], names, ncols=3, fontsize=8, loc="outside upper center")
+    names, place = problem.robot.joint_names, "outside upper center"
+    figure.legend(axes[0].lines[: len(names)], names, ncols=3, fontsize=8, loc=place)
     saved(figure, path)
 
 
