@@ -22,6 +22,7 @@ from tubeplanner import (
     LimitOverrides,
     Payload,
     PlanningProblem,
+    PlanOptions,
     PlanResult,
     RobotModel,
     ToolOffset,
@@ -163,7 +164,7 @@ def main() -> None:
         problems = [random_problem(robot, seed) for seed in range(options.seeds)]
         for problem in problems:
             _ = problem.collision  # geometry is built before planning begins
-        results = [plan(problem) for problem in problems]
+        results = [plan(problem, PlanOptions().shortest) for problem in problems]
         print(_row(name, robot, loading, results), flush=True)
         failures += [
             f"{name}, seed {seed}: {result.status}: {result.message}"

@@ -291,7 +291,7 @@ def studied(name: str, options: argparse.Namespace) -> tuple[Study, PlanResult]:
         loaded = replace(loaded, tube=loaded.tube.with_radius(options.radius / 1000))
     # Pairs that may touch name obstacles, too.
     problem = replace(loaded, obstacles=(), ignore_collisions=_without_obstacles(loaded))
-    ours = plan(problem)
+    ours = plan(problem, PlanOptions().shortest)
     if ours.trajectory is None:
         raise SystemExit(f"{name}: {ours.message}")
     ends = ours.trajectory.position([0.0, ours.trajectory.duration])

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from tubeplanner import PlanResult, parse_problem, plan
+from tubeplanner import PlanOptions, PlanResult, parse_problem, plan
 
 ROBOTS = Path(__file__).resolve().parent.parent / "robots"
 PROBLEMS = (
@@ -38,7 +38,7 @@ def planned(fields: dict[str, Any], folder: Path, jerk: float | None) -> tuple[P
         limits["jerk"] = dict.fromkeys(problem.robot.joint_names, float(jerk))
         problem = parse_problem(fields | {"robot": fields["robot"] | {"limits": limits}}, folder)
     begun = time.process_time()
-    return plan(problem), time.process_time() - begun
+    return plan(problem, PlanOptions().shortest), time.process_time() - begun
 
 
 def variants(name: str) -> dict[str, tuple[dict[str, Any], Path]]:

@@ -38,7 +38,10 @@ DRIVER = """
 import json, resource, sys, time
 from dataclasses import replace
 import numpy as np
-from tubeplanner import Tube, load_problem, parse_problem, plan
+from tubeplanner import PlanOptions, Tube, load_problem, parse_problem, plan
+
+# Older checkouts plan the shortest motion always.
+options = getattr(PlanOptions(), "shortest", PlanOptions())
 
 def cut(tube, parts):
     share = np.arange(parts)[:, None] / parts
@@ -56,7 +59,7 @@ else:
     problem = parse_problem(case["data"])
 plan(load_problem("example:two_link/around_a_post"))
 begun = time.process_time()
-result = plan(problem)
+result = plan(problem, options)
 cpu = time.process_time() - begun
 answer = {"status": result.status, "method": result.method, "duration": result.duration}
 memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024  # [MiB] on Linux

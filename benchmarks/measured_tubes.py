@@ -12,7 +12,7 @@ import numpy as np
 
 from cases import ARMS
 from random_attack import random_attack
-from tubeplanner import load_problem, measure_tube, plan
+from tubeplanner import PlanOptions, load_problem, measure_tube, plan
 
 CONFIGURATIONS = 10_000
 SEED = 1988
@@ -38,7 +38,9 @@ def main(names: list[str]) -> None:
             f"{sum(attack.collisions for attack in attacks)} collisions, least clearance "
             f"{1000 * min(attack.least_clearance for attack in attacks):.2f} mm"
         )
-        written, measured = plan(problem), plan(result.problem)
+        written, measured = (
+            plan(each, PlanOptions().shortest) for each in (problem, result.problem)
+        )
         print(f"  as written, radii {problem.tube.radius}: {written.message}")
         print(f"  measured: {measured.status}: {measured.message}", flush=True)
 

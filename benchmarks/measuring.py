@@ -35,7 +35,12 @@ LEAST_WIDTH, MOST_DURATION = 0.95, 1.01
 # By either checkout's own package, through names that do not change.
 DRIVER = """
 import json, sys, time
-from tubeplanner import MeasureOptions, RouteOptions, find_route, load_problem, measure_tube, plan
+from tubeplanner import (
+    MeasureOptions, PlanOptions, RouteOptions, find_route, load_problem, measure_tube, plan
+)
+
+# Older checkouts plan the shortest motion always.
+options = getattr(PlanOptions(), "shortest", PlanOptions())
 
 kind, name, seed = json.loads(sys.stdin.readline())
 problem = load_problem("example:" + name, reads_tube=kind == "measure")
@@ -50,7 +55,7 @@ compared = [] if kind == "measure" else [one for one in answer.compared if one]
 print(json.dumps({
     "cpu": cpu,
     "radius": None if found is None else found.tube.radius.tolist(),
-    "duration": None if found is None else plan(found).duration,
+    "duration": None if found is None else plan(found, options).duration,
     "compared": min(compared, default=None),
 }))
 """

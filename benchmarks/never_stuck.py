@@ -24,7 +24,9 @@ MOST_ABOVE_MARK = 1.02
 DRIVER = """
 import json, sys, time
 from dataclasses import replace
-from tubeplanner import compare, load_problem, parse_problem, plan
+from tubeplanner import PlanOptions, compare, load_problem, parse_problem, plan
+# Older checkouts plan the shortest motion always.
+options = getattr(PlanOptions(), "shortest", PlanOptions())
 for line in sys.stdin:
     case = json.loads(line)
     bundled, baselines = case["bundled"], case["baselines"]
@@ -33,7 +35,7 @@ for line in sys.stdin:
         tube = problem.tube
         problem = replace(problem, tube=tube.with_radius(case["radius"] + tube.tool_radius))
     begun = time.process_time()
-    result = plan(problem)
+    result = plan(problem, options)
     answer = {"duration": result.duration, "status": result.status, "method": result.method}
     answer["cpu"] = time.process_time() - begun
     if baselines:

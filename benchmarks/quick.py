@@ -22,8 +22,11 @@ DRIVER = """
 import json, sys, time
 sys.path.insert(0, sys.argv[1])
 from random_problems import ARMS, random_case
-from tubeplanner import load_problem, plan
+from tubeplanner import PlanOptions, load_problem, plan
 from tubeplanner.planning import plan_result
+
+# Older checkouts plan the shortest motion always.
+options = getattr(PlanOptions(), "shortest", PlanOptions())
 
 spent, judge = [0.0], plan_result.verify
 
@@ -47,7 +50,7 @@ for line in sys.stdin:
     problem, spent[0] = problem_of(json.loads(line)), 0.0
     problem.collision
     begin = time.process_time()
-    result = plan(problem)
+    result = plan(problem, options)
     seconds = time.process_time() - begin - spent[0]
     print(json.dumps([result.succeeded, result.duration, result.method, seconds]), flush=True)
 """

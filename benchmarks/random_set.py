@@ -240,7 +240,9 @@ def main() -> None:
     rejections: Counter[str] = Counter()
     begin = time.perf_counter()
     found = {
-        arm: list(outcomes(arm, seeds, PlanOptions(time_limit=options.time_limit), rejections))
+        arm: list(
+            outcomes(arm, seeds, PlanOptions(time_limit=options.time_limit).shortest, rejections)
+        )
         for arm in options.robot
     }
     table(found)

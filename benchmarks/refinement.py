@@ -65,7 +65,7 @@ SHARES = {
 
 def timed(problem: PlanningProblem, options: PlanOptions, repeats: int) -> tuple[PlanResult, float]:
     """Return a plan and the median time of making it, its certificate left out [s]."""
-    results = [plan(problem, options) for _ in range(repeats)]
+    results = [plan(problem, options.shortest) for _ in range(repeats)]
     return results[0], float(np.median([r.planning_time - r.certificate_time for r in results]))
 
 
@@ -189,7 +189,7 @@ def convergence(path: Path) -> None:
     histories: dict[str, list[Progress]] = {}
     for name in (paper_example(1, 30), paper_example(5, 10), *ARMS[1:]):
         histories[name] = []
-        plan(load_problem(f"example:{name}"), progress=histories[name].append)
+        plan(load_problem(f"example:{name}"), PlanOptions().shortest, histories[name].append)
     plot_convergence(histories, path)
     print(f"{path}")
 

@@ -29,7 +29,14 @@ from dense_check import broken
 from direct_transcription import MultiStart, starts_of
 from drake_rival import drake_trajectory, switching_times_of
 from transcription_program import PhasedTrajectory
-from tubeplanner import JointTrajectory, PlanningProblem, load_problem, plan, verify
+from tubeplanner import (
+    JointTrajectory,
+    PlanningProblem,
+    PlanOptions,
+    load_problem,
+    plan,
+    verify,
+)
 from tubeplanner.baselines.baselines import judged_baseline
 from tubeplanner.outcome import Infeasible
 
@@ -137,7 +144,7 @@ def cell(problem: PlanningProblem, answer: Answer, ours: float) -> str:
 def row(name: str) -> str:
     """Return one row of the table."""
     problem = load_problem(f"example:{name}")
-    result = plan(problem)
+    result = plan(problem, PlanOptions().shortest)
     if result.trajectory is None or result.certificate is None or not result.certificate.passed:
         raise SystemExit(f"{name}: {result.message}")
     ends = result.trajectory.position([0.0, result.trajectory.duration])
@@ -149,7 +156,7 @@ def row(name: str) -> str:
     )
     seconds, cells = [], []
     for title, rival in RIVALS.items():
-        again = plan(load_problem(f"example:{name}"))
+        again = plan(load_problem(f"example:{name}"), PlanOptions().shortest)
         seconds.append(again.planning_time - again.certificate_time)
         print(f"  {title}:", flush=True)
         cells.append(cell(fixed, answered(rival, fixed, ends), result.trajectory.duration))
