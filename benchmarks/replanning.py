@@ -156,10 +156,10 @@ def in_turns(
         runs.append(
             (measured(partial(plan, problem, SHORTEST)), measured(partial(planner.replan, problem)))
         )
-    first_plan, again = runs[0][0][0], runs[0][1][0]
-    longer = 1.0 if first_plan.succeeded == again.succeeded else math.nan
-    if first_plan.duration and again.duration:
-        longer = again.duration / first_plan.duration
+    fresh, again = runs[0][0][0], runs[0][1][0]
+    longer = 1.0 if fresh.succeeded == again.succeeded else math.nan
+    if fresh.duration and again.duration:
+        longer = again.duration / fresh.duration
     costs = [min(run[side][k] for run in runs) for k in (1, 2) for side in (0, 1)]
     return longer, costs, again
 

@@ -116,7 +116,7 @@ figure, axes = plt.subplots(1, 2, figsize=(11, 4), sharey=True, layout="constrai
 for axis, radius in zip(axes, (0.01, 0.05), strict=True):
     case = problem.with_tube(problem.tube.with_radius(radius))
     for method, style in zip(("branch-and-bound", "refinement"), STYLES, strict=False):
-        trajectory = plan(case, PlanOptions(method)).trajectory
+        trajectory = plan(case, PlanOptions(method, slack=0)).trajectory
         pieces = len(trajectory.breakpoints) - 1
         label = f"{method}, {pieces} polynomials: {trajectory.duration:.3f} s"
         axis.plot(*times_faster(case, trajectory), label=label, **style)

@@ -22,7 +22,7 @@ from dataclasses import replace
 import matplotlib.pyplot as plt
 import numpy as np
 
-from tubeplanner import LimitOverrides, load_problem, load_robot, plan
+from tubeplanner import LimitOverrides, PlanOptions, load_problem, load_robot, plan
 
 plt.rcParams.update({"figure.dpi": 100, "axes.grid": True, "grid.alpha": 0.25})
 
@@ -51,12 +51,13 @@ def show(result, title, most=8):
 
 
 wall = load_problem("example:ur5/over_the_wall")
-over_the_wall = plan(wall)
+shortest = PlanOptions(slack=0)  # what a limit costs is said of the shortest motion
+over_the_wall = plan(wall, shortest)
 show(over_the_wall, "UR5 over the wall")
 
 # %%
 post = load_problem("example:two_link/around_a_post")
-around = plan(post)
+around = plan(post, shortest)
 show(around, "Two-link arm around a post", most=5)
 
 # %% [markdown]
@@ -99,7 +100,7 @@ def checked(problem, arm, result, most):
     """Return entries with what they predict and what planning again saves [ms]."""
     rows = []
     for sensitivity in result.sensitivities[:most]:
-        again = plan(with_more(problem, arm, sensitivity))
+        again = plan(with_more(problem, arm, sensitivity), shortest)
         rows.append(
             (
                 f"{arm.__name__}: {name(sensitivity)}",
