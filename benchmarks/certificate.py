@@ -101,7 +101,7 @@ def main() -> None:
         problem = load_problem(f"example:{name}")
         aim = AIM[problem.robot.joint_count]
         for method in ("stop-at-corners", "branch-and-bound"):
-            result = plan(problem, PlanOptions(method))
+            result = plan(problem, PlanOptions(method).shortest)
             if result.method != method:
                 continue
             cases = [problem]

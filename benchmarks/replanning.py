@@ -30,6 +30,7 @@ from tubeplanner.planning import plan_result
 HERE = Path(__file__).resolve().parent.parent
 SHORTEST = PlanOptions(slack=0.0)
 MAX_LONGER, MIN_GAIN = 1.003, 1.3
+SHORTEST = PlanOptions().shortest
 NAMES = (*ARMS, *(paper_example(k, radius) for k in range(1, 6) for radius in (10, 50)))
 Document = dict[str, Any]
 judge, spent = plan_result.verify, [0.0]

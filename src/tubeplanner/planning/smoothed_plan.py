@@ -13,6 +13,7 @@ from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, Progress, StoppedBy, until_stopped
 from tubeplanner.refinement.phased_spline import PhasedSpline
 from tubeplanner.refinement.smoothing import Smoothing
+from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
 _STAGE = "smoothing"
@@ -92,15 +93,18 @@ def _reason(found: PlanResult | None, stopped_by: StoppedBy | None) -> str:
 
 
 def _note(problem: PlanningProblem, before: JointTrajectory, after: JointTrajectory) -> str:
-    """Return what smoothing has done, with the joint whose effort swings most."""
-    robot = problem.robot
-    swings = [effort_variation(robot, trajectory) for trajectory in (before, after)]
-    joints = [int(swing.argmax()) for swing in swings]
-    (rough, _), (_, jerk) = (largest_jerk(robot, each) for each in (before, after))
-    longer = after.duration / before.duration - 1
+    """Return what smoothing has done, with the joints whose efforts swing most."""
+    robot, longer = problem.robot, after.duration / before.duration - 1
+    swings = [_largest_swing(robot, trajectory) for trajectory in (after, before)]
+    jerks = [largest_jerk(robot, trajectory)[1] for trajectory in (after, before)]
     return (
-        f"smoothed: the shortest motion takes {before.duration:.4f} s; in {longer:.2%} more time, "
-        f"the effort that swings most, '{robot.joint_names[joints[1]]}', moves through "
-        f"{swings[1][joints[1]]:.1f} limits instead of {swings[0][joints[0]]:.1f}, and the "
-        f"largest jerk is {jerk} instead of {rough:.2g}"
+        f"smoothed: the shortest motion takes {before.duration:.4f} s; in {100 * longer:.2f} % "
+        f"more time, the effort that swings most moves through {swings[0]} instead of {swings[1]}, "
+        f"and the largest jerk is {jerks[0]} instead of {jerks[1]}"
     )
+
+
+def _largest_swing(robot: RobotModel, trajectory: JointTrajectory) -> str:
+    variation = effort_variation(robot, trajectory)
+    joint = int(variation.argmax())
+    return f"{variation[joint]:.1f} limits ('{robot.joint_names[joint]}')"

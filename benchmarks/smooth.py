@@ -1,0 +1,258 @@
+"""How smooth the motion becomes within a slack, what that costs, and what it keeps.
+
+    python benchmarks/smooth.py [--slack 0.005] [--repeats 1] [--only SUBSTRING]
+                                [--plot docs/effort_curves.png]
+
+Plans bundled problems as `plan` does by default, and prints of every one the shortest motion and
+the smooth one that is written instead: durations, how far the effort that swings most moves (in
+limits), largest effort rate (in limits per second), jerk, acceleration of a joint and of the tool,
+and the tool's least room in its tube. CPU is the processor time of the second stage with its
+certificate, as a share of the first stage's with its own, both of the same plan; of repeated plans
+the least of each. Exit status 1 if one of six problems misses a goal of `_faults`. --plot draws the
+efforts of the first problem, before and after.
+"""
+
+import argparse
+import sys
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from cases import ARMS
+from tubeplanner import PlanningProblem, PlanOptions, Progress, load_problem, plan, verify
+from tubeplanner.constraints.effort_variation import effort_variation
+from tubeplanner.constraints.trajectory_peaks import trajectory_peaks
+from tubeplanner.planning.jerk_note import largest_jerk
+from tubeplanner.planning.plan_result import PlanResult
+from tubeplanner.robot.effort_rate import effort_rate
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
+from tubeplanner.views.figure_files import new_figure, saved
+from tubeplanner.views.panels import draw_efforts, mark_segments, trajectory_curves
+
+# Goals are about these; the others are shown beside them.
+JUDGED = (*ARMS[1:], "ur5/level_tray", "two_link/paper_5_10mm")
+OTHERS = (
+    ARMS[0],
+    "two_link/paper_1_10mm",
+    "two_link/paper_1_50mm",
+    "two_link/paper_2_30mm",
+    "two_link/paper_3_10mm",
+    "two_link/paper_4_50mm",
+    "two_link/paper_5_50mm",
+)
+MAX_VARIATION, MAX_MEAN_VARIATION, MAX_RATE, MAX_JERK_SHARE = 0.8, 0.55, 0.2, 0.06
+MAX_JERK, MAX_MEAN_JERK = 3e5, 1e5  # [rad/s^3]
+MAX_LESS_ROOM, MAX_CPU = 0.1, 1.2  # of the radius, and of the first stage
+MAX_SWING = {"ur5/over_the_wall": 10.0}  # in limits
+_SAMPLES_PER_PIECE = 20
+
+
+@dataclass(frozen=True)
+class Measures:
+    """What a machine feels of a motion.
+
+    Attributes:
+        variation: How far the effort that swings most moves, in limits.
+        rate: The largest effort rate [limits/s].
+        jerk: The largest [rad/s^3, m/s^3].
+        acceleration: The largest of a joint [rad/s^2, m/s^2].
+        tool: The tool's largest acceleration [m/s^2].
+    """
+
+    variation: float
+    rate: float
+    jerk: float
+    acceleration: float
+    tool: float
+
+
+@dataclass(frozen=True)
+class Row:
+    """A problem's shortest motion and its smooth one: durations [s], measures, room [m], CPU."""
+
+    name: str
+    durations: tuple[float, float]
+    measures: tuple[Measures, Measures]
+    room: tuple[float, float]
+    radius: float
+    cpu: float
+
+    @property
+    def ratios(self) -> dict[str, float]:
+        """The measures of the smooth motion as shares of the shortest one's."""
+        before, after = map(asdict, self.measures)
+        return {name: after[name] / before[name] for name in before}
+
+
+def measures(problem: PlanningProblem, trajectory: JointTrajectory) -> Measures:
+    """Return what a machine feels of a motion."""
+    robot, at = problem.robot, trajectory.per_piece(_SAMPLES_PER_PIECE)
+    jerk = trajectory.jerk_per_piece(_SAMPLES_PER_PIECE)
+    rates = effort_rate(robot, at.position, at.velocity, at.acceleration, jerk)
+    peaks = trajectory_peaks(robot, trajectory)
+    return Measures(
+        float(effort_variation(robot, trajectory).max()),
+        float((abs(rates) / robot.limits.effort).max()),
+        largest_jerk(robot, trajectory)[0],
+        peaks.peak_acceleration.value,
+        peaks.tool_acceleration.value,
+    )
+
+
+def timed_plan(problem: PlanningProblem, slack: float) -> tuple[PlanResult, float, float]:
+    """Return a plan and the processor times of its two stages, certificates included [s]."""
+    begun = time.process_time()
+    smoothing: list[float] = []
+
+    def note(progress: Progress) -> None:
+        if progress.stage == "smoothing" and not smoothing:
+            smoothing.append(time.process_time())
+
+    result = plan(problem, PlanOptions(slack=slack), note)
+    return result, smoothing[0] - begun, time.process_time() - smoothing[0]
+
+
+def planned(name: str, slack: float, repeats: int) -> Row | str:
+    """Return what both motions of a problem are, or why there is no smooth one."""
+    problem = load_problem(f"example:{name}")
+    assert problem.collision is not None  # made when first asked for
+    runs = [timed_plan(problem, slack) for _ in range(repeats)]
+    result = runs[0][0]
+    shortest, smooth = result.shortest, result.trajectory
+    if shortest is None or smooth is None or result.certificate is None:
+        return "; ".join((result.message, *result.notes))
+    certificates = (verify(problem, shortest), result.certificate)
+    before, after = (one.conditions["tube"].margin or 0.0 for one in certificates)
+    first, second = (min(run[stage] for run in runs) for stage in (1, 2))
+    return Row(
+        name,
+        (shortest.duration, smooth.duration),
+        (measures(problem, shortest), measures(problem, smooth)),
+        (before, after),
+        float(problem.tube.effective_radius.min()),
+        second / first,
+    )
+
+
+def _print_head() -> None:
+    columns = ("T*", "T", "effort swings", "rate [1/s]", "jerk", "joint acc.", "tool acc.")
+    widths = (7, 7, 18, 20, 24, 19, 19)
+    cells = (f"{name:>{width}}" for name, width in zip(columns, widths, strict=True))
+    print(f"{'problem':28}", *cells, f"{'room [mm]':>14}   CPU")
+
+
+def _print_row(row: Row) -> None:
+    before, after = map(asdict, row.measures)
+    cells = []
+    for name, shape in zip(before, ("5.1f", "6.0f", "8.1e", "6.0f", "6.1f"), strict=True):
+        share = row.ratios[name]
+        cells.append(f"{before[name]:{shape}} {after[name]:{shape}} {share:5.3f}")
+    durations, room = row.durations, [1000 * value for value in row.room]
+    print(
+        f"{row.name:28} {durations[0]:7.4f} {durations[1]:7.4f} ",
+        "  ".join(cells),
+        f" {room[0]:6.2f} {room[1]:6.2f}  {row.cpu:5.2f}",
+        flush=True,
+    )
+
+
+def _mean(values: list[float]) -> float:
+    return float(np.exp(np.mean(np.log(values))))
+
+
+def _print_means(title: str, rows: list[Row]) -> None:
+    if not rows:
+        return
+    means = {name: _mean([row.ratios[name] for row in rows]) for name in rows[0].ratios}
+    jerk = _mean([row.measures[1].jerk for row in rows])
+    shown = ", ".join(f"{name} {mean:.3f}" for name, mean in means.items())
+    cpu = _mean([row.cpu for row in rows])
+    print(f"geometric means, {title}: {shown}; jerk {jerk:.2g}, CPU {cpu:.2f}")
+
+
+def _faults(rows: list[Row]) -> list[str]:
+    """Return the goals that are missed, in words."""
+    faults = []
+    for row in rows:
+        ratios, after = row.ratios, row.measures[1]
+        less = (row.room[0] - row.room[1]) / row.radius
+        for what, value, most in (
+            ("share of variation", ratios["variation"], MAX_VARIATION),
+            ("variation", after.variation, MAX_SWING.get(row.name, np.inf)),
+            ("share of effort rate", ratios["rate"], MAX_RATE),
+            ("share of jerk", ratios["jerk"], MAX_JERK_SHARE),
+            ("jerk", after.jerk, MAX_JERK),
+            ("share of the radius less room", less, MAX_LESS_ROOM),
+            ("share of CPU", row.cpu, MAX_CPU),
+        ):
+            if value > most:
+                faults.append(f"{row.name}: {what} {value:.3g} is above {most:g}")
+    for what, values, most in (
+        ("share of variation", [row.ratios["variation"] for row in rows], MAX_MEAN_VARIATION),
+        ("jerk", [row.measures[1].jerk for row in rows], MAX_MEAN_JERK),
+    ):
+        if rows and _mean(values) > most:
+            faults.append(f"geometric mean: {what} {_mean(values):.3g} is above {most:g}")
+    return faults
+
+
+def draw(name: str, slack: float, path: Path) -> None:
+    """Draw the efforts of a problem's shortest motion above those of its smooth one."""
+    problem = load_problem(f"example:{name}")
+    result = plan(problem, PlanOptions(slack=slack))
+    assert result.shortest is not None and result.trajectory is not None
+    figure = new_figure(8.0, 6.0)
+    axes = figure.subplots(2, 1, sharex=True)
+    motions = {"shortest": result.shortest, "smooth": result.trajectory}
+    for axis, (title, trajectory) in zip(axes, motions.items(), strict=True):
+        curves = trajectory_curves(problem, trajectory)
+        draw_efforts(axis, curves)
+        mark_segments(axis, curves)
+        swings = effort_variation(problem.robot, trajectory)
+        joint = problem.robot.joint_names[swings.argmax()]
+        axis.set_title(
+            f"{title}, {trajectory.duration:.4f} s: the effort of {joint} moves through "
+            f"{swings.max():.1f} limits",
+            loc="left",
+            fontsize=9,
+        )
+    axes[0].set_xlabel("")
+    names, place = problem.robot.joint_names, "outside upper center"
+    figure.legend(axes[0].lines[: len(names)], names, ncols=3, fontsize=8, loc=place)
+    saved(figure, path)
+
+
+def main() -> int:
+    """Plan and print the table; return the exit status."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--slack", type=float, default=0.005, help="share of the duration")
+    parser.add_argument("--repeats", type=int, default=1, help="plans of every problem")
+    parser.add_argument("--only", default="", help="problems whose name contains this")
+    parser.add_argument("--plot", type=Path, help="picture of the efforts before and after")
+    asked = parser.parse_args()
+    if not asked.slack > 0:
+        parser.error(f"--slack {asked.slack:g}: must be positive")
+    rows, faults = [], []
+    _print_head()
+    for name in (name for name in (*JUDGED, *OTHERS) if asked.only in name):
+        row = planned(name, asked.slack, asked.repeats)
+        if isinstance(row, str):
+            print(f"{name:28} {row}", flush=True)
+            faults += [f"{name}: {row}"]
+            continue
+        _print_row(row)
+        rows.append(row)
+    judged = [row for row in rows if row.name in JUDGED]
+    _print_means("six problems", judged)
+    _print_means("all", rows)
+    faults += _faults(judged)
+    if asked.plot:
+        draw(JUDGED[0], asked.slack, asked.plot)
+    print("\n".join(faults) or "all goals met")
+    return 1 if faults else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
