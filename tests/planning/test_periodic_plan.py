@@ -3,12 +3,15 @@
 from dataclasses import replace
 from functools import cache
 from math import ceil
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from cases import slow_but
 from tubeplanner import Planner, PlanOptions, plan, verify
+from tubeplanner.files.trajectory_file import joined_samples
+from tubeplanner.files.trajectory_writer import TrajectoryFiles
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.refinement.refinement import Refinement
 from tubeplanner.refinement.smoothing import Smoothing
@@ -52,6 +55,21 @@ def test_duration_and_all_breakpoints_are_multiples(name, period, periodic):
         assert np.diff(places).min() >= 1
         assert verify(problem, trajectory).passed
     assert not any("multiple of the period" in note for note in result.notes)
+
+
+@pytest.mark.parametrize(("name", "period"), slow_but(CASES[:5], CASES))
+def test_what_is_written_is_the_motion_itself(name, period, periodic):
+    """Without a rate, and judged as our own trajectories are."""
+    problem, result = periodic(name, period)
+    contents, notes = TrajectoryFiles(csv=Path("t.csv")).contents(result.trajectory, problem)
+    assert notes == ()
+    rows = contents[Path("t.csv")].decode().splitlines()
+    assert len(rows) == 2 + in_periods(result.duration, period)
+    samples = result.trajectory.sample(1 / period)
+    known = (samples.position, samples.velocity, samples.acceleration)
+    joined = joined_samples(result.trajectory.joint_names, samples.time, known)
+    assert joined.duration == pytest.approx(result.duration, abs=1e-12)
+    assert verify(problem, joined).passed
 
 
 @pytest.mark.parametrize(("name", "period"), slow_but(CASES[:4], CASES))
