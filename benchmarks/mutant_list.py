@@ -964,7 +964,6 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("np.full(jerk.shape, 2 * share[2])", "np.full(jerk.shape, share[2])"),
     ],
     "_assembled": [
-        ("np.append(variables.column, FIXED)", "np.append(variables.column, 0)"),
         ("np.add.at(total, place", "total.__setitem__(place"),
     ],
     "_spread": [("corner / count", "corner")],

@@ -108,6 +108,11 @@ def test_the_shortest_motion_of_the_result_is_that_of_slack_zero(stages):
     assert shortest.shortest_duration == shortest.duration
     assert not any("smooth" in note for note in shortest.notes)
     assert smooth.sensitivities == shortest.sensitivities
+    grows = "jerk grows with the square of the number of knots"  # of what is not smoothed
+    assert [any(grows in note for note in stage.notes) for stage in (shortest, smooth)] == [
+        True,
+        False,
+    ]
 
 
 def test_the_same_input_gives_the_same_motion(stages):

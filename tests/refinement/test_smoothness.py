@@ -158,13 +158,32 @@ def test_the_squared_jerk_has_an_exact_model(monkeypatch, case):
     """It is a quadratic of the control points; its logarithm is the value."""
     problem, spline, _ = case
     monkeypatch.setattr(smoothness, "_WEIGHTS", JERK)
-    model = Model(replace(problem, goal=spline.control_points[-1]), spline)
+    model = Model(replace(problem, goal=spline.control_points[-1]), spline, 100.0)
     step = model.step(0.3)
     change = np.append(step.control.ravel(), 0.0)
     before, after = (np.exp(model.objective.value(at)) for at in (model.here, model.moved(step)))
     modelled = 1 + model.gradient @ change + change @ model.hessian @ change / 2
     assert modelled == pytest.approx(after / before, rel=1e-9)
     assert abs(modelled - 1) > 0.1
+    predicted = model.objective.predicted_gain(model.here, step)
+    assert predicted == pytest.approx(1 - modelled, rel=1e-9)
+
+
+def test_its_curvature_by_switching_times_is_that_of_the_jerks_themselves(monkeypatch, case):
+    """Twice the squared slopes of what is squared (Gauss and Newton)."""
+    problem, spline, _ = case
+    monkeypatch.setattr(smoothness, "_WEIGHTS", JERK)
+    model = Model(replace(problem, goal=spline.control_points[-1]), spline)
+    travel = np.ptp(curve(spline)(np.linspace(0, 1, 200)), axis=0)
+
+    def squared(step):
+        times = SWITCHING_TIMES + np.array([0.0, step, 0.0])
+        _, jerk, width = at_knots(replace(spline, switching_times=times))
+        return jerk / np.maximum(travel, 0.05 * travel.max()) * np.sqrt(width)
+
+    slope = (squared(1e-6) - squared(-1e-6)) / 2e-6
+    expected = 2 * (slope**2).sum() / (squared(0.0) ** 2).sum()
+    assert model.hessian[-1, -1] == pytest.approx(expected, rel=1e-4)
 
 
 @pytest.mark.parametrize("case", ["ur5", "panda"], indirect=True)
@@ -173,14 +192,15 @@ def test_a_moving_goal_counts_once_for_all_its_control_points(case):
     problem, spline, _ = case
     model = Model(replace(problem, goal=None), spline)
     steps = np.zeros((2, *model.variables.lower.shape))
-    steps[0, -1, -1], steps[1, -1, -1] = 1e-6, -1e-6
+    steps[0, -1, 1], steps[1, -1, 1] = 1e-6, -1e-6  # it lifts the arm: gravity counts there
     sides = []
     for step in steps:
         moved = spline.control_points + model.variables.change(step)
         at = model.constraints.at(replace(spline, control_points=moved))
         sides.append(model.objective.value(at))
     numeric = (sides[0] - sides[1]) / 2e-6
-    assert model.gradient[model.variables.lower.size - 1] == pytest.approx(numeric, rel=1e-4)
+    found = model.gradient[:-1].reshape(steps[0].shape)[-1, 1]
+    assert found == pytest.approx(numeric, rel=1e-4)
 
 
 def test_a_longer_motion_has_a_price_that_rises_while_steps_are_too_long(slider):
@@ -201,6 +221,16 @@ def test_a_longer_motion_has_a_price_that_rises_while_steps_are_too_long(slider)
         assert objective.gain(here, slower) == pytest.approx(smoother - price * longer, rel=1e-9)
     nowhere = replace(slower, squared_duration=np.inf)
     assert objective.gain(here, nowhere) == -np.inf
+
+
+def test_a_step_that_would_be_longer_should_gain_less(slider):
+    model = Model(unbounded(slider.robot), monotone(1, np.array([0.6])), 0.1)
+    longer = model.here.squared_duration / 0.1**2 - 1
+    assert longer > 0
+    for duration, more in ((0.0, 0.0), (0.2, 0.2), (-0.2, 0.0)):
+        step = replace(model.step(0.0), duration=duration)
+        predicted = model.objective.predicted_gain(model.here, step)
+        assert predicted == pytest.approx(100 * (longer - more), rel=1e-9)
 
 
 def test_within_the_time_nothing_is_longer(slider):
