@@ -79,6 +79,14 @@ TESTS = {
         "planning/test_planner_best_known.py",
         "refinement/test_link_constraints.py",
     ),
+    "refinement/smoothness": ("test_derivatives.py", "refinement/test_smoothing.py"),
+    "refinement/smoothing": ("planning/test_smoothed_plan.py",),
+    "planning/followed_plan": (
+        "planning/test_periodic_plan.py",
+        "planning/test_smoothed_plan.py",
+    ),
+    "planning/certified_motion": ("planning/test_smoothed_plan.py",),
+    "files/trajectory_writer": ("planning/test_periodic_plan.py",),
     "refinement/trust_region": ("refinement/test_trust_region.py",),
     "refinement/step_cost": ("refinement/test_step_cost.py",),
     "refinement/phased_spline": ("refinement/test_phased_spline.py",),
@@ -1062,6 +1070,99 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("outcome.predicted - outcome.linear", "outcome.predicted - outcome.gain"),
         ("max(_MORE * self.damping, enough)", "_MORE * self.damping"),
     ],
+    # --- refinement/smoothness: what a second stage gains --------------------------------------
+    "Smoothness._longer": [("- 1, 0.0)", ", 0.0)")],
+    "Smoothness.after": [("min(2 * self._price", "min(self._price")],
+    "Smoothness.gain": [("- self._price * longer", "")],
+    "Smoothness.predicted_gain": [
+        ("self._longer(current) - max(step.duration, 0.0)", "self._longer(current)"),
+        ("- padded @ (own.hessian @ padded) / 2", ""),
+    ],
+    "Smoothness._measured_anew": [
+        ("elapsed**-0.75", "elapsed**-0.5"),
+        ("* np.sqrt(width)", "* width"),
+        ("+ _NOTHING", ""),
+        (" - _ROUNDED\n", "\n"),
+    ],
+    "Smoothness._residuals": [("-0.75 * measured.rate", "0.75 * measured.rate")],
+    "Smoothness._by_effort": [
+        ("change[1:-1:2, :, 1:] += control[2:-1:2]", "change[1:-1:2, :, :-1] += control[2:-1:2]"),
+        ("change[-1, :, : DEGREE + 1] += control[-1]", "pass"),
+        ("np.diff(switching, axis=0)", "0 * np.diff(switching, axis=0)"),
+    ],
+    "Smoothness._by_jerk": [("measured.jerk / (2 * width)", "measured.jerk / width")],
+    "_nominal_efforts": [("np.isfinite(limit), limit", "np.isfinite(limit), most")],
+    "_derivatives": [
+        ("12 * share[0] * rate**2", "-12 * share[0] * rate**2"),
+        ("np.full(jerk.shape, 2 * share[2])", "np.full(jerk.shape, share[2])"),
+    ],
+    "_assembled": [
+        ("np.add.at(total, place", "total.__setitem__(place"),
+    ],
+    "_spread": [("corner / count", "corner")],
+    # --- refinement/smoothing ------------------------------------------------------------------
+    "Smoothing.__init__": [
+        ("- _LESS_ROOM", "- 0.2"),
+        ("(1 - _LESS_CLEARANCE) *", "0 *"),
+        ("max(clearance, 0.0), _MOST_CLEARANCE", "max(clearance, 0.0), 1.0"),
+    ],
+    "Smoothing._looked_at": [
+        ("in_time and dense.excess <= MERIT_TOLERANCE", "in_time"),
+        ("dense.squared_duration <= self._longest**2", "True"),
+    ],
+    "Smoothing.answer": [
+        ("time / duration", "time"),
+        ("self._best = None\n", "pass\n"),
+    ],
+    "Smoothing._is_smoother": [("<", ">")],
+    "_room": [
+        ("1 - share", "share"),
+        ("tube.compulsory_points - 1, tube.compulsory_points", "tube.compulsory_points"),
+    ],
+    # --- a controller's periods ----------------------------------------------------------------
+    "on_periodic_knots": [
+        ("np.union1d(breakpoints, ends)", "np.unique(breakpoints)"),
+        ("spline.grid.chains, is_fixed=True", "is_fixed=True"),
+        ("is_fixed=True", "is_fixed=False"),
+    ],
+    "_filled": [
+        ("if widths[widest] == 1:", "if widths[widest] <= 2:"),
+        ("len(places) - 1 < intervals", "len(places) < intervals"),
+    ],
+    "_apart": [
+        ("max(places[k], places[k - 1] + 1)", "places[k]"),
+        ("last - np.arange(count)[::-1]", "last"),
+    ],
+    "periodic_plan": [
+        (", phases, _FEWEST_PERIODS)", ")"),
+        ("duration=count * period, period=period", "duration=count * period"),
+        ("if no_longer(found.duration, count * period):", "if True:"),
+        ("notes=shortest.notes", "notes=()"),
+    ],
+    "fewest_periods": [("duration / period - _ROUNDING", "duration / period")],
+    "most_periods": [("duration / period + _ROUNDING", "duration / period")],
+    "lengthened": [("np.round(slower.breakpoints / period) * period", "slower.breakpoints")],
+    "_followed": [
+        ("most_periods(periodic.duration * (1 + slack), period)", "most_periods(1.0, period)"),
+        ("shortest.stopped_by is not None", "False"),
+    ],
+    "_in_whole_periods": [("if not found.succeeded:", "if False:")],
+    "_usual_rate": [("1 / period", "0.5 / period")],
+    "smoothed_plan": [
+        ("or not no_longer(after.duration, longest)", ""),
+        ("shortest=shortest.trajectory", "shortest=None"),
+        ("motion=shortest.motion", "motion=None"),
+    ],
+    "effort_variation": [
+        ("/ nominal", ""),
+        ("np.isfinite(limit), limit", "np.isfinite(limit), largest"),
+    ],
+    "largest_jerk": [
+        ("np.minimum(robot.limits.jerk, robot.limits.effort_rate)", "robot.limits.jerk")
+    ],
+    "Samples.times_by_switching": [("* (1 - self.share[:, None])", "* self.share[:, None]")],
+    "KnotGrid.switch_count": [("0 if self.is_fixed else", "")],
+    "segments_of_pieces": [("chain.start", "chain.stop - 1")],
     # --- refinement/step_cost -----------------------------------------------------------------
     "StepCost.quadratic": [
         ("damping * both.data.imag", "0 * both.data.imag"),

@@ -125,3 +125,22 @@ def test_links_that_pass_between_coarse_samples_are_given_up_on_the_finest(has_p
     assert refinement.gave_up == has_plate
     # Not for what it looked like on coarse knots.
     assert refinement.spline.grid.interval_count == 4 * start.grid.interval_count
+
+
+def test_room_beyond_what_is_asked_is_kept_from_obstacles(two_link):
+    """As if the clearance were larger by it, between links and obstacles."""
+    wanted, room = 0.01, 0.015
+    problem = problem_with(two_link, post(0.46, 0.0), clearance=wanted)
+    branch = reference_branch(problem, redundancy_rules(problem)[0])
+    spline = starting_spline(problem, branch, 12)
+    with_room = LinkConstraints(problem, room)
+    wider = LinkConstraints(replace(problem, clearance=wanted + room))
+    plain = LinkConstraints(problem)
+    samples = spline.grid.samples_at(spline.switching_times, np.linspace(0.2, 0.8, 7))
+    for links in (with_room, wider, plain):
+        links.look_at(spline, samples)
+    found, expected, less = (
+        np.sort(links.at(spline).slack(1.0, 1.0)) for links in (with_room, wider, plain)
+    )
+    np.testing.assert_array_equal(found, expected)
+    assert len(less) == 0 or less[0] > found[0]

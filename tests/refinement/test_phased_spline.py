@@ -8,6 +8,7 @@ from tubeplanner.refinement.phased_spline import (
     PhasedSpline,
     VelocityHull,
     basis_by_switching,
+    segments_of_pieces,
 )
 from tubeplanner.refinement.sampled_spline import sampled
 from tubeplanner.refinement.spline_start import knot_grid, subdivided
@@ -91,6 +92,33 @@ def test_switching_times_move_knots_and_samples_with_them(samples):
         expected = (sides[0] - sides[1]) / (2 * step)
         scale = np.maximum(abs(expected).max(axis=(1, 2), keepdims=True), 1e-9)
         np.testing.assert_allclose(by_switching[column] / scale, expected / scale, atol=1e-4)
+
+
+def test_times_change_with_both_ends_of_their_phase():
+    """Linearly: a finite difference is exact."""
+    samples = GRID.samples(np.array([0.0, 0.3, 1.0]))
+    found = samples.times_by_switching(GRID.switch_count)
+    for column, switching in enumerate((1, 2)):
+        moved = SWITCHING_TIMES.copy()
+        moved[switching] += 0.01
+        expected = (samples.times(moved) - samples.times(SWITCHING_TIMES)) / 0.01
+        np.testing.assert_allclose(found[:, column], expected, atol=1e-12)
+    assert samples.times_by_switching(0).shape == (len(samples.share), 0)
+
+
+def test_on_a_fixed_grid_no_switching_time_moves():
+    fixed = KnotGrid(GRID.shares, GRID.chains, is_fixed=True)
+    assert (GRID.switch_count, fixed.switch_count) == (2, 0)
+    samples = fixed.samples(np.array([0.5]))
+    assert basis_by_switching(samples, fixed, SWITCHING_TIMES).shape[0] == 0
+    found = sampled(PhasedSpline(fixed, SWITCHING_TIMES, control_points()), samples)
+    assert found.by_switching.shape == (0, 4, fixed.interval_count, 2)
+
+
+def test_pieces_are_of_their_phases_first_segment():
+    chained = KnotGrid(GRID.shares, (range(0, 2), range(2, 5), range(5, 6)))
+    assert segments_of_pieces(chained).tolist() == [0, 0, 0, 2, 2, 5, 5, 5]
+    assert segments_of_pieces(GRID).tolist() == [0, 0, 0, 1, 1, 2, 2, 2]
 
 
 @pytest.mark.parametrize("intervals", [8, 24, 64])

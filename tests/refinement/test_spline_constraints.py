@@ -243,3 +243,40 @@ def test_a_tool_at_rest_has_finite_derivatives(two_link):
     assert limit.used(at).at(2.0).tolist() == [[0.0]]
     assert all((change == 0).all() for change in limit.by_path(at, 2.0).values())
     assert limit.used(at).largest_speed(limit.signs).tolist() == [[np.inf]]
+
+
+def constraints_of(case, **more):
+    problem, spline, _ = case
+    links, radius = LinkConstraints(problem), problem.tube.effective_radius
+    return SplineConstraints(problem, spline.grid, links, radius, **more), spline
+
+
+def test_run_in_is_the_duration_whatever_limits_ask_for(case):
+    """What they ask for is known beside it."""
+    free, given = (constraints_of(case, **more)[0].at(case[1]) for more in ({}, {"run_in": 9.0}))
+    assert (free.duration, given.duration) == (np.sqrt(free.squared_duration), 9.0)
+    assert given.squared_duration == free.squared_duration
+
+
+def test_room_is_unused_by_segment(case):
+    """A share of the region's size that counts as outside; least what is always left."""
+    room = np.array([0.3, 0.0])
+    (plain, spline), (kept, _) = constraints_of(case), constraints_of(case, room=room)
+    before, after = (constraints.at(spline).regions[0] for constraints in (plain, kept))
+    margin = before.margin
+    expected = before.excess + np.maximum(room[before.segment], margin) - margin
+    np.testing.assert_allclose(after.excess, expected, atol=1e-12)
+    assert {0, 1} == set(before.segment.tolist())
+
+
+def test_between_samples_changes_nothing(case):
+    """It looks everywhere, and what is watched stays as it was."""
+    constraints, spline = constraints_of(case)
+    before = constraints.at(spline)
+    dense = constraints.between_samples(spline)
+    assert dense.squared_duration >= before.squared_duration * (1 - 1e-9)
+    assert dense.excess >= before.excess - 1e-9
+    assert len(dense.regions[0].vector) > 5 * len(before.regions[0].vector)
+    again = constraints.at(spline)
+    assert again.squared_duration == before.squared_duration
+    assert len(again.regions[0].vector) == len(before.regions[0].vector)

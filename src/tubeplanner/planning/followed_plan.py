@@ -61,7 +61,8 @@ def _followed(
 def _in_whole_periods(problem: PlanningProblem, shortest: PlanResult, period: float) -> PlanResult:
     """Return an answer whose duration is a multiple of a period, its breakpoints where they were.
 
-    Slower motions keep all limits that faster ones keep.
+    Slower motions keep all limits that faster ones keep, but where the arm swings through what
+    its motors cannot hold; then the answer stays as it is.
     """
     if shortest.trajectory is None or shortest.duration is None:
         return shortest
@@ -69,12 +70,16 @@ def _in_whole_periods(problem: PlanningProblem, shortest: PlanResult, period: fl
     slower = shortest.trajectory.scaled(duration / shortest.duration)
     clock = PlanningClock(None, None)
     found = certified_result(problem, slower, shortest.method, clock)
+    if not found.succeeded:
+        note = (
+            f"the duration is no multiple of the period, {period:g} s: the slower motion is not "
+            f"certified: {found.message}"
+        )
+        return replace(shortest, notes=(*shortest.notes, note))
     note = (
         f"the duration is a multiple of the period, {period:g} s; the breakpoints are not, so that "
         "its samples are not the motion itself"
     )
-    if not found.succeeded:
-        return shortest
     return replace(
         found,
         search=shortest.search,

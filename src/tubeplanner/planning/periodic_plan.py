@@ -11,11 +11,14 @@ from tubeplanner.planning.timing import fewest_periods, lengthened, no_longer
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock
 from tubeplanner.refinement.periodic_knots import on_periodic_knots
-from tubeplanner.refinement.phased_spline import PhasedSpline
+from tubeplanner.refinement.phased_spline import DEGREE, PhasedSpline
 from tubeplanner.refinement.refinement import Refinement
+from tubeplanner.trajectory.fitted_spline import REST_POINTS
 
 # So many numbers of periods are tried, each with its own knots.
 _MAX_TRIES = 8
+# With fewer, the control points at rest at both ends leave none that may move.
+_FEWEST_PERIODS = 2 * REST_POINTS - DEGREE + 1
 
 
 def periodic_plan(
@@ -41,7 +44,7 @@ def periodic_plan(
     assert shortest.motion is not None and shortest.duration is not None
     inner, spline = shortest.motion.problem, shortest.motion.spline
     phases = len(spline.grid.shares)
-    count = max(fewest_periods(shortest.duration, period), phases)
+    count = max(fewest_periods(shortest.duration, period), phases, _FEWEST_PERIODS)
     for _ in range(_MAX_TRIES):
         start = on_periodic_knots(spline, count)
         refinement = Refinement(inner, start, (), entered(start.grid.interval_count, clock))
@@ -56,8 +59,12 @@ def periodic_plan(
             count += 1
             continue
         if no_longer(found.duration, count * period):
-            return replace(
-                found, sensitivities=shortest.sensitivities, motion=shortest.motion
-            ), refinement.spline
+            periodic = replace(
+                found,
+                notes=shortest.notes,
+                sensitivities=shortest.sensitivities,
+                motion=shortest.motion,
+            )
+            return periodic, refinement.spline
         count = max(count + 1, fewest_periods(found.duration, period))
     return None

@@ -89,6 +89,8 @@ def _reason(found: PlanResult | None, stopped_by: StoppedBy | None) -> str:
         return f"stopped by {stopped_by.replace('_', ' ')}"
     if found is None:
         return "no smoother one was found in the time that it may take"
+    if found.duration is not None:
+        return f"the smoother one takes {found.duration:.4f} s, more than it may"
     return f"the smoother one was not certified: {found.message}"
 
 

@@ -1,0 +1,139 @@
+"""What is refused of an objective and a period, by name and with what they may be."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from ruamel.yaml import YAML
+
+from tubeplanner import Objective, PlanOptions, load_problem, plan
+from tubeplanner.errors import OptionError, ProblemError
+from tubeplanner.resources import bundled_problems
+
+NAME = "two_link/paper_1_30mm"
+NO_SLACK = [-0.001, 10.1, np.inf, np.nan, "0.005", True, None]
+NO_PERIOD = [0.0, -0.001, 1e-6, 1.1, 4.0, np.nan, np.inf, "0.001", True]
+
+
+@pytest.fixture
+def written(tmp_path):
+    """Return a function from fields to a problem file with them."""
+
+    def write(**fields):
+        data = YAML(typ="safe").load(bundled_problems()[NAME].read_text())
+        path = tmp_path / "problem.yaml"
+        with path.open("w") as file:
+            YAML(typ="safe").dump({**data, **fields}, file)
+        return path
+
+    return write
+
+
+def test_left_out_it_is_smooth_within_half_a_percent(bundled):
+    assert bundled(NAME).objective is None
+    assert Objective() == Objective(0.005, "smoothness")
+
+
+@pytest.mark.parametrize("slack", NO_SLACK)
+def test_slack_is_a_share_of_time(slack):
+    with pytest.raises(ProblemError, match=r"objective\.slack is .*; give a share .* to 10$"):
+        Objective(slack)
+
+
+@pytest.mark.parametrize("slack", NO_SLACK[:-1])
+def test_so_is_that_of_options(slack):
+    with pytest.raises(OptionError, match=r"^slack is .*; give a share .* from 0 .* to 10$"):
+        PlanOptions(slack=slack)
+
+
+@pytest.mark.parametrize("slack", [0, 0.0, 0.005, 10])
+def test_both_bounds_belong_to_it(slack):
+    assert Objective(slack).slack == PlanOptions(slack=slack).slack == slack
+
+
+def test_the_shortest_is_asked_for_unless_a_slack_is_given():
+    """0 is a slack that is given."""
+    assert PlanOptions().shortest.slack == 0.0
+    assert PlanOptions(slack=0.02).shortest.slack == 0.02
+    assert PlanOptions("refinement", "fast").shortest.quality == "fast"
+
+
+@pytest.mark.parametrize("minimise", ["energy", "smooth", "", None, 1])
+def test_what_is_minimised_has_a_name(minimise):
+    with pytest.raises(ProblemError, match=r"objective\.minimise: unknown objective .*smoothness"):
+        Objective(minimise=minimise)
+
+
+@pytest.mark.parametrize("period", NO_PERIOD)
+def test_a_period_is_a_controllers(period, bundled):
+    with pytest.raises(ProblemError, match=r"period is .* s; give the controller's, 1e-05 to 1 s"):
+        replace(bundled(NAME), period=period)
+
+
+@pytest.mark.parametrize("period", [1e-5, 0.001, 1, None])
+def test_both_bounds_of_a_period_belong_to_it(period, bundled):
+    assert replace(bundled(NAME), period=period).period == period
+
+
+@pytest.mark.parametrize("objective", [0.005, "smoothness", {"slack": 0.005}])
+def test_an_objective_is_an_objective(objective, bundled):
+    with pytest.raises(ProblemError, match=r"objective is .*; give an Objective"):
+        replace(bundled(NAME), objective=objective)
+
+
+def test_files_say_both(written):
+    problem = load_problem(written(objective={"slack": 0.02}, period=0.004))
+    assert (problem.objective, problem.period) == (Objective(0.02, "smoothness"), 0.004)
+    assert load_problem(written()).period is None
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"objective": {"slack": -0.1}}, "objective.slack is -0.1; give a share"),
+        ({"objective": {"slack": 11}}, "to 10"),
+        ({"objective": {"slack": "much"}}, "objective.slack"),
+        ({"objective": {"minimise": "energy"}}, "objective.minimise"),
+        ({"objective": {"weights": {}}}, "unknown key"),
+        ({"objective": 0.01}, "objective"),
+        ({"period": 0}, "period is 0 s; give the controller's, 1e-05 to 1 s"),
+        ({"period": 4}, "period is 4 s; give the controller's, 1e-05 to 1 s"),
+        ({"period": "fast"}, "period"),
+    ],
+)
+def test_what_files_say_wrongly_is_named(fields, message, written, run):
+    status, out, err = run("plan", written(**fields))
+    assert (status, out) == (2, "")
+    assert message in err
+
+
+@pytest.mark.parametrize("command", ["plan", "compare", "sweep"])
+@pytest.mark.parametrize(("slack", "shown"), [("-1", "-1"), ("10.5", "10.5"), ("nan", "nan")])
+def test_so_is_a_slack_of_the_command_line(command, slack, shown, run):
+    more = ["--radius", "0.02,0.03"] if command == "sweep" else []
+    status, out, err = run(command, f"example:{NAME}", *more, "--slack", slack)
+    assert (status, out) == (2, "")
+    assert f"slack is {shown}; give a share of the shortest duration" in err
+
+
+@pytest.mark.parametrize("method", ["branch-and-bound", "stop-at-corners", "suh-bishop"])
+def test_methods_that_make_nothing_smoother_refuse_a_slack(method, bundled, run):
+    problem = bundled(NAME)
+    expected = f"but method '{method}' makes nothing smoother; give slack 0, or method 'refinement'"
+    with pytest.raises(OptionError, match=expected):
+        plan(problem, PlanOptions(method, slack=0.005))
+    with pytest.raises(OptionError, match=expected):
+        plan(replace(problem, objective=Objective()), PlanOptions(method))
+    status, _, err = run("plan", f"example:{NAME}", "--method", method, "--slack", "0.01")
+    assert status == 2
+    assert f"slack is 0.01, {expected}" in err
+
+
+def test_they_ignore_the_default_and_a_slack_of_zero(bundled):
+    problem, method = bundled(NAME), "stop-at-corners"
+    shortest = plan(problem, PlanOptions(method))
+    for changed, slack in ((problem, 0.0), (replace(problem, objective=Objective(0)), None)):
+        result = plan(changed, PlanOptions(method, slack=slack))
+        assert result.method == method
+        assert result.shortest is None
+        assert result.duration == shortest.duration

@@ -1,0 +1,213 @@
+"""Smoothing one spline: against the minimum-jerk motion, within its time, room and samples."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from tubeplanner import PlanOptions, Tube, plan, verify
+from tubeplanner.constraints.time_scaling import scaled_to_limits
+from tubeplanner.outcome import Infeasible, PlanStatus
+from tubeplanner.refinement import smoothing, smoothness
+from tubeplanner.refinement.phased_spline import segments_of_pieces
+from tubeplanner.refinement.smoothing import Smoothing
+
+TRAVEL = 0.6  # [m], of the slider
+LEAST_JERK, LEAST_VARIATION = 720.0, 16.0  # of one metre from rest to rest in one second
+POST = "two_link/around_a_post"
+
+
+@pytest.fixture(scope="module")
+def sliding(slider):
+    """The slider's shortest motion."""
+    return plan(slider, PlanOptions(slack=0))
+
+
+def smoothed(problem, shortest, slack):
+    """Return a smoothing that has run, within a slack."""
+    longest = shortest.duration * (1 + slack)
+    found = Smoothing(problem, shortest.motion.spline, longest, 0.0)
+    assert not found.has_spline
+    assert found.run()
+    assert found.has_spline
+    return found
+
+
+def squared_jerk(trajectory):
+    """Return the integral of the squared jerk of one metre, in one second."""
+    jerk = trajectory.scaled(1 / trajectory.duration).derivative_coefficients(3)[-1]
+    width = trajectory.breakpoints[1:] - trajectory.breakpoints[:-1]
+    return ((jerk / TRAVEL) ** 2 * width[:, None]).sum() / trajectory.duration
+
+
+def variation(trajectory):
+    """Return the total variation of the acceleration of one metre, in one second: at knots."""
+    acceleration = trajectory.scaled(1 / trajectory.duration).derivative_coefficients(2)
+    knots = np.append(acceleration[-1][:, 0], 0.0)
+    return abs(np.diff(knots)).sum() / TRAVEL
+
+
+def quintic(x):
+    return TRAVEL * x**3 * (10 - 15 * x + 6 * x**2)
+
+
+@pytest.mark.parametrize("slack", [1.0, 3.0])
+def test_with_time_enough_the_least_jerk_is_that_of_the_quintic(
+    slack, slider, sliding, monkeypatch
+):
+    """The squared jerk alone: its only minimum, from rest to rest with zero acceleration."""
+    monkeypatch.setattr(smoothness, "_WEIGHTS", np.array([0.0, 0.0, 1.0]))
+    found = smoothed(slider, sliding, slack).trajectory
+    assert LEAST_JERK <= squared_jerk(found) < 1.005 * LEAST_JERK
+    x = np.linspace(0, 1, 101)
+    np.testing.assert_allclose(found.position(x)[:, 0], quintic(x), atol=1e-4 * TRAVEL)
+
+
+@pytest.mark.parametrize("slack", [1.0, 3.0])
+def test_the_mixture_is_no_worse_than_the_quintic_and_within_what_is_possible(
+    slack, slider, sliding
+):
+    """No motion has less jerk than the quintic, nor less variation than a bang-bang one."""
+    longest = sliding.duration * (1 + slack)
+    found = smoothed(slider, sliding, slack)
+    assert squared_jerk(found.trajectory) >= LEAST_JERK
+    assert variation(found.trajectory) >= LEAST_VARIATION
+    grid, objective = sliding.motion.spline.grid, found._objective
+    knots, count = grid.knots(np.array([0.0, 1.0])), grid.control_point_count
+    # A cubic of nearly the quintic: control points at the means of their knots.
+    x = np.mean([knots[k : k + count] for k in (1, 2, 3)], axis=0)
+    points = quintic(x)[:, None]
+    points[:3], points[-3:] = 0.0, TRAVEL
+    at = found._program.iterate(replace(sliding.motion.spline, control_points=points))
+    assert at.squared_duration < longest**2
+    assert objective.value(found._found) < objective.value(at) + 0.05
+
+
+def test_little_time_brings_the_jerk_most_of_the_way(slider, sliding):
+    before, little, some = (
+        squared_jerk(each)
+        for each in (
+            sliding.trajectory,
+            smoothed(slider, sliding, 0.005).trajectory,
+            smoothed(slider, sliding, 0.1).trajectory,
+        )
+    )
+    assert before > 5 * little > 20 * some
+
+
+@pytest.fixture(scope="module")
+def post(bundled):
+    return bundled(POST), plan(bundled(POST), PlanOptions(slack=0))
+
+
+def test_it_runs_in_its_time_between_samples_too(post):
+    problem, shortest = post
+    found = smoothed(problem, shortest, 0.005)
+    segments = found.segments
+    np.testing.assert_array_equal(segments, segments_of_pieces(shortest.motion.spline.grid))
+    assert len(segments) == len(found.trajectory.widths)
+    fastest = scaled_to_limits(problem, found.trajectory, segments=segments)
+    assert fastest.duration <= 1.005 * shortest.duration * (1 + 1e-6)
+    assert verify(problem, found.trajectory.scaled(1.005 * shortest.duration)).passed
+    assert not found.gave_up
+
+
+def test_before_it_has_run_it_has_nothing(post):
+    problem, shortest = post
+    fresh = Smoothing(problem, shortest.motion.spline, 1.0, 0.0)
+    with pytest.raises(RuntimeError, match="smoothing has not run"):
+        _ = fresh.trajectory
+
+
+def test_without_time_there_is_nothing_smoother(post):
+    """Less than the shortest motion takes."""
+    problem, shortest = post
+    found = Smoothing(problem, shortest.motion.spline, 0.95 * shortest.duration, 0.0)
+    assert not found.run()
+    assert not found.has_spline
+
+
+def test_its_checkpoint_gets_the_duration_and_ends_it(post):
+    problem, shortest = post
+    heard = []
+
+    def checkpoint(duration):
+        heard.append(duration)
+        if len(heard) == 2:
+            raise TimeoutError
+
+    longest = 1.01 * shortest.duration
+    found = Smoothing(problem, shortest.motion.spline, longest, 0.0, checkpoint)
+    with pytest.raises(TimeoutError):
+        found.run()
+    assert heard == [longest, longest]
+
+
+def test_it_answers_a_certificate_with_samples_where_that_fails(post, monkeypatch):
+    problem, shortest = post
+    found, longest = smoothed(problem, shortest, 0.005), 1.005 * shortest.duration
+    added = []
+    constraints = type(found._program.constraints)
+    monkeypatch.setattr(
+        constraints, "add_samples", lambda self, spline, x: added.append((spline, x))
+    )
+    passed = verify(problem, found.trajectory.scaled(longest))
+    where = replace(passed.conditions["tube"].where, time=0.25 * longest)
+    failed = replace(passed.conditions["tube"], margin=-1.0, where=where)
+    before = found._found.spline
+    again = found.answer(replace(passed, conditions={**passed.conditions, "tube": failed}), longest)
+    assert again
+    assert added == [(before, 0.25)]
+    assert not found.answer(passed, longest)  # nothing to do
+    assert not found.has_spline
+
+
+def test_a_motion_that_motors_cannot_hold_is_no_start(post):
+    problem, shortest = post
+    found = Smoothing(problem, shortest.motion.spline, 1.0, 0.0)
+    here = found._program.iterate(shortest.motion.spline)
+    found._program.iterate = lambda spline: replace(here, squared_duration=np.inf)
+    with pytest.raises(Infeasible, match="no trajectory to start from") as caught:
+        found.run()
+    assert caught.value.status is PlanStatus.NO_TRAJECTORY
+
+
+@pytest.mark.parametrize(
+    ("clearance", "kept"), [(-0.01, 0.0), (0.0, 0.0), (0.01, 0.009), (0.5, 0.018)]
+)
+def test_most_of_the_distance_from_obstacles_is_kept(clearance, kept, post, monkeypatch):
+    """A tenth of it may go, and of more than 2 cm all that is beyond."""
+    problem, shortest = post
+    asked, links = [], smoothing.LinkConstraints
+
+    def spy(problem, room=0.0):
+        asked.append(room)
+        return links(problem, room)
+
+    monkeypatch.setattr(smoothing, "LinkConstraints", spy)
+    Smoothing(problem, shortest.motion.spline, 1.0, clearance)
+    assert asked[-1] == pytest.approx(kept, abs=1e-15)
+
+
+def test_room_is_what_the_worst_instant_leaves(slider, sliding):
+    """The slider goes along the middle of its tube, or beside it."""
+    spline = sliding.motion.spline
+    for beside, room in ((0.0, 1.0), (0.04, 0.6)):
+        tube = Tube([[0, beside, 0], [TRAVEL, beside, 0]], 0.1)
+        problem = slider.with_tube(tube)
+        constraints = Smoothing(problem, spline, 1.0, 0.0)._program.constraints
+        found = smoothing._room(problem, constraints.between_samples(spline))
+        assert found == pytest.approx([room], abs=1e-9)
+
+
+def test_it_is_by_segment_and_none_beside_a_compulsory_point():
+    """There the tool must come closer to the point than to the wall."""
+    tube = Tube([[0, 0, 0], [0.3, 0, 0], [0, 0, 0.001], [0, 0.5, 0]], 0.1)
+    assert tube.compulsory_points.tolist() == [1]
+    share, segment = np.array([0.2, 0.4, 0.5, 0.3, 0.1]), np.array([0, 0, 1, 2, 2])
+    regions = SimpleNamespace(
+        regions=SimpleNamespace(share=lambda vector, segment: share), vector=None, segment=segment
+    )
+    problem, dense = SimpleNamespace(tube=tube), SimpleNamespace(regions=(regions,))
+    np.testing.assert_allclose(smoothing._room(problem, dense), [0.0, 0.0, 0.7])

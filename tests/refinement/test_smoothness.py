@@ -1,0 +1,247 @@
+"""What smoothness is measured by: against closed forms, and its model near a trajectory."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.interpolate import BSpline
+
+from cases import INERTIA, one_joint
+from tubeplanner import PlanningProblem, Tube
+from tubeplanner.refinement import smoothness
+from tubeplanner.refinement.control_variables import ControlVariables
+from tubeplanner.refinement.linear_program import Step
+from tubeplanner.refinement.link_constraints import LinkConstraints
+from tubeplanner.refinement.phased_spline import DEGREE, PhasedSpline
+from tubeplanner.refinement.smoothness import Smoothness
+from tubeplanner.refinement.spline_constraints import SplineConstraints
+from tubeplanner.refinement.spline_start import knot_grid
+from tubeplanner.refinement.step_cost import StepCost
+
+SWITCHING_TIMES = np.array([0.0, 0.4, 1.0])
+RUN_IN = 0.8
+RATE, VARIATION, JERK = np.eye(3)
+
+
+def monotone(joints, travel, seed=2):
+    """Return a spline of joints that go so far, each without turning back."""
+    grid = knot_grid(SWITCHING_TIMES, 10)
+    steps = np.random.default_rng(seed).uniform(0.2, 1.0, (grid.control_point_count - 1, joints))
+    steps[:2] = steps[-2:] = 0.0
+    course = np.vstack([np.zeros(joints), np.cumsum(steps, axis=0)])
+    return PhasedSpline(grid, SWITCHING_TIMES, course / course[-1] * travel)
+
+
+def evaluated(problem, spline, run_in=RUN_IN):
+    links, radius = LinkConstraints(problem), problem.tube.effective_radius
+    return SplineConstraints(problem, spline.grid, links, radius, run_in).at(spline)
+
+
+def alone(monkeypatch, weights, problem, spline, run_in=RUN_IN):
+    """Return one measure of a spline."""
+    monkeypatch.setattr(smoothness, "_WEIGHTS", weights)
+    objective = Smoothness(problem, spline, run_in)
+    return np.exp(objective.value(evaluated(problem, spline, run_in)))
+
+
+def curve(spline):
+    """Return scipy's spline."""
+    return BSpline(spline.grid.knots(spline.switching_times), spline.control_points, DEGREE)
+
+
+def at_knots(spline):
+    """Return accelerations at the knots, jerks between them, and widths."""
+    knots, found = spline.grid.breakpoints(spline.switching_times), curve(spline)
+    return found(knots, 2), found((knots[1:] + knots[:-1]) / 2, 3), np.diff(knots)[:, None]
+
+
+def unbounded(robot):
+    """A problem of two segments that asks nothing of a robot but its limits."""
+    joints = robot.joint_count
+    tool = robot.tool_position(np.zeros((1, joints)))[0]
+    tube = Tube(tool + np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0]]), 1000.0)
+    return PlanningProblem(robot, tube, np.zeros(joints), self_collision=False)
+
+
+def bar(tmp_path, **limits):
+    """A bar in free rotation: its effort is its inertia times its acceleration."""
+    return unbounded(one_joint(tmp_path, **limits))
+
+
+def test_jerk_is_the_integral_of_its_square_in_the_joints_travel(monkeypatch, slide):
+    """Joints that hardly move count as if they moved a twentieth of what the farthest does."""
+    travel = np.array([0.9, -0.4, 1e-3])
+    spline = monotone(3, travel)
+    _, jerk, width = at_knots(spline)
+    expected = ((jerk / np.array([0.9, 0.4, 0.045])) ** 2 * width).sum()
+    assert alone(monkeypatch, JERK, unbounded(slide), spline) == pytest.approx(expected, rel=1e-9)
+
+
+def test_variation_is_that_of_the_effort_in_limits(monkeypatch, tmp_path):
+    """Piecewise linear here; what is below a hundredth of the limit counts for less."""
+    spline, run_in = monotone(1, np.array([1.3])), 0.05
+    acceleration, _, width = at_knots(spline)
+    change = abs(np.diff(acceleration, axis=0)) * INERTIA / run_in**2 / 5.0
+    found = alone(monkeypatch, VARIATION, bar(tmp_path), spline, run_in)
+    assert found < change.sum()
+    # Two samples for each change.
+    assert found == pytest.approx(change.sum() - 2 * len(width) * 0.01, rel=1e-4)
+
+
+def test_effort_rate_is_the_integral_of_its_fourth_power(monkeypatch, tmp_path):
+    spline = monotone(1, np.array([1.3]))
+    _, jerk, width = at_knots(spline)
+    expected = ((INERTIA * jerk / RUN_IN**2 / 5.0) ** 4 * width).sum()
+    found = alone(monkeypatch, RATE, bar(tmp_path), spline)
+    assert found == pytest.approx(expected, rel=1e-9)
+
+
+def test_without_a_limit_the_largest_effort_of_the_motion_is_the_unit(monkeypatch, tmp_path):
+    spline = monotone(1, np.array([1.3]))
+    problem = bar(tmp_path, effort=np.inf, acceleration=50.0)
+    acceleration, _, width = at_knots(spline)
+    largest = abs(curve(spline)(np.linspace(0, 1, 200), 2)).max()
+    expected = abs(np.diff(acceleration, axis=0)).sum() / largest
+    found = alone(monkeypatch, VARIATION, problem, spline, 1e-3)
+    assert expected - 2 * len(width) * 0.01 < found < expected
+
+
+class Model:
+    """The objective's own convex quadratic near a spline."""
+
+    def __init__(self, problem, spline, run_in=RUN_IN):
+        self.problem, self.spline = problem, spline
+        self.variables = ControlVariables(problem, spline.grid)
+        self.cost = StepCost(self.variables, spline.grid, problem.robot.joint_count)
+        self.objective = Smoothness(problem, spline, run_in)
+        links, radius = LinkConstraints(problem), problem.tube.effective_radius
+        self.constraints = SplineConstraints(problem, spline.grid, links, radius, run_in)
+        self.here = self.constraints.at(spline)
+        regular = self.cost.quadratic(spline.control_points)
+        whole = self.objective.cost(self.here, self.variables, regular)
+        self.hessian = (whole.hessian - regular.hessian).toarray()[:-2, :-2]
+        self.gradient = whole.gradient - regular.gradient
+
+    def step(self, scale, switching=0.0, seed=3):
+        free, n = self.variables.lower.shape
+        control = scale * np.random.default_rng(seed).normal(size=(free, n))
+        return Step(control, np.array([switching]), 0.0, 0.0, np.zeros(0))
+
+    def moved(self, step):
+        points = self.variables.moved(self.spline.control_points, step.control)
+        times = self.spline.switching_times + np.array([0.0, step.switching[0], 0.0])
+        return self.constraints.at(PhasedSpline(self.spline.grid, times, points))
+
+
+@pytest.fixture(scope="module")
+def model(case):
+    problem, spline, _ = case
+    return Model(replace(problem, goal=spline.control_points[-1]), spline)
+
+
+def test_the_model_is_convex(model):
+    values = np.linalg.eigvalsh(model.hessian)
+    np.testing.assert_allclose(model.hessian, model.hessian.T, atol=1e-12 * values.max())
+    assert values.min() > -1e-10 * values.max()
+
+
+@pytest.mark.parametrize(("scale", "switching"), [(1e-5, 0.0), (0.0, 1e-6), (1e-5, 1e-6)])
+def test_a_small_step_gains_what_it_should(model, scale, switching):
+    step, within = model.step(scale, switching), 100.0  # [s]: time has no price
+    slow = Model(model.problem, model.spline, within)
+    predicted = slow.objective.predicted_gain(slow.here, step)
+    gained = slow.objective.gain(slow.here, slow.moved(step))
+    assert gained == pytest.approx(predicted, rel=2e-2)
+
+
+def test_the_squared_jerk_has_an_exact_model(monkeypatch, case):
+    """It is a quadratic of the control points; its logarithm is the value."""
+    problem, spline, _ = case
+    monkeypatch.setattr(smoothness, "_WEIGHTS", JERK)
+    model = Model(replace(problem, goal=spline.control_points[-1]), spline, 100.0)
+    step = model.step(0.3)
+    change = np.append(step.control.ravel(), 0.0)
+    before, after = (np.exp(model.objective.value(at)) for at in (model.here, model.moved(step)))
+    modelled = 1 + model.gradient @ change + change @ model.hessian @ change / 2
+    assert modelled == pytest.approx(after / before, rel=1e-9)
+    assert abs(modelled - 1) > 0.1
+    predicted = model.objective.predicted_gain(model.here, step)
+    assert predicted == pytest.approx(1 - modelled, rel=1e-9)
+
+
+def test_its_curvature_by_switching_times_is_that_of_the_jerks_themselves(monkeypatch, case):
+    """Twice the squared slopes of what is squared (Gauss and Newton)."""
+    problem, spline, _ = case
+    monkeypatch.setattr(smoothness, "_WEIGHTS", JERK)
+    model = Model(replace(problem, goal=spline.control_points[-1]), spline)
+    travel = np.ptp(curve(spline)(np.linspace(0, 1, 200)), axis=0)
+
+    def squared(step):
+        times = SWITCHING_TIMES + np.array([0.0, step, 0.0])
+        _, jerk, width = at_knots(replace(spline, switching_times=times))
+        return jerk / np.maximum(travel, 0.05 * travel.max()) * np.sqrt(width)
+
+    slope = (squared(1e-6) - squared(-1e-6)) / 2e-6
+    expected = 2 * (slope**2).sum() / (squared(0.0) ** 2).sum()
+    assert model.hessian[-1, -1] == pytest.approx(expected, rel=1e-4)
+
+
+@pytest.mark.parametrize("case", ["ur5", "panda"], indirect=True)
+def test_a_moving_goal_counts_once_for_all_its_control_points(case):
+    """The gradient by the joints of an open goal is that of every point that moves along."""
+    problem, spline, _ = case
+    model = Model(replace(problem, goal=None), spline)
+    steps = np.zeros((2, *model.variables.lower.shape))
+    steps[0, -1, 1], steps[1, -1, 1] = 1e-6, -1e-6  # it lifts the arm: gravity counts there
+    sides = []
+    for step in steps:
+        moved = spline.control_points + model.variables.change(step)
+        at = model.constraints.at(replace(spline, control_points=moved))
+        sides.append(model.objective.value(at))
+    numeric = (sides[0] - sides[1]) / 2e-6
+    found = model.gradient[:-1].reshape(steps[0].shape)[-1, 1]
+    assert found == pytest.approx(numeric, rel=1e-4)
+
+
+def test_a_longer_motion_has_a_price_that_rises_while_steps_are_too_long(slider):
+    slider = unbounded(slider.robot)
+    spline = monotone(1, np.array([0.6]))
+    objective = Smoothness(slider, spline, 0.1)  # far less than it needs
+    here = evaluated(slider, spline, 0.1)
+    slower = evaluated(slider, replace(spline, control_points=1.01 * spline.control_points), 0.1)
+    smoother = objective.value(here) - objective.value(slower)
+    longer = (slower.squared_duration - here.squared_duration) / 0.1**2
+    assert longer > 0
+    assert objective.gain(here, slower) == pytest.approx(smoother - 100 * longer, rel=1e-9)
+    step = Step(np.zeros((1, 1)), np.zeros(1), 1e-3, 0.0, np.zeros(0))
+    objective.after(replace(step, duration=0.0))
+    assert objective.gain(here, slower) == pytest.approx(smoother - 100 * longer, rel=1e-9)
+    for price in (200, 400, 800, 1600, 2000, 2000):
+        objective.after(step)
+        assert objective.gain(here, slower) == pytest.approx(smoother - price * longer, rel=1e-9)
+    nowhere = replace(slower, squared_duration=np.inf)
+    assert objective.gain(here, nowhere) == -np.inf
+
+
+def test_a_step_that_would_be_longer_should_gain_less(slider):
+    model = Model(unbounded(slider.robot), monotone(1, np.array([0.6])), 0.1)
+    longer = model.here.squared_duration / 0.1**2 - 1
+    assert longer > 0
+    for duration, more in ((0.0, 0.0), (0.2, 0.2), (-0.2, 0.0)):
+        step = replace(model.step(0.0), duration=duration)
+        predicted = model.objective.predicted_gain(model.here, step)
+        assert predicted == pytest.approx(100 * (longer - more), rel=1e-9)
+
+
+def test_within_the_time_nothing_is_longer(slider):
+    slider, spline = unbounded(slider.robot), monotone(1, np.array([0.6]))
+    objective, here = Smoothness(slider, spline, 60.0), evaluated(slider, spline, 60.0)
+    slower = evaluated(slider, replace(spline, control_points=1.01 * spline.control_points), 60.0)
+    smoother = objective.value(here) - objective.value(slower)
+    assert objective.gain(here, slower) == pytest.approx(smoother, abs=1e-12)
+
+
+def test_measures_that_vanish_have_logarithms(slider):
+    slider, spline = unbounded(slider.robot), monotone(1, np.array([0.6]))
+    still = evaluated(slider, replace(spline, control_points=0 * spline.control_points), 1.0)
+    assert np.isfinite(Smoothness(slider, spline, 1.0).value(still))
