@@ -1072,15 +1072,15 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     # --- refinement/smoothness: what a second stage gains --------------------------------------
     "Smoothness._longer": [("- 1, 0.0)", ", 0.0)")],
-    "Smoothness.after": [("min(2 * self._price", "min(self._price")],
-    "Smoothness.gain": [("- self._price * longer", "")],
+    "Smoothness.after": [("max(self._worth / 2", "max(self._worth")],
+    "Smoothness.gain": [(" - longer", "")],
     "Smoothness.predicted_gain": [
         ("self._longer(current) - max(step.duration, 0.0)", "self._longer(current)"),
         ("- padded @ (own.hessian @ padded) / 2", ""),
     ],
     "Smoothness._measured_anew": [
         ("elapsed**-0.75", "elapsed**-0.5"),
-        ("* np.sqrt(width)", "* width"),
+        ("* width**0.25", "* width"),
         ("+ _NOTHING", ""),
         (" - _ROUNDED\n", "\n"),
     ],
@@ -1090,16 +1090,15 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("change[-1, :, : DEGREE + 1] += control[-1]", "pass"),
         ("np.diff(switching, axis=0)", "0 * np.diff(switching, axis=0)"),
     ],
-    "Smoothness._by_jerk": [("measured.jerk / (2 * width)", "measured.jerk / width")],
+    "Smoothness._by_jerk": [("measured.jerk / (4 * width)", "measured.jerk / width")],
     "_nominal_efforts": [("np.isfinite(limit), limit", "np.isfinite(limit), most")],
     "_derivatives": [
         ("12 * share[0] * rate**2", "-12 * share[0] * rate**2"),
-        ("np.full(jerk.shape, 2 * share[2])", "np.full(jerk.shape, share[2])"),
+        ("12 * share[2] * jerk**2", "6 * share[2] * jerk**2"),
     ],
-    "_assembled": [
-        ("np.add.at(total, place", "total.__setitem__(place"),
-    ],
-    "_spread": [("corner / count", "corner")],
+    "IntervalBlocks.matrix": [("corner / len(blocks)", "corner")],
+    "IntervalBlocks.vector": [("total[self._switching] += by_switching", "pass")],
+    "IntervalBlocks.__init__": [("place[which == FIXED] = FIXED", "pass")],
     # --- refinement/smoothing ------------------------------------------------------------------
     "Smoothing.__init__": [
         ("- _LESS_ROOM", "- 0.2"),

@@ -7,7 +7,7 @@ from tubeplanner import JointTrajectory, PlanningProblem, Tube
 from tubeplanner.refinement.control_variables import ControlVariables
 from tubeplanner.refinement.link_constraints import LinkConstraints
 from tubeplanner.refinement.phased_spline import PhasedSpline
-from tubeplanner.refinement.smoothness import Smoothness
+from tubeplanner.refinement.smoothness import _FIRST_WORTH, Smoothness
 from tubeplanner.refinement.spline_constraints import SplineConstraints
 from tubeplanner.refinement.spline_start import knot_grid
 from tubeplanner.refinement.step_cost import StepCost
@@ -137,7 +137,7 @@ def smoothness_by_variables(robot):
     here = np.zeros((1, variables.lower.size + 1))
     regular = StepCost(variables, grid, robot.joint_count).quadratic(points)
     exact = objective.cost(at(here), variables, regular).gradient - regular.gradient
-    return lambda x: np.array([objective.value(at(x))]), here, exact[None]
+    return lambda x: np.array([_FIRST_WORTH * objective.value(at(x))]), here, exact[None]
 
 
 TABLE = {

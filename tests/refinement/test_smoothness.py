@@ -13,6 +13,7 @@ from tubeplanner.refinement.control_variables import ControlVariables
 from tubeplanner.refinement.linear_program import Step
 from tubeplanner.refinement.link_constraints import LinkConstraints
 from tubeplanner.refinement.phased_spline import DEGREE, PhasedSpline
+from tubeplanner.refinement.smoothness import _FIRST_WORTH as FIRST_WORTH
 from tubeplanner.refinement.smoothness import Smoothness
 from tubeplanner.refinement.spline_constraints import SplineConstraints
 from tubeplanner.refinement.spline_start import knot_grid
@@ -68,12 +69,12 @@ def bar(tmp_path, **limits):
     return unbounded(one_joint(tmp_path, **limits))
 
 
-def test_jerk_is_the_integral_of_its_square_in_the_joints_travel(monkeypatch, slide):
+def test_jerk_is_the_integral_of_its_fourth_power_in_the_joints_travel(monkeypatch, slide):
     """Joints that hardly move count as if they moved a twentieth of what the farthest does."""
     travel = np.array([0.9, -0.4, 1e-3])
     spline = monotone(3, travel)
     _, jerk, width = at_knots(spline)
-    expected = ((jerk / np.array([0.9, 0.4, 0.045])) ** 2 * width).sum()
+    expected = ((jerk / np.array([0.9, 0.4, 0.045])) ** 4 * width).sum()
     assert alone(monkeypatch, JERK, unbounded(slide), spline) == pytest.approx(expected, rel=1e-9)
 
 
@@ -154,36 +155,40 @@ def test_a_small_step_gains_what_it_should(model, scale, switching):
     assert gained == pytest.approx(predicted, rel=2e-2)
 
 
-def test_the_squared_jerk_has_an_exact_model(monkeypatch, case):
-    """It is a quadratic of the control points; its logarithm is the value."""
+def test_the_jerk_has_an_exact_model_by_control_points(monkeypatch, case):
+    """Jerks are linear in them: to second order, their fourth powers are what the model says."""
     problem, spline, _ = case
     monkeypatch.setattr(smoothness, "_WEIGHTS", JERK)
     model = Model(replace(problem, goal=spline.control_points[-1]), spline, 100.0)
-    step = model.step(0.3)
+    step = model.step(2e-4)
     change = np.append(step.control.ravel(), 0.0)
-    before, after = (np.exp(model.objective.value(at)) for at in (model.here, model.moved(step)))
-    modelled = 1 + model.gradient @ change + change @ model.hessian @ change / 2
-    assert modelled == pytest.approx(after / before, rel=1e-9)
-    assert abs(modelled - 1) > 0.1
+    sides = [replace(step, control=sign * step.control) for sign in (1, -1)]
+    here, *there = (
+        np.exp(model.objective.value(at)) for at in (model.here, *map(model.moved, sides))
+    )
+    bend = sum(there) / here - 2
+    assert change @ model.hessian @ change == pytest.approx(FIRST_WORTH * bend, rel=1e-3)
+    slope = (there[0] - there[1]) / (2 * here)
+    assert model.gradient @ change == pytest.approx(FIRST_WORTH * slope, rel=1e-3)
     predicted = model.objective.predicted_gain(model.here, step)
-    assert predicted == pytest.approx(1 - modelled, rel=1e-9)
+    assert predicted == pytest.approx(-FIRST_WORTH * (slope + bend / 2), rel=1e-3)
 
 
 def test_its_curvature_by_switching_times_is_that_of_the_jerks_themselves(monkeypatch, case):
-    """Twice the squared slopes of what is squared (Gauss and Newton)."""
+    """Twelve times squares and squared slopes of what is raised to the fourth: Gauss and Newton."""
     problem, spline, _ = case
     monkeypatch.setattr(smoothness, "_WEIGHTS", JERK)
     model = Model(replace(problem, goal=spline.control_points[-1]), spline)
     travel = np.ptp(curve(spline)(np.linspace(0, 1, 200)), axis=0)
 
-    def squared(step):
+    def raised(step):
         times = SWITCHING_TIMES + np.array([0.0, step, 0.0])
         _, jerk, width = at_knots(replace(spline, switching_times=times))
-        return jerk / np.maximum(travel, 0.05 * travel.max()) * np.sqrt(width)
+        return jerk / np.maximum(travel, 0.05 * travel.max()) * width**0.25
 
-    slope = (squared(1e-6) - squared(-1e-6)) / 2e-6
-    expected = 2 * (slope**2).sum() / (squared(0.0) ** 2).sum()
-    assert model.hessian[-1, -1] == pytest.approx(expected, rel=1e-4)
+    slope = (raised(1e-6) - raised(-1e-6)) / 2e-6
+    expected = 12 * (raised(0.0) ** 2 * slope**2).sum() / (raised(0.0) ** 4).sum()
+    assert model.hessian[-1, -1] == pytest.approx(FIRST_WORTH * expected, rel=1e-4)
 
 
 @pytest.mark.parametrize("case", ["ur5", "panda"], indirect=True)
@@ -200,10 +205,10 @@ def test_a_moving_goal_counts_once_for_all_its_control_points(case):
         sides.append(model.objective.value(at))
     numeric = (sides[0] - sides[1]) / 2e-6
     found = model.gradient[:-1].reshape(steps[0].shape)[-1, 1]
-    assert found == pytest.approx(numeric, rel=1e-4)
+    assert found == pytest.approx(FIRST_WORTH * numeric, rel=1e-4)
 
 
-def test_a_longer_motion_has_a_price_that_rises_while_steps_are_too_long(slider):
+def test_smoothness_is_worth_less_while_steps_are_too_long(slider):
     slider = unbounded(slider.robot)
     spline = monotone(1, np.array([0.6]))
     objective = Smoothness(slider, spline, 0.1)  # far less than it needs
@@ -212,13 +217,13 @@ def test_a_longer_motion_has_a_price_that_rises_while_steps_are_too_long(slider)
     smoother = objective.value(here) - objective.value(slower)
     longer = (slower.squared_duration - here.squared_duration) / 0.1**2
     assert longer > 0
-    assert objective.gain(here, slower) == pytest.approx(smoother - 100 * longer, rel=1e-9)
+    assert objective.gain(here, slower) == pytest.approx(smoother / 100 - longer, rel=1e-9)
     step = Step(np.zeros((1, 1)), np.zeros(1), 1e-3, 0.0, np.zeros(0))
     objective.after(replace(step, duration=0.0))
-    assert objective.gain(here, slower) == pytest.approx(smoother - 100 * longer, rel=1e-9)
-    for price in (200, 400, 800, 1600, 2000, 2000):
+    assert objective.gain(here, slower) == pytest.approx(smoother / 100 - longer, rel=1e-9)
+    for share in (200, 400, 800, 1600, 2000, 2000):
         objective.after(step)
-        assert objective.gain(here, slower) == pytest.approx(smoother - price * longer, rel=1e-9)
+        assert objective.gain(here, slower) == pytest.approx(smoother / share - longer, rel=1e-9)
     nowhere = replace(slower, squared_duration=np.inf)
     assert objective.gain(here, nowhere) == -np.inf
 
@@ -230,7 +235,7 @@ def test_a_step_that_would_be_longer_should_gain_less(slider):
     for duration, more in ((0.0, 0.0), (0.2, 0.2), (-0.2, 0.0)):
         step = replace(model.step(0.0), duration=duration)
         predicted = model.objective.predicted_gain(model.here, step)
-        assert predicted == pytest.approx(100 * (longer - more), rel=1e-9)
+        assert predicted == pytest.approx(longer - more, rel=1e-9)
 
 
 def test_within_the_time_nothing_is_longer(slider):
@@ -238,7 +243,7 @@ def test_within_the_time_nothing_is_longer(slider):
     objective, here = Smoothness(slider, spline, 60.0), evaluated(slider, spline, 60.0)
     slower = evaluated(slider, replace(spline, control_points=1.01 * spline.control_points), 60.0)
     smoother = objective.value(here) - objective.value(slower)
-    assert objective.gain(here, slower) == pytest.approx(smoother, abs=1e-12)
+    assert objective.gain(here, slower) == pytest.approx(FIRST_WORTH * smoother, abs=1e-14)
 
 
 def test_measures_that_vanish_have_logarithms(slider):
