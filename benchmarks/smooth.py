@@ -6,7 +6,8 @@
 Plans bundled problems as `plan` does by default, and prints of every one the shortest motion and
 the smooth one that is written instead: durations, how far the effort that swings most moves (in
 limits), largest effort rate (in limits per second), jerk, acceleration of a joint and of the tool,
-and the tool's least room in its tube. CPU is the processor time of the second stage with its
+the tool's least room in its tube, and how much less room than before it has in some segment, as a
+share of the tolerance. CPU is the processor time of the second stage with its
 certificate, as a share of the first stage's with its own, both of the same plan; of repeated plans
 the least of each. Exit status 1 if one of six problems misses a goal of `_faults`. --plot draws the
 efforts of the first problem, before and after.
@@ -22,8 +23,10 @@ import numpy as np
 
 from cases import ARMS
 from tubeplanner import PlanningProblem, PlanOptions, Progress, load_problem, plan, verify
+from tubeplanner.arrays import FloatArray
 from tubeplanner.constraints.effort_variation import effort_variation
 from tubeplanner.constraints.trajectory_peaks import trajectory_peaks
+from tubeplanner.constraints.tube_membership import current_segments, tube_use
 from tubeplanner.planning.jerk_note import largest_jerk
 from tubeplanner.planning.plan_result import PlanResult
 from tubeplanner.robot.effort_rate import effort_rate
@@ -70,13 +73,17 @@ class Measures:
 
 @dataclass(frozen=True)
 class Row:
-    """A problem's shortest motion and its smooth one: durations [s], measures, room [m], CPU."""
+    """A problem's shortest motion and its smooth one: durations [s], measures, room [m], CPU.
+
+    `less` is the largest share of its tolerance that a segment has less of room than before.
+    """
 
     name: str
     durations: tuple[float, float]
     measures: tuple[Measures, Measures]
     room: tuple[float, float]
     radius: float
+    less: float
     cpu: float
 
     @property
@@ -99,6 +106,16 @@ def measures(problem: PlanningProblem, trajectory: JointTrajectory) -> Measures:
         peaks.peak_acceleration.value,
         peaks.tool_acceleration.value,
     )
+
+
+def segment_room(problem: PlanningProblem, trajectory: JointTrajectory) -> FloatArray:
+    """Return the share of its tolerance that the tool leaves free in each segment, (m,)."""
+    samples = trajectory.per_piece(_SAMPLES_PER_PIECE)
+    segment = current_segments(problem, trajectory, samples)
+    room = np.ones(problem.tube.segment_count)
+    use = tube_use(problem, problem.robot.tool_position(samples.position), segment)
+    np.minimum.at(room, segment, 1 - use)
+    return room
 
 
 def timed_plan(problem: PlanningProblem, slack: float) -> tuple[PlanResult, float, float]:
@@ -132,6 +149,7 @@ def planned(name: str, slack: float, repeats: int) -> Row | str:
         (measures(problem, shortest), measures(problem, smooth)),
         (before, after),
         float(problem.tube.effective_radius.min()),
+        float((segment_room(problem, shortest) - segment_room(problem, smooth)).max()),
         second / first,
     )
 
@@ -140,7 +158,7 @@ def _print_head() -> None:
     columns = ("T*", "T", "effort swings", "rate [1/s]", "jerk", "joint acc.", "tool acc.")
     widths = (7, 7, 18, 20, 24, 19, 19)
     cells = (f"{name:>{width}}" for name, width in zip(columns, widths, strict=True))
-    print(f"{'problem':28}", *cells, f"{'room [mm]':>14}   CPU")
+    print(f"{'problem':28}", *cells, f"{'room [mm]':>14}   less   CPU")
 
 
 def _print_row(row: Row) -> None:
@@ -153,7 +171,7 @@ def _print_row(row: Row) -> None:
     print(
         f"{row.name:28} {durations[0]:7.4f} {durations[1]:7.4f} ",
         "  ".join(cells),
-        f" {room[0]:6.2f} {room[1]:6.2f}  {row.cpu:5.2f}",
+        f" {room[0]:6.2f} {room[1]:6.2f} {row.less:6.3f}  {row.cpu:5.2f}",
         flush=True,
     )
 
@@ -185,6 +203,7 @@ def _faults(rows: list[Row]) -> list[str]:
             ("share of jerk", ratios["jerk"], MAX_JERK_SHARE),
             ("jerk", after.jerk, MAX_JERK),
             ("share of the radius less room", less, MAX_LESS_ROOM),
+            ("share of a segment's tolerance less room", row.less, MAX_LESS_ROOM),
             ("share of CPU", row.cpu, MAX_CPU),
         ):
             if value > most:
