@@ -53,6 +53,7 @@ def test_duration_and_all_breakpoints_are_multiples(name, period, periodic):
     for trajectory in (result.trajectory, result.shortest):
         places = in_periods(trajectory.breakpoints, period)
         assert np.diff(places).min() >= 1
+        np.testing.assert_array_equal(trajectory.breakpoints, places * period)
         assert verify(problem, trajectory).passed
     assert not any("multiple of the period" in note for note in result.notes)
 
