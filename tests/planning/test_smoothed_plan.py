@@ -310,12 +310,14 @@ def test_an_interrupt_after_something_smoother_was_found_leaves_that(stages, mon
 
 def test_planning_that_was_stopped_is_not_smoothed(stages):
     problem, _, _ = stages(LINE)
+    interrupts = []
 
-    def interrupt(progress):
-        if progress.best_duration is not None:
+    def interrupt_once(progress):
+        if progress.best_duration is not None and not interrupts:
+            interrupts.append(progress.stage)
             raise KeyboardInterrupt
 
-    result = plan(problem, progress=interrupt)
+    result = plan(problem, progress=interrupt_once)
     assert (result.succeeded, result.stopped_by, result.shortest) == (True, "interrupt", None)
 
 

@@ -22,7 +22,7 @@ def spline():
     return PhasedSpline(grid, SWITCHING_TIMES, points)
 
 
-@pytest.fixture(params=[FINE, 500, 100, FEWER_THAN_KNOTS, FEWER_THAN_PHASES_NEED, FEWEST])
+@pytest.fixture(params=[FINE, 500, 100, 60, 45, FEWER_THAN_KNOTS, FEWER_THAN_PHASES_NEED, FEWEST])
 def periods(request):
     return request.param
 
@@ -68,6 +68,7 @@ def test_switching_times_stay_where_they_are_to_a_period_and_no_longer_move():
     ("times", "periods", "expected"),
     [
         ([0, 0.5, 0.501, 0.502, 1], 10, [0, 5, 6, 7, 10]),
+        ([0, 0.5, 0.501, 0.502, 1], 100, [0, 50, 51, 52, 100]),
         ([0, 0.98, 0.99, 1], 4, [0, 2, 3, 4]),
         ([0, 0.01, 0.02, 1], 3, [0, 1, 2, 3]),
         ([0, 0.01, 0.99, 1], 5, [0, 1, 4, 5]),
@@ -78,6 +79,7 @@ def test_switching_times_closer_than_a_period_move_apart(times, periods, expecte
     before = PhasedSpline(grid, np.array(times), np.zeros((grid.control_point_count, 1)))
     found = on_periodic_knots(before, periods)
     np.testing.assert_allclose(found.switching_times * periods, expected, atol=1e-12)
+    assert found.grid.interval_count == min(grid.interval_count, periods)
 
 
 @pytest.mark.parametrize(("periods", "apart"), [(FINE, 1e-4), (500, 1e-3), (100, 1e-2)])

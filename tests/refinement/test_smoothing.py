@@ -133,6 +133,21 @@ def test_it_runs_in_its_time_between_samples_too(post):
     assert not found.gave_up
 
 
+@pytest.mark.parametrize(
+    ("excess", "longer", "is_answer"),
+    [(0.0, 1.0, True), (0.01, 1.0, False), (0.0, 1.001, False), (0.01, 1.001, False)],
+)
+def test_what_is_outside_or_late_between_samples_is_no_answer(excess, longer, is_answer, post):
+    problem, shortest = post
+    longest = 1.005 * shortest.duration
+    found = Smoothing(problem, shortest.motion.spline, longest, 0.0)
+    constraints = found._program.constraints
+    here = constraints.at(shortest.motion.spline)
+    dense = replace(here, excess=excess, squared_duration=longer * longest**2)
+    constraints.look_between_samples = lambda iterate: (dense, False)
+    assert found._looked_at(here) is is_answer
+
+
 def test_before_it_has_run_it_has_nothing(post):
     problem, shortest = post
     fresh = Smoothing(problem, shortest.motion.spline, 1.0, 0.0)
