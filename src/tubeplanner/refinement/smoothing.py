@@ -26,9 +26,10 @@ _FIRST_TRUST, _LEAST_TRUST = 0.01, 0.002  # [rad or m]
 _PENALTY = 1.0
 _GAIN = 5e-4
 _STEPS_PER_ROUND, _MAX_ROUNDS = 4, 8
-# Aimed at is this share less than the duration that it may take, for peaks between samples, and no
-# more than a share of what it may take longer.
-_RESERVE, _RESERVE_SHARE = 2.5e-4, 0.25
+# Aimed at is this share less than the duration that it may take, for peaks between samples: between
+# these, a part of what it may take longer. Peaks that are looked at stay this far below, for others.
+_LEAST_RESERVE, _MOST_RESERVE, _RESERVE_SHARE = 5e-5, 2.5e-4, 0.25
+_BETWEEN_LOOKS = 1e-5
 # What the shortest motion left free may become smaller by this share of the radius; and by this
 # share of the distance from obstacles, of which no more than so much counts [m].
 _LESS_ROOM, _LESS_CLEARANCE, _MOST_CLEARANCE = 0.05, 0.1, 0.02
@@ -59,7 +60,8 @@ class Smoothing:
             problem, spline.grid, LinkConstraints(problem), problem.tube.effective_radius
         )
         dense = plain.between_samples(spline)
-        reserve = min(_RESERVE, _RESERVE_SHARE * abs(1 - dense.duration / longest))
+        reserve = _RESERVE_SHARE * abs(1 - dense.duration / longest)
+        reserve = min(max(reserve, _LEAST_RESERVE), _MOST_RESERVE)
         self._objective = Smoothness(problem, spline, longest * (1 - reserve))
         kept = (1 - _LESS_CLEARANCE) * min(max(clearance, 0.0), _MOST_CLEARANCE)
         self._program = SequentialProgram(
@@ -154,7 +156,7 @@ class Smoothing:
     def _looked_at(self, iterate: Iterate) -> bool:
         """Return whether a motion is an answer between samples too; add some where it is not."""
         dense, _ = self._program.constraints.look_between_samples(iterate)
-        in_time = dense.squared_duration <= self._longest**2
+        in_time = dense.squared_duration <= (self._longest * (1 - _BETWEEN_LOOKS)) ** 2
         return bool(in_time and dense.excess <= MERIT_TOLERANCE)
 
     def _is_smoother(self, iterate: Iterate) -> bool:
