@@ -217,13 +217,13 @@ def test_smoothness_is_worth_less_while_steps_are_too_long(slider):
     smoother = objective.value(here) - objective.value(slower)
     longer = (slower.squared_duration - here.squared_duration) / 0.1**2
     assert longer > 0
-    assert objective.gain(here, slower) == pytest.approx(smoother / 100 - longer, rel=1e-9)
+    assert objective.gain(here, slower) == pytest.approx(FIRST_WORTH * smoother - longer, rel=1e-9)
     step = Step(np.zeros((1, 1)), np.zeros(1), 1e-3, 0.0, np.zeros(0))
     objective.after(replace(step, duration=0.0))
-    assert objective.gain(here, slower) == pytest.approx(smoother / 100 - longer, rel=1e-9)
-    for share in (200, 400, 800, 1600, 2000, 2000):
+    assert objective.gain(here, slower) == pytest.approx(FIRST_WORTH * smoother - longer, rel=1e-9)
+    for worth in (2.5e-3, 1.25e-3, 6.25e-4, 5e-4, 5e-4):
         objective.after(step)
-        assert objective.gain(here, slower) == pytest.approx(smoother / share - longer, rel=1e-9)
+        assert objective.gain(here, slower) == pytest.approx(worth * smoother - longer, rel=1e-9)
     nowhere = replace(slower, squared_duration=np.inf)
     assert objective.gain(here, nowhere) == -np.inf
 

@@ -30,7 +30,7 @@ _LEAST_TRAVEL = 0.05
 _LOOKS = 200
 # What the sum of logarithms is worth at first, and at least, in shares of T^2: halved while steps
 # would make the motion longer than it may be.
-_FIRST_WORTH, _LEAST_WORTH = 1e-2, 5e-4
+_FIRST_WORTH, _LEAST_WORTH = 5e-3, 5e-4
 _LONGER = 1e-4
 # Control points that count between two samples: those of a knot interval and the next.
 _POINTS = DEGREE + 2
