@@ -1107,7 +1107,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     "Smoothing._looked_at": [
         ("in_time and dense.excess <= MERIT_TOLERANCE", "in_time"),
-        ("dense.squared_duration <= self._longest**2", "True"),
+        ("dense.squared_duration <= (self._longest * (1 - _BETWEEN_LOOKS)) ** 2", "True"),
     ],
     "Smoothing.answer": [
         ("time / duration", "time"),

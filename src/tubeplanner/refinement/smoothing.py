@@ -27,7 +27,7 @@ _PENALTY = 1.0
 _GAIN = 5e-4
 _STEPS_PER_ROUND, _MAX_ROUNDS = 4, 8
 # Aimed at is this share less than the duration that it may take, for peaks between samples: between
-# these, a part of what it may take longer. Peaks that are looked at stay this far below, for others.
+# these, a part of what it may take longer. Peaks that are looked at stay this far below for others.
 _LEAST_RESERVE, _MOST_RESERVE, _RESERVE_SHARE = 1e-4, 2.5e-4, 0.25
 _BETWEEN_LOOKS = 5e-5
 # What the shortest motion left free may become smaller by this share of the radius; and by this
