@@ -10,6 +10,7 @@ from tubeplanner.commands.console import (
     AS_JSON,
     INFEASIBLE,
     PATH,
+    SET,
     SUCCESS,
     empty_report,
     load_timed,
@@ -52,6 +53,7 @@ _SEED = click.option("--seed", type=int, default=1, show_default=True, help="Of 
 @click.option(
     "--measured", type=PATH, help="Problem file with the measured tube, in which nothing collides."
 )
+@SET
 @AS_JSON
 def route(
     problem: str,
@@ -63,6 +65,7 @@ def route(
     samples: int,
     time_limit: float | None,
     measured: Path | None,
+    changes: dict[str, Any],
     as_json: bool,
 ) -> int:
     """Find a tube for PROBLEM from its start, goal and obstacles alone, and plan through it.
@@ -85,12 +88,12 @@ def route(
     outputs = [path for path in (output, measured) if path is not None]
     require_writable(outputs, [Path(problem)])
     with shown_progress() as enter:
-        loaded, loading_time = load_timed(problem, enter, reads_tube=False)
+        loaded, loading_time = load_timed(problem, enter, changes, reads_tube=False)
         source = find_problem(problem, Path())
         require_writable(outputs, [source, loaded.robot.urdf.path])
         answer = find_route(loaded, options, enter)
     found = {output: answer.found, measured: answer.measured}
-    written = _write(read_fields(source), source.parent, found)
+    written = _write(read_fields(source, changes), source.parent, found)
     files = {"problem": output, "measured": measured}
     return _print_answer(loaded.name, answer, loading_time, files, written, as_json)
 
@@ -115,6 +118,7 @@ def route(
 @_MAX_RADIUS
 @_SAMPLES
 @_SEED
+@SET
 @AS_JSON
 def teach(
     trail: Path,
@@ -128,6 +132,7 @@ def teach(
     max_radius: float,
     samples: int,
     seed: int,
+    changes: dict[str, Any],
     as_json: bool,
 ) -> int:
     """Make a tube from a recorded TRAIL of the joints, and plan through it.
@@ -146,12 +151,13 @@ def teach(
         raise OptionError("teach takes either --urdf and --tool-frame, or --problem")
     if template is not None and (obstacles is not None or urdf or tool_frame):
         raise OptionError("--problem has robot and obstacles; leave out the other options for them")
+    _require_used(changes, template)
     options = TeachOptions(deviation, band, max_radius, samples, seed)
     outputs = [] if output is None else [output]
     inputs = [Path(name) for name in (trail, urdf, obstacles, template) if name is not None]
     require_writable(outputs, inputs)
     read = read_trajectory_file(trail)
-    cell = read_cell(urdf, tool_frame, obstacles, template)
+    cell = read_cell(urdf, tool_frame, obstacles, template, changes)
     with shown_progress() as enter:
         enter("loading robot and collision geometry")
         loaded, recorded = taught_problem(cell, read, str(trail))
@@ -159,6 +165,15 @@ def teach(
         answer = teach_tube(loaded, recorded, options, enter)
     written = _write(cell.fields, cell.folder, {output: answer.found})
     return _print_answer(loaded.name, answer, None, {"problem": output}, written, as_json)
+
+
+def _require_used(changes: Mapping[str, Any], template: str | None) -> None:
+    """Raise unless all changes are of what `teach` takes from a problem file."""
+    for path in changes:
+        if template is None:
+            raise OptionError(f"--set {path} changes the file of --problem; give one")
+        if path.split(".")[0] in ("tube", "start", "goal"):
+            raise OptionError(f"--set {path}: tube, start and goal come from TRAIL; leave it out")
 
 
 def _write(
