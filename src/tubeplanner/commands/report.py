@@ -154,8 +154,12 @@ def field_sweep_text(result: "FieldSweep") -> str:
         times = [f"{duration:.4f} s" for duration in durations]
         times.append(f"{row.result.planning_time:.2f} s")
         table.add_row(value, *times, f"certified, {row.result.method}")
-    notes = dict.fromkeys(note for row in result.rows for note in row.notes)
-    return "\n".join([_rendered(table), *(f"note: {note}" for note in notes)])
+    whose: dict[str, list[str]] = {}
+    for row in result.rows:
+        for note in row.notes:
+            whose.setdefault(note, []).append(value_text(row.value))
+    notes = [f"note ({', '.join(values)}): {note}" for note, values in whose.items()]
+    return "\n".join([_rendered(table), *notes])
 
 
 def comparison_text(result: "Comparison") -> str:

@@ -60,6 +60,8 @@ def _places(result: FieldSweep) -> tuple[FloatArray, bool]:
     values = [row.value for row in result.rows]
     factors = [factor_of(value) for value in values]
     for numbers in (values, factors):
-        if all(is_number(number) and abs(number) < np.inf for number in numbers):
-            return np.array(numbers, dtype=float), True
+        if all(is_number(number) for number in numbers):
+            places = np.array(numbers, dtype=float)
+            if np.isfinite(places).all():
+                return places, True
     return np.arange(len(values), dtype=float), False
