@@ -61,6 +61,8 @@ def test_links_route_and_configurations_are_of_the_changed_problem(run):
     ends = ("--set", "start={joints: [0, 0, 0]}", "--set", "goal={joints: [0, 0]}")
     status, _, err = run("route", POST, *ends)
     assert status == 2 and "start has 3" in err
+    status, _, err = run("route", POST, "--set", "tube.radius=1")
+    assert status == 2 and "--set tube.radius: route gives tube; leave it out" in err
     blocked = "obstacles.post.position=[0.45, -0.2, 0]"
     status, _, _ = run("measure", POST, "--configurations", "--set", blocked)
     assert status == 1
@@ -154,10 +156,10 @@ def test_teach_changes_the_cell_alone(run, tmp_path):
     words = ("teach", trail, "--problem", POST)
     status, _, err = run(*words, "--set", "tube.radius=1")
     assert status == 2
-    assert "--set tube.radius: tube, start and goal come from TRAIL; leave it out" in err
+    assert "--set tube.radius: TRAIL gives tube, start, goal; leave it out" in err
     given = ("--urdf", "example:two_link", "--tool-frame", "hand")
     status, _, err = run("teach", trail, *given, "--set", "clearance=1")
-    assert status == 2 and "--set clearance changes the file of --problem; give one" in err
+    assert status == 2 and "--set changes the file of --problem; give one" in err
     status, _, err = run(*words, "--set", "clearence=1")
     assert status == 2 and "unknown key 'clearence' (did you mean 'clearance'?)" in err
     status, out, _ = run(*words, "--set", "clearance=5", "--json")

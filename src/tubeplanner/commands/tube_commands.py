@@ -1,6 +1,6 @@
 """The commands that find tubes: from start and goal alone, and from a recorded trail."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -84,6 +84,7 @@ def route(
     options = RouteOptions(
         seed, tries, checks, max_radius=max_radius, samples=samples, time_limit=time_limit
     )
+    _require_none_of(changes, ("tube",), "route")
     require_ompl()
     outputs = [path for path in (output, measured) if path is not None]
     require_writable(outputs, [Path(problem)])
@@ -151,7 +152,9 @@ def teach(
         raise OptionError("teach takes either --urdf and --tool-frame, or --problem")
     if template is not None and (obstacles is not None or urdf or tool_frame):
         raise OptionError("--problem has robot and obstacles; leave out the other options for them")
-    _require_used(changes, template)
+    if template is None and changes:
+        raise OptionError("--set changes the file of --problem; give one")
+    _require_none_of(changes, ("tube", "start", "goal"), "TRAIL")
     options = TeachOptions(deviation, band, max_radius, samples, seed)
     outputs = [] if output is None else [output]
     inputs = [Path(name) for name in (trail, urdf, obstacles, template) if name is not None]
@@ -167,13 +170,11 @@ def teach(
     return _print_answer(loaded.name, answer, None, {"problem": output}, written, as_json)
 
 
-def _require_used(changes: Mapping[str, Any], template: str | None) -> None:
-    """Raise unless all changes are of what `teach` takes from a problem file."""
+def _require_none_of(changes: Iterable[str], found: tuple[str, ...], source: str) -> None:
+    """Raise if something is set that a command does not read, as it finds it elsewhere."""
     for path in changes:
-        if template is None:
-            raise OptionError(f"--set {path} changes the file of --problem; give one")
-        if path.split(".")[0] in ("tube", "start", "goal"):
-            raise OptionError(f"--set {path}: tube, start and goal come from TRAIL; leave it out")
+        if path.split(".")[0] in found:
+            raise OptionError(f"--set {path}: {source} gives {', '.join(found)}; leave it out")
 
 
 def _write(

@@ -84,5 +84,5 @@ class PlanOptions:
 
     @property
     def shortest(self) -> "PlanOptions":
-        """The same, for the shortest motion unless a slack is given: what marks are compared by."""
+        """These options with slack 0 unless one is given, as marks are compared."""
         return replace(self, slack=0.0) if self.slack is None else self
