@@ -20,7 +20,7 @@ from tubeplanner.files.problem_file import (
     with_other_tube,
     with_problem,
 )
-from tubeplanner.problem.problem_format import changed_problem
+from tubeplanner.problem.problem_fields import changed_problem
 from tubeplanner.resources import bundled_folder
 
 TEXT = """# A cell.

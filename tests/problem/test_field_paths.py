@@ -1,6 +1,7 @@
 """Field paths: where they lead, what they make and scale, what is said of those to nowhere."""
 
 import copy
+import json
 import re
 
 import numpy as np
@@ -10,7 +11,8 @@ from tubeplanner import load_problem, parse_problem
 from tubeplanner.documents import parse_yaml
 from tubeplanner.errors import OptionError, ProblemError
 from tubeplanner.problem.field_paths import factor_of, parse_change, parse_variation
-from tubeplanner.problem.problem_format import ProblemFields, changed_problem, check_problem_fields
+from tubeplanner.problem.problem_fields import changed_problem, read_problem_fields
+from tubeplanner.problem.problem_format import ProblemFields
 
 DOCUMENT = {
     "robot": {"urdf": "arm.urdf", "tool_frame": "hand", "limits": {"velocity": 2}, "payload": None},
@@ -162,11 +164,14 @@ def test_every_field_of_the_schema_can_be_made():
             assert changed({whole: "the value"}) != DOCUMENT
 
 
-def test_a_changed_value_is_checked_as_the_files_own():
-    with pytest.raises(ProblemError, match=r"mine: tube\.radius is 'wide'; it must be a number"):
-        check_problem_fields(DOCUMENT, "mine", {"tube.radius": "wide"})
-    with pytest.raises(ProblemError, match="mine: a problem is a map"):
-        check_problem_fields([1], "mine", {"tube.radius": 1})
+def test_a_changed_value_is_checked_as_the_files_own(tmp_path):
+    path = tmp_path / "mine.json"
+    path.write_text(json.dumps(DOCUMENT))
+    with pytest.raises(ProblemError, match=r"mine\.json: tube\.radius is 'wide'; it must be a num"):
+        read_problem_fields(path, {"tube.radius": "wide"})
+    path.write_text("[1]")
+    with pytest.raises(ProblemError, match=r"mine\.json: a problem is a map"):
+        read_problem_fields(path, {"tube.radius": 1})
 
 
 def test_problems_are_loaded_with_changes():

@@ -13,7 +13,8 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
 from tubeplanner.errors import ProblemError
 from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.problem.problem_format import PROBLEM_FORMAT, changed_problem, read_document
+from tubeplanner.problem.problem_fields import changed_problem
+from tubeplanner.problem.problem_format import PROBLEM_FORMAT, read_document
 from tubeplanner.resources import EXAMPLE_PREFIX, bundled_presets
 from tubeplanner.tube.joint_ranges import JointRange, sign_of
 from tubeplanner.tube.tube import Tube

@@ -3,7 +3,6 @@
 Here a file is only read and its shape checked; `problem` gives it meaning.
 """
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, TypeAlias
 
@@ -20,9 +19,7 @@ from pydantic_core import PydanticCustomError
 
 from tubeplanner.documents import DocumentError, parse_json, parse_yaml, read_text
 from tubeplanner.errors import ProblemError
-from tubeplanner.problem.field_paths import changed_fields
 from tubeplanner.problem.problem_faults import first_fault
-from tubeplanner.problem.schema_place import SchemaPlace
 
 Finite: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Number: TypeAlias = Annotated[float, Field(strict=True)]
@@ -332,34 +329,16 @@ def problem_schema() -> dict[str, Any]:
     return ProblemFields.model_json_schema(by_alias=True)
 
 
-def read_problem_fields(path: Path, changes: Mapping[str, Any] | None = None) -> ProblemFields:
-    """Read a problem file, YAML 1.2 or JSON.
-
-    Args:
-        path: The file.
-        changes: Other values, by field path.
-
-    Raises:
-        ProblemError: The file cannot be read, a key is unknown or doubled, a value has the wrong
-            type. The message names the file and the field.
-    """
-    return check_problem_fields(read_document(path), str(path), changes)
-
-
-def check_problem_fields(
-    data: object, source: str, changes: Mapping[str, Any] | None = None
-) -> ProblemFields:
+def check_problem_fields(data: object, source: str) -> ProblemFields:
     """Check the shape of a problem given as nested dictionaries and lists.
 
     Args:
         data: What a problem file holds.
         source: What messages call it.
-        changes: As for `read_problem_fields`.
 
     Raises:
-        ProblemError: As `read_problem_fields`.
+        ProblemError: A key is unknown, a value has the wrong type. The message names the field.
     """
-    data = changed_problem(data, changes)
     if not isinstance(data, dict):
         raise ProblemError(f"{source}: a problem is a map with robot, tube and start")
     try:
@@ -367,15 +346,6 @@ def check_problem_fields(
     except ValidationError as error:
         fault = first_fault(data, error, ProblemFields)
         raise ProblemError(f"{source}: {fault}") from None
-
-
-def changed_problem(data: Any, changes: Mapping[str, Any] | None) -> Any:
-    """Return what a problem file holds, with other values at some field paths.
-
-    Raises:
-        ProblemError: As `changed_fields`.
-    """
-    return changed_fields(data, changes or {}, SchemaPlace.of(ProblemFields))
 
 
 def read_document(path: Path, what: str = "problem file") -> object:

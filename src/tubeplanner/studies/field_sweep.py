@@ -21,7 +21,8 @@ from tubeplanner.planning.plan_options import PlanOptions
 from tubeplanner.planning.plan_result import PlanResult
 from tubeplanner.planning.planner import plan
 from tubeplanner.problem.field_paths import is_of_objective
-from tubeplanner.problem.problem_format import changed_problem, read_document
+from tubeplanner.problem.problem_fields import changed_problem
+from tubeplanner.problem.problem_format import read_document
 from tubeplanner.problem.problem_reader import parse_problem
 from tubeplanner.progress import StoppedBy
 from tubeplanner.resources import find_problem
