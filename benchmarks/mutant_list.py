@@ -106,6 +106,7 @@ TESTS = {
     ),
     "problem/limit_values": ("problem/test_problem.py",),
     "problem/problem_reader": ("problem/test_problem.py", "problem/test_presets.py"),
+    "problem/schema_place": ("problem/test_field_paths.py",),
     "robot/limit_layers": ("robot/test_joint_limits.py", "robot/test_followers.py"),
     "robot/limit_overrides": ("robot/test_joint_limits.py",),
     "robot/velocity_by_position": ("robot/test_joint_limits.py",),
@@ -1297,6 +1298,25 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     "_value": [("None if has is False else value", "value"), ("if has and", "if")],
     "read_limits_file": [("skips_others=True, ", "")],
+    # --- problem/field_paths, schema_place; studies/field_sweep -------------------------------
+    "changed_fields": [("deepcopy(data)", "data")],
+    "_Walk.change": [
+        ("else deepcopy(old)", "else old"),
+        ("{} if old is None and place.may_be_map", "{} if old is None"),
+    ],
+    "_Walk._step": [("if below is None and key not in holder", "if False")],
+    "_Walk._item": [("if key in names:", "if key in names and key not in numbers:")],
+    "_Walk._next": [
+        ("max(fitting, key=len)", "min(fitting, key=len)"),
+        ("if len(rest) > len(key) else None", "or None"),
+    ],
+    "_Walk._new": [("if not _has_numbers(old):", "if old is None:")],
+    "_scaled": [("if is_number(value) else value", "if value is not None else value")],
+    "factor_of": [("_FACTOR.fullmatch(value)", "_FACTOR.match(value)")],
+    "SchemaPlace.below": [("field.alias or name: field", "name: field")],
+    "sweep_field": [("_options(path, options or PlanOptions())", "options or PlanOptions()")],
+    "_options": [("if not is_of_objective(path):", "if True:")],
+    "_documents": [("{**changes, path: value}", "{path: value, **changes}")],
     # --- files/problem_file, files/fingerprint ------------------------------------------------
     "_move_presets": [
         ("and given not in bundled", ""),

@@ -7,11 +7,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tubeplanner import TubePlannerError, parse_problem
+from tubeplanner.problem.problem_fields import read_problem_fields
 from tubeplanner.problem.problem_format import (
     ProblemFields,
     RobotFields,
     TubeFields,
-    read_problem_fields,
 )
 from tubeplanner.robot.urdf import read_urdf
 

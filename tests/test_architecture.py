@@ -26,6 +26,7 @@ KNOWS = {
     "trimesh": {"collision.mesh_cover", "views.visual_mesh"},
     "matplotlib": {
         "views.comparison_plot",
+        "views.field_plot",
         "views.figure_files",
         "views.panels",
         "views.plotting",
@@ -55,6 +56,7 @@ KNOWS = {
         "problem.presets",
         "problem.problem_faults",
         "problem.problem_format",
+        "problem.schema_place",
     },
 }
 

@@ -26,7 +26,9 @@ BLOCK = re.compile(r"^(<!-- not run: .* -->\n)?```(\w+)\n(.*?)^```$", re.M | re.
 NUMBER = r"-?\d+(?:\.\d*(?:e[+-]?\d+)?|(?= (?:ms|mm|%)))"
 NUMBER_TOLERANCE = 0.1  # relative
 # Planning and what plans take time; the README, which a reader meets first, has its own tests.
-PLANS = re.compile(r"\b(?:plan|sweep|compare|measure_tube)\(|^\$ tubeplanner plan ", re.M)
+PLANS = re.compile(
+    r"\b(?:plan|sweep|sweep_field|compare|measure_tube)\(|^\$ tubeplanner plan ", re.M
+)
 # What a part of a problem file is completed with.
 REST = {
     "robot": {"urdf": "example:ur5", "tool_frame": "tool0"},

@@ -72,6 +72,9 @@ from .tube_sources.zones import ZonedPath as ZonedPath  # returned
 from .studies.tolerance_sweep import sweep as sweep
 from .studies.tolerance_sweep import SweepResult as SweepResult  # returned
 from .studies.tolerance_sweep import SweepRow as SweepRow
+from .studies.field_sweep import sweep_field as sweep_field
+from .studies.field_sweep import FieldSweep as FieldSweep  # returned
+from .studies.field_sweep import FieldRow as FieldRow  # returned
 from .studies.comparison import compare as compare
 from .studies.comparison import Comparison as Comparison  # returned
 from .studies.comparison import ComparisonRow as ComparisonRow  # returned
@@ -81,6 +84,7 @@ from .studies.trajectory_measures import TrajectoryMeasures as TrajectoryMeasure
 from .views.plotting import plot_trajectory as plot_trajectory
 from .views.study_plots import plot_convergence as plot_convergence
 from .views.study_plots import plot_sweep as plot_sweep
+from .views.field_plot import plot_field_sweep as plot_field_sweep
 from .views.comparison_plot import plot_comparison as plot_comparison
 from .views.viewer import view as view
 from .views.viewer import View as View  # returned

@@ -1,14 +1,17 @@
 """Problem files written from others: comments kept, paths valid, numbers as they are."""
 
 import copy
+import io
 import json
 import shutil
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from ruamel.yaml import YAML
 
 from tubeplanner import Tube, load_problem
+from tubeplanner.documents import parse_yaml
 from tubeplanner.errors import ProblemError
 from tubeplanner.files.problem_file import (
     move_paths,
@@ -17,6 +20,7 @@ from tubeplanner.files.problem_file import (
     with_other_tube,
     with_problem,
 )
+from tubeplanner.problem.problem_fields import changed_problem
 from tubeplanner.resources import bundled_folder
 
 TEXT = """# A cell.
@@ -209,3 +213,33 @@ def test_boxes_are_written_and_read(cell, found, name):
     np.testing.assert_allclose(load_problem(cell / f"narrow_{name}").tube.radius, [0.05, 0.01])
     discs = with_other_tube(target, cell / f"discs_{name}", Tube(POINTS, 0.1))
     assert "cross_section" not in discs.decode()
+
+
+SHARED = """# Twins.
+tube:
+  points: [&p [0.45, -0.3, 0.000], [0.45, 0.1, 0], *p]  # there and back
+obstacles:
+  - &a {name: post, cylinder: [0.03, 0.3], position: [0.4, 0.22, 0]}
+  - <<: *a
+    name: twin  # the other
+"""
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"obstacles.twin.position.0": 0.9, "tube.points.0.2": 0.1},
+        {"obstacles.post.position": "x2", "robot.payload": {"mass": 2, "com": [0, 0, 1]}},
+        {"tube.points": "x2", "robot.limits.effort.joint1": 5},
+    ],
+)
+def test_changes_are_written_as_they_are_read_and_comments_are_kept(changes, tmp_path):
+    source = tmp_path / "shared.yaml"
+    source.write_text(SHARED)
+    stream = io.StringIO()
+    YAML().dump(read_fields(source, changes), stream)
+    written = stream.getvalue()
+    assert parse_yaml(written) == changed_problem(parse_yaml(SHARED), changes)
+    for comment in ("# Twins.", "# there and back", "# the other"):
+        assert comment in written
+    assert "payload: {mass: 2, com: [0, 0, 1]}" in written or "robot.payload" not in changes

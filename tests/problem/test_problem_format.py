@@ -8,10 +8,10 @@ import pytest
 from ruamel.yaml import YAML
 
 from tubeplanner.errors import ProblemError
+from tubeplanner.problem.problem_fields import read_problem_fields
 from tubeplanner.problem.problem_format import (
     check_problem_fields,
     problem_schema,
-    read_problem_fields,
 )
 from tubeplanner.resources import bundled_problems
 

@@ -2,7 +2,7 @@
 
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -10,6 +10,7 @@ from tubeplanner.commands.console import (
     AS_JSON,
     INFEASIBLE,
     PATH,
+    SET,
     SUCCESS,
     empty_report,
     load_timed,
@@ -37,9 +38,15 @@ if TYPE_CHECKING:
     "controller",
     help="Also what a controller enforces: fr3, fer (Franka), jtc (JointTrajectoryController).",
 )
+@SET
 @AS_JSON
 def check(
-    problem: str, trajectory: Path, tolerance: str | None, controller: str | None, as_json: bool
+    problem: str,
+    trajectory: Path,
+    tolerance: str | None,
+    controller: str | None,
+    changes: dict[str, Any],
+    as_json: bool,
 ) -> int:
     """Judge the TRAJECTORY file against PROBLEM."""
     from tubeplanner.files.trajectory_file import read_trajectory_file
@@ -50,7 +57,7 @@ def check(
     read = read_trajectory_file(trajectory)
     limits = asked or (Tolerance() if read.interpolation is None else FOREIGN_TOLERANCE)
     with shown_progress() as enter:
-        loaded, loading_time = load_timed(problem, enter)
+        loaded, loading_time = load_timed(problem, enter, changes)
         verdict = _verdict(controller, loaded, read)
         enter("certificate")
         begin = time.perf_counter()

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -19,6 +19,7 @@ from tubeplanner.commands.console import (
     INFEASIBLE,
     INTERRUPTED,
     PATH,
+    SET,
     SLACK,
     SUCCESS,
     empty_report,
@@ -99,6 +100,7 @@ def cli() -> None:
 @click.option("--time-limit", type=float, help="End after so many seconds with the best so far.")
 @SLACK
 @click.option("--time-left", is_flag=True, help="Report the path's least time, bang-bang.")
+@SET
 @AS_JSON
 def plan(
     problem: str,
@@ -113,6 +115,7 @@ def plan(
     time_limit: float | None,
     slack: float | None,
     time_left: bool,
+    changes: dict[str, Any],
     as_json: bool,
 ) -> int:
     """Plan PROBLEM, certify the answer, and write the requested files.
@@ -128,7 +131,7 @@ def plan(
     outputs.require_usable(problem)
     interrupted = False
     with shown_progress() as enter:
-        loaded, loading_time = load_timed(problem, enter)
+        loaded, loading_time = load_timed(problem, enter, changes)
         outputs.require_usable(problem, loaded.robot.urdf.path)
         outputs.require_names(loaded.robot.joint_names)
         result = plan_problem(loaded, options, enter)

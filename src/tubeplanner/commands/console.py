@@ -3,7 +3,7 @@
 import json
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tubeplanner.commands.interrupts import hold_interrupts, interrupts_remembered
+from tubeplanner.errors import OptionError
 
 if TYPE_CHECKING:
     from tubeplanner.problem.problem import PlanningProblem
@@ -25,18 +26,48 @@ SLACK = click.option(
     type=float,
     help="Share of the shortest duration that a smooth motion may take more; 0: the shortest.",
 )
+
+
+def _changes(context: click.Context, option: click.Parameter, given: tuple[str, ...]) -> Any:
+    """Return the values of an option's uses by their field paths."""
+    if not given:
+        return {}
+    from tubeplanner.problem.field_paths import parse_change
+
+    changes: dict[str, Any] = {}
+    for text in given:
+        path, value = parse_change("--set", text)
+        if path in changes:
+            raise OptionError(f"--set {path} is given twice; give it once")
+        changes[path] = value
+    return changes
+
+
+SET = click.option(
+    "--set",
+    "changes",
+    metavar="FIELD.PATH=VALUE",
+    multiple=True,
+    callback=_changes,
+    help="Change the problem before it is checked, such as tube.radius=x0.5; repeatable.",
+)
 AS_JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 
 
 def load_timed(
-    name: str, enter: Callable[[object], None], *, reads_tube: bool = True
+    name: str,
+    enter: Callable[[object], None],
+    changes: Mapping[str, Any],
+    *,
+    reads_tube: bool = True,
 ) -> "tuple[PlanningProblem, float]":
-    """Return a problem and the time [s] that reading it took."""
+    """Return a problem, changed at some field paths, and the time [s] that reading it took."""
     begin = time.perf_counter()
     enter("loading robot and collision geometry")
     from tubeplanner.problem.problem_reader import load_problem
 
-    return load_problem(name, reads_tube=reads_tube), time.perf_counter() - begin
+    problem = load_problem(name, reads_tube=reads_tube, changes=changes)
+    return problem, time.perf_counter() - begin
 
 
 @contextmanager

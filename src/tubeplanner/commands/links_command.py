@@ -1,11 +1,13 @@
 """The command that lists the links of a robot: how closely they are covered, what is left out."""
 
 from dataclasses import asdict
+from typing import Any
 
 import click
 
 from tubeplanner.commands.console import (
     AS_JSON,
+    SET,
     empty_report,
     load_timed,
     nowhere,
@@ -17,8 +19,9 @@ from tubeplanner.commands.console import (
 
 @click.command()
 @click.argument("problem")
+@SET
 @AS_JSON
-def links(problem: str, as_json: bool) -> None:
+def links(problem: str, changes: dict[str, Any], as_json: bool) -> None:
     """List the links of PROBLEM's robot: how far their collision shapes stand off their geometry.
 
     Then the pairs of links and obstacles that are not checked against each other, and why.
@@ -26,7 +29,7 @@ def links(problem: str, as_json: bool) -> None:
     from tubeplanner.collision.link_covers import link_covers
 
     with shown_progress() as enter:
-        loaded, loading_time = load_timed(problem, enter)
+        loaded, loading_time = load_timed(problem, enter, changes)
         enter("covers of links")
         covers = link_covers(loaded.collision)
     left_out = loaded.collision.left_out

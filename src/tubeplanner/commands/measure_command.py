@@ -1,7 +1,7 @@
 """The command that measures how wide a tube may be, and in which configurations of the arm."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -9,6 +9,7 @@ from tubeplanner.commands.console import (
     AS_JSON,
     INFEASIBLE,
     PATH,
+    SET,
     SUCCESS,
     empty_report,
     load_timed,
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
     show_default=True,
     help="Refuse a tube of more: each takes two to three seconds.",
 )
+@SET
 @AS_JSON
 def measure(
     problem: str,
@@ -48,6 +50,7 @@ def measure(
     configurations: bool,
     seed: int,
     max_segments: int,
+    changes: dict[str, Any],
     as_json: bool,
 ) -> int:
     """Measure how wide the tube of PROBLEM may be: radii and joint ranges without a collision.
@@ -60,11 +63,17 @@ def measure(
     if configurations and output is not None:
         raise OptionError("--configurations compares and writes no file; leave out one of them")
     if configurations:
-        return _compare(problem, options, as_json)
-    return _measure(problem, options, output, as_json)
+        return _compare(problem, options, changes, as_json)
+    return _measure(problem, options, changes, output, as_json)
 
 
-def _measure(problem: str, options: "MeasureOptions", output: Path | None, as_json: bool) -> int:
+def _measure(
+    problem: str,
+    options: "MeasureOptions",
+    changes: dict[str, Any],
+    output: Path | None,
+    as_json: bool,
+) -> int:
     from tubeplanner.files.output_files import require_writable, write_files
     from tubeplanner.files.problem_file import with_other_tube
     from tubeplanner.measurement.tube_measurement import measure_tube
@@ -73,12 +82,13 @@ def _measure(problem: str, options: "MeasureOptions", output: Path | None, as_js
     outputs = [] if output is None else [output]
     require_writable(outputs, [Path(problem)])
     with shown_progress() as enter:
-        loaded, loading_time = load_timed(problem, enter)
+        loaded, loading_time = load_timed(problem, enter, changes)
         source = find_problem(problem, Path())
         require_writable(outputs, [source, loaded.robot.urdf.path])
         result = measure_tube(loaded, options, enter)
     if output is not None and result.problem is not None:
-        write_files({output: with_other_tube(source, output, result.problem.tube)})
+        contents = with_other_tube(source, output, result.problem.tube, changes)
+        write_files({output: contents})
     if as_json:
         fields = {**empty_report("", "", nowhere()), **result.as_dict()}
         print_json({**fields, "loading_time": loading_time})
@@ -91,11 +101,13 @@ def _measure(problem: str, options: "MeasureOptions", output: Path | None, as_js
     return SUCCESS if result.succeeded else INFEASIBLE
 
 
-def _compare(problem: str, options: "MeasureOptions", as_json: bool) -> int:
+def _compare(
+    problem: str, options: "MeasureOptions", changes: dict[str, Any], as_json: bool
+) -> int:
     from tubeplanner.measurement.sign_patterns import survey_patterns
 
     with shown_progress() as enter:
-        loaded, loading_time = load_timed(problem, enter)
+        loaded, loading_time = load_timed(problem, enter, changes)
         survey = survey_patterns(loaded, options, enter)
     if as_json:
         fields = {**empty_report("", "", nowhere()), **survey.as_dict()}

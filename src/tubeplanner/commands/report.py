@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from tubeplanner.planning.plan_result import PlanResult
     from tubeplanner.problem.problem import PlanningProblem
     from tubeplanner.studies.comparison import Comparison
+    from tubeplanner.studies.field_sweep import FieldSweep
     from tubeplanner.studies.tolerance_sweep import SweepResult
     from tubeplanner.tube_sources.tube_answer import TubeAnswer
     from tubeplanner.verification.certificate import Certificate
@@ -131,6 +132,34 @@ def sweep_text(result: "SweepResult") -> str:
         times = (f"{row.duration:.4f} s", saved and f"saves {saved}")
         table.add_row(value, *times, f"{row.result.planning_time:.2f} s", message)
     return _rendered(table)
+
+
+def field_sweep_text(result: "FieldSweep") -> str:
+    """Return a sweep over a field as a table, as wide as the terminal, and the answers' notes."""
+    from tubeplanner.studies.field_sweep import value_text
+
+    table = Table(title=f"{result.name}: duration against {result.path}", title_justify="left")
+    headings = ["duration", *["shortest"] * result.varies_objective, "planned in"]
+    table.add_column(escape(result.path), justify="right")
+    for heading in headings:
+        table.add_column(heading, justify="right")
+    table.add_column("answer")
+    for row in result.rows:
+        value = escape(value_text(row.value))
+        if row.result is None or row.duration is None:
+            gaps = [""] * len(headings)
+            table.add_row(value, *gaps, f"{row.status}: {escape(row.message)}")
+            continue
+        durations = [row.duration, *[row.shortest_duration] * result.varies_objective]
+        times = [f"{duration:.4f} s" for duration in durations]
+        times.append(f"{row.result.planning_time:.2f} s")
+        table.add_row(value, *times, f"certified, {row.result.method}")
+    whose: dict[str, list[str]] = {}
+    for row in result.rows:
+        for note in row.notes:
+            whose.setdefault(note, []).append(value_text(row.value))
+    notes = [f"note ({', '.join(values)}): {note}" for note, values in whose.items()]
+    return "\n".join([_rendered(table), *notes])
 
 
 def comparison_text(result: "Comparison") -> str:

@@ -1,7 +1,8 @@
-"""The commands that study plans: figures, sweeps over the tolerance, comparisons of methods."""
+"""The commands that study plans: figures, sweeps over any field, comparisons of methods."""
 
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -10,6 +11,7 @@ from tubeplanner.commands.console import (
     FOLDER,
     INFEASIBLE,
     PATH,
+    SET,
     SLACK,
     SUCCESS,
     empty_report,
@@ -22,7 +24,9 @@ from tubeplanner.commands.console import (
 from tubeplanner.errors import OptionError
 
 if TYPE_CHECKING:
+    from tubeplanner.planning.plan_options import PlanOptions
     from tubeplanner.studies.comparison import Comparison
+    from tubeplanner.studies.field_sweep import FieldSweep
     from tubeplanner.studies.tolerance_sweep import SweepResult
 
 _INTERRUPTED = "; interrupted, the others were not tried"
@@ -32,8 +36,11 @@ _INTERRUPTED = "; interrupted, the others were not tried"
 @click.argument("problem")
 @click.argument("trajectory", type=PATH)
 @click.option("-o", "--output", type=PATH, help="Figure (PNG) [default: beside TRAJECTORY].")
+@SET
 @AS_JSON
-def plot(problem: str, trajectory: Path, output: Path | None, as_json: bool) -> int:
+def plot(
+    problem: str, trajectory: Path, output: Path | None, changes: dict[str, Any], as_json: bool
+) -> int:
     """Draw the TRAJECTORY file against the limits and the tube of PROBLEM.
 
     Without -o the figure goes next to the trajectory, under its name with the ending .png.
@@ -48,7 +55,7 @@ def plot(problem: str, trajectory: Path, output: Path | None, as_json: bool) -> 
     read = read_trajectory_file(trajectory)
     require_writable([target], [trajectory, Path(problem)])
     with shown_progress() as enter:
-        loaded, loading_time = load_timed(problem, enter)
+        loaded, loading_time = load_timed(problem, enter, changes)
         require_writable([target], [loaded.robot.urdf.path])
         enter("drawing")
         plot_trajectory(loaded, read.trajectory, target)
@@ -68,41 +75,58 @@ def plot(problem: str, trajectory: Path, output: Path | None, as_json: bool) -> 
 @click.argument("problem")
 @click.option("--radius", help="Radii for all segments [m], such as 0.005,0.01,0.02.")
 @click.option("--radius-scale", help="Factors for the problem's radii and boxes, such as 0.5,1,2.")
+@click.option(
+    "--vary",
+    "variations",
+    metavar="FIELD.PATH=V1,V2,...",
+    multiple=True,
+    help="Values of any field, such as robot.payload.mass=0,2,5 or tube.radius=x0.5,x1.",
+)
 @click.option("-o", "--output", type=PATH, help="Table (CSV or JSON, by its ending).")
 @click.option("--plot", "figure", type=PATH, help="Figure (PNG).")
 @click.option("--quality", default="balanced", show_default=True, help="fast, balanced or best.")
 @SLACK
+@SET
 @AS_JSON
 def sweep(
     problem: str,
     radius: str | None,
     radius_scale: str | None,
+    variations: tuple[str, ...],
     output: Path | None,
     figure: Path | None,
     quality: str,
     slack: float | None,
+    changes: dict[str, Any],
     as_json: bool,
 ) -> int:
-    """Plan PROBLEM at several tolerances: how much time does each millimetre buy?
+    """Plan PROBLEM at several tolerances or values of a field: how much time does each cost?
 
-    Exit status 0 if any of them has a certified trajectory; the other rows say why not.
+    Plans the shortest motions, unless --slack or --vary objective.... says otherwise. Exit status 0
+    if any of them has a certified trajectory; the other rows say why not.
     """
     from tubeplanner.files.output_files import require_writable
     from tubeplanner.planning.plan_options import PlanOptions
     from tubeplanner.studies.tolerance_sweep import sweep as sweep_problem
 
-    if (radius is None) == (radius_scale is None):
-        raise OptionError("sweep takes either --radius or --radius-scale")
-    radii, scales = _numbers("--radius", radius), _numbers("--radius-scale", radius_scale)
+    if (radius is not None) + (radius_scale is not None) + bool(variations) != 1:
+        raise OptionError("sweep takes either --radius or --radius-scale or --vary")
     options = PlanOptions(quality=quality, slack=slack)
     outputs = [path for path in (output, figure) if path is not None]
     _require_ending(output, "-o", (".csv", ".json"))
     _require_ending(figure, "--plot", (".png",))
     require_writable(outputs, [Path(problem)])
     with shown_progress() as enter:
-        loaded, loading_time = load_timed(problem, enter)
-        require_writable(outputs, [loaded.robot.urdf.path])
-        result = sweep_problem(loaded, radii, scales=scales, options=options, progress=enter)
+        result: SweepResult | FieldSweep
+        if variations:
+            result = _swept_field(problem, variations, changes, options, enter)
+            loading_time = sum(row.loading_time for row in result.rows)
+        else:
+            _require_used(changes, slack)
+            radii, scales = _numbers("--radius", radius), _numbers("--radius-scale", radius_scale)
+            loaded, loading_time = load_timed(problem, enter, changes)
+            require_writable(outputs, [loaded.robot.urdf.path])
+            result = sweep_problem(loaded, radii, scales=scales, options=options, progress=enter)
         _write_sweep(result, output, figure)
     status = "success" if result.succeeded else "no_trajectory"
     message = (
@@ -113,9 +137,7 @@ def sweep(
         report = {**empty_report(status, message, nowhere()), "loading_time": loading_time}
         print_json({**report, **result.as_dict()})
     else:
-        from tubeplanner.commands.report import sweep_text
-
-        say(sweep_text(result), message, sep="\n")
+        say(_sweep_text(result), message, sep="\n")
         say(*(f"{path}" for path in outputs), sep="\n", end="\n" if outputs else "")
     return SUCCESS if result.succeeded else INFEASIBLE
 
@@ -130,6 +152,7 @@ def sweep(
 )
 @click.option("--quality", default="balanced", show_default=True, help="fast, balanced or best.")
 @SLACK
+@SET
 @AS_JSON
 def compare(
     problem: str,
@@ -139,6 +162,7 @@ def compare(
     trajectories: Path | None,
     quality: str,
     slack: float | None,
+    changes: dict[str, Any],
     as_json: bool,
 ) -> int:
     """Plan PROBLEM with every method, and with the schemes that Suh & Bishop compared with.
@@ -150,6 +174,7 @@ def compare(
     from tubeplanner.studies.comparison import compare as compare_methods
 
     options = PlanOptions(quality=quality, slack=slack)
+    _require_used(changes, slack)
     names = None if methods is None else [name.strip() for name in methods.split(",")]
     outputs = [path for path in (output, figure) if path is not None]
     _require_ending(output, "-o", (".csv", ".json"))
@@ -160,7 +185,7 @@ def compare(
             [trajectories / "trajectory.json" if trajectories.is_dir() else trajectories]
         )
     with shown_progress() as enter:
-        loaded, loading_time = load_timed(problem, enter)
+        loaded, loading_time = load_timed(problem, enter, changes)
         require_writable(outputs, [loaded.robot.urdf.path])
         result = compare_methods(loaded, names, options=options, progress=enter)
         outputs += _write_comparison(result, output, figure, trajectories)
@@ -176,6 +201,41 @@ def compare(
         say(comparison_text(result), message, sep="\n")
         say(*(f"{path}" for path in outputs), sep="\n", end="\n" if outputs else "")
     return SUCCESS if certified else INFEASIBLE
+
+
+def _swept_field(
+    problem: str,
+    variations: tuple[str, ...],
+    changes: dict[str, Any],
+    options: "PlanOptions",
+    progress: Callable[[object], None],
+) -> "FieldSweep":
+    """Return a sweep over the one field that is varied."""
+    from tubeplanner.problem.field_paths import is_of_objective, parse_variation
+    from tubeplanner.studies.field_sweep import sweep_field
+
+    if len(variations) > 1:
+        raise OptionError(f"--vary {variations[1]}: a sweep varies one field; leave out the others")
+    path, values = parse_variation("--vary", variations[0])
+    if not is_of_objective(path):
+        _require_used(changes, options.slack)
+    return sweep_field(problem, path, values, changes=changes, options=options, progress=progress)
+
+
+def _require_used(changes: Iterable[str], slack: float | None) -> None:
+    """Raise if an objective is set that counts for nothing, as marks are the shortest durations."""
+    from tubeplanner.problem.field_paths import is_of_objective
+
+    for path in changes:
+        if is_of_objective(path) and slack is None:
+            raise OptionError(f"--set {path}: without --slack the shortest motions are planned")
+
+
+def _sweep_text(result: "SweepResult | FieldSweep") -> str:
+    from tubeplanner.commands.report import field_sweep_text, sweep_text
+    from tubeplanner.studies.field_sweep import FieldSweep
+
+    return field_sweep_text(result) if isinstance(result, FieldSweep) else sweep_text(result)
 
 
 def _write_comparison(
@@ -212,7 +272,7 @@ def _trajectory_files(result: "Comparison", folder: Path) -> dict[Path, bytes]:
     return files
 
 
-def _table(result: "Comparison | SweepResult", path: Path) -> bytes:
+def _table(result: "Comparison | SweepResult | FieldSweep", path: Path) -> bytes:
     """Return a table as its file holds it: CSV or JSON, by the ending."""
     import json
 
@@ -221,8 +281,12 @@ def _table(result: "Comparison | SweepResult", path: Path) -> bytes:
     return (json.dumps(result.as_dict(), allow_nan=False) + "\n").encode()
 
 
-def _write_sweep(result: "SweepResult", output: Path | None, figure: Path | None) -> None:
+def _write_sweep(
+    result: "SweepResult | FieldSweep", output: Path | None, figure: Path | None
+) -> None:
     from tubeplanner.files.output_files import write_files
+    from tubeplanner.studies.field_sweep import FieldSweep
+    from tubeplanner.views.field_plot import plot_field_sweep
     from tubeplanner.views.figure_files import figure_png
     from tubeplanner.views.study_plots import plot_sweep
 
@@ -230,7 +294,8 @@ def _write_sweep(result: "SweepResult", output: Path | None, figure: Path | None
     if output is not None:
         contents[output] = _table(result, output)
     if figure is not None:
-        contents[figure] = figure_png(plot_sweep(result))
+        drawn = plot_field_sweep(result) if isinstance(result, FieldSweep) else plot_sweep(result)
+        contents[figure] = figure_png(drawn)
     write_files(contents)
 
 

@@ -1,6 +1,6 @@
 """The commands that find tubes: from start and goal alone, and from a recorded trail."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +10,7 @@ from tubeplanner.commands.console import (
     AS_JSON,
     INFEASIBLE,
     PATH,
+    SET,
     SUCCESS,
     empty_report,
     load_timed,
@@ -52,6 +53,7 @@ _SEED = click.option("--seed", type=int, default=1, show_default=True, help="Of 
 @click.option(
     "--measured", type=PATH, help="Problem file with the measured tube, in which nothing collides."
 )
+@SET
 @AS_JSON
 def route(
     problem: str,
@@ -63,6 +65,7 @@ def route(
     samples: int,
     time_limit: float | None,
     measured: Path | None,
+    changes: dict[str, Any],
     as_json: bool,
 ) -> int:
     """Find a tube for PROBLEM from its start, goal and obstacles alone, and plan through it.
@@ -81,16 +84,17 @@ def route(
     options = RouteOptions(
         seed, tries, checks, max_radius=max_radius, samples=samples, time_limit=time_limit
     )
+    _require_none_of(changes, ("tube",), "route")
     require_ompl()
     outputs = [path for path in (output, measured) if path is not None]
     require_writable(outputs, [Path(problem)])
     with shown_progress() as enter:
-        loaded, loading_time = load_timed(problem, enter, reads_tube=False)
+        loaded, loading_time = load_timed(problem, enter, changes, reads_tube=False)
         source = find_problem(problem, Path())
         require_writable(outputs, [source, loaded.robot.urdf.path])
         answer = find_route(loaded, options, enter)
     found = {output: answer.found, measured: answer.measured}
-    written = _write(read_fields(source), source.parent, found)
+    written = _write(read_fields(source, changes), source.parent, found)
     files = {"problem": output, "measured": measured}
     return _print_answer(loaded.name, answer, loading_time, files, written, as_json)
 
@@ -115,6 +119,7 @@ def route(
 @_MAX_RADIUS
 @_SAMPLES
 @_SEED
+@SET
 @AS_JSON
 def teach(
     trail: Path,
@@ -128,6 +133,7 @@ def teach(
     max_radius: float,
     samples: int,
     seed: int,
+    changes: dict[str, Any],
     as_json: bool,
 ) -> int:
     """Make a tube from a recorded TRAIL of the joints, and plan through it.
@@ -146,12 +152,15 @@ def teach(
         raise OptionError("teach takes either --urdf and --tool-frame, or --problem")
     if template is not None and (obstacles is not None or urdf or tool_frame):
         raise OptionError("--problem has robot and obstacles; leave out the other options for them")
+    if template is None and changes:
+        raise OptionError("--set changes the file of --problem; give one")
+    _require_none_of(changes, ("tube", "start", "goal"), "TRAIL")
     options = TeachOptions(deviation, band, max_radius, samples, seed)
     outputs = [] if output is None else [output]
     inputs = [Path(name) for name in (trail, urdf, obstacles, template) if name is not None]
     require_writable(outputs, inputs)
     read = read_trajectory_file(trail)
-    cell = read_cell(urdf, tool_frame, obstacles, template)
+    cell = read_cell(urdf, tool_frame, obstacles, template, changes)
     with shown_progress() as enter:
         enter("loading robot and collision geometry")
         loaded, recorded = taught_problem(cell, read, str(trail))
@@ -159,6 +168,13 @@ def teach(
         answer = teach_tube(loaded, recorded, options, enter)
     written = _write(cell.fields, cell.folder, {output: answer.found})
     return _print_answer(loaded.name, answer, None, {"problem": output}, written, as_json)
+
+
+def _require_none_of(changes: Iterable[str], found: tuple[str, ...], source: str) -> None:
+    """Raise if something is set that a command does not read, as it finds it elsewhere."""
+    for path in changes:
+        if path.split(".")[0] in found:
+            raise OptionError(f"--set {path}: {source} gives {', '.join(found)}; leave it out")
 
 
 def _write(

@@ -1,12 +1,14 @@
 """The command that shows a problem and its trajectories in 3D."""
 
 from pathlib import Path
+from typing import Any
 
 import click
 
 from tubeplanner.commands.console import (
     AS_JSON,
     PATH,
+    SET,
     empty_report,
     load_timed,
     nowhere,
@@ -21,8 +23,15 @@ from tubeplanner.errors import OptionError
 @click.argument("problem")
 @click.argument("trajectories", type=PATH, nargs=-1, metavar="[TRAJECTORY]...")
 @click.option("--html", type=PATH, help="Write one page that works offline; open nothing.")
+@SET
 @AS_JSON
-def view(problem: str, trajectories: tuple[Path, ...], html: Path | None, as_json: bool) -> None:
+def view(
+    problem: str,
+    trajectories: tuple[Path, ...],
+    html: Path | None,
+    changes: dict[str, Any],
+    as_json: bool,
+) -> None:
     """Show PROBLEM and TRAJECTORY files, side by side, in 3D."""
     from tubeplanner.files.output_files import require_writable
     from tubeplanner.files.trajectory_file import read_trajectory_file
@@ -34,7 +43,7 @@ def view(problem: str, trajectories: tuple[Path, ...], html: Path | None, as_jso
         require_writable([html], [Path(problem), *trajectories])
     readings = [read_trajectory_file(path).trajectory for path in trajectories]
     with shown_progress() as enter:
-        loaded, _ = load_timed(problem, enter)
+        loaded, _ = load_timed(problem, enter, changes)
         enter("scene")
         shown = view_scene(loaded, *readings, names=names_of_files(trajectories))
         path, opened = (html, True) if html is not None else shown.open()

@@ -13,6 +13,7 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
 from tubeplanner.errors import ProblemError
 from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.problem.problem_fields import changed_problem
 from tubeplanner.problem.problem_format import PROBLEM_FORMAT, read_document
 from tubeplanner.resources import EXAMPLE_PREFIX, bundled_presets
 from tubeplanner.tube.joint_ranges import JointRange, sign_of
@@ -24,16 +25,23 @@ _ORDER = ("format", "version", "robot", "tube", "start", "goal")
 _CELL = ("obstacles", "clearance", "collision")
 
 
-def read_fields(path: Path) -> Any:
+def read_fields(path: Path, changes: Mapping[str, Any] | None = None) -> Any:
     """Return what a problem file holds, with its comments if it is YAML.
 
+    Args:
+        path: The file.
+        changes: Other values, by field path.
+
     Raises:
-        ProblemError: It cannot be read, or holds no map.
+        ProblemError: It cannot be read, holds no map, or a path leads nowhere.
     """
     plain = read_document(path)  # says what is wrong with it
     if not isinstance(plain, dict):
         raise ProblemError(f"{path}: a problem is a map with robot, tube and start")
-    return plain if path.suffix == ".json" else _yaml().load(path.read_text("utf-8-sig"))
+    fields = plain if path.suffix == ".json" else _yaml().load(path.read_text("utf-8-sig"))
+    changes = changes or {}
+    rows = {key: _in_a_row(v) if isinstance(v, list | dict) else v for key, v in changes.items()}
+    return changed_problem(fields, rows)
 
 
 def new_fields(urdf: str, tool_frame: str, cell: Path | None) -> Any:
@@ -80,7 +88,9 @@ def with_problem(fields: Any, folder: Path, target: Path, problem: PlanningProbl
     return _contents(fields, folder, target)
 
 
-def with_other_tube(source: Path, target: Path, tube: Tube) -> bytes:
+def with_other_tube(
+    source: Path, target: Path, tube: Tube, changes: Mapping[str, Any] | None = None
+) -> bytes:
     """Return a problem file's contents with other radii and joint signs, for another place.
 
     Args:
@@ -88,8 +98,9 @@ def with_other_tube(source: Path, target: Path, tube: Tube) -> bytes:
         target: Where the contents will be; its ending says whether they are JSON or YAML.
         tube: Its radii, boxes and joint ranges are written, and its points, if the file names
             another one that has them or points were left out.
+        changes: Other values of the file, by field path.
     """
-    fields, other = read_fields(source), _tube_fields(tube)
+    fields, other = read_fields(source, changes), _tube_fields(tube)
     written = fields["tube"]["points"]
     if isinstance(written, str) or len(written) != len(tube.points):
         fields["tube"]["points"] = other["points"]

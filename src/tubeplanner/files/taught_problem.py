@@ -1,5 +1,6 @@
 """The problem that a recorded trail belongs to: a robot and its cell, from the trail's ends."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -33,7 +34,11 @@ class Cell:
 
 
 def read_cell(
-    urdf: str | None, tool_frame: str | None, obstacles: Path | None, template: str | None
+    urdf: str | None,
+    tool_frame: str | None,
+    obstacles: Path | None,
+    template: str | None,
+    changes: Mapping[str, Any] | None = None,
 ) -> Cell:
     """Return the cell of a problem file, or of a robot and a file of obstacles.
 
@@ -42,13 +47,14 @@ def read_cell(
         tool_frame: As `robot.tool_frame`; likewise.
         obstacles: A file that holds obstacles; None: there are none.
         template: Problem file; None if a robot is given.
+        changes: Other values of the problem file, by field path.
 
     Raises:
-        ProblemError: A file cannot be read.
+        ProblemError: A file cannot be read, or a path leads nowhere.
     """
     if template is not None:
         path = find_problem(template, Path())
-        fields = read_fields(path)
+        fields = read_fields(path, changes)
         for key in ("tube", "start", "goal"):
             fields.pop(key, None)
         return Cell(fields, path.parent, str(path))

@@ -329,16 +329,6 @@ def problem_schema() -> dict[str, Any]:
     return ProblemFields.model_json_schema(by_alias=True)
 
 
-def read_problem_fields(path: Path) -> ProblemFields:
-    """Read a problem file, YAML 1.2 or JSON.
-
-    Raises:
-        ProblemError: The file cannot be read, a key is unknown or doubled, a value has the wrong
-            type. The message names the file and the field.
-    """
-    return check_problem_fields(read_document(path), str(path))
-
-
 def check_problem_fields(data: object, source: str) -> ProblemFields:
     """Check the shape of a problem given as nested dictionaries and lists.
 
@@ -347,7 +337,7 @@ def check_problem_fields(data: object, source: str) -> ProblemFields:
         source: What messages call it.
 
     Raises:
-        ProblemError: As `read_problem_fields`.
+        ProblemError: A key is unknown, a value has the wrong type. The message names the field.
     """
     if not isinstance(data, dict):
         raise ProblemError(f"{source}: a problem is a map with robot, tube and start")

@@ -15,6 +15,7 @@ from tubeplanner.problem.objective import Objective
 from tubeplanner.problem.point_file import read_points
 from tubeplanner.problem.presets import read_preset
 from tubeplanner.problem.problem import PlanningProblem, Seed
+from tubeplanner.problem.problem_fields import changed_problem, read_problem_fields
 from tubeplanner.problem.problem_format import (
     AttachedFields,
     EndpointFields,
@@ -25,7 +26,6 @@ from tubeplanner.problem.problem_format import (
     RobotFields,
     TubeFields,
     check_problem_fields,
-    read_problem_fields,
 )
 from tubeplanner.resources import find_description, find_limits_file, find_mesh, find_problem
 from tubeplanner.robot.limit_layers import LimitLayer
@@ -38,7 +38,11 @@ from tubeplanner.tube.tube import Tube
 
 
 def load_problem(
-    name: str | Path, directory: str | Path = ".", *, reads_tube: bool = True
+    name: str | Path,
+    directory: str | Path = ".",
+    *,
+    reads_tube: bool = True,
+    changes: Mapping[str, Any] | None = None,
 ) -> PlanningProblem:
     """Read a problem file, its robot and its robot's collision geometry.
 
@@ -47,6 +51,8 @@ def load_problem(
         directory: Where a relative path starts.
         reads_tube: False: whether the file has a tube or not, the tool may be anywhere, and the
             goal may be a tool position, the tube's last point.
+        changes: Other values by field path, such as `{"obstacles.wall.position": [0.6, 0, 0.2]}`;
+            "x0.5" scales every number there.
 
     Raises:
         ProblemError: The file contradicts its format, itself or its robot.
@@ -55,7 +61,7 @@ def load_problem(
     path = find_problem(name, Path(directory))
     called = f"{path.resolve().parent.name}/{path.stem}"
     tube_of = _tube if reads_tube else _tube_anywhere
-    return _build(read_problem_fields(path), path.parent, called, str(path), tube_of)
+    return _build(read_problem_fields(path, changes), path.parent, called, str(path), tube_of)
 
 
 def parse_problem(
@@ -64,6 +70,7 @@ def parse_problem(
     name: str = "problem",
     *,
     reads_tube: bool = True,
+    changes: Mapping[str, Any] | None = None,
 ) -> PlanningProblem:
     """Build a problem from what a problem file holds, as dictionaries and lists.
 
@@ -72,13 +79,15 @@ def parse_problem(
         directory: Where its relative paths start.
         name: What messages and plots call it.
         reads_tube: As for `load_problem`.
+        changes: As for `load_problem`.
 
     Raises:
         ProblemError: As `load_problem`.
         RobotError: As `load_problem`.
     """
     tube_of = _tube if reads_tube else _tube_anywhere
-    return _build(check_problem_fields(data, name), Path(directory), name, name, tube_of)
+    fields = check_problem_fields(changed_problem(data, changes), name)
+    return _build(fields, Path(directory), name, name, tube_of)
 
 
 def _build(

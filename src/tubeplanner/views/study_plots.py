@@ -87,7 +87,7 @@ def draw_sweep(
         axis.set_xticks([], minor=True)
     for row, value in zip(result.rows, values, strict=True):
         if row.duration is None:
-            _draw_gap(axis, value, str(row.status).replace("_", " "))
+            draw_gap(axis, value, str(row.status).replace("_", " "))
         elif row.elasticity is not None:
             _draw_slope(axis, value, _half_tangent(values, value), row.duration, row.elasticity)
     axis.set(xlabel=name, ylabel="duration [s]")
@@ -95,7 +95,7 @@ def draw_sweep(
     axis.legend(fontsize=8)
 
 
-def _draw_gap(axis: "Axes", value: float, reason: str) -> None:
+def draw_gap(axis: "Axes", value: float, reason: str) -> None:
     """Mark a tolerance without a plan."""
     axis.axvline(value, color="#888888", linestyle=":", linewidth=1.2)
     where = axis.get_xaxis_transform()

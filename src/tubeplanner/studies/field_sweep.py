@@ -1,0 +1,235 @@
+"""The duration against any field of a problem file: one problem planned at several values of it.
+
+Every value is planned from scratch, exactly as by `plan`: a row does not depend on its neighbours.
+"""
+
+import csv
+import io
+import json
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tubeplanner.errors import OptionError, ProblemError, RobotError
+from tubeplanner.options import is_number
+from tubeplanner.outcome import PlanStatus
+from tubeplanner.planning.plan_options import PlanOptions
+from tubeplanner.planning.plan_result import PlanResult
+from tubeplanner.planning.planner import plan
+from tubeplanner.problem.field_paths import is_of_objective
+from tubeplanner.problem.problem_fields import changed_problem
+from tubeplanner.problem.problem_format import read_document
+from tubeplanner.problem.problem_reader import parse_problem
+from tubeplanner.progress import StoppedBy
+from tubeplanner.resources import find_problem
+
+
+@dataclass(frozen=True, eq=False)
+class FieldRow:
+    """One value of the field, and the result of planning with it.
+
+    Attributes:
+        value: As it is given, such as 0.02, [0.02, 0.03] or "x0.5".
+        result: The result of planning; None where the problem cannot be posed.
+        message: One sentence: the answer, or why there is none.
+        loading_time: How long reading the problem took [s].
+    """
+
+    value: Any
+    result: PlanResult | None
+    message: str
+    loading_time: float
+
+    @property
+    def status(self) -> PlanStatus:
+        """How planning ended; bad_input where the problem cannot be posed."""
+        return PlanStatus.BAD_INPUT if self.result is None else self.result.status
+
+    @property
+    def duration(self) -> float | None:
+        """Duration of the certified trajectory [s]; None if there is none."""
+        return None if self.result is None else self.result.duration
+
+    @property
+    def shortest_duration(self) -> float | None:
+        """Duration of the shortest certified trajectory that was found [s]; None if none was."""
+        return None if self.result is None else self.result.shortest_duration
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What else is worth knowing about the answer."""
+        return () if self.result is None else self.result.notes
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the row as JSON values."""
+        return {
+            "value": _json_value(self.value),
+            "status": str(self.status),
+            "duration": self.duration,
+            "shortest_duration": self.shortest_duration,
+            "method": None if self.result is None else self.result.method,
+            "planning_time": None if self.result is None else self.result.planning_time,
+            "loading_time": self.loading_time,
+            "message": self.message,
+            "notes": list(self.notes),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class FieldSweep:
+    """The duration against a field.
+
+    Attributes:
+        name: Of the problem.
+        path: Of the field, such as "robot.payload.mass".
+        rows: One per value, in the order given.
+        stopped_by: "interrupt" if Ctrl-C kept other values from being planned; None otherwise.
+    """
+
+    name: str
+    path: str
+    rows: tuple[FieldRow, ...]
+    stopped_by: StoppedBy | None = None
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether any value has a certified trajectory."""
+        return any(row.duration is not None for row in self.rows)
+
+    @property
+    def varies_objective(self) -> bool:
+        """Whether the field is part of the objective, so that answers may not be the shortest."""
+        return is_of_objective(self.path)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the sweep as JSON values."""
+        rows = [row.as_dict() for row in self.rows]
+        report = {"problem": self.name, "quantity": self.path}
+        return {**report, "stopped_by": self.stopped_by, "rows": rows}
+
+    def csv(self) -> str:
+        """Return the rows as CSV; lists and maps as JSON, notes with semicolons between them."""
+        stream = io.StringIO()
+        first, *others = FieldRow(None, None, "", 0.0).as_dict()
+        writer = csv.DictWriter(stream, [self.path, *others], lineterminator="\n")
+        writer.writeheader()
+        for row in self.rows:
+            fields = row.as_dict()
+            del fields[first]
+            notes = "; ".join(row.notes)
+            writer.writerow({self.path: value_text(row.value), **fields, "notes": notes})
+        return stream.getvalue()
+
+
+def sweep_field(
+    problem: str | Path,
+    path: str,
+    values: Sequence[Any],
+    *,
+    changes: Mapping[str, Any] | None = None,
+    options: PlanOptions | None = None,
+    progress: Callable[[object], None] | None = None,
+) -> FieldSweep:
+    """Plan a problem file at several values of a field, each from scratch.
+
+    Answers are the shortest motions, unless a slack is given or the field is of the objective.
+
+    Args:
+        problem: A path, or `example:ROBOT/NAME` for a bundled problem.
+        path: Of the field, as for `load_problem`.
+        values: What it is to be; "x0.5" scales every number there.
+        changes: Of other fields, made first.
+        options: How to plan.
+        progress: Called as by `plan`; its stage names the value.
+
+    Returns:
+        A row for every value, in their order. A value that cannot be planned has the reason in its
+        row. After Ctrl-C, the finished rows.
+
+    Raises:
+        ProblemError: The file cannot be read, or the path leads nowhere in it.
+        OptionError: No value is given, the field is changed too, or the field is of the objective
+            and a slack is given.
+        KeyboardInterrupt: Ctrl-C before the first value was done.
+    """
+    options = _options(path, options or PlanOptions())
+    file = find_problem(problem, Path())
+    posed = _documents(file, path, values, changes or {})
+    name = f"{file.resolve().parent.name}/{file.stem}"
+    rows: list[FieldRow] = []
+    for number, (value, document) in enumerate(zip(values, posed, strict=True), start=1):
+
+        def report(what: object, where: str = f"{number} of {len(posed)}") -> None:
+            if progress is not None:
+                progress(f"value {where}: {what}")
+
+        try:
+            rows.append(_row(value, document, file.parent, name, options, report))
+        except KeyboardInterrupt:
+            if not rows:
+                raise
+            return FieldSweep(name, path, tuple(rows), "interrupt")
+    return FieldSweep(name, path, tuple(rows))
+
+
+def value_text(value: Any) -> str:
+    """Return a field's value as a table has it: lists and maps as JSON."""
+    written = _json_value(value)
+    return written if isinstance(written, str) else json.dumps(written)
+
+
+def _options(path: str, options: PlanOptions) -> PlanOptions:
+    if not is_of_objective(path):
+        return options.shortest
+    if options.slack is not None:
+        raise OptionError(f"{path} is varied and slack is given; leave out one of them")
+    return options
+
+
+def _documents(
+    file: Path, path: str, values: Sequence[Any], changes: Mapping[str, Any]
+) -> list[Any]:
+    """Return what the problem file would hold with each of the values."""
+    if len(values) == 0:
+        raise OptionError(f"{path}: give at least one value")
+    if path in changes:
+        raise OptionError(f"{path} is both varied and changed; leave out one of them")
+    data = read_document(file)
+    return [changed_problem(data, {**changes, path: value}) for value in values]
+
+
+def _row(
+    value: Any,
+    document: Any,
+    folder: Path,
+    name: str,
+    options: PlanOptions,
+    progress: Callable[[object], None],
+) -> FieldRow:
+    begin = time.perf_counter()
+    progress("loading robot and collision geometry")
+    try:
+        problem = parse_problem(document, folder, name)
+    except (ProblemError, RobotError) as error:
+        reason = str(error).removeprefix(f"{name}: ")
+        return FieldRow(value, None, reason, time.perf_counter() - begin)
+    loading_time = time.perf_counter() - begin
+    result = plan(problem, options, progress)
+    if result.stopped_by == "interrupt":
+        raise KeyboardInterrupt
+    return FieldRow(value, result, result.message, loading_time)
+
+
+def _json_value(value: Any) -> Any:
+    """Return a value of YAML as JSON has it: infinity and NaN become their words."""
+    if isinstance(value, dict):
+        return {str(key): _json_value(part) for key, part in value.items()}
+    if isinstance(value, list | tuple | np.ndarray):
+        return [_json_value(part) for part in value]
+    if is_number(value) and not np.isfinite(value):
+        return {np.inf: ".inf", -np.inf: "-.inf"}.get(value, ".nan")
+    return value

@@ -1,0 +1,57 @@
+"""The figure of a sweep over a field: where values stand, and what is drawn where there is none."""
+
+import numpy as np
+import pytest
+
+from tubeplanner import PlanOptions, plot_field_sweep, sweep_field
+
+PROBLEM = "example:two_link/paper_1_30mm"
+
+
+def drawn(path, values):
+    """Return the axes of a sweep, and the durations of its rows."""
+    options = PlanOptions("stop-at-corners") if "objective" not in path else PlanOptions()
+    result = sweep_field(PROBLEM, path, values, options=options)
+    return plot_field_sweep(result).axes[0], [row.duration for row in result.rows]
+
+
+def lines(axes):
+    """Return what is drawn by its label: points, and places without a plan."""
+    series = {line.get_label(): line.get_xydata() for line in axes.lines if len(line.get_xdata())}
+    gaps = [xy[0, 0] for label, xy in series.items() if label.startswith("_")]
+    return {label: xy for label, xy in series.items() if not label.startswith("_")}, gaps
+
+
+@pytest.mark.parametrize(
+    ("values", "places", "label"),
+    [
+        ([0.05, 0.02, -1], [0.05, 0.02, -1], "tube.radius"),
+        (["x2", "x1", "x-1"], [2, 1, -1], "factor on tube.radius [-]"),
+    ],
+)
+def test_numbers_and_factors_are_drawn_to_scale(values, places, label):
+    axes, durations = drawn("tube.radius", values)
+    series, gaps = lines(axes)
+    expected = [[places[1], durations[1]], [places[0], durations[0]]]
+    np.testing.assert_allclose(series["certified trajectory"], expected)
+    assert gaps == [places[2]]
+    assert axes.get_xlabel() == label
+    assert "no plan: bad input" in axes.texts[0].get_text()
+
+
+@pytest.mark.parametrize("values", [[0.02, "x1"], ["x1", [0.02]], [0.02, float("inf")]])
+def test_other_values_stand_in_a_row_by_name(values):
+    axes, _ = drawn("tube.radius", values)
+    np.testing.assert_array_equal(axes.get_xticks(), [0, 1])
+    names = {"x1": "x1", 0.02: "0.02"}
+    first = values[0]
+    assert axes.get_xticklabels()[0].get_text() == names[first]
+    assert axes.get_xlabel() == "tube.radius"
+
+
+def test_the_shortest_is_drawn_beside_what_the_objective_makes_of_it():
+    axes, durations = drawn("objective.slack", [0, 0.1])
+    series, _ = lines(axes)
+    np.testing.assert_allclose(series["certified trajectory"][:, 1], durations)
+    np.testing.assert_allclose(series["shortest that was found"][:, 1], durations[0])
+    assert durations[1] > 1.05 * durations[0]
