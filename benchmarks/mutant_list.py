@@ -1071,6 +1071,13 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("outcome.predicted - outcome.linear", "outcome.predicted - outcome.gain"),
         ("max(_MORE * self.damping, enough)", "_MORE * self.damping"),
     ],
+    # --- planning/narrowed_plan ----------------------------------------------------------------
+    "narrowed_plan": [
+        ("problem.tube.scaled(share)", "problem.tube"),
+        ("(ProblemError, Infeasible)", "(Infeasible,)"),
+        ("certified_result(problem, found", "certified_result(narrower, found"),
+        ("if widened is not None and widened.succeeded:", "if False:"),
+    ],
     # --- refinement/smoothness: what a second stage gains --------------------------------------
     "Smoothness._longer": [("- 1, 0.0)", ", 0.0)")],
     "Smoothness.after": [("max(self._worth / 2", "max(self._worth")],

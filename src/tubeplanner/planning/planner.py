@@ -8,6 +8,7 @@ from tubeplanner.errors import OptionError
 from tubeplanner.outcome import Infeasible, PlanStatus
 from tubeplanner.planning.continued_plan import continued_plan
 from tubeplanner.planning.followed_plan import followed_plan
+from tubeplanner.planning.narrowed_plan import narrowed_plan
 from tubeplanner.planning.necessary_conditions import require_possible
 from tubeplanner.planning.plan_options import (
     QUALITIES,
@@ -175,6 +176,10 @@ def _planned(
             return refined
         return _after_stop(problem, branches, corners, refined, clock)
     corners = corners or stopping_plan(problem, branches, clock)
+    if corners.result.succeeded and corners.result.stopped_by is None:
+        narrowed = narrowed_plan(problem, options, clock)
+        if narrowed is not None:
+            return narrowed
     return _with_better_reason(_searched(problem, corners, options, clock), refined)
 
 
