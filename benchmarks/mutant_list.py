@@ -79,13 +79,27 @@ TESTS = {
         "planning/test_planner_best_known.py",
         "refinement/test_link_constraints.py",
     ),
-    "refinement/smoothness": ("test_derivatives.py", "refinement/test_smoothing.py"),
-    "refinement/smoothing": ("planning/test_smoothed_plan.py",),
-    "planning/followed_plan": (
-        "planning/test_periodic_plan.py",
-        "planning/test_smoothed_plan.py",
+    "refinement/smoothness_measures": (
+        "test_derivatives.py",
+        "refinement/test_measured_objective.py",
+        "refinement/test_second_stage.py",
     ),
-    "planning/certified_motion": ("planning/test_smoothed_plan.py",),
+    "refinement/effort_measures": ("test_derivatives.py",),
+    "refinement/interval_motion": (
+        "test_derivatives.py",
+        "refinement/test_measured_objective.py",
+    ),
+    "refinement/interval_blocks": ("refinement/test_measured_objective.py",),
+    "refinement/measured_objective": ("test_derivatives.py",),
+    "refinement/objective_measures": ("planning/test_second_stage_plan_energy.py",),
+    "refinement/second_stage": ("planning/test_second_stage_plan.py",),
+    "planning/gain_note": ("planning/test_second_stage_plan_energy.py",),
+    "planning/followed_plan": (
+        "planning/test_second_stage_plan_energy.py",
+        "planning/test_periodic_plan.py",
+        "planning/test_second_stage_plan.py",
+    ),
+    "planning/certified_motion": ("planning/test_second_stage_plan.py",),
     "files/trajectory_writer": ("planning/test_periodic_plan.py",),
     "refinement/trust_region": ("refinement/test_trust_region.py",),
     "refinement/step_cost": ("refinement/test_step_cost.py",),
@@ -1078,50 +1092,76 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("certified_result(problem, found", "certified_result(narrower, found"),
         ("if widened is not None and widened.succeeded:", "if False:"),
     ],
-    # --- refinement/smoothness: what a second stage gains --------------------------------------
-    "Smoothness._longer": [("- 1, 0.0)", ", 0.0)")],
-    "Smoothness.after": [("max(self._worth / 2", "max(self._worth")],
-    "Smoothness.gain": [(" - longer", "")],
-    "Smoothness.predicted_gain": [
+    # --- what a second stage gains: smoothness, energy and work --------------------------------
+    "MeasuredObjective._longer": [("- 1, 0.0)", ", 0.0)")],
+    "MeasuredObjective.after": [("max(self._worth / 2", "max(self._worth")],
+    "MeasuredObjective.gain": [(" - longer", "")],
+    "MeasuredObjective.predicted_gain": [
         ("self._longer(current) - max(step.duration, 0.0)", "self._longer(current)"),
         ("- padded @ (own.hessian @ padded) / 2", ""),
     ],
-    "Smoothness._measured_anew": [
-        ("elapsed**-0.75", "elapsed**-0.5"),
-        ("* width**0.25", "* width"),
-        ("+ _NOTHING", ""),
-        (" - _ROUNDED\n", "\n"),
+    "MeasuredObjective._measure": [(" + _NOTHING", "")],
+    "EffortRate._raised": [("** -0.75", "** -0.5")],
+    "EffortRate.model": [
+        ("-0.75 * rate / elapsed", "0.75 * rate / elapsed"),
+        ("12 * share * rate**2", "-12 * share * rate**2"),
     ],
-    "Smoothness._residuals": [("-0.75 * measured.rate", "0.75 * measured.rate")],
-    "Smoothness._by_effort": [
-        ("change[1:-1:2, :, 1:] += control[2:-1:2]", "change[1:-1:2, :, :-1] += control[2:-1:2]"),
-        ("change[-1, :, : DEGREE + 1] += control[-1]", "pass"),
-        ("np.diff(switching, axis=0)", "0 * np.diff(switching, axis=0)"),
+    "EffortVariation.total": [(" - _ROUNDED)", ")")],
+    "Jerk._raised": [("** 0.25", "** 1.0")],
+    "Jerk.model": [
+        ("jerk / (4 * width)", "jerk / width"),
+        ("12 * share * jerk**2", "6 * share * jerk**2"),
     ],
-    "Smoothness._by_jerk": [("measured.jerk / (4 * width)", "measured.jerk / width")],
+    "IntervalMotion.chained": [
+        ("placed[:-1, 2, :, 1:] = control[:-1, 2]", "placed[:-1, 2, :, :-1] = control[:-1, 2]"),
+        ("placed[-1, 2, :, :-1] = control[-1, 2]", "pass"),
+        ("placed, self.at_samples(switching)", "placed, 0 * self.at_samples(switching)"),
+    ],
     "_nominal_efforts": [("np.isfinite(limit), limit", "np.isfinite(limit), most")],
-    "_derivatives": [
-        ("12 * share[0] * rate**2", "-12 * share[0] * rate**2"),
-        ("12 * share[2] * jerk**2", "6 * share[2] * jerk**2"),
+    "Energy.__init__": [("1 / np.sqrt(weights)", "1 / weights")],
+    "Energy.model": [
+        ("(2 * motion.width[:, None])", "motion.width[:, None]"),
+        ("np.full(residual.shape, 2 * share)", "np.full(residual.shape, share)"),
     ],
+    "Work.total": [("(added + np.hypot", "(abs(added) + np.hypot")],
+    "Work.model": [
+        ("share * (1 + added / size) / 2", "share * added / size"),
+        ("[power, both]", "[power]"),
+    ],
+    "Work._power_by_path": [("by_path[1] + effort", "by_path[1] - effort")],
+    "objective_measures": [("((_WEIGHT, own), *", "((0.0, own), *")],
+    "EffortCosts._effort": [("/ slower**2", "/ slower")],
+    "EffortCosts.energy": [(" * slower", "")],
+    "EffortCosts.work": [("np.maximum(power, 0.0)", "abs(power)")],
+    "cheapest_duration": [
+        ("return float(min(reversed(tried), key=costs.work))", "return longest"),
+        ("key=lambda duration: costs", "key=lambda duration: -costs"),
+    ],
+    "_in_duration": [
+        ("if no_longer(duration, found.duration):", "if True:"),
+        ("trajectory=None", "trajectory=found.trajectory"),
+    ],
+    "Objective.energy_weights": [("1 / robot.limits.effort**2", "1 / robot.limits.effort")],
+    "is_multiple": [("<= _ROUNDING", "<= 0.5")],
+    "_saved": [("(after, before)", "(before, after)")],
     "IntervalBlocks.matrix": [("corner / len(blocks)", "corner")],
     "IntervalBlocks.vector": [("total[self._switching] += by_switching", "pass")],
     "IntervalBlocks.__init__": [("place[which == FIXED] = FIXED", "pass")],
-    # --- refinement/smoothing ------------------------------------------------------------------
-    "Smoothing.__init__": [
+    # --- refinement/second_stage ---------------------------------------------------------------
+    "SecondStage.__init__": [
         ("- _LESS_ROOM", "- 0.2"),
         ("(1 - _LESS_CLEARANCE) *", "0 *"),
         ("max(clearance, 0.0), _MOST_CLEARANCE", "max(clearance, 0.0), 1.0"),
     ],
-    "Smoothing._looked_at": [
+    "SecondStage._looked_at": [
         ("in_time and dense.excess <= MERIT_TOLERANCE", "in_time"),
         ("dense.squared_duration <= (self._longest * (1 - _BETWEEN_LOOKS)) ** 2", "True"),
     ],
-    "Smoothing.answer": [
+    "SecondStage.answer": [
         ("time / duration", "time"),
         ("self._best = None\n", "pass\n"),
     ],
-    "Smoothing._is_smoother": [("<", ">")],
+    "SecondStage._is_better": [("<", ">")],
     "_room": [
         ("1 - share", "share"),
         ("tube.compulsory_points - 1, tube.compulsory_points", "tube.compulsory_points"),
@@ -1150,12 +1190,12 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "most_periods": [("duration / period + _ROUNDING", "duration / period")],
     "lengthened": [("np.round(slower.breakpoints / period) * period", "slower.breakpoints")],
     "_followed": [
-        ("most_periods(periodic.duration * (1 + slack), period)", "most_periods(1.0, period)"),
+        ("most_periods(longest, period)", "most_periods(1.0, period)"),
         ("shortest.stopped_by is not None", "False"),
     ],
-    "_in_whole_periods": [("if not found.succeeded:", "if False:")],
+    "_in_whole_periods": [("if longer.succeeded:", "if True:")],
     "_usual_rate": [("1 / period", "0.5 / period")],
-    "smoothed_plan": [
+    "second_stage_plan": [
         ("or not no_longer(after.duration, longest)", ""),
         ("shortest=shortest.trajectory", "shortest=None"),
         ("motion=shortest.motion", "motion=None"),

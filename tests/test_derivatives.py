@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from tubeplanner import JointTrajectory, PlanningProblem, Tube
+from tubeplanner import JointTrajectory, Objective, PlanningProblem, Tube
 from tubeplanner.refinement.control_variables import ControlVariables
 from tubeplanner.refinement.link_constraints import LinkConstraints
+from tubeplanner.refinement.measured_objective import _FIRST_WORTH, MeasuredObjective
+from tubeplanner.refinement.objective_measures import objective_measures
 from tubeplanner.refinement.phased_spline import PhasedSpline
-from tubeplanner.refinement.smoothness import _FIRST_WORTH, Smoothness
 from tubeplanner.refinement.spline_constraints import SplineConstraints
 from tubeplanner.refinement.spline_start import knot_grid
 from tubeplanner.refinement.step_cost import StepCost
@@ -117,27 +118,39 @@ def trajectory_by_time(order):
     return case
 
 
-def smoothness_by_variables(robot):
+def objective_by_variables(minimise):
     """By the control points that may move, and by the switching time."""
-    grid, ends = knot_grid(np.array([0.0, 0.4, 1.0]), 7), np.array([0.0, 0.4, 1.0])
-    q = random_trajectory(robot)[0]
-    points = np.linspace(q[0], q[1], grid.control_point_count)
-    points[3:-3] += np.random.default_rng(8).normal(size=points[3:-3].shape)
-    points[:3], points[-3:] = points[0], points[-1]
-    tube = Tube(robot.tool_position(points[[0, 5, -1]]), 9.0)
-    problem = PlanningProblem(robot, tube, points[0], points[-1], self_collision=False)
-    constraints = SplineConstraints(problem, grid, LinkConstraints(problem), np.full(2, 9.0), 0.8)
-    objective = Smoothness(problem, PhasedSpline(grid, ends, points), 0.8)
-    variables = ControlVariables(problem, grid)
 
-    def at(x):
-        moved = points + variables.change(x[0, :-1].reshape(variables.lower.shape))
-        return constraints.at(PhasedSpline(grid, ends + np.array([0, x[0, -1], 0]), moved))
+    def case(robot):
+        grid, ends = knot_grid(np.array([0.0, 0.4, 1.0]), 7), np.array([0.0, 0.4, 1.0])
+        q = random_trajectory(robot)[0]
+        points = np.linspace(q[0], q[1], grid.control_point_count)
+        points[3:-3] += np.random.default_rng(8).normal(size=points[3:-3].shape)
+        points[:3], points[-3:] = points[0], points[-1]
+        tube = Tube(robot.tool_position(points[[0, 5, -1]]), 9.0)
+        problem = PlanningProblem(
+            robot,
+            tube,
+            points[0],
+            points[-1],
+            self_collision=False,
+            objective=Objective(minimise=minimise),
+        )
+        links, radius = LinkConstraints(problem), np.full(2, 9.0)
+        constraints = SplineConstraints(problem, grid, links, radius, 0.8)
+        measures = objective_measures(problem, PhasedSpline(grid, ends, points), 0.8)
+        objective, variables = MeasuredObjective(measures, 0.8), ControlVariables(problem, grid)
 
-    here = np.zeros((1, variables.lower.size + 1))
-    regular = StepCost(variables, grid, robot.joint_count).quadratic(points)
-    exact = objective.cost(at(here), variables, regular).gradient - regular.gradient
-    return lambda x: np.array([_FIRST_WORTH * objective.value(at(x))]), here, exact[None]
+        def at(x):
+            moved = points + variables.change(x[0, :-1].reshape(variables.lower.shape))
+            return constraints.at(PhasedSpline(grid, ends + np.array([0, x[0, -1], 0]), moved))
+
+        here = np.zeros((1, variables.lower.size + 1))
+        regular = StepCost(variables, grid, robot.joint_count).quadratic(points)
+        exact = objective.cost(at(here), variables, regular).gradient - regular.gradient
+        return lambda x: np.array([_FIRST_WORTH * objective.value(at(x))]), here, exact[None]
+
+    return case
 
 
 TABLE = {
@@ -151,7 +164,9 @@ TABLE = {
     "effort by acceleration": (effort_by(2), 1e-6),
     "trajectory velocity": (trajectory_by_time(0), 1e-7),
     "trajectory acceleration": (trajectory_by_time(1), 1e-7),
-    "smoothness by control points and times": (smoothness_by_variables, 1e-5),
+    "smoothness by control points and times": (objective_by_variables("smoothness"), 1e-5),
+    "energy by control points and times": (objective_by_variables("energy"), 1e-5),
+    "work by control points and times": (objective_by_variables("work"), 1e-5),
 }
 
 

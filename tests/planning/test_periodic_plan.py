@@ -14,7 +14,7 @@ from tubeplanner.files.trajectory_file import joined_samples
 from tubeplanner.files.trajectory_writer import TrajectoryFiles
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.refinement.refinement import Refinement
-from tubeplanner.refinement.smoothing import Smoothing
+from tubeplanner.refinement.second_stage import SecondStage
 
 LINE, POST, WALL = "two_link/paper_1_30mm", "two_link/around_a_post", "ur5/over_the_wall"
 CASES = [(LINE, 0.001), (LINE, 0.004), (LINE, 0.008), (POST, 0.004), (WALL, 0.008), (WALL, 0.001)]
@@ -93,7 +93,7 @@ def test_slack_zero_is_the_shortest_motion_in_periods(periodic):
 
 def test_where_smoothing_fails_the_shortest_motion_is_in_periods(periodic, monkeypatch):
     problem, result = periodic(LINE, 0.004)
-    monkeypatch.setattr(Smoothing, "run", lambda self: False)
+    monkeypatch.setattr(SecondStage, "run", lambda self: False)
     shortest = plan(problem)
     np.testing.assert_array_equal(shortest.trajectory.coefficients, result.shortest.coefficients)
     assert any("the shortest motion, not smoothed" in note for note in shortest.notes)

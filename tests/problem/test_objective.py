@@ -11,7 +11,7 @@ from tubeplanner.errors import OptionError, ProblemError
 from tubeplanner.resources import bundled_problems
 
 NAME = "two_link/paper_1_30mm"
-NO_SLACK = [-0.001, 10.1, np.inf, np.nan, "0.005", True, None]
+NO_SLACK = [-0.001, 10.1, np.inf, np.nan, "0.005", True]
 NO_PERIOD = [0.0, -0.001, 1e-6, 1.1, 4.0, np.nan, np.inf, "0.001", True]
 
 
@@ -40,7 +40,7 @@ def test_slack_is_a_share_of_time(slack):
         Objective(slack)
 
 
-@pytest.mark.parametrize("slack", NO_SLACK[:-1])
+@pytest.mark.parametrize("slack", NO_SLACK)
 def test_so_is_that_of_options(slack):
     with pytest.raises(OptionError, match=r"^slack is .*; give a share .* from 0 .* to 10$"):
         PlanOptions(slack=slack)
@@ -58,7 +58,7 @@ def test_the_shortest_is_asked_for_unless_a_slack_is_given():
     assert PlanOptions("refinement", "fast").shortest.quality == "fast"
 
 
-@pytest.mark.parametrize("minimise", ["energy", "smooth", "", None, 1])
+@pytest.mark.parametrize("minimise", ["power", "smooth", "", None, 1])
 def test_what_is_minimised_has_a_name(minimise):
     with pytest.raises(ProblemError, match=r"objective\.minimise: unknown objective .*smoothness"):
         Objective(minimise=minimise)
@@ -93,8 +93,8 @@ def test_files_say_both(written):
         ({"objective": {"slack": -0.1}}, "objective.slack is -0.1; give a share"),
         ({"objective": {"slack": 11}}, "to 10"),
         ({"objective": {"slack": "much"}}, "objective.slack"),
-        ({"objective": {"minimise": "energy"}}, "objective.minimise"),
-        ({"objective": {"weights": {}}}, "unknown key"),
+        ({"objective": {"minimise": "power"}}, "objective.minimise"),
+        ({"objective": {"weight": {}}}, "unknown key"),
         ({"objective": 0.01}, "objective"),
         ({"period": 0}, "period is 0 s; give the controller's, 1e-05 to 1 s"),
         ({"period": 4}, "period is 4 s; give the controller's, 1e-05 to 1 s"),
@@ -119,11 +119,16 @@ def test_so_is_a_slack_of_the_command_line(command, slack, shown, run):
 @pytest.mark.parametrize("method", ["branch-and-bound", "stop-at-corners", "suh-bishop"])
 def test_methods_that_make_nothing_smoother_refuse_a_slack(method, bundled, run):
     problem = bundled(NAME)
-    expected = f"but method '{method}' makes nothing smoother; give slack 0, or method 'refinement'"
+    expected = (
+        f"but method '{method}' makes nothing smoother and saves nothing; "
+        "give slack 0, or method 'refinement'"
+    )
     with pytest.raises(OptionError, match=expected):
         plan(problem, PlanOptions(method, slack=0.005))
     with pytest.raises(OptionError, match=expected):
         plan(replace(problem, objective=Objective()), PlanOptions(method))
+    with pytest.raises(OptionError, match=f"objective.duration is 2 s, {expected}"):
+        plan(replace(problem, objective=Objective(duration=2.0)), PlanOptions(method))
     status, _, err = run("plan", f"example:{NAME}", "--method", method, "--slack", "0.01")
     assert status == 2
     assert f"slack is 0.01, {expected}" in err
@@ -137,3 +142,66 @@ def test_they_ignore_the_default_and_a_slack_of_zero(bundled):
         assert result.method == method
         assert result.shortest is None
         assert result.duration == shortest.duration
+
+
+# --- a duration, and weights ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("duration", [0.0, -1.0, 2e4, np.inf, np.nan, "1", True])
+def test_a_duration_is_a_time(duration):
+    with pytest.raises(ProblemError, match=r"objective\.duration is .* s; give how long"):
+        Objective(duration=duration)
+
+
+def test_a_duration_is_in_place_of_a_slack():
+    assert Objective(duration=2.0).slack is None
+    with pytest.raises(ProblemError, match=r"slack is 0\.01 and objective\.duration 2 s"):
+        Objective(0.01, duration=2.0)
+
+
+@pytest.mark.parametrize("weight", [-1.0, np.inf, np.nan, "1", True])
+def test_weights_are_numbers(weight):
+    with pytest.raises(ProblemError, match=r"objective\.weights of 'joint1' is .*; give a finite"):
+        Objective(minimise="energy", weights={"joint1": weight})
+
+
+@pytest.mark.parametrize("minimise", ["smoothness", "work"])
+def test_weights_are_of_energy(minimise):
+    with pytest.raises(ProblemError, match=rf"but '{minimise}' is minimised; leave them out"):
+        Objective(minimise=minimise, weights={"joint1": 1.0})
+
+
+def test_weights_are_those_of_the_limits_unless_given(bundled):
+    robot = bundled(NAME).robot
+    energy = Objective(minimise="energy", weights={"joint2": 3.0})
+    limit = robot.limits.effort[0]
+    np.testing.assert_allclose(energy.energy_weights(robot), [limit**-2, 3.0])
+
+
+def test_weights_of_no_joint_and_of_nothing_are_refused(bundled):
+    problem = bundled(NAME)
+    for weights, message in (
+        ({"elbow": 1.0}, "objective.weights: unknown joint 'elbow'"),
+        ({"joint1": 0.0, "joint2": 0.0}, "objective.weights are all zero"),
+    ):
+        with pytest.raises(ProblemError, match=message):
+            replace(problem, objective=Objective(minimise="energy", weights=weights))
+
+
+@pytest.mark.parametrize(("duration", "is_one"), [(0.804, True), (0.8, True), (0.802, False)])
+def test_with_a_period_a_duration_is_a_multiple_of_it(duration, is_one, bundled):
+    fields = {"objective": Objective(duration=duration), "period": 0.004}
+    if is_one:
+        assert replace(bundled(NAME), **fields).objective.duration == duration
+    else:
+        with pytest.raises(ProblemError, match=r"is 0\.802 s, no multiple of the period, 0\.004 s"):
+            replace(bundled(NAME), **fields)
+
+
+def test_files_say_these_too(written, run):
+    fields = {"duration": 1.2, "minimise": "energy", "weights": {"joint1": 2.0}}
+    objective = load_problem(written(objective=fields)).objective
+    assert objective == Objective(None, "energy", 1.2, {"joint1": 2.0})
+    status, _, err = run("plan", written(objective={**fields, "slack": 0.005}))
+    assert status == 2
+    assert "objective.slack is 0.005 and objective.duration 1.2 s; give one of them" in err

@@ -24,7 +24,7 @@ FOLDER = click.Path(path_type=Path, file_okay=False)
 SLACK = click.option(
     "--slack",
     type=float,
-    help="Share of the shortest duration that a smooth motion may take more; 0: the shortest.",
+    help="Share of the shortest duration that the motion may take more; 0: the shortest.",
 )
 
 

@@ -58,7 +58,7 @@ class PlanOptions:
         suh_bishop: How phase 2 of "suh-bishop" is done.
         time_limit: Wall time after which planning ends with the best it has [s]; None: never.
         slack: By which share longer than the shortest motion refinement's answer may be, to be
-            smooth; 0: the shortest. None: what the problem's objective says.
+            smooth or thrifty; 0: the shortest. None: what the problem's objective says.
     """
 
     method: str = METHODS[0]

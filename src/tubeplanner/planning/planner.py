@@ -109,14 +109,17 @@ class Planner:
 
 
 def _require_honoured(problem: PlanningProblem, options: PlanOptions) -> None:
-    """Raise OptionError if a slack is given to a method that makes nothing smoother."""
-    given = options.slack
-    if given is None:
-        given = 0.0 if problem.objective is None else problem.objective.slack
-    if given > 0 and options.method != REFINEMENT:
+    """Raise OptionError if time is given to a method that makes nothing of it."""
+    if options.method == REFINEMENT:
+        return
+    slack, duration = options.slack, None
+    if slack is None and problem.objective is not None:
+        slack, duration = problem.objective.slack, problem.objective.duration
+    if slack or duration is not None:
+        given = f"slack is {slack:g}" if slack else f"objective.duration is {duration:g} s"
         raise OptionError(
-            f"slack is {given:g}, but method '{options.method}' makes nothing smoother; give slack "
-            f"0, or method '{REFINEMENT}'"
+            f"{given}, but method '{options.method}' makes nothing smoother and saves nothing; "
+            f"give slack 0, or method '{REFINEMENT}'"
         )
 
 

@@ -14,7 +14,7 @@ from tubeplanner.errors import ProblemError, shown, unknown_name
 from tubeplanner.options import in_figures, is_number
 from tubeplanner.outcome import MARGIN_TOLERANCE
 from tubeplanner.problem.joint_values import configuration_of
-from tubeplanner.problem.objective import Objective
+from tubeplanner.problem.objective import ENERGY, Objective, is_multiple
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.tube.joined_segments import joined_segments
 from tubeplanner.tube.tube import Tube
@@ -155,12 +155,20 @@ class PlanningProblem:
         """Raise unless objective and period are what they must be."""
         if self.objective is not None and not isinstance(self.objective, Objective):
             raise ProblemError(f"objective is {shown(self.objective)}; give an Objective")
+        if self.objective is not None and self.objective.minimise == ENERGY:
+            self.objective.energy_weights(self.robot)
         if self.period is None:
             return
         if not is_number(self.period) or not _LEAST_PERIOD <= self.period <= _MAX_PERIOD:
             raise ProblemError(
                 f"period is {in_figures(self.period)} s; give the controller's, {_LEAST_PERIOD:g} "
                 f"to {_MAX_PERIOD:g} s, or leave it out"
+            )
+        duration = None if self.objective is None else self.objective.duration
+        if duration is not None and not is_multiple(duration, self.period):
+            raise ProblemError(
+                f"objective.duration is {in_figures(duration)} s, no multiple of the period, "
+                f"{self.period:g} s; give one, or leave one of them out"
             )
 
     def _keep_groups(self) -> None:

@@ -289,11 +289,21 @@ class CollisionFields(_Section):
 class ObjectiveFields(_Section):
     """What the answer is to be beside short."""
 
-    slack: Finite = Field(
-        0.005, description="share of the shortest duration that it may take more; 0: the shortest"
+    slack: Finite | None = Field(
+        None,
+        description="share of the shortest duration that it may take more; 0: the shortest; left "
+        "out: 0.005, unless a duration is given",
     )
-    minimise: Literal["smoothness"] = Field(
-        "smoothness", description="what that time is used for: efforts and jerks that change little"
+    duration: Finite | None = Field(
+        None, description="how long it takes [s], in place of a slack; left out: as that says"
+    )
+    minimise: Literal["smoothness", "energy", "work"] = Field(
+        "smoothness",
+        description="what that time is used for: efforts and jerks that change little, the "
+        "integral of squared efforts, or that of positive power",
+    )
+    weights: dict[str, Finite] = Field(
+        {}, description="of the squared efforts in the energy, by joint; left out: 1/limit^2"
     )
 
 

@@ -206,7 +206,7 @@ def _tube_anywhere(fields: ProblemFields, robot: RobotModel, directory: Path) ->
 
 
 def _objective(fields: ObjectiveFields | None) -> Objective | None:
-    return None if fields is None else Objective(fields.slack, fields.minimise)
+    return None if fields is None else Objective(**fields.model_dump())
 
 
 def _endpoint(end: str, fields: EndpointFields) -> Any:

@@ -143,6 +143,12 @@ def plan_under(
     return plan(problem, options, clock.announce)
 
 
-def followed(found: PlannedTube, clock: PlanningClock) -> PlannedTube:
-    """Return a tube with the motion that its problem asks for: smooth, in whole periods."""
-    return replace(found, result=followed_plan(found.problem, found.result, None, clock))
+def followed(found: PlannedTube, clock: PlanningClock) -> PlannedTube | Infeasible:
+    """Return a tube with the motion that its problem asks for: smooth, in whole periods.
+
+    Or why there is none: the duration that is asked for is too short.
+    """
+    result = followed_plan(found.problem, found.result, None, clock)
+    if not result.succeeded:
+        return Infeasible(result.status, result.message, result.place)
+    return replace(found, result=result)

@@ -1,120 +1,48 @@
-"""What smoothness is measured by: against closed forms, and its model near a trajectory."""
+"""What steps of the second stage gain: the model of its measures near a trajectory."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.interpolate import BSpline
 
-from cases import INERTIA, one_joint
-from tubeplanner import PlanningProblem, Tube
-from tubeplanner.refinement import smoothness
+from measured_motions import (
+    RUN_IN,
+    SWITCHING_TIMES,
+    at_knots,
+    curve,
+    evaluated,
+    monotone,
+    unbounded,
+)
 from tubeplanner.refinement.control_variables import ControlVariables
 from tubeplanner.refinement.linear_program import Step
 from tubeplanner.refinement.link_constraints import LinkConstraints
-from tubeplanner.refinement.phased_spline import DEGREE, PhasedSpline
-from tubeplanner.refinement.smoothness import _FIRST_WORTH as FIRST_WORTH
-from tubeplanner.refinement.smoothness import Smoothness
+from tubeplanner.refinement.measured_objective import _FIRST_WORTH as FIRST_WORTH
+from tubeplanner.refinement.measured_objective import MeasuredObjective
+from tubeplanner.refinement.phased_spline import PhasedSpline
+from tubeplanner.refinement.smoothness_measures import smoothness_measures
 from tubeplanner.refinement.spline_constraints import SplineConstraints
-from tubeplanner.refinement.spline_start import knot_grid
 from tubeplanner.refinement.step_cost import StepCost
 
-SWITCHING_TIMES = np.array([0.0, 0.4, 1.0])
-RUN_IN = 0.8
-RATE, VARIATION, JERK = np.eye(3)
+
+def smoothness(problem, spline, run_in):
+    return MeasuredObjective(smoothness_measures(problem, spline, run_in), run_in)
 
 
-def monotone(joints, travel, seed=2):
-    """Return a spline of joints that go so far, each without turning back."""
-    grid = knot_grid(SWITCHING_TIMES, 10)
-    steps = np.random.default_rng(seed).uniform(0.2, 1.0, (grid.control_point_count - 1, joints))
-    steps[:2] = steps[-2:] = 0.0
-    course = np.vstack([np.zeros(joints), np.cumsum(steps, axis=0)])
-    return PhasedSpline(grid, SWITCHING_TIMES, course / course[-1] * travel)
-
-
-def evaluated(problem, spline, run_in=RUN_IN):
-    links, radius = LinkConstraints(problem), problem.tube.effective_radius
-    return SplineConstraints(problem, spline.grid, links, radius, run_in).at(spline)
-
-
-def alone(monkeypatch, weights, problem, spline, run_in=RUN_IN):
-    """Return one measure of a spline."""
-    monkeypatch.setattr(smoothness, "_WEIGHTS", weights)
-    objective = Smoothness(problem, spline, run_in)
-    return np.exp(objective.value(evaluated(problem, spline, run_in)))
-
-
-def curve(spline):
-    """Return scipy's spline."""
-    return BSpline(spline.grid.knots(spline.switching_times), spline.control_points, DEGREE)
-
-
-def at_knots(spline):
-    """Return accelerations at the knots, jerks between them, and widths."""
-    knots, found = spline.grid.breakpoints(spline.switching_times), curve(spline)
-    return found(knots, 2), found((knots[1:] + knots[:-1]) / 2, 3), np.diff(knots)[:, None]
-
-
-def unbounded(robot):
-    """A problem of two segments that asks nothing of a robot but its limits."""
-    joints = robot.joint_count
-    tool = robot.tool_position(np.zeros((1, joints)))[0]
-    tube = Tube(tool + np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0]]), 1000.0)
-    return PlanningProblem(robot, tube, np.zeros(joints), self_collision=False)
-
-
-def bar(tmp_path, **limits):
-    """A bar in free rotation: its effort is its inertia times its acceleration."""
-    return unbounded(one_joint(tmp_path, **limits))
-
-
-def test_jerk_is_the_integral_of_its_fourth_power_in_the_joints_travel(monkeypatch, slide):
-    """Joints that hardly move count as if they moved a twentieth of what the farthest does."""
-    travel = np.array([0.9, -0.4, 1e-3])
-    spline = monotone(3, travel)
-    _, jerk, width = at_knots(spline)
-    expected = ((jerk / np.array([0.9, 0.4, 0.045])) ** 4 * width).sum()
-    assert alone(monkeypatch, JERK, unbounded(slide), spline) == pytest.approx(expected, rel=1e-9)
-
-
-def test_variation_is_that_of_the_effort_in_limits(monkeypatch, tmp_path):
-    """Piecewise linear here; what is below a hundredth of the limit counts for less."""
-    spline, run_in = monotone(1, np.array([1.3])), 0.05
-    acceleration, _, width = at_knots(spline)
-    change = abs(np.diff(acceleration, axis=0)) * INERTIA / run_in**2 / 5.0
-    found = alone(monkeypatch, VARIATION, bar(tmp_path), spline, run_in)
-    assert found < change.sum()
-    # Two samples for each change.
-    assert found == pytest.approx(change.sum() - 2 * len(width) * 0.01, rel=1e-4)
-
-
-def test_effort_rate_is_the_integral_of_its_fourth_power(monkeypatch, tmp_path):
-    spline = monotone(1, np.array([1.3]))
-    _, jerk, width = at_knots(spline)
-    expected = ((INERTIA * jerk / RUN_IN**2 / 5.0) ** 4 * width).sum()
-    found = alone(monkeypatch, RATE, bar(tmp_path), spline)
-    assert found == pytest.approx(expected, rel=1e-9)
-
-
-def test_without_a_limit_the_largest_effort_of_the_motion_is_the_unit(monkeypatch, tmp_path):
-    spline = monotone(1, np.array([1.3]))
-    problem = bar(tmp_path, effort=np.inf, acceleration=50.0)
-    acceleration, _, width = at_knots(spline)
-    largest = abs(curve(spline)(np.linspace(0, 1, 200), 2)).max()
-    expected = abs(np.diff(acceleration, axis=0)).sum() / largest
-    found = alone(monkeypatch, VARIATION, problem, spline, 1e-3)
-    assert expected - 2 * len(width) * 0.01 < found < expected
+def jerk_alone(problem, spline, run_in):
+    """The jerk, its logarithm unweighted."""
+    _, jerk = smoothness_measures(problem, spline, run_in)[2]
+    return MeasuredObjective(((1.0, jerk),), run_in)
 
 
 class Model:
     """The objective's own convex quadratic near a spline."""
 
-    def __init__(self, problem, spline, run_in=RUN_IN):
+    def __init__(self, problem, spline, run_in=RUN_IN, objective=smoothness):
         self.problem, self.spline = problem, spline
         self.variables = ControlVariables(problem, spline.grid)
         self.cost = StepCost(self.variables, spline.grid, problem.robot.joint_count)
-        self.objective = Smoothness(problem, spline, run_in)
+        self.objective = objective(problem, spline, run_in)
         links, radius = LinkConstraints(problem), problem.tube.effective_radius
         self.constraints = SplineConstraints(problem, spline.grid, links, radius, run_in)
         self.here = self.constraints.at(spline)
@@ -155,11 +83,10 @@ def test_a_small_step_gains_what_it_should(model, scale, switching):
     assert gained == pytest.approx(predicted, rel=2e-2)
 
 
-def test_the_jerk_has_an_exact_model_by_control_points(monkeypatch, case):
+def test_the_jerk_has_an_exact_model_by_control_points(case):
     """Jerks are linear in them: to second order, their fourth powers are what the model says."""
     problem, spline, _ = case
-    monkeypatch.setattr(smoothness, "_WEIGHTS", JERK)
-    model = Model(replace(problem, goal=spline.control_points[-1]), spline, 100.0)
+    model = Model(replace(problem, goal=spline.control_points[-1]), spline, 100.0, jerk_alone)
     step = model.step(2e-4)
     change = np.append(step.control.ravel(), 0.0)
     sides = [replace(step, control=sign * step.control) for sign in (1, -1)]
@@ -174,11 +101,10 @@ def test_the_jerk_has_an_exact_model_by_control_points(monkeypatch, case):
     assert predicted == pytest.approx(-FIRST_WORTH * (slope + bend / 2), rel=1e-3)
 
 
-def test_its_curvature_by_switching_times_is_that_of_the_jerks_themselves(monkeypatch, case):
+def test_its_curvature_by_switching_times_is_that_of_the_jerks_themselves(case):
     """Twelve times squares and squared slopes of what is raised to the fourth: Gauss and Newton."""
     problem, spline, _ = case
-    monkeypatch.setattr(smoothness, "_WEIGHTS", JERK)
-    model = Model(replace(problem, goal=spline.control_points[-1]), spline)
+    model = Model(replace(problem, goal=spline.control_points[-1]), spline, objective=jerk_alone)
     travel = np.ptp(curve(spline)(np.linspace(0, 1, 200)), axis=0)
 
     def raised(step):
@@ -211,7 +137,7 @@ def test_a_moving_goal_counts_once_for_all_its_control_points(case):
 def test_smoothness_is_worth_less_while_steps_are_too_long(slider):
     slider = unbounded(slider.robot)
     spline = monotone(1, np.array([0.6]))
-    objective = Smoothness(slider, spline, 0.1)  # far less than it needs
+    objective = smoothness(slider, spline, 0.1)  # far less than it needs
     here = evaluated(slider, spline, 0.1)
     slower = evaluated(slider, replace(spline, control_points=1.01 * spline.control_points), 0.1)
     smoother = objective.value(here) - objective.value(slower)
@@ -240,7 +166,7 @@ def test_a_step_that_would_be_longer_should_gain_less(slider):
 
 def test_within_the_time_nothing_is_longer(slider):
     slider, spline = unbounded(slider.robot), monotone(1, np.array([0.6]))
-    objective, here = Smoothness(slider, spline, 60.0), evaluated(slider, spline, 60.0)
+    objective, here = smoothness(slider, spline, 60.0), evaluated(slider, spline, 60.0)
     slower = evaluated(slider, replace(spline, control_points=1.01 * spline.control_points), 60.0)
     smoother = objective.value(here) - objective.value(slower)
     assert objective.gain(here, slower) == pytest.approx(FIRST_WORTH * smoother, abs=1e-14)
@@ -249,4 +175,4 @@ def test_within_the_time_nothing_is_longer(slider):
 def test_measures_that_vanish_have_logarithms(slider):
     slider, spline = unbounded(slider.robot), monotone(1, np.array([0.6]))
     still = evaluated(slider, replace(spline, control_points=0 * spline.control_points), 1.0)
-    assert np.isfinite(Smoothness(slider, spline, 1.0).value(still))
+    assert np.isfinite(smoothness(slider, spline, 1.0).value(still))

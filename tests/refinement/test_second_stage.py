@@ -1,4 +1,4 @@
-"""Smoothing one spline: against the minimum-jerk motion, within its time, room and samples."""
+"""SecondStage one spline: against the minimum-jerk motion, within its time, room and samples."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -10,9 +10,9 @@ from scipy.optimize import brentq
 from tubeplanner import PlanOptions, Tube, plan, verify
 from tubeplanner.constraints.time_scaling import scaled_to_limits
 from tubeplanner.outcome import Infeasible, PlanStatus
-from tubeplanner.refinement import smoothing, smoothness
+from tubeplanner.refinement import second_stage, smoothness_measures
 from tubeplanner.refinement.phased_spline import segments_of_pieces
-from tubeplanner.refinement.smoothing import Smoothing
+from tubeplanner.refinement.second_stage import SecondStage
 
 TRAVEL = 0.6  # [m], of the slider
 LEAST_JERK, LEAST_VARIATION = 720.0, 16.0  # of one metre from rest to rest in one second
@@ -28,7 +28,7 @@ def sliding(slider):
 def smoothed(problem, shortest, slack):
     """Return a smoothing that has run, within a slack."""
     longest = shortest.duration * (1 + slack)
-    found = Smoothing(problem, shortest.motion.spline, longest, 0.0)
+    found = SecondStage(problem, shortest.motion.spline, longest, 0.0)
     assert not found.has_spline
     assert found.run()
     assert found.has_spline
@@ -78,7 +78,7 @@ def test_with_time_enough_the_least_jerk_is_what_calculus_says(slack, slider, sl
 
     Where jerk vanishes its fourth power is flat: the last tenths are found slowly, if at all.
     """
-    monkeypatch.setattr(smoothness, "_WEIGHTS", np.array([0.0, 0.0, 4.0]))
+    monkeypatch.setattr(smoothness_measures, "_WEIGHTS", (0.0, 0.0, 4.0))
     found = smoothed(slider, sliding, slack).trajectory
     least = least_fourth_power()
     assert least <= fourth_power(found) < 1.3 * least
@@ -140,7 +140,7 @@ def test_it_runs_in_its_time_between_samples_too(post):
 def test_what_is_outside_or_late_between_samples_is_no_answer(excess, longer, is_answer, post):
     problem, shortest = post
     longest = 1.005 * shortest.duration
-    found = Smoothing(problem, shortest.motion.spline, longest, 0.0)
+    found = SecondStage(problem, shortest.motion.spline, longest, 0.0)
     constraints = found._program.constraints
     here = constraints.at(shortest.motion.spline)
     dense = replace(here, excess=excess, squared_duration=longer * longest**2)
@@ -150,15 +150,15 @@ def test_what_is_outside_or_late_between_samples_is_no_answer(excess, longer, is
 
 def test_before_it_has_run_it_has_nothing(post):
     problem, shortest = post
-    fresh = Smoothing(problem, shortest.motion.spline, 1.0, 0.0)
-    with pytest.raises(RuntimeError, match="smoothing has not run"):
+    fresh = SecondStage(problem, shortest.motion.spline, 1.0, 0.0)
+    with pytest.raises(RuntimeError, match="the second stage has not run"):
         _ = fresh.trajectory
 
 
 def test_without_time_there_is_nothing_smoother(post):
     """Less than the shortest motion takes."""
     problem, shortest = post
-    found = Smoothing(problem, shortest.motion.spline, 0.95 * shortest.duration, 0.0)
+    found = SecondStage(problem, shortest.motion.spline, 0.95 * shortest.duration, 0.0)
     assert not found.run()
     assert not found.has_spline
 
@@ -173,7 +173,7 @@ def test_its_checkpoint_gets_the_duration_and_ends_it(post):
             raise TimeoutError
 
     longest = 1.01 * shortest.duration
-    found = Smoothing(problem, shortest.motion.spline, longest, 0.0, checkpoint)
+    found = SecondStage(problem, shortest.motion.spline, longest, 0.0, checkpoint)
     with pytest.raises(TimeoutError):
         found.run()
     assert heard == [longest, longest]
@@ -200,7 +200,7 @@ def test_it_answers_a_certificate_with_samples_where_that_fails(post, monkeypatc
 
 def test_a_motion_that_motors_cannot_hold_is_no_start(post):
     problem, shortest = post
-    found = Smoothing(problem, shortest.motion.spline, 1.0, 0.0)
+    found = SecondStage(problem, shortest.motion.spline, 1.0, 0.0)
     here = found._program.iterate(shortest.motion.spline)
     found._program.iterate = lambda spline: replace(here, squared_duration=np.inf)
     with pytest.raises(Infeasible, match="no trajectory to start from") as caught:
@@ -214,14 +214,14 @@ def test_a_motion_that_motors_cannot_hold_is_no_start(post):
 def test_most_of_the_distance_from_obstacles_is_kept(clearance, kept, post, monkeypatch):
     """A tenth of it may go, and of more than 2 cm all that is beyond."""
     problem, shortest = post
-    asked, links = [], smoothing.LinkConstraints
+    asked, links = [], second_stage.LinkConstraints
 
     def spy(problem, room=0.0):
         asked.append(room)
         return links(problem, room)
 
-    monkeypatch.setattr(smoothing, "LinkConstraints", spy)
-    Smoothing(problem, shortest.motion.spline, 1.0, clearance)
+    monkeypatch.setattr(second_stage, "LinkConstraints", spy)
+    SecondStage(problem, shortest.motion.spline, 1.0, clearance)
     assert asked[-1] == pytest.approx(kept, abs=1e-15)
 
 
@@ -231,8 +231,8 @@ def test_room_is_what_the_worst_instant_leaves(slider, sliding):
     for beside, room in ((0.0, 1.0), (0.04, 0.6)):
         tube = Tube([[0, beside, 0], [TRAVEL, beside, 0]], 0.1)
         problem = slider.with_tube(tube)
-        constraints = Smoothing(problem, spline, 1.0, 0.0)._program.constraints
-        found = smoothing._room(problem, constraints.between_samples(spline))
+        constraints = SecondStage(problem, spline, 1.0, 0.0)._program.constraints
+        found = second_stage._room(problem, constraints.between_samples(spline))
         assert found == pytest.approx([room], abs=1e-9)
 
 
@@ -245,4 +245,4 @@ def test_it_is_by_segment_and_none_beside_a_compulsory_point():
         regions=SimpleNamespace(share=lambda vector, segment: share), vector=None, segment=segment
     )
     problem, dense = SimpleNamespace(tube=tube), SimpleNamespace(regions=(regions,))
-    np.testing.assert_allclose(smoothing._room(problem, dense), [0.0, 0.0, 0.7])
+    np.testing.assert_allclose(second_stage._room(problem, dense), [0.0, 0.0, 0.7])

@@ -1,7 +1,8 @@
-"""The second stage: the smoothest motion that takes hardly longer than the shortest.
+"""The second stage: of all motions near the shortest, the best one in a given duration.
 
-It begins with the shortest one, on its knots, and keeps most of the room that this leaves free in
-the tube and from obstacles.
+What is best the problem's objective says: the smoothest, or the one that saves most. It begins with
+the shortest one, on its knots, and keeps most of the room that this leaves free in the tube and
+from obstacles.
 """
 
 from collections.abc import Callable
@@ -13,9 +14,10 @@ from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.refinement.linear_rows import MERIT_TOLERANCE
 from tubeplanner.refinement.link_constraints import LinkConstraints
+from tubeplanner.refinement.measured_objective import MeasuredObjective
+from tubeplanner.refinement.objective_measures import objective_measures
 from tubeplanner.refinement.phased_spline import PhasedSpline, segments_of_pieces
 from tubeplanner.refinement.sequential_program import SequentialProgram
-from tubeplanner.refinement.smoothness import Smoothness
 from tubeplanner.refinement.spline_constraints import Iterate, SplineConstraints
 from tubeplanner.refinement.trust_region import TrustRegion
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, from_spline
@@ -35,8 +37,8 @@ _BETWEEN_LOOKS = 5e-5
 _LESS_ROOM, _LESS_CLEARANCE, _MOST_CLEARANCE = 0.05, 0.1, 0.02
 
 
-class Smoothing:
-    """The smoothing of one spline, and the best one found so far."""
+class SecondStage:
+    """The second stage of one spline, and the best one found so far."""
 
     def __init__(
         self,
@@ -51,7 +53,7 @@ class Smoothing:
         Args:
             problem: The planning problem; segments are visited in order.
             spline: The shortest motion.
-            longest: How long a smoother one may take [s].
+            longest: How long a better one may take [s].
             clearance: What that leaves free from obstacles, beyond what is asked [m].
             checkpoint: Called with the duration [s] after every step; it may raise to end the work.
         """
@@ -62,7 +64,9 @@ class Smoothing:
         dense = plain.between_samples(spline)
         reserve = _RESERVE_SHARE * abs(1 - dense.duration / longest)
         reserve = min(max(reserve, _LEAST_RESERVE), _MOST_RESERVE)
-        self._objective = Smoothness(problem, spline, longest * (1 - reserve))
+        run_in = longest * (1 - reserve)
+        measures = objective_measures(problem, spline, run_in)
+        self._objective = MeasuredObjective(measures, run_in)
         kept = (1 - _LESS_CLEARANCE) * min(max(clearance, 0.0), _MOST_CLEARANCE)
         self._program = SequentialProgram(
             problem,
@@ -82,7 +86,7 @@ class Smoothing:
 
     @property
     def has_spline(self) -> bool:
-        """Whether there is a smoother motion yet."""
+        """Whether there is a better motion yet."""
         return self._best is not None
 
     @property
@@ -96,13 +100,13 @@ class Smoothing:
         return segments_of_pieces(self._found.spline.grid)
 
     def run(self) -> bool:
-        """Make the motion as smooth as it can be; return whether there is one.
+        """Make the motion as good as it can be; return whether there is one.
 
         Raises:
             Infeasible: Status no_trajectory: the motors cannot hold it.
         """
         self._program.constraints.look_for_links(self._start)
-        return self._smoothed(self._begun(self._start), TrustRegion(_FIRST_TRUST, _FIRST_DAMPING))
+        return self._improved(self._begun(self._start), TrustRegion(_FIRST_TRUST, _FIRST_DAMPING))
 
     def answer(self, certificate: Certificate, duration: float) -> bool:
         """Continue with samples where a certificate fails; return whether there is an answer.
@@ -117,23 +121,23 @@ class Smoothing:
         for time in times:
             self._program.constraints.add_samples(spline, time / duration)
         self._best = None
-        return bool(times) and self._smoothed(self._begun(spline), TrustRegion(_LEAST_TRUST))
+        return bool(times) and self._improved(self._begun(spline), TrustRegion(_LEAST_TRUST))
 
     @property
     def _found(self) -> Iterate:
         if self._best is None:
-            raise RuntimeError("smoothing has not run")
+            raise RuntimeError("the second stage has not run")
         return self._best
 
     def _begun(self, spline: PhasedSpline) -> Iterate:
         iterate = self._program.iterate(spline)
         if not np.isfinite(iterate.squared_duration):
-            message = "smoothing has no trajectory to start from"
+            message = "the second stage has no trajectory to start from"
             raise Infeasible(PlanStatus.NO_TRAJECTORY, message, Place())
         return iterate
 
-    def _smoothed(self, current: Iterate, trust: TrustRegion) -> bool:
-        """Keep the smoothest motion, adding samples and links where they are missing."""
+    def _improved(self, current: Iterate, trust: TrustRegion) -> bool:
+        """Keep the best motion, adding samples and links where they are missing."""
         for _ in range(_MAX_ROUNDS):
             found = self._program.improved(
                 current,
@@ -145,7 +149,7 @@ class Smoothing:
             )
             self._penalty = found.penalty
             inside = self._looked_at(found.iterate)
-            if inside and (self._best is None or self._is_smoother(found.iterate)):
+            if inside and (self._best is None or self._is_better(found.iterate)):
                 self._best = found.iterate
             if inside and found.has_ended:
                 break
@@ -159,7 +163,7 @@ class Smoothing:
         in_time = dense.squared_duration <= (self._longest * (1 - _BETWEEN_LOOKS)) ** 2
         return bool(in_time and dense.excess <= MERIT_TOLERANCE)
 
-    def _is_smoother(self, iterate: Iterate) -> bool:
+    def _is_better(self, iterate: Iterate) -> bool:
         return self._objective.value(iterate) < self._objective.value(self._found)
 
 

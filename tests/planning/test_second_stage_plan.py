@@ -1,4 +1,4 @@
-"""The second stage: smoother within its time, certified, and the shortest motion where it fails."""
+"""The second stage: better within its time, certified, and the shortest motion where it fails."""
 
 from dataclasses import replace
 from functools import cache
@@ -22,7 +22,7 @@ from tubeplanner import (
 from tubeplanner.constraints.effort_variation import effort_variation
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.planning.plan_result import certified_result
-from tubeplanner.refinement.smoothing import Smoothing
+from tubeplanner.refinement.second_stage import SecondStage
 
 LINE, POST, WALL = "two_link/paper_1_30mm", "two_link/around_a_post", "ur5/over_the_wall"
 TRAY, SHELVES = "ur5/level_tray", "panda/between_shelves"
@@ -176,7 +176,7 @@ def test_it_keeps_the_room_that_the_shortest_motion_left(
     assert before > 0.1
     assert smooth.duration > smooth.shortest_duration
     assert least_room(problem, smooth.trajectory) > before - 0.1
-    none = "tubeplanner.refinement.smoothing._room"
+    none = "tubeplanner.refinement.second_stage._room"
     monkeypatch.setattr(none, lambda problem, dense: np.full(problem.tube.segment_count, 0.05))
     assert least_room(problem, plan(problem, options).trajectory) < before - 0.1
 
@@ -219,8 +219,8 @@ def test_where_nothing_smoother_is_found_the_answer_is_the_shortest(error, stage
         return False
 
     problem, shortest, _ = stages(LINE)
-    monkeypatch.setattr(Smoothing, "run", run)
-    require_shortest(plan(problem), shortest, "no smoother one was found in the time")
+    monkeypatch.setattr(SecondStage, "run", run)
+    require_shortest(plan(problem), shortest, "no better one was found in the time")
 
 
 def test_so_it_is_where_the_smoother_one_has_no_certificate(stages, monkeypatch):
@@ -258,7 +258,7 @@ def test_so_it_is_where_the_smoother_one_has_no_certificate(stages, monkeypatch)
 def test_and_where_it_takes_too_long(stages, monkeypatch):
     problem, shortest, _ = stages(LINE)
     monkeypatch.setattr(
-        "tubeplanner.planning.smoothed_plan.lengthened",
+        "tubeplanner.planning.second_stage_plan.lengthened",
         lambda trajectory, duration, period: trajectory.scaled(2.0),
     )
     require_shortest(plan(problem), shortest, " s, more than it may")
@@ -295,13 +295,13 @@ def test_a_time_limit_leaves_it_too(stages, monkeypatch):
 
 def test_an_interrupt_after_something_smoother_was_found_leaves_that(stages, monkeypatch):
     problem, shortest, smooth = stages(LINE)
-    run = Smoothing.run
+    run = SecondStage.run
 
     def interrupted(self):
         assert run(self)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(Smoothing, "run", interrupted)
+    monkeypatch.setattr(SecondStage, "run", interrupted)
     result = plan(problem)
     assert (result.succeeded, result.stopped_by) == (True, "interrupt")
     assert result.shortest_duration == shortest.duration
