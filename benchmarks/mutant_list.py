@@ -1201,8 +1201,9 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("motion=shortest.motion", "motion=None"),
     ],
     "effort_variation": [
+        ("if beside is None else _efforts(robot, beside)", ""),
         ("/ nominal", ""),
-        ("np.isfinite(limit), limit", "np.isfinite(limit), largest"),
+        ("np.isfinite(limit), limit", "np.isfinite(limit), most"),
     ],
     "largest_jerk": [
         ("np.minimum(robot.limits.jerk, robot.limits.effort_rate)", "robot.limits.jerk")

@@ -49,6 +49,15 @@ def test_without_a_limit_the_largest_effort_is_the_unit(tmp_path):
     assert effort_variation(robot, quintic()) == pytest.approx([4.0], rel=5e-3)
 
 
+def test_beside_another_motion_that_ones_largest_effort_is_the_unit(tmp_path):
+    """Twice as slow, a quarter of the effort: its variation too is a quarter."""
+    robot = one_joint(tmp_path, effort=np.inf, acceleration=50.0)
+    slower = quintic().scaled(2.0)
+    beside, alone = (effort_variation(robot, slower, other) for other in (quintic(), None))
+    assert beside == pytest.approx(effort_variation(robot, quintic()) / 4, rel=1e-9)
+    assert alone == pytest.approx(effort_variation(robot, quintic()), rel=1e-9)
+
+
 def test_a_joint_at_rest_without_gravity_has_none():
     limits = LimitOverrides(velocity={"joint1": np.inf, "joint2": np.inf})
     robot = load_robot("example:two_link", "hand", gravity=(0, 0, 0), limits=limits)

@@ -9,7 +9,9 @@ from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 _SAMPLES_PER_PIECE = 20
 
 
-def effort_variation(robot: RobotModel, trajectory: JointTrajectory) -> FloatArray:
+def effort_variation(
+    robot: RobotModel, trajectory: JointTrajectory, beside: JointTrajectory | None = None
+) -> FloatArray:
     """Return the total variation of each joint's effort: how far it moves up and down in all.
 
     From 20 samples per polynomial piece. What an effort needs for a start and an end counts too,
@@ -18,14 +20,20 @@ def effort_variation(robot: RobotModel, trajectory: JointTrajectory) -> FloatArr
     Args:
         robot: The arm.
         trajectory: Of its joints, in their order.
+        beside: The motion that it is compared with; None: itself.
 
     Returns:
-        In limits; of joints without a limit on the effort, in their largest efforts, shape (n,).
+        In limits; of joints without a limit on the effort, in their largest efforts of the motion
+        that it is compared with, shape (n,).
     """
-    samples = trajectory.per_piece(_SAMPLES_PER_PIECE)
-    effort = robot.inverse_dynamics(samples.position, samples.velocity, samples.acceleration)
+    effort = _efforts(robot, trajectory)
+    most = abs(effort if beside is None else _efforts(robot, beside)).max(axis=0)
     limit = robot.limits.effort
-    largest = np.maximum(abs(effort).max(axis=0), np.finfo(float).tiny)
-    nominal = np.where(np.isfinite(limit), limit, largest)
+    nominal = np.where(np.isfinite(limit), limit, np.maximum(most, np.finfo(float).tiny))
     variation: FloatArray = abs(np.diff(effort, axis=0)).sum(axis=0) / nominal
     return variation
+
+
+def _efforts(robot: RobotModel, trajectory: JointTrajectory) -> FloatArray:
+    samples = trajectory.per_piece(_SAMPLES_PER_PIECE)
+    return robot.inverse_dynamics(samples.position, samples.velocity, samples.acceleration)

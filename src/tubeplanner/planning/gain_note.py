@@ -1,5 +1,7 @@
 """A note on what the second stage has gained."""
 
+import numpy as np
+
 from tubeplanner.constraints.effort_costs import EffortCosts
 from tubeplanner.constraints.effort_variation import effort_variation
 from tubeplanner.planning.jerk_note import largest_jerk
@@ -48,7 +50,7 @@ def _saved(
 
 def _smoothness_gained(robot: RobotModel, before: JointTrajectory, after: JointTrajectory) -> str:
     """Return what smoothing has done, with the joints whose efforts swing most."""
-    swings = [_largest_swing(robot, trajectory) for trajectory in (after, before)]
+    swings = [_largest_swing(robot, trajectory, before) for trajectory in (after, before)]
     jerks = [largest_jerk(robot, trajectory)[1] for trajectory in (after, before)]
     return (
         f"the effort that swings most moves through {swings[0]} instead of {swings[1]}, "
@@ -56,7 +58,11 @@ def _smoothness_gained(robot: RobotModel, before: JointTrajectory, after: JointT
     )
 
 
-def _largest_swing(robot: RobotModel, trajectory: JointTrajectory) -> str:
-    variation = effort_variation(robot, trajectory)
+def _largest_swing(
+    robot: RobotModel, trajectory: JointTrajectory, shortest: JointTrajectory
+) -> str:
+    variation = effort_variation(robot, trajectory, shortest)
     joint = int(variation.argmax())
-    return f"{variation[joint]:.1f} limits ('{robot.joint_names[joint]}')"
+    is_limited = bool(np.isfinite(robot.limits.effort[joint]))
+    unit = "limits" if is_limited else "times the largest effort of the shortest motion"
+    return f"{variation[joint]:.1f} {unit} ('{robot.joint_names[joint]}')"

@@ -6,6 +6,7 @@ such way; and the motion in it is a start for the wide one.
 """
 
 from contextlib import suppress
+from dataclasses import replace
 
 from tubeplanner.branches.known_branches import KnownBranches
 from tubeplanner.errors import ProblemError
@@ -43,7 +44,8 @@ def narrowed_plan(
                 widened = _widened(problem, found.motion.spline, clock)
                 if widened is not None and widened.succeeded:
                     return widened
-            return certified_result(problem, found.trajectory, REFINEMENT, clock)
+            answer = certified_result(problem, found.trajectory, REFINEMENT, clock)
+            return replace(answer, motion=found.motion, stopped_by=found.stopped_by)
     return None
 
 
