@@ -8,6 +8,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray, read_only
 from tubeplanner.errors import RobotError
+from tubeplanner.robot.effort_range import EffortRange
 from tubeplanner.robot.followers import followers_of
 from tubeplanner.robot.limit_layers import GivenLimits, layers_of, merged_limits
 from tubeplanner.robot.limit_overrides import SCALABLE
@@ -27,13 +28,14 @@ class JointLimits:
         lower_position: Shape (n,) [rad or m].
         upper_position: Shape (n,) [rad or m].
         velocity: Shape (n,) [rad/s or m/s].
-        effort: Shape (n,) [N m or N].
+        effort: The most at any position and in any direction, shape (n,) [N m or N].
         acceleration: Shape (n,) [rad/s^2 or m/s^2].
         jerk: Shape (n,) [rad/s^3 or m/s^3].
         effort_rate: Shape (n,) [N m/s or N/s].
         tool_speed: Of the tool centre point [m/s].
         velocity_by_position: Of those joints that have such a limit, in group order.
         point_speed: Limits on the speed of points of the arm.
+        effort_ranges: Of those joints that have not the same effort everywhere and both ways.
         notes: What in files of limits was not used.
     """
 
@@ -47,6 +49,7 @@ class JointLimits:
     tool_speed: float = np.inf
     velocity_by_position: tuple[VelocityByPosition, ...] = ()
     point_speed: tuple[PointSpeed, ...] = ()
+    effort_ranges: tuple[EffortRange, ...] = ()
     notes: tuple[str, ...] = ()
 
     def unlimited(self, quantity: str) -> IntArray:

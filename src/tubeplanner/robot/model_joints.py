@@ -54,6 +54,12 @@ class ModelJoints:
         """Return bounds on absolute values (..., M) summed up by planned joint, (..., n)."""
         return self._sums(columns, abs(self.multiplier))
 
+    def of_own(self, values: FloatArray) -> FloatArray:
+        """Return values (n,) of the planned joints among those of all joints, (M,); others 0."""
+        among = np.zeros(len(self.planned))
+        among[self.own] = values
+        return among
+
     def travel(self, lower: FloatArray, upper: FloatArray) -> FloatArray:
         """Return how far from zero the joints get within limits (n,), shape (M,) [rad or m]."""
         ends = self.positions(np.stack([lower, upper]))

@@ -16,9 +16,11 @@ import pinocchio as pin
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray, read_only
 from tubeplanner.robot.body_chain import BodyChain
+from tubeplanner.robot.cross_product import cross_product
 from tubeplanner.robot.followers import followers_of
 from tubeplanner.robot.frame_velocities import frame_velocities
 from tubeplanner.robot.joint_limits import JointLimits
+from tubeplanner.robot.joint_motors import JointMotors
 from tubeplanner.robot.model_joints import model_joints
 from tubeplanner.robot.pinocchio_model import (
     BodyInertia,
@@ -61,6 +63,7 @@ class RobotModel:
         tool_frame: Name of the tool frame.
         gravity: Shape (3,), base frame [m/s^2].
         limits: Limits of the joints.
+        motors: Motors of the joints.
         link_body: Body of every link of the URDF, by name.
         link_placement: Pose of every link in its body's frame, by name, shape (4, 4).
     """
@@ -76,6 +79,7 @@ class RobotModel:
         locked_joints: Mapping[str, float],
         gravity: Sequence[float],
         payload: Payload | None,
+        motors: JointMotors | None = None,
     ) -> None:
         model = build_model(
             urdf,
@@ -94,6 +98,7 @@ class RobotModel:
         self.tool_frame = tool_frame
         self.gravity = read_only(model.gravity.linear)
         self.limits = limits
+        self.motors = motors or JointMotors.ideal(len(joint_names))
         self.link_body, self.link_placement = link_placements(urdf, model)
         self._model = model
         self._tool_id = add_frame(model, "tool centre point", tool_frame, tool_offset)
@@ -101,8 +106,6 @@ class RobotModel:
             add_frame(model, f"point {k}", point.link, ToolOffset(point.position))
             for k, point in enumerate(limits.point_speed)
         ]
-        # A Data made before the last edit of its model corrupts memory without a word.
-        self._scratch = _Scratch(model)
         # Pinocchio orders joints its own way, and knows followers as joints of their own.
         self._joints = model_joints(
             urdf,
@@ -110,6 +113,9 @@ class RobotModel:
             joint_names,
             followers_of(urdf, joint_names),
         )
+        model.armature = self._joints.of_own(self.motors.armature)
+        # A Data made before the last edit of its model corrupts memory without a word.
+        self._scratch = _Scratch(model)
 
     def __reduce__(self) -> tuple[Any, ...]:
         tool_offset, locked_joints, payload = self._others
@@ -123,6 +129,7 @@ class RobotModel:
             locked_joints,
             tuple(self.gravity.tolist()),
             payload,
+            self.motors,
         )
 
     @property
@@ -190,7 +197,7 @@ class RobotModel:
         carried = self.carries[self._model.frames[self._tool_id].parentJoint]
         axis = (rotation[:, 1:] @ self._joint_axes[:, :, None])[..., 0] * carried[:, None]
         turns = self.body_turns[1:, None]
-        linear = np.where(turns, _cross(axis, tool[:, None] - position[:, 1:]), axis)
+        linear = np.where(turns, cross_product(axis, tool[:, None] - position[:, 1:]), axis)
         columns = np.concatenate([linear, np.where(turns, axis, 0.0)], axis=2)
         return turned, tool, self._joints.collected(columns.swapaxes(1, 2))
 
@@ -237,7 +244,7 @@ class RobotModel:
             Shape (N, 3, n) [m/rad or 1]. (Siciliano et al., "Robotics", 2009, equation 3.30.)
         """
         axis = np.einsum("njab,jb->nja", rotation[:, 1:], self._joint_axes)
-        turned = _cross(axis, point[:, None] - position[:, 1:])
+        turned = cross_product(axis, point[:, None] - position[:, 1:])
         columns = np.where(self.body_turns[1:, None], turned, axis)
         moved: FloatArray = columns * self.carries[body][:, :, None]
         return self._joints.collected(moved.transpose(0, 2, 1))
@@ -251,7 +258,8 @@ class RobotModel:
             a: Accelerations, shape (N, n).
 
         Returns:
-            Shape (N, n). Friction and damping of the URDF are not included.
+            Shape (N, n). With the inertia of rotors and viscous friction; Coulomb friction, which
+            jumps, is `JointMotors.coulomb_effort`.
         """
         joints = self._joints
         columns = [joints.positions(q).T, joints.rates(v).T, joints.rates(a).T]
@@ -259,7 +267,8 @@ class RobotModel:
         tau = pin.rneaInParallel(1, self._scratch.pool, *columns)
         # A single row or column comes back one-dimensional.
         tau = np.reshape(tau, (self._model.nv, len(q)))
-        return np.ascontiguousarray(joints.collected(tau.T))
+        efforts = np.ascontiguousarray(joints.collected(tau.T))
+        return efforts + self.motors.viscous_friction * v
 
     def gravity_effort(self, q: FloatArray) -> FloatArray:
         """Return the joint efforts (N, n) [N m or N] that hold the arm still against gravity."""
@@ -282,6 +291,7 @@ class RobotModel:
             derivatives[:, i] = np.reshape(blocks, (3, count, count))
         by_effort = joints.collected(derivatives.swapaxes(2, 3)).swapaxes(2, 3)
         by_group = joints.collected(by_effort)
+        by_group[1] += np.diag(self.motors.viscous_friction)
         return by_group[0], by_group[1], by_group[2]
 
     @cached_property
@@ -388,10 +398,3 @@ class RobotModel:
         pin.forwardKinematics(self._model, data, pin.neutral(self._model))
         subspaces = [data.joints[joint].S.ravel() for joint in range(1, self.body_count)]
         return np.array([s[3:] if s[3:].any() else s[:3] for s in subspaces])
-
-
-def _cross(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Return the vector product along the last axis; a third of the time of NumPy's."""
-    x, y, z = np.moveaxis(first, -1, 0)
-    u, v, w = np.moveaxis(second, -1, 0)
-    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)

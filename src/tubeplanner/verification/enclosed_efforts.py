@@ -5,22 +5,25 @@ sums over that list, so that no term can be in the one and not in the other.
 """
 
 from collections.abc import Mapping
-from functools import partial
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.verification.enclosure import Enclosure, Quantity, enclosed, enclosed_rate, total
-from tubeplanner.verification.majorants import rigid_body_majorant
+from tubeplanner.verification.majorants import motor_majorant, rigid_body_majorant
 
 
 def effort_terms(robot: RobotModel) -> Mapping[str, Quantity]:
-    """Return the terms of the effort law by name, c = n each [N m or N].
+    """Return the smooth terms of the effort law by name, c = n each [N m or N].
 
-    Their values add up to all the effort that the robot's motors give (`inverse_dynamics`).
+    Their values add up to `inverse_dynamics`: all that the motors give, but for Coulomb friction.
     """
-    rigid_bodies = Quantity(2, robot.inverse_dynamics, partial(rigid_body_majorant, robot))
-    return {"rigid bodies": rigid_bodies}
+
+    def majorant(joints: FloatArray, width: FloatArray) -> FloatArray:
+        moved = rigid_body_majorant(robot, joints, width)
+        return moved + motor_majorant(robot, joints, width)
+
+    return {"rigid bodies": Quantity(2, robot.inverse_dynamics, majorant)}
 
 
 def enclosed_efforts(

@@ -76,6 +76,22 @@ def point_majorant(robot: RobotModel, joints: FloatArray, body: int, reach: floa
     return carrier.origin + reach * carrier.unit
 
 
+def motor_majorant(robot: RobotModel, joints: FloatArray, width: FloatArray) -> FloatArray:
+    """Return bounds on the Taylor coefficients of what rotors and viscous friction take.
+
+    Args:
+        robot: The arm.
+        joints: Bounds on the Taylor coefficients of the joint positions, shape (order+1, I, n).
+        width: Real widths of the intervals, shape (I,) [s].
+
+    Returns:
+        Shape (order-1, I, n) [N m or N].
+    """
+    motors, width = robot.motors, width[:, None]
+    rotors = motors.armature * derivative(joints, 2) / width**2
+    return rotors + motors.viscous_friction * derivative(joints)[: len(rotors)] / width
+
+
 def rigid_body_majorant(robot: RobotModel, joints: FloatArray, width: FloatArray) -> FloatArray:
     """Return bounds on the Taylor coefficients of the joint efforts that move the rigid bodies.
 
