@@ -98,8 +98,8 @@ def resolve_limits(
     }
     _require_bounded_speed(joint_names, scaled)
     return JointLimits(
-        read_only(positions[:, 0]),
-        read_only(positions[:, 1]),
+        lower_position=read_only(positions[:, 0]),
+        upper_position=read_only(positions[:, 1]),
         **scaled,
         tool_speed=merged.tool_speed,
         velocity_by_position=_laws(joint_names, given["velocity_by_position"], positions),

@@ -6,10 +6,6 @@ import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, read_only
 
-# A joint that stays below this share of the largest velocity of any joint of a trajectory, in
-# rad/s and m/s alike, stands still: Coulomb friction has no direction there, and does not count.
-STILL_SHARE = 1e-6
-
 
 @dataclass(frozen=True, eq=False)
 class JointMotors:

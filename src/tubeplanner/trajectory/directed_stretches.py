@@ -1,0 +1,95 @@
+"""Stretches of a trajectory in which a joint moves one way: what Coulomb friction depends on."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.trajectory.bernstein import bernstein_coefficients
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
+
+# A joint that stays below this share of the largest velocity of any joint, in rad/s and m/s alike,
+# stands still: friction has no direction there. So is what rounding makes of a velocity of zero.
+STILL_SHARE = 1e-6
+_LOOKS = np.array([0.25, 0.5, 0.75])
+_JUST_BELOW_ONE = 1 - 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class DirectedStretches:
+    """Stretches of the joints' motions, S of them, by joint and then in time.
+
+    Attributes:
+        joint: Whose it is, shape (S,).
+        piece: The polynomial piece that it is in, shape (S,).
+        start: Where it starts in that piece, from 0 to 1, shape (S,).
+        end: Where it ends, likewise.
+        direction: 1 forwards, -1 backwards, 0 where the joint stands still, shape (S,).
+    """
+
+    joint: IntArray
+    piece: IntArray
+    start: FloatArray
+    end: FloatArray
+    direction: FloatArray
+
+    def at(self, piece: IntArray, share: FloatArray) -> FloatArray:
+        """Return the directions of all joints in pieces (N,) at shares of them (N,): (N, n).
+
+        At the end of a stretch inside a piece, that of the next one; at a piece's end, its own.
+        """
+        place = piece + np.clip(share, 0.0, _JUST_BELOW_ONE)
+        found = [
+            direction[np.searchsorted(start, place, side="right") - 1]
+            for start, direction in self._by_joint
+        ]
+        return np.stack(found, axis=1)
+
+    @cached_property
+    def _by_joint(self) -> list[tuple[FloatArray, FloatArray]]:
+        """Starts, counted in pieces, and directions, of every joint."""
+        start, ends = self.piece + self.start, np.flatnonzero(np.diff(self.joint)) + 1
+        parts = (np.split(start, ends), np.split(self.direction, ends))
+        return list(zip(*parts, strict=True))
+
+
+def directed_stretches(trajectory: JointTrajectory) -> DirectedStretches:
+    """Return the stretches into which every joint's motion falls, each within one piece.
+
+    They end where pieces do and where the joint's velocity changes its sign.
+    """
+    velocity = trajectory.derivative_coefficients(1)
+    pieces, n = velocity.shape[1:]
+    hull = bernstein_coefficients(velocity, np.zeros(pieces), trajectory.widths)
+    still = STILL_SHARE * float(abs(hull).max())
+    joint, piece = np.repeat(np.arange(n), pieces), np.tile(np.arange(pieces), n)
+    both = (hull.min(axis=0) < 0) & (hull.max(axis=0) > 0)
+    # Powers of the share of a piece.
+    powers = np.arange(len(velocity) - 1, -1, -1)
+    scaled = velocity * trajectory.widths[None, :, None] ** powers[:, None, None]
+    turned = [
+        (j, k, root)
+        for k, j in np.argwhere(both).tolist()
+        for root in _roots_inside(scaled[:, k, j])
+    ]
+    joint = np.append(joint, [j for j, _, _ in turned]).astype(np.int64)
+    piece = np.append(piece, [k for _, k, _ in turned]).astype(np.int64)
+    start = np.append(np.zeros(n * pieces), [root for _, _, root in turned])
+    order = np.lexsort((start, piece, joint))
+    joint, piece, start = joint[order], piece[order], start[order]
+    is_last = np.append((np.diff(piece) != 0) | (np.diff(joint) != 0), True)
+    end = np.where(is_last, 1.0, np.roll(start, -1))
+    looks = start[:, None] + (end - start)[:, None] * _LOOKS
+    value = np.zeros_like(looks)
+    for row in scaled[:, piece, joint]:
+        value = value * looks + row[:, None]
+    moves = abs(value).max(axis=1) > still
+    return DirectedStretches(joint, piece, start, end, np.where(moves, np.sign(value[:, 1]), 0.0))
+
+
+def _roots_inside(coefficients: FloatArray) -> list[float]:
+    """Return where a polynomial, highest power first, may change its sign between 0 and 1."""
+    roots = np.roots(coefficients)
+    real = roots.real[roots.imag == 0]
+    return sorted(real[(real > 0) & (real < 1)].tolist())
