@@ -1,14 +1,11 @@
-"""What a motion takes from its motors, in any duration: heat, and mechanical work.
-
-Of what motors give, as far as the model has it: inertia, Coriolis efforts and gravity. Friction is
-in no model yet.
-"""
+"""What a motion takes from its motors, in any duration: heat, and mechanical work."""
 
 from functools import cached_property
 
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
+from tubeplanner.constraints.motor_effort import coulomb_effort
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
@@ -20,7 +17,7 @@ class EffortCosts:
 
     def __init__(self, robot: RobotModel, trajectory: JointTrajectory) -> None:
         """Take the motion of an arm's joints, in their order."""
-        self._robot, self._duration = robot, trajectory.duration
+        self._robot, self._trajectory = robot, trajectory
         self._samples = trajectory.per_piece(_SAMPLES_PER_PIECE)
 
     def energy(self, weights: FloatArray, duration: float | None = None) -> float:
@@ -48,18 +45,21 @@ class EffortCosts:
         return self._integral(np.maximum(power, 0.0).sum(axis=1))
 
     def _slower(self, duration: float | None) -> float:
-        return 1.0 if duration is None else duration / self._duration
+        return 1.0 if duration is None else duration / self._trajectory.duration
 
     def _effort(self, slower: float) -> FloatArray:
-        holding, moving = self._efforts
-        return holding + (moving - holding) / slower**2
+        held, viscous, moved = self._efforts
+        return held + viscous / slower + moved / slower**2
 
     @cached_property
-    def _efforts(self) -> tuple[FloatArray, FloatArray]:
-        """Efforts against gravity, and those of the motion itself."""
-        at = self._samples
-        moving = self._robot.inverse_dynamics(at.position, at.velocity, at.acceleration)
-        return self._robot.gravity_effort(at.position), moving
+    def _efforts(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Efforts against gravity and Coulomb friction, viscous friction, and all inertia."""
+        at, robot = self._samples, self._robot
+        gravity = robot.gravity_effort(at.position)
+        viscous = robot.motors.viscous_friction * at.velocity
+        smooth = robot.inverse_dynamics(at.position, at.velocity, at.acceleration)
+        held = gravity + coulomb_effort(robot, self._trajectory, at)
+        return held, viscous, smooth - viscous - gravity
 
     def _integral(self, values: FloatArray) -> float:
         return float(np.trapezoid(values, self._samples.time))

@@ -13,7 +13,10 @@ from tubeplanner.robot.effort_rate import effort_rate_derivatives
 
 
 class EffortRate:
-    """A `SpeedLimit` on the rates of some joints' efforts: of gravity with s, the rest with s^3.
+    """A `SpeedLimit` on the rates of some joints' efforts.
+
+    Those of gravity grow with s, those of viscous friction with s^2, the rest with s^3. Coulomb
+    friction, which jumps, does not count.
 
     Attributes:
         joints: Those that are limited, I of them.
@@ -33,7 +36,12 @@ class EffortRate:
     def used(self, at: PathSamples) -> SpeedPolynomial:
         """Return the rates as shares of their limits."""
         rate, gravity = at.effort_rate[:, self.joints], at.gravity_rate[:, self.joints]
-        return SpeedPolynomial({1: gravity / self.limit, 3: (rate - gravity) / self.limit})
+        motors = at.problem.robot.motors
+        if not motors.has_viscous_friction:
+            return SpeedPolynomial({1: gravity / self.limit, 3: (rate - gravity) / self.limit})
+        viscous = (motors.viscous_friction * at.by_path[2])[:, self.joints]
+        terms = {1: gravity, 2: viscous, 3: rate - gravity - viscous}
+        return SpeedPolynomial({power: term / self.limit for power, term in terms.items()})
 
     def by_path(self, at: PathSamples, speed: float) -> Mapping[int, FloatArray]:
         """Return how the shares change with the path."""

@@ -14,8 +14,9 @@ def effort_variation(
 ) -> FloatArray:
     """Return the total variation of each joint's effort: how far it moves up and down in all.
 
-    From 20 samples per polynomial piece. What an effort needs for a start and an end counts too,
-    but not the hold before and after.
+    Coulomb friction is left out: no motion spares the joints its jumps where they reverse. From 20
+    samples per polynomial piece. What an effort needs for a start and an end counts too, but not
+    the hold before and after.
 
     Args:
         robot: The arm.

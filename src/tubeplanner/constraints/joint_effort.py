@@ -1,14 +1,15 @@
-"""Limits on the joints' efforts: gravity at any speed, inertia with its square."""
+"""The joints' efforts in limits that are the same both ways."""
 
 from collections.abc import Mapping
 
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.constraints.effort_refusal import effort_refusal
 from tubeplanner.constraints.path_samples import PathSamples
 from tubeplanner.constraints.speed_limit import LimitKey
 from tubeplanner.constraints.speed_polynomial import SpeedPolynomial
-from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.outcome import Infeasible
 
 
 class JointEffort:
@@ -23,16 +24,29 @@ class JointEffort:
     order = 2
     signs = (1.0, -1.0)
 
-    def __init__(self, limit: FloatArray) -> None:
-        """Take the finite ones of n joints' limits, (n,) [N m or N]."""
+    def __init__(self, limit: FloatArray, *, with_coulomb_friction: bool = False) -> None:
+        """Take the finite ones of n joints' limits, (n,) [N m or N].
+
+        Args:
+            limit: The limits.
+            with_coulomb_friction: Whether it counts, by the signs of velocities. Its jumps have no
+                derivatives: for what is summed up over a motion.
+        """
+        self._with_coulomb_friction = with_coulomb_friction
         self.joints = np.flatnonzero(np.isfinite(limit))
         self.limit = limit[self.joints]
         self.keys = tuple(LimitKey(self.kind, joint=j) for j in self.joints.tolist())
 
     def used(self, at: PathSamples) -> SpeedPolynomial:
         """Return the efforts as shares of their limits."""
-        effort, gravity = at.effort[:, self.joints], at.gravity[:, self.joints]
-        return SpeedPolynomial({0: gravity / self.limit, 2: (effort - gravity) / self.limit})
+        motors, own = at.problem.robot.motors, self.joints
+        terms = {0: at.gravity[:, own], 2: (at.effort - at.gravity)[:, own]}
+        if motors.has_viscous_friction:
+            terms[1] = at.viscous_effort[:, own]
+            terms[2] = terms[2] - terms[1]
+        if self._with_coulomb_friction:
+            terms[0] = terms[0] + motors.coulomb_effort(at.by_path[1])[:, own]
+        return SpeedPolynomial({power: term / self.limit for power, term in terms.items()})
 
     def by_path(self, at: PathSamples, speed: float) -> Mapping[int, FloatArray]:
         """Return how the shares change with the path."""
@@ -45,15 +59,7 @@ class JointEffort:
 
     def refusal(self, at: PathSamples) -> Infeasible:
         """Return which joint gravity is too strong for."""
-        robot = at.problem.robot
-        held = abs(at.gravity[:, self.joints]) - self.limit
-        sample, column = np.unravel_index(int(held.argmax()), held.shape)
-        joint = int(self.joints[column])
-        unit = "N m" if robot.revolute[joint] else "N"
-        return Infeasible(
-            PlanStatus.GRAVITY_EXCEEDS_EFFORT,
-            f"joint '{robot.joint_names[joint]}' needs {abs(at.gravity[sample, joint]):.2f} {unit} "
-            f"against gravity alone, its effort limit is {self.limit[column]:.2f}; lighten the "
-            "payload, choose another configuration or a stronger motor",
-            Place(joint=robot.joint_names[joint]).at(at.tool_pose[1][sample]),
-        )
+        held = abs(at.gravity[:, self.joints])
+        sample, column = np.unravel_index(int((held - self.limit).argmax()), held.shape)
+        needed, limit = float(held[sample, column]), float(self.limit[column])
+        return effort_refusal(at, int(sample), int(self.joints[column]), needed, limit)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.constraints.coulomb_friction import CoulombFriction, directed_friction
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.robot.effort_rate import effort_rate, gravity_effort_rate
 
@@ -19,11 +20,13 @@ class PathSamples:
         problem: The planning problem, its segments joined.
         by_path: Positions and their derivatives by x, up to the second or third: (orders, N, n).
         segments: Returns the tube segment of each sample, shape (N,); None: they are not known.
+        friction: Returns the Coulomb friction at the samples; None: by the signs of velocities.
     """
 
     problem: PlanningProblem
     by_path: FloatArray
     segments: Callable[[], IntArray] | None = None
+    friction: Callable[[], CoulombFriction] | None = None
     _effort_derivatives: dict[float, tuple[FloatArray, FloatArray, FloatArray]] = field(
         default_factory=dict, repr=False
     )
@@ -55,8 +58,20 @@ class PathSamples:
 
     @cached_property
     def effort(self) -> FloatArray:
-        """Efforts at a speed of 1, shape (N, n) [N m or N]."""
+        """Efforts at a speed of 1, Coulomb friction left out, shape (N, n) [N m or N]."""
         return self.problem.robot.inverse_dynamics(*self.by_path[:3])
+
+    @cached_property
+    def viscous_effort(self) -> FloatArray:
+        """What viscous friction takes of them, shape (N, n) [N m or N]."""
+        return self.problem.robot.motors.viscous_friction * self.by_path[1]
+
+    @cached_property
+    def coulomb_friction(self) -> CoulombFriction:
+        """Coulomb friction, at any speed."""
+        if self.friction is not None:
+            return self.friction()
+        return directed_friction(self.problem.robot.motors, self.by_path[1])
 
     @cached_property
     def effort_rate(self) -> FloatArray:

@@ -3,15 +3,18 @@
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
+from tubeplanner.constraints.effort_limit import EffortLimit
 from tubeplanner.constraints.effort_rate import EffortRate
 from tubeplanner.constraints.joint_effort import JointEffort
 from tubeplanner.constraints.joint_rate import RATES, JointRate
+from tubeplanner.constraints.motor_curve import MotorCurve
 from tubeplanner.constraints.path_samples import PathSamples
 from tubeplanner.constraints.point_speed import PointSpeedLimit
 from tubeplanner.constraints.speed_limit import SpeedLimit
 from tubeplanner.constraints.tool_speed import ToolSpeed
 from tubeplanner.constraints.velocity_by_position import VelocityByPositionLimit
 from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.robot.robot_model import RobotModel
 
 
 def speed_limits(problem: PlanningProblem) -> tuple[SpeedLimit, ...]:
@@ -19,7 +22,8 @@ def speed_limits(problem: PlanningProblem) -> tuple[SpeedLimit, ...]:
     limits = problem.robot.limits
     rates = [JointRate(kind, getattr(limits, kind)) for kind in RATES]
     found: tuple[SpeedLimit, ...] = (
-        JointEffort(limits.effort),
+        _effort_limit(problem.robot),
+        MotorCurve(problem.robot.motors),
         EffortRate(limits.effort_rate),
         *rates,
         VelocityByPositionLimit(limits),
@@ -27,6 +31,15 @@ def speed_limits(problem: PlanningProblem) -> tuple[SpeedLimit, ...]:
         PointSpeedLimit(limits.point_speed),
     )
     return tuple(limit for limit in found if limit.keys)
+
+
+def _effort_limit(robot: RobotModel) -> SpeedLimit:
+    """Return the simpler kind of effort limit where it serves."""
+    limits, motors = robot.limits, robot.motors
+    is_unsure = motors.has_friction and motors.friction_uncertainty > 0
+    if motors.has_coulomb_friction or limits.effort_ranges or is_unsure:
+        return EffortLimit(limits)
+    return JointEffort(limits.effort)
 
 
 def largest_use(at: PathSamples, limits: tuple[SpeedLimit, ...]) -> FloatArray:

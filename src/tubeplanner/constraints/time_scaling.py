@@ -1,10 +1,12 @@
 """The shortest duration of a fixed shape: how much faster all its limits let it be run."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.constraints.coulomb_friction import CoulombFriction, directed_friction
 from tubeplanner.constraints.joint_rate import RATES, JointRate
 from tubeplanner.constraints.path_samples import PathSamples
 from tubeplanner.constraints.peaks import refined_maximum, refined_maximum_of_pieces
@@ -13,6 +15,7 @@ from tubeplanner.constraints.speed_limits import largest_speeds, rates_and_other
 from tubeplanner.constraints.tube_membership import nearest_segments
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.bernstein import bernstein_coefficients, peak_magnitudes
+from tubeplanner.trajectory.directed_stretches import CommonStretches, common_stretches
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
 
 # Where pieces are many, each has the fewer.
@@ -77,11 +80,13 @@ def minimum_duration(
     limits = speed_limits(problem)
     limits = tuple(limit for limit in limits if with_jerk or limit.order < _JERK)
     rates, others = rates_and_others(limits)
-    least = min(
+    jumping = others if problem.robot.motors.has_coulomb_friction else _with_jerk(others)
+    smooth = tuple(limit for limit in others if limit not in jumping)
+    factor = min(
         _rate_factor(rates, trajectory, _exact_peaks),
-        _least(problem, _below_jerk(others), trajectory, segments),
+        _least(problem, smooth, trajectory, segments),
+        _least_of_stretches(problem, jumping, trajectory, segments),
     )
-    factor = min(least, _least_of_pieces(problem, _with_jerk(others), trajectory, segments))
     return trajectory.duration / factor * (1 + _SAFETY)
 
 
@@ -123,16 +128,6 @@ def scaled_to_limits(
     """
     duration = minimum_duration(problem, trajectory, with_jerk=with_jerk, segments=segments)
     return trajectory.scaled(duration / trajectory.duration)
-
-
-def require_held(problem: PlanningProblem, q: FloatArray) -> None:
-    """Check that the motors hold configurations (N, n) against gravity.
-
-    Raises:
-        Infeasible: Status gravity_exceeds_effort.
-    """
-    still = np.zeros_like(q)
-    _held_factor(problem, rates_and_others(speed_limits(problem))[1], (q, still, still), None)
 
 
 def _rate_factor(
@@ -186,34 +181,45 @@ def _least(
     return -highest
 
 
-def _least_of_pieces(
+def _least_of_stretches(
     problem: PlanningProblem,
     limits: tuple[SpeedLimit, ...],
     trajectory: JointTrajectory,
     segments: IntArray | None,
 ) -> float:
-    """Return the smallest factor inside pieces, its valleys refined between samples."""
+    """Return the smallest factor inside stretches of pieces, its valleys refined between samples.
+
+    Where pieces begin, or joints reverse, it may jump.
+    """
     if not limits:
         return np.inf
+    motors = problem.robot.motors
+    stretches = common_stretches(trajectory) if motors.has_coulomb_friction else _whole(trajectory)
 
-    def negative(piece: IntArray, share: FloatArray) -> FloatArray:
-        local = share * trajectory.widths[piece]
+    def negative(stretch: IntArray, share: FloatArray) -> FloatArray:
+        piece, begin = stretches.piece[stretch], stretches.start[stretch]
+        place = begin + share * (stretches.end[stretch] - begin)
+        local = place * trajectory.widths[piece]
         known = tuple(trajectory.within(piece, local, order) for order in range(_JERK + 1))
         own = None if segments is None else segments[piece]
-        return -_held_factor(problem, limits, known, own)
+        friction = partial(directed_friction, motors, stretches.direction[stretch])
+        return -_held_factor(problem, limits, known, own, friction)
 
-    pieces, share = len(trajectory.widths), np.linspace(0, 1, _FEWEST_PER_PIECE)
-    value = negative(np.repeat(np.arange(pieces), len(share)), np.tile(share, pieces))
+    count, share = len(stretches.piece), np.linspace(0, 1, _FEWEST_PER_PIECE)
+    value = negative(np.repeat(np.arange(count), len(share)), np.tile(share, count))
     band = _VALLEY_SHARE * float(-value.max())
-    return -refined_maximum_of_pieces(negative, value.reshape(pieces, -1), band=band)
+    return -refined_maximum_of_pieces(negative, value.reshape(count, -1), band=band)
 
 
-def _below_jerk(limits: tuple[SpeedLimit, ...]) -> tuple[SpeedLimit, ...]:
-    """Return the limits that do not jump where the jerk does."""
-    return tuple(limit for limit in limits if limit.order < _JERK)
+def _whole(trajectory: JointTrajectory) -> CommonStretches:
+    """Return pieces as stretches, for limits that do not depend on directions."""
+    pieces = len(trajectory.widths)
+    none = np.zeros((pieces, len(trajectory.joint_names)))
+    return CommonStretches(np.arange(pieces), np.zeros(pieces), np.ones(pieces), none)
 
 
 def _with_jerk(limits: tuple[SpeedLimit, ...]) -> tuple[SpeedLimit, ...]:
+    """Return the limits that jump where the jerk does."""
     return tuple(limit for limit in limits if limit.order >= _JERK)
 
 
@@ -234,9 +240,10 @@ def _held_factor(
     limits: tuple[SpeedLimit, ...],
     known: tuple[FloatArray, ...],
     segment: IntArray | None,
+    friction: Callable[[], CoulombFriction] | None = None,
 ) -> FloatArray:
     """Return the smallest factor of each sample, (N,), each of which the motors can hold."""
-    at = _samples(problem, known, segment)
+    at = _samples(problem, known, segment, friction)
     found = np.full(len(at), np.inf)
     for limit in limits:
         factor = largest_speeds(at, (limit,))
@@ -247,7 +254,10 @@ def _held_factor(
 
 
 def _samples(
-    problem: PlanningProblem, known: tuple[FloatArray, ...], segment: IntArray | None
+    problem: PlanningProblem,
+    known: tuple[FloatArray, ...],
+    segment: IntArray | None,
+    friction: Callable[[], CoulombFriction] | None = None,
 ) -> PathSamples:
     """Return samples of a trajectory, in the given segments or else those nearest to the tool."""
 
@@ -256,5 +266,5 @@ def _samples(
             return segment
         return nearest_segments(problem, at.tool_pose[1])
 
-    at = PathSamples(problem, np.stack(known), segments)
+    at = PathSamples(problem, np.stack(known), segments, friction)
     return at

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from math import inf
 from pathlib import Path
 
-from tubeplanner.arrays import FloatArray
+from tubeplanner.constraints.motor_effort import motor_effort
 from tubeplanner.errors import OptionError, OutputError
 from tubeplanner.files.export import trajectory_csv, trajectory_json, trajectory_ros
 from tubeplanner.files.export_samples import samples_for_export
@@ -12,7 +12,6 @@ from tubeplanner.files.fingerprint import origin
 from tubeplanner.files.output_files import require_writable, write_files
 from tubeplanner.options import require_between
 from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
 
 _RATE = 500.0  # [Hz]
@@ -69,7 +68,7 @@ class TrajectoryFiles:
             samples, notes = self._samples(trajectory, problem)
         names = trajectory.joint_names
         if self.csv is not None:
-            effort = None if problem is None else _effort(problem.robot, samples)
+            effort = None if problem is None else motor_effort(problem.robot, trajectory, samples)
             texts[self.csv] = trajectory_csv(names, samples, effort)
         if self.ros is not None:
             texts[self.ros] = trajectory_ros(names, samples, *notes)
@@ -89,10 +88,6 @@ def _usual_rate(problem: PlanningProblem | None) -> float:
     """Return a rate [Hz] for a problem's samples."""
     period = None if problem is None else problem.period
     return _RATE if period is None else 1 / period
-
-
-def _effort(robot: RobotModel, samples: TrajectorySamples) -> FloatArray:
-    return robot.inverse_dynamics(samples.position, samples.velocity, samples.acceleration)
 
 
 def write_trajectory(

@@ -6,7 +6,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.branches.inverse_kinematics import solve_position
 from tubeplanner.branches.known_branches import KnownBranches
 from tubeplanner.constraints.approachable_range import require_approachable
-from tubeplanner.constraints.time_scaling import require_held
+from tubeplanner.constraints.held_configuration import require_held
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.tube.tube import Tube
@@ -35,7 +35,7 @@ def require_possible(problem: PlanningProblem, branches: KnownBranches) -> None:
     """
     ends = branches.require_ends()
     for q in ends:
-        require_held(problem, q[None])
+        require_held(problem, q)
     if len(ends) > 1:
         require_approachable(problem, *ends)
     _require_reach(problem, ends[0])

@@ -18,7 +18,8 @@ class Energy:
     def __init__(self, weights: FloatArray) -> None:
         """Take the weights of the squared efforts, (n,), >= 0."""
         with np.errstate(divide="ignore"):
-            self._effort = JointEffort(1 / np.sqrt(weights))
+            limit = 1 / np.sqrt(weights)
+        self._effort = JointEffort(limit, with_coulomb_friction=True)
 
     def total(self, motion: IntervalMotion) -> float:
         """Return the integral, in one second."""
@@ -51,7 +52,7 @@ class Work:
             joints: How many there are.
             nominal: About the work of a motion [J].
         """
-        self._effort = JointEffort(np.ones(joints))
+        self._effort = JointEffort(np.ones(joints), with_coulomb_friction=True)
         self._rounded = _ROUNDED * nominal / joints
 
     def total(self, motion: IntervalMotion) -> float:

@@ -229,6 +229,18 @@ class PhasedSpline:
     switching_times: FloatArray
     control_points: FloatArray
 
+    def end_directions(self, samples: Samples) -> FloatArray:
+        """Return which way joints leave the start or approach the goal, by sign, shape (N, n).
+
+        At samples in the first and last knot interval, where only one control point's distance from
+        these counts; nan at others.
+        """
+        points, last = self.control_points, self.grid.interval_count - 1
+        found = np.full((len(samples.interval), points.shape[1]), np.nan)
+        found[samples.interval == 0] = points[DEGREE] - points[0]
+        found[samples.interval == last] = points[-1] - points[-1 - DEGREE]
+        return found
+
     def bspline(self) -> BSpline:
         """Return the spline over time x."""
         return BSpline(self.grid.knots(self.switching_times), self.control_points, DEGREE)

@@ -8,6 +8,7 @@ is violated between them.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from tubeplanner.refinement.linear_rows import MERIT_TOLERANCE
 from tubeplanner.refinement.link_constraints import LinkConstraints
 from tubeplanner.refinement.phased_spline import KnotGrid, PhasedSpline, segments_of_pieces
 from tubeplanner.refinement.sequential_program import FIRST_PENALTY, Improved, SequentialProgram
-from tubeplanner.refinement.spline_constraints import Iterate
+from tubeplanner.refinement.spline_constraints import BLENDED, WIDELY_BLENDED, Iterate
 from tubeplanner.refinement.spline_start import subdivided
 from tubeplanner.refinement.trust_region import TrustRegion
 from tubeplanner.refinement.widened_tube import widened_radius
@@ -156,6 +157,7 @@ class Refinement:
         own = self._problem.tube.effective_radius
         self._radius = widened_radius(self._problem.tube, grid) if widens else own
         self._program = SequentialProgram(self._problem, grid, links, self._radius)
+        self._program.constraints.blend(WIDELY_BLENDED)
         self._penalty, self._damping = FIRST_PENALTY, TrustRegion.damping
 
     def answer(self, certificate: Certificate, duration: float) -> bool:
@@ -232,6 +234,9 @@ class Refinement:
     def _exchange(self, found: Improved) -> None:
         """Keep the best trajectory between samples too, adding samples where they are missing."""
         best, dodges = None, 0
+        if self._program.constraints.blend(BLENDED):
+            again = self._program.iterate(found.iterate.spline)
+            found = replace(found, iterate=again, has_ended=False)
         for _ in range(_MAX_ROUNDS):
             dense, has_more = self._program.constraints.look_between_samples(found.iterate)
             inside = dense.excess <= MERIT_TOLERANCE

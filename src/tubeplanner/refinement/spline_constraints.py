@@ -7,6 +7,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.constraints.coulomb_friction import CoulombFriction, blended_friction
 from tubeplanner.constraints.joint_rate import RATES, JointRate
 from tubeplanner.constraints.path_samples import PathSamples
 from tubeplanner.constraints.speed_limit import LimitKey, SpeedLimit
@@ -41,6 +42,9 @@ _TUBE_SAMPLES = np.arange(3) / 3
 _DENSE_SAMPLES = np.linspace(0, 1, 21)
 # Samples may lie this much farther apart than on average; and what their kinks may take, in radii.
 _UNEVEN, _MOST_FOR_KINKS = 2, 0.03
+# Over about so many knot intervals the Coulomb friction of one direction is blended into the
+# other's: first, and in the end.
+WIDELY_BLENDED, BLENDED = 12.0, 5.0
 # Peaks of the squared duration between samples that count.
 _HIGHER, _HIGHER_IN_A_GIVEN_DURATION = 1.001, 1.0002
 
@@ -113,8 +117,9 @@ class SplineConstraints:
             run_in: The duration in which splines are run [s]; None: the least that limits allow.
             room: The share of the tube's regions that stays unused, shape (m,); None: none.
         """
-        self._run_in = run_in
+        self._run_in, self._blended = run_in, BLENDED
         self._problem, self._grid, self._links, self._radius = problem, grid, links, radius
+        self._has_reversals = problem.robot.motors.has_coulomb_friction
         limits = speed_limits(problem)
         self.keys = _keys(limits, problem.tube)
         self._numbers = {key: number for number, key in enumerate(self.keys)}
@@ -138,6 +143,12 @@ class SplineConstraints:
         stops = [chain.stop for chain in grid.chains]
         self._passing_samples = ends.where(np.searchsorted(stops, problem.tube.compulsory_points))
         self._dense_samples = grid.samples(_DENSE_SAMPLES)
+
+    def blend(self, intervals: float) -> bool:
+        """Blend friction over so many knot intervals from now on; return if that is a change."""
+        has_changed = self._has_reversals and intervals != self._blended
+        self._blended = intervals
+        return has_changed
 
     def links_on(self, spline: PhasedSpline, other: PhasedSpline) -> LinkConstraints:
         """Return what is watched of a spline's links, for the same spline on other knots."""
@@ -220,7 +231,7 @@ class SplineConstraints:
         self, spline: PhasedSpline, watched: Mapping[bool, Samples], tube_samples: Samples
     ) -> Iterate:
         """Return an iterate from limits that depend on the configuration, and the tube, there."""
-        known = _Known(self._problem, spline, self._radius)
+        known = _Known(self._problem, spline, self._radius, self._blended)
         limits = tuple(
             EvaluatedSpeedLimit(limit, *known.at(self._points(limit, watched)), numbers)
             for limit, numbers in self._limits
@@ -290,8 +301,12 @@ class SplineConstraints:
 class _Known:
     """A spline at points, and the arm there: each evaluated once."""
 
-    def __init__(self, problem: PlanningProblem, spline: PhasedSpline, radius: FloatArray) -> None:
+    def __init__(
+        self, problem: PlanningProblem, spline: PhasedSpline, radius: FloatArray, blended: float
+    ) -> None:
         self._problem, self._spline, self._radius = problem, spline, radius
+        # Of a joint's largest velocity.
+        self._blended_share = min(blended / spline.grid.interval_count, 1.0)
         self._at: dict[EvaluationPoints, tuple[SampledSpline, PathSamples]] = {}
 
     def at(self, points: EvaluationPoints) -> tuple[SampledSpline, PathSamples]:
@@ -299,9 +314,14 @@ class _Known:
         if points not in self._at:
             at = sampled(self._spline, points)
             segments = partial(self._segment, points) if isinstance(points, Samples) else None
-            path = PathSamples(self._problem, at.by_x, segments)
+            friction = partial(self._friction, at, points) if isinstance(points, Samples) else None
+            path = PathSamples(self._problem, at.by_x, segments, friction)
             self._at[points] = (at, path)
         return self._at[points]
+
+    def _friction(self, at: SampledSpline, samples: Samples) -> CoulombFriction:
+        ends, motors = self._spline.end_directions(samples), self._problem.robot.motors
+        return blended_friction(motors, at.by_x[1], ends, self._blended_share)
 
     def segments_of(self, samples: Samples) -> OrderedSegments:
         """Return the segments that samples may be in."""

@@ -56,6 +56,13 @@ class JointLimits:
         """Return which joints nothing limits in a quantity, such as "jerk": int, shape (k,)."""
         return np.flatnonzero(~np.isfinite(getattr(self, quantity)))
 
+    def effort_at(self, q: FloatArray, way: float) -> FloatArray:
+        """Return the effort that motors have at configurations (N, n), forwards (1) or not (-1)."""
+        allowed = np.tile(self.effort, (len(q), 1))
+        for each in self.effort_ranges:
+            allowed[:, each.joint] = each.allowed(q[:, each.joint], way)
+        return allowed
+
     def clip(self, q: FloatArray) -> FloatArray:
         """Return configurations of shape (..., n) moved into the position limits."""
         return np.clip(q, self.lower_position, self.upper_position)

@@ -54,6 +54,33 @@ class DirectedStretches:
         return list(zip(*parts, strict=True))
 
 
+@dataclass(frozen=True, eq=False)
+class CommonStretches:
+    """Stretches of a trajectory in which no joint reverses, S of them, in time.
+
+    Attributes:
+        piece: The polynomial piece that it is in, shape (S,).
+        start: Where it starts in that piece, from 0 to 1, shape (S,).
+        end: Where it ends, likewise.
+        direction: Of every joint, shape (S, n).
+    """
+
+    piece: IntArray
+    start: FloatArray
+    end: FloatArray
+    direction: FloatArray
+
+
+def common_stretches(trajectory: JointTrajectory) -> CommonStretches:
+    """Return the stretches of a trajectory that end where pieces do and where a joint reverses."""
+    stretches = directed_stretches(trajectory)
+    begin = np.unique(np.stack([stretches.piece, stretches.start], axis=1), axis=0)
+    piece, start = begin[:, 0].astype(np.int64), begin[:, 1]
+    is_last = np.append(np.diff(piece) != 0, True)
+    end = np.where(is_last, 1.0, np.roll(start, -1))
+    return CommonStretches(piece, start, end, stretches.at(piece, (start + end) / 2))
+
+
 def directed_stretches(trajectory: JointTrajectory) -> DirectedStretches:
     """Return the stretches into which every joint's motion falls, each within one piece.
 

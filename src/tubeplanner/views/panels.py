@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.constraints.motor_effort import motor_effort
 from tubeplanner.constraints.path_samples import PathSamples
 from tubeplanner.constraints.point_speed import PointSpeedLimit
 from tubeplanner.constraints.time_scaling import scaling_factor
@@ -103,7 +104,7 @@ def trajectory_curves(problem: PlanningProblem, trajectory: JointTrajectory) -> 
     return TrajectoryCurves(
         problem,
         samples,
-        robot.inverse_dynamics(q, v, a),
+        motor_effort(robot, trajectory, samples),
         rate,
         tool,
         np.linalg.norm(np.einsum("nij,nj->ni", jacobian[:, :3], v), axis=1),
