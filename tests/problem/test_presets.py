@@ -134,7 +134,8 @@ def test_another_number_of_joints_is_refused_by_name(tmp_path):
     with pytest.raises(RobotError) as caught:
         with_robot(tmp_path, preset="fer")
     assert str(caught.value) == (
-        "problem: preset fer: limits are for 7 joints; the planning group has 2: joint1, joint2"
+        "problem: preset fer: limits and motors are for 7 joints; the planning group has 2: "
+        "joint1, joint2"
     )
 
 
@@ -160,7 +161,7 @@ def test_a_missing_file_is_named(tmp_path):
     ("changes", "message"),
     [
         ({"format": "tubeplanner/problem"}, "format is 'tubeplanner/problem'; it must be"),
-        ({"motors": {}}, "top level: unknown key 'motors'; there is: format, version, joints, "),
+        ({"motor": {}}, "top level: unknown key 'motor' (did you mean 'motors'?); there is: form"),
         ({"joints": 0}, "joints is 0; it must be greater than or equal to 1"),
         ({"joints": True}, "joints is True; it must be a whole number"),
         ({"limits": {"jerks": 1}}, "limits: unknown key 'jerks' (did you mean 'jerk'?); there is"),
@@ -170,6 +171,7 @@ def test_a_missing_file_is_named(tmp_path):
             {"limits": {"scale": {"effort": 0.5}}, "sources": {"limits.scale": "a"}},
             "limits.scale belongs into robot.limits of a problem",
         ),
+        ({"limits": {}, "sources": {}}, "limits or motors is required"),
         ({"sources": {}}, "sources.'limits.velocity' is required: say where it is from"),
         (
             {"sources": PRESET["sources"] | {"limits.jerk": " "}},
@@ -185,7 +187,7 @@ def test_a_fault_is_named(tmp_path, changes, message):
     assert refusal(tmp_path, **changes).startswith(message)
 
 
-@pytest.mark.parametrize("key", ["format", "joints", "limits", "sources"])
+@pytest.mark.parametrize("key", ["format", "joints", "sources"])
 def test_what_is_missing_is_named(tmp_path, key):
     path = tmp_path / "mine.yaml"
     path.write_text(json.dumps({name: value for name, value in PRESET.items() if name != key}))
@@ -196,7 +198,7 @@ def test_what_is_missing_is_named(tmp_path, key):
 @pytest.mark.parametrize("text", ["[1, 2]", "", "text"])
 def test_what_is_no_map_is_refused(tmp_path, text):
     (tmp_path / "mine.yaml").write_text(text)
-    with pytest.raises(RobotError, match="a preset is a map with format, joints, limits and sour"):
+    with pytest.raises(RobotError, match="a preset is a map with format, joints, limits or motor"):
         read_preset("mine.yaml", tmp_path)
 
 
