@@ -75,7 +75,13 @@ def _type(field: dict[str, Any], paths: dict[str, list[str]]) -> str:
     if "prefixItems" in field:
         return f"[{len(field['prefixItems'])} {_type(field['prefixItems'][0], paths)}s]"
     if "items" in field:
-        return f"list of {_type(field['items'], paths)}"
+        return f"list of {_grouped(field['items'], paths)}"
     if "additionalProperties" in field:
-        return f"map to {_type(field['additionalProperties'], paths)}"
+        return f"map to {_grouped(field['additionalProperties'], paths)}"
     return f"`{json.dumps(field['const'])}`" if "const" in field else _KINDS[field["type"]]
+
+
+def _grouped(field: dict[str, Any], paths: dict[str, list[str]]) -> str:
+    """Return what an entry takes, alternatives in brackets."""
+    kinds = _type(field, paths)
+    return f"({kinds})" if ", or " in kinds else kinds

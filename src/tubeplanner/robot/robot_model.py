@@ -52,8 +52,7 @@ class RobotModel:
 
     A body is everything that moves as one: body 0 is fixed to the base, body j > 0 is what hangs
     rigidly from one of the n joints, or from one of their followers (joints that mimic them); these
-    are M in all. Several threads may use one model; it pickles by content, the
-    URDF's text included.
+    are M in all. Several threads may use one model; it pickles by content, with the URDF's text.
 
     Attributes:
         name: The robot's name.
@@ -81,6 +80,8 @@ class RobotModel:
         payload: Payload | None,
         motors: JointMotors | None = None,
     ) -> None:
+        self.motors = motors or JointMotors.ideal(len(joint_names))
+        bounds = [limits.effort, limits.effort_rate, self.motors.saturation_effort]
         model = build_model(
             urdf,
             joint_names,
@@ -88,7 +89,7 @@ class RobotModel:
             locked_joints=locked_joints,
             gravity=gravity,
             payload=payload,
-            needs_masses=bool(np.isfinite([limits.effort, limits.effort_rate]).any()),
+            needs_masses=bool(np.isfinite(bounds).any()),
         )
         self._others = (tool_offset, locked_joints, payload)
         self.name = urdf.name
@@ -98,7 +99,6 @@ class RobotModel:
         self.tool_frame = tool_frame
         self.gravity = read_only(model.gravity.linear)
         self.limits = limits
-        self.motors = motors or JointMotors.ideal(len(joint_names))
         self.link_body, self.link_placement = link_placements(urdf, model)
         self._model = model
         self._tool_id = add_frame(model, "tool centre point", tool_frame, tool_offset)
