@@ -81,6 +81,8 @@ class RobotModel:
         payload: Payload | None,
         motors: JointMotors | None = None,
     ) -> None:
+        self.motors = motors or JointMotors.ideal(len(joint_names))
+        bounds = (limits.effort, limits.effort_rate, self.motors.saturation_effort)
         model = build_model(
             urdf,
             joint_names,
@@ -88,7 +90,7 @@ class RobotModel:
             locked_joints=locked_joints,
             gravity=gravity,
             payload=payload,
-            needs_masses=bool(np.isfinite([limits.effort, limits.effort_rate]).any()),
+            needs_masses=bool(np.isfinite(bounds).any()),
         )
         self._others = (tool_offset, locked_joints, payload)
         self.name = urdf.name
@@ -98,7 +100,6 @@ class RobotModel:
         self.tool_frame = tool_frame
         self.gravity = read_only(model.gravity.linear)
         self.limits = limits
-        self.motors = motors or JointMotors.ideal(len(joint_names))
         self.link_body, self.link_placement = link_placements(urdf, model)
         self._model = model
         self._tool_id = add_frame(model, "tool centre point", tool_frame, tool_offset)
@@ -273,9 +274,7 @@ class RobotModel:
     def gravity_effort(self, q: FloatArray) -> FloatArray:
         """Return the joint efforts (N, n) [N m or N] that hold the arm still against gravity."""
         zero = np.zeros_like(q)
-        if not self.gravity.any():
-            return zero
-        return self.inverse_dynamics(q, zero, zero)
+        return self.inverse_dynamics(q, zero, zero) if self.gravity.any() else zero
 
     def inverse_dynamics_derivatives(
         self, q: FloatArray, v: FloatArray, a: FloatArray
