@@ -52,6 +52,8 @@ KNOWS = {
     "yaml": {"documents"},
     "ompl": {"tube_sources.joint_route"},
     "pydantic": {
+        "problem.field_types",
+        "problem.limit_fields",
         "problem.moveit_limits",
         "problem.presets",
         "problem.problem_faults",

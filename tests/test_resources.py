@@ -47,7 +47,7 @@ def test_bundled_robots_and_problems_are_listed_by_name():
 
 
 def test_a_bundled_preset_is_found_by_name_and_hides_a_file_of_that_name(tmp_path):
-    assert list(bundled_presets()) == ["fer", "fr3"]
+    assert list(bundled_presets()) == ["fer", "fr3", "fr3_friction", "ur10_friction"]
     write(tmp_path / "fer")
     assert find_preset("fer", tmp_path) == bundled_folder() / "presets" / "fer.yaml"
     path = write(tmp_path / "fer.yaml")

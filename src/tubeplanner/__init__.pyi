@@ -28,6 +28,7 @@ from .robot.robot_model import RobotModel as RobotModel  # returned
 from .robot.pinocchio_model import ToolOffset as ToolOffset
 from .robot.pinocchio_model import Payload as Payload
 from .robot.limit_overrides import LimitOverrides as LimitOverrides
+from .robot.motor_overrides import MotorOverrides as MotorOverrides
 from .robot.point_speed import PointSpeed as PointSpeed
 from .robot.limit_layers import LimitLayer as LimitLayer  # returned
 from .problem.presets import read_preset as read_preset

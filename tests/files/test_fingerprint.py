@@ -130,6 +130,18 @@ SAME = {
     },
     "discs and no boxes": {"tube__cross_section": [None]},
     "the default of a limit": {"robot__limits": {"effort": {"j1": 50}}},
+    "the same effort both ways": {"robot__limits": {"effort": {"j1": [50, 50]}}},
+    "motors that nobody asks": {
+        "robot__motors": {
+            "armature": 0,
+            "viscous_friction": {},
+            "coulomb_friction": {"j1": [0, 0]},
+            "saturation_effort": np.inf,
+            "no_load_velocity": np.inf,
+            "friction_from_urdf": True,
+            "friction_uncertainty": 0.5,
+        }
+    },
 }
 OTHER = {
     "a radius": {"tube__radius": 0.11},
@@ -168,6 +180,23 @@ OTHER = {
     "another link's": {
         "robot__limits": {"point_speed": [{"link": "upper", "position": [0, 0, 0], "speed": 1}]}
     },
+    "less effort backwards": {"robot__limits": {"effort": {"j1": [40, 50]}}},
+    "less effort forwards": {"robot__limits": {"effort": {"j1": [50, 40]}}},
+    "less effort at one end": {
+        "robot__limits": {"effort": {"j1": {"position": [-1, 1], "effort": [50, 40]}}}
+    },
+    "less effort at one end alone": {
+        "robot__limits": {"effort": {"j1": {"position": [0, 1], "effort": [50, 40]}}}
+    },
+    "a rotor": {"robot__motors": {"armature": {"j1": 0.1}}},
+    "friction that grows": {"robot__motors": {"viscous_friction": {"j1": 0.1}}},
+    "friction backwards": {"robot__motors": {"coulomb_friction": {"j1": [1, 0]}}},
+    "friction forwards": {"robot__motors": {"coulomb_friction": {"j1": [0, 1]}}},
+    "friction that may be more": {
+        "robot__motors": {"coulomb_friction": {"j1": [0, 1]}, "friction_uncertainty": 0.5}
+    },
+    "a torque-speed line": {"robot__motors": {"saturation_effort": 50, "no_load_velocity": 2}},
+    "a flatter one": {"robot__motors": {"saturation_effort": 50, "no_load_velocity": 3}},
     "one in the tube": {"tube__tool_speed": 0.5},
     "another one in the tube": {"tube__tool_speed": [0.6]},
 }
@@ -177,6 +206,12 @@ OTHER = {
 @pytest.mark.parametrize("changes", SAME.values(), ids=SAME)
 def test_one_problem_written_in_two_ways_has_one_hash(changes, cell):
     assert hash_of(changed(**changes), cell) == hash_of(FIELDS, cell)
+
+
+@pytest.mark.usefixtures("covered_roughly")
+def test_no_two_changes_have_one_hash(cell):
+    hashes = {name: hash_of(changed(**changes), cell) for name, changes in OTHER.items()}
+    assert len(set(hashes.values())) == len(OTHER)
 
 
 @pytest.mark.usefixtures("covered_roughly")

@@ -78,6 +78,32 @@ def test_an_fr3_slows_down_towards_the_ends_of_its_joints():
     np.testing.assert_array_equal([law.upper for law in laws], limits.upper_position)
 
 
+def test_an_fr3_has_rotors_and_on_request_friction():
+    motors = load_robot("example:panda", "panda_hand_tcp", limits=read_preset("fr3")).motors
+    np.testing.assert_array_equal(motors.armature, [0.195] * 4 + [0.074] * 3)
+    assert not motors.has_friction
+    presets = [read_preset("fr3"), read_preset("fr3_friction")]
+    robot = load_robot("example:panda", "panda_hand_tcp", limits=presets)
+    np.testing.assert_array_equal(robot.motors.armature, motors.armature)
+    np.testing.assert_array_equal(robot.motors.viscous_friction, [0.21] * 7)
+    coulomb = [1.137] * 4 + [0.763, 0.44, 0.248]
+    np.testing.assert_array_equal(robot.motors.backwards_friction, coulomb)
+    np.testing.assert_array_equal(robot.motors.forwards_friction, coulomb)
+    assert robot.limits.tool_speed == 3.0
+
+
+def test_friction_takes_a_ur10_a_quarter_of_its_efforts_at_full_speed():
+    ideal = load_robot("example:ur10", "tool0")
+    robot = load_robot("example:ur10", "tool0", limits=read_preset("ur10_friction"))
+    motors, limits = robot.motors, robot.limits
+    taken = motors.viscous_friction * limits.velocity + motors.forwards_friction
+    shares = taken / limits.effort
+    np.testing.assert_allclose(shares, [0.13, 0.13, 0.23, 0.27, 0.22, 0.24], atol=0.01)
+    np.testing.assert_array_equal(motors.backwards_friction, [13.7, 20.7, 9.2, 2.0, 2.3, 2.9])
+    np.testing.assert_array_equal(limits.velocity, ideal.limits.velocity)
+    np.testing.assert_array_equal(limits.effort, ideal.limits.effort)
+
+
 def test_a_smaller_range_leaves_the_fr3s_laws_as_they_are():
     narrow = LimitOverrides(position={"panda_joint1": (-0.5, 0.5)})
     limits = panda(read_preset("fr3"), narrow)
@@ -88,7 +114,12 @@ def test_a_smaller_range_leaves_the_fr3s_laws_as_they_are():
 @pytest.mark.parametrize("name", bundled_presets())
 def test_every_number_of_a_bundled_preset_has_a_source_with_a_version(name):
     fields = YAML(typ="safe", pure=True).load(bundled_presets()[name].read_text())
-    assert set(fields["sources"]) == {f"limits.{quantity}" for quantity in fields["limits"]}
+    given = {
+        f"{section}.{quantity}"
+        for section in ("limits", "motors")
+        for quantity in fields.get(section, ())
+    }
+    assert set(fields["sources"]) == given
     assert all(any(c.isdigit() for c in source) for source in fields["sources"].values())
 
 
@@ -108,6 +139,18 @@ def test_a_preset_is_found_beside_the_problem_and_the_problem_wins(tmp_path):
     np.testing.assert_array_equal(limits.velocity, [2, 1])
     np.testing.assert_array_equal(limits.jerk, [900, 900])
     assert limits.tool_speed == 1.5
+
+
+def test_a_preset_may_have_motors_alone_and_the_problem_wins(tmp_path):
+    sources = {"motors.armature": "data sheet", "motors.coulomb_friction": "identified"}
+    motors = {"armature": 2, "coulomb_friction": [[1, 2], 3]}
+    written(tmp_path, limits={}, motors=motors, sources=sources)
+    fields = {"preset": "mine.yaml", "motors": {"armature": {"joint2": 5}}}
+    fields["limits"] = {"scale": {"effort": 0.5}}
+    robot = parse_problem(PROBLEM | {"robot": PROBLEM["robot"] | fields}, tmp_path).robot
+    np.testing.assert_array_equal(robot.motors.armature, [2, 5])
+    np.testing.assert_array_equal(robot.motors.backwards_friction, [1, 3])
+    np.testing.assert_array_equal(robot.motors.forwards_friction, [2, 3])
 
 
 def test_of_several_presets_the_later_one_wins(tmp_path):
@@ -134,7 +177,8 @@ def test_another_number_of_joints_is_refused_by_name(tmp_path):
     with pytest.raises(RobotError) as caught:
         with_robot(tmp_path, preset="fer")
     assert str(caught.value) == (
-        "problem: preset fer: limits are for 7 joints; the planning group has 2: joint1, joint2"
+        "problem: preset fer: limits and motors are for 7 joints; the planning group has 2: "
+        "joint1, joint2"
     )
 
 
@@ -145,7 +189,8 @@ def test_a_wrong_name_lists_those_that_exist():
     with pytest.raises(RobotError) as caught:
         read_preset("fr4")
     assert str(caught.value) == (
-        "unknown preset 'fr4' (did you mean 'fr3'?); there is: fer, fr3, or the path of a YAML file"
+        "unknown preset 'fr4' (did you mean 'fr3'?); there is: fer, fr3, fr3_friction, "
+        "ur10_friction, or the path of a YAML file"
     )
 
 
@@ -153,14 +198,16 @@ def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(RobotError) as caught:
         read_preset("none.yaml", tmp_path)
     path = tmp_path / "none.yaml"
-    assert str(caught.value) == f"preset {path} does not exist; bundled are fer, fr3"
+    assert str(caught.value) == (
+        f"preset {path} does not exist; bundled are fer, fr3, fr3_friction, ur10_friction"
+    )
 
 
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
         ({"format": "tubeplanner/problem"}, "format is 'tubeplanner/problem'; it must be"),
-        ({"motors": {}}, "top level: unknown key 'motors'; there is: format, version, joints, "),
+        ({"motor": {}}, "top level: unknown key 'motor' (did you mean 'motors'?); there is: form"),
         ({"joints": 0}, "joints is 0; it must be greater than or equal to 1"),
         ({"joints": True}, "joints is True; it must be a whole number"),
         ({"limits": {"jerks": 1}}, "limits: unknown key 'jerks' (did you mean 'jerk'?); there is"),
@@ -169,6 +216,16 @@ def test_a_missing_file_is_named(tmp_path):
         (
             {"limits": {"scale": {"effort": 0.5}}, "sources": {"limits.scale": "a"}},
             "limits.scale belongs into robot.limits of a problem",
+        ),
+        ({"limits": {}, "sources": {}}, "limits or motors is required"),
+        ({"motors": {"armature": 1}}, "sources.'motors.armature' is required: say where it is fr"),
+        (
+            {"motors": {"armature": -1}, "sources": PRESET["sources"] | {"motors.armature": "a"}},
+            "motors.armature is -1; give a number from 0 to 1e+09",
+        ),
+        (
+            {"limits": {}, "motors": {"armature": 1}},
+            "sources.'motors.armature' is required: say where it is from",
         ),
         ({"sources": {}}, "sources.'limits.velocity' is required: say where it is from"),
         (
@@ -185,7 +242,7 @@ def test_a_fault_is_named(tmp_path, changes, message):
     assert refusal(tmp_path, **changes).startswith(message)
 
 
-@pytest.mark.parametrize("key", ["format", "joints", "limits", "sources"])
+@pytest.mark.parametrize("key", ["format", "joints", "sources"])
 def test_what_is_missing_is_named(tmp_path, key):
     path = tmp_path / "mine.yaml"
     path.write_text(json.dumps({name: value for name, value in PRESET.items() if name != key}))
@@ -196,7 +253,7 @@ def test_what_is_missing_is_named(tmp_path, key):
 @pytest.mark.parametrize("text", ["[1, 2]", "", "text"])
 def test_what_is_no_map_is_refused(tmp_path, text):
     (tmp_path / "mine.yaml").write_text(text)
-    with pytest.raises(RobotError, match="a preset is a map with format, joints, limits and sour"):
+    with pytest.raises(RobotError, match="a preset is a map with format, joints, limits or motor"):
         read_preset("mine.yaml", tmp_path)
 
 

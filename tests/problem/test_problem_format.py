@@ -63,10 +63,12 @@ TOP = (
 )
 ROBOT = (
     "urdf, package_dirs, srdf, tool_frame, tool_offset, joints, locked_joints, gravity, payload, "
-    "attached, limits, preset, limits_file"
+    "attached, limits, motors, preset, limits_file"
 )
 LIMITS = "effort, velocity, position, acceleration, jerk, scale, tool_speed, "
 LIMITS += "effort_rate, velocity_by_position, point_speed"
+MOTORS = "armature, viscous_friction, coulomb_friction, saturation_effort, no_load_velocity, "
+MOTORS += "friction_from_urdf, friction_uncertainty"
 TUBE = "points, cross_section, radius, tool_radius, joint_signs, orientations, "
 TUBE += "rotation_tolerance, tool_speed, visit, pass_through_points"
 OBSTACLE = "name, box, sphere, cylinder, capsule, mesh, scale, position, rpy, quaternion"
@@ -444,6 +446,7 @@ def test_the_schema_asks_for_what_the_contract_asks_for():
     assert set(tube["required"]) == {"points"}
     assert set(tube["then"]["required"]) == {"radius"}  # unless a file has the points
     limits = resolve(schema, robot["properties"]["limits"])
+    motors = resolve(schema, robot["properties"]["motors"])
     collision = resolve(schema, schema["properties"]["collision"])
     obstacle = resolve(schema, schema["properties"]["obstacles"])
     for section, names in (
@@ -451,6 +454,7 @@ def test_the_schema_asks_for_what_the_contract_asks_for():
         (robot, ROBOT),
         (tube, TUBE),
         (limits, LIMITS),
+        (motors, MOTORS),
         (obstacle, OBSTACLE),
         (collision, "self, ignore"),
     ):

@@ -31,7 +31,7 @@ def resolved(arm, *layers):
 
 
 def layer(joint_count=None, skips_others=False, notes=(), **limits):
-    return LimitLayer("the limits", LimitOverrides(**limits), joint_count, skips_others, notes)
+    return LimitLayer("the ", LimitOverrides(**limits), joint_count, skips_others, notes)
 
 
 def test_the_later_layer_holds_joint_by_joint(arm):
@@ -93,7 +93,7 @@ def test_a_velocity_by_position_is_replaced_as_a_whole_or_taken_away(arm):
 def test_another_number_of_joints_is_refused(arm, count):
     with pytest.raises(RobotError) as caught:
         resolved(arm, layer(joint_count=count, jerk=500))
-    message = f"the limits are for {count} joints; the planning group has 2: j, k"
+    message = f"the limits and motors are for {count} joints; the planning group has 2: j, k"
     assert str(caught.value) == message
 
 

@@ -1,9 +1,10 @@
 """The sentence on what a URDF says in vain: short, with joints and values."""
 
+import numpy as np
 import pytest
 
 from cases import SLIDE
-from tubeplanner import LimitOverrides, load_robot
+from tubeplanner import LimitOverrides, MotorOverrides, load_robot
 from tubeplanner.robot.unused_note import unused_note
 
 
@@ -11,14 +12,14 @@ from tubeplanner.robot.unused_note import unused_note
 def arm(tmp_path):
     """Return a function that loads the sliding arm with tags added to its joints."""
 
-    def load(limits=None, **inner):
+    def load(limits=None, motors=None, **inner):
         text = SLIDE
         for joint, tags in inner.items():
             begin = f'<joint name="{joint}" type="'
             kind = text.split(begin)[1].split('"')[0]
             text = text.replace(f'{begin}{kind}">', f'{begin}{kind}">{tags}')
         (tmp_path / "arm.urdf").write_text(text)
-        return load_robot(tmp_path / "arm.urdf", "tip", limits=limits)
+        return load_robot(tmp_path / "arm.urdf", "tip", limits=limits, motors=motors)
 
     return load
 
@@ -29,11 +30,46 @@ def test_an_arm_that_says_nothing_more_has_no_note(slide):
 
 def test_equal_values_stand_once(arm):
     damped, rubbing = '<dynamics damping="5"/>', '<dynamics damping="2" friction="1"/>'
-    assert unused_note(arm(turn=damped, extend=rubbing, lift=damped)) == (
+    limits = LimitOverrides(velocity=[0.5, 2, 4], effort=[50, 50, 100])
+    assert unused_note(arm(limits, turn=damped, extend=rubbing, lift=damped)) == (
         "the URDF says, and nothing here uses: <dynamics damping> 5 (turn, lift), 2 (extend); "
-        "<dynamics friction> 1 (extend)"
+        "<dynamics friction> 1 (extend); that friction would at full speed take 20 % of the effort "
+        "limit (lift); to keep it, give robot.motors.friction_from_urdf: true"
     )
     assert "damping> 5 (every joint)" in unused_note(arm(turn=damped, extend=damped, lift=damped))
+
+
+def test_friction_that_is_given_is_not_named(arm):
+    rubbing = '<dynamics damping="2" friction="1"/>'
+    given = MotorOverrides(viscous_friction={"turn": 1}, coulomb_friction={"lift": [1, 0]})
+    note = unused_note(arm(motors=given, turn=rubbing, lift=rubbing))
+    assert "<dynamics friction> 1 (turn); <dynamics damping> 2 (lift); that friction" in note
+    assert "take 30 % of the effort limit (lift); to keep" in note
+    taken = MotorOverrides(friction_from_urdf=True)
+    assert unused_note(arm(motors=taken, turn=rubbing, lift=rubbing)) is None
+
+
+def test_a_placeholder_is_called_one(arm):
+    note = unused_note(arm(lift='<dynamics damping="2" friction="1"/>'))
+    assert "take 35 % of the effort limit (lift), more than a third: rather a placeholder" in note
+    assert "placeholder" not in unused_note(arm(lift='<dynamics damping="2" friction="0.5"/>'))
+
+
+@pytest.mark.parametrize("free", ["velocity", "effort"])
+def test_without_a_limit_no_share_is_named(arm, free):
+    tags, limits = '<dynamics damping="2"/>', LimitOverrides(**{free: {"lift": np.inf}})
+    note = unused_note(arm(limits, lift=tags))
+    assert note.startswith(
+        "the URDF says, and nothing here uses: <dynamics damping> 2 (lift); to k"
+    )
+    assert "take 7.5 % of the effort limit (extend)" in unused_note(
+        arm(limits, lift=tags, extend='<dynamics friction="6"/>')
+    )
+
+
+def test_what_is_no_friction_is_named_as_it_is_written(arm):
+    note = unused_note(arm(lift='<dynamics damping="much"/>'))
+    assert "<dynamics damping> much (lift); to keep it, give robot.motors" in note
 
 
 def test_a_limit_that_the_problem_gives_itself_is_not_named(arm, tmp_path):

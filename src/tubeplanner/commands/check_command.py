@@ -100,11 +100,10 @@ def _notes(
     problem: "PlanningProblem", read: "TrajectoryFile", certificate: "Certificate"
 ) -> list[str]:
     from tubeplanner.files.file_notes import notes_on_file
-    from tubeplanner.robot.unused_note import unused_note
+    from tubeplanner.robot.robot_notes import robot_notes
 
-    unused = unused_note(problem.robot)
     notes = notes_on_file(problem, read, failed=not certificate.passed)
-    return notes if unused is None else [*notes, unused]
+    return [*notes, *robot_notes(problem.robot)]
 
 
 def _report(

@@ -19,6 +19,7 @@ from tubeplanner.collision.obstacle import AttachedSolid, Obstacle
 from tubeplanner.collision.solid_contents import SolidContents
 from tubeplanner.problem.problem import PlanningProblem, Seed
 from tubeplanner.robot.joint_limits import JointLimits
+from tubeplanner.robot.joint_motors import JointMotors
 from tubeplanner.robot.robot_model import RobotModel
 
 _CONFIGURATIONS, _SEED = 4, 0
@@ -73,6 +74,7 @@ def robot_parts(robot: RobotModel) -> list[object]:
         limits.acceleration,
         limits.jerk,
         *_optional_limits(limits),
+        *_motor_parts(robot.motors),
     ]
 
 
@@ -87,6 +89,20 @@ def _optional_limits(limits: JointLimits) -> list[object]:
         parts += ["velocity_by_position", dataclasses.astuple(law)]
     for point in limits.point_speed:
         parts += ["point_speed", point.link, point.position, point.speed]
+    for one in limits.effort_ranges:
+        parts += ["effort_range", one.joint, one.position, one.backwards, one.forwards]
+    return parts
+
+
+def _motor_parts(motors: JointMotors) -> list[object]:
+    """Return what of motors is not in the inverse dynamics, each after its name."""
+    parts: list[object] = []
+    if motors.has_coulomb_friction:
+        parts += ["coulomb_friction", motors.backwards_friction, motors.forwards_friction]
+    if motors.has_curve.any():
+        parts += ["motor_curve", motors.saturation_effort, motors.no_load_velocity]
+    if motors.has_friction and motors.friction_uncertainty:
+        parts += ["friction_uncertainty", motors.friction_uncertainty]
     return parts
 
 

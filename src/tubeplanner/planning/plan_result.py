@@ -19,7 +19,7 @@ from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, StoppedBy
 from tubeplanner.refinement.refined_motion import RefinedMotion
 from tubeplanner.refinement.sensitivities import Sensitivity
-from tubeplanner.robot.unused_note import unused_note
+from tubeplanner.robot.robot_notes import robot_notes
 from tubeplanner.suh_bishop.suh_bishop import PhaseTwoStatistics
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.verification.certificate import Certificate
@@ -186,7 +186,7 @@ def judged_result(
 
 
 def _notes(problem: PlanningProblem, trajectory: JointTrajectory) -> tuple[str, ...]:
-    """Return notes on what the motors could do more, and on what the URDF says in vain."""
+    """Return notes on what the motors could do more, and on the robot as it is described."""
     notes = []
     unused = unused_speed(problem, trajectory)
     if unused > _MUCH_UNUSED:
@@ -194,8 +194,7 @@ def _notes(problem: PlanningProblem, trajectory: JointTrajectory) -> tuple[str, 
             f"on average {unused:.1%} of the speed that the limits allow is not used: there may "
             "well be a faster trajectory; --quality best looks for it from more starts"
         )
-    urdf_note = unused_note(problem.robot)
-    return (*notes, *([] if urdf_note is None else [urdf_note]))
+    return (*notes, *robot_notes(problem.robot))
 
 
 def _success_message(problem: PlanningProblem, trajectory: JointTrajectory) -> str:

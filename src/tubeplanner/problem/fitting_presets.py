@@ -10,7 +10,10 @@ _COMPARED = ("velocity", "effort")
 
 
 def fitting_presets(robot: RobotModel) -> list[str]:
-    """Return the names of bundled presets whose velocities and efforts are those of a URDF."""
+    """Return the names of bundled presets whose velocities and efforts are those of a URDF.
+
+    What gives neither, motors alone, fits no robot for certain.
+    """
     joints = [robot.urdf.joints[name] for name in robot.urdf.chain(robot.tool_frame)]
     joints = [joint for joint in joints if joint.name in robot.joint_names]
     names = [joint.name for joint in joints]

@@ -1,7 +1,8 @@
-"""What the limits in a file say, as the robot takes them."""
+"""What the limits and motors in a file say, as the robot takes them."""
 
-from tubeplanner.problem.problem_format import LimitFields
+from tubeplanner.problem.limit_fields import LimitFields, MotorFields
 from tubeplanner.robot.limit_overrides import LimitOverrides
+from tubeplanner.robot.motor_overrides import MotorOverrides
 from tubeplanner.robot.point_speed import PointSpeed
 
 
@@ -13,3 +14,12 @@ def limits_of(fields: LimitFields) -> LimitOverrides:
     """
     points = tuple(PointSpeed(**point.model_dump()) for point in fields.point_speed)
     return LimitOverrides(**(fields.model_dump() | {"point_speed": points}))
+
+
+def motors_of(fields: MotorFields) -> MotorOverrides:
+    """Return the motors that fields give.
+
+    Raises:
+        RobotError: A number is out of its bounds.
+    """
+    return MotorOverrides(**fields.model_dump())

@@ -4,11 +4,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
 
 from tubeplanner.errors import ProblemError, RobotError
+from tubeplanner.problem.field_types import Flag, Number, Section
 from tubeplanner.problem.problem_faults import first_fault
-from tubeplanner.problem.problem_format import Flag, Number, read_document
+from tubeplanner.problem.problem_format import read_document
 from tubeplanner.robot.limit_layers import LimitLayer
 from tubeplanner.robot.limit_overrides import LimitOverrides
 
@@ -16,11 +17,7 @@ _QUANTITIES = ("effort", "velocity", "acceleration", "jerk")
 _FACTORS = ("default_velocity_scaling_factor", "default_acceleration_scaling_factor")
 
 
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
-
-
-class _JointFields(_Section):
+class _JointFields(Section):
     """Limits of one joint; `has_...: false` switches one off."""
 
     has_position_limits: Flag | None = None
@@ -39,7 +36,7 @@ class _JointFields(_Section):
     angle_wraparound: Flag | None = None
 
 
-class _FileFields(_Section):
+class _FileFields(Section):
     """A file of limits as MoveIt's setup assistant writes it."""
 
     joint_limits: dict[str, _JointFields] = Field(description="by joint name")
@@ -71,7 +68,7 @@ def read_limits_file(path: Path) -> LimitLayer:
         limits = _limits_of_joints(fields)
     except RobotError as error:
         raise RobotError(f"{path}: {str(error).removeprefix('robot.')}") from None
-    return LimitLayer(f"{path}: limits", limits, skips_others=True, notes=_notes(path, fields))
+    return LimitLayer(f"{path}: ", limits, skips_others=True, notes=_notes(path, fields))
 
 
 def _limits_of_joints(fields: _FileFields) -> LimitOverrides:

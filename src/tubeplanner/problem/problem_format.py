@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Annotated, Any, Final, Literal, TypeAlias
 
 from pydantic import (
-    BaseModel,
     BeforeValidator,
     ConfigDict,
     Field,
@@ -19,27 +18,25 @@ from pydantic_core import PydanticCustomError
 
 from tubeplanner.documents import DocumentError, parse_json, parse_yaml, read_text
 from tubeplanner.errors import ProblemError
+from tubeplanner.problem.field_types import (
+    Finite,
+    Flag,
+    Number,
+    Quaternion,
+    Section,
+    Vector,
+    Version,
+    no_flag,
+)
+from tubeplanner.problem.limit_fields import LimitFields, MotorFields
 from tubeplanner.problem.problem_faults import first_fault
 
-Finite: TypeAlias = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-Number: TypeAlias = Annotated[float, Field(strict=True)]
-Vector: TypeAlias = tuple[Finite, Finite, Finite]
-Quaternion: TypeAlias = tuple[Finite, Finite, Finite, Finite]
-Range: TypeAlias = tuple[Number, Number]
 JointValues: TypeAlias = list[Finite] | dict[str, Finite]
-Flag: TypeAlias = Annotated[bool, Field(strict=True)]
-
-
-def _no_flag(value: object) -> object:
-    """Refuse true and false where 1 and 0 are numbers: YAML and Python take them for equal."""
-    if isinstance(value, bool):
-        raise ValueError("true and false are no numbers")
-    return value
 
 
 def _sign_or_range(value: object) -> object:
     """Report what a sign may be, rather than the fault of each alternative."""
-    _no_flag(value)
+    no_flag(value)
     is_range = isinstance(value, list | tuple) and len(value) == 2
     if not is_range and value not in ("+", "-", "0", 1, -1, 0):
         raise ValueError("it must be '+', '-', '0', 1, -1, 0 or a range [lower, upper]")
@@ -65,37 +62,18 @@ RotationBoundField: TypeAlias = Annotated[
 ]
 
 
-def _per_joint(value: object) -> object:
-    """Report what a limit on joints may be."""
-    if isinstance(value, bool) or not isinstance(value, int | float | list | tuple | dict):
-        raise ValueError(
-            "it must be one number for all joints, a list with one for each, or a map by name"
-        )
-    return value
-
-
-NumberPerJoint: TypeAlias = Annotated[
-    Number | list[Number] | dict[str, Number], BeforeValidator(_per_joint)
-]
-Version: TypeAlias = Annotated[Literal[1], BeforeValidator(_no_flag)]
-
 PROBLEM_FORMAT: Final = "tubeplanner/problem"
 _MAX_BYTES = 10_000_000
 
 
-class _Section(BaseModel):
-    # Built once, as part of what is read, rather than each alone when it is imported.
-    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
-
-
-class ToolOffsetFields(_Section):
+class ToolOffsetFields(Section):
     """The tool centre point in the tool frame."""
 
     position: Vector = Field((0.0, 0.0, 0.0), description="where it is in tool_frame [m]")
     rpy: Vector = Field((0.0, 0.0, 0.0), description="fixed x, y, z as in URDF [rad]")
 
 
-class PayloadFields(_Section):
+class PayloadFields(Section):
     """A mass carried in the tool frame."""
 
     mass: Finite = Field(description="what is carried [kg]")
@@ -106,50 +84,7 @@ class PayloadFields(_Section):
     )
 
 
-class VelocityByPositionFields(_Section):
-    """A velocity limit that falls towards the ends of a joint's range, beside `velocity`."""
-
-    deceleration: Finite = Field(description="at which it could still stop [rad/s^2] or [m/s^2]")
-    offset: Finite = Field(description="taken off the velocity [rad/s] or [m/s]")
-    lower: Finite | None = Field(
-        None, description="where it would stop; default: the position limit [rad, m]"
-    )
-    upper: Finite | None = Field(
-        None, description="where it would stop; default: the position limit [rad, m]"
-    )
-
-
-class PointSpeedFields(_Section):
-    """A limit on the speed of a point of the arm."""
-
-    link: str = Field(description="any URDF link")
-    position: Vector = Field(description="of the point in the link's frame [m]")
-    speed: Finite = Field(description="in any direction [m/s]")
-
-
-class LimitFields(_Section):
-    """Limits by joint name, or lists in chain order; a number serves for all. `.inf`: none.
-
-    They replace those of the URDF.
-    """
-
-    effort: NumberPerJoint = Field({}, description="either way [N m] or [N]")
-    velocity: NumberPerJoint = Field({}, description="either way [rad/s] or [m/s]")
-    position: dict[str, Range] | list[Range] = Field({}, description="[lower, upper] [rad, m]")
-    acceleration: NumberPerJoint = Field({}, description="default: none [rad/s^2] or [m/s^2]")
-    jerk: NumberPerJoint = Field({}, description="default: none [rad/s^3] or [m/s^3]")
-    scale: dict[str, Finite] = Field(
-        {}, description="factors in (0, 1] on effort, velocity, acceleration"
-    )
-    tool_speed: Number | None = Field(None, description="of the tool centre point [m/s]")
-    effort_rate: NumberPerJoint = Field({}, description="default: none [N m/s] or [N/s]")
-    velocity_by_position: (
-        dict[str, VelocityByPositionFields | None] | list[VelocityByPositionFields | None]
-    ) = Field({}, description="velocity limits that fall towards the ends of the range")
-    point_speed: list[PointSpeedFields] = Field([], description="of points of the arm")
-
-
-class ObstacleFields(_Section):
+class ObstacleFields(Section):
     """One solid; exactly one of box, sphere, cylinder, capsule, mesh."""
 
     name: str = Field(description="unique; what messages call it")
@@ -172,7 +107,7 @@ class AttachedFields(ObstacleFields):
     touch_links: list[str] = Field([], description="links that it may touch")
 
 
-class RobotFields(_Section):
+class RobotFields(Section):
     """The arm."""
 
     urdf: str = Field(description="path relative to this file, package://PKG/..., example:NAME")
@@ -190,23 +125,25 @@ class RobotFields(_Section):
     payload: PayloadFields | None = Field(None, description="a mass carried in tool_frame")
     attached: list[AttachedFields] = Field([], description="solids carried in tool_frame")
     limits: LimitFields = Field(LimitFields(), description="replace and scale the URDF's limits")
+    motors: MotorFields = Field(MotorFields(), description="what they add to the rigid arm")
     preset: str | list[str] | None = Field(
         None,
-        description="limits below these: a bundled name, a file, or a list, of which the later win",
+        description="limits and motors below these: a bundled name, a file, or a list, of which "
+        "the later win",
     )
     limits_file: str | None = Field(
         None, description="MoveIt's joint_limits.yaml: limits below those of the preset"
     )
 
 
-class CrossSectionFields(_Section):
+class CrossSectionFields(Section):
     """A rectangle in place of the disc of a radius."""
 
     box: tuple[Finite, Finite] = Field(description="full width, across, and height, along up [m]")
     up: Vector = Field(description="made perpendicular to the segment")
 
 
-class TubeFields(_Section):
+class TubeFields(Section):
     """Where the tool may be, and its orientation there."""
 
     model_config = ConfigDict(
@@ -266,7 +203,7 @@ class TubeFields(_Section):
         return radius
 
 
-class EndpointFields(_Section):
+class EndpointFields(Section):
     """A configuration, or a seed for the inverse kinematics of the reference point.
 
     A goal may be a tool position instead; `route` finds the configuration.
@@ -279,14 +216,14 @@ class EndpointFields(_Section):
     )
 
 
-class CollisionFields(_Section):
+class CollisionFields(Section):
     """What is checked."""
 
     self_: Flag = Field(True, alias="self", description="links against links")
     ignore: list[tuple[str, str]] = Field([], description="pairs of links or obstacles left out")
 
 
-class ObjectiveFields(_Section):
+class ObjectiveFields(Section):
     """What the answer is to be beside short."""
 
     slack: Finite | None = Field(
@@ -307,7 +244,7 @@ class ObjectiveFields(_Section):
     )
 
 
-class ProblemFields(_Section):
+class ProblemFields(Section):
     """A tubeplanner problem. SI units, radians; positions in the frame of the URDF's root link."""
 
     model_config = ConfigDict(title="tubeplanner problem")

@@ -9,7 +9,7 @@ import numpy as np
 from tubeplanner.collision.obstacle import AttachedSolid, Obstacle, placement_of
 from tubeplanner.errors import ProblemError, RobotError
 from tubeplanner.problem.joint_values import configuration_of
-from tubeplanner.problem.limit_values import limits_of
+from tubeplanner.problem.limit_values import limits_of, motors_of
 from tubeplanner.problem.moveit_limits import read_limits_file
 from tubeplanner.problem.objective import Objective
 from tubeplanner.problem.point_file import read_points
@@ -140,6 +140,7 @@ def robot_of(problem: ProblemFields, directory: Path) -> RobotModel:
         gravity=fields.gravity,
         payload=payload,
         limits=_given_limits(fields, directory),
+        motors=motors_of(fields.motors),
         package_dirs=fields.package_dirs,
         directory=directory,
     )

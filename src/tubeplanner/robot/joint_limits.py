@@ -8,7 +8,8 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray, read_only
 from tubeplanner.errors import RobotError
-from tubeplanner.robot.effort_range import EffortRange
+from tubeplanner.options import is_number
+from tubeplanner.robot.effort_range import EffortRange, effort_range
 from tubeplanner.robot.followers import followers_of
 from tubeplanner.robot.limit_layers import GivenLimits, layers_of, merged_limits
 from tubeplanner.robot.limit_overrides import SCALABLE
@@ -78,7 +79,9 @@ def resolve_limits(
     """
     followers = followers_of(description, joint_names)
     merged = merged_limits(description, joint_names, followers, layers_of(limits))
-    given = merged.by_joint
+    efforts = _effort_ranges(joint_names, merged.by_joint["effort"])
+    largest = {joint_names[one.joint]: one.most for one in efforts}
+    given = {**merged.by_joint, "effort": {**merged.by_joint["effort"], **largest}}
     joints = [description.joints[name] for name in joint_names]
     positions = np.array([_position(description, joint, given) for joint in joints])
     values = {
@@ -98,12 +101,19 @@ def resolve_limits(
     }
     _require_bounded_speed(joint_names, scaled)
     return JointLimits(
-        lower_position=read_only(positions[:, 0]),
-        upper_position=read_only(positions[:, 1]),
-        **scaled,
+        read_only(positions[:, 0]),
+        read_only(positions[:, 1]),
+        scaled["velocity"],
+        scaled["effort"],
+        scaled["acceleration"],
+        scaled["jerk"],
+        scaled["effort_rate"],
         tool_speed=merged.tool_speed,
         velocity_by_position=_laws(joint_names, given["velocity_by_position"], positions),
         point_speed=merged.point_speed,
+        effort_ranges=tuple(
+            one.scaled(merged.scale.get("effort", 1.0)) for one in efforts if not one.is_constant
+        ),
         notes=merged.notes,
     )
 
@@ -116,6 +126,15 @@ def _require_bounded_speed(joint_names: Sequence[str], limits: Mapping[str, Floa
                 f"joint '{name}' has no finite limit among effort, velocity and acceleration, so "
                 "its speed is unbounded; give one in robot.limits"
             )
+
+
+def _effort_ranges(joint_names: Sequence[str], given: Mapping[str, Any]) -> list[EffortRange]:
+    """Return the effort limits that are more than a number each."""
+    return [
+        effort_range(column, given[name])
+        for column, name in enumerate(joint_names)
+        if name in given and not is_number(given[name])
+    ]
 
 
 def _laws(

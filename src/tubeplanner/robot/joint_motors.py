@@ -1,10 +1,18 @@
 """What the motors of the joints add to the rigid arm: rotors, friction, less effort at speed."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, read_only
+from tubeplanner.errors import RobotError
+from tubeplanner.robot.followers import followers_of
+from tubeplanner.robot.limit_layers import GivenLimits, layers_of, merged_motors, merged_scale
+from tubeplanner.robot.motor_overrides import CURVE
+from tubeplanner.robot.urdf import UrdfDescription
+from tubeplanner.robot.urdf_friction import urdf_friction
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,3 +84,66 @@ class JointMotors:
         """
         forwards = np.where(direction > 0, self.forwards_friction, 0.0)
         return np.where(direction < 0, -self.backwards_friction, forwards)
+
+
+def resolve_motors(
+    description: UrdfDescription, joint_names: Sequence[str], limits: GivenLimits
+) -> JointMotors:
+    """Return the motors of the joints of a planning group, ideal where nothing is given.
+
+    Args:
+        description: The robot.
+        joint_names: Its planning group.
+        limits: Limits and motors, the later ones above; their factor on the effort scales the
+            stall effort too.
+
+    Raises:
+        RobotError: A joint has one end of a torque-speed line without the other, is unknown or has
+            no motor, there is not one value per joint, or the URDF's friction is taken and absurd.
+    """
+    layers = layers_of(limits)
+    followers = followers_of(description, joint_names)
+    merged = merged_motors(description, joint_names, followers, layers)
+    below = np.zeros((2, len(joint_names)))  # viscous and Coulomb friction where none is given
+    if merged.friction_from_urdf:
+        below[:] = urdf_friction(description, joint_names)
+    names, given = list(joint_names), merged.by_joint
+    backwards, forwards = _replaced(
+        np.array([below[1], below[1]]), names, given["coulomb_friction"]
+    )
+    no_line = np.full(len(names), np.inf)
+    stall, no_load = (_replaced(no_line, names, given[end]) for end in CURVE)
+    _require_whole_lines(names, stall, no_load)
+    return JointMotors(
+        _replaced(np.zeros(len(names)), names, given["armature"]),
+        _replaced(below[0], names, given["viscous_friction"]),
+        backwards,
+        forwards,
+        stall * merged_scale(layers).get("effort", 1.0),
+        no_load,
+        merged.friction_uncertainty,
+    )
+
+
+def _replaced(
+    values: FloatArray, joint_names: Sequence[str], given: Mapping[str, Any]
+) -> FloatArray:
+    """Return values (..., n) of joints, those of some replaced by what is given of them."""
+    replaced = values.copy()
+    for column, name in enumerate(joint_names):
+        if name in given:
+            replaced[..., column] = given[name]
+    return replaced
+
+
+def _require_whole_lines(
+    joint_names: Sequence[str], stall: FloatArray, no_load: FloatArray
+) -> None:
+    for name, *ends in zip(joint_names, stall, no_load, strict=True):
+        known = np.isfinite(ends)
+        if known.any() and not known.all():
+            has, lacks = np.array(CURVE)[np.argsort(~known)]
+            raise RobotError(
+                f"robot.motors: joint '{name}' has {has} {min(ends):g} and no {lacks}; a "
+                f"torque-speed line needs both: give robot.motors.{lacks}, or .inf as {has}"
+            )

@@ -1,13 +1,14 @@
-"""Limits from several places, one above the other: where two give the same, the later one holds."""
+"""Limits and motors from several places, one above the other: of two values the later one holds."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
 import numpy as np
 
 from tubeplanner.errors import RobotError, shown, unknown_name
 from tubeplanner.robot.limit_overrides import PER_JOINT, LimitOverrides
+from tubeplanner.robot.motor_overrides import MOTOR_QUANTITIES, MotorOverrides
 from tubeplanner.robot.point_speed import PointSpeed
 from tubeplanner.robot.urdf import Mimic, UrdfDescription
 
@@ -17,14 +18,15 @@ _FOLLOWED = ("velocity", "position", "acceleration", "jerk")
 
 @dataclass(frozen=True)
 class LimitLayer:
-    """Limits from a file.
+    """Limits and motors from a file.
 
     Attributes:
-        called: What messages call the limits.
+        called: What messages write before "limits" and "motors", such as "preset fr3: ".
         limits: The limits.
         joint_count: Number of joints of the arms that they are for; None: any.
         skips_others: Whether joints that are not planned may be among them, which are left out.
         notes: What in the file was not used.
+        motors: The motors.
     """
 
     called: str
@@ -32,6 +34,7 @@ class LimitLayer:
     joint_count: int | None = None
     skips_others: bool = False
     notes: tuple[str, ...] = ()
+    motors: MotorOverrides = field(default_factory=MotorOverrides)
 
 
 @dataclass(frozen=True)
@@ -53,6 +56,21 @@ class MergedLimits:
     notes: tuple[str, ...]
 
 
+@dataclass(frozen=True)
+class MergedMotors:
+    """What layers give together.
+
+    Attributes:
+        by_joint: Values by quantity and joint name; quantities are those of `MOTOR_QUANTITIES`.
+        friction_from_urdf: Whether the URDF's friction is taken where none is given.
+        friction_uncertainty: By which share friction may be more or less than that.
+    """
+
+    by_joint: Mapping[str, Mapping[str, Any]]
+    friction_from_urdf: bool
+    friction_uncertainty: float
+
+
 _Layer: TypeAlias = LimitOverrides | LimitLayer
 GivenLimits: TypeAlias = _Layer | Sequence[_Layer]
 
@@ -68,7 +86,7 @@ def layers_of(given: GivenLimits) -> list[LimitLayer]:
     for one in several:
         if not isinstance(one, LimitOverrides | LimitLayer):
             raise RobotError(f"limits are {shown(one)}; give LimitOverrides or a LimitLayer")
-        layers.append(one if isinstance(one, LimitLayer) else LimitLayer("robot.limits", one))
+        layers.append(one if isinstance(one, LimitLayer) else LimitLayer("robot.", one))
     return layers
 
 
@@ -90,24 +108,65 @@ def merged_limits(
         RobotError: A layer is for another number of joints, has another number of values, or names
             a joint or a link that there is not.
     """
-    chain = sorted(joint_names, key=lambda name: _depth(description, name))
+    chain = chain_order(description, joint_names)
     by_joint: dict[str, dict[str, Any]] = {quantity: {} for quantity in PER_JOINT}
     for layer in layers:
         _require_fitting(description, layer, chain)
         _require_some(layer, [*joint_names, *followers])
         for quantity, merged in by_joint.items():
             known = [*joint_names, *(followers if quantity in _FOLLOWED else ())]
-            merged |= _of_joints(layer, quantity, chain, known)
+            where = f"{layer.called}limits.{quantity}"
+            values = layer.limits.by_name(quantity, chain, where)
+            if not layer.skips_others:
+                _require_known(where, values, known)
+            merged |= values
     above = [layer.limits for layer in layers][::-1]
     speeds = [limits.tool_speed for limits in above if limits.tool_speed is not None]
     points = [limits.point_speed for limits in above if limits.point_speed]
     return MergedLimits(
         by_joint,
-        {name: factor for layer in layers for name, factor in layer.limits.scale.items()},
+        merged_scale(layers),
         float(speeds[0]) if speeds else np.inf,
         tuple(points[0]) if points else (),
         tuple(note for layer in layers for note in layer.notes),
     )
+
+
+def merged_motors(
+    description: UrdfDescription,
+    joint_names: Sequence[str],
+    followers: Mapping[str, Mimic],
+    layers: Sequence[LimitLayer],
+) -> MergedMotors:
+    """Return what layers give together; arguments as for `merged_limits`.
+
+    Raises:
+        RobotError: A layer has another number of values than there are joints, or names a joint
+            that there is not, or that has no motor because it follows another.
+    """
+    chain = chain_order(description, joint_names)
+    by_joint: dict[str, dict[str, Any]] = {quantity: {} for quantity in MOTOR_QUANTITIES}
+    for layer in layers:
+        for quantity, merged in by_joint.items():
+            where = f"{layer.called}motors.{quantity}"
+            values = layer.motors.by_name(quantity, chain, where)
+            _require_motors(where, values, followers)
+            _require_known(where, values, joint_names)
+            merged |= values
+    motors = [layer.motors for layer in layers][::-1]
+    taken = [one.friction_from_urdf for one in motors if one.friction_from_urdf is not None]
+    shares = [one.friction_uncertainty for one in motors if one.friction_uncertainty is not None]
+    return MergedMotors(by_joint, any(taken[:1]), float(shares[0]) if shares else 0.0)
+
+
+def merged_scale(layers: Sequence[LimitLayer]) -> dict[str, float]:
+    """Return the commissioning factors that layers give together, by quantity."""
+    return {name: factor for layer in layers for name, factor in layer.limits.scale.items()}
+
+
+def chain_order(description: UrdfDescription, joint_names: Sequence[str]) -> list[str]:
+    """Return joints in the order of the chain from the root."""
+    return sorted(joint_names, key=lambda name: _depth(description, name))
 
 
 def _depth(description: UrdfDescription, joint: str) -> int:
@@ -119,13 +178,13 @@ def _require_fitting(description: UrdfDescription, layer: LimitLayer, chain: Seq
     """Raise RobotError if a layer is for other arms, or names links that there are not."""
     if layer.joint_count not in (None, len(chain)):
         raise RobotError(
-            f"{layer.called} are for {layer.joint_count} joints; the planning group has "
-            f"{len(chain)}: {', '.join(chain)}"
+            f"{layer.called}limits and motors are for {layer.joint_count} joints; the planning "
+            f"group has {len(chain)}: {', '.join(chain)}"
         )
     for point in layer.limits.point_speed:
         if point.link not in description.links:
             message = unknown_name("link", point.link, description.links)
-            raise RobotError(f"{layer.called}.point_speed: {message}")
+            raise RobotError(f"{layer.called}limits.point_speed: {message}")
 
 
 def _require_some(layer: LimitLayer, known: Sequence[str]) -> None:
@@ -134,18 +193,22 @@ def _require_some(layer: LimitLayer, known: Sequence[str]) -> None:
     named = {name for given in maps if isinstance(given, Mapping) for name in given}
     if named and named.isdisjoint(known):
         raise RobotError(
-            f"{layer.called} name no joint of the planning group, which has: {', '.join(known)}; "
-            f"they name {', '.join(sorted(named))}"
+            f"{layer.called}limits name no joint of the planning group, which has: "
+            f"{', '.join(known)}; they name {', '.join(sorted(named))}"
         )
 
 
-def _of_joints(
-    layer: LimitLayer, quantity: str, chain: Sequence[str], known: Sequence[str]
-) -> Mapping[str, Any]:
-    """Return the limits that a layer gives on one quantity, by joint name."""
-    where = f"{layer.called}.{quantity}"
-    given = layer.limits.by_name(quantity, chain, where)
-    for name in given:
-        if name not in known and not layer.skips_others:
+def _require_known(where: str, values: Mapping[str, Any], known: Sequence[str]) -> None:
+    for name in values:
+        if name not in known:
             raise RobotError(f"{where}: {unknown_name('joint', name, known)}")
-    return given
+
+
+def _require_motors(where: str, values: Mapping[str, Any], followers: Mapping[str, Mimic]) -> None:
+    for name in values:
+        if name in followers:
+            master = followers[name].master
+            raise RobotError(
+                f"{where}: joint '{name}' follows '{master}' and has no motor of its own; give "
+                f"what '{master}' feels of it, or leave it out"
+            )

@@ -1,6 +1,6 @@
 """Limits that a problem gives, which replace and scale those of the URDF."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
@@ -8,6 +8,8 @@ import numpy as np
 
 from tubeplanner.errors import RobotError, shown, unknown_name
 from tubeplanner.options import in_figures, is_number
+from tubeplanner.robot.effort_range import require_effort_range
+from tubeplanner.robot.per_joint_values import entries_of, require_per_joint, values_by_name
 from tubeplanner.robot.point_speed import PointSpeed
 
 SCALABLE = ("effort", "velocity", "acceleration")
@@ -17,6 +19,8 @@ PER_JOINT = (*_NUMBERS, "position", "velocity_by_position")
 
 NumberPerJoint: TypeAlias = float | Sequence[float] | Mapping[str, float]
 Range: TypeAlias = tuple[float, float]
+Effort: TypeAlias = float | tuple[float, float] | Mapping[str, Sequence[float]]
+EffortPerJoint: TypeAlias = float | Sequence[float] | Mapping[str, Effort]
 Law: TypeAlias = Mapping[str, float | None] | None
 
 _MIN_LIMIT, _MAX_LIMIT = 1e-6, 1e9  # limits that make sense, in SI units
@@ -29,7 +33,9 @@ class LimitOverrides:
     Of effort, velocity, acceleration, jerk and effort rate one number serves for all joints.
 
     Attributes:
-        effort: Replaces the URDF's effort limit [N m or N]; inf on purpose is allowed.
+        effort: Replaces the URDF's effort limit [N m or N]; inf on purpose is allowed. In a map a
+            value may be [backwards, forwards], two magnitudes by the sign of the effort, or a map
+            with increasing positions and efforts there: linear between them, constant beyond.
         velocity: Replaces the URDF's velocity limit [rad/s or m/s]; inf on purpose is allowed.
         position: Replaces the URDF's (lower, upper) position limits [rad or m].
         acceleration: Acceleration limit [rad/s^2 or m/s^2]; a URDF has none.
@@ -43,7 +49,7 @@ class LimitOverrides:
         point_speed: Limits on the speed of points of the arm.
     """
 
-    effort: NumberPerJoint = field(default_factory=dict)
+    effort: EffortPerJoint = field(default_factory=dict)
     velocity: NumberPerJoint = field(default_factory=dict)
     position: Mapping[str, Range] | Sequence[Range] = field(default_factory=dict)
     acceleration: NumberPerJoint = field(default_factory=dict)
@@ -57,11 +63,15 @@ class LimitOverrides:
     def __post_init__(self) -> None:
         _require_speed(self.tool_speed)
         for quantity in PER_JOINT:
-            _require_kind(quantity, getattr(self, quantity))
+            where, given = f"robot.limits.{quantity}", getattr(self, quantity)
+            require_per_joint(where, given, takes_number=quantity in _NUMBERS)
         for quantity in _NUMBERS:
-            for where, value in _entries(quantity, getattr(self, quantity)):
-                _require_limit(where, value)
-        for where, range_ in _entries("position", self.position):
+            for where, value in entries_of(f"robot.limits.{quantity}", getattr(self, quantity)):
+                if quantity == "effort" and isinstance(self.effort, Mapping):
+                    _require_effort(where, value)
+                else:
+                    _require_limit(where, value)
+        for where, range_ in entries_of("robot.limits.position", self.position):
             is_pair = isinstance(range_, list | tuple | np.ndarray) and len(range_) == 2
             if not is_pair or not all(is_number(bound) for bound in range_):
                 raise RobotError(f"{where} {shown(range_)}; give [lower, upper]")
@@ -85,43 +95,15 @@ class LimitOverrides:
         Raises:
             RobotError: A list has another number of values than there are joints.
         """
-        given: Any = getattr(self, quantity)
-        if isinstance(given, Mapping):
-            return given
-        if is_number(given):
-            return dict.fromkeys(chain, given)
-        if len(given) != len(chain):
-            alone = "one for all joints, " if quantity in _NUMBERS else ""
-            raise RobotError(
-                f"{where} has {len(given)} values for {len(chain)} joints; give "
-                f"{alone}a map by name, or a list in the order of the chain: {', '.join(chain)}"
-            )
-        return dict(zip(chain, given, strict=True))
+        alone = quantity in _NUMBERS
+        return values_by_name(where, getattr(self, quantity), chain, takes_number=alone)
 
 
-def _require_kind(quantity: str, given: Any) -> None:
-    is_list = isinstance(given, list | tuple) or (isinstance(given, np.ndarray) and given.ndim > 0)
-    if not isinstance(given, Mapping) and not is_list and quantity not in _NUMBERS:
-        raise RobotError(
-            f"robot.limits.{quantity} is {shown(given)}; it must be a map by name, or a list with "
-            "one for each joint"
-        )
-    if not isinstance(given, Mapping) and not is_list and not is_number(given):
-        raise RobotError(
-            f"robot.limits.{quantity} is {shown(given)}; it must be one number for all joints, a "
-            "list with one for each, or a map by name, such as {'elbow_joint': 1.5}"
-        )
-
-
-def _entries(quantity: str, given: Any) -> Iterator[tuple[str, Any]]:
-    """Yield the values of a quantity, each after what messages call it."""
-    where = f"robot.limits.{quantity}"
-    if isinstance(given, Mapping):
-        yield from ((f"{where}: joint '{name}' at", value) for name, value in given.items())
-    elif is_number(given):
-        yield f"{where} is", given
+def _require_effort(where: str, value: Any) -> None:
+    if is_number(value):
+        _require_limit(where, value)
     else:
-        yield from ((f"{where}[{k}] is", value) for k, value in enumerate(given))
+        require_effort_range(where, value)
 
 
 def _require_limit(where: str, value: Any) -> None:

@@ -5,10 +5,13 @@ from pathlib import Path
 
 import numpy as np
 
-from tubeplanner.errors import RobotError
+from tubeplanner.errors import RobotError, shown
 from tubeplanner.resources import find_description
 from tubeplanner.robot.joint_limits import resolve_limits
-from tubeplanner.robot.limit_layers import GivenLimits
+from tubeplanner.robot.joint_motors import resolve_motors
+from tubeplanner.robot.limit_layers import GivenLimits, LimitLayer, layers_of
+from tubeplanner.robot.limit_overrides import LimitOverrides
+from tubeplanner.robot.motor_overrides import MotorOverrides
 from tubeplanner.robot.pinocchio_model import Payload, ToolOffset, planning_group
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.robot.urdf import read_urdf
@@ -26,6 +29,7 @@ def load_robot(
     gravity: Sequence[float] = EARTH_GRAVITY,
     payload: Payload | None = None,
     limits: GivenLimits | None = None,
+    motors: MotorOverrides | None = None,
     package_dirs: Sequence[str | Path] = (),
     directory: str | Path = ".",
 ) -> RobotModel:
@@ -43,6 +47,7 @@ def load_robot(
         payload: Carried mass; default: none.
         limits: What replaces the URDF's limits, or several such, as `read_preset` gives them, of
             which the later ones hold; default: nothing.
+        motors: Motors of the joints, above those of presets among the limits; default: nothing.
         package_dirs: Further folders that hold the packages of `package://` names.
         directory: Where relative paths start.
 
@@ -55,14 +60,24 @@ def load_robot(
     folders = tuple(directory / folder for folder in package_dirs)
     description = read_urdf(find_description(urdf, directory, folders))
     group = planning_group(description, tool_frame, joints)
+    layers = [*layers_of(limits or ()), *_layer_of(motors)]
     return RobotModel(
         description,
         tuple(group),
         tool_frame,
         tool_offset or ToolOffset(),
-        resolve_limits(description, group, limits or ()),
+        resolve_limits(description, group, layers),
         folders,
         dict(locked_joints or {}),
         tuple(gravity),
         payload,
+        resolve_motors(description, group, layers),
     )
+
+
+def _layer_of(motors: MotorOverrides | None) -> list[LimitLayer]:
+    if motors is None:
+        return []
+    if not isinstance(motors, MotorOverrides):
+        raise RobotError(f"motors are {shown(motors)}; give MotorOverrides")
+    return [LimitLayer("robot.", LimitOverrides(), motors=motors)]

@@ -52,8 +52,7 @@ class RobotModel:
 
     A body is everything that moves as one: body 0 is fixed to the base, body j > 0 is what hangs
     rigidly from one of the n joints, or from one of their followers (joints that mimic them); these
-    are M in all. Several threads may use one model; it pickles by content, the
-    URDF's text included.
+    are M in all. Several threads may use one model; it pickles by content, with the URDF's text.
 
     Attributes:
         name: The robot's name.
@@ -82,7 +81,7 @@ class RobotModel:
         motors: JointMotors | None = None,
     ) -> None:
         self.motors = motors or JointMotors.ideal(len(joint_names))
-        bounds = (limits.effort, limits.effort_rate, self.motors.saturation_effort)
+        bounds = [limits.effort, limits.effort_rate, self.motors.saturation_effort]
         model = build_model(
             urdf,
             joint_names,

@@ -1,4 +1,4 @@
-"""What the joints of a URDF say and planning does not use: friction, further limits."""
+"""What the joints of a URDF say and planning does not use unasked: friction, further limits."""
 
 from xml.etree.ElementTree import Element
 

@@ -142,7 +142,7 @@ class UrdfDescription:
             element.set("type", "fixed")
         if element.get("type") == "continuous":
             element.set("type", "revolute")
-        for tag in ("limit", "mimic", "safety_controller", "calibration"):
+        for tag in ("limit", "mimic", "safety_controller", "calibration", "dynamics"):
             for child in element.findall(tag):
                 element.remove(child)
         if element.get("type") == "fixed":

@@ -1,0 +1,46 @@
+"""Notes on a robot as it is described."""
+
+import numpy as np
+
+from tubeplanner import LimitOverrides, MotorOverrides, load_robot
+from tubeplanner.robot.robot_notes import robot_notes
+
+
+def arm(name="ur5", tool="tool0", **motors):
+    return load_robot(f"example:{name}", tool, motors=MotorOverrides(**motors))
+
+
+def test_a_robot_that_is_plain_has_none():
+    assert robot_notes(arm()) == ()
+
+
+def test_friction_that_no_gear_has_is_named_with_its_joint():
+    """The elbow of a UR5 turns at 3.15 rad/s and has 150 N m."""
+    viscous, coulomb = {"elbow_joint": 10}, {"elbow_joint": [20, 18.6]}
+    assert robot_notes(arm(viscous_friction=viscous, coulomb_friction=coulomb)) == (
+        "at full speed friction takes 34 % of the effort limit (elbow_joint), more than a third: "
+        "implausible for a geared arm; have it identified, or leave it out of robot.motors",
+    )
+    coulomb = {"elbow_joint": 18.4}
+    assert robot_notes(arm(viscous_friction=viscous, coulomb_friction=coulomb)) == ()
+
+
+def test_friction_of_every_joint_is_named_shortly():
+    free = LimitOverrides(velocity=1.0, effort=10.0)
+    motors = MotorOverrides(viscous_friction=4)
+    (note,) = robot_notes(load_robot("example:ur5", "tool0", limits=free, motors=motors))
+    assert note.startswith("at full speed friction takes 40 % of the effort limit (every joint), ")
+
+
+def test_without_limits_friction_has_no_share():
+    free = LimitOverrides(effort=np.inf)
+    motors = MotorOverrides(coulomb_friction=1000)
+    assert robot_notes(load_robot("example:ur5", "tool0", limits=free, motors=motors)) == ()
+
+
+def test_a_urdfs_placeholder_is_named_before_and_after_it_is_taken():
+    (before,) = robot_notes(arm("xarm7", "link7"))
+    (after,) = robot_notes(arm("xarm7", "link7", friction_from_urdf=True))
+    most = "65 % of the effort limit (joint1, joint2), more than a third"
+    assert f"would at full speed take {most}" in before
+    assert f"at full speed friction takes {most}" in after
