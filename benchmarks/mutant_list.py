@@ -204,7 +204,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("start[1::2] += width[1::2]", "start[1::2] += 0"),
         ("width / 2, 2", "width, 2"),
     ],
-    "bernstein_coefficients": [
+    "_taylor_coefficients": [
         ("start ** (orders - power)", "start ** (power - orders)"),
         ("scaled[power] *= (width**power)", "scaled[power] *= (width**degree)"),
     ],
@@ -488,7 +488,10 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "judge_acceleration": [("(motion, 2,", "(motion, 1,")],
     "judge_jerk": [("(motion, 3,", "(motion, 2,")],
     "_judge_derivative": [("1 - peak", "2 - peak"), ("bounded[peak.column]", "peak.column")],
-    "judge_effort": [("_EFFORT_ENCLOSURE * limit", "1e4 * _EFFORT_ENCLOSURE * limit")],
+    "JudgedMotion.smooth_efforts": [
+        ("EFFORT_ENCLOSURE * most", "1e4 * EFFORT_ENCLOSURE * most"),
+        ("np.minimum(", "np.maximum("),
+    ],
     "judge_effort_rate": [
         ("_RATE_ENCLOSURE * limit)", "1e4 * _RATE_ENCLOSURE * limit)"),
         ("limits.effort_rate", "limits.effort"),

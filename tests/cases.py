@@ -1,6 +1,7 @@
 """Problems, robots and moves that tests of several folders use."""
 
 from dataclasses import fields as dataclass_fields
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,8 @@ from tubeplanner import (
     Tube,
     load_robot,
 )
+from tubeplanner.robot.joint_motors import JointMotors
+from tubeplanner.robot.robot_model import RobotModel
 
 # Of tests that compare durations, or that plan and look at something else: quicker.
 SHORTEST = PlanOptions(slack=0.0)
@@ -81,6 +84,20 @@ def one_joint(tmp_path, mass=0.0, **limits):
     return load_robot(
         "bar.urdf", "bar", gravity=gravity, limits=LimitOverrides(**overrides), directory=tmp_path
     )
+
+
+def with_motors(robot, effort_ranges=(), **values):
+    """Return a robot with motors, (n,) or one number each, and ranges of its efforts."""
+    arguments = list(robot.__reduce__()[1])
+    ideal = JointMotors.ideal(robot.joint_count)
+    uncertainty = values.pop("friction_uncertainty", 0.0)
+    rows = {name: np.broadcast_to(value, robot.joint_count) for name, value in values.items()}
+    arguments[-1] = replace(ideal, **rows, friction_uncertainty=uncertainty)
+    effort = robot.limits.effort.copy()
+    for table in effort_ranges:
+        effort[table.joint] = max(table.backwards.max(), table.forwards.max())
+    arguments[4] = replace(robot.limits, effort=effort, effort_ranges=tuple(effort_ranges))
+    return RobotModel(*arguments)
 
 
 def anywhere(robot):

@@ -3,10 +3,21 @@
 import numpy as np
 import pytest
 
-from cases import SLIDE
+from cases import SLIDE, with_motors
 from tubeplanner import JointTrajectory, load_robot
 from tubeplanner.robot.effort_rate import effort_rate
 from tubeplanner.verification.enclosed_efforts import effort_terms, enclosed_effort_rates
+
+
+@pytest.fixture(params=["rigid", "motors"])
+def arm(request, robot):
+    """Arms without and with rotors and viscous friction."""
+    if request.param == "rigid":
+        return robot
+    amounts = np.random.default_rng(1).uniform(0.1, 2.0, (3, robot.joint_count))
+    return with_motors(
+        robot, armature=amounts[0], viscous_friction=amounts[1], forwards_friction=amounts[2]
+    )
 
 
 @pytest.fixture
@@ -15,34 +26,34 @@ def states(robot):
     return np.random.default_rng(0).uniform(-2, 2, (3, 20, robot.joint_count))
 
 
-def test_the_terms_add_up_to_what_the_planners_limit(robot, states):
-    terms = effort_terms(robot).values()
+def test_the_terms_add_up_to_what_the_planners_limit(arm, states):
+    terms = effort_terms(arm).values()
     efforts = sum(term.values(*states[: term.derivatives + 1]) for term in terms)
-    np.testing.assert_allclose(efforts, robot.inverse_dynamics(*states), rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(efforts, arm.inverse_dynamics(*states), rtol=1e-12, atol=1e-12)
 
 
-def test_the_term_of_rigid_bodies_holds_no_friction(tmp_path):
+def test_friction_of_the_urdf_is_not_in_it_unasked(tmp_path):
     """What rigid bodies need is the same whichever way they move; its bound counts on that."""
     dynamics = '<dynamics damping="3" friction="2"/><limit'
     path = tmp_path / "with_friction.urdf"
     path.write_text(SLIDE.replace("<limit", dynamics))
     robot = load_robot(path, "tip")
     q, v, a = np.random.default_rng(0).uniform(-2, 2, (3, 20, robot.joint_count))
-    values = effort_terms(robot)["rigid bodies"].values
+    values = effort_terms(robot)["rigid bodies and motors"].values
     np.testing.assert_allclose(values(q, -v, a), values(q, v, a), rtol=1e-9, atol=1e-9)
 
 
-def test_enclosed_rates_are_those_that_the_planners_limit(robot):
+def test_enclosed_rates_are_those_that_the_planners_limit(arm):
     """On either side of breakpoints at which the jerk jumps, and in between."""
-    n = robot.joint_count
+    n = arm.joint_count
     coefficients = np.random.default_rng(3).uniform(-1, 1, (4, 3, n))
     coefficients *= np.array([400.0, 30.0, 2.0, 1.5])[:, None, None]
-    trajectory = JointTrajectory(robot.joint_names, [0, 0.05, 0.08, 0.2], coefficients)
-    rates = enclosed_effort_rates(robot, trajectory, np.full(n, 1e-4))
+    trajectory = JointTrajectory(arm.joint_names, [0, 0.05, 0.08, 0.2], coefficients)
+    rates = enclosed_effort_rates(arm, trajectory, np.full(n, 1e-4))
     assert rates.error.max() <= 1e-4
     interval = np.repeat(np.arange(len(rates.width)), 9)
     u = np.tile(np.linspace(0, 1, 9), len(rates.width))
     piece = np.searchsorted(trajectory.breakpoints, rates.start + 1e-9)[interval] - 1
     local = rates.start[interval] + u * rates.width[interval] - trajectory.breakpoints[piece]
-    expected = effort_rate(robot, *(trajectory.within(piece, local, k) for k in range(4)))
+    expected = effort_rate(arm, *(trajectory.within(piece, local, k) for k in range(4)))
     np.testing.assert_allclose(rates.within(interval, u), expected, atol=1.01e-4)

@@ -5,9 +5,10 @@ from math import factorial
 import numpy as np
 import pytest
 
+from cases import with_motors
 from tubeplanner import JointTrajectory, load_robot
 from tubeplanner.verification.enclosure import joint_bounds
-from tubeplanner.verification.majorants import rigid_body_majorant, tool_majorant
+from tubeplanner.verification.majorants import motor_majorant, rigid_body_majorant, tool_majorant
 
 SPEED, WIDTH = 1e-3, 600.0  # slow: nothing but gravity counts
 ORDERS = range(9)
@@ -93,3 +94,22 @@ def test_a_slide_that_follows_another_carries_the_tool_round_a_circle(load, mult
     expected = [radius * (SPEED * WIDTH) ** k / factorial(k) for k in ORDERS]
     found = tool_majorant(robot, joints).position[1:9, 0]
     np.testing.assert_allclose(found, expected[1:], rtol=1e-12)
+
+
+def test_rotors_and_viscous_friction_take_what_polynomials_do(slide):
+    """Of q = c t^3, J q'' + d q' is 6 c J t + 3 c d t^2: nothing is estimated."""
+    armature, viscous = np.array([[0.3, 0.5, 0.7], [2.0, 0.4, 0.0]])
+    robot = with_motors(slide, armature=armature, viscous_friction=viscous)
+    cubic, width = np.array([1.0, -2.0, 0.5]), np.array([0.5, 2.0])
+    rows = np.zeros((4, 1, 3))
+    rows[0, 0] = cubic
+    trajectory = JointTrajectory(robot.joint_names, [0, 3.0], rows)
+    joints = joint_bounds(trajectory, np.zeros(2, dtype=int), np.zeros(2), width, 6)
+    found = motor_majorant(robot, joints, width)
+    assert found.shape == (4, 2, 3)
+    time = width[:, None]
+    # On [0, T] each Taylor coefficient is the largest at T, where those of q' are 3, 6, 3 c T^2.
+    speed = 3 * abs(cubic) * time**2
+    expected = [2 * armature * speed / time + viscous * speed]
+    expected += [2 * armature * speed / time + 2 * viscous * speed, viscous * speed, 0 * speed]
+    np.testing.assert_allclose(found, expected, rtol=1e-12)

@@ -273,9 +273,7 @@ class RobotModel:
     def gravity_effort(self, q: FloatArray) -> FloatArray:
         """Return the joint efforts (N, n) [N m or N] that hold the arm still against gravity."""
         zero = np.zeros_like(q)
-        if not self.gravity.any():
-            return zero
-        return self.inverse_dynamics(q, zero, zero)
+        return self.inverse_dynamics(q, zero, zero) if self.gravity.any() else zero
 
     def inverse_dynamics_derivatives(
         self, q: FloatArray, v: FloatArray, a: FloatArray

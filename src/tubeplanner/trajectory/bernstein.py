@@ -46,16 +46,25 @@ def bernstein_coefficients(
         Shape (degree+1, P, n); the first and the last are the values at the interval's ends.
         (Farouki, "The Bernstein polynomial basis: a centennial retrospective", 2012, section 3.2.)
     """
-    degree = len(coefficients) - 1
-    ascending = np.asarray(coefficients, dtype=np.float64)[::-1]
-    scaled = np.empty_like(ascending)
-    for power in range(degree + 1):
-        # Taylor coefficient about the start: sum over k of C(k, power) start^(k - power) c_k.
-        orders = np.arange(power, degree + 1)
-        factors = _binomials(degree)[power:, power, None] * start ** (orders - power)[:, None]
-        scaled[power] = np.einsum("kp,kpn->pn", factors, ascending[power:])
-        scaled[power] *= (width**power)[:, None]
-    return np.einsum("bk,kpn->bpn", _power_to_bernstein(degree), scaled)
+    return np.einsum(
+        "bk,kpn->bpn",
+        _power_to_bernstein(len(coefficients) - 1),
+        _taylor_coefficients(coefficients, start, width),
+    )
+
+
+def restricted(coefficients: FloatArray, start: FloatArray, width: FloatArray) -> FloatArray:
+    """Return polynomials on intervals, as polynomials of a time that runs from 0 to 1 over each.
+
+    Args:
+        coefficients: Shape (degree+1, P, n), highest power first.
+        start: Start of each interval in local time [s], shape (P,).
+        width: Width of each interval [s], shape (P,).
+
+    Returns:
+        Shape (degree+1, P, n), highest power first.
+    """
+    return _taylor_coefficients(coefficients, start, width)[::-1]
 
 
 def halves(start: FloatArray, width: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -110,6 +119,22 @@ def peak_magnitudes(coefficients: FloatArray, widths: FloatArray) -> Extrema:
     sign = both.value.reshape(2, n).argmax(axis=0)
     chosen = n * sign + np.arange(n)
     return Extrema(both.value[chosen], both.piece[chosen], both.local_time[chosen])
+
+
+def _taylor_coefficients(
+    coefficients: FloatArray, start: FloatArray, width: FloatArray
+) -> FloatArray:
+    """Return those about the starts of intervals, in widths of these, lowest power first."""
+    degree = len(coefficients) - 1
+    ascending = np.asarray(coefficients, dtype=np.float64)[::-1]
+    scaled = np.empty_like(ascending)
+    for power in range(degree + 1):
+        # Sum over k of C(k, power) start^(k - power) c_k.
+        orders = np.arange(power, degree + 1)
+        factors = _binomials(degree)[power:, power, None] * start ** (orders - power)[:, None]
+        scaled[power] = np.einsum("kp,kpn->pn", factors, ascending[power:])
+        scaled[power] *= (width**power)[:, None]
+    return scaled
 
 
 @cache

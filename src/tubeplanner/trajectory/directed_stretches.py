@@ -8,6 +8,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.trajectory.bernstein import bernstein_coefficients
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
+from tubeplanner.trajectory.sign_changes import sign_changes
 
 # A joint that stays below this share of the largest velocity of any joint, in rad/s and m/s alike,
 # stands still: friction has no direction there. So is what rounding makes of a velocity of zero.
@@ -90,33 +91,20 @@ def directed_stretches(trajectory: JointTrajectory) -> DirectedStretches:
     pieces, n = velocity.shape[1:]
     hull = bernstein_coefficients(velocity, np.zeros(pieces), trajectory.widths)
     still = STILL_SHARE * float(abs(hull).max())
-    joint, piece = np.repeat(np.arange(n), pieces), np.tile(np.arange(pieces), n)
-    both = (hull.min(axis=0) < 0) & (hull.max(axis=0) > 0)
-    # Powers of the share of a piece.
-    powers = np.arange(len(velocity) - 1, -1, -1)
-    scaled = velocity * trajectory.widths[None, :, None] ** powers[:, None, None]
-    turned = [
-        (j, k, root)
-        for k, j in np.argwhere(both).tolist()
-        for root in _roots_inside(scaled[:, k, j])
-    ]
-    joint = np.append(joint, [j for j, _, _ in turned]).astype(np.int64)
-    piece = np.append(piece, [k for _, k, _ in turned]).astype(np.int64)
-    start = np.append(np.zeros(n * pieces), [root for _, _, root in turned])
+    turned = sign_changes(velocity, trajectory.widths)
+    joint = np.append(np.repeat(np.arange(n), pieces), turned.column)
+    piece = np.append(np.tile(np.arange(pieces), n), turned.piece)
+    start = np.append(np.zeros(n * pieces), turned.share)
     order = np.lexsort((start, piece, joint))
     joint, piece, start = joint[order], piece[order], start[order]
     is_last = np.append((np.diff(piece) != 0) | (np.diff(joint) != 0), True)
     end = np.where(is_last, 1.0, np.roll(start, -1))
     looks = start[:, None] + (end - start)[:, None] * _LOOKS
+    looks *= trajectory.widths[piece][:, None]
     value = np.zeros_like(looks)
-    for row in scaled[:, piece, joint]:
+    for row in velocity[:, piece, joint]:
         value = value * looks + row[:, None]
-    moves = abs(value).max(axis=1) > still
-    return DirectedStretches(joint, piece, start, end, np.where(moves, np.sign(value[:, 1]), 0.0))
-
-
-def _roots_inside(coefficients: FloatArray) -> list[float]:
-    """Return where a polynomial, highest power first, may change its sign between 0 and 1."""
-    roots = np.roots(coefficients)
-    real = roots.real[roots.imag == 0]
-    return sorted(real[(real > 0) & (real < 1)].tolist())
+    # One look may be at an instant at which the joint stops and goes on.
+    fastest = value[np.arange(len(value)), abs(value).argmax(axis=1)]
+    direction = np.where(abs(fastest) > still, np.sign(fastest), 0.0)
+    return DirectedStretches(joint, piece, start, end, direction)

@@ -14,6 +14,7 @@ from tubeplanner.verification.judged.joint_rates import (
     judge_velocity,
 )
 from tubeplanner.verification.judged.joint_signs import judge_joint_signs
+from tubeplanner.verification.judged.motor_curve import judge_motor_curve
 from tubeplanner.verification.judged.point_speed import judge_point_speed
 from tubeplanner.verification.judged.points import judge_points
 from tubeplanner.verification.judged.position import judge_position
@@ -32,6 +33,7 @@ JUDGED: Mapping[str, Callable[[JudgedMotion], JudgedCondition]] = MappingProxyTy
         "acceleration": judge_acceleration,
         "jerk": judge_jerk,
         "effort": judge_effort,
+        "motor_curve": judge_motor_curve,
         "effort_rate": judge_effort_rate,
         "tool_speed": judge_tool_speed,
         "point_speed": judge_point_speed,

@@ -23,7 +23,7 @@ def effort_terms(robot: RobotModel) -> Mapping[str, Quantity]:
         moved = rigid_body_majorant(robot, joints, width)
         return moved + motor_majorant(robot, joints, width)
 
-    return {"rigid bodies": Quantity(2, robot.inverse_dynamics, majorant)}
+    return {"rigid bodies and motors": Quantity(2, robot.inverse_dynamics, majorant)}
 
 
 def enclosed_efforts(

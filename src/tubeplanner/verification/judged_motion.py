@@ -5,19 +5,25 @@ from functools import cached_property
 
 import numpy as np
 
-from tubeplanner.arrays import FloatArray
+from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.outcome import Place
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.trajectory.bernstein import peak_magnitudes
+from tubeplanner.trajectory.directed_stretches import DirectedStretches, directed_stretches
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.tube.tube import Tube
+from tubeplanner.verification.directed_efforts import DirectedEfforts, directed_efforts
+from tubeplanner.verification.enclosed_efforts import enclosed_efforts
 from tubeplanner.verification.enclosed_pose import EnclosedPose, enclosed_pose, enclosed_tool
 from tubeplanner.verification.enclosure import Enclosure
 from tubeplanner.verification.judged_condition import Tolerance
 from tubeplanner.verification.segment_margins import MarginMaker
 from tubeplanner.verification.tube_visits import Visit, tube_visits
 
+# How closely efforts are enclosed, as a share of their limits: tighter than the certificate's
+# tolerance, so that the planner may use most of it.
+EFFORT_ENCLOSURE = 1e-8
 _STILL_SHARE = 1e-6  # a joint slower than this share of the fastest counts as standing still
 # How closely the tool is enclosed [m]: tighter than the certificate's tolerance, so that the
 # planner may use most of it.
@@ -76,6 +82,22 @@ class JudgedMotion:
         """The trajectory's share of each segment that it visits."""
         known = (self.problem, self.trajectory, self.tool, self.rotation)
         return tube_visits(*known, self.further)
+
+    @cached_property
+    def stretches(self) -> DirectedStretches:
+        """When joints move which way."""
+        return directed_stretches(self.trajectory)
+
+    @cached_property
+    def smooth_efforts(self) -> Enclosure:
+        """The joint efforts without Coulomb friction, c = n [N m or N]."""
+        most = np.minimum(self.robot.limits.effort, self.robot.motors.saturation_effort)
+        return enclosed_efforts(self.robot, self.trajectory, EFFORT_ENCLOSURE * most)
+
+    def efforts_of(self, joints: IntArray) -> DirectedEfforts:
+        """Return the efforts of some joints, shape (k,), with Coulomb friction."""
+        known = (self.robot, self.trajectory, self.smooth_efforts, self.stretches)
+        return directed_efforts(*known, joints)
 
     @cached_property
     def largest_rates(self) -> dict[int, FloatArray]:

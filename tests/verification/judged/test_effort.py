@@ -35,7 +35,7 @@ def test_the_error_of_an_enclosure_is_taken_off_the_margin(stored, monkeypatch):
     """Polynomials that miss a hundredth: the margin is then a hundredth on the safe side."""
     problem, trajectory = stored("two_link/around_a_post", "branch-and-bound")
     exact = verify(problem, trajectory).conditions["effort"].margin
-    monkeypatch.setattr("tubeplanner.verification.judged.effort._EFFORT_ENCLOSURE", 1e-2)
+    monkeypatch.setattr("tubeplanner.verification.judged_motion.EFFORT_ENCLOSURE", 1e-2)
     rough = verify(problem, trajectory).conditions["effort"].margin
     assert exact - 2e-2 < rough < exact - 1e-6
 

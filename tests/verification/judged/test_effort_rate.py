@@ -1,11 +1,14 @@
 """How fast efforts change: closed forms, breakpoints, defects that only samples between show."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from cases import INERTIA, PEAK_JERK, anywhere, changed, one_joint, quintic
+from cases import INERTIA, PEAK_JERK, anywhere, changed, one_joint, quintic, with_motors
 from tubeplanner import JointTrajectory, LimitOverrides, Tolerance, load_robot, verify
 from tubeplanner.robot.effort_rate import effort_rate
+from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.verification.conditions import JUDGED
 from tubeplanner.verification.judged import effort_rate as module
 from tubeplanner.verification.judged_motion import JudgedMotion
@@ -118,3 +121,43 @@ def test_an_undecided_rate_tells_what_was_found(tmp_path, monkeypatch):
     assert exact.coverage == "for all t"
     assert condition.coverage.startswith("for all t, undecided: the margin found is ")
     assert condition.margin < exact.margin
+
+
+def test_viscous_friction_and_rotors_count(tmp_path):
+    """At constant jerk j: (I + J) j + d a, the largest at the end."""
+    robot = with_motors(
+        one_joint(tmp_path, velocity=1e3, effort=np.inf, effort_rate=20.0),
+        armature=0.3,
+        viscous_friction=0.8,
+    )
+    motion = JointTrajectory(["turn"], [0, 1.5], np.array([0.5, 0, 0.2, 0])[:, None, None])
+    condition = judged(anywhere(robot), motion)
+    assert condition.margin == pytest.approx(1 - (3 * (INERTIA + 0.3) + 0.8 * 4.5) / 20, abs=2e-8)
+    assert condition.coverage == "for all t"
+
+
+def test_jumps_of_coulomb_friction_are_told_apart(tmp_path):
+    """They change nothing but the coverage."""
+    plain = one_joint(tmp_path, velocity=1e3, effort=np.inf, effort_rate=20.0)
+    robot = with_motors(plain, backwards_friction=1.25, forwards_friction=0.5)
+    v = np.poly1d([1.0, -0.2]) * np.poly1d([1.0, -0.7])
+    motion = JointTrajectory(["turn"], [0, 1.0], np.polyint(v).coeffs[:, None, None])
+    condition = judged(anywhere(robot), motion)
+    assert condition.margin == judged(anywhere(plain), motion).margin
+    assert condition.coverage == (
+        "for all t; Coulomb friction, which is apart, jumps at 2 reversals, by at most 1.75 N m "
+        "(turn, t = 0.2000 s)"
+    )
+
+
+def test_friction_of_joints_without_this_limit_is_not_told(ur5):
+    robot = with_motors(ur5, forwards_friction=1.0)
+    rates = replace(robot.limits, effort_rate=np.full(6, np.inf))
+    rates.effort_rate[2] = 1e4
+    arguments = list(robot.__reduce__()[1])
+    arguments[4] = rates
+    rows = np.zeros((3, 1, 6))
+    rows[:2, 0, 1] = 1.0, -0.5
+    motion = JointTrajectory(ur5.joint_names, [0, 1.0], rows)
+    condition = judged(anywhere(RobotModel(*arguments)), motion)
+    assert condition.coverage.endswith("; Coulomb friction does not jump: no joint reverses")
