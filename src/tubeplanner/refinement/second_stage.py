@@ -10,6 +10,7 @@ from collections.abc import Callable
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.constraints.time_scaling import minimum_duration
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.refinement.linear_rows import MERIT_TOLERANCE
@@ -35,6 +36,10 @@ _BETWEEN_LOOKS = 5e-5
 # What the shortest motion left free may become smaller by this share of the radius; and by this
 # share of the distance from obstacles, of which no more than so much counts [m].
 _LESS_ROOM, _LESS_CLEARANCE, _MOST_CLEARANCE = 0.05, 0.1, 0.02
+
+
+# Over so many knot intervals Coulomb friction is blended: reversals move with what is saved.
+_BLENDED = 8.0
 
 
 class SecondStage:
@@ -75,6 +80,7 @@ class SecondStage:
             objective=self._objective,
             room=_room(problem, dense) - _LESS_ROOM,
         )
+        self._program.constraints.blend(_BLENDED)
         self._checkpoint = checkpoint
         self._penalty = _PENALTY
         self._best: Iterate | None = None
@@ -160,8 +166,22 @@ class SecondStage:
     def _looked_at(self, iterate: Iterate) -> bool:
         """Return whether a motion is an answer between samples too; add some where it is not."""
         dense, _ = self._program.constraints.look_between_samples(iterate)
-        in_time = dense.squared_duration <= (self._longest * (1 - _BETWEEN_LOOKS)) ** 2
-        return bool(in_time and dense.excess <= MERIT_TOLERANCE)
+        longest = self._longest * (1 - _BETWEEN_LOOKS)
+        if dense.excess > MERIT_TOLERANCE:
+            return False
+        return dense.squared_duration <= longest**2 or self._least_duration(iterate) <= longest
+
+    def _least_duration(self, iterate: Iterate) -> float:
+        """Return the least duration where friction is not blended; inf where it never is."""
+        robot = self._problem.robot
+        if not robot.motors.has_coulomb_friction:
+            return np.inf
+        shape = from_spline(robot.joint_names, iterate.spline.bspline())
+        try:
+            segments = segments_of_pieces(iterate.spline.grid)
+            return minimum_duration(self._problem, shape, segments=segments)
+        except Infeasible:
+            return np.inf
 
     def _is_better(self, iterate: Iterate) -> bool:
         return self._objective.value(iterate) < self._objective.value(self._found)
