@@ -1,7 +1,7 @@
 """Plan random problems that have a solution, and let the outside judge look at every answer.
 
     python benchmarks/campaign.py --count 40 [--seed 0] [--output F.jsonl] [--pairs]
-        [--baselines] [--processes 1] [--time-limit 60] [--slack 0] [--keep FOLDER]
+        [--motors] [--baselines] [--processes 1] [--time-limit 60] [--slack 0] [--keep FOLDER]
 
 Every problem is built round a slow trajectory that solves it by the outside judge's own verdict
 (`campaign_problems.py`): bundled arms, any chain of example-robot-data, random chains with sliding
@@ -10,6 +10,7 @@ process of its own. An answer is wrong if the planner certifies it and the outsi
 With --pairs, problems with a goal are planned backwards and with radii of 90 % as well: forwards
 and backwards the least duration is the same, and the narrower tube's trajectory is one of the
 wider's, so whichever of the first two is more than 1 % slower than the best of the three is stuck.
+With --motors, arms have random rotors, friction, torque-speed lines and efforts each way.
 With --baselines, so is what is slower than a smoothed scheme that passes the certificate.
 Seeds that the output file already has are skipped. Exit status 1 if an answer is wrong.
 """
@@ -50,6 +51,7 @@ class Options:
     Attributes:
         pairs: Whether backwards and narrower as well.
         baselines: Whether smoothed schemes as well.
+        motors: Whether arms have random motors.
         time_limit: Of every plan [s].
         keep: Where folders of problems that are wrong or refused are kept; None: nowhere.
         slack: By which share longer than the shortest motions answers may be, to be smooth.
@@ -57,6 +59,7 @@ class Options:
 
     pairs: bool
     baselines: bool
+    motors: bool
     time_limit: float
     keep: Path | None
     slack: float = 0.0
@@ -67,7 +70,7 @@ def examine(seed: int, options: Options) -> Fields:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         try:
-            built = build(seed, folder)
+            built = build(seed, folder, motors=options.motors)
         except Unsuitable as error:
             return {"seed": seed, "status": UNBUILT, "message": str(error)}
         line = {"seed": seed, **_features(built), **_planned(built.path, options, built.judge)}
@@ -255,6 +258,7 @@ def main() -> int:
     parser.add_argument("--output", type=Path, help="one JSON line per problem; is gone on with")
     parser.add_argument("--pairs", action="store_true", help="backwards and narrower as well")
     parser.add_argument("--baselines", action="store_true", help="smoothed schemes as well")
+    parser.add_argument("--motors", action="store_true", help="random motors")
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--time-limit", type=float, default=60.0, help="of every plan [s]")
     parser.add_argument("--slack", type=float, default=0.0, help="of every plan, to be smooth")
@@ -263,7 +267,14 @@ def main() -> int:
     seeds = range(options.seed, options.seed + options.count)
     lines = [line for line in _read(options.output) if line["seed"] in seeds]
     done = {line["seed"] for line in lines}
-    how = Options(options.pairs, options.baselines, options.time_limit, options.keep, options.slack)
+    how = Options(
+        options.pairs,
+        options.baselines,
+        options.motors,
+        options.time_limit,
+        options.keep,
+        options.slack,
+    )
     for line in _lines([seed for seed in seeds if seed not in done], how, options.processes):
         lines.append(line)
         print(_progress(line), flush=True)

@@ -12,6 +12,7 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from campaign_arms import Unsuitable, random_arm, without_efforts
+from campaign_motors import vary_motors
 from campaign_witness import MAX_RADIUS, RADIUS_FACTOR, Witness, random_witness
 from outside.arm import Arm, placed, solid_geometry
 from outside.files import BUNDLED, BadInput
@@ -47,10 +48,15 @@ class Built:
     witness: Witness
 
 
-def build(seed: int, folder: Path) -> Built:
+def build(seed: int, folder: Path, *, motors: bool = False) -> Built:
     """Write the problem of a seed into a folder; always the same.
 
     Draws that cannot become a problem are replaced by further ones of the same seed.
+
+    Args:
+        seed: Of the problem.
+        folder: Where to write.
+        motors: Whether its arm has random motors.
 
     Raises:
         Unsuitable: None became one; the message counts the reasons.
@@ -58,7 +64,7 @@ def build(seed: int, folder: Path) -> Built:
     reasons: Counter[str] = Counter()
     for attempt in range(MAX_ATTEMPTS):
         try:
-            return _attempt(np.random.default_rng([seed, attempt]), folder)
+            return _attempt(np.random.default_rng([seed, attempt]), folder, motors)
         except (Unsuitable, BadInput) as reason:
             reasons[str(reason)[:100]] += 1
     counted = "; ".join(f"{count} x {reason}" for reason, count in reasons.most_common(4))
@@ -70,10 +76,13 @@ def write(fields: dict[str, Any], path: Path) -> None:
     path.write_text(yaml.safe_dump(fields, sort_keys=False, default_flow_style=None, width=140))
 
 
-def _attempt(rng: np.random.Generator, folder: Path) -> Built:
+def _attempt(rng: np.random.Generator, folder: Path, motors: bool) -> Built:
     name, robot = random_arm(rng, folder)
     _vary_robot(rng, robot, name)
     arm = _arm(robot, folder)
+    if motors:
+        vary_motors(rng.spawn(1)[0], robot, arm)
+        arm = _arm(robot, folder)
     witness = random_witness(rng, arm)
     tube = _tube(rng, arm, witness)
     fields: dict[str, Any] = {"robot": robot, "tube": tube}
