@@ -65,8 +65,9 @@ def blended_friction(
             the goal, at samples near these; nan at others, shape (N, n).
         share: Of a joint's largest velocity, below which the friction of both directions counts.
     """
-    most = abs(rate).max(axis=0)
-    width = np.where(most > STILL_SHARE * most.max(), share * most, np.inf)
+    largest = abs(rate).max(axis=0)
+    moves = largest > STILL_SHARE * largest.max()
+    width = np.where(moves, share * largest, 1.0)
     forwards, backwards = motors.forwards_friction, -motors.backwards_friction
     more, less = 1 + motors.friction_uncertainty, 1 - motors.friction_uncertainty
     slope = 1 / (width * (1 - _EARLY))
@@ -78,9 +79,8 @@ def blended_friction(
         rise * slope * ((ahead < 1) & (ahead > 0)),
         fall * slope * ((behind < 1) & (behind > 0)),
     )
-    known = ~np.isnan(end_direction) | np.isinf(width)
-    direction = np.where(np.isinf(width), 0.0, np.nan_to_num(end_direction))
-    exact = directed_friction(motors, direction)
+    known = ~np.isnan(end_direction) | ~moves
+    exact = directed_friction(motors, np.where(moves, np.nan_to_num(end_direction), 0.0))
     names = CoulombFriction.__dataclass_fields__
     return CoulombFriction(
         *(np.where(known, getattr(exact, name), getattr(blended, name)) for name in names)

@@ -166,19 +166,21 @@ class SecondStage:
     def _looked_at(self, iterate: Iterate) -> bool:
         """Return whether a motion is an answer between samples too; add some where it is not."""
         dense, _ = self._program.constraints.look_between_samples(iterate)
-        longest = self._longest * (1 - _BETWEEN_LOOKS)
         if dense.excess > MERIT_TOLERANCE:
             return False
-        return dense.squared_duration <= longest**2 or self._least_duration(iterate) <= longest
+        return self._least_duration(dense) <= self._longest * (1 - _BETWEEN_LOOKS)
 
-    def _least_duration(self, iterate: Iterate) -> float:
-        """Return the least duration where friction is not blended; inf where it never is."""
+    def _least_duration(self, dense: Iterate) -> float:
+        """Return the least duration of a motion, inf if it has none; exact where it has friction.
+
+        Blended friction asks for more than a motion needs, or misses what is between samples.
+        """
         robot = self._problem.robot
         if not robot.motors.has_coulomb_friction:
-            return np.inf
-        shape = from_spline(robot.joint_names, iterate.spline.bspline())
+            return float(np.sqrt(dense.squared_duration))
+        shape = from_spline(robot.joint_names, dense.spline.bspline())
         try:
-            segments = segments_of_pieces(iterate.spline.grid)
+            segments = segments_of_pieces(dense.spline.grid)
             return minimum_duration(self._problem, shape, segments=segments)
         except Infeasible:
             return np.inf
