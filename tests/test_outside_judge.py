@@ -287,6 +287,73 @@ def tool_point(case, share):
     ]
 
 
+def motors(case, **values):
+    case.robot.setdefault("motors", {}).update(values)
+
+
+def first_joint(case):
+    """Return position, velocity, acceleration and effort of the first joint at samples."""
+    arm = load_robot("example:two_link", case.robot["tool_frame"])
+    samples = case.trajectory.samples(20_000)
+    states = [case.trajectory.at(samples, order) for order in range(3)]
+    return *(state[:, 0] for state in states), arm.inverse_dynamics(*states)[:, 0]
+
+
+def almost_strong_enough(case, effort, without):
+    """Limit the first joint to almost what it needs, which is more than without motors."""
+    most = float(abs(effort).max()) * (1 - SLIGHTLY)
+    assert most > abs(without).max() * (1 + SLIGHTLY)
+    case.limit("effort", {"joint1": most})
+
+
+def friction_unpaid(case):
+    _, v, _, effort = first_joint(case)
+    motors(case, coulomb_friction={"joint1": [2.0, 30.0]})
+    dry = np.where(v > 0, 30.0, -2.0)
+    almost_strong_enough(case, effort + dry, effort)
+
+
+def friction_unpaid_at_worst(case):
+    _, v, _, effort = first_joint(case)
+    motors(case, viscous_friction={"joint1": 1.0}, coulomb_friction={"joint1": 2.0})
+    motors(case, friction_uncertainty=0.4)
+    friction = v + 2.0 * np.sign(v)
+    unsure = 0.4 * abs(friction) * np.sign(effort + friction)
+    almost_strong_enough(case, effort + friction + unsure, effort + friction)
+
+
+def rotor_unpaid(case):
+    _, _, a, effort = first_joint(case)
+    motors(case, armature={"joint1": 0.3})
+    almost_strong_enough(case, effort + 0.3 * a, effort)
+
+
+def used_of_a_line(case):
+    """Return the largest share of a line from 95 N m to 40 rad/s that the first joint uses."""
+    _, v, _, effort = first_joint(case)
+    return float(abs(effort / 95.0 + v / 40.0).max())
+
+
+def beyond_a_line(case):
+    used = used_of_a_line(case) * (1 - SLIGHTLY)
+    ends = {"saturation_effort": 95.0 * used, "no_load_velocity": 40.0 * used}
+    motors(case, **{key: {"joint1": value} for key, value in ends.items()})
+
+
+def weaker_backwards(case):
+    _, _, _, effort = first_joint(case)
+    case.limit("effort", {"joint1": [float(-effort.min()) * (1 - SLIGHTLY), 1e3]})
+
+
+def weaker_in_one_place(case):
+    """Where the first joint uses most, and beside; it has more elsewhere."""
+    q, _, _, effort = first_joint(case)
+    at, most = float(q[abs(effort).argmax()]), float(abs(effort).max()) * (1 - SLIGHTLY)
+    table = {"position": [at - 0.2, at - 0.1, at + 0.1, at + 0.2]}
+    table["effort"] = [3 * most, most, most, 3 * most]
+    case.limit("effort", {"joint1": table})
+
+
 def point_too_fast(case):
     tool_point(case, 1 - SLIGHTLY)
 
@@ -338,6 +405,12 @@ FAULTS = {
     tool_too_fast_in_a_segment: ("tool_speed", True),
     too_fast_near_an_end: ("velocity", True),
     point_too_fast: ("point_speed", True),
+    friction_unpaid: ("effort", True),
+    friction_unpaid_at_worst: ("effort", True),
+    rotor_unpaid: ("effort", True),
+    beyond_a_line: ("motor_curve", True),
+    weaker_backwards: ("effort", True),
+    weaker_in_one_place: ("effort", True),
 }
 
 
@@ -487,6 +560,132 @@ def test_both_judges_have_the_same_limits_by_place(case, tmp_path):
         inside = verify(problem, trajectory).conditions
         for name in ("velocity", "point_speed"):
             assert outside[name].margin == pytest.approx(inside[name].margin, abs=1e-3)
+
+
+def test_motors_that_have_enough_are_no_fault(case, tmp_path):
+    used = used_of_a_line(case) * (1 + SLIGHTLY)
+    motors(case, saturation_effort={"joint1": 95.0 * used}, no_load_velocity={"joint1": 40 * used})
+    motors(case, coulomb_friction={"joint2": [0.3, 0.2]}, friction_uncertainty=0.5)
+    case.limit("effort", {"joint2": 27.5})
+    assert case.broken(tmp_path) == set()
+    found = outside_judge.judge(*case.write(tmp_path))["motor_curve"]
+    assert found.margin == pytest.approx(SLIGHTLY, abs=5e-6)
+    assert (found.unit, found.where) == ("relative", "joint joint1")
+
+
+MOTORS = [
+    {"coulomb_friction": {"joint1": [4.0, 9.0], "joint2": 1.0}},
+    {"coulomb_friction": 2.0, "viscous_friction": [1.0, 2.0], "friction_uncertainty": 0.3},
+    {"armature": 0.2, "saturation_effort": [120.0, 40.0], "no_load_velocity": {
+        "joint1": 12.0, "joint2": 15.0}},
+]  # fmt: skip
+EFFORTS = [
+    {"joint1": [70, 140]},
+    {"joint2": {"position": [-2.0, -1.0, 0.0], "effort": [40, 20, 30]}},
+]
+
+
+@pytest.mark.parametrize("given", MOTORS)
+@pytest.mark.parametrize("efforts", EFFORTS)
+def test_both_judges_have_the_same_motors(case, tmp_path, given, efforts):
+    case.robot["motors"] = given
+    case.limit("effort", efforts)
+    case.limit("scale", {"effort": 0.9})
+    outside = outside_judge.judge(*case.write(tmp_path))
+    problem, ours = load_problem(tmp_path / "problem.yaml"), case.trajectory
+    trajectory = JointTrajectory(ours.joint_names, ours.breakpoints, ours.coefficients)
+    inside = verify(problem, trajectory).conditions
+    for name in ("effort", "motor_curve"):
+        if inside[name].margin is None:
+            assert outside[name].margin is None
+        else:
+            assert outside[name].margin == pytest.approx(inside[name].margin, abs=1e-3)
+            assert outside[name].margin >= inside[name].margin - 1e-9
+            assert outside[name].where == f"joint {inside[name].where.joint}"
+
+
+def test_motors_from_files_are_those_of_the_package(tmp_path):
+    """Of presets, the URDF and the problem; lists are in the order of the chain."""
+    preset = {
+        "format": "tubeplanner/preset",
+        "joints": 2,
+        "motors": {"armature": [0.1, 0.2], "coulomb_friction": [3.0, [1.0, 2.0]]},
+        "sources": {f"motors.{name}": "test" for name in ("armature", "coulomb_friction")},
+    }
+    (tmp_path / "preset.yaml").write_text(yaml.safe_dump(preset))
+    text = find_description("example:two_link", Path()).read_text()
+    assert text.count("<limit") == 2
+    friction = '<dynamics damping="0.4" friction="0.7"/><limit'
+    (tmp_path / "arm.urdf").write_text(text.replace("<limit", friction))
+    robot = {
+        "urdf": "arm.urdf",
+        "tool_frame": "hand",
+        "joints": ["joint2", "joint1"],
+        "preset": ["preset.yaml"],
+        "motors": {
+            "armature": {"joint1": 0.3},
+            "viscous_friction": {"joint2": 0.9},
+            "saturation_effort": {"joint1": 100.0},
+            "no_load_velocity": {"joint1": 9.0},
+            "friction_from_urdf": True,
+            "friction_uncertainty": 0.2,
+        },
+        "limits": {"effort": {"joint1": [50, 60]}, "scale": {"effort": 0.5}},
+    }
+    tube = {"points": [[0.4, 0, 0], [0.4, 0.2, 0]], "radius": 0.05}
+    fields = {"robot": robot, "tube": tube, "start": {"seed": [0.0] * 2}}
+    path = tmp_path / "problem.yaml"
+    path.write_text(yaml.safe_dump(fields))
+    arm, expected = Arm(read_problem(path)), parse_problem(fields, tmp_path).robot
+    mine, theirs = arm.motors, expected.motors
+    assert mine.armature.tolist() == theirs.armature.tolist() == [0.2, 0.3]
+    assert mine.viscous.tolist() == theirs.viscous_friction.tolist() == [0.9, 0.4]
+    assert mine.dry.tolist() == [[1.0, 3.0], [2.0, 3.0]]
+    np.testing.assert_array_equal(mine.dry, [theirs.backwards_friction, theirs.forwards_friction])
+    assert mine.stall.tolist() == theirs.saturation_effort.tolist() == [np.inf, 50.0]
+    assert mine.no_load.tolist() == theirs.no_load_velocity.tolist() == [np.inf, 9.0]
+    assert mine.unsure == theirs.friction_uncertainty == 0.2
+    assert (arm.limits.by_place[1].backwards, arm.limits.by_place[1].forwards) == (25, 30)
+    np.testing.assert_array_equal(arm.limits.effort, expected.limits.effort)
+    q, v, a = np.random.default_rng(0).uniform(-1, 1, (3, 20, 2))
+    np.testing.assert_allclose(arm.efforts(q, v, a), expected.inverse_dynamics(q, v, a), atol=1e-9)
+
+
+def test_friction_of_followers_is_felt_by_their_masters(following, tmp_path):
+    """As in the package, from a URDF that states friction of all joints."""
+    text = (tmp_path / "arm.urdf").read_text()
+    friction = '<dynamics damping="0.4" friction="0.7"/><limit'
+    (tmp_path / "arm.urdf").write_text(text.replace("<limit", friction))
+    motors(following, friction_from_urdf=True)
+    problem, _ = following.write(tmp_path)
+    mine, theirs = Judge(problem).arm.motors, load_problem(problem).robot.motors
+    np.testing.assert_allclose(mine.viscous, theirs.viscous_friction)
+    np.testing.assert_allclose(mine.dry[1], theirs.forwards_friction)
+    assert (mine.dry[1] > 0.7).any()
+
+
+@pytest.mark.parametrize(
+    ("section", "given", "message"),
+    [
+        ("motors", {"gear": 3}, "robot.motors.gear is not known"),
+        ("motors", {"armature": {"no": 1.0}}, "no is no joint"),
+        ("motors", {"armature": [1.0]}, "1 values for 2 joints"),
+        ("motors", {"viscous_friction": {"joint1": -1.0}}, "joint 'joint1' has -1"),
+        ("motors", {"saturation_effort": {"joint1": 9.0}}, "one end alone"),
+        ("limits", {"effort": {"joint1": [1.0, 0.0]}}, "has the effort limit"),
+        ("limits", {"effort": {"joint1": [1.0, 2.0, 3.0]}}, "has the effort limit|JointError|many"),
+        ("limits", {"effort": {"joint1": {"position": [0], "effort": []}}}, "the effort limit"),
+        (
+            "limits",
+            {"effort": {"joint1": {"position": [1, 0], "effort": [1, 1]}}},
+            "do not rise",
+        ),
+    ],
+)
+def test_motors_that_are_none_are_refused(case, tmp_path, section, given, message):
+    case.robot.setdefault(section, {}).update(given)
+    with pytest.raises(BadInput, match=message):
+        case.broken(tmp_path)
 
 
 def test_boxes_about_discs_are_kept(case, tmp_path):

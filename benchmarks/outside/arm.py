@@ -11,11 +11,10 @@ import pinocchio as pin
 
 from outside.by_place import Law, Point, read_laws, read_points
 from outside.files import BadInput, find_file, find_urdf
-from outside.given_limits import given_limits
+from outside.given_limits import given_limits, given_motors
+from outside.motors import EffortLimit, read_effort, read_motors
 from outside.problem import Problem, speed_of
 from outside.urdf import Description, Joint, read_description
-
-MOTORS = ("effort", "effort_rate")  # what joints that follow others have no limits of
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,11 +27,12 @@ class Limits:
         velocity: Shape (n,) [rad/s or m/s].
         acceleration: Shape (n,) [rad/s^2 or m/s^2].
         jerk: Shape (n,) [rad/s^3 or m/s^3].
-        effort: Shape (n,) [N m or N].
+        effort: The most anywhere, either way, shape (n,) [N m or N].
         effort_rate: Shape (n,) [N m/s or N/s].
         tool_speed: Of the tool centre point, whatever the segment [m/s].
         laws: Of velocities that depend on the position.
         points: Whose speed is limited.
+        by_place: What each joint's motor has where and which way.
     """
 
     lower: np.ndarray
@@ -45,6 +45,7 @@ class Limits:
     tool_speed: float
     laws: list[Law] = field(default_factory=list)
     points: list[Point] = field(default_factory=list)
+    by_place: list[EffortLimit] = field(default_factory=list)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +78,7 @@ class Arm:
         joint_names: The n joints of the planning group.
         slides: Which of them slide, shape (n,).
         limits: Their limits.
+        motors: Their motors.
         solids: Of links and attached solids.
         moved_by: Per Pinocchio joint (0: the base), the joints that move it: bool, (joints, n).
         allowed: Pairs of links that the SRDF allows to touch.
@@ -108,6 +110,10 @@ class Arm:
         laws = read_laws(law, self.joint_names, limits.lower, limits.upper)
         points = read_points(given.get("point_speed"), self.links)
         self.limits = replace(limits, laws=laws, points=points)
+        layers = given_motors(problem, len(chain))
+        scale = float((given.get("scale") or {}).get("effort", 1.0))
+        known = (self.joint_names, chain, description.joints, self._follow, moving)
+        self.motors = read_motors(layers, *known, scale)
         tool = self._model.frames[self._model.getFrameId(self.tool_frame, pin.FrameType.BODY)]
         self._carry(fields.get("payload"), tool)
         offset = placement_of(fields.get("tool_offset") or {})
@@ -176,14 +182,15 @@ class Arm:
         return velocity
 
     def efforts(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
-        """Return what the joints must exert, by recursive Newton-Euler, shape (N, n) [N m or N].
+        """Return what motors must give, but for Coulomb friction, shape (N, n) [N m or N].
 
-        A joint also exerts what those that follow it take, at the rate at which they do.
+        The rigid arm's by recursive Newton-Euler; a joint also exerts what those that follow it
+        take, at the rate at which they do.
         """
         places, rates = self._follow @ q.T + self._offset[:, None], self._follow @ v.T
         columns = (np.asfortranarray(each) for each in (places, rates, self._follow @ a.T))
         found = np.reshape(pin.rneaInParallel(1, self._pool, *columns), (-1, len(q)))
-        return found.T @ self._follow
+        return found.T @ self._follow + self.motors.armature * a + self.motors.viscous * v
 
     def random(self, rng: np.random.Generator, count: int) -> np.ndarray:
         """Return configurations within the limits, within one turn where there are none."""
@@ -334,7 +341,8 @@ def _limits(
 
     def row(quantity: str, given: list[float | None]) -> np.ndarray:
         own = fields.get(quantity) or {}
-        known = set(names) if quantity in MOTORS else {*names, *followers}
+        # Joints that follow others have no motors.
+        known = set(names) if quantity == "effort_rate" else {*names, *followers}
         if unknown := set(own) - known:
             raise BadInput(f"robot.limits.{quantity}: {unknown.pop()} is no joint of the group")
         values = [own.get(name, value) for name, value in zip(names, given, strict=True)]
@@ -343,6 +351,7 @@ def _limits(
                 raise BadInput(f"joint '{name}' has the {quantity} limit {value}")
         return np.array(values, dtype=float) * float(scale.get(quantity, 1.0))
 
+    by_place = _efforts(names, joints, fields)
     ranges = fields.get("position") or {}
     both = zip(names, joints, strict=True)
     position = np.array([ranges.get(name, (joint.lower, joint.upper)) for name, joint in both])
@@ -353,10 +362,20 @@ def _limits(
         row("velocity", [joint.velocity for joint in joints]),
         row("acceleration", list(free)),
         row("jerk", list(free)),
-        row("effort", [joint.effort for joint in joints]),
+        np.array([limit.largest for limit in by_place]),
         row("effort_rate", list(free)),
         speed_of(fields.get("tool_speed"), "robot.limits.tool_speed"),
+        by_place=by_place,
     )
+
+
+def _efforts(names: list[str], joints: list[Joint], fields: dict[str, Any]) -> list[EffortLimit]:
+    own = fields.get("effort") or {}
+    if unknown := set(own) - set(names):
+        raise BadInput(f"robot.limits.effort: {unknown.pop()} is no joint of the group")
+    scale = float((fields.get("scale") or {}).get("effort", 1.0))
+    both = zip(names, joints, strict=True)
+    return [read_effort(name, own.get(name, joint.effort)).scaled(scale) for name, joint in both]
 
 
 def _model(

@@ -1,11 +1,11 @@
-"""Limits that a problem gives, by joint name: its own, its presets', and MoveIt's."""
+"""Limits and motors that a problem gives: its own, its presets', and limits of MoveIt's."""
 
 import math
 from pathlib import Path
 from typing import Any
 
 from outside.files import BUNDLED, BadInput, find_file
-from outside.problem import LIMITS, Problem, read_document
+from outside.problem import LIMITS, MOTORS, Problem, read_document
 
 WHOLE = {"tool_speed", "point_speed"}  # of a robot, rather than of its joints
 MOVEIT = {
@@ -35,9 +35,7 @@ def given_limits(
     if robot.get("limits_file") is not None:
         path = find_file(robot["limits_file"], folder, package_dirs)
         layers.append(_moveit(read_document(path), {*chain, *followers}))
-    presets = robot.get("preset") or []
-    for name in [presets] if isinstance(presets, str) else presets:
-        layers.append(_preset(name, folder, len(chain)))
+    layers += [preset.get("limits") or {} for preset in _presets(problem, len(chain))]
     merged: dict[str, Any] = {}
     for layer in [*layers, robot.get("limits") or {}]:
         for quantity, given in layer.items():
@@ -46,6 +44,22 @@ def given_limits(
             else:
                 merged[quantity] = merged.get(quantity, {}) | _by_name(quantity, given, chain)
     return merged
+
+
+def given_motors(problem: Problem, count: int) -> list[dict[str, Any]]:
+    """Return sections `motors` of presets and of a problem for so many joints; later ones win.
+
+    Raises:
+        BadInput: As for `given_limits`.
+    """
+    layers = [preset.get("motors") or {} for preset in _presets(problem, count)]
+    return [*layers, problem.robot.get("motors") or {}]
+
+
+def _presets(problem: Problem, count: int) -> list[dict[str, Any]]:
+    names = problem.robot.get("preset") or []
+    names = [names] if isinstance(names, str) else names
+    return [_preset(name, problem.folder, count) for name in names]
 
 
 def _by_name(quantity: str, given: Any, chain: list[str]) -> dict[str, Any]:
@@ -64,9 +78,10 @@ def _preset(name: str, folder: Path, count: int) -> dict[str, Any]:
         raise BadInput(f"preset {name} has another format")
     if fields["joints"] != count:
         raise BadInput(f"preset {name} is for {fields['joints']} joints, not for {count}")
-    if unknown := set(fields["limits"]) - LIMITS:
-        raise BadInput(f"preset {name}: limits.{unknown.pop()} is not known here")
-    return dict(fields["limits"])
+    for section, known in (("limits", LIMITS), ("motors", MOTORS)):
+        if unknown := set(fields.get(section) or {}) - known:
+            raise BadInput(f"preset {name}: {section}.{unknown.pop()} is not known here")
+    return dict(fields)
 
 
 def _moveit(fields: Any, known: set[str]) -> dict[str, Any]:

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from outside.arm import Arm
+from outside.motors import directions
 from outside.problem import Problem
 from outside.trajectory import ORDERS, Samples, Trajectory
 from outside.verdict import RELATIVE, Condition
@@ -18,7 +19,7 @@ SHARE = 1e-3  # of a piece: the step of differences
 
 
 def judge_limits(arm: Arm, trajectory: Trajectory, samples: Samples) -> dict[str, Condition]:
-    """Return position, velocity, acceleration, jerk, effort, effort_rate and point_speed.
+    """Return position, velocity, acceleration, jerk, effort, motor_curve, effort_rate, point_speed.
 
     Args:
         arm: Its limits are judged.
@@ -76,20 +77,12 @@ def _margins(arm: Arm, trajectory: Trajectory, samples: Samples) -> dict[str, np
         "acceleration": 1 - abs(a) / limits.acceleration,
         "jerk": 1 - abs(jerk) / limits.jerk,
     }
-    is_bounded = np.isfinite(limits.effort)
-    efforts = arm.efforts(q, v, a) if is_bounded.any() else np.zeros_like(q)
-    margins["effort"] = 1 - abs(efforts) / limits.effort
+    margins |= _motor_margins(arm, trajectory, samples)
     is_bounded = np.isfinite(limits.effort_rate)
     rates = _effort_rates(arm, trajectory, samples) if is_bounded.any() else np.zeros_like(q)
     margins["effort_rate"] = 1 - abs(rates) / limits.effort_rate
-    bounds = {"velocity": limits.velocity, "acceleration": limits.acceleration}
-    for name, bound in {
-        **bounds,
-        "jerk": limits.jerk,
-        "effort": limits.effort,
-        "effort_rate": limits.effort_rate,
-    }.items():
-        margins[name][:, ~np.isfinite(bound)] = math.inf
+    for name in ("velocity", "acceleration", "jerk", "effort_rate"):
+        margins[name][:, ~np.isfinite(getattr(limits, name))] = math.inf
     for law in limits.laws:
         j = law.joint
         by_place = law.margin(q[:, j], v[:, j], float(limits.velocity[j]))
@@ -97,6 +90,27 @@ def _margins(arm: Arm, trajectory: Trajectory, samples: Samples) -> dict[str, np
     shares = [np.linalg.norm(arm.point_velocity(p, q, v), axis=1) / p.speed for p in limits.points]
     margins["point_speed"] = 1 - np.array(shares).reshape(len(shares), len(q)).T
     return margins
+
+
+def _motor_margins(arm: Arm, trajectory: Trajectory, samples: Samples) -> dict[str, np.ndarray]:
+    """Return what motors have left of their efforts and of their torque-speed lines, (N, n)."""
+    limits, motors = arm.limits, arm.motors
+    q, v, a = (trajectory.at(samples, order) for order in range(3))
+    left = {name: np.full_like(q, math.inf) for name in ("effort", "motor_curve")}
+    if not np.isfinite([limits.effort, motors.stall]).any():
+        return left
+    dry, unsure = motors.friction(v, directions(trajectory, samples))
+    efforts = arm.efforts(q, v, a) + dry
+    for way in (1, -1):
+        most = way * efforts + unsure
+        for j, limit in enumerate(limits.by_place):
+            if np.isfinite(limit.largest):
+                own = (limit.allowed(q[:, j], way) - most[:, j]) / limit.largest
+                left["effort"][:, j] = np.minimum(left["effort"][:, j], own)
+        lines = np.isfinite(motors.stall)
+        curve = 1 - most / motors.stall - way * v / motors.no_load
+        left["motor_curve"][:, lines] = np.minimum(left["motor_curve"], curve)[:, lines]
+    return left
 
 
 def _effort_rates(arm: Arm, trajectory: Trajectory, samples: Samples) -> np.ndarray:

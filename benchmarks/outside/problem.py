@@ -20,8 +20,10 @@ SOLID |= {"position", "rpy", "quaternion"}
 LIMITS = {"effort", "velocity", "position", "acceleration", "jerk", "effort_rate", "scale"}
 LIMITS |= {"tool_speed"}
 LIMITS |= {"velocity_by_position", "point_speed"}
+MOTORS = {"armature", "viscous_friction", "coulomb_friction", "saturation_effort"}
+MOTORS |= {"no_load_velocity", "friction_from_urdf", "friction_uncertainty"}
 ROBOT = {"urdf", "package_dirs", "srdf", "tool_frame", "tool_offset", "joints", "locked_joints"}
-ROBOT |= {"gravity", "payload", "attached", "limits", "preset", "limits_file"}
+ROBOT |= {"gravity", "payload", "attached", "limits", "motors", "preset", "limits_file"}
 TUBE = {"points", "radius", "tool_radius", "joint_signs", "orientations", "rotation_tolerance"}
 TUBE |= {"tool_speed", "visit", "pass_through_points", "cross_section"}
 TOP = {"format", "version", "robot", "tube", "start", "goal", "obstacles", "clearance", "collision"}
@@ -160,6 +162,7 @@ def _problem(fields: Any, folder: Path) -> Problem:
     _require_known(robot.get("tool_offset") or {}, {"position", "rpy"}, "robot.tool_offset.")
     _require_known(robot.get("payload") or {}, {"mass", "com", "inertia"}, "robot.payload.")
     _require_known(robot.get("limits") or {}, LIMITS, "robot.limits.")
+    _require_known(robot.get("motors") or {}, MOTORS, "robot.motors.")
     scale = (robot.get("limits") or {}).get("scale") or {}
     _require_known(scale, {"effort", "velocity", "acceleration"}, "robot.limits.scale.")
     for solid in robot.get("attached") or []:

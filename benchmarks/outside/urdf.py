@@ -21,6 +21,8 @@ class Joint:
         effort: Limit, None if there is none [N m or N].
         velocity: Limit, None if there is none [rad/s or m/s].
         mimic: (master, multiplier, offset), or None.
+        damping: Of `<dynamics>`, 0 if there is none [N m s/rad or N s/m].
+        friction: Likewise [N m or N].
     """
 
     kind: str
@@ -29,6 +31,8 @@ class Joint:
     effort: float | None
     velocity: float | None
     mimic: tuple[str, float, float] | None
+    damping: float = 0.0
+    friction: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -107,6 +111,8 @@ def _joint(element: ElementTree.Element, kind: str) -> Joint:
     if mimic is not None:
         factor, offset = (float(mimic.get(k, d)) for k, d in (("multiplier", 1), ("offset", 0)))
         rule = (mimic.get("joint", ""), factor, offset)
+    dynamics = element.find("dynamics")
+    stated = {} if dynamics is None else dynamics.attrib
     return Joint(
         kind,
         -math.inf if continuous else number("lower") or 0.0,
@@ -114,6 +120,7 @@ def _joint(element: ElementTree.Element, kind: str) -> Joint:
         number("effort"),
         number("velocity"),
         rule,
+        *(float(stated.get(key, 0.0)) for key in ("damping", "friction")),
     )
 
 

@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from tubeplanner.trajectory.bernstein import bernstein_coefficients, halves, maxima, peak_magnitudes
+from tubeplanner.trajectory.bernstein import (
+    bernstein_coefficients,
+    halves,
+    maxima,
+    peak_magnitudes,
+    restricted,
+)
 
 DEGREES = range(1, 8)
 
@@ -49,6 +55,21 @@ def test_a_polynomial_lies_in_the_hull_of_its_coefficients(degree):
     sampled = np.array([values(coefficients, t[:, None]) for t in times])
     assert (sampled <= bounds.max(axis=0) + 1e-9).all()
     assert (sampled >= bounds.min(axis=0) - 1e-9).all()
+
+
+@pytest.mark.parametrize("degree", DEGREES)
+def test_restricted_polynomials_are_the_same_in_the_time_of_the_interval(degree):
+    coefficients, widths = random_polynomials(degree)
+    start, width = 0.2 * widths, 0.7 * widths
+    parts = restricted(coefficients, start, width)
+    assert parts.shape == coefficients.shape
+    for share in (0.0, 0.3, 1.0):
+        for piece, column in np.ndindex(coefficients.shape[1:]):
+            expected = np.polyval(
+                coefficients[:, piece, column], start[piece] + share * width[piece]
+            )
+            found = np.polyval(parts[:, piece, column], share)
+            assert found == pytest.approx(expected, abs=1e-12)
 
 
 def test_the_coefficients_are_those_of_a_textbook_example():
