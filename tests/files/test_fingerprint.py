@@ -196,6 +196,7 @@ OTHER = {
         "robot__motors": {"coulomb_friction": {"j1": [0, 1]}, "friction_uncertainty": 0.5}
     },
     "a torque-speed line": {"robot__motors": {"saturation_effort": 50, "no_load_velocity": 2}},
+    "a stronger one": {"robot__motors": {"saturation_effort": 60, "no_load_velocity": 2}},
     "a flatter one": {"robot__motors": {"saturation_effort": 50, "no_load_velocity": 3}},
     "one in the tube": {"tube__tool_speed": 0.5},
     "another one in the tube": {"tube__tool_speed": [0.6]},
