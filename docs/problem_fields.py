@@ -68,8 +68,8 @@ def _type(field: dict[str, Any], paths: dict[str, list[str]]) -> str:
         return f"[section](#field-{path})"
     if "anyOf" in field:
         kinds = [_type(kind, paths) for kind in field["anyOf"] if kind.get("type") != "null"]
-        many = f"list of {kinds[0]}"
-        return ", or ".join(kind.replace(many, "list of these") for kind in kinds)
+        many = (f"list of {kinds[0]}", f"list of ({kinds[0]})")
+        return ", or ".join("list of these" if kind in many else kind for kind in kinds)
     if "enum" in field:
         return ", ".join(f"`{json.dumps(value)}`" for value in field["enum"])
     if "prefixItems" in field:
