@@ -1,6 +1,7 @@
 """Problems, robots and moves that tests of several folders use."""
 
 from dataclasses import fields as dataclass_fields
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from tubeplanner import (
     Tube,
     load_robot,
 )
+from tubeplanner.robot.joint_motors import JointMotors
 
 # Of tests that compare durations, or that plan and look at something else: quicker.
 SHORTEST = PlanOptions(slack=0.0)
@@ -115,3 +117,35 @@ def changed(problem, **fields):
 def unlimited():
     """Return limits of the two-link arm without any on velocity."""
     return LimitOverrides(velocity={"joint1": np.inf, "joint2": np.inf})
+
+
+def with_motors(robot, effort_ranges=(), limits=None, uncertainty=0.0, **motors):
+    """Return a robot with motors and other limits; values by field, of all joints or each."""
+    count = robot.joint_count
+    own = {name: np.broadcast_to(value, count).astype(float) for name, value in motors.items()}
+    own = replace(JointMotors.ideal(count), friction_uncertainty=uncertainty, **own)
+    values = {name: np.broadcast_to(value, count) for name, value in (limits or {}).items()}
+    limited = replace(robot.limits, effort_ranges=tuple(effort_ranges), **values)
+    make, arguments = robot.__reduce__()
+    kept = [limited if argument is robot.limits else argument for argument in arguments[:-1]]
+    return make(*kept, own)
+
+
+def rest_to_rest(joint_names, start, end, duration):
+    """A quintic in every joint."""
+    start, end = np.atleast_1d(start), np.atleast_1d(end)
+    shape = np.array([6.0, -15.0, 10.0, 0.0, 0.0, 0.0])[:, None] * (end - start)
+    shape[-1] = start
+    return JointTrajectory(joint_names, [0, 1.0], shape[:, None]).scaled(duration)
+
+
+def falling_arm(tmp_path):
+    """A bar that its motor does not hold about the horizontal, and a fall through there.
+
+    At q = 0 gravity takes 1.2 of what the motor has.
+    """
+    gravity = 0.5 * 9.81
+    limit = gravity / 1.2
+    robot = one_joint(tmp_path, mass=1.0, effort=limit)
+    inertia = INERTIA + 0.5**2
+    return robot, rest_to_rest(["turn"], 0.7, -2.2, np.sqrt(13.2 * inertia / limit))
