@@ -167,3 +167,46 @@ def test_who_cannot_stop_in_a_fall_runs_on(tmp_path):
     first = fall.duration * np.flatnonzero(np.cos(weak) > 1 / 1.2)[0] / 10000
     braking = worst_braking(robot, fall, 0.0)
     assert fall.duration - first - 0.01 < braking.time < fall.duration
+
+
+def test_the_certificate_has_it(cart):
+    problem = anywhere(cart())
+    certificate = verify(problem, MOVE)
+    braking = worst_braking(problem.robot, MOVE, certificate.tolerance.relative)
+    assert certificate.braking == braking
+    given = certificate.as_dict()["braking"]
+    assert (given["time"], given["distance"]) == (braking.time, braking.distance)
+    assert given["where"]["time"] == braking.where.time
+
+
+@pytest.mark.parametrize(
+    ("broken", "trajectory"),
+    [
+        ("effort", MOVE.scaled(0.5)),
+        ("rest", MOVE.between(0.0, 0.5)),
+    ],
+)
+def test_what_is_outside_of_its_limits_has_no_bound(cart, broken, trajectory):
+    certificate = verify(anywhere(cart()), trajectory)
+    assert broken in certificate.failures()
+    assert certificate.braking is None
+    assert certificate.as_dict()["braking"] is None
+
+
+def test_joints_in_another_order_brake_the_same(stored):
+    problem, trajectory = stored("ur5/over_the_wall")
+    other = trajectory.reordered(trajectory.joint_names[::-1])
+    assert verify(problem, other).braking == verify(problem, trajectory).braking
+
+
+def test_it_is_looked_at_only_when_asked_for(cart, monkeypatch):
+    def refuse(*_):
+        raise AssertionError
+
+    problem = anywhere(cart())
+    monkeypatch.setattr("tubeplanner.verification.other_speeds.worst_braking", refuse)
+    monkeypatch.setattr("tubeplanner.verification.other_speeds.tightest_slower_run", refuse)
+    certificate = verify(problem, MOVE)
+    assert certificate.failures() is not None
+    with pytest.raises(AssertionError):
+        certificate.as_dict()

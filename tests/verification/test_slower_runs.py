@@ -1,10 +1,13 @@
 """Trajectories run slower: closed forms, brute force, and one that cannot be."""
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 
 from cases import PROBLEMS, anywhere, changed, falling_arm, rest_to_rest, with_motors
-from tubeplanner import Tolerance, load_robot, verify
+from tubeplanner import Certificate, Tolerance, load_robot, verify
 from tubeplanner.robot.effort_range import EffortRange
 from tubeplanner.robot.effort_rate import effort_rate
 from tubeplanner.trajectory.joint_trajectory import concatenate
@@ -206,3 +209,30 @@ def test_slower_runs_have_the_certificates_tolerance(tmp_path):
         for relative in (HELD - 1.001, HELD - 0.999)
     ]
     assert slower == [False, True]
+
+
+def test_the_certificate_says_which_run_fails(tmp_path):
+    robot, fall = falling_arm(tmp_path)
+    certificate = verify(anywhere(robot), fall)
+    given = certificate.as_dict()
+    assert given["slower"] is False
+    failure = certificate.slower_failure
+    assert given["slower_failure"]["condition"] == failure.condition
+    assert given["slower_failure"]["margin"] == failure.margin
+    assert given["slower_failure"]["where"] == failure.where.as_dict()
+
+
+def test_what_a_copy_says_was_found_before(tmp_path):
+    robot, fall = falling_arm(tmp_path)
+    certificate = verify(anywhere(robot), fall)
+    for other in (pickle.loads(pickle.dumps(certificate)), copy.deepcopy(certificate)):
+        assert other.slower_failure == certificate.slower_failure
+        assert other.braking == certificate.braking
+        assert other.as_dict() == certificate.as_dict()
+
+
+def test_a_certificate_of_conditions_alone_knows_nothing_of_it(stored):
+    certificate = verify(*stored("ur5/over_the_wall"))
+    alone = Certificate(certificate.conditions, certificate.tolerance)
+    assert (alone.slower, alone.slower_failure, alone.braking) == (None, None, None)
+    assert alone.as_dict()["slower"] is None

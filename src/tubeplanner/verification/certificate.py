@@ -15,7 +15,9 @@ from tubeplanner.verification.slower_runs import SlowerRun
 # Limits that a slower run keeps if the trajectory does.
 _KEPT_SLOWER = ("velocity", "acceleration", "jerk", "tool_speed", "point_speed")
 # What a bound on braking starts from.
-_BRAKED_FROM = ("velocity", "acceleration", "effort", "rest", "continuity")
+_BRAKED_FROM = frozenset(
+    ("velocity", "acceleration", "effort", "motor_curve", "rest", "continuity")
+)
 
 
 @dataclass(frozen=True)
@@ -88,7 +90,7 @@ class Certificate:
         None where nothing limits efforts and accelerations, or the trajectory itself is outside of
         limits that braking starts from, or it is not known.
         """
-        if self.other_speeds is None or not set(_BRAKED_FROM).isdisjoint(self.failures()):
+        if self.other_speeds is None or not _BRAKED_FROM.isdisjoint(self.failures()):
             return None
         return self.other_speeds.braking
 
