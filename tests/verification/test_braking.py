@@ -159,6 +159,16 @@ def test_an_arm_with_gravity_and_friction_stops_as_an_independent_integration_do
     assert 0.999 * distance <= braking.distance <= 1.02 * distance
 
 
+def test_four_times_as_many_steps_lower_the_bounds_a_little(stored, monkeypatch):
+    problem, trajectory = stored("ur5/level_tray", "refinement")
+    coarse = worst_braking(problem.robot, trajectory, 1e-6)
+    monkeypatch.setattr("tubeplanner.verification.braking._STEPS", 6000)
+    monkeypatch.setattr("tubeplanner.verification.braking._STARTS", 6000)
+    fine = worst_braking(problem.robot, trajectory, 1e-6)
+    assert 0.99 * coarse.time < fine.time < coarse.time
+    assert 0.99 * coarse.distance < fine.distance < coarse.distance
+
+
 def test_who_cannot_stop_in_a_fall_runs_on(tmp_path):
     robot, fall = falling_arm(tmp_path)
     certificate = verify(anywhere(robot), fall)

@@ -163,8 +163,8 @@ def test_the_torque_speed_line_counts(cart):
 @pytest.mark.parametrize("uncertainty", [0.0, 0.3])
 def test_effort_rates_are_those_of_all_slower_runs(uncertainty):
     robot = load_robot("example:two_link", "hand", gravity=(0, -9.81, 0))
-    motors = {"viscous_friction": [3, 1], "uncertainty": uncertainty}
-    limits = {"effort": np.inf, "effort_rate": [2000, 600]}
+    motors = {"viscous_friction": [300, 100], "uncertainty": uncertainty}
+    limits = {"effort": np.inf, "effort_rate": [4000, 600]}
     robot = with_motors(robot, (), limits, **motors)
     move = rest_to_rest(["joint1", "joint2"], [-0.4, -1.0], [0.9, -2.0], 0.8)
     run = tightest_slower_run(robot, move)
@@ -175,9 +175,10 @@ def test_effort_rates_are_those_of_all_slower_runs(uncertainty):
         state = [f(at) for f in (slow.position, slow.velocity, slow.acceleration, slow.jerk)]
         unsure = uncertainty * abs(robot.motors.viscous_friction * state[2])
         rate = abs(effort_rate(robot, *state)) + unsure
-        used.append((rate / robot.limits.effort_rate).max())
-    assert run.condition == "effort_rate"
-    assert run.margin == pytest.approx(1 - max(used), abs=2e-3)
+        used.append((rate / robot.limits.effort_rate).max(axis=0))
+    tightest = robot.joint_names[np.max(used, axis=0).argmax()]
+    assert (run.condition, run.where.joint) == ("effort_rate", tightest)
+    assert run.margin == pytest.approx(1 - np.max(used), abs=2e-3)
 
 
 def test_without_limits_on_effort_nothing_is_looked_at(cart):

@@ -63,7 +63,7 @@ class Certificate:
 
     @property
     def slower(self) -> bool | None:
-        """Whether the trajectory keeps all limits at any lower speed; None: that is not known.
+        """Whether the trajectory keeps all limits at any lower speed, None if that is not known.
 
         Informative: `passed` does not depend on it.
         """
