@@ -18,7 +18,8 @@ from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.verification.limit_sides import LimitSides, acceleration_sides, effort_sides
 from tubeplanner.verification.path_steps import PathSteps, path_steps
 
-_STEPS, _STARTS = 1500, 3000
+_STEP = 1e-3  # [s]; at most, unless that makes too many
+_FEWEST, _MOST = 1000, 20_000
 _TANGENT, _CHORD = 0.5, 1.0
 
 
@@ -43,8 +44,8 @@ def worst_braking(
     """Return the bounds for the worst instant at which an arm may begin to brake.
 
     Efforts, torque-speed lines, velocities and accelerations stay in their limits; jerks and effort
-    rates need not. The bounds come from 1,500 steps, in which the limits hold at both ends, and
-    one step is added for an instant between two of these.
+    rates need not. The bounds come from at least 1,000 steps, of at most 1 ms where 20,000 of them
+    suffice, in which the limits hold at both ends; one step is added for an instant between.
 
     Args:
         robot: The arm.
@@ -54,12 +55,13 @@ def worst_braking(
     Returns:
         None if nothing limits efforts and accelerations.
     """
-    steps = path_steps(trajectory, _STEPS, 1)
+    count = np.clip(np.ceil(trajectory.duration / _STEP), _FEWEST, _MOST)
+    steps = path_steps(trajectory, int(count), 1)
     sides = LimitSides.joined([effort_sides(robot, steps), acceleration_sides(robot, steps)])
     if len(sides.joint) == 0:
         return None
     width, length = steps.width, _tool_lengths(robot, steps)
-    every = -(-len(width) // _STARTS)
+    every = -(-len(width) // (2 * _MOST))
     starts = np.arange(0, len(width), every)
     table = np.stack([1 + tolerance - sides.static, sides.linear, sides.square, sides.change])
     with np.errstate(divide="ignore", invalid="ignore"):  # a side that nothing takes from
