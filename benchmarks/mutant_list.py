@@ -142,7 +142,11 @@ TESTS = {
     "robot/velocity_by_position": ("robot/test_joint_limits.py",),
     "robot/robot_model": ("collision/test_collision_checker.py", "robot/test_followers.py"),
     "trajectory/bernstein": ("verification/test_enclosure.py",),
-    "verification/certificate": ("verification/test_verification.py",),
+    "verification/certificate": (
+        "verification/test_verification.py",
+        "verification/test_braking.py",
+        "verification/test_slower_runs.py",
+    ),
     "verification/closest_approach": ("verification/test_verification_between_samples.py",),
     "verification/enclosed_efforts": (
         "verification/test_enclosure.py",
@@ -166,6 +170,10 @@ TESTS = {
         "verification/test_verification.py",
         "verification/judged/test_continuity.py",
         "verification/judged/test_rest.py",
+    ),
+    "verification/limit_sides": (
+        "verification/test_braking.py",
+        "verification/test_slower_runs.py",
     ),
     "verification/majorants": (
         "verification/test_enclosure.py",
@@ -483,6 +491,47 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "Tolerance.of": [("unit == RELATIVE", "unit != RELATIVE")],
     "JudgedCondition.holds": [("-tolerance.of(self.unit)", "-1e3 * tolerance.of(self.unit)")],
     "Certificate.passed": [("not self.failures()", "len(self.failures()) < 2")],
+    "Certificate.slower_failure": [
+        ("for name in _KEPT_SLOWER", "for name in ()"),
+        (">= -self.tolerance.relative", ">= 0.0"),
+    ],
+    "Certificate.braking": [("not _BRAKED_FROM.isdisjoint(self.failures())", "False")],
+    # --- verification: slower runs and braking --------------------------------------------------
+    "path_steps": [
+        ("stretches.piece + stretches.start", "regular"),
+        ("share.mean(axis=0)", "share[1]"),
+    ],
+    "effort_sides": [
+        ("gravity + coulomb", "gravity"),
+        ("motors.friction_uncertainty * abs(coulomb)", "0.0"),
+        ("motors.friction_uncertainty * abs(viscous)", "0.0"),
+        ("- gravity - viscous", "- gravity"),
+        ("linear + way * v", "linear - way * v"),
+        ("motors.has_curve", "motors.has_curve & False"),
+    ],
+    "acceleration_sides": [("way * a, way * v", "way * a, way * a")],
+    "_allowed": [("limit.joint], way)", "limit.joint], 1.0)")],
+    "highest_up_to_one": [
+        ("3 * one * three", "one * three"),
+        ("one / sum_", "two / sum_"),
+    ],
+    "_rate_polynomials": [
+        ("way * friction + unsure", "way * friction"),
+        ("- gravity - friction", "- gravity"),
+    ],
+    "_tightest": [("robot.joint_names[joint[row]]", "robot.joint_names[0]")],
+    "worst_braking": [
+        ("time[1:] += np.add", "np.add"),
+        ("distance[1:] += np.add", "np.add"),
+        ("1 + tolerance - sides.static", "1 - sides.static"),
+    ],
+    "_tool_lengths": [("[:, :3]", "[:, 3:]")],
+    "_rests": [
+        ("np.cumsum(part[::-1])[::-1]", "np.cumsum(part)"),
+        ("2 * share * h / (np.sqrt(square) + np.sqrt(after))", "h"),
+    ],
+    "_steady": [("np.minimum(harder, to_rest)", "to_rest")],
+    "_left": [("left - linear * p", "left - 0 * linear * p")],
     # --- verification/verification ------------------------------------------------------------
     "verify": [("trajectory.reordered(problem.robot.joint_names)", "trajectory")],
     # --- verification/judged ------------------------------------------------------------------

@@ -16,7 +16,6 @@ from tubeplanner import (
     load_robot,
 )
 from tubeplanner.robot.joint_motors import JointMotors
-from tubeplanner.robot.robot_model import RobotModel
 
 # Of tests that compare durations, or that plan and look at something else: quicker.
 SHORTEST = PlanOptions(slack=0.0)
@@ -86,20 +85,6 @@ def one_joint(tmp_path, mass=0.0, **limits):
     )
 
 
-def with_motors(robot, effort_ranges=(), **values):
-    """Return a robot with motors, (n,) or one number each, and ranges of its efforts."""
-    arguments = list(robot.__reduce__()[1])
-    ideal = JointMotors.ideal(robot.joint_count)
-    uncertainty = values.pop("friction_uncertainty", 0.0)
-    rows = {name: np.broadcast_to(value, robot.joint_count) for name, value in values.items()}
-    arguments[-1] = replace(ideal, **rows, friction_uncertainty=uncertainty)
-    effort = robot.limits.effort.copy()
-    for table in effort_ranges:
-        effort[table.joint] = max(table.backwards.max(), table.forwards.max())
-    arguments[4] = replace(robot.limits, effort=effort, effort_ranges=tuple(effort_ranges))
-    return RobotModel(*arguments)
-
-
 def anywhere(robot):
     """A problem that asks nothing of a robot but its limits."""
     tool = robot.tool_position(np.zeros((1, robot.joint_count)))[0]
@@ -132,3 +117,39 @@ def changed(problem, **fields):
 def unlimited():
     """Return limits of the two-link arm without any on velocity."""
     return LimitOverrides(velocity={"joint1": np.inf, "joint2": np.inf})
+
+
+def with_motors(robot, effort_ranges=(), limits=None, friction_uncertainty=0.0, **motors):
+    """Return a robot with motors and other limits; values by field, of all joints or each."""
+    count = robot.joint_count
+    own = {name: np.broadcast_to(value, count).astype(float) for name, value in motors.items()}
+    ideal = JointMotors.ideal(count)
+    values = {name: np.broadcast_to(value, count) for name, value in (limits or {}).items()}
+    effort = values.get("effort", robot.limits.effort).copy()
+    for each in effort_ranges:
+        effort[each.joint] = max(each.backwards.max(), each.forwards.max())
+    values |= {"effort": effort, "effort_ranges": tuple(effort_ranges)}
+    make, arguments = robot.__reduce__()
+    limited = replace(robot.limits, **values)
+    kept = [limited if argument is robot.limits else argument for argument in arguments[:-1]]
+    return make(*kept, replace(ideal, friction_uncertainty=friction_uncertainty, **own))
+
+
+def rest_to_rest(joint_names, start, end, duration):
+    """A quintic in every joint."""
+    start, end = np.atleast_1d(start), np.atleast_1d(end)
+    shape = np.array([6.0, -15.0, 10.0, 0.0, 0.0, 0.0])[:, None] * (end - start)
+    shape[-1] = start
+    return JointTrajectory(joint_names, [0, 1.0], shape[:, None]).scaled(duration)
+
+
+def falling_arm(tmp_path):
+    """A bar that its motor does not hold about the horizontal, and a fall through there.
+
+    At q = 0 gravity takes 1.2 of what the motor has.
+    """
+    gravity = 0.5 * 9.81
+    limit = gravity / 1.2
+    robot = one_joint(tmp_path, mass=1.0, effort=limit)
+    inertia = INERTIA + 0.5**2
+    return robot, rest_to_rest(["turn"], 0.7, -2.2, np.sqrt(13.2 * inertia / limit))

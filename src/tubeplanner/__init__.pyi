@@ -21,6 +21,8 @@ from .verification.verification import verify as verify
 from .verification.certificate import Certificate as Certificate
 from .verification.judged_condition import JudgedCondition as JudgedCondition
 from .verification.judged_condition import Tolerance as Tolerance
+from .verification.braking import Braking as Braking  # returned
+from .verification.slower_runs import SlowerRun as SlowerRun  # returned
 
 # Robot
 from .robot.robot_loader import load_robot as load_robot

@@ -77,3 +77,18 @@ def test_what_does_not_fit_is_bad_input(run):
     status, _, error = run("check", "example:ur5/over_the_wall", ur5, "--for", "fr3")
     assert status == 2
     assert "the Franka Research 3 has 7 joints; the problem plans 6" in error
+
+
+def test_one_line_says_how_it_brakes_and_whether_it_can_be_slower(run):
+    _, text, _ = run("check", PANDA, FILE)
+    line = next(line for line in text.splitlines() if line.startswith("brakes to rest within 0.0"))
+    assert " mm of the tool's path (longest from t = 0." in line
+    assert line.endswith("; slower runs keep all limits")
+
+
+def test_what_cannot_be_slower_is_said_with_its_place(run):
+    status, text, _ = run("check", PANDA, FILE, "--set", "robot.limits.velocity=1.0")
+    assert status == 1
+    assert "\nslower runs break limits: velocity, margin -" in text
+    assert " % at 100 % of the speed (panda_joint" in text
+    assert "brakes to rest" not in text

@@ -150,11 +150,12 @@ def _print(
     certificate: "Certificate",
     verdict: "ControllerVerdict | None",
 ) -> None:
-    from tubeplanner.commands.report import certificate_text, peaks_lines
+    from tubeplanner.commands.report import certificate_text, other_speeds_line, peaks_lines
     from tubeplanner.constraints.trajectory_peaks import trajectory_peaks
 
     peaks = trajectory_peaks(problem.robot, read.trajectory)
     say(*peaks_lines(problem, peaks), certificate_text(certificate), sep="\n")
+    say(other_speeds_line(certificate))
     lines = [f"note: {note}" for note in _notes(problem, read, certificate)]
     lines += [] if verdict is None else verdict.lines()
     say(*lines, sep="\n", end="\n" if lines else "")

@@ -313,6 +313,26 @@ def certificate_text(certificate: "Certificate") -> str:
     return _rendered(table)
 
 
+def other_speeds_line(certificate: "Certificate") -> str:
+    """Return one line on how soon the arm comes to rest, and on slower runs."""
+    said = []
+    braking = certificate.braking
+    if braking is not None:
+        said.append(
+            f"brakes to rest within {braking.time:.3f} s and {1000 * braking.distance:.0f} mm of "
+            f"the tool's path (longest from {braking.where})"
+        )
+    failure = certificate.slower_failure
+    if failure is None:
+        said.append("slower runs keep all limits")
+    else:
+        said.append(
+            f"slower runs break limits: {failure.condition}, margin {100 * failure.margin:.3g} % "
+            f"at {100 * failure.speed:.3g} % of the speed ({failure.where})"
+        )
+    return "; ".join(said)
+
+
 def left_out_lines(certificate: "Certificate") -> list[str]:
     """Return a note that names the pairs of links that always touch; none if there are none."""
     pairs = [pair for pair in certificate.left_out if pair.reason == ALWAYS_TOUCHING]

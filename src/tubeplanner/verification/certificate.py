@@ -1,13 +1,23 @@
 """A certificate: every condition a trajectory must meet, with margin, place and coverage."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field
 from types import MappingProxyType
 from typing import Any
 
 from tubeplanner.collision.collision_checker import LeftOutPair
+from tubeplanner.verification.braking import Braking
 from tubeplanner.verification.conditions import CONDITION_NAMES
 from tubeplanner.verification.judged_condition import RELATIVE, JudgedCondition, Tolerance
+from tubeplanner.verification.other_speeds import OtherSpeeds
+from tubeplanner.verification.slower_runs import SlowerRun
+
+# Limits that a slower run keeps if the trajectory does.
+_KEPT_SLOWER = ("velocity", "acceleration", "jerk", "tool_speed", "point_speed")
+# What a bound on braking starts from.
+_BRAKED_FROM = frozenset(
+    ("velocity", "acceleration", "effort", "motor_curve", "rest", "continuity")
+)
 
 
 @dataclass(frozen=True)
@@ -18,18 +28,25 @@ class Certificate:
         conditions: By name, in the order of `CONDITION_NAMES`.
         tolerance: How far below zero margins may lie.
         left_out: Pairs of solids that were not checked against each other, and why.
+        other_speeds: What is known of the trajectory at other speeds; None: nothing.
     """
 
     conditions: Mapping[str, JudgedCondition]
     tolerance: Tolerance
     left_out: tuple[LeftOutPair, ...] = ()
+    other_speeds: OtherSpeeds | None = field(default=None, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         ordered = {name: self.conditions[name] for name in CONDITION_NAMES}
         object.__setattr__(self, "conditions", MappingProxyType(ordered))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Certificate, (dict(self.conditions), self.tolerance, self.left_out)
+        return Certificate, (
+            dict(self.conditions),
+            self.tolerance,
+            self.left_out,
+            self.other_speeds,
+        )
 
     @property
     def passed(self) -> bool:
@@ -44,6 +61,39 @@ class Certificate:
             if not condition.holds(self.tolerance)
         ]
 
+    @property
+    def slower(self) -> bool | None:
+        """Whether the trajectory keeps all limits at any lower speed, None if that is not known.
+
+        Informative: `passed` does not depend on it.
+        """
+        return None if self.other_speeds is None else self.slower_failure is None
+
+    @property
+    def slower_failure(self) -> SlowerRun | None:
+        """The slower run that breaks a limit most; None if none does, or that is not known."""
+        if self.other_speeds is None:
+            return None
+        for name in _KEPT_SLOWER:
+            condition = self.conditions[name]
+            if not condition.holds(self.tolerance):
+                return SlowerRun(name, condition.margin or 0.0, 1.0, condition.where)
+        tightest = self.other_speeds.slower
+        if tightest is None or tightest.margin >= -self.tolerance.relative:
+            return None
+        return tightest
+
+    @property
+    def braking(self) -> Braking | None:
+        """How soon the arm comes to rest along its path; informative.
+
+        None where nothing limits efforts and accelerations, or the trajectory itself is outside of
+        limits that braking starts from, or it is not known.
+        """
+        if self.other_speeds is None or not _BRAKED_FROM.isdisjoint(self.failures()):
+            return None
+        return self.other_speeds.braking
+
     def describe(self, name: str) -> str:
         """Return one line about a condition: margin, unit, place."""
         condition = self.conditions[name]
@@ -55,6 +105,7 @@ class Certificate:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the certificate as JSON values."""
+        failure, braking = self.slower_failure, self.braking
         return {
             "passed": self.passed,
             "tolerance": {
@@ -71,6 +122,9 @@ class Certificate:
                 }
                 for name, condition in self.conditions.items()
             },
+            "slower": self.slower,
+            "slower_failure": None if failure is None else asdict(failure),
+            "braking": None if braking is None else asdict(braking),
             "left_out": [
                 {"links": list(pair.links), "reason": pair.reason} for pair in self.left_out
             ],

@@ -11,6 +11,7 @@ from tubeplanner.verification.certificate import Certificate
 from tubeplanner.verification.conditions import JUDGED, SEGMENT_MARGINS
 from tubeplanner.verification.judged_condition import Tolerance
 from tubeplanner.verification.judged_motion import JudgedMotion
+from tubeplanner.verification.other_speeds import OtherSpeeds
 from tubeplanner.verification.tube_visits import Visit
 
 
@@ -39,7 +40,8 @@ def verify(
     trajectory = trajectory.reordered(problem.robot.joint_names)
     motion = JudgedMotion(problem.joined, trajectory, tolerance, SEGMENT_MARGINS)
     conditions = {name: judge(motion) for name, judge in JUDGED.items()}
-    return Certificate(conditions, tolerance, problem.collision.left_out)
+    speeds = OtherSpeeds(problem.robot, trajectory, tolerance.relative)
+    return Certificate(conditions, tolerance, problem.collision.left_out, speeds)
 
 
 def judged_visits(problem: PlanningProblem, trajectory: JointTrajectory) -> list[Visit]:
