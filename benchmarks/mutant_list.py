@@ -540,7 +540,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "directed_efforts": [
         ("effort[-1] += dry", "pass"),
         ("(local + width / 2)", "local"),
-        ("parts.end - parts.start),", "1.0 - parts.start),"),
+        ("parts.start, parts.end - parts.start),", "parts.start, 1.0 - parts.start),"),
         (
             "width = smooth.width[interval] * (parts.end - parts.start)",
             "width = smooth.width[interval]",
