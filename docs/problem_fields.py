@@ -68,14 +68,20 @@ def _type(field: dict[str, Any], paths: dict[str, list[str]]) -> str:
         return f"[section](#field-{path})"
     if "anyOf" in field:
         kinds = [_type(kind, paths) for kind in field["anyOf"] if kind.get("type") != "null"]
-        many = f"list of {kinds[0]}"
-        return ", or ".join(kind.replace(many, "list of these") for kind in kinds)
+        many = (f"list of {kinds[0]}", f"list of ({kinds[0]})")
+        return ", or ".join("list of these" if kind in many else kind for kind in kinds)
     if "enum" in field:
         return ", ".join(f"`{json.dumps(value)}`" for value in field["enum"])
     if "prefixItems" in field:
         return f"[{len(field['prefixItems'])} {_type(field['prefixItems'][0], paths)}s]"
     if "items" in field:
-        return f"list of {_type(field['items'], paths)}"
+        return f"list of {_grouped(field['items'], paths)}"
     if "additionalProperties" in field:
-        return f"map to {_type(field['additionalProperties'], paths)}"
+        return f"map to {_grouped(field['additionalProperties'], paths)}"
     return f"`{json.dumps(field['const'])}`" if "const" in field else _KINDS[field["type"]]
+
+
+def _grouped(field: dict[str, Any], paths: dict[str, list[str]]) -> str:
+    """Return what an entry takes, alternatives in brackets."""
+    kinds = _type(field, paths)
+    return f"({kinds})" if ", or " in kinds else kinds

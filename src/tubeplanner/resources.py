@@ -13,7 +13,7 @@ from tubeplanner.errors import ProblemError, RobotError, unknown_name
 
 EXAMPLE_PREFIX = "example:"
 _PACKAGE_PREFIX = "package://"
-_PRESETS = "presets"  # the bundled folder that holds limits alone
+_PRESETS = "presets"  # the bundled folder that holds limits and motors alone
 _PRESET_ENDINGS = (".yaml", ".yml", ".json")
 
 # The robots of example-robot-data, below its folder `robots`, by the names of its former loaders
@@ -115,7 +115,7 @@ def bundled_problems() -> dict[str, Path]:
 
 
 def bundled_presets() -> dict[str, Path]:
-    """Return every bundled preset of limits by its name."""
+    """Return every bundled preset by its name."""
     return {path.stem: path for path in sorted((bundled_folder() / _PRESETS).glob("*.yaml"))}
 
 
@@ -151,7 +151,7 @@ def find_problem(name: str | Path, directory: Path) -> Path:
 
 
 def find_preset(name: str | Path, directory: Path) -> Path:
-    """Return the path of a preset of limits.
+    """Return the path of a preset.
 
     Args:
         name: A bundled name, or a path of a YAML or JSON file.

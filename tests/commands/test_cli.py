@@ -328,7 +328,7 @@ def test_robots_and_schema_are_listed(run, run_json):
     listed = run_json("robots")[1]
     assert "panda/between_shelves" in listed["problems"]
     assert "presets/fr3" not in listed["problems"]
-    assert listed["presets"] == ["fer", "fr3"]
+    assert listed["presets"] == ["fer", "fr3", "fr3_friction", "ur10_friction"]
     schema = json.loads(run("schema")[1])
     assert set(schema["required"]) == {"robot", "start"}
 

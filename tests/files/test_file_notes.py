@@ -35,7 +35,7 @@ def test_another_problem_and_another_robot_are_told_apart(stored):
     weak = load_robot("example:ur5", "tool0", limits=LimitOverrides(effort={"elbow_joint": 100.0}))
     weaker = PlanningProblem(weak, problem.tube, problem.start, obstacles=problem.obstacles)
     assert notes_on_file(weaker, file, failed=False) == [
-        "the trajectory was made for another robot, payload or limits"
+        "the trajectory was made for another robot, payload, limits or motors"
     ]
 
 

@@ -181,7 +181,10 @@ OTHER = {
         "robot__limits": {"point_speed": [{"link": "upper", "position": [0, 0, 0], "speed": 1}]}
     },
     "less effort backwards": {"robot__limits": {"effort": {"j1": [40, 50]}}},
+    "still less effort backwards": {"robot__limits": {"effort": {"j1": [30, 50]}}},
     "less effort forwards": {"robot__limits": {"effort": {"j1": [50, 40]}}},
+    "still less effort forwards": {"robot__limits": {"effort": {"j1": [50, 30]}}},
+    "less effort of the other joint": {"robot__limits": {"effort": {"j2": [50, 40]}}},
     "less effort at one end": {
         "robot__limits": {"effort": {"j1": {"position": [-1, 1], "effort": [50, 40]}}}
     },
@@ -191,11 +194,14 @@ OTHER = {
     "a rotor": {"robot__motors": {"armature": {"j1": 0.1}}},
     "friction that grows": {"robot__motors": {"viscous_friction": {"j1": 0.1}}},
     "friction backwards": {"robot__motors": {"coulomb_friction": {"j1": [1, 0]}}},
+    "more friction backwards": {"robot__motors": {"coulomb_friction": {"j1": [2, 0]}}},
     "friction forwards": {"robot__motors": {"coulomb_friction": {"j1": [0, 1]}}},
+    "more friction forwards": {"robot__motors": {"coulomb_friction": {"j1": [0, 2]}}},
     "friction that may be more": {
         "robot__motors": {"coulomb_friction": {"j1": [0, 1]}, "friction_uncertainty": 0.5}
     },
     "a torque-speed line": {"robot__motors": {"saturation_effort": 50, "no_load_velocity": 2}},
+    "a stronger one": {"robot__motors": {"saturation_effort": 60, "no_load_velocity": 2}},
     "a flatter one": {"robot__motors": {"saturation_effort": 50, "no_load_velocity": 3}},
     "one in the tube": {"tube__tool_speed": 0.5},
     "another one in the tube": {"tube__tool_speed": [0.6]},

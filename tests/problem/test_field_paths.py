@@ -46,6 +46,72 @@ def at(data, *keys):
     return data
 
 
+MOTORS = {
+    "robot": {
+        "urdf": "example:two_link",
+        "tool_frame": "hand",
+        "gravity": [0, 0, 0],
+        "limits": {"effort": {"joint1": [90, 80]}},
+        "motors": {"armature": [0.4, 0.2], "coulomb_friction": {"joint1": 2, "joint2": [1, 3]}},
+    },
+    "tube": {"points": [[0.6, 0, 0], [0.4, 0.4, 0]], "radius": 0.1},
+    "start": {"seed": [0, 1]},
+}
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "armature", "backwards", "forwards"),
+    [
+        ("robot.motors.armature", "x0.5", [0.2, 0.1], [2, 1], [2, 3]),
+        ("robot.motors.armature", 3, [3, 3], [2, 1], [2, 3]),
+        ("robot.motors.armature.1", 3, [0.4, 3], [2, 1], [2, 3]),
+        ("robot.motors.coulomb_friction", "x2", [0.4, 0.2], [4, 2], [4, 6]),
+        ("robot.motors.coulomb_friction.joint2", "x2", [0.4, 0.2], [2, 2], [2, 6]),
+        ("robot.motors.coulomb_friction.joint2.0", 5, [0.4, 0.2], [2, 5], [2, 3]),
+        ("robot.motors.coulomb_friction.joint1", [5, 6], [0.4, 0.2], [5, 1], [6, 3]),
+        ("robot.motors.coulomb_friction", [[5, 6], 7], [0.4, 0.2], [5, 7], [6, 7]),
+        ("robot.motors", {}, [0, 0], [0, 0], [0, 0]),
+    ],
+)
+def test_paths_lead_into_motors(path, value, armature, backwards, forwards):
+    motors = parse_problem(MOTORS, changes={path: value}).robot.motors
+    np.testing.assert_allclose(motors.armature, armature)
+    np.testing.assert_allclose(motors.backwards_friction, backwards)
+    np.testing.assert_allclose(motors.forwards_friction, forwards)
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "position", "backwards", "forwards"),
+    [
+        ("robot.limits.effort.joint1", "x0.5", [0], [45], [40]),
+        ("robot.limits.effort.joint1.1", 70, [0], [90], [70]),
+        (
+            "robot.limits.effort",
+            {"joint1": {"position": [0, 2], "effort": [5, 9]}},
+            [0, 2],
+            [5, 9],
+            [5, 9],
+        ),
+    ],
+)
+def test_paths_lead_into_effort_limits(path, value, position, backwards, forwards):
+    (found,) = parse_problem(MOTORS, changes={path: value}).robot.limits.effort_ranges
+    np.testing.assert_array_equal(found.position, position)
+    np.testing.assert_array_equal(found.backwards, backwards)
+    np.testing.assert_array_equal(found.forwards, forwards)
+
+
+def test_tables_of_efforts_are_known_below_a_joint():
+    table = {"robot.limits.effort": {"joint1": {"position": [0, 2], "effort": [5, 9]}}}
+    changes = table | {"robot.limits.effort.joint1.effort.0": 7}
+    (found,) = parse_problem(MOTORS, changes=changes).robot.limits.effort_ranges
+    np.testing.assert_array_equal(found.forwards, [7, 9])
+    with pytest.raises(
+        ProblemError, match=r"joint1\.efort: unknown key 'efort' \(did you mean 'ef"
+    ):
+        parse_problem(MOTORS, changes=table | {"robot.limits.effort.joint1.efort": [1, 2]})
+
+
 @pytest.mark.parametrize(
     ("path", "value", "keys"),
     [

@@ -1,4 +1,4 @@
-"""Presets of limits: bundled ones, one's own, and what is refused."""
+"""Presets of limits and motors: bundled ones, one's own, and what is refused."""
 
 import json
 

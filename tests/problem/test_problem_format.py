@@ -80,6 +80,15 @@ OBSTACLE = "name, box, sphere, cylinder, capsule, mesh, scale, position, rpy, qu
         ("clearence", 1, "top level", "clearence", "clearance", TOP),
         ("robot.toolframe", "hand", "robot", "toolframe", "tool_frame", ROBOT),
         ("robot.limits.velocities", {}, "robot.limits", "velocities", "velocity", LIMITS),
+        ("robot.motors.armatures", {}, "robot.motors", "armatures", "armature", MOTORS),
+        (
+            "robot.limits.effort",
+            {"j": {"position": [0], "efort": [1]}},
+            "robot.limits.effort.j",
+            "efort",
+            "effort",
+            "position, effort",
+        ),
         ("robot.payload", {"mas": 1}, "robot.payload", "mas", "mass", "mass, com, inertia"),
         ("robot.tool_offset.rpi", [0, 0, 0], "robot.tool_offset", "rpi", "rpy", "position, rpy"),
         ("tube.radii", 0.1, "tube", "radii", "radius", TUBE),
@@ -137,6 +146,8 @@ def test_a_field_required_inside_an_optional_one_is_named(place, value, name):
 # --- types -------------------------------------------------------------------------------------
 
 NOT_A_NUMBER = "it must be a number"
+PER_JOINT = "it must be one number for all joints, a list with one for each, or a map by name"
+ONE_OR_TWO = "it must be a number, or [backwards, forwards]"
 
 
 @pytest.mark.parametrize(
@@ -150,6 +161,49 @@ NOT_A_NUMBER = "it must be a number"
         ("tube.points", [[0, 0, 0, 0]], "tube.points[0] has more than 3 "),
         ("tube.points", [[0, 0], [1, 0]], "tube.points[0] has 2 "),
         ("start", [0, 0], "start is [0, 0]; it must be a map with joints, seed"),
+        (
+            "robot.motors",
+            3,
+            "robot.motors is 3; it must be a map with armature, viscous_friction, ",
+        ),
+        ("robot.motors.armature", "a", f"robot.motors.armature is 'a'; {PER_JOINT}"),
+        (
+            "robot.motors.armature",
+            {"j": [1, 2]},
+            f"robot.motors.armature.j is [1, 2]; {NOT_A_NUMBER}",
+        ),
+        (
+            "robot.motors.coulomb_friction",
+            True,
+            f"robot.motors.coulomb_friction is True; {PER_JOINT}",
+        ),
+        (
+            "robot.motors.coulomb_friction",
+            [[1, 2, 3]],
+            f"robot.motors.coulomb_friction[0] is [1, 2, 3]; {ONE_OR_TWO}",
+        ),
+        (
+            "robot.motors.coulomb_friction",
+            {"j": [1, "a"]},
+            f"robot.motors.coulomb_friction.j is [1, 'a']; {ONE_OR_TWO}",
+        ),
+        (
+            "robot.motors.friction_from_urdf",
+            "yes",
+            "robot.motors.friction_from_urdf is 'yes'; it must be true or false",
+        ),
+        (
+            "robot.limits.effort",
+            {"j": [1, 2, 3]},
+            "robot.limits.effort.j is [1, 2, 3]; it must be a number, [backwards, forwards], or a "
+            "map with position and effort",
+        ),
+        (
+            "robot.limits.effort",
+            {"j": {"position": [0], "effort": ["a"]}},
+            f"robot.limits.effort.j.effort[0] is 'a'; {NOT_A_NUMBER}",
+        ),
+        ("robot.limits.effort", [[1, 2]], f"robot.limits.effort[0] is [1, 2]; {NOT_A_NUMBER}"),
         ("robot.limits.effort", {1: 5}, "robot.limits.effort: the key 1 is no text; quote it"),
         ("tube.joint_signs", {"j": True}, "tube.joint_signs.j is True; true and false are no num"),
         ("tube.visit", "all", "tube.visit is 'all'; it must be 'ordered' or 'any'"),

@@ -44,3 +44,8 @@ def test_a_urdfs_placeholder_is_named_before_and_after_it_is_taken():
     most = "65 % of the effort limit (joint1, joint2), more than a third"
     assert f"would at full speed take {most}" in before
     assert f"at full speed friction takes {most}" in after
+
+
+def test_more_than_the_whole_effort_is_written_out():
+    (note,) = robot_notes(arm(coulomb_friction={"elbow_joint": 300}))
+    assert note.startswith("at full speed friction takes 200 % of the effort limit (elbow_joint), ")

@@ -41,8 +41,11 @@ def test_equal_values_stand_once(arm):
 
 def test_friction_that_is_given_is_not_named(arm):
     rubbing = '<dynamics damping="2" friction="1"/>'
-    given = MotorOverrides(viscous_friction={"turn": 1}, coulomb_friction={"lift": [1, 0]})
-    note = unused_note(arm(motors=given, turn=rubbing, lift=rubbing))
+    one_way = {"lift": [1, 0], "extend": [0, 1]}
+    given = MotorOverrides(viscous_friction={"turn": 1}, coulomb_friction=one_way)
+    note = unused_note(
+        arm(motors=given, turn=rubbing, lift=rubbing, extend='<dynamics friction="3"/>')
+    )
     assert "<dynamics friction> 1 (turn); <dynamics damping> 2 (lift); that friction" in note
     assert "take 30 % of the effort limit (lift); to keep" in note
     taken = MotorOverrides(friction_from_urdf=True)
@@ -96,6 +99,13 @@ def test_velocities_by_position_are_named_unless_they_are_given(arm):
     assert unused_note(arm(LimitOverrides(velocity_by_position={"lift": given}), lift=law)) is None
     other = LimitOverrides(velocity_by_position={"turn": given})
     assert unused_note(arm(other, lift=law)) is not None
+
+
+def test_soft_limits_are_named_without_a_field_that_takes_them(arm):
+    soft = '<safety_controller soft_lower_limit="-1" soft_upper_limit="3"/>'
+    assert unused_note(arm(turn=soft)) == (
+        "the URDF says, and nothing here uses: <safety_controller soft_lower_limit> -1 (turn)"
+    )
 
 
 def test_bundled_arms_are_named(panda, ur5):

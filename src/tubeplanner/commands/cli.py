@@ -156,7 +156,7 @@ def plan(
 @cli.command()
 @AS_JSON
 def robots(as_json: bool) -> None:
-    """List the robots and problems that `example:` finds, and presets of limits."""
+    """List the robots and problems that `example:` finds, and presets of limits and motors."""
     from tubeplanner.resources import (
         bundled_presets,
         bundled_problems,
@@ -176,7 +176,7 @@ def robots(as_json: bool) -> None:
     bundled = bundled_robots()
     for name in example_robot_names():
         say(f"  example:{name}{'  (bundled)' if name in bundled else ''}")
-    say("Presets of limits (robot.preset: NAME), each number with its source in the file:")
+    say("Presets of limits and motors (robot.preset: NAME), sources in the file:")
     say(*(f"  {name}  {path}" for name, path in presets.items()), sep="\n")
 
 

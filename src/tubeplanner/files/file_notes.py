@@ -24,7 +24,7 @@ def notes_on_file(problem: PlanningProblem, file: TrajectoryFile, *, failed: boo
     if file.interpolation is not None:
         notes.append(f"samples are joined by {file.interpolation}")
     if file.robot_hash not in (None, robot_hash(problem.robot)):
-        notes.append("the trajectory was made for another robot, payload or limits")
+        notes.append("the trajectory was made for another robot, payload, limits or motors")
     elif file.problem_hash not in (None, problem_hash(problem)):
         notes.append(f"the trajectory was made {_other_origin(problem, str(file.problem_hash))}")
     misreading = _likely_misreading(problem, file.trajectory) if failed else None

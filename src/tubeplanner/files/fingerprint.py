@@ -28,7 +28,7 @@ ROBOT_DIGITS, _PROBLEM_DIGITS = 16, 32
 
 
 def robot_hash(robot: RobotModel) -> str:
-    """Return a hash of a robot's kinematics, dynamics and limits."""
+    """Return a hash of a robot's kinematics, dynamics, limits and motors."""
     return hash_of(robot_parts(robot), ROBOT_DIGITS)
 
 
@@ -60,7 +60,7 @@ def question_parts(problem: PlanningProblem) -> list[object]:
 
 
 def robot_parts(robot: RobotModel) -> list[object]:
-    """Return what a robot does: its tool's poses, its efforts, its limits."""
+    """Return what a robot does: its tool's poses, its efforts, its limits, its motors."""
     q, v, a = _sampled(robot)
     limits = robot.limits
     return [

@@ -113,21 +113,21 @@ class LimitFields(Section):
 
 
 class MotorFields(Section):
-    """Motors by joint name, or lists in chain order; a number serves for all.
+    """Motors as felt at the joints, by joint name, or lists in chain order.
 
-    A URDF knows nothing of them but friction.
+    A number serves for all. What is not given is ideal.
     """
 
     armature: NumberPerJoint = Field(
         {}, description="inertia of the rotor as felt at the joint [kg m^2] or [kg]"
     )
     viscous_friction: NumberPerJoint = Field(
-        {}, description="friction per velocity [N m s/rad] or [N s/m]"
+        {}, description="friction in proportion to the velocity [N m s/rad] or [N s/m]"
     )
     coulomb_friction: FrictionPerJoint = Field(
         {},
-        description="friction at any velocity; in a list or map also [backwards, forwards], by "
-        "the direction of motion [N m] or [N]",
+        description="friction whatever the velocity; in a list or map also [backwards, forwards], "
+        "by the direction of motion [N m] or [N]",
     )
     saturation_effort: NumberPerJoint = Field(
         {}, description="stall effort of a torque-speed line; .inf: no line [N m] or [N]"
@@ -136,7 +136,7 @@ class MotorFields(Section):
         {}, description="where that line reaches zero; .inf: no line [rad/s] or [m/s]"
     )
     friction_from_urdf: Flag | None = Field(
-        None, description="take <dynamics damping friction> where none is given; default: false"
+        None, description="take the URDF's damping and friction where none is given; default: false"
     )
     friction_uncertainty: Finite | None = Field(
         None,

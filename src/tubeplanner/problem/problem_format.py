@@ -125,7 +125,9 @@ class RobotFields(Section):
     payload: PayloadFields | None = Field(None, description="a mass carried in tool_frame")
     attached: list[AttachedFields] = Field([], description="solids carried in tool_frame")
     limits: LimitFields = Field(LimitFields(), description="replace and scale the URDF's limits")
-    motors: MotorFields = Field(MotorFields(), description="what they add to the rigid arm")
+    motors: MotorFields = Field(
+        MotorFields(), description="inertia, friction, less effort at speed"
+    )
     preset: str | list[str] | None = Field(
         None,
         description="limits and motors below these: a bundled name, a file, or a list, of which "

@@ -30,7 +30,9 @@ class FrictionShare:
 
     def __str__(self) -> str:
         whose = ", ".join(self.joints) or "every joint"
-        return f"{100 * self.share:.2g} % of the effort limit ({whose})"
+        percent = 100 * self.share
+        figures = f"{percent:.0f}" if percent >= 10 else f"{percent:.2g}"
+        return f"{figures} % of the effort limit ({whose})"
 
 
 def friction_share(
