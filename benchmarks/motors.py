@@ -70,6 +70,7 @@ CASES: Mapping[str, tuple[Case, ...]] = {
 
 
 def main() -> int:
+    """Print the table; return 1 if a goal is missed."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--slack", type=float, default=0.005)
     parser.add_argument("--repeats", type=int, default=3)

@@ -566,9 +566,12 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     "_judge_directed": [
         ("for way in (1.0, -1.0)", "for way in (1.0, 1.0)"),
-        ("_allowed(motion.robot, efforts, way)", "_allowed(motion.robot, efforts, 1.0)"),
+        (
+            "_effort_allowed(motion.robot, efforts, way)",
+            "_effort_allowed(motion.robot, efforts, 1.0)",
+        ),
     ],
-    "_allowed": [
+    "_effort_allowed": [
         ("halves @ efforts.position", "efforts.position[-1]"),
         ("table.slope(q, way) * efforts.position[:, rows]", "0.0"),
         ("- table.slope(q, way) * q", ""),
@@ -597,7 +600,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "directed_efforts": [
         ("effort[-1] += dry", "pass"),
         ("(local + width / 2)", "local"),
-        ("parts.end - parts.start),", "1.0 - parts.start),"),
+        ("parts.start, parts.end - parts.start),", "parts.start, 1.0 - parts.start),"),
         (
             "width = smooth.width[interval] * (parts.end - parts.start)",
             "width = smooth.width[interval]",

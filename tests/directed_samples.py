@@ -29,11 +29,11 @@ def random_motors(robot, rng):
     )
 
 
-def random_motion(robot, rng, pieces=4, width=0.2):
+def random_motion(robot, rng, breakpoints=(0.0, 0.2, 0.4, 0.6, 0.8)):
     """Return quintics that jump at breakpoints; joints reverse inside the pieces."""
     scale = np.array([60.0, 30.0, 20.0, 8.0, 1.0, 1.5])[:, None, None]
-    rows = scale * rng.uniform(-1, 1, (6, pieces, robot.joint_count))
-    return JointTrajectory(robot.joint_names, width * np.arange(pieces + 1), rows)
+    rows = scale * rng.uniform(-1, 1, (6, len(breakpoints) - 1, robot.joint_count))
+    return JointTrajectory(robot.joint_names, breakpoints, rows)
 
 
 def samples(robot, trajectory):

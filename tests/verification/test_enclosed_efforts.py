@@ -3,10 +3,14 @@
 import numpy as np
 import pytest
 
-from cases import SLIDE, with_motors
+from cases import SLIDE, one_joint, with_motors
 from tubeplanner import JointTrajectory, load_robot
 from tubeplanner.robot.effort_rate import effort_rate
-from tubeplanner.verification.enclosed_efforts import effort_terms, enclosed_effort_rates
+from tubeplanner.verification.enclosed_efforts import (
+    effort_terms,
+    enclosed_effort_rates,
+    enclosed_efforts,
+)
 
 
 @pytest.fixture(params=["rigid", "motors"])
@@ -41,6 +45,22 @@ def test_friction_of_the_urdf_is_not_in_it_unasked(tmp_path):
     q, v, a = np.random.default_rng(0).uniform(-2, 2, (3, 20, robot.joint_count))
     values = effort_terms(robot)["rigid bodies and motors"].values
     np.testing.assert_allclose(values(q, -v, a), values(q, v, a), rtol=1e-9, atol=1e-9)
+
+
+def test_what_rotors_and_friction_take_is_missed_by_no_more_than_the_error(tmp_path):
+    """A polynomial of a degree that interpolation misses, of a joint with hardly any inertia."""
+    motors = {"armature": 400.0, "viscous_friction": 3000.0}
+    robot = with_motors(one_joint(tmp_path), **motors)
+    rows = np.random.default_rng(2).uniform(-1, 1, (13, 1, 1))
+    trajectory = JointTrajectory(["turn"], [0, 1.0], rows)
+    efforts = enclosed_efforts(robot, trajectory, np.array([1e-3]))
+    interval = np.repeat(np.arange(len(efforts.width)), 101)
+    u = np.tile(np.linspace(0, 1, 101), len(efforts.width))
+    at = trajectory.at(efforts.start[interval] + u * efforts.width[interval])
+    expected = robot.inverse_dynamics(at.position, at.velocity, at.acceleration)
+    missed = abs(efforts.within(interval, u) - expected)
+    assert (missed <= efforts.error[interval] + 1e-9).all()
+    assert missed.max() > 1e-6
 
 
 def test_enclosed_rates_are_those_that_the_planners_limit(arm):

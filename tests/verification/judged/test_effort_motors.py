@@ -1,5 +1,7 @@
 """Efforts with friction and limits that differ: closed forms of a bar, dense samples of arms."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from cases import INERTIA, anywhere, one_joint, with_motors
 from directed_samples import random_motion, random_motors, worst_use
 from tubeplanner import JointTrajectory, Tolerance, verify
 from tubeplanner.robot.effort_range import EffortRange
+from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.verification.conditions import JUDGED
 from tubeplanner.verification.judged_motion import JudgedMotion
 
@@ -203,6 +206,17 @@ def test_joints_with_and_without_friction_are_held_against_their_own(ur5):
         judged(with_motors(ur5, forwards_friction=dry), motion).where.joint
         == (ur5.joint_names[other])
     )
+
+
+def test_a_joint_without_a_limit_is_not_asked(ur5):
+    """However much friction it has."""
+    limits, dry = ur5.limits.effort.copy(), np.zeros(6)
+    limits[2], dry[2], dry[3] = np.inf, 1e6, 500.0
+    arguments = list(with_motors(ur5, forwards_friction=dry).__reduce__()[1])
+    arguments[4] = replace(arguments[4], effort=limits)
+    condition = judged(RobotModel(*arguments), random_motion(ur5, np.random.default_rng(3)))
+    assert condition.where.joint == ur5.joint_names[3]
+    assert condition.margin == pytest.approx(1 - 500.0 / limits[3], abs=3.0)
 
 
 def test_the_error_of_the_enclosure_is_taken_off_and_told(bar, monkeypatch):

@@ -42,12 +42,14 @@ def _depends_on_direction(robot: RobotModel) -> BoolArray:
 
 def _judge_directed(motion: JudgedMotion, which: BoolArray) -> JudgedCondition:
     efforts = motion.efforts_of(np.flatnonzero(which))
-    excess = [efforts.most(way) - _allowed(motion.robot, efforts, way) for way in (1.0, -1.0)]
+    excess = [
+        efforts.most(way) - _effort_allowed(motion.robot, efforts, way) for way in (1.0, -1.0)
+    ]
     unit = motion.robot.limits.effort[efforts.joint]
     return judged_both_ways(motion, efforts, np.array(excess), unit)
 
 
-def _allowed(robot: RobotModel, efforts: DirectedEfforts, way: float) -> FloatArray:
+def _effort_allowed(robot: RobotModel, efforts: DirectedEfforts, way: float) -> FloatArray:
     """Return the limits in one direction as polynomials, (N, R)."""
     allowed = np.zeros_like(efforts.effort)
     allowed[-1] = robot.limits.effort[efforts.joint]
