@@ -39,7 +39,7 @@ def require_within(braking, time, distance):
     [
         ({}, 10.0),
         ({"forwards_friction": 3.0, "backwards_friction": 50.0}, 13.0),
-        ({"forwards_friction": 3.0, "uncertainty": 0.5}, 11.5),
+        ({"forwards_friction": 3.0, "friction_uncertainty": 0.5}, 11.5),
         ({"armature": 0.5}, 10.0 * MASS / (MASS + 0.5)),
     ],
 )

@@ -71,7 +71,7 @@ def test_an_arm_that_falls_past_what_its_motor_holds_cannot_be_slower(tmp_path):
     [
         ({"backwards_friction": 0.2}, -0.2),  # falling, friction holds it
         ({"forwards_friction": 0.3}, 0.0),
-        ({"backwards_friction": 0.2, "uncertainty": 0.5}, -0.1),
+        ({"backwards_friction": 0.2, "friction_uncertainty": 0.5}, -0.1),
     ],
 )
 def test_friction_of_the_direction_of_motion_is_there_as_slowly_as_you_like(
@@ -80,7 +80,8 @@ def test_friction_of_the_direction_of_motion_is_there_as_slowly_as_you_like(
     robot, fall = falling_arm(tmp_path)
     limit = robot.limits.effort[0]
     friction = {
-        name: value if name == "uncertainty" else value * limit for name, value in motors.items()
+        name: value if name == "friction_uncertainty" else value * limit
+        for name, value in motors.items()
     }
     run = tightest_slower_run(with_motors(robot, **friction), fall)
     assert run.margin == pytest.approx(1 - HELD - share, abs=1e-5)
@@ -163,7 +164,7 @@ def test_the_torque_speed_line_counts(cart):
 @pytest.mark.parametrize("uncertainty", [0.0, 0.3])
 def test_effort_rates_are_those_of_all_slower_runs(uncertainty):
     robot = load_robot("example:two_link", "hand", gravity=(0, -9.81, 0))
-    motors = {"viscous_friction": [300, 100], "uncertainty": uncertainty}
+    motors = {"viscous_friction": [300, 100], "friction_uncertainty": uncertainty}
     limits = {"effort": np.inf, "effort_rate": [4000, 600]}
     robot = with_motors(robot, (), limits, **motors)
     move = rest_to_rest(["joint1", "joint2"], [-0.4, -1.0], [0.9, -2.0], 0.8)
@@ -173,9 +174,7 @@ def test_effort_rates_are_those_of_all_slower_runs(uncertainty):
         slow = move.scaled(1 / p)
         at = np.linspace(0, slow.duration, 400)
         state = [f(at) for f in (slow.position, slow.velocity, slow.acceleration, slow.jerk)]
-        unsure = uncertainty * abs(robot.motors.viscous_friction * state[2])
-        rate = abs(effort_rate(robot, *state)) + unsure
-        used.append((rate / robot.limits.effort_rate).max(axis=0))
+        used.append((abs(effort_rate(robot, *state)) / robot.limits.effort_rate).max(axis=0))
     tightest = robot.joint_names[np.max(used, axis=0).argmax()]
     assert (run.condition, run.where.joint) == ("effort_rate", tightest)
     assert run.margin == pytest.approx(1 - np.max(used), abs=2e-3)

@@ -8,6 +8,11 @@ from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.trajectory.bernstein import bernstein_coefficients
 
 
+# Nearer to an end of a piece, as a share of it, a change of sign is at that end: the next piece has
+# its own.
+_END = 1e-12
+
+
 class SignChanges(NamedTuple):
     """Instants at which polynomials may change their sign, K of them, in no order.
 
@@ -47,4 +52,4 @@ def _roots_inside(coefficients: FloatArray) -> list[float]:
     """Return where a polynomial, highest power first, may change its sign between 0 and 1."""
     roots = np.roots(coefficients)
     real = roots.real[roots.imag == 0]
-    return real[(real > 0) & (real < 1)].tolist()
+    return real[(real > _END) & (real < 1 - _END)].tolist()

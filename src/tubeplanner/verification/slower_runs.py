@@ -75,7 +75,10 @@ def _tightest(robot: RobotModel, steps: PathSteps) -> SlowerRun | None:
 
 
 def _rate_polynomials(robot: RobotModel, steps: PathSteps) -> FloatArray:
-    """Return the used shares of limits on effort rates, by power of the speed: (4, N, R)."""
+    """Return the used shares of limits on effort rates, by power of the speed: (4, N, R).
+
+    As the certificate judges them: viscous friction as it is given.
+    """
     limit = robot.limits.effort_rate
     joints = np.flatnonzero(np.isfinite(limit))
     if len(joints) == 0:
@@ -83,11 +86,7 @@ def _rate_polynomials(robot: RobotModel, steps: PathSteps) -> FloatArray:
     q, v, a, jerk = (steps.at_ends(order) for order in range(4))
     gravity, friction = gravity_effort_rate(robot, q, v), robot.motors.viscous_friction * a
     inertia = effort_rate(robot, q, v, a, jerk) - gravity - friction
-    unsure = robot.motors.friction_uncertainty * abs(friction)
-    ways = [
-        np.stack([0 * gravity, way * gravity, way * friction + unsure, way * inertia])
-        for way in (1.0, -1.0)
-    ]
+    ways = [way * np.stack([0 * gravity, gravity, friction, inertia]) for way in (1.0, -1.0)]
     return np.concatenate([way[:, :, joints] / limit[joints] for way in ways], axis=2)
 
 
