@@ -21,6 +21,7 @@ from tubeplanner.refinement.phased_spline import PhasedSpline, segments_of_piece
 from tubeplanner.refinement.sequential_program import SequentialProgram
 from tubeplanner.refinement.spline_constraints import Iterate, SplineConstraints
 from tubeplanner.refinement.trust_region import TrustRegion
+from tubeplanner.trajectory.directed_stretches import common_stretches
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, from_spline
 from tubeplanner.verification.certificate import Certificate
 
@@ -168,22 +169,28 @@ class SecondStage:
         dense, _ = self._program.constraints.look_between_samples(iterate)
         if dense.excess > MERIT_TOLERANCE:
             return False
-        return self._least_duration(dense) <= self._longest * (1 - _BETWEEN_LOOKS)
+        longest = self._longest * (1 - _BETWEEN_LOOKS)
+        if not self._problem.robot.motors.has_coulomb_friction:
+            return dense.squared_duration <= longest**2
+        return self._has_time_with_friction(dense.spline, longest)
 
-    def _least_duration(self, dense: Iterate) -> float:
-        """Return the least duration of a motion, inf if it has none; exact where it has friction.
+    def _has_time_with_friction(self, spline: PhasedSpline, longest: float) -> bool:
+        """Return whether a duration is enough by exact time scaling; if not, watch all reversals.
 
-        Blended friction asks for more than a motion needs, or misses what is between samples.
+        Blended friction asks for more than that, and between samples, where efforts are steep, may
+        miss what a reversal needs.
         """
-        robot = self._problem.robot
-        if not robot.motors.has_coulomb_friction:
-            return float(np.sqrt(dense.squared_duration))
-        shape = from_spline(robot.joint_names, dense.spline.bspline())
+        shape = from_spline(self._problem.robot.joint_names, spline.bspline())
+        segments = segments_of_pieces(spline.grid)
         try:
-            segments = segments_of_pieces(dense.spline.grid)
-            return minimum_duration(self._problem, shape, segments=segments)
+            if minimum_duration(self._problem, shape, segments=segments) <= longest:
+                return True
         except Infeasible:
-            return np.inf
+            pass
+        stretches = common_stretches(shape)
+        begin = shape.breakpoints[stretches.piece] + stretches.start * shape.widths[stretches.piece]
+        self._program.constraints.watch(spline, begin[stretches.start > 0])
+        return False
 
     def _is_better(self, iterate: Iterate) -> bool:
         return self._objective.value(iterate) < self._objective.value(self._found)

@@ -221,11 +221,16 @@ class SplineConstraints:
 
     def add_samples(self, spline: PhasedSpline, x: float) -> None:
         """Add samples of everything at an instant, from 0 to 1."""
-        samples = self._grid.samples_at(spline.switching_times, np.array([x]))
-        for with_jerk, watched in self._watched_samples.items():
-            self._watched_samples[with_jerk] = watched.and_also(samples)
+        samples = self.watch(spline, np.array([x]))
         self._tube_samples = self._tube_samples.and_also(samples)
         self._links.look_at(spline, samples)
+
+    def watch(self, spline: PhasedSpline, x: FloatArray) -> Samples:
+        """Add samples of limits on the speed at instants (N,) from 0 to 1; return them."""
+        samples = self._grid.samples_at(spline.switching_times, x)
+        for with_jerk, watched in self._watched_samples.items():
+            self._watched_samples[with_jerk] = watched.and_also(samples)
+        return samples
 
     def _at(
         self, spline: PhasedSpline, watched: Mapping[bool, Samples], tube_samples: Samples

@@ -7,7 +7,6 @@ import numpy as np
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.trajectory.bernstein import bernstein_coefficients
 
-
 # Nearer to an end of a piece, as a share of it, a change of sign is at that end: the next piece has
 # its own.
 _END = 1e-12
