@@ -19,7 +19,7 @@ from tubeplanner.refinement.measured_objective import MeasuredObjective
 from tubeplanner.refinement.objective_measures import objective_measures
 from tubeplanner.refinement.phased_spline import PhasedSpline, segments_of_pieces
 from tubeplanner.refinement.sequential_program import SequentialProgram
-from tubeplanner.refinement.spline_constraints import Iterate, SplineConstraints
+from tubeplanner.refinement.spline_constraints import BLENDED, Iterate, SplineConstraints
 from tubeplanner.refinement.trust_region import TrustRegion
 from tubeplanner.trajectory.directed_stretches import common_stretches
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, from_spline
@@ -112,8 +112,13 @@ class SecondStage:
         Raises:
             Infeasible: Status no_trajectory: the motors cannot hold it.
         """
-        self._program.constraints.look_for_links(self._start)
-        return self._improved(self._begun(self._start), TrustRegion(_FIRST_TRUST, _FIRST_DAMPING))
+        constraints, start = self._program.constraints, self._start
+        constraints.look_for_links(start)
+        first = TrustRegion(_FIRST_TRUST, _FIRST_DAMPING)
+        # Where that asks for more time than there is, friction is blended as in the first stage.
+        return self._improved(self._begun(start), first) or (
+            constraints.blend(BLENDED) and self._improved(self._begun(start), first)
+        )
 
     def answer(self, certificate: Certificate, duration: float) -> bool:
         """Continue with samples where a certificate fails; return whether there is an answer.
