@@ -20,6 +20,11 @@ from tubeplanner.constraints.tool_speed import ToolSpeed
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
+# What is to be said of the answer where that is so.
+NOT_PROVED = (
+    "the fastest that was found: with viscous friction or torque-speed lines nothing proves it the "
+    "least"
+)
 _INSIDE = 1e-4  # [m]: how far outside a capsule a point of the path still counts as in it
 _FASTEST = 1e9  # [1/s]: where the tool stands still, its speed limits nothing
 _SPEEDS, _ACCELERATIONS = 1, 2  # what limits depend on, at most; jerk is unlimited
