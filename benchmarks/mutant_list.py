@@ -60,7 +60,10 @@ TESTS = {
         "refinement/test_spline_constraints.py",
         "constraints/test_time_scaling.py",
     ),
-    "baselines/fastest_parameterization": ("baselines/test_path_rows.py",),
+    "baselines/fastest_parameterization": (
+        "baselines/test_path_rows.py",
+        "baselines/test_tool_path.py",
+    ),
     "views/panels": ("views/test_motor_panels.py", "views/test_plotting.py"),
     "constraints/speed_limits": (
         "constraints/test_time_scaling.py",

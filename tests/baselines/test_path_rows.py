@@ -18,20 +18,19 @@ FRICTION = {"viscous_friction": 1.0, "forwards_friction": 0.8, "backwards_fricti
 LINE = {"saturation_effort": 6.0, "no_load_velocity": 3.0}
 
 
-def least_time(forwards, backwards, steps=20000):
-    """Return the time from rest to rest over ANGLE of a joint with accelerations by velocity.
+def least_time(forwards, backwards, length=ANGLE, steps=20000):
+    """Return the time from rest to rest of a joint with accelerations by velocity and way.
 
-    The phase plane, integrated from both ends by Heun's method: x = v^2, dx/ds = 2 a(v).
+    The phase plane, integrated from both ends by Heun's method: x = v^2, dx/ds = 2 a(v, s).
     """
-    step = ANGLE / steps
+    step = length / steps
 
     def squares(acceleration):
         x = np.zeros(steps + 1)
         for k in range(steps):
-            slope = 2 * acceleration(np.sqrt(x[k]))
-            x[k + 1] = x[k] + step / 2 * (
-                slope + 2 * acceleration(np.sqrt(max(x[k] + step * slope, 0)))
-            )
+            slope = 2 * acceleration(np.sqrt(x[k]), k * step)
+            ahead = np.sqrt(max(x[k] + step * slope, 0))
+            x[k + 1] = x[k] + step / 2 * (slope + 2 * acceleration(ahead, (k + 1) * step))
         return x
 
     speed = np.sqrt(np.minimum(squares(forwards), squares(backwards)[::-1]))
@@ -41,13 +40,13 @@ def least_time(forwards, backwards, steps=20000):
 @pytest.mark.parametrize(
     ("motors", "forwards", "backwards"),
     [
-        ({"armature": 0.4}, lambda v: 5 / 1.1, lambda v: 5 / 1.1),
-        (FRICTION, lambda v: (5 - 0.8 - v) / INERTIA, lambda v: (5 + 0.8 + v) / INERTIA),
-        (LINE, lambda v: min(5, 6 - 2 * v) / INERTIA, lambda v: min(5, 6 + 2 * v) / INERTIA),
+        ({"armature": 0.4}, lambda v, _: 5 / 1.1, lambda v, _: 5 / 1.1),
+        (FRICTION, lambda v, _: (5 - 0.8 - v) / INERTIA, lambda v, _: (5 + 0.8 + v) / INERTIA),
+        (LINE, lambda v, _: min(5, 6 - 2 * v) / INERTIA, lambda v, _: min(5, 6 + 2 * v) / INERTIA),
         (
             FRICTION | LINE | {"friction_uncertainty": 0.5},
-            lambda v: (min(5, 6 - 2 * v) - 1.2 - 1.5 * v) / INERTIA,
-            lambda v: (5 + 0.4 + 0.5 * v) / INERTIA,
+            lambda v, _: (min(5, 6 - 2 * v) - 1.2 - 1.5 * v) / INERTIA,
+            lambda v, _: (5 + 0.4 + 0.5 * v) / INERTIA,
         ),
     ],
     ids=["rotor", "friction", "torque-speed line", "all, friction uncertain"],
@@ -62,6 +61,41 @@ def test_one_joint_takes_what_its_phase_plane_says(
     )
     expected = least_time(forwards, backwards)
     assert timing.duration == pytest.approx(expected, rel=1e-3)
+
+
+def test_a_motor_that_can_hardly_lift_its_load_creeps_over_the_top(tmp_path):
+    """Tangents at what an ideal motor would do there leave it nothing: others must be found."""
+    mass, line = 1.1, {"saturation_effort": 6.0, "no_load_velocity": 1.0}
+    robot = with_motors(one_joint(tmp_path, mass, velocity=np.inf, effort=50.0), **line)
+    path = JointTrajectory(["turn"], [0, 2 * ANGLE], [[[1.0]], [[-ANGLE]]])
+    grid = np.linspace(0, 2 * ANGLE, 1601)
+    timing = fastest_parameterization(anywhere(robot), path, grid)
+    inertia = INERTIA + mass * 0.5**2
+
+    def load(s):
+        return mass * 9.81 * 0.5 * np.cos(s - ANGLE)
+
+    expected = least_time(
+        lambda v, s: (min(50, 6 * (1 - v)) - load(s)) / inertia,
+        lambda v, s: (min(50, 6 * (1 + v)) + load(s)) / inertia,
+        2 * ANGLE,
+    )
+    assert expected > 10
+    assert timing.duration == pytest.approx(expected, rel=2e-3)
+
+
+def test_what_is_found_keeps_the_limits_themselves_and_not_their_tangents(tmp_path):
+    robot = with_motors(one_joint(tmp_path, velocity=np.inf), **(FRICTION | LINE))
+    problem, grid = anywhere(robot), np.linspace(0, ANGLE, 401)
+    limits = tuple(limit for limit in speed_limits(problem) if limit.order == 2)
+    begin, _ = path_rows(problem, STRAIGHT, grid, limits)
+    timing = fastest_parameterization(problem, STRAIGHT, grid, at_both_ends=False)
+    speed = timing.velocity(timing.breakpoints[:-1])
+    acceleration = 2 * timing.coefficients[0]
+    used = begin.acceleration * acceleration + begin.square * speed**2 + begin.speed * speed
+    most = (used - begin.allowed).max(axis=1)
+    assert most.max() < 1e-6
+    assert (most < -1e-4).sum() <= 1  # every step takes all that there is, but that which switches
 
 
 def test_an_effort_by_direction_speeds_up_and_slows_down_differently(tmp_path):
@@ -106,6 +140,16 @@ def test_steps_have_the_friction_of_their_own_direction(tmp_path):
     np.testing.assert_allclose(begin.acceleration[:, 0] * 5 / INERTIA, [1.5, 0.0], atol=1e-12)
     np.testing.assert_allclose(end.acceleration[:, 0] * 5 / INERTIA, [0.0, -0.5], atol=1e-12)
     np.testing.assert_allclose(begin.square[:, 0] * 5 / INERTIA, -2.0)
+
+
+def test_where_a_path_begins_to_bend_steps_have_the_bend_of_their_own_side(tmp_path):
+    robot = with_motors(one_joint(tmp_path))
+    problem = anywhere(robot)
+    limits = tuple(limit for limit in speed_limits(problem) if limit.kind == "effort")
+    bends = [[[0.0], [1.0]], [[1.0], [1.0]], [[0.0], [0.5]]]  # s, and from 0.5 on s + (s - 0.5)^2
+    path = JointTrajectory(["turn"], [0, 0.5, 1.0], bends)
+    for each in path_rows(problem, path, np.array([0.0, 0.5, 1.0]), limits):
+        np.testing.assert_allclose(each.square[:, 0] * 5 / INERTIA, [0.0, 2.0], atol=1e-12)
 
 
 def test_tangents_cost_no_less_than_the_root(tmp_path):

@@ -30,7 +30,7 @@ _FASTEST = 1e9  # [1/s]: where the tool stands still, its speed limits nothing
 _SPEEDS, _ACCELERATIONS = 1, 2  # what limits depend on, at most; jerk is unlimited
 _APART = 1e-3  # of a mean step: nearer to points of the path, reversals are no points of their own
 _ROUNDS, _SETTLED = 20, 1e-6  # of tangents; and what share of the time the last ones change
-_STARTS = (0.5, 0.1, 0.02)  # where tangents begin, as shares of the rates of ideal motors
+_STARTS = (0.5, 0.1, 0.02, 0.004)  # where tangents begin, as shares of the rates of ideal motors
 
 
 def fastest_parameterization(
