@@ -31,12 +31,12 @@ def draw_motors(
     """Draw the motors of some joints beside each other, in so many columns; None: in one row."""
     columns = columns or len(joints)
     grid = figure.add_gridspec(-(-len(joints) // columns), columns)
-    for place, joint in enumerate(joints.tolist()):
-        axis = figure.add_subplot(grid[divmod(place, columns)])
+    axes = [figure.add_subplot(grid[divmod(place, columns)]) for place in range(len(joints))]
+    for place, (axis, joint) in enumerate(zip(axes, joints.tolist(), strict=True)):
         draw_motor(axis, curves, joint)
         if place % columns:
             axis.set_ylabel("")
-    handles, labels = figure.axes[-1].get_legend_handles_labels()
+    handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=3, fontsize=8, frameon=False)
 
 
