@@ -64,7 +64,15 @@ TESTS = {
         "verification/judged/test_effort.py",
         "verification/judged/test_effort_rate.py",
     ),
-    "constraints/path_samples": ("refinement/test_spline_constraints.py",),
+    "constraints/path_samples": (
+        "refinement/test_spline_constraints.py",
+        "constraints/test_time_scaling.py",
+    ),
+    "baselines/fastest_parameterization": (
+        "baselines/test_path_rows.py",
+        "baselines/test_tool_path.py",
+    ),
+    "views/panels": ("views/test_motor_panels.py", "views/test_plotting.py"),
     "constraints/speed_limits": (
         "constraints/test_time_scaling.py",
         "constraints/test_unused_speed.py",
@@ -1651,6 +1659,45 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("point.position, ", ""),
         ("point.link, ", ""),
     ],
+    # --- baselines/path_rows --------------------------------------------------------------------
+    "PathRows.tangent": [
+        ("self.speed / (2 * root)", "self.speed / root"),
+        ("self.allowed - less", "self.allowed"),
+        ("square=self.square + square_too, ", ""),
+    ],
+    "with_reversals": [
+        ("away > apart", "away >= 0"),
+        ("+ stretches.start * path.widths[stretches.piece]", ""),
+    ],
+    "path_rows": [
+        ("problem.robot.motors, direction", "problem.robot.motors, -direction"),
+        ("np.searchsorted(inner, ends)", 'np.searchsorted(inner, ends, "right")'),
+        ('np.searchsorted(inner, begins, "right")', "np.searchsorted(inner, begins)"),
+    ],
+    "_rows": [
+        ("1 - sign * still", "1.0 + 0 * still"),
+        ("sign * speed", "0 * speed"),
+        ("sign * acceleration", "acceleration"),
+        ("bend + slope", "2 * bend + slope"),
+        ("if (used.largest_speed(limit.signs) == 0).any()", "if False"),
+    ],
+    "_settled": [
+        ("abs(after - before) < _SETTLED * after", "True"),
+        ("for start in starts if start is not None", "for start in starts"),
+    ],
+    "_Limits.__init__": [
+        ("each.acceleration + ahead * each.square", "each.acceleration"),
+        ("most**2", "most"),
+    ],
+    # --- views/motor_panels ---------------------------------------------------------------------
+    "motor_joints": [
+        ("motors.viscous_friction + ", ""),
+        (" | motors.has_curve", ""),
+    ],
+    "_left_by_the_line": [("for way in (1.0, -1.0)", "for way in (-1.0, 1.0)")],
+    "_draw_effort_ranges": [("way * allowed", "allowed")],
+    # --- constraints/path_samples: what stands still has no friction ----------------------------
+    "PathSamples.direction": [("np.where(moves, rate, 0.0)", "rate")],
     # --- tube/rotational_tube -------------------------------------------------------------------
     "_entries": [
         ("is_triple and segment_count != 3", "is_triple"),

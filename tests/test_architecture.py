@@ -28,6 +28,7 @@ KNOWS = {
         "views.comparison_plot",
         "views.field_plot",
         "views.figure_files",
+        "views.motor_panels",
         "views.panels",
         "views.plotting",
         "views.reproduction_figures",

@@ -15,6 +15,7 @@ from cases import (
     anywhere,
     one_joint,
     quintic,
+    with_motors,
 )
 from tubeplanner import JointTrajectory, LimitOverrides, Payload, load_robot
 from tubeplanner.constraints.time_scaling import (
@@ -202,3 +203,16 @@ def test_a_peak_of_an_effort_rate_between_samples_counts(tmp_path):
     assert abs(rate).max() == pytest.approx(4.0, rel=1e-7)
     assert abs(rate).max() <= 4.0
     assert 0.1 < t[abs(rate).argmax()] / scaled.duration < 0.9
+
+
+@pytest.mark.parametrize("turned", [0.0, 1e-17, -1e-17])
+def test_what_rounding_makes_of_standing_still_has_no_friction(slide, turned):
+    """A joint that gravity and friction together would stop, and that does not move."""
+    held = float(slide.gravity_effort(np.array([[0.0, 0.0, 0.3]]))[0, 2])
+    friction = np.array([0.0, 0.0, slide.limits.effort[2] - held / 2])
+    robot = with_motors(slide, forwards_friction=friction, backwards_friction=friction)
+    rows = np.outer([6.0, -15.0, 10.0, 0.0, 0.0, 0.0], [1.0, 0.0, turned])
+    rows[-1, 2] = 0.3
+    shape = JointTrajectory(slide.joint_names, [0, 1.0], rows[:, None])
+    free, same = (estimated_duration(anywhere(one), shape) for one in (slide, robot))
+    assert same == free

@@ -7,6 +7,7 @@ import pytest
 
 from cases import ANGLE, INERTIA, SHORTEST, anywhere, one_joint, quintic
 from tubeplanner import LimitOverrides, PlanOptions, ToolOffset, load_problem, load_robot, plan
+from tubeplanner.commands.report import plan_text
 from tubeplanner.planning.path_minimum import path_minimum
 
 
@@ -64,3 +65,19 @@ def test_refinement_leaves_next_to_nothing_with_a_limit_on_the_tools_speed(bundl
     problem = bundled("two_link/paper_3_50mm")
     result = plan(problem.with_tube(replace(problem.tube, tool_speed=0.8)), SHORTEST)
     assert 0.985 * result.duration < result.path_minimum < 1.001 * result.duration
+
+
+def test_with_friction_the_least_is_said_to_be_a_bound():
+    """TOPP-RA solves for tangents then: found, not proved."""
+    problem = load_problem(
+        "example:two_link/paper_1_30mm", changes={"robot.motors.viscous_friction": [2.0, 1.0]}
+    )
+    result = plan(problem, PlanOptions(quality="fast", slack=0.0))
+    assert 0.98 * result.duration < result.path_minimum < 1.001 * result.duration
+    text = plan_text(problem, result, 0.0, with_minimum=True)
+    assert f"would take at most {result.path_minimum:.4f} s, at least" in text
+    assert "nothing proves it the least" in text
+    plain = load_problem("example:two_link/paper_1_30mm")
+    text = plan_text(plain, result, 0.0, with_minimum=True)
+    assert f"would take {result.path_minimum:.4f} s" in text
+    assert "time left" not in plan_text(plain, result, 0.0)

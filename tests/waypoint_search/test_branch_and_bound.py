@@ -5,7 +5,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from cases import slow_but
+from cases import slow_but, with_motors
 from tubeplanner import (
     LimitOverrides,
     Obstacle,
@@ -19,6 +19,7 @@ from tubeplanner import (
 )
 from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
 from tubeplanner.constraints.time_scaling import scaled_to_limits
+from tubeplanner.robot.effort_range import EffortRange
 from tubeplanner.waypoint_search.branch_and_bound import BranchAndBound
 from tubeplanner.waypoint_search.candidate_waypoints import candidate_waypoints
 from tubeplanner.waypoint_search.waypoint_interpolation import sequential_quartics
@@ -91,6 +92,23 @@ def abrupt(_):
     return two_link_problem(robot)
 
 
+def geared(_):
+    """Friction of both kinds, not known exactly, a torque-speed line, and efforts by position."""
+    limits = LimitOverrides(
+        velocity={"joint1": np.inf, "joint2": np.inf}, effort={"joint1": 200.0, "joint2": 60.0}
+    )
+    robot = load_robot("example:two_link", "hand", gravity=(0, -9.81, 0), limits=limits)
+    table = EffortRange(1, np.array([-2.5, -1.0]), np.array([60.0, 40.0]), np.array([50.0, 60.0]))
+    motors = {
+        "viscous_friction": [5.0, 2.0],
+        "forwards_friction": [30.0, 4.0],
+        "backwards_friction": [15.0, 3.0],
+        "saturation_effort": [220.0, np.inf],
+        "no_load_velocity": [6.0, np.inf],
+    }
+    return two_link_problem(with_motors(robot, [table], **motors, friction_uncertainty=0.2))
+
+
 def six_joints(_):
     wall = load_problem("example:ur5/over_the_wall")
     tube = Tube(wall.tube.points[:3], 0.15, joint_signs={"elbow_joint": "+"})
@@ -107,6 +125,7 @@ def six_joints(_):
         (past_a_ball, 10),
         (limited, 10),
         (abrupt, 10),
+        (geared, 10),
         (six_joints, 9),
     ],
 )

@@ -14,6 +14,7 @@ from tubeplanner.baselines.conventional_lines import (
     conventional_trajectory,
     largest_trapezoidal_speed,
 )
+from tubeplanner.baselines.fastest_parameterization import NOT_PROVED
 from tubeplanner.baselines.fixed_path_bang_bang import (
     bang_bang_parameterizations,
     bang_bang_trajectory,
@@ -139,6 +140,8 @@ def _switched(problem: PlanningProblem, paths: list[ToolPath], arcs: str) -> Bas
     timings = bang_bang_parameterizations(problem, paths)
     trajectory, slowed = bang_bang_trajectory(problem, paths, timings)
     note = f"{arcs}slowed by {100 * slowed:.2g} % for what lies between TOPP-RA's grid points"
+    if problem.robot.motors.has_less_at_speed:
+        note += f"; {NOT_PROVED}"
     return Baseline(trajectory, note)
 
 

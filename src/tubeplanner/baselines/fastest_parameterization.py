@@ -8,25 +8,29 @@ space.
 """
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
-from tubeplanner.baselines.time_parameterization import run_along
+from tubeplanner.baselines.path_rows import PathRows, path_rows, with_reversals
 from tubeplanner.constraints.path_samples import PathSamples
-from tubeplanner.constraints.point_speed import PointSpeedLimit
-from tubeplanner.constraints.speed_limit import SpeedLimit
 from tubeplanner.constraints.speed_limits import largest_speeds, speed_limits
-from tubeplanner.constraints.time_scaling import estimated_duration
 from tubeplanner.constraints.tool_speed import ToolSpeed
-from tubeplanner.constraints.velocity_by_position import VelocityByPositionLimit
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
-# In place of a missing limit: this multiple of what a gentle run of the path uses.
-_AMPLE, _SAMPLES_PER_PIECE = 1e3, 20
+# What is to be said of the answer where that is so.
+NOT_PROVED = (
+    "the fastest that was found: with viscous friction or torque-speed lines nothing proves it the "
+    "least"
+)
 _INSIDE = 1e-4  # [m]: how far outside a capsule a point of the path still counts as in it
 _FASTEST = 1e9  # [1/s]: where the tool stands still, its speed limits nothing
+_SPEEDS, _ACCELERATIONS = 1, 2  # what limits depend on, at most; jerk is unlimited
+_APART = 1e-3  # of a mean step: nearer to points of the path, reversals are no points of their own
+_ROUNDS, _SETTLED = 20, 1e-6  # of tangents; and what share of the time the last ones change
+_STARTS = (0.5, 0.1, 0.02, 0.004)  # where tangents begin, as shares of the rates of ideal motors
 
 
 def fastest_parameterization(
@@ -38,133 +42,152 @@ def fastest_parameterization(
 ) -> JointTrajectory | None:
     """Return a path's fastest time parameterization: arc length over time, from rest to rest.
 
-    It keeps the limits of velocities, acceleration, effort and tool speed at points of the path and
-    may exceed them in between; jerk is unlimited, so it is not smooth. Where the tool is in several
-    segments, the loosest of their limits on its speed counts.
+    It keeps the limits of velocities, acceleration, effort, motors and tool speed at points of the
+    path and may exceed them in between; jerk is unlimited, so it is not smooth. Where the tool is
+    in several segments, the loosest of their limits on its speed counts.
+
+    Viscous friction and torque-speed lines ask for the root of what TOPP-RA solves for. It solves
+    for tangents of that root, each at the last solution, until the time settles. What it finds then
+    is faster than its neighbours; that nothing else is faster still, nothing proves.
 
     Args:
         problem: The planning problem.
         path: Over the arc length, in the robot's group order.
         arc_length: Where the limits are judged, increasing from the path's start to its end, shape
-            (N,).
-        at_both_ends: Whether every step keeps the effort limits where it ends, too, not only where
-            it begins. The time parameterization is up to 1 % slower then, but keeps them in
-            between: what is left is worth less than 0.1 % of the time, rather than up to 19 % (two
-            links round an arc).
+            (N,); where joints with Coulomb friction reverse, they are judged too.
+        at_both_ends: Whether every step keeps the limits where it ends, too, not only where it
+            begins. The time parameterization is up to 1 % slower then, but keeps them in between:
+            what is left is worth less than 0.1 % of the time, rather than up to 19 % (two links
+            round an arc).
 
     Returns:
-        The arc length over time, N-1 parabolas; None if the solver finds none.
+        The arc length over time, one parabola per step; None if the solver finds none.
 
     Raises:
         Infeasible: Status gravity_exceeds_effort.
     """
+    if problem.robot.motors.has_coulomb_friction:
+        arc_length = with_reversals(path, arc_length, _APART * float(np.diff(arc_length).mean()))
+    limits = tuple(each for each in speed_limits(problem) if each.order == _ACCELERATIONS)
+    rows = path_rows(problem, path, arc_length, limits)
+    most = _largest_rates(problem, path, arc_length)
+
+    def solved(rate: FloatArray) -> FloatArray | None:
+        """Return the fastest run for tangents at another."""
+        squares = (rate[:-1] ** 2, rate[1:] ** 2)
+        tangents = [each.tangent(x) for each, x in zip(rows, squares, strict=True)]
+        return _solved(arc_length, tangents[: 1 + at_both_ends], most)
+
+    free = [each.without_speed() for each in rows]
+    rate = _solved(arc_length, free[: 1 + at_both_ends], most)
+    if rate is not None and rows[0].speed.any():
+        rate = _settled(solved, rate, arc_length)
+    return None if rate is None else _parabolas(arc_length, rate)
+
+
+def _settled(
+    solved: Callable[[FloatArray], FloatArray | None], free: FloatArray, arc_length: FloatArray
+) -> FloatArray | None:
+    """Return the run, (N,) [1/s], that is the fastest for tangents at itself.
+
+    Args:
+        solved: Returns the fastest run for tangents at another, None if there is none.
+        free: The fastest run of motors that lose nothing at speed.
+        arc_length: Shape (N,).
+    """
+    # Tangents where it is fast cost where it is slow, too: perhaps more than there is.
+    starts = (solved(share * free) for share in _STARTS)
+    rate = next((start for start in starts if start is not None), None)
+    for _ in range(_ROUNDS):
+        following = None if rate is None else solved(rate)
+        if rate is None or following is None:
+            break
+        before, after = (_step_times(arc_length, run).sum() for run in (rate, following))
+        rate = following
+        if abs(after - before) < _SETTLED * after:
+            break
+    return rate
+
+
+def _largest_rates(
+    problem: PlanningProblem, path: JointTrajectory, arc_length: FloatArray
+) -> FloatArray:
+    """Return the largest rates of the arc length that limits of velocities allow, (N,) [1/s]."""
+    limits = tuple(limit for limit in speed_limits(problem) if limit.order == _SPEEDS)
+    in_segment = ToolSpeed(problem).limit
+
+    def loosest() -> IntArray:
+        inside = problem.tube.margin(at.tool_pose[1])
+        counts = inside >= np.minimum(-_INSIDE, inside.max(axis=1, keepdims=True))
+        return np.where(counts, in_segment, -np.inf).argmax(axis=1)
+
+    q, slope = path.position(arc_length), path.velocity(arc_length)
+    at = PathSamples(problem, np.stack([q, slope, np.zeros_like(q)]), loosest)
+    return np.minimum(largest_speeds(at, limits), _FASTEST)
+
+
+def _solved(arc_length: FloatArray, limits: list[PathRows], most: FloatArray) -> FloatArray | None:
+    """Return the largest rates, (N,) [1/s], under limits where steps begin, and where they end."""
     from toppra import algorithm  # takes a second
 
-    constraints = _constraints(problem, path, at_both_ends)
-    solver = algorithm.TOPPRA(
-        constraints, _Path(path), gridpoints=arc_length, solver_wrapper="seidel"
-    )
-    _, speed, _ = solver.compute_parameterization(0.0, 0.0)
-    if speed is None or not np.isfinite(speed).all() or (speed[1:] + speed[:-1] == 0).any():
+    rows = _Limits(arc_length, limits, most)
+    solver = algorithm.TOPPRA([rows], rows, gridpoints=arc_length, solver_wrapper="seidel")
+    _, rate, _ = solver.compute_parameterization(0.0, 0.0)
+    if rate is None or not np.isfinite(rate).all() or (rate[1:] + rate[:-1] == 0).any():
         return None
-    # At constant acceleration between two points, the mean speed is the mean of both.
-    step = np.diff(arc_length)
-    durations = 2 * step / (speed[1:] + speed[:-1])
-    parabolas = np.array([(speed[1:] - speed[:-1]) / (2 * durations), speed[:-1], arc_length[:-1]])
+    return np.asarray(rate)
+
+
+def _step_times(arc_length: FloatArray, rate: FloatArray) -> FloatArray:
+    """Return how long steps take: at constant acceleration, the mean rate is the mean of both."""
+    return 2 * np.diff(arc_length) / (rate[1:] + rate[:-1])
+
+
+def _parabolas(arc_length: FloatArray, rate: FloatArray) -> JointTrajectory:
+    """Return the arc length over time that has given rates, (N,), at points."""
+    durations = _step_times(arc_length, rate)
+    parabolas = np.array([np.diff(rate) / (2 * durations), rate[:-1], arc_length[:-1]])
     times = np.concatenate([[0.0], np.cumsum(durations)])
     return JointTrajectory(("arc_length",), times, parabolas[:, :, None])
 
 
-def _constraints(
-    problem: PlanningProblem, path: JointTrajectory, at_both_ends: bool
-) -> list[object]:
-    from toppra import constraint
+class _Limits:
+    """Limits of steps, with the interfaces of a path and of its constraint that TOPP-RA requires.
 
-    robot, kinds = problem.robot, constraint.DiscretizationType
-    trial = _gentle_run(path)
-    trial = trial.scaled(estimated_duration(problem, trial) / trial.duration)
-    used = trial.per_piece(_SAMPLES_PER_PIECE)
-    tau = robot.inverse_dynamics(used.position, used.velocity, used.acceleration)
-    limits = robot.limits
-    effort = _finite(limits.effort, tau)
-    velocity = _finite(limits.velocity, used.velocity)
-    return [
-        constraint.JointVelocityConstraintVarying(_velocity_bounds(problem, path, velocity))
-        if _further_limits(problem)
-        else constraint.JointVelocityConstraint(velocity),
-        constraint.JointAccelerationConstraint(_finite(limits.acceleration, used.acceleration)),
-        constraint.JointTorqueConstraint(
-            lambda q, v, a: robot.inverse_dynamics(q[None], v[None], a[None])[0],
-            np.column_stack([-effort, effort]),
-            np.zeros(robot.joint_count),
-            kinds.Interpolation if at_both_ends else kinds.Collocation,
-        ),
-    ]
-
-
-def _velocity_bounds(
-    problem: PlanningProblem, path: JointTrajectory, velocity: FloatArray
-) -> Callable[[float], FloatArray]:
-    """Return a function from an arc length to bounds on the joints' velocities there, (n, 2).
-
-    Their own, (n,), and those that they have at the largest speed that further limits allow.
+    It knows steps by their second derivative u and by x, the squared rate where they begin; where
+    they end, that is x + 2 h u.
     """
-    limits, in_segment = _further_limits(problem), ToolSpeed(problem).limit
 
-    def bounds(arc_length: float) -> FloatArray:
-        s = np.array([arc_length])
-        q, slope = path.position(s), path.velocity(s)
+    waypoints, dof, identical = None, 1, False
 
-        def loosest() -> IntArray:
-            inside = problem.tube.margin(at.tool_pose[1])[0]
-            counts = inside >= min(-_INSIDE, inside.max())
-            return np.array([np.where(counts, in_segment, -np.inf).argmax()])
+    def __init__(self, arc_length: FloatArray, limits: list[PathRows], most: FloatArray) -> None:
+        self.path_interval = arc_length[[0, -1]]
+        twice = 2 * np.diff(arc_length)[:, None]
+        ends = [np.zeros_like(twice), twice][: len(limits)]
+        a, b, g = (
+            np.concatenate(parts, axis=1)
+            for parts in zip(
+                *(
+                    (each.acceleration + ahead * each.square, each.square, each.allowed)
+                    for each, ahead in zip(limits, ends, strict=True)
+                ),
+                strict=True,
+            )
+        )
+        # No step begins at the last point; it has the limits of the last step.
+        a, b, g = (np.vstack([part, part[-1:]]) for part in (a, b, g))
+        count = a.shape[1]
+        each_alone = np.broadcast_to(np.eye(count), (len(a), count, count))
+        squares = np.column_stack([np.zeros_like(most), most**2])
+        self._parameters = (a, b, np.zeros_like(a), each_alone, g, None, squares)
 
-        at = PathSamples(problem, np.stack([q, slope, np.zeros_like(q)]), loosest)
-        rate = min(float(largest_speeds(at, limits)[0]), _FASTEST)
-        most = np.minimum(velocity, abs(slope[0]) * rate)
-        return np.column_stack([-most, most])
+    def get_constraint_type(self) -> Any:
+        from toppra.constraint import ConstraintType
 
-    return bounds
+        return ConstraintType.CanonicalLinear
 
+    def get_no_extra_vars(self) -> int:
+        return 0
 
-def _further_limits(problem: PlanningProblem) -> tuple[SpeedLimit, ...]:
-    """Return the limits on velocities that change along a path."""
-    kinds = ToolSpeed, PointSpeedLimit, VelocityByPositionLimit
-    return tuple(limit for limit in speed_limits(problem) if isinstance(limit, kinds))
-
-
-def _gentle_run(path: JointTrajectory) -> JointTrajectory:
-    """Return the trajectory that runs a path from rest to rest by the smoothstep 3 u^2 - 2 u^3."""
-    rows = path.duration * np.array([-2.0, 3.0, 0.0, 0.0])
-    return run_along(path, JointTrajectory(("arc_length",), [0.0, 1.0], rows[:, None, None]))
-
-
-def _finite(limit: FloatArray, used: FloatArray) -> FloatArray:
-    """Return limits (n,); missing ones become ample for the values used, (N, n)."""
-    most = np.maximum(abs(used).max(axis=0), 1e-6)
-    return np.where(np.isfinite(limit), limit, _AMPLE * most)
-
-
-class _Path:
-    """A path with the interface that TOPP-RA requires."""
-
-    waypoints = None
-
-    def __init__(self, path: JointTrajectory) -> None:
-        self._path = path
-        self.dof = len(path.joint_names)
-        self.path_interval = np.array([0.0, path.duration])
-
-    def __call__(self, arc_length: FloatArray, order: int = 0) -> FloatArray:
-        derivatives = (self._path.position, self._path.velocity, self._path.acceleration)
-        return derivatives[order](arc_length)
-
-    def eval(self, arc_length: FloatArray) -> FloatArray:
-        return self(arc_length, 0)
-
-    def evald(self, arc_length: FloatArray) -> FloatArray:
-        return self(arc_length, 1)
-
-    def evaldd(self, arc_length: FloatArray) -> FloatArray:
-        return self(arc_length, 2)
+    def compute_constraint_params(self, *_: Any) -> tuple[Any, ...]:
+        return self._parameters

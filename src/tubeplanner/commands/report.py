@@ -71,12 +71,8 @@ def plan_text(
     ]
     if dearest:
         lines.append(f"10 % more would save: {'; '.join(dearest)}")
-    if with_minimum and result.path_minimum is not None and result.duration:
-        left = max(1 - result.path_minimum / result.duration, 0.0)
-        lines.append(
-            f"time left on this path: motors that switch instantly would take "
-            f"{result.path_minimum:.4f} s, {100 * left:.1f} % less"
-        )
+    if with_minimum:
+        lines += _minimum_lines(problem, result)
     lines += [f"note: {note}" for note in result.notes]
     place = str(result.place)
     if place:
@@ -88,6 +84,21 @@ def plan_text(
             "note: the robot has no collision geometry; the obstacles were NOT checked against it"
         )
     return "\n".join(lines)
+
+
+def _minimum_lines(problem: "PlanningProblem", result: "PlanResult") -> list[str]:
+    """Return a line on what motors that switch instantly would save on the path, if it is known."""
+    from tubeplanner.baselines.fastest_parameterization import NOT_PROVED
+
+    if result.path_minimum is None or not result.duration:
+        return []
+    left = 100 * max(1 - result.path_minimum / result.duration, 0.0)
+    line = "time left on this path: motors that switch instantly would take"
+    if not problem.robot.motors.has_less_at_speed:
+        return [f"{line} {result.path_minimum:.4f} s, {left:.1f} % less"]
+    return [
+        f"{line} at most {result.path_minimum:.4f} s, at least {left:.1f} % less ({NOT_PROVED})"
+    ]
 
 
 def peaks_lines(problem: "PlanningProblem", peaks: "TrajectoryPeaks") -> list[str]:

@@ -29,7 +29,7 @@ class JointEffort:
 
         Args:
             limit: The limits.
-            with_coulomb_friction: Whether it counts, by the signs of velocities. Its jumps have no
+            with_coulomb_friction: Whether it counts, by the directions of motion. Its jumps have no
                 derivatives: for what is summed up over a motion.
         """
         self._with_coulomb_friction = with_coulomb_friction
@@ -45,7 +45,7 @@ class JointEffort:
             terms[1] = at.viscous_effort[:, own]
             terms[2] = terms[2] - terms[1]
         if self._with_coulomb_friction:
-            terms[0] = terms[0] + motors.coulomb_effort(at.by_path[1])[:, own]
+            terms[0] = terms[0] + motors.coulomb_effort(at.direction)[:, own]
         return SpeedPolynomial({power: term / self.limit for power, term in terms.items()})
 
     def by_path(self, at: PathSamples, speed: float) -> Mapping[int, FloatArray]:

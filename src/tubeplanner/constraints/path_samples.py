@@ -4,10 +4,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 
+import numpy as np
+
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.constraints.coulomb_friction import CoulombFriction, directed_friction
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.robot.effort_rate import effort_rate, gravity_effort_rate
+from tubeplanner.trajectory.directed_stretches import STILL_SHARE
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +74,17 @@ class PathSamples:
         """Coulomb friction, at any speed."""
         if self.friction is not None:
             return self.friction()
-        return directed_friction(self.problem.robot.motors, self.by_path[1])
+        return directed_friction(self.problem.robot.motors, self.direction)
+
+    @cached_property
+    def direction(self) -> FloatArray:
+        """By its sign the direction in which joints move, 0 where they stand still, shape (N, n).
+
+        What rounding makes of a velocity of zero has none.
+        """
+        rate = self.by_path[1]
+        moves = abs(rate) > STILL_SHARE * abs(rate).max(initial=0.0)
+        return np.where(moves, rate, 0.0)
 
     @cached_property
     def effort_rate(self) -> FloatArray:

@@ -18,9 +18,11 @@ _APART = 1e-6
 def path_minimum(problem: PlanningProblem, trajectory: JointTrajectory) -> float | None:
     """Return the least time [s] for the path of a trajectory, from rest to rest.
 
-    Under the limits of velocity, acceleration, effort and tool speed at 1,600 points of the path,
-    jerk and effort rate unlimited: good to about 0.1 %; less where segments with different tool
-    speeds overlap, since the loosest of them counts.
+    Under the limits of velocity, acceleration, effort, motors and tool speed at 1,600 points of the
+    path, jerk and effort rate unlimited: good to about 0.1 %; less where segments with different
+    tool speeds overlap, since the loosest of them counts. With viscous friction or torque-speed
+    lines it is the least that was found, an upper bound on the least that there is; on the paths of
+    bundled problems, the phase plane searched finely has none that is 0.2 % less.
 
     Args:
         problem: The planning problem.

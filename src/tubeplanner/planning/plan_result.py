@@ -61,7 +61,8 @@ class PlanResult:
         shortest: The shortest certified trajectory that was found, if the answer is another one
             that takes a little longer; None if it is the answer.
         path_minimum: The least time [s] in which motors that switch at once could run the answer's
-            path; computed when first asked for. None if there is no answer.
+            path; computed when first asked for. None if there is no answer. With viscous friction
+            or torque-speed lines an upper bound on it.
         peaks: The answer's largest joint acceleration, tool speed and tool acceleration; likewise.
     """
 

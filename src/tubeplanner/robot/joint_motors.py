@@ -76,6 +76,11 @@ class JointMotors:
         """Which joints have a torque-speed line, shape (n,)."""
         return np.isfinite(self.saturation_effort)
 
+    @property
+    def has_less_at_speed(self) -> bool:
+        """Whether viscous friction or a torque-speed line takes effort from a joint that turns."""
+        return self.has_viscous_friction or bool(self.has_curve.any())
+
     def coulomb_effort(self, direction: FloatArray) -> FloatArray:
         """Return the efforts against Coulomb friction, shape (N, n) [N m or N].
 

@@ -151,10 +151,11 @@ def draw_velocities(axis: "Axes", curves: TrajectoryCurves) -> None:
 
 
 def draw_efforts(axis: "Axes", curves: TrajectoryCurves) -> None:
-    """Draw efforts against their limits."""
+    """Draw efforts against their limits; in each joint's colour, those that fall below them."""
     robot = curves.problem.robot
     unit = _unit(curves.problem, "N m", "N")
     _draw_shares(axis, curves, curves.effort, robot.limits.effort, "effort", unit)
+    _draw_effort_ranges(axis, curves)
 
 
 def draw_effort_rates(axis: "Axes", curves: TrajectoryCurves) -> None:
@@ -295,6 +296,19 @@ def _draw_shares(
         return
     axis.set_ylabel(f"{quantity} [{unit}]")
     axis.set_title(f"not every joint has a {quantity} limit", fontsize=8, loc="right")
+
+
+def _draw_effort_ranges(axis: "Axes", curves: TrajectoryCurves) -> None:
+    """Draw the efforts that joints have by direction or position, where they are less."""
+    limits, samples = curves.problem.robot.limits, curves.samples
+    own = limits.effort
+    unit = own / 100 if np.isfinite(own).all() else np.ones_like(own)
+    for each in limits.effort_ranges:
+        color = LINE_COLORS[each.joint % len(LINE_COLORS)]
+        for way in (1.0, -1.0):
+            allowed = each.allowed(samples.position[:, each.joint], way)
+            less = np.where(allowed < own[each.joint], way * allowed / unit[each.joint], np.nan)
+            axis.plot(samples.time, less, **{**LIMIT, "color": color})
 
 
 def _draw_velocity_by_position(axis: "Axes", curves: TrajectoryCurves) -> None:

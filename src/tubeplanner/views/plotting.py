@@ -11,6 +11,7 @@ from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.tube.tube import Tube
 from tubeplanner.views.figure_files import new_figure, saved
+from tubeplanner.views.motor_panels import draw_motors, motor_joints
 from tubeplanner.views.palette import OBSTACLE_COLOR, REFERENCE_COLOR, segment_color
 from tubeplanner.views.panels import (
     draw_effort_rates,
@@ -38,7 +39,8 @@ def plot_trajectory(
 
     Positions, velocities, efforts, and their rates if a limit is asked, with the limits; how many
     times faster each instant could be run, `b(t)`; the tool's path in the tube, its speed, and the
-    share of the tolerance it uses; the speeds of other points, if these are limited.
+    share of the tolerance it uses; the speeds of other points, if these are limited; efforts over
+    velocities, inside what each motor has, of joints with friction or a torque-speed line.
 
     Args:
         problem: The planning problem.
@@ -56,9 +58,12 @@ def plot_trajectory(
     draws = [draw_positions, draw_velocities, draw_efforts]
     draws += [draw_effort_rates] if curves.effort_rate is not None else []
     draws += [draw_points] if problem.robot.limits.point_speed else []
-    rows = len(draws) + 1
-    figure = new_figure(12.5, 2.7 * rows)
-    figure.suptitle(f"{problem.name}: {trajectory.duration:.4f} s", fontsize=13)
+    motors = motor_joints(problem.robot)
+    rows, below = len(draws) + 1, int(len(motors) > 0)
+    whole = new_figure(12.5, 2.7 * (rows + below))
+    whole.suptitle(f"{problem.name}: {trajectory.duration:.4f} s", fontsize=13)
+    parts = whole.subfigures(1 + below, 1, height_ratios=[rows, 1][: 1 + below], squeeze=False)
+    figure = parts[0, 0]
     grid = figure.add_gridspec(rows, 2, width_ratios=(1.15, 1))
     left = [figure.add_subplot(grid[row, 0]) for row in range(rows - 1)]
     tool_axis = figure.add_subplot(grid[: rows - 2, 1], projection="3d")
@@ -73,7 +78,9 @@ def plot_trajectory(
     _draw_tool(tool_axis, problem, curves.tool)
     low, high = _draw_arm(tool_axis, problem, curves.samples.position[[0, -1]])
     _frame(tool_axis, problem, low, high)
-    return saved(figure, path)
+    if below:
+        draw_motors(parts[1, 0], curves, motors)
+    return saved(whole, path)
 
 
 def _draw_tool(axis: Any, problem: PlanningProblem, tool: FloatArray) -> None:
