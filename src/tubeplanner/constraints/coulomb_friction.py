@@ -66,7 +66,8 @@ def blended_friction(
         share: Of a joint's largest velocity, below which the friction of both directions counts.
     """
     most = abs(rate).max(axis=0)
-    width = np.where(most > STILL_SHARE * most.max(), share * most, np.inf)
+    moves = most > STILL_SHARE * most.max()
+    width = np.where(moves, share * most, 1.0)
     forwards, backwards = motors.forwards_friction, -motors.backwards_friction
     more, less = 1 + motors.friction_uncertainty, 1 - motors.friction_uncertainty
     slope = 1 / (width * (1 - _EARLY))
@@ -78,8 +79,8 @@ def blended_friction(
         rise * slope * ((ahead < 1) & (ahead > 0)),
         fall * slope * ((behind < 1) & (behind > 0)),
     )
-    known = ~np.isnan(end_direction) | np.isinf(width)
-    direction = np.where(np.isinf(width), 0.0, np.nan_to_num(end_direction))
+    known = ~np.isnan(end_direction) | ~moves
+    direction = np.where(moves, np.nan_to_num(end_direction), 0.0)
     exact = directed_friction(motors, direction)
     names = CoulombFriction.__dataclass_fields__
     return CoulombFriction(
