@@ -10,6 +10,7 @@ from tubeplanner.constraints.path_samples import PathSamples
 from tubeplanner.constraints.speed_limit import LimitKey
 from tubeplanner.constraints.speed_polynomial import SpeedPolynomial
 from tubeplanner.outcome import Infeasible
+from tubeplanner.trajectory.directed_stretches import STILL_SHARE
 
 
 class JointEffort:
@@ -45,7 +46,7 @@ class JointEffort:
             terms[1] = at.viscous_effort[:, own]
             terms[2] = terms[2] - terms[1]
         if self._with_coulomb_friction:
-            terms[0] = terms[0] + motors.coulomb_effort(at.by_path[1])[:, own]
+            terms[0] = terms[0] + motors.coulomb_effort(_moved(at.by_path[1]))[:, own]
         return SpeedPolynomial({power: term / self.limit for power, term in terms.items()})
 
     def by_path(self, at: PathSamples, speed: float) -> Mapping[int, FloatArray]:
@@ -63,3 +64,8 @@ class JointEffort:
         sample, column = np.unravel_index(int((held - self.limit).argmax()), held.shape)
         needed, limit = float(held[sample, column]), float(self.limit[column])
         return effort_refusal(at, int(sample), int(self.joints[column]), needed, limit)
+
+
+def _moved(rate: FloatArray) -> FloatArray:
+    """Return velocities without what rounding makes of those at rest: it has no direction."""
+    return np.where(abs(rate) > STILL_SHARE * abs(rate).max(), rate, 0.0)
