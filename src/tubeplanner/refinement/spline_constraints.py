@@ -306,7 +306,7 @@ class _Known:
     ) -> None:
         self._problem, self._spline, self._radius = problem, spline, radius
         # Near an end, where joints are slow as well but do not reverse, their direction is known.
-        self._near_end = int(2 * blended)
+        self._near_end = int(4 * blended)
         # Of a joint's largest velocity.
         self._blended_share = min(blended / spline.grid.interval_count, 1.0)
         self._at: dict[EvaluationPoints, tuple[SampledSpline, PathSamples]] = {}
