@@ -96,6 +96,10 @@ def test_what_cannot_be_moved_slowly_is_named_with_what_it_lacks(tmp_path):
     assert refusal.place.joint == "turn"
     needed = f"needs {4.905 + FORTH:.2f} N m against gravity and friction"
     assert f"{needed}, its effort limit is 4.00;" in str(refusal)
+    weak = with_motors(one_joint(tmp_path, mass=1.0), [TABLE], forwards_friction=1.0)
+    message = str(EffortLimit(weak.limits).refusal(path(weak, 1.0, 1.0, 0.0)))
+    assert f"needs {4.905 * np.cos(1.0) + 1:.2f} N m" in message
+    assert "its effort limit is 3.00;" in message
     down = one_joint(tmp_path, mass=1.0)
     pair = EffortRange(0, np.zeros(1), np.array([0.5]), np.array([9.0]))
     blocked = with_motors(down, [pair], backwards_friction=6.0)

@@ -81,7 +81,8 @@ def test_the_table_counts_where_the_joint_is(bar):
 def test_the_joint_that_lacks_most_is_named(ur5):
     q = np.array([-0.773861, -1.294184, 1.830514, -1.925057, -1.682929, 0.0])
     friction = np.array([0.0, 0.0, 400.0, 200.0, 0.0, 0.0])
-    arm = with_motors(ur5, forwards_friction=friction, backwards_friction=friction)
+    forwards = friction + np.array([900.0, 0, 0, 0, 0, 0])  # the first can go backwards
+    arm = with_motors(ur5, forwards_friction=forwards, backwards_friction=friction)
     with pytest.raises(Infeasible, match="elbow_joint") as caught:
         require_held(anywhere(arm), q)
     held = abs(ur5.gravity_effort(q[None])[0, 2])

@@ -47,14 +47,17 @@ def test_at_a_reversal_it_is_that_of_the_direction_taken_and_at_the_goal_of_its_
     np.testing.assert_allclose(found, expected + dry[:, None], atol=1e-12)
 
 
-def test_pieces_of_any_width_have_their_own_directions(tmp_path):
-    """The second takes twice as long as the first, and reverses in its middle."""
+def test_at_instants_of_no_velocity_pieces_of_any_width_have_their_own_directions(tmp_path):
+    """The second takes half as long as the first, turns back there, and reverses twice."""
     robot = with_motors(one_joint(tmp_path), **ALL)
-    rows = np.array([[0.0, 1.0, 0.0], [-1.0, 2.0, 1.0]]).T[:, :, None]
-    motion = JointTrajectory(["turn"], [0.0, 1.0, 3.0], rows)
-    time = np.array([0.0, 0.999, 1.0, 1.9, 2.0, 2.1, 3.0])
+    first = np.poly1d([-1.0, 2.0, 0.0])  # out, to rest at its end
+    second = np.poly1d([0.0, 0.125, 0.375], r=True).integ() * -1.0
+    rows = np.stack([np.pad(each.c, (4 - each.order, 0)) for each in (first, second)])
+    motion = JointTrajectory(["turn"], [0.0, 1.0, 1.5], rows.T[:, :, None])
+    time = np.array([0.0, 0.999, 1.0, 1.1, 1.125, 1.2, 1.375, 1.45, 1.5])
     dry = coulomb_effort(robot, motion, motion.at(time))[:, 0]
-    np.testing.assert_allclose(dry, [FORTH] * 4 + [-BACK] * 3)
+    turns = [FORTH] * 2 + [-BACK] * 2 + [FORTH] * 2 + [-BACK] * 3
+    np.testing.assert_allclose(dry, turns)
 
 
 def test_a_joint_that_stands_still_has_none(tmp_path, slide):
