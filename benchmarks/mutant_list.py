@@ -916,7 +916,6 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "PhasedSpline.end_directions": [
         ("interval < reach", "interval <= reach"),
         ("np.logical_and.accumulate(", "np.array("),
-        (", axis=0)\n            is_near", ")\n            is_near"),
         ("last + DEGREE - 1 - samples.interval", "last + DEGREE - samples.interval"),
         ("[DEGREE - 1 : 1 - DEGREE]", "[DEGREE:-DEGREE]"),
         ("np.where(goes_on, moves[::way][0], found[is_near])", "moves[::way][0]"),
@@ -931,7 +930,6 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         (", 1.0)", ", 9.0)"),
         ("blended / spline.grid.interval_count", "1.0"),
     ],
-    "SecondStage._least_duration": [("if not robot.motors.has_coulomb_friction", "if True")],
     # --- constraints/time_scaling -------------------------------------------------------------
     "scaling_factor": [("(q, v, a) if jerk is None else (q, v, a, jerk)", "(q, v, a)")],
     "minimum_duration": [
@@ -1362,8 +1360,9 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     "SecondStage._looked_at": [
         ("dense.excess > MERIT_TOLERANCE", "False"),
-        ("return dense.squared_duration <= longest**2 or", "return True or"),
-        (" or self._least_duration(iterate) <= longest", ""),
+        ("dense.squared_duration <= longest**2", "True"),
+        ("self._least_duration(iterate) <= longest", "True"),
+        ("if self._problem.robot.motors.has_coulomb_friction", "if False"),
     ],
     "SecondStage.answer": [
         ("time / duration", "time"),

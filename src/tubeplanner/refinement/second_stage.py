@@ -33,13 +33,12 @@ _STEPS_PER_ROUND, _MAX_ROUNDS = 4, 8
 # these, a part of what it may take longer. Peaks that are looked at stay this far below for others.
 _LEAST_RESERVE, _MOST_RESERVE, _RESERVE_SHARE = 1e-4, 2.5e-4, 0.25
 _BETWEEN_LOOKS = 5e-5
+# Over so many knot intervals Coulomb friction is blended: reversals move with what is saved. These
+# are between samples, and have sharper peaks.
+_BLENDED, _MOST_AT_REVERSALS = 8.0, 7e-4
 # What the shortest motion left free may become smaller by this share of the radius; and by this
 # share of the distance from obstacles, of which no more than so much counts [m].
 _LESS_ROOM, _LESS_CLEARANCE, _MOST_CLEARANCE = 0.05, 0.1, 0.02
-
-
-# Over so many knot intervals Coulomb friction is blended: reversals move with what is saved.
-_BLENDED = 8.0
 
 
 class SecondStage:
@@ -68,7 +67,9 @@ class SecondStage:
         )
         dense = plain.between_samples(spline)
         reserve = _RESERVE_SHARE * abs(1 - dense.duration / longest)
-        reserve = min(max(reserve, _LEAST_RESERVE), _MOST_RESERVE)
+        has_reversals = problem.robot.motors.has_coulomb_friction
+        most = _MOST_AT_REVERSALS if has_reversals else _MOST_RESERVE
+        reserve = min(max(reserve, _LEAST_RESERVE), most)
         run_in = longest * (1 - reserve)
         measures = objective_measures(problem, spline, run_in)
         self._objective = MeasuredObjective(measures, run_in)
@@ -169,13 +170,13 @@ class SecondStage:
         longest = self._longest * (1 - _BETWEEN_LOOKS)
         if dense.excess > MERIT_TOLERANCE:
             return False
-        return dense.squared_duration <= longest**2 or self._least_duration(iterate) <= longest
+        if self._problem.robot.motors.has_coulomb_friction:
+            return self._least_duration(iterate) <= longest
+        return bool(dense.squared_duration <= longest**2)
 
     def _least_duration(self, iterate: Iterate) -> float:
-        """Return the least duration where friction is not blended; inf where it never is."""
+        """Return the least duration by exact time scaling, friction not blended."""
         robot = self._problem.robot
-        if not robot.motors.has_coulomb_friction:
-            return np.inf
         shape = from_spline(robot.joint_names, iterate.spline.bspline())
         try:
             segments = segments_of_pieces(iterate.spline.grid)
