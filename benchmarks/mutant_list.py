@@ -42,10 +42,25 @@ TESTS = {
     "constraints/joint_effort": (
         "constraints/test_time_scaling.py",
         "refinement/test_spline_constraints.py",
+        "test_derivatives.py",
     ),
     "constraints/joint_rate": (
         "constraints/test_time_scaling.py",
         "refinement/test_spline_constraints.py",
+    ),
+    "constraints/coulomb_friction": (
+        "constraints/test_sided_effort.py",
+        "refinement/test_spline_constraints.py",
+    ),
+    "constraints/sided_effort": (
+        "constraints/test_effort_limit.py",
+        "refinement/test_spline_constraints.py",
+    ),
+    "constraints/effort_limit": ("refinement/test_spline_constraints.py",),
+    "constraints/motor_curve": ("refinement/test_spline_constraints.py",),
+    "constraints/effort_refusal": (
+        "constraints/test_effort_limit.py",
+        "constraints/test_held_configuration.py",
     ),
     "constraints/effort_rate": (
         "constraints/test_time_scaling.py",
@@ -76,6 +91,8 @@ TESTS = {
     "constraints/speed_limits": (
         "constraints/test_time_scaling.py",
         "constraints/test_unused_speed.py",
+        "constraints/test_effort_limit.py",
+        "constraints/test_time_scaling_motors.py",
     ),
     "constraints/time_scaling": ("constraints/test_unused_speed.py",),
     "refinement/speed_limit_rows": ("refinement/test_spline_constraints.py",),
@@ -108,7 +125,10 @@ TESTS = {
     "refinement/interval_blocks": ("refinement/test_measured_objective.py",),
     "refinement/measured_objective": ("test_derivatives.py",),
     "refinement/objective_measures": ("planning/test_second_stage_plan_energy.py",),
-    "refinement/second_stage": ("planning/test_second_stage_plan.py",),
+    "refinement/second_stage": (
+        "planning/test_second_stage_plan.py",
+        "planning/test_planner_motors.py",
+    ),
     "planning/gain_note": ("planning/test_second_stage_plan_energy.py",),
     "planning/followed_plan": (
         "planning/test_second_stage_plan_energy.py",
@@ -524,7 +544,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("one / sum_", "two / sum_"),
     ],
     "_rate_polynomials": [
-        ("way * friction + unsure", "way * friction"),
+        ("gravity, friction, inertia", "gravity, 0 * friction, inertia"),
         ("- gravity - friction", "- gravity"),
     ],
     "_tightest": [("robot.joint_names[joint[row]]", "robot.joint_names[0]")],
@@ -659,7 +679,12 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("hull.min(axis=0) < 0", "hull.min(axis=0) < -0.1"),
         ("* widths[piece] ** powers", ""),
     ],
-    "_roots_inside": [("(real > 0)", "(real > 0.25)"), ("roots.imag == 0", "roots.imag >= 0")],
+    "_roots_inside": [
+        ("(real > _END)", "(real > 0.25)"),
+        ("(real > _END)", "(real > 0)"),
+        ("1 - _END)", "1)"),
+        ("roots.imag == 0", "roots.imag >= 0"),
+    ],
     "restricted": [("[::-1]", "")],
     "effort_terms": [("return moved + motor_majorant(robot, joints, width)", "return moved")],
     "judge_effort_rate": [
@@ -898,10 +923,18 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     "_polished": [("(step > begin) & (step < end)", "True")],
     # --- constraints: joint_effort, joint_rate, path_samples, speed_limits ----------------------
-    "JointEffort.used": [("(effort - gravity)", "effort"), ("0: gravity", "0: 0 * gravity")],
+    "JointEffort.used": [
+        ("(at.effort - at.gravity)", "at.effort"),
+        ("0: at.gravity", "0: 0 * at.gravity"),
+        ("terms[2] - terms[1]", "terms[2]"),
+        ("if motors.has_viscous_friction", "if False"),
+        ("if self._with_coulomb_friction", "if True"),
+        ("if self._with_coulomb_friction", "if False"),
+    ],
+    "_moved": [("STILL_SHARE * abs(rate).max()", "0.0")],
     "JointEffort.by_path": [("speed**k / ", "1 / ")],
     "JointEffort.refusal": [
-        ("abs(at.gravity[:, self.joints]) - self.limit", "abs(at.gravity[:, self.joints])"),
+        ("(held - self.limit)", "held"),
         (".argmax()", ".argmin()"),
     ],
     "JointRate.__init__": [("np.isfinite(limit)", "limit > 0")],
@@ -914,18 +947,176 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         (".min(axis=1)", ".max(axis=1)"),
     ],
     "speed_limits": [
-        ("JointEffort(limits.effort),", ""),
+        ("_effort_limit(problem.robot),", ""),
+        ("MotorCurve(problem.robot.motors),", ""),
         ("EffortRate(limits.effort_rate),", ""),
+    ],
+    "_effort_limit": [
+        ("motors.has_coulomb_friction or ", ""),
+        ("limits.effort_ranges or ", ""),
+        (" or is_unsure", ""),
+        ("motors.has_friction and ", ""),
+    ],
+    # --- constraints: coulomb_friction, sided_effort, effort_limit, motor_curve -----------------
+    "CoulombFriction.side": [("way > 0", "way < 0")],
+    "directed_friction": [
+        ("* abs(effort)", "* effort"),
+        ("effort + unsure", "effort"),
+        ("effort - unsure", "effort"),
+    ],
+    "blended_friction": [
+        ("abs(rate).max(axis=0)", "rate.max(axis=0)"),
+        ("STILL_SHARE * largest.max()", "0.0"),
+        ("share * largest", "largest"),
+        ("-motors.backwards_friction", "-motors.forwards_friction"),
+        ("1 + motors.friction_uncertainty", "1.0"),
+        ("1 - motors.friction_uncertainty", "1.0"),
+        ("(1 - _EARLY)", "1"),
+        ("backwards * less + rise", "backwards * more + rise"),
+        ("forwards * less - fall", "forwards * more - fall"),
+        ("(ahead < 1) & (ahead > 0)", "ahead < 1"),
+        ("(behind < 1) & (behind > 0)", "behind > 0"),
+        ("np.where(moves, np.nan_to_num(end_direction), 0.0)", "np.nan_to_num(end_direction)"),
+        (" | ~moves", ""),
+    ],
+    "_EARLY": [("0.1", "0.0")],
+    "SidedEffort.__init__": [("[1.0, -1.0]", "[1.0, 1.0]")],
+    "SidedEffort.terms": [
+        ("at.gravity + at.viscous_effort", "at.gravity"),
+        ("abs(at.viscous_effort)", "at.viscous_effort"),
+        ("at.gravity[:, self.joints] + dry", "at.gravity[:, self.joints]"),
+        ("at.gravity[:, self.joints] + dry", "dry"),
+        (" + unsure[:, self.joints]", ""),
+        ("(moving - still)", "moving"),
+    ],
+    "SidedEffort.by_path": [
+        ("motors.viscous_friction * speed", "motors.viscous_friction"),
+        ("speed**k * self.way[:, None]", "speed**k"),
+        ("np.sign(at.by_path[1])", "1"),
+        (" + self.way * self._dry(at, 1)", ""),
+        ("self.way * self._dry(at, 1)", "self._dry(at, 1)"),
+        ("change[1][:, every, self.joints]", "change[1][:, every, every]"),
+    ],
+    "SidedEffort._dry": [("for way in (1.0, -1.0)", "for way in (-1.0, 1.0)")],
+    "EffortLimit.__init__": [
+        ("len(joints) * (way < 0)", "len(joints) * (way > 0)"),
+        ("place[each.joint]", "each.joint"),
+        ("each.side(way).max()", "each.side(way).min()"),
+        ("each.side(way).max()", "each.most"),
+        ("np.isfinite(limits.effort)", "limits.effort > 0"),
+    ],
+    "EffortLimit.used": [
+        ("terms[0] += 1 - allowed", "pass"),
+        (", way) / self.limit[column]", ", way)"),
+        ("term / self.limit", "term"),
+        ("(terms, allowed)", "(terms)"),
+    ],
+    "EffortLimit.by_path": [
+        ("by / self.limit[:, None]", "by"),
+        ("-= slope", "+= slope"),
+        ("slope / self.limit[column]", "slope"),
+        ("change[0][:, column, each.joint]", "change[0][:, column, column]"),
+    ],
+    "EffortLimit.key_of": [
+        ("np.tile(np.arange(len(self.keys)), 2)", "np.arange(2 * len(self.keys))")
+    ],
+    "EffortLimit.refusal": [
+        (".argmax()", ".argmin()"),
+        (" - 1 + allowed", ""),
+        ("allowed * self.limit[column]", "self.limit[column]"),
+        ("self.joints[column]", "column"),
+    ],
+    "MotorCurve.__init__": [
+        ("np.flatnonzero(motors.has_curve)", "np.arange(len(motors.armature))")
+    ],
+    "MotorCurve.used": [
+        ("term / self._stall", "term"),
+        ("self._way * at", "at"),
+        (" / self._no_load", ""),
+    ],
+    "MotorCurve.by_path": [
+        ("by / self._stall[:, None]", "by"),
+        ("self._way * speed / self._no_load", "speed / self._no_load"),
+        ("self._way * speed / self._no_load", "self._way / self._no_load"),
+        ("change[1][:, every, self.joints]", "change[1][:, every, every]"),
+    ],
+    "MotorCurve.key_of": [
+        ("np.tile(np.arange(len(self.keys)), 2)", "np.arange(2 * len(self.keys))")
+    ],
+    "MotorCurve.refusal": [
+        (".argmax()", ".argmin()"),
+        ("]) * stall", "])"),
+        ("self.joints[column]", "column"),
+    ],
+    # --- constraints: held_configuration, motor_effort, effort_refusal, effort_costs ------------
+    "require_held": [
+        ("(1.0, -1.0)", "(1.0, 1.0)"),
+        ("(1.0, -1.0)", "(-1.0, -1.0)"),
+        (".max(axis=0) for", ".min(axis=0) for"),
+        ("beyond.min(axis=0).argmax()", "beyond.max(axis=0).argmax()"),
+        (".any()", ".all()"),
+        ("beyond[:, joint].argmin()", "beyond[:, joint].argmax()"),
+        ("(needed - allowed)[:, joint].argmax()", "(needed - allowed)[:, joint].argmin()"),
+    ],
+    "_needed_and_allowed": [
+        ("gravity + friction.most", "gravity"),
+        ("-gravity - friction.least", "-gravity"),
+        ("np.full_like(gravity, direction)", "np.ones_like(gravity)"),
+        ("for way in (1.0, -1.0)", "for way in (1.0, 1.0)"),
+        ("np.minimum(np.concatenate(sides), stall)", "np.concatenate(sides)"),
+        ("np.minimum(np.concatenate(sides), stall)", "stall * np.ones_like(needed)"),
+        ("effort_at(q[None], way)", "effort_at(0 * q[None], way)"),
+    ],
+    "motor_effort": [(" + coulomb_effort(robot, trajectory, samples)", "")],
+    "coulomb_effort": [
+        ("if not robot.motors.has_coulomb_friction", "if True"),
+        ('side="right"', 'side="left"'),
+        (" / widths[piece]", ""),
+        ("(samples.time - starts[piece])", "samples.time"),
+        ("STILL_SHARE * abs(velocity).max()", "-1.0"),
+        ("np.where(moves, velocity, beside)", "velocity"),
+        ("np.where(moves, velocity, beside)", "beside", "the same, but where rounding puts a root"),
+    ],
+    "effort_refusal": [
+        (" or robot.motors.forwards_friction[joint]", ""),
+        ("robot.motors.backwards_friction[joint] or ", ""),
+    ],
+    "EffortCosts._effort": [
+        ("viscous / slower", "viscous"),
+        ("moved / slower**2", "moved / slower"),
+    ],
+    "EffortCosts._efforts": [
+        ("gravity + coulomb_effort(robot, self._trajectory, at)", "gravity"),
+        ("smooth - viscous - gravity", "smooth - gravity"),
+    ],
+    # --- friction in the optimisation -----------------------------------------------------------
+    "PhasedSpline.end_directions": [
+        ("interval < reach", "interval <= reach"),
+        ("np.logical_and.accumulate(", "np.array("),
+        ("last + DEGREE - 1 - samples.interval", "last + DEGREE - samples.interval"),
+        ("[DEGREE - 1 : 1 - DEGREE]", "[DEGREE:-DEGREE]"),
+        ("np.where(goes_on, moves[::way][0], found[is_near])", "moves[::way][0]"),
+    ],
+    "SplineConstraints.blend": [
+        ("self._has_reversals and ", ""),
+        ("self._blended = intervals", "pass"),
+        ("return has_changed", "return True"),
+    ],
+    "_Known.__init__": [
+        ("4 * blended", "0 * blended"),
+        (", 1.0)", ", 9.0)"),
+        ("blended / spline.grid.interval_count", "1.0"),
     ],
     # --- constraints/time_scaling -------------------------------------------------------------
     "scaling_factor": [("(q, v, a) if jerk is None else (q, v, a, jerk)", "(q, v, a)")],
     "minimum_duration": [
         ("* (1 + _SAFETY)", ""),
-        ("_least(problem, _below_jerk(others), trajectory, segments)", "np.inf"),
+        ("_least(problem, smooth, trajectory, segments)", "np.inf"),
+        ("others if problem.robot.motors.has_coulomb_friction else", ""),
         ("_exact_peaks", "_hull_peaks"),
         ("with_jerk or ", ""),
         ("with_jerk or limit.order < _JERK", "True"),
-        ("_with_jerk(others), trajectory, segments", "(), trajectory, segments"),
+        ("jumping, trajectory, segments", "(), trajectory, segments"),
     ],
     "estimated_durations": [("np.minimum(polynomial, sampled)", "sampled")],
     "scaled_to_limits": [("duration / trajectory.duration", "trajectory.duration / duration")],
@@ -943,12 +1134,18 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("return -highest", "return least"),
         ("_VALLEY_SHARE * least", "0.0", "the certificate judges what lies between samples"),
     ],
-    "_least_of_pieces": [
+    "_least_of_stretches": [
         (
-            "-refined_maximum_of_pieces(negative, value.reshape(pieces, -1), band=band)",
+            "-refined_maximum_of_pieces(negative, value.reshape(count, -1), band=band)",
             "-value.max()",
         ),
         ("range(_JERK + 1)", "range(_JERK)"),
+        ("common_stretches(trajectory) if motors.has_coulomb_friction else ", ""),
+        ("begin + share * (stretches.end[stretch] - begin)", "share"),
+        (
+            "directed_friction, motors, stretches.direction[stretch]",
+            "directed_friction, motors, known[1]",
+        ),
     ],
     "_known_per_piece": [("known if orders <= _JERK", "known if True")],
     "_held_factor": [("(factor == 0).any()", "False")],
@@ -973,7 +1170,10 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     # --- constraints/effort_rate, robot/effort_rate ---------------------------------------------
     "EffortRate.used": [
         ("(rate - gravity)", "rate"),
-        ("{1: gravity", "{0: gravity"),
+        ("{1: gravity / self", "{0: gravity / self"),
+        ("{1: gravity, 2", "{0: gravity, 2"),
+        ("rate - gravity - viscous", "rate - gravity"),
+        ("motors.viscous_friction * at.by_path[2]", "motors.viscous_friction * at.by_path[1]"),
         ("at.effort_rate[:, self.joints]", "at.effort_rate[:, -len(self.limit) - 1 : -1]"),
     ],
     "EffortRate.by_path": [
@@ -1313,7 +1513,6 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     "Work._power_by_path": [("by_path[1] + effort", "by_path[1] - effort")],
     "objective_measures": [("((_WEIGHT, own), *", "((0.0, own), *")],
-    "EffortCosts._effort": [("/ slower**2", "/ slower")],
     "EffortCosts.energy": [(" * slower", "")],
     "EffortCosts.work": [("np.maximum(power, 0.0)", "abs(power)")],
     "cheapest_duration": [
@@ -1336,9 +1535,15 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("(1 - _LESS_CLEARANCE) *", "0 *"),
         ("max(clearance, 0.0), _MOST_CLEARANCE", "max(clearance, 0.0), 1.0"),
     ],
+    "SecondStage._has_time_with_friction": [
+        ("<= longest", "<= 2 * longest"),
+        ("watch(spline, begin[stretches.start > 0])", "watch(spline, begin[:0])"),
+    ],
     "SecondStage._looked_at": [
-        ("in_time and dense.excess <= MERIT_TOLERANCE", "in_time"),
-        ("dense.squared_duration <= (self._longest * (1 - _BETWEEN_LOOKS)) ** 2", "True"),
+        ("dense.excess > MERIT_TOLERANCE", "False"),
+        ("dense.squared_duration <= longest**2", "True"),
+        ("dense.squared_duration <= longest**2", "True"),
+        ("if not self._problem.robot.motors.has_coulomb_friction", "if True"),
     ],
     "SecondStage.answer": [
         ("time / duration", "time"),

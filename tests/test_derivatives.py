@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from cases import with_motors
 from tubeplanner import JointTrajectory, Objective, PlanningProblem, Tube
 from tubeplanner.refinement.control_variables import ControlVariables
 from tubeplanner.refinement.link_constraints import LinkConstraints
@@ -102,6 +103,12 @@ def rotation_error_by_joints(share):
     return case
 
 
+RUBBING = {
+    "armature": 0.3,
+    "viscous_friction": 4.0,
+    "backwards_friction": 5.0,
+    "forwards_friction": 3.0,
+}
 TURNED = [[0, 0, 0, 1], [0.5, 0.5, -0.5, 0.5]]
 
 
@@ -118,10 +125,11 @@ def trajectory_by_time(order):
     return case
 
 
-def objective_by_variables(minimise):
-    """By the control points that may move, and by the switching time."""
+def objective_by_variables(minimise, **motors):
+    """By the control points that may move, and by the switching time; with motors if given."""
 
     def case(robot):
+        robot = with_motors(robot, **motors) if motors else robot
         grid, ends = knot_grid(np.array([0.0, 0.4, 1.0]), 7), np.array([0.0, 0.4, 1.0])
         q = random_trajectory(robot)[0]
         points = np.linspace(q[0], q[1], grid.control_point_count)
@@ -167,6 +175,9 @@ TABLE = {
     "smoothness by control points and times": (objective_by_variables("smoothness"), 1e-5),
     "energy by control points and times": (objective_by_variables("energy"), 1e-5),
     "work by control points and times": (objective_by_variables("work"), 1e-5),
+    "smoothness with friction": (objective_by_variables("smoothness", **RUBBING), 1e-5),
+    "energy with friction": (objective_by_variables("energy", **RUBBING), 1e-5),
+    "work with friction": (objective_by_variables("work", **RUBBING), 1e-5),
 }
 
 

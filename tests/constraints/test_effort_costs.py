@@ -7,12 +7,13 @@ import pinocchio as pin
 import pytest
 from scipy.integrate import quad
 
-from cases import ANGLE, INERTIA, PEAK_VELOCITY, one_joint, quintic
+from cases import ANGLE, INERTIA, PEAK_VELOCITY, one_joint, quintic, with_motors
 from tubeplanner import JointTrajectory, PlanOptions, plan
 from tubeplanner.constraints.effort_costs import EffortCosts
 
 SQUARED_ACCELERATION = 120 / 7  # of the quintic of one radian in one second, integrated
 SEVERAL = 40
+HALVES = ((0.0, 0.5), (0.5, 1.0))
 
 
 def divided(trajectory):
@@ -67,3 +68,41 @@ def test_of_a_planned_motion_they_are_adaptive_quadratures_of_pinocchios_efforts
     energy = integral(lambda t: effort(t) ** 2 @ weights)
     assert costs.energy(weights) == pytest.approx(energy, rel=1e-4)
     assert costs.work() == pytest.approx(integral(power), rel=1e-4)
+
+
+def out_and_back(duration):
+    """A bar's motion of one radian out and back, at rest at both ends, in many pieces."""
+    rows = np.poly1d([-4.0, 4.0, 0.0]) ** 2
+    motion = JointTrajectory(["turn"], [0.0, 1.0], rows.c[:, None, None])
+    return divided(motion.scaled(duration))
+
+
+@pytest.mark.parametrize("duration", [1.0, 2.5])
+def test_friction_is_what_work_overcomes_and_motors_heat_for(duration, tmp_path):
+    """Against quadratures of the law, split where the joint reverses; run slower they agree too."""
+    viscous, back, forth, armature = 0.8, 0.9, 0.3, 0.4
+    robot = with_motors(
+        one_joint(tmp_path, mass=0.5),
+        armature=armature,
+        viscous_friction=viscous,
+        backwards_friction=back,
+        forwards_friction=forth,
+    )
+    q = np.poly1d([-4.0, 4.0, 0.0]) ** 2
+
+    def effort(x):
+        held = 0.5 * 9.81 * 0.5 * np.cos(q(x)) + (forth if x < 0.5 else -back)
+        inertia = INERTIA + 0.5 * 0.5**2 + armature
+        return held + viscous * q.deriv()(x) / duration + inertia * q.deriv(2)(x) / duration**2
+
+    def integral(function):
+        return sum(quad(function, *part, epsabs=1e-11, limit=200)[0] for part in HALVES)
+
+    energy = integral(lambda x: 3.0 * effort(x) ** 2) * duration
+    work = integral(lambda x: max(effort(x) * q.deriv()(x), 0.0))
+    for costs, given in (
+        (EffortCosts(robot, out_and_back(duration)), None),
+        (EffortCosts(robot, out_and_back(0.7)), duration),
+    ):
+        assert costs.energy(np.array([3.0]), given) == pytest.approx(energy, rel=3e-4)
+        assert costs.work(given) == pytest.approx(work, rel=3e-4)

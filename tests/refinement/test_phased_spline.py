@@ -143,3 +143,28 @@ def test_divided_knots_hold_the_same_trajectory(parts):
     x = np.linspace(0, 1, 500)
     np.testing.assert_allclose(finer.bspline()(x), phased.bspline()(x), atol=1e-6)
     np.testing.assert_array_equal(finer.control_points[[0, -1]], phased.control_points[[0, -1]])
+
+
+def test_directions_near_the_ends_are_known_until_a_joint_may_reverse():
+    """The first leaves backwards and turns in the middle, the second goes on, the third rests."""
+    grid = knot_grid(np.array([0.0, 0.4, 1.0]), 12)
+    steps = np.zeros((grid.control_point_count - 1, 3))
+    steps[2:-2, 0] = [-1, -2, -3, 1, 1, 1, 1, 1, 1, 2][: len(steps) - 4]
+    steps[2:-2, 1] = 1.0
+    points = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+    spline = PhasedSpline(grid, np.array([0.0, 0.4, 1.0]), points)
+    last = grid.interval_count - 1
+    samples = grid.samples(np.array([0.0, 0.99]))
+    interval, at = samples.interval, sampled(spline, samples)
+    for reach in (1, 3, 5, 50):
+        found = spline.end_directions(samples, reach)
+        near = (interval < reach) | (interval > last - reach)
+        assert np.isnan(found[~near]).all()
+        np.testing.assert_array_equal(found[near, 1], 1.0)
+        np.testing.assert_array_equal(found[near, 2], 0.0)
+        known = ~np.isnan(found[:, 0])
+        expected = np.where(interval < 3, -1.0, 1.0)
+        np.testing.assert_array_equal(known, near & ((interval < 3) | (interval > 4)))
+        np.testing.assert_array_equal(found[known, 0], expected[known])
+        moves = known & (abs(at.by_x[1][:, 0]) > 1e-9)
+        np.testing.assert_array_equal(np.sign(at.by_x[1][moves, 0]), found[moves, 0])

@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cases import with_motors
 from tubeplanner import PlanningProblem, Seed, Tube
+from tubeplanner.constraints.coulomb_friction import CoulombFriction, blended_friction
 from tubeplanner.constraints.effort_rate import EffortRate
 from tubeplanner.constraints.path_samples import PathSamples
 from tubeplanner.constraints.speed_limits import speed_limits
@@ -17,6 +19,7 @@ from tubeplanner.refinement.rotation_constraints import EvaluatedRotation
 from tubeplanner.refinement.sampled_spline import sampled
 from tubeplanner.refinement.speed_limit_rows import EvaluatedSpeedLimit
 from tubeplanner.refinement.spline_constraints import SplineConstraints
+from tubeplanner.robot.effort_range import EffortRange
 from tubeplanner.robot.effort_rate import effort_rate
 from tubeplanner.trajectory.joint_trajectory import from_spline
 
@@ -32,7 +35,25 @@ LIMITS = (
     "tool_speed",
     "point_speed",
 )
-KINDS = (*LIMITS, "velocity of the hull", "rotation", "links")
+FRICTION = {"backwards_friction": 4.0, "forwards_friction": 2.0}
+ARMED = {"armature": 0.4, "viscous_friction": 3.0}
+LINE = {"saturation_effort": 90.0, "no_load_velocity": 7.0}
+RANGES = (
+    EffortRange(0, np.array([-0.4, 0.3, 2.0]), *np.array([[190.0, 150, 170]] * 2)),
+    EffortRange(1, np.zeros(1), np.array([130.0]), np.array([160.0])),
+)
+# Limits of arms with motors, their friction blended as it is in the optimisation.
+MOTORS = {
+    "effort with viscous friction": ARMED,
+    "effort with Coulomb friction": FRICTION,
+    "effort with uncertain friction": {**ARMED, **FRICTION, "friction_uncertainty": 0.3},
+    "effort by direction and position": {**FRICTION, "effort_ranges": RANGES},
+    "effort_rate with viscous friction": ARMED,
+    "motor_curve of an ideal motor": LINE,
+    "motor_curve with friction": {**LINE, **ARMED, **FRICTION, "friction_uncertainty": 0.3},
+}
+ALL_LIMITS = (*LIMITS, *MOTORS)
+KINDS = (*ALL_LIMITS, "velocity of the hull", "rotation", "links")
 
 
 class Kinds:
@@ -40,6 +61,10 @@ class Kinds:
 
     def __init__(self, kind, case):
         self.kind, (self.problem, spline, self.samples) = kind, case
+        if kind in MOTORS:
+            self.problem = replace(
+                self.problem, robot=with_motors(self.problem.robot, **MOTORS[kind])
+            )
         self.links = LinkConstraints(self.problem)
         self.links.look_at(
             spline, spline.grid.samples_at(SWITCHING_TIMES, np.linspace(0.2, 0.8, 9))
@@ -51,12 +76,23 @@ class Kinds:
         is_hull = self.kind.endswith("hull")
         points = VelocityHull(len(spline.control_points)) if is_hull else self.samples
         at = sampled(spline, points)
-        path = PathSamples(self.problem, at.by_x, lambda: self.samples.phase)
+        path = PathSamples(
+            self.problem, at.by_x, lambda: self.samples.phase, lambda: self.friction(at.by_x[1])
+        )
         if self.kind == "rotation":
             return EvaluatedRotation(self.problem.tube.rotation, at, path, 0.005, np.arange(2))
         limits = {limit.kind: limit for limit in speed_limits(self.problem)}
         limit = limits[self.kind.split()[0]]
         return EvaluatedSpeedLimit(limit, at, path, np.arange(len(limit.keys)))
+
+    def friction(self, rate):
+        """Return blended friction whose width does not change with the path."""
+        widest = np.append(rate, np.full((1, rate.shape[1]), 8.0), axis=0)
+        found = blended_friction(
+            self.problem.robot.motors, widest, np.full_like(widest, np.nan), 0.4
+        )
+        names = CoulombFriction.__dataclass_fields__
+        return CoulombFriction(*(getattr(found, name)[:-1] for name in names))
 
     def rows(self, spline, duration, size=None):
         return self.at(spline).rows(duration, size)
@@ -118,7 +154,7 @@ def test_rows_left_out_cannot_be_broken_by_the_step(case, kind):
     np.testing.assert_array_equal(every.where(~left_out).slack, some.slack)
 
 
-@pytest.mark.parametrize("kind", LIMITS)
+@pytest.mark.parametrize("kind", ALL_LIMITS)
 def test_rows_know_what_the_duration_gives(case, kind):
     """At the duration that the limit allows, the tightest row has no slack; beyond it, some."""
     limit = Kinds(kind, case).at(case[1])

@@ -229,16 +229,22 @@ class PhasedSpline:
     switching_times: FloatArray
     control_points: FloatArray
 
-    def end_directions(self, samples: Samples) -> FloatArray:
+    def end_directions(self, samples: Samples, reach: int) -> FloatArray:
         """Return which way joints leave the start or approach the goal, by sign, shape (N, n).
 
-        At samples in the first and last knot interval, where only one control point's distance from
-        these counts; nan at others.
+        Args:
+            samples: Where.
+            reach: Of how many knot intervals from either end, as long as all control points that
+                count there move on that way; nan at other samples.
         """
-        points, last = self.control_points, self.grid.interval_count - 1
-        found = np.full((len(samples.interval), points.shape[1]), np.nan)
-        found[samples.interval == 0] = points[DEGREE] - points[0]
-        found[samples.interval == last] = points[-1] - points[-1 - DEGREE]
+        # Velocities are between those that neighbouring control points span.
+        moves = np.sign(np.diff(self.control_points, axis=0))[DEGREE - 1 : 1 - DEGREE]
+        last, found = len(moves) - 1, np.full((len(samples.interval), moves.shape[1]), np.nan)
+        for way, interval in ((1, samples.interval), (-1, last + DEGREE - 1 - samples.interval)):
+            onward = np.logical_and.accumulate(moves[::way] == moves[::way][0], axis=0)
+            is_near = interval < reach
+            goes_on = onward[np.minimum(interval[is_near], last)]
+            found[is_near] = np.where(goes_on, moves[::way][0], found[is_near])
         return found
 
     def bspline(self) -> BSpline:

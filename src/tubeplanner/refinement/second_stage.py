@@ -34,13 +34,12 @@ _STEPS_PER_ROUND, _MAX_ROUNDS = 4, 8
 # these, a part of what it may take longer. Peaks that are looked at stay this far below for others.
 _LEAST_RESERVE, _MOST_RESERVE, _RESERVE_SHARE = 1e-4, 2.5e-4, 0.25
 _BETWEEN_LOOKS = 5e-5
+# Over so many knot intervals Coulomb friction is blended: reversals move with what is saved. These
+# are between samples, and have sharper peaks.
+_BLENDED, _MOST_AT_REVERSALS = 8.0, 7e-4
 # What the shortest motion left free may become smaller by this share of the radius; and by this
 # share of the distance from obstacles, of which no more than so much counts [m].
 _LESS_ROOM, _LESS_CLEARANCE, _MOST_CLEARANCE = 0.05, 0.1, 0.02
-
-
-# Over so many knot intervals Coulomb friction is blended: reversals move with what is saved.
-_BLENDED = 8.0
 
 
 class SecondStage:
@@ -69,7 +68,9 @@ class SecondStage:
         )
         dense = plain.between_samples(spline)
         reserve = _RESERVE_SHARE * abs(1 - dense.duration / longest)
-        reserve = min(max(reserve, _LEAST_RESERVE), _MOST_RESERVE)
+        has_reversals = problem.robot.motors.has_coulomb_friction
+        most = _MOST_AT_REVERSALS if has_reversals else _MOST_RESERVE
+        reserve = min(max(reserve, _LEAST_RESERVE), most)
         run_in = longest * (1 - reserve)
         measures = objective_measures(problem, spline, run_in)
         self._objective = MeasuredObjective(measures, run_in)

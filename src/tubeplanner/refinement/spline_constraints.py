@@ -310,6 +310,8 @@ class _Known:
         self, problem: PlanningProblem, spline: PhasedSpline, radius: FloatArray, blended: float
     ) -> None:
         self._problem, self._spline, self._radius = problem, spline, radius
+        # Near an end, where joints are slow as well but do not reverse, their direction is known.
+        self._near_end = int(4 * blended)
         # Of a joint's largest velocity.
         self._blended_share = min(blended / spline.grid.interval_count, 1.0)
         self._at: dict[EvaluationPoints, tuple[SampledSpline, PathSamples]] = {}
@@ -325,7 +327,8 @@ class _Known:
         return self._at[points]
 
     def _friction(self, at: SampledSpline, samples: Samples) -> CoulombFriction:
-        ends, motors = self._spline.end_directions(samples), self._problem.robot.motors
+        ends = self._spline.end_directions(samples, self._near_end)
+        motors = self._problem.robot.motors
         return blended_friction(motors, at.by_x[1], ends, self._blended_share)
 
     def segments_of(self, samples: Samples) -> OrderedSegments:
