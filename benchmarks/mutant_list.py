@@ -931,7 +931,6 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("if self._with_coulomb_friction", "if True"),
         ("if self._with_coulomb_friction", "if False"),
     ],
-    "_moved": [("STILL_SHARE * abs(rate).max()", "0.0")],
     "JointEffort.by_path": [("speed**k / ", "1 / ")],
     "JointEffort.refusal": [
         ("(held - self.limit)", "held"),
@@ -1541,7 +1540,6 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     "SecondStage._looked_at": [
         ("dense.excess > MERIT_TOLERANCE", "False"),
-        ("dense.squared_duration <= longest**2", "True"),
         ("dense.squared_duration <= longest**2", "True"),
         ("if not self._problem.robot.motors.has_coulomb_friction", "if True"),
     ],
