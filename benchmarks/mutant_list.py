@@ -1361,8 +1361,6 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "SecondStage._looked_at": [
         ("dense.excess > MERIT_TOLERANCE", "False"),
         ("dense.squared_duration <= longest**2", "True"),
-        ("self._least_duration(iterate) <= longest", "True"),
-        ("if self._problem.robot.motors.has_coulomb_friction", "if False"),
     ],
     "SecondStage.answer": [
         ("time / duration", "time"),
