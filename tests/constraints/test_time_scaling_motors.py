@@ -128,6 +128,16 @@ def test_at_the_reversal_both_sides_count(tmp_path, way):
 
 
 @pytest.mark.parametrize(("way", "dry"), [(1.0, FORTH), (-1.0, BACK)])
+def test_before_a_reversal_friction_brakes(tmp_path, way, dry):
+    """From 6 rad/s^2 down to 1; back it goes from 0.6 s on, where 3 rad/s^2 are left."""
+    robot = with_motors(one_joint(tmp_path, velocity=1e3), **FRICTION)
+    velocity = np.poly1d([2.5, -6.0, 2.7])
+    motion = course(way * velocity.integ().c)
+    expected = motion.duration / np.sqrt((5.0 + dry) / (INERTIA * 6.0))
+    assert minimum_duration(anywhere(robot), motion) == pytest.approx(expected, rel=1e-7)
+
+
+@pytest.mark.parametrize(("way", "dry"), [(1.0, FORTH), (-1.0, BACK)])
 def test_at_start_and_goal_the_friction_of_the_motion_counts(tmp_path, way, dry):
     """A parabola whose acceleration is that of both ends, where velocity is none."""
     robot = with_motors(one_joint(tmp_path, velocity=1e3), **FRICTION)
