@@ -1090,11 +1090,23 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     # --- friction in the optimisation -----------------------------------------------------------
     "PhasedSpline.end_directions": [
-        ("interval < reach", "interval <= reach"),
-        ("np.logical_and.accumulate(", "np.array("),
-        ("last + DEGREE - 1 - samples.interval", "last + DEGREE - samples.interval"),
+        ("last - samples.interval", "last - 1 - samples.interval"),
+        ("np.sign(velocity[::way][0])", "way"),
+        ("_known_direction(velocity[::way], slow)", "_known_direction(velocity, slow)"),
+    ],
+    "PhasedSpline._velocity_points": [
+        ("/ spans[:, None]", ""),
         ("[DEGREE - 1 : 1 - DEGREE]", "[DEGREE:-DEGREE]"),
-        ("np.where(goes_on, moves[::way][0], found[is_near])", "moves[::way][0]"),
+    ],
+    "_known_direction": [
+        ("np.logical_and.accumulate(", "np.array("),
+        ("onward[1:] &= ~already[:-1]", "pass"),
+        ("(onward & fast).any(axis=0) | (first == 0)", "True"),
+        ("| (first == 0)", ""),
+    ],
+    "_Known._friction": [
+        ("share * abs(rate)", "0 * abs(rate)"),
+        ("if self._is_last else 0.0", ""),
     ],
     "SplineConstraints.blend": [
         ("self._has_reversals and ", ""),

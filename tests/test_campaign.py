@@ -11,7 +11,7 @@ from outside_judge import passes
 
 # A two-link arm, and a random chain with a sliding joint and obstacles: quick to build.
 QUICK, WITH_OBSTACLES = 2, 10
-OPTIONS = campaign.Options(pairs=True, baselines=False, time_limit=30.0, keep=None)
+OPTIONS = campaign.Options(pairs=True, baselines=False, motors=True, time_limit=30.0, keep=None)
 
 
 @pytest.mark.parametrize("seed", [QUICK, WITH_OBSTACLES])

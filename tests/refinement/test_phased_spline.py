@@ -145,26 +145,31 @@ def test_divided_knots_hold_the_same_trajectory(parts):
     np.testing.assert_array_equal(finer.control_points[[0, -1]], phased.control_points[[0, -1]])
 
 
-def test_directions_near_the_ends_are_known_until_a_joint_may_reverse():
-    """The first leaves backwards and turns in the middle, the second goes on, the third rests."""
-    grid = knot_grid(np.array([0.0, 0.4, 1.0]), 12)
-    steps = np.zeros((grid.control_point_count - 1, 3))
-    steps[2:-2, 0] = [-1, -2, -3, 1, 1, 1, 1, 1, 1, 2][: len(steps) - 4]
-    steps[2:-2, 1] = 1.0
-    points = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
-    spline = PhasedSpline(grid, np.array([0.0, 0.4, 1.0]), points)
+def test_directions_near_the_ends_are_known_until_a_joint_is_fast():
+    """The first turns once it was fast, the second before, the third goes on, the fourth rests."""
+    times = np.array([0.0, 0.4, 1.0])
+    grid = knot_grid(times, 12)
+    knots, steps = grid.knots(times), np.zeros((grid.control_point_count - 1, 4))
     last = grid.interval_count - 1
+    steps[2:-2, 0] = [-1, -2, -3, 1, 1, *[1] * (len(steps) - 9)]
+    steps[2:-2, 1] = [-1, 1, *[1] * (len(steps) - 6)]
+    steps[2:-2, 2] = 1.0
+    spans = (knots[4:-1] - knots[1:-4])[:, None] / 3
+    points = np.concatenate([np.zeros((1, 4)), np.cumsum(steps * spans, axis=0)])
+    spline = PhasedSpline(grid, times, points)
     samples = grid.samples(np.array([0.0, 0.99]))
     interval, at = samples.interval, sampled(spline, samples)
-    for reach in (1, 3, 5, 50):
-        found = spline.end_directions(samples, reach)
-        near = (interval < reach) | (interval > last - reach)
-        assert np.isnan(found[~near]).all()
-        np.testing.assert_array_equal(found[near, 1], 1.0)
-        np.testing.assert_array_equal(found[near, 2], 0.0)
-        known = ~np.isnan(found[:, 0])
-        expected = np.where(interval < 3, -1.0, 1.0)
-        np.testing.assert_array_equal(known, near & ((interval < 3) | (interval > 4)))
-        np.testing.assert_array_equal(found[known, 0], expected[known])
-        moves = known & (abs(at.by_x[1][:, 0]) > 1e-9)
-        np.testing.assert_array_equal(np.sign(at.by_x[1][moves, 0]), found[moves, 0])
+    found = spline.end_directions(samples, np.array([1.5, 1.5, 1.5, 1.5]))
+    begins, ends = interval == 0, interval == last
+    expected = np.full(found.shape, np.nan)
+    expected[interval <= 1, 0] = -1.0  # fast from the second control point on
+    expected[begins, 1] = -1.0
+    expected[ends, :2] = 1.0  # never fast
+    expected[begins | ends, 2] = 1.0
+    expected[:, 3] = 0.0
+    np.testing.assert_array_equal(found, expected)
+    moves = ~np.isnan(found) & (abs(at.by_x[1]) > 1e-9)
+    np.testing.assert_array_equal(np.sign(at.by_x[1][moves]), found[moves])
+    exact = spline.end_directions(samples, np.full(4, 0.5))
+    assert not np.isnan(exact[begins | ends]).any()
+    assert np.isnan(exact[~(begins | ends), :3]).all()

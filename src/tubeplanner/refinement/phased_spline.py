@@ -12,7 +12,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.trajectory.b_spline import BSpline, basis_functions
 
 DEGREE = 3
@@ -229,24 +229,45 @@ class PhasedSpline:
     switching_times: FloatArray
     control_points: FloatArray
 
-    def end_directions(self, samples: Samples, reach: int) -> FloatArray:
+    def end_directions(self, samples: Samples, slow: FloatArray) -> FloatArray:
         """Return which way joints leave the start or approach the goal, by sign, shape (N, n).
 
+        That is known as long as the control points of the velocity have one sign, but looked at no
+        farther than to where they are first not slow; where they reverse before, in the first knot
+        interval alone, and in the last.
+
         Args:
-            samples: Where.
-            reach: Of how many knot intervals from either end, as long as all control points that
-                count there move on that way; nan at other samples.
+            samples: Where; nan at samples farther inside.
+            slow: Below which velocity joints are slow, shape (n,) [rad or m per unit of x].
         """
-        # Velocities are between those that neighbouring control points span.
-        moves = np.sign(np.diff(self.control_points, axis=0))[DEGREE - 1 : 1 - DEGREE]
-        last, found = len(moves) - 1, np.full((len(samples.interval), moves.shape[1]), np.nan)
-        for way, interval in ((1, samples.interval), (-1, last + DEGREE - 1 - samples.interval)):
-            onward = np.logical_and.accumulate(moves[::way] == moves[::way][0], axis=0)
-            is_near = interval < reach
-            goes_on = onward[np.minimum(interval[is_near], last)]
-            found[is_near] = np.where(goes_on, moves[::way][0], found[is_near])
+        velocity, last = self._velocity_points(), self.grid.interval_count - 1
+        found = np.full((len(samples.interval), len(slow)), np.nan)
+        for way, interval in ((1, samples.interval), (-1, last - samples.interval)):
+            known = _known_direction(velocity[::way], slow)
+            is_known = known[np.minimum(interval, len(known) - 1)]
+            found = np.where(is_known, np.sign(velocity[::way][0]), found)
         return found
+
+    def _velocity_points(self) -> FloatArray:
+        """Return the control points of the velocity but for those at both ends, which vanish.
+
+        In a knot interval, counted from either end, those up to the same number count.
+        """
+        knots = self.grid.knots(self.switching_times)
+        spans = (knots[1 + DEGREE : -1] - knots[1 : -1 - DEGREE]) / DEGREE
+        velocity = np.diff(self.control_points, axis=0) / spans[:, None]
+        return velocity[DEGREE - 1 : 1 - DEGREE]
 
     def bspline(self) -> BSpline:
         """Return the spline over time x."""
         return BSpline(self.grid.knots(self.switching_times), self.control_points, DEGREE)
+
+
+def _known_direction(velocity: FloatArray, slow: FloatArray) -> BoolArray:
+    """Return up to which control points (L, n) a joint moves as at the first, until it is fast."""
+    fast, first = abs(velocity) >= slow, np.sign(velocity[0])
+    onward = np.logical_and.accumulate(np.sign(velocity) == first, axis=0)
+    already = np.logical_or.accumulate(fast, axis=0)
+    onward[1:] &= ~already[:-1]
+    onward[1:] &= (onward & fast).any(axis=0) | (first == 0)
+    return onward

@@ -310,10 +310,9 @@ class _Known:
         self, problem: PlanningProblem, spline: PhasedSpline, radius: FloatArray, blended: float
     ) -> None:
         self._problem, self._spline, self._radius = problem, spline, radius
-        # Near an end, where joints are slow as well but do not reverse, their direction is known.
-        self._near_end = int(4 * blended)
         # Of a joint's largest velocity.
         self._blended_share = min(blended / spline.grid.interval_count, 1.0)
+        self._is_last = blended <= BLENDED
         self._at: dict[EvaluationPoints, tuple[SampledSpline, PathSamples]] = {}
 
     def at(self, points: EvaluationPoints) -> tuple[SampledSpline, PathSamples]:
@@ -327,9 +326,11 @@ class _Known:
         return self._at[points]
 
     def _friction(self, at: SampledSpline, samples: Samples) -> CoulombFriction:
-        ends = self._spline.end_directions(samples, self._near_end)
-        motors = self._problem.robot.motors
-        return blended_friction(motors, at.by_x[1], ends, self._blended_share)
+        rate, motors = at.by_x[1], self._problem.robot.motors
+        # Widely blended friction is to lead somewhere: the more of it is exact, the less it does.
+        share = self._blended_share if self._is_last else 0.0
+        ends = self._spline.end_directions(samples, share * abs(rate).max(axis=0))
+        return blended_friction(motors, rate, ends, self._blended_share)
 
     def segments_of(self, samples: Samples) -> OrderedSegments:
         """Return the segments that samples may be in."""
