@@ -8,8 +8,10 @@ from tubeplanner import PlanningProblem, Tube
 from tubeplanner.constraints.time_scaling import minimum_duration, scaling_factor
 from tubeplanner.refinement.link_constraints import LinkConstraints
 from tubeplanner.refinement.phased_spline import PhasedSpline
+from tubeplanner.refinement.second_stage import SecondStage
 from tubeplanner.refinement.spline_constraints import BLENDED, WIDELY_BLENDED, SplineConstraints
 from tubeplanner.refinement.spline_start import knot_grid
+from tubeplanner.trajectory.directed_stretches import common_stretches
 from tubeplanner.trajectory.joint_trajectory import from_spline
 
 ENDS = np.array([0.0, 0.4, 1.0])
@@ -74,6 +76,22 @@ def test_where_nothing_reverses_it_is_exact_in_the_end(two_link):
     assert beyond(constraints, spline, WIDELY_BLENDED, 0.02).any()
 
 
+def test_widely_blended_only_the_outermost_intervals_know_their_direction(two_link):
+    """In the end, all in which joints get fast."""
+    constraints, spline = constraints_and_spline(two_link, False, **FRICTION)
+    unsure = {}
+    for intervals in (WIDELY_BLENDED, BLENDED):
+        constraints.blend(intervals)
+        effort = efforts(constraints, spline)
+        friction, interval = effort.path.coulomb_friction, effort.at.evaluation_points.interval
+        differs = (friction.most > friction.least).any(axis=1)
+        unsure[intervals] = sorted(set(interval[differs]))
+    last = spline.grid.interval_count - 1
+    assert {1, last - 1} <= set(unsure[WIDELY_BLENDED])
+    assert not {0, last} & set(unsure[WIDELY_BLENDED])
+    assert unsure[BLENDED] == []
+
+
 def test_blending_changes_something_only_once_and_only_with_coulomb_friction(two_link):
     constraints, _ = constraints_and_spline(two_link, True, **FRICTION)
     assert not constraints.blend(BLENDED)
@@ -92,3 +110,20 @@ def test_few_knots_are_blended_all_over(two_link):
         constraints.blend(intervals)
         found.append(efforts(constraints, spline).squared_durations)
     np.testing.assert_array_equal(*found)
+
+
+def test_a_second_stage_has_time_by_exact_scaling_and_watches_reversals_where_it_has_not(two_link):
+    constraints, spline = constraints_and_spline(two_link, True, **FRICTION)
+    problem = constraints._problem
+    shape = from_spline(two_link.joint_names, spline.bspline())
+    least = minimum_duration(problem, shape)
+    stage = SecondStage(problem, spline, 1.01 * least, 0.0)
+    counts = []
+    for longest in (1.001 * least, 0.999 * least):
+        assert stage._has_time_with_friction(spline, longest) == (longest > least)
+        samples = stage._program.iterate(spline).watched[0].evaluation_points
+        counts.append(len(samples.phase))
+    reversals = common_stretches(shape).start > 0
+    assert counts[1] - counts[0] == reversals.sum() > 0
+    watched = samples.times(spline.switching_times)[counts[0] :]
+    np.testing.assert_allclose(shape.velocity(watched).min(axis=1), 0.0, atol=1e-6)

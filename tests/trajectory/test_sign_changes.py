@@ -50,6 +50,6 @@ def test_between_them_polynomials_keep_their_sign(seed):
 
 def test_a_root_that_rounding_puts_just_inside_an_end_is_at_that_end():
     """Added to the piece's number, it would be in the next piece."""
-    just_inside = [np.poly1d([1 - 1e-16, 0.5], r=True), np.poly1d([1e-17, 0.5], r=True)]
+    just_inside = [np.poly1d([1 - 1e-13, 0.5], r=True), np.poly1d([1e-17, 0.5], r=True)]
     found = sign_changes(rows_of(just_inside, 2)[:, None], np.ones(1))
     np.testing.assert_allclose(found.share, 0.5)
