@@ -14,8 +14,10 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.baselines.path_rows import PathRows, path_rows, with_reversals
+from tubeplanner.baselines.time_parameterization import run_along
 from tubeplanner.constraints.path_samples import PathSamples
 from tubeplanner.constraints.speed_limits import largest_speeds, speed_limits
+from tubeplanner.constraints.time_scaling import estimated_duration
 from tubeplanner.constraints.tool_speed import ToolSpeed
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
@@ -26,7 +28,9 @@ NOT_PROVED = (
     "least"
 )
 _INSIDE = 1e-4  # [m]: how far outside a capsule a point of the path still counts as in it
-_FASTEST = 1e9  # [1/s]: where the tool stands still, its speed limits nothing
+# In place of a missing limit on the rate: this multiple of a gentle run's. Without any, or with far
+# more, TOPP-RA's solver loses its digits.
+_AMPLE = 1e2
 _SPEEDS, _ACCELERATIONS = 1, 2  # what limits depend on, at most; jerk is unlimited
 _APART = 1e-3  # of a mean step: nearer to points of the path, reversals are no points of their own
 _ROUNDS, _SETTLED = 20, 1e-6  # of tangents; and what share of the time the last ones change
@@ -123,7 +127,14 @@ def _largest_rates(
 
     q, slope = path.position(arc_length), path.velocity(arc_length)
     at = PathSamples(problem, np.stack([q, slope, np.zeros_like(q)]), loosest)
-    return np.minimum(largest_speeds(at, limits), _FASTEST)
+    return np.minimum(largest_speeds(at, limits), _AMPLE * _gentle_rate(problem, path))
+
+
+def _gentle_rate(problem: PlanningProblem, path: JointTrajectory) -> float:
+    """Return the mean rate at which a path can be run by the smoothstep 3 u^2 - 2 u^3 [1/s]."""
+    rows = path.duration * np.array([-2.0, 3.0, 0.0, 0.0])
+    run = run_along(path, JointTrajectory(("arc_length",), [0.0, 1.0], rows[:, None, None]))
+    return path.duration / estimated_duration(problem, run)
 
 
 def _solved(arc_length: FloatArray, limits: list[PathRows], most: FloatArray) -> FloatArray | None:
