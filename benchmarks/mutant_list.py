@@ -1906,7 +1906,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     "_Limits.__init__": [
         ("each.acceleration + ahead * each.square", "each.acceleration"),
-        ("most**2", "most"),
+        ("(most / unit) ** 2", "most / unit"),
     ],
     # --- views/motor_panels ---------------------------------------------------------------------
     "motor_joints": [

@@ -14,10 +14,8 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.baselines.path_rows import PathRows, path_rows, with_reversals
-from tubeplanner.baselines.time_parameterization import run_along
 from tubeplanner.constraints.path_samples import PathSamples
 from tubeplanner.constraints.speed_limits import largest_speeds, speed_limits
-from tubeplanner.constraints.time_scaling import estimated_duration
 from tubeplanner.constraints.tool_speed import ToolSpeed
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
@@ -28,9 +26,9 @@ NOT_PROVED = (
     "least"
 )
 _INSIDE = 1e-4  # [m]: how far outside a capsule a point of the path still counts as in it
-# In place of a missing limit on the rate: this multiple of a gentle run's. Without any, or with far
-# more, TOPP-RA's solver loses its digits.
-_AMPLE = 1e2
+# TOPP-RA's tolerances are absolute: for squared rates of about 100, these are small, and digits are
+# not lost yet. And in place of a missing limit on the rate, so many of such units.
+_SHARE, _AMPLE = 0.1, 1e3
 _SPEEDS, _ACCELERATIONS = 1, 2  # what limits depend on, at most; jerk is unlimited
 _APART = 1e-3  # of a mean step: nearer to points of the path, reversals are no points of their own
 _ROUNDS, _SETTLED = 20, 1e-6  # of tangents; and what share of the time the last ones change
@@ -127,26 +125,28 @@ def _largest_rates(
 
     q, slope = path.position(arc_length), path.velocity(arc_length)
     at = PathSamples(problem, np.stack([q, slope, np.zeros_like(q)]), loosest)
-    return np.minimum(largest_speeds(at, limits), _AMPLE * _gentle_rate(problem, path))
-
-
-def _gentle_rate(problem: PlanningProblem, path: JointTrajectory) -> float:
-    """Return the mean rate at which a path can be run by the smoothstep 3 u^2 - 2 u^3 [1/s]."""
-    rows = path.duration * np.array([-2.0, 3.0, 0.0, 0.0])
-    run = run_along(path, JointTrajectory(("arc_length",), [0.0, 1.0], rows[:, None, None]))
-    return path.duration / estimated_duration(problem, run)
+    return largest_speeds(at, limits)
 
 
 def _solved(arc_length: FloatArray, limits: list[PathRows], most: FloatArray) -> FloatArray | None:
     """Return the largest rates, (N,) [1/s], under limits where steps begin, and where they end."""
     from toppra import algorithm  # takes a second
 
-    rows = _Limits(arc_length, limits, most)
+    unit = _unit(arc_length, limits[0])
+    rows = _Limits(arc_length, limits, np.minimum(most, _AMPLE * unit), unit)
     solver = algorithm.TOPPRA([rows], rows, gridpoints=arc_length, solver_wrapper="seidel")
     _, rate, _ = solver.compute_parameterization(0.0, 0.0)
     if rate is None or not np.isfinite(rate).all() or (rate[1:] + rate[:-1] == 0).any():
         return None
-    return np.asarray(rate)
+    return unit * np.asarray(rate)
+
+
+def _unit(arc_length: FloatArray, limits: PathRows) -> float:
+    """Return in which unit to count rates: a share of what speeding up over the path gives [1/s]."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        most = (limits.allowed / abs(limits.acceleration)).min(axis=1)
+    usual = float(np.median(most))
+    return _SHARE * float(np.sqrt(usual * np.ptp(arc_length))) if 0 < usual < np.inf else 1.0
 
 
 def _step_times(arc_length: FloatArray, rate: FloatArray) -> FloatArray:
@@ -171,7 +171,10 @@ class _Limits:
 
     waypoints, dof, identical = None, 1, False
 
-    def __init__(self, arc_length: FloatArray, limits: list[PathRows], most: FloatArray) -> None:
+    def __init__(
+        self, arc_length: FloatArray, limits: list[PathRows], most: FloatArray, unit: float
+    ) -> None:
+        """Take limits where steps begin, and where they end; rates are counted in a unit."""
         self.path_interval = arc_length[[0, -1]]
         twice = 2 * np.diff(arc_length)[:, None]
         ends = [np.zeros_like(twice), twice][: len(limits)]
@@ -189,8 +192,9 @@ class _Limits:
         a, b, g = (np.vstack([part, part[-1:]]) for part in (a, b, g))
         count = a.shape[1]
         each_alone = np.broadcast_to(np.eye(count), (len(a), count, count))
-        squares = np.column_stack([np.zeros_like(most), most**2])
-        self._parameters = (a, b, np.zeros_like(a), each_alone, g, None, squares)
+        squares = np.column_stack([np.zeros_like(most), (most / unit) ** 2])
+        scaled = (unit**2 * a, unit**2 * b, np.zeros_like(a))
+        self._parameters = (*scaled, each_alone, g, None, squares)
 
     def get_constraint_type(self) -> Any:
         from toppra.constraint import ConstraintType
