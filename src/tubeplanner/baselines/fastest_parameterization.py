@@ -142,7 +142,7 @@ def _solved(arc_length: FloatArray, limits: list[PathRows], most: FloatArray) ->
 
 
 def _unit(arc_length: FloatArray, limits: PathRows) -> float:
-    """Return in which unit to count rates: a share of what speeding up over the path gives [1/s]."""
+    """Return a unit of rates: a share of what speeding up over the path gives [1/s]."""
     with np.errstate(divide="ignore", invalid="ignore"):
         most = (limits.allowed / abs(limits.acceleration)).min(axis=1)
     usual = float(np.median(most))
