@@ -466,7 +466,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "_TURNS_BACK": [("150", "155"), ("150", "148")],
     "passing_radius": [("np.minimum", "np.maximum")],
     "_direction": [("> close", "> 0")],
-    "_switching_samples": [
+    "ordered_switching_samples": [
         ("_worst_passing(samples, passing) >= 0", "True"),
         ("_worst_visit(others, values) >= needed", "True"),
     ],

@@ -51,6 +51,7 @@ KNOWS = {
     "piqp": {"refinement.linear_program"},
     "toppra": {"baselines.fastest_parameterization"},
     "yaml": {"documents"},
+    "mujoco": {"simulation.mujoco_model"},
     "ompl": {"tube_sources.joint_route"},
     "pydantic": {
         "problem.field_types",

@@ -12,9 +12,9 @@ from tubeplanner.verification.enclosure import Enclosure
 from tubeplanner.verification.switching_samples import best_switching_samples
 from tubeplanner.verification.tube_visits import (
     Visit,
-    _switching_samples,
     _worst_passing,
     least_margin,
+    ordered_switching_samples,
     passages,
     tube_visits,
     visited_parts,
@@ -353,10 +353,10 @@ def test_a_point_is_not_passed_at_the_cost_of_the_tube(two_link):
 def test_other_switching_times_pass_a_point_only_if_they_keep_the_rest():
     inside = {1: np.array([-5.0, -5.0, -5.0, 0.5])}
     strict = np.array([[1.0, 1, -1], [-1, 1, 1], [-1, -1, 1], [-1, -1, 1]])
-    assert _switching_samples(strict, inside).tolist() == [0, 1]
+    assert ordered_switching_samples(strict, inside).tolist() == [0, 1]
     wide = np.array([[1.0, 1, -1], [-1, 1, 1], [-1, 0.1, 1], [-1, 0.1, 1]])
-    assert _switching_samples(wide, inside).tolist() == [0, 3]
-    assert _switching_samples(wide, {}).tolist() == [0, 1]
+    assert ordered_switching_samples(wide, inside).tolist() == [0, 3]
+    assert ordered_switching_samples(wide, {}).tolist() == [0, 1]
 
 
 @pytest.mark.parametrize("at", range(5))

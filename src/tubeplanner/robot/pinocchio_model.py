@@ -13,6 +13,7 @@ import pinocchio as pin
 
 from tubeplanner.arrays import BoolArray, FloatArray, read_only
 from tubeplanner.errors import RobotError, unknown_name
+from tubeplanner.robot.body_inertia import BodyInertia
 from tubeplanner.robot.followers import followers_of, leader_of, leaders
 from tubeplanner.robot.urdf import UrdfDescription, UrdfJoint, joint_id, link_id
 
@@ -71,21 +72,6 @@ class ToolOffset:
             values = getattr(self, name)
             if np.shape(values) != (3,) or not np.isfinite(values).all():
                 raise RobotError(f"robot.tool_offset: {name} {values} must be three finite numbers")
-
-
-@dataclass(frozen=True)
-class BodyInertia:
-    """Mass properties of a body that bounds on norms need.
-
-    Attributes:
-        mass: [kg].
-        com_distance: Distance of the centre of mass from the body's origin [m].
-        moment: Largest principal moment about the centre of mass [kg m^2].
-    """
-
-    mass: float
-    com_distance: float
-    moment: float
 
 
 def planning_group(
@@ -179,11 +165,8 @@ def link_placements(
 
 def body_inertias(model: pin.Model) -> tuple[BodyInertia, ...]:
     """Return the mass properties of all bodies, the base's left at zero."""
-    found = [BodyInertia(0.0, 0.0, 0.0)]
-    for inertia in list(model.inertias)[1:]:
-        moment = float(np.linalg.eigvalsh(inertia.inertia).max())
-        found.append(BodyInertia(float(inertia.mass), float(np.linalg.norm(inertia.lever)), moment))
-    return tuple(found)
+    moving = [BodyInertia(own.mass, own.lever, own.inertia) for own in list(model.inertias)[1:]]
+    return (BodyInertia(0.0, np.zeros(3), np.zeros((3, 3))), *moving)
 
 
 def carried_bodies(model: pin.Model) -> BoolArray:

@@ -16,6 +16,7 @@ import pinocchio as pin
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray, read_only
 from tubeplanner.robot.body_chain import BodyChain
+from tubeplanner.robot.body_inertia import BodyInertia
 from tubeplanner.robot.cross_product import cross_product
 from tubeplanner.robot.followers import followers_of
 from tubeplanner.robot.frame_velocities import frame_velocities
@@ -23,7 +24,6 @@ from tubeplanner.robot.joint_limits import JointLimits
 from tubeplanner.robot.joint_motors import JointMotors
 from tubeplanner.robot.model_joints import model_joints
 from tubeplanner.robot.pinocchio_model import (
-    BodyInertia,
     Payload,
     ToolOffset,
     add_frame,
@@ -61,6 +61,7 @@ class RobotModel:
         joint_names: The n joints, in group order.
         tool_frame: Name of the tool frame.
         gravity: Shape (3,), base frame [m/s^2].
+        payload: What it carries, if anything.
         limits: Limits of the joints.
         motors: Motors of the joints.
         link_body: Body of every link of the URDF, by name.
@@ -91,7 +92,7 @@ class RobotModel:
             payload=payload,
             needs_masses=bool(np.isfinite(bounds).any()),
         )
-        self._others = (tool_offset, locked_joints, payload)
+        self._others, self.payload = (tool_offset, locked_joints), payload
         self.name = urdf.name
         self.urdf = urdf
         self.package_dirs = package_dirs
@@ -118,7 +119,7 @@ class RobotModel:
         self._scratch = _Scratch(model)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        tool_offset, locked_joints, payload = self._others
+        tool_offset, locked_joints = self._others
         return RobotModel, (
             self.urdf,
             self.joint_names,
@@ -128,7 +129,7 @@ class RobotModel:
             self.package_dirs,
             locked_joints,
             tuple(self.gravity.tolist()),
-            payload,
+            self.payload,
             self.motors,
         )
 
@@ -227,7 +228,7 @@ class RobotModel:
 
     def body_poses(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return rotations (N, bodies, 3, 3) and origins (N, bodies, 3) [m] of all bodies."""
-        return self._chain.poses(self._joints.positions(q))
+        return self.chain.poses(self._joints.positions(q))
 
     def point_jacobian(
         self, rotation: FloatArray, position: FloatArray, body: IntArray, point: FloatArray
@@ -366,7 +367,7 @@ class RobotModel:
     @cached_property
     def body_offsets(self) -> FloatArray:
         """Distance of each body's origin from its parent's, joints at zero, shape (bodies,) [m]."""
-        return read_only(np.linalg.norm(self._chain.position, axis=1))
+        return read_only(np.linalg.norm(self.chain.position, axis=1))
 
     @cached_property
     def inertias(self) -> tuple[BodyInertia, ...]:
@@ -379,7 +380,8 @@ class RobotModel:
         return float(np.linalg.norm(self._model.frames[self._tool_id].placement.translation))
 
     @cached_property
-    def _chain(self) -> BodyChain:
+    def chain(self) -> BodyChain:
+        """How the bodies hang from each other."""
         placements = [self._model.jointPlacements[body] for body in range(self.body_count)]
         return BodyChain(
             self.body_parents,

@@ -101,7 +101,9 @@ def tube_visits(
     values = fit.at(time)
     if problem.tube.visit == "ordered":
         points = problem.tube.compulsory_points.tolist()
-        samples = _switching_samples(values, {k: fit.passing_margin(k, time) for k in points})
+        samples = ordered_switching_samples(
+            values, {k: fit.passing_margin(k, time) for k in points}
+        )
         # The nearest other times: at a breakpoint two samples share one.
         before = np.searchsorted(time, time[samples], "left") - 1
         after = np.searchsorted(time, time[samples], "right")
@@ -121,10 +123,17 @@ def tube_visits(
     ]
 
 
-def _switching_samples(values: FloatArray, passing: dict[int, FloatArray]) -> IntArray:
+def ordered_switching_samples(values: FloatArray, passing: dict[int, FloatArray]) -> IntArray:
     """Return the best switching samples; others, if only these let compulsory points be passed.
 
     Not at the cost of another condition that holds: what is missed is the point.
+
+    Args:
+        values: How well each of N samples keeps all that each of m segments asks, shape (N, m).
+        passing: How far inside the ball about each compulsory point samples are, (N,), by index.
+
+    Returns:
+        As `best_switching_samples`, shape (m-1,).
     """
     samples = best_switching_samples(values)
     if not passing or _worst_passing(samples, passing) >= 0:

@@ -1,0 +1,1 @@
+"""Trajectories executed in MuJoCo: wrong plants, controllers, and what becomes of tolerances."""

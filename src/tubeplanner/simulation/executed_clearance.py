@@ -1,0 +1,77 @@
+"""How near executed motions come to obstacles and to themselves, at samples."""
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.outcome import Place
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.simulation.executed_tube import Extreme
+
+_AT_ONCE = 64  # pairs measured before the others are looked at again
+
+
+def least_clearances(
+    problem: PlanningProblem, time: FloatArray, q: FloatArray, base: FloatArray
+) -> tuple[Extreme | None, Extreme | None]:
+    """Return the least distances of links from obstacles and from each other [m].
+
+    Args:
+        problem: The planning problem.
+        time: Of K samples, shape (K,) [s].
+        q: Positions of the joints, shape (K, n).
+        base: By how much the robot is shifted among the obstacles, shape (3,) [m].
+
+    Returns:
+        Each None where no such pair is judged; negative where solids overlap.
+    """
+    rotation, position = problem.robot.body_poses(q)
+    shifted = position.copy()
+    shifted[:, 1:] += base  # body 0 carries the obstacles
+    checker = problem.collision
+    return (
+        _least(problem, time, rotation, shifted, checker.obstacle_pairs),
+        _least(problem, time, rotation, position, checker.link_pairs),
+    )
+
+
+def _least(
+    problem: PlanningProblem,
+    time: FloatArray,
+    rotation: FloatArray,
+    position: FloatArray,
+    pairs: IntArray,
+) -> Extreme | None:
+    """Return the least distance of pairs (P, 2), measured where quick bounds are lowest first."""
+    if len(pairs) == 0:
+        return None
+    checker = problem.collision
+    bound = checker.sphere_distances(rotation, position, pairs)
+    least, place = np.inf, (0, 0)
+    rows, columns = np.nonzero(bound <= _upper_bound(problem, rotation, position, pairs, bound))
+    closer = checker.box_distances(rotation, position, rows, pairs[columns])
+    order = np.argsort(closer, kind="stable")
+    for chosen in np.split(order, range(_AT_ONCE, len(order), _AT_ONCE)):
+        chosen = chosen[closer[chosen] < least]
+        if len(chosen) == 0:
+            break
+        row, column = rows[chosen], columns[chosen]
+        found = checker.closest_points(rotation[row], position[row], pairs[column]).distance
+        if found.min() < least:
+            least, best = float(found.min()), int(found.argmin())
+            place = int(row[best]), int(column[best])
+    links, obstacle = checker.owners(pairs[place[1]])
+    where = Place(time=float(time[place[0]]), links=links, obstacle=obstacle)
+    return Extreme(least, where)
+
+
+def _upper_bound(
+    problem: PlanningProblem,
+    rotation: FloatArray,
+    position: FloatArray,
+    pairs: IntArray,
+    bound: FloatArray,
+) -> float:
+    """Return a distance that some pair has: the least of every pair where its bound is lowest."""
+    lowest = bound.argmin(axis=0)
+    found = problem.collision.closest_points(rotation[lowest], position[lowest], pairs)
+    return float(found.distance.min())

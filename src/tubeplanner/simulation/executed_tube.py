@@ -1,0 +1,156 @@
+"""How far executed motions leave the tube: sampled, hand-overs chosen as the certificate does."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.outcome import Place
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.tube.compulsory_points import passing_radius
+from tubeplanner.verification.tube_visits import ordered_switching_samples
+
+_FREE = 1e3  # [rad or m]: the margin where nothing is asked
+
+
+@dataclass(frozen=True)
+class Extreme:
+    """The largest of a quantity.
+
+    Attributes:
+        value: In m, rad or as the quantity has it.
+        place: When and where.
+    """
+
+    value: float
+    place: Place
+
+
+@dataclass(frozen=True)
+class TubeExcursions:
+    """How far beyond what a tube asks a motion goes, below zero where it stays inside.
+
+    Attributes:
+        tube: Of the tool beyond the regions about the segments [m].
+        rotation: Of its turning beyond the tolerance [rad]; None where the tube leaves it free.
+        points: Beyond the ball about the compulsory point that is passed the farthest [m]; None
+            where there is none.
+    """
+
+    tube: Extreme
+    rotation: Extreme | None
+    points: Extreme | None
+
+
+def tube_excursions(
+    problem: PlanningProblem,
+    time: FloatArray,
+    q: FloatArray,
+    rotation: FloatArray,
+    tool: FloatArray,
+) -> TubeExcursions:
+    """Return how far a motion leaves the tube.
+
+    Between samples margins are taken as linear, and a hand-over where two segments fit equally.
+
+    Args:
+        problem: The planning problem.
+        time: Of K samples, shape (K,) [s].
+        q: Positions of the joints, shape (K, n): segments may ask their signs.
+        rotation: Of the tool, shape (K, 3, 3).
+        tool: Of the tool centre point, shape (K, 3) [m].
+    """
+    joined = problem.joined
+    tube = joined.tube
+    margins = [tube.margin(tool), _range_margin(joined, q)]
+    if tube.rotation is not None:
+        margins.append(np.minimum(tube.rotation_margin(rotation, tool), _FREE))
+    passing = _passing(joined, tool)
+    all_rows = np.hstack([time[:, None], *margins, *(row[:, None] for row in passing.values())])
+    rows = _with_crossings(all_rows, np.minimum.reduce(margins))
+    time, count = rows[:, 0], tube.segment_count
+    columns = np.arange(1, rows.shape[1] - len(passing)).reshape(-1, count)
+    own = [rows[:, column] for column in columns]
+    passing = {k: rows[:, i - len(passing)] for i, k in enumerate(passing)}
+    first, last = _segments(joined, np.minimum.reduce(own), passing)
+    found = [_worst(joined, time, margin, first, last) for margin in own]
+    turned = found[2] if tube.rotation is not None and tube.rotation.is_bounded else None
+    return TubeExcursions(found[0], turned, _worst_passage(joined, time, passing, first, last))
+
+
+def _range_margin(problem: PlanningProblem, q: FloatArray) -> FloatArray:
+    """Return how far inside the ranges that segments ask joints are, (K, m); finite."""
+    lower, upper = problem.tube.ranges_of(problem.robot.joint_names)
+    inside = np.minimum(q[:, None] - lower, upper - q[:, None])
+    return np.minimum(inside.min(axis=2), _FREE)
+
+
+def _passing(problem: PlanningProblem, tool: FloatArray) -> dict[int, FloatArray]:
+    """Return how far inside the balls about compulsory points tools are, (K,), by index."""
+    tube = problem.tube
+    radius = passing_radius(tube.effective_radius)
+    return {
+        k: radius[k - 1] - np.linalg.norm(tool - tube.points[k], axis=1)
+        for k in tube.compulsory_points.tolist()
+    }
+
+
+def _with_crossings(rows: FloatArray, margin: FloatArray) -> FloatArray:
+    """Return rows (K, c), with those inserted where neighbouring segments fit equally well."""
+    nearer = np.diff(margin, axis=1)
+    before, column = np.nonzero(nearer[:-1] * nearer[1:] < 0)
+    begin, end = nearer[before, column], nearer[before + 1, column]
+    share = (begin / (begin - end))[:, None]
+    between = rows[before] + share * (rows[before + 1] - rows[before])
+    merged = np.concatenate([rows, between])
+    return merged[np.argsort(merged[:, 0], kind="stable")]
+
+
+def _segments(
+    problem: PlanningProblem, margin: FloatArray, passing: dict[int, FloatArray]
+) -> tuple[IntArray, IntArray]:
+    """Return the first and the last segment in which each sample counts, (K,) each.
+
+    At a hand-over these are two, and both must hold.
+    """
+    if problem.tube.visit != "ordered":
+        best = margin.argmax(axis=1)
+        return best, best
+    switches, samples = ordered_switching_samples(margin, passing), np.arange(len(margin))
+    return (
+        np.searchsorted(switches, samples, side="left"),
+        np.searchsorted(switches, samples, side="right"),
+    )
+
+
+def _worst(
+    problem: PlanningProblem,
+    time: FloatArray,
+    margin: FloatArray,
+    first: IntArray,
+    last: IntArray,
+) -> Extreme:
+    segment = np.arange(margin.shape[1])
+    counts = (segment >= first[:, None]) & (segment <= last[:, None])
+    least = np.where(counts, margin, np.inf)
+    sample, column = np.unravel_index(int(least.argmin()), least.shape)
+    number = problem.tube.segment_number(int(column))
+    return Extreme(-float(least[sample, column]), Place(time=float(time[sample]), segment=number))
+
+
+def _worst_passage(
+    problem: PlanningProblem,
+    time: FloatArray,
+    passing: dict[int, FloatArray],
+    first: IntArray,
+    last: IntArray,
+) -> Extreme | None:
+    found = []
+    for k, margin in passing.items():
+        counts = (last >= k - 1) & (first <= k)
+        if problem.tube.visit != "ordered":
+            counts = np.ones_like(counts)
+        best = int(np.where(counts, margin, -np.inf).argmax())
+        number = int(problem.tube.numbers[k])
+        found.append(Extreme(-float(margin[best]), Place(time=float(time[best]), point=number)))
+    return max(found, key=lambda extreme: extreme.value, default=None)

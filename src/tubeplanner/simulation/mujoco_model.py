@@ -1,0 +1,178 @@
+"""The rigid arm in MuJoCo: its bodies, joints and friction; no meshes, contacts or limits.
+
+MuJoCo's Coulomb friction is soft about a velocity of zero: a joint that should stick creeps, with
+the acceleration that it would have without friction times 1e-4, and friction is whole from that
+velocity on which it alone would take away in about one integration step. It is the same both ways;
+what differs is added as a constant effort, which is exact.
+"""
+
+import copy
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.errors import OptionError, RobotError
+from tubeplanner.robot.body_inertia import BodyInertia
+from tubeplanner.robot.robot_model import RobotModel
+from tubeplanner.simulation.plant import Plant
+
+_FRICTION_IMPEDANCE = 0.9999  # the most that MuJoCo takes
+_FRICTION_STEPS = 2.0  # integration steps of its time constant: the least that MuJoCo takes
+# A placeholder for inertial frames: shortcuts for those that are the bodies' must not be compiled.
+_OBLIQUE = np.array([0.1, 0.2, 0.3]), np.array([0.8, 0.6, 0.0, 0.0])
+
+
+def require_mujoco() -> None:
+    """Raise unless MuJoCo is installed, before any work.
+
+    Raises:
+        OptionError: It is not installed.
+    """
+    try:
+        import mujoco
+    except ImportError:
+        raise OptionError(
+            "executing trajectories takes MuJoCo 3, which is not installed: pip install "
+            "'tubeplanner[simulate]'"
+        ) from None
+    _ = mujoco.MjSpec
+
+
+class MujocoArm:
+    """An arm in some state, which moves under efforts; made by `mujoco_arms`."""
+
+    def __init__(self, model: Any, joints: Sequence[str], plant: Plant) -> None:
+        """Take a model of the arm's kinematics, the joints in group order, and what it is."""
+        import mujoco
+
+        self._mujoco, self._model = mujoco, copy.copy(model)
+        self._place = np.array([model.joint(name).dofadr[0] for name in joints])
+        self._set_bodies(plant.bodies)
+        backwards, forwards = plant.motors.backwards_friction, plant.motors.forwards_friction
+        self._model.dof_armature[self._place] = plant.motors.armature
+        self._model.dof_damping[self._place] = plant.motors.viscous_friction
+        self._model.dof_frictionloss[self._place] = (forwards + backwards) / 2
+        self._bias = (forwards - backwards) / 2
+        self._data = mujoco.MjData(self._model)
+        # Of the constraints of friction: inverse inertias, at joints at zero.
+        mujoco.mj_setConst(self._model, self._data)
+
+    @property
+    def position(self) -> FloatArray:
+        """Positions of the joints, shape (n,) [rad or m]."""
+        return np.array(self._data.qpos[self._place])
+
+    @property
+    def velocity(self) -> FloatArray:
+        """Velocities of the joints, shape (n,) [rad/s or m/s]."""
+        return np.array(self._data.qvel[self._place])
+
+    def place(self, q: FloatArray, v: FloatArray) -> None:
+        """Put it into a state, (n,) each."""
+        self._mujoco.mj_resetData(self._model, self._data)
+        self._data.qpos[self._place], self._data.qvel[self._place] = q, v
+
+    def acceleration(self, effort: FloatArray) -> FloatArray:
+        """Return the accelerations (n,) that efforts of the motors (n,) give [rad/s^2 or m/s^2]."""
+        self._data.qfrc_applied[self._place] = effort - self._bias
+        self._mujoco.mj_forward(self._model, self._data)
+        return np.array(self._data.qacc[self._place])
+
+    def step(self, effort: FloatArray) -> None:
+        """Move on by one integration step (Runge-Kutta, fourth order), efforts (n,) constant."""
+        self._data.qfrc_applied[self._place] = effort - self._bias
+        self._mujoco.mj_step(self._model, self._data)
+
+    def _set_bodies(self, bodies: Sequence[BodyInertia]) -> None:
+        for body, inertia in enumerate(bodies[1:], start=1):
+            moments, axes = np.linalg.eigh(inertia.inertia)
+            axes[:, 0] *= np.linalg.det(axes)  # a rotation, no reflection
+            # By name: MuJoCo sorts bodies its own way.
+            index = self._model.body(_body_name(body)).id
+            self._model.body_mass[index] = inertia.mass
+            self._model.body_ipos[index] = inertia.com
+            self._model.body_inertia[index] = moments
+            self._mujoco.mju_mat2Quat(self._model.body_iquat[index], axes.ravel())
+
+
+def mujoco_arms(robot: RobotModel, plants: Sequence[Plant], step: float) -> list[MujocoArm]:
+    """Return plants in MuJoCo.
+
+    Args:
+        robot: The arm whose kinematics and gravity they have.
+        plants: What they are.
+        step: Of the integration [s].
+
+    Raises:
+        OptionError: MuJoCo is not installed.
+        RobotError: A joint follows another one, which MuJoCo does not do exactly.
+    """
+    require_mujoco()
+    _require_no_followers(robot)
+    model = _kinematic_model(robot, step)
+    return [MujocoArm(model, robot.joint_names, plant) for plant in plants]
+
+
+def _require_no_followers(robot: RobotModel) -> None:
+    multiplier, _ = robot.body_rules
+    names = [robot.joint_names[joint] for joint in robot.body_joints[1:]]
+    for name in robot.joint_names:
+        if names.count(name) > 1:
+            raise RobotError(
+                f"joint '{name}' has {names.count(name) - 1} that follow it (<mimic>); MuJoCo "
+                "ties joints by springs, so that such an arm is not simulated: remove <mimic>, "
+                f"and lock what followed '{name}' by robot.locked_joints"
+            )
+    assert (multiplier == 1.0).all()
+
+
+def _kinematic_model(robot: RobotModel, step: float) -> Any:
+    """Return the compiled model; its masses are placeholders."""
+    import mujoco
+
+    spec = mujoco.MjSpec()
+    spec.modelname = "arm"
+    spec.compiler.degree = False
+    _set_options(spec.option, robot.gravity, step)
+    bodies, chain = [spec.worldbody], robot.chain
+    for body in range(1, robot.body_count):
+        pose = {"pos": chain.position[body], "quat": _quaternion(chain.rotation[body])}
+        added = bodies[chain.parents[body]].add_body(name=_body_name(body), **pose)
+        added.mass, added.inertia, added.explicitinertial = 1.0, np.ones(3), True
+        added.ipos, added.iquat = _OBLIQUE
+        kind = "mjJNT_HINGE" if robot.body_turns[body] else "mjJNT_SLIDE"
+        joint = added.add_joint(
+            name=robot.joint_names[robot.body_joints[body]],
+            type=getattr(mujoco.mjtJoint, kind),
+            axis=chain.axes[body - 1],
+        )
+        joint.solref_friction = [_FRICTION_STEPS * step, 1.0]
+        joint.solimp_friction[:2] = _FRICTION_IMPEDANCE
+        bodies.append(added)
+    return spec.compile()
+
+
+def _set_options(option: Any, gravity: FloatArray, step: float) -> None:
+    import mujoco
+
+    left_out = mujoco.mjtDisableBit
+    option.timestep, option.gravity = step, gravity
+    option.integrator = mujoco.mjtIntegrator.mjINT_RK4
+    option.disableflags = (
+        left_out.mjDSBL_CONTACT | left_out.mjDSBL_LIMIT | left_out.mjDSBL_AUTORESET
+    )
+    option.tolerance = 1e-12  # of the solver, which finds the friction
+
+
+def _quaternion(rotation: FloatArray) -> FloatArray:
+    import mujoco
+
+    quaternion = np.empty(4)
+    mujoco.mju_mat2Quat(quaternion, rotation.ravel())
+    return quaternion
+
+
+def _body_name(body: int) -> str:
+    return f"body {body}"

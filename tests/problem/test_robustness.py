@@ -1,0 +1,38 @@
+import re
+from dataclasses import fields
+
+import pytest
+
+from tubeplanner import ProblemError
+from tubeplanner.problem.robustness import CONTROLLERS, Robustness
+
+
+def test_without_anything_given_it_is_the_usual_errors():
+    usual = Robustness()
+    assert (usual.mass, usual.com, usual.payload, usual.friction) == (0.05, 0.005, 0.1, 0.2)
+    assert (usual.lag, usual.delay, usual.noise) == (1e-3, 1e-3, 1e-5)
+    assert (usual.tool, usual.base, usual.control_period) == (5e-4, 5e-4, 1e-3)
+    assert (usual.unmodelled_friction, usual.controller) == (0.02, CONTROLLERS[0])
+
+
+def test_exact_has_no_errors_but_those_given():
+    exact = Robustness.exact(com=0.02)
+    errors = [f.name for f in fields(exact) if f.name not in ("control_period", "controller")]
+    assert {name: getattr(exact, name) for name in errors if getattr(exact, name)} == {"com": 0.02}
+    assert exact.control_period == 1e-3
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"mass": 1.0}, "robustness.mass is 1; give a number from 0 to 0.9"),
+        ({"com": -0.1}, "robustness.com is -0.1 m; give a number from 0 to 1 m"),
+        ({"noise": "much"}, "robustness.noise is 'much' rad or m; give a number from 0 to 0.1"),
+        ({"lag": float("nan")}, "robustness.lag is nan s; give a number from 0 to 1 s"),
+        ({"control_period": 0.0}, "control_period is 0 s; give a number from 0.0001 to 0.1 s"),
+        ({"controller": "PD"}, "robustness.controller: unknown controller 'PD'; there is: compu"),
+    ],
+)
+def test_values_out_of_their_bounds_are_refused(given, message):
+    with pytest.raises(ProblemError, match=re.escape(message)):
+        Robustness(**given)

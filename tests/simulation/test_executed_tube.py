@@ -1,0 +1,88 @@
+import numpy as np
+import pytest
+
+from cases import PROBLEMS
+from stored_trajectories import REFINEMENT, stored_trajectory
+from tubeplanner import PlanningProblem, Seed, Tube, load_problem, load_robot, verify
+from tubeplanner.simulation.executed_tube import tube_excursions
+
+CORNER = [[0.1, 0.0, 0.0], [0.4, 0.0, 0.0], [0.4, 0.3, 0.0]]
+BACK = [[0.4, -0.2, 0.0], [0.4, 0.2, 0.0], [0.4, -0.2, 0.0]]
+
+
+def two_link(points, radius=0.05, **tube):
+    robot = load_robot("example:two_link", "hand")
+    return PlanningProblem(robot, Tube(points, radius, **tube), Seed(np.array([0.0, -1.0])))
+
+
+def excursions(problem, tool, q=(0.0, -1.0)):
+    count = len(tool)
+    joints = np.broadcast_to(np.array(q, dtype=float), (count, 2))
+    turned = np.tile(np.eye(3), (count, 1, 1))
+    return tube_excursions(problem, np.arange(count) / 10, joints, turned, np.array(tool))
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_of_the_plan_itself_they_are_the_certificates_margins(name):
+    problem = load_problem(f"example:{name}")
+    motion = stored_trajectory(name, REFINEMENT).trajectory.reordered(problem.robot.joint_names)
+    time = np.linspace(0.0, motion.duration, 2000)
+    q = motion.position(time)
+    found = tube_excursions(problem, time, q, *problem.robot.tool_pose(q))
+    judged = verify(problem, motion).conditions
+    assert found.tube.value == pytest.approx(-judged["tube"].margin, abs=3e-5)
+    if judged["rotation"].margin is None:
+        assert found.rotation is None
+    else:
+        assert found.rotation.value == pytest.approx(-judged["rotation"].margin, abs=3e-4)
+    assert (found.points is None) == (len(problem.tube.compulsory_points) == 0)
+
+
+def test_the_farthest_out_counts_and_when_and_where():
+    tool = [[0.1, 0, 0], [0.2, 0, 0.08], [0.4, 0, 0], [0.4, 0.2, 0.06], [0.4, 0.3, 0]]
+    found = excursions(two_link(CORNER), tool).tube
+    assert found.value == pytest.approx(0.03)
+    assert (found.place.time, found.place.segment) == (0.1, 0)
+    found = excursions(two_link(CORNER), [*tool[2:], [0.4, 0.3, 0.07]]).tube
+    assert found.value == pytest.approx(0.02)
+    assert (found.place.time, found.place.segment) == (pytest.approx(0.3), 1)
+
+
+def test_a_hand_over_may_lie_between_samples():
+    """No sample is in both segments; the straight line between two of them passes through."""
+    tool = [[0.1, 0, 0], [0.34, 0, 0], [0.4, 0.06, 0], [0.4, 0.3, 0]]
+    assert excursions(two_link(CORNER), tool).tube.value <= 0
+    far = [[0.1, 0, 0], [0.3, 0, 0], [0.4, 0.1, 0], [0.4, 0.3, 0]]
+    assert excursions(two_link(CORNER), far).tube.value == pytest.approx(0.0, abs=1e-9)
+    farther = [[0.1, 0, 0], [0.28, 0, 0], [0.4, 0.12, 0], [0.4, 0.3, 0]]
+    assert excursions(two_link(CORNER), farther).tube.value == pytest.approx(0.01)
+
+
+def test_segments_come_in_order_unless_any_may():
+    tool = [[0.4, 0.3, 0], [0.4, 0.0, 0], [0.1, 0.0, 0]]
+    assert excursions(two_link(CORNER), tool).tube.value > 0.2
+    free = excursions(two_link(CORNER, visit="any"), tool)
+    assert free.tube.value == pytest.approx(-0.05)
+
+
+def test_turning_back_too_early_misses_the_point():
+    problem = two_link(BACK)
+    whole = [[0.4, y, 0] for y in (-0.2, 0.0, 0.2, 0.0, -0.2)]
+    early = [[0.4, y, 0] for y in (-0.2, 0.0, 0.13, 0.0, -0.2)]
+    assert excursions(problem, whole).points.value == pytest.approx(-0.05)
+    missed = excursions(problem, early)
+    assert missed.tube.value <= 0 < missed.points.value
+    assert missed.points.value == pytest.approx(0.02)
+    assert (missed.points.place.point, missed.points.place.time) == (1, 0.2)
+
+
+def test_a_hand_over_waits_for_the_signs_that_the_next_segment_asks():
+    problem = two_link(CORNER, joint_signs=[{"joint2": "-"}, {"joint2": "+"}])
+    tool = np.array([[0.1, 0, 0], [0.4, 0, 0], [0.4, 0.01, 0], [0.4, 0.2, 0], [0.4, 0.3, 0]])
+    turned = np.tile(np.eye(3), (5, 1, 1))
+    found = {}
+    for late in (2, 3):
+        q = np.zeros((5, 2))
+        q[:, 1] = np.where(np.arange(5) < late, -1.0, 1.0)
+        found[late] = tube_excursions(problem, np.arange(5.0), q, turned, tool).tube.value
+    assert found[2] <= 0 < found[3]
