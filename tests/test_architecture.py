@@ -42,6 +42,7 @@ KNOWS = {
         "commands.links_command",
         "commands.measure_command",
         "commands.reproduce_command",
+        "commands.simulate_command",
         "commands.study_commands",
         "commands.tube_commands",
         "commands.view_command",

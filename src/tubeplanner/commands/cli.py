@@ -34,6 +34,7 @@ from tubeplanner.commands.interrupts import hold_interrupts, interrupts_remember
 from tubeplanner.commands.links_command import links
 from tubeplanner.commands.measure_command import measure
 from tubeplanner.commands.reproduce_command import reproduce
+from tubeplanner.commands.simulate_command import simulate
 from tubeplanner.commands.study_commands import compare, sweep
 from tubeplanner.commands.study_commands import plot as draw
 from tubeplanner.commands.tube_commands import route, teach
@@ -189,7 +190,19 @@ def schema(json: bool) -> None:
     print_json(problem_schema(), indent=2)
 
 
-for command in (check, draw, sweep, compare, measure, links, teach, route, view, reproduce):
+for command in (
+    check,
+    simulate,
+    draw,
+    sweep,
+    compare,
+    measure,
+    links,
+    teach,
+    route,
+    view,
+    reproduce,
+):
     cli.add_command(command)
 
 

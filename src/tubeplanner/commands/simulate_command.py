@@ -1,0 +1,135 @@
+"""The command `simulate`: execute a trajectory with arms that differ from the model."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from tubeplanner.commands.console import (
+    AS_JSON,
+    PATH,
+    SET,
+    empty_report,
+    load_timed,
+    print_json,
+    say,
+    shown_progress,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from tubeplanner.simulation.judged_runs import JudgedRun
+
+_ERRORS = {
+    "mass": "Relative error of masses.",
+    "com": "Of centres of mass [m].",
+    "payload": "Relative error of the payload.",
+    "friction": "Relative error of modelled frictions.",
+    "unmodelled_friction": "Viscous friction beside it, share of the effort limit at full speed.",
+    "lag": "Of the motors [s].",
+    "delay": "Of the control [s].",
+    "noise": "Of measured positions [rad or m].",
+    "tool": "Of the tool centre point [m].",
+    "base": "Of the robot's base [m].",
+    "control_period": "Of the control [s].",
+}
+_NAMES = {
+    "tube": "beyond the tube [m]",
+    "rotation": "beyond the rotation tolerance [rad]",
+    "points": "beyond compulsory points [m]",
+    "tracking": "a joint from the plan [rad or m]",
+    "tool_tracking": "the tool from the plan [m]",
+    "obstacles": "distance from obstacles [m]",
+    "self_collision": "distance between links [m]",
+}
+
+
+def _error_options(command: "Callable[..., Any]") -> "Callable[..., Any]":
+    for name, text in reversed(_ERRORS.items()):
+        command = click.option(f"--{name.replace('_', '-')}", type=float, help=text)(command)
+    return command
+
+
+@click.command()
+@click.argument("problem")
+@click.argument("trajectory", type=PATH)
+@click.option("--runs", type=int, default=50, show_default=True, help="How many arms.")
+@click.option("--seed", type=int, default=0, show_default=True, help="Which ones.")
+@click.option("--controller", help="computed-torque (the default), feedforward-pd or pd.")
+@_error_options
+@SET
+@AS_JSON
+def simulate(
+    problem: str,
+    trajectory: Path,
+    runs: int,
+    seed: int,
+    controller: str | None,
+    changes: dict[str, Any],
+    as_json: bool,
+    **errors: float | None,
+) -> None:
+    """Execute the TRAJECTORY file with arms that differ from PROBLEM's model, in MuJoCo.
+
+    What is seen in some runs is not proved for others. An error that is not given is the usual one.
+    """
+    from tubeplanner.files.trajectory_file import read_trajectory_file
+    from tubeplanner.problem.robustness import Robustness
+    from tubeplanner.simulation.execution import executed
+    from tubeplanner.simulation.judged_runs import judged_runs
+    from tubeplanner.simulation.mujoco_model import require_mujoco
+    from tubeplanner.simulation.plant import Draw, drawn_plants
+
+    require_mujoco()
+    given: dict[str, Any] = {**errors, "controller": controller}
+    asked = Robustness(**{name: value for name, value in given.items() if value is not None})
+    draw, read = Draw(runs, seed), read_trajectory_file(trajectory).trajectory
+    with shown_progress() as enter:
+        loaded, loading_time = load_timed(problem, enter, changes)
+        enter(f"{runs} runs")
+        plants = drawn_plants(loaded.robot, asked, draw)
+        execution = executed(loaded, read, plants, asked.controller, asked.control_period)
+        enter("tolerances and clearance")
+        judged = judged_runs(loaded, read, execution)
+    if as_json:
+        print_json(_report(judged) | {"duration": read.duration, "loading_time": loading_time})
+    else:
+        say(*_lines(judged), sep="\n")
+
+
+def _message(judged: "Sequence[JudgedRun]") -> str:
+    outside = sum(not run.stays_inside for run in judged)
+    collided = sum(run.collides for run in judged)
+    return f"{outside} of {len(judged)} runs left the tube, {collided} collided"
+
+
+def _report(judged: "Sequence[JudgedRun]") -> dict[str, Any]:
+    """Return the JSON object, times still absent."""
+    from tubeplanner.simulation.run_summary import summaries
+
+    found = summaries(judged)
+    worst = found["tube"]
+    assert worst is not None
+    return {
+        **empty_report("success", _message(judged), worst.worst.place.as_dict()),
+        "runs": len(judged),
+        "runs_outside": sum(not run.stays_inside for run in judged),
+        "runs_in_collision": sum(run.collides for run in judged),
+        "saturated": [run.saturated for run in judged],
+        "excursions": [run.tube.value for run in judged],
+        "seen": {name: None if one is None else one.as_dict() for name, one in found.items()},
+    }
+
+
+def _lines(judged: "Sequence[JudgedRun]") -> list[str]:
+    from tubeplanner.simulation.run_summary import summaries
+
+    lines = [f"{'seen in ' + str(len(judged)) + ' runs':38}{'worst':>12}{'median':>12}  where"]
+    for name, summary in summaries(judged).items():
+        if summary is not None:
+            worst = f"{summary.worst.value:12.4g}{summary.median:12.4g}"
+            lines.append(f"{_NAMES[name]:38}{worst}  run {summary.run}, {summary.worst.place}")
+    saturated = [100 * run.saturated for run in judged]
+    share = f"{max(saturated):12.3g}{sorted(saturated)[len(saturated) // 2]:12.3g}"
+    return [*lines, f"{'time with a motor at its limit [%]':38}{share}", f"{_message(judged)}."]
