@@ -83,6 +83,16 @@ from .studies.comparison import Comparison as Comparison  # returned
 from .studies.comparison import ComparisonRow as ComparisonRow  # returned
 from .studies.trajectory_measures import TrajectoryMeasures as TrajectoryMeasures  # returned
 
+# Executed
+from .problem.robustness import Robustness as Robustness
+from .simulation.plant import drawn_plants as drawn_plants
+from .simulation.plant import Draw as Draw
+from .simulation.plant import Plant as Plant  # returned
+from .simulation.execution import executed as executed
+from .simulation.execution import Execution as Execution  # returned
+from .simulation.judged_runs import judged_runs as judged_runs
+from .simulation.judged_runs import JudgedRun as JudgedRun  # returned
+
 # Pictures
 from .views.plotting import plot_trajectory as plot_trajectory
 from .views.study_plots import plot_convergence as plot_convergence
