@@ -15,17 +15,17 @@ def test_what_was_seen_is_printed_with_when_and_where(run):
     assert status == 0
     assert "seen in 2 runs" in text
     assert "beyond the tube [m]" in text
-    assert "runs left the tube" in text
+    assert "left the tube" in text
 
 
 def test_the_same_as_json_and_for_the_same_seed(run):
     words = ("simulate", *CASE, "--runs", "3", "--seed", "4", "--json")
     report, again = (json.loads(run(*words)[1]) for _ in range(2))
     assert report["seen"] == again["seen"]
-    assert (report["status"], report["runs"]) == ("success", 3)
+    assert (report["status"], report["verdict"]["runs"]) == ("success", 3)
     assert report["seen"]["tube"]["worst"]["value"] == max(report["excursions"])
     assert report["seen"]["rotation"] is None
-    assert report["runs_outside"] == sum(value > 0 for value in report["excursions"])
+    assert report["verdict"]["broken"]["tube"] == sum(value > 0 for value in report["excursions"])
 
 
 def test_errors_are_those_that_are_given(run):

@@ -1,10 +1,18 @@
 import re
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import pytest
 
-from tubeplanner import ProblemError
+from tubeplanner import ProblemError, load_problem
 from tubeplanner.problem.robustness import CONTROLLERS, Robustness
+
+NAME = "example:two_link/paper_1_30mm"
+
+
+@pytest.fixture
+def changed():
+    """Return a function from changed fields to the problem with them."""
+    return lambda changes: load_problem(NAME, changes=changes)
 
 
 def test_without_anything_given_it_is_the_usual_errors():
@@ -36,3 +44,28 @@ def test_exact_has_no_errors_but_those_given():
 def test_values_out_of_their_bounds_are_refused(given, message):
     with pytest.raises(ProblemError, match=re.escape(message)):
         Robustness(**given)
+
+
+def test_a_problem_file_has_the_usual_errors_where_it_says_nothing(changed):
+    assert changed({}).robustness is None
+    assert changed({"robustness": {}}).robustness == Robustness()
+    given = changed({"robustness.mass": 0.1, "robustness.controller": "pd"})
+    assert given.robustness == Robustness(mass=0.1, controller="pd")
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"robustness.mass": 2}, r"robustness\.mass is 2; give a number from 0 to 0\.9"),
+        ({"robustness.masses": 0.1}, "unknown key 'masses'; did you mean 'mass'"),
+        ({"robustness.controller": "lqr"}, r"robustness\.controller"),
+    ],
+)
+def test_a_wrong_error_in_a_problem_file_is_named(changed, changes, message):
+    with pytest.raises(ProblemError, match=message):
+        changed(changes)
+
+
+def test_robustness_of_a_problem_is_one(changed):
+    with pytest.raises(ProblemError, match="robustness is 0.05; give a Robustness"):
+        replace(changed({}), robustness=0.05)

@@ -1,13 +1,32 @@
+import numpy as np
+import pytest
+from scipy.stats import binomtest
+
 from tubeplanner.outcome import Place
 from tubeplanner.simulation.executed_tube import Extreme
 from tubeplanner.simulation.judged_runs import JudgedRun
 from tubeplanner.simulation.run_summary import summaries
+from tubeplanner.simulation.run_verdict import run_verdict
 
 
-def run(tube, clearance):
+def run(tube, distance, clearance=0.0):
     none = Extreme(0.0, Place())
-    far = Extreme(tube, Place(segment=int(100 * tube)))
-    return JudgedRun(far, None, None, none, none, 0.0, Extreme(clearance, Place()), None)
+    return JudgedRun(
+        tube=Extreme(tube, Place(segment=int(100 * tube))),
+        rotation=None,
+        points=None,
+        tracking=none,
+        tool_tracking=none,
+        position=none,
+        velocity=None,
+        saturated=0.0,
+        obstacles=Extreme(distance, Place()),
+        self_collision=None,
+        clearance=clearance,
+        tube_by_segment=np.array([tube]),
+        rotation_by_segment=np.array([-1e3]),
+        position_by_joint=np.array([[-1e3], [0.0]]),
+    )
 
 
 def test_the_worst_is_the_farthest_out_and_the_nearest():
@@ -18,3 +37,36 @@ def test_the_worst_is_the_farthest_out_and_the_nearest():
     assert (near.worst.value, near.run, near.median) == (-0.01, 2, 0.03)
     assert found["rotation"] is None
     assert found["tube"].as_dict()["worst"]["place"]["segment"] == 4
+
+
+def test_a_run_survives_at_its_bounds():
+    assert run(0.0, 0.01, 0.01).survives
+    assert run(1e-9, 0.01, 0.01).broken == ("tube",)
+    assert run(0.0, 0.0099, 0.01).broken == ("obstacles",)
+    assert run(1e-9, -0.1).broken == ("tube", "obstacles")
+
+
+def test_a_verdict_counts_every_run_once():
+    verdict = run_verdict([run(0.1, 0.0), run(0.1, -0.1), run(-0.1, 0.0), run(-0.1, -0.1)])
+    assert (verdict.runs, verdict.failed) == (4, 3)
+    assert verdict.broken == {
+        "tube": 2,
+        "rotation": 0,
+        "points": 0,
+        "position": 0,
+        "obstacles": 2,
+        "self_collision": 0,
+    }
+    assert "3 of 4 runs failed: 2 left the tube; 2 came too near to an obstacle" in str(verdict)
+
+
+@pytest.mark.parametrize(("failed", "runs"), [(0, 200), (3, 200), (200, 200), (1, 1)])
+def test_the_share_of_all_arms_is_that_of_scipy(failed, runs):
+    judged = [run(0.1 if k < failed else -0.1, 0.0) for k in range(runs)]
+    expected = binomtest(failed, runs).proportion_ci(0.95, method="exact")
+    assert run_verdict(judged).share == pytest.approx((expected.low, expected.high), abs=1e-12)
+
+
+def test_none_of_200_means_at_most_1_8_percent():
+    verdict = run_verdict([run(-0.1, 0.0)] * 200)
+    assert str(verdict) == "0 of 200 runs failed (at most 1.8 % of all, with 95 % confidence)"

@@ -1,5 +1,6 @@
 """The command `simulate`: execute a trajectory with arms that differ from the model."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -40,6 +41,8 @@ _NAMES = {
     "points": "beyond compulsory points [m]",
     "tracking": "a joint from the plan [rad or m]",
     "tool_tracking": "the tool from the plan [m]",
+    "position": "beyond position limits [rad or m]",
+    "velocity": "velocity, share of its limit",
     "obstacles": "distance from obstacles [m]",
     "self_collision": "distance between links [m]",
 }
@@ -72,7 +75,8 @@ def simulate(
 ) -> None:
     """Execute the TRAJECTORY file with arms that differ from PROBLEM's model, in MuJoCo.
 
-    What is seen in some runs is not proved for others. An error that is not given is the usual one.
+    What is seen in some runs is not proved for others. An error that is not given is that of
+    PROBLEM's robustness, or the usual one. Exit status 0 also if runs fail.
     """
     from tubeplanner.files.trajectory_file import read_trajectory_file
     from tubeplanner.problem.robustness import Robustness
@@ -83,10 +87,12 @@ def simulate(
 
     require_mujoco()
     given: dict[str, Any] = {**errors, "controller": controller}
-    asked = Robustness(**{name: value for name, value in given.items() if value is not None})
+    given = {name: value for name, value in given.items() if value is not None}
+    _ = Robustness(**given)  # wrong ones are refused before anything is loaded
     draw, read = Draw(runs, seed), read_trajectory_file(trajectory).trajectory
     with shown_progress() as enter:
         loaded, loading_time = load_timed(problem, enter, changes)
+        asked = replace(loaded.robustness or Robustness(), **given)
         enter(f"{runs} runs")
         plants = drawn_plants(loaded.robot, asked, draw)
         execution = executed(loaded, read, plants, asked.controller, asked.control_period)
@@ -98,24 +104,17 @@ def simulate(
         say(*_lines(judged), sep="\n")
 
 
-def _message(judged: "Sequence[JudgedRun]") -> str:
-    outside = sum(not run.stays_inside for run in judged)
-    collided = sum(run.collides for run in judged)
-    return f"{outside} of {len(judged)} runs left the tube, {collided} collided"
-
-
 def _report(judged: "Sequence[JudgedRun]") -> dict[str, Any]:
     """Return the JSON object, times still absent."""
     from tubeplanner.simulation.run_summary import summaries
+    from tubeplanner.simulation.run_verdict import run_verdict
 
-    found = summaries(judged)
+    found, verdict = summaries(judged), run_verdict(judged)
     worst = found["tube"]
     assert worst is not None
     return {
-        **empty_report("success", _message(judged), worst.worst.place.as_dict()),
-        "runs": len(judged),
-        "runs_outside": sum(not run.stays_inside for run in judged),
-        "runs_in_collision": sum(run.collides for run in judged),
+        **empty_report("success", str(verdict), worst.worst.place.as_dict()),
+        "verdict": verdict.as_dict(),
         "saturated": [run.saturated for run in judged],
         "excursions": [run.tube.value for run in judged],
         "seen": {name: None if one is None else one.as_dict() for name, one in found.items()},
@@ -124,6 +123,7 @@ def _report(judged: "Sequence[JudgedRun]") -> dict[str, Any]:
 
 def _lines(judged: "Sequence[JudgedRun]") -> list[str]:
     from tubeplanner.simulation.run_summary import summaries
+    from tubeplanner.simulation.run_verdict import run_verdict
 
     lines = [f"{'seen in ' + str(len(judged)) + ' runs':38}{'worst':>12}{'median':>12}  where"]
     for name, summary in summaries(judged).items():
@@ -132,4 +132,4 @@ def _lines(judged: "Sequence[JudgedRun]") -> list[str]:
             lines.append(f"{_NAMES[name]:38}{worst}  run {summary.run}, {summary.worst.place}")
     saturated = [100 * run.saturated for run in judged]
     share = f"{max(saturated):12.3g}{sorted(saturated)[len(saturated) // 2]:12.3g}"
-    return [*lines, f"{'time with a motor at its limit [%]':38}{share}", f"{_message(judged)}."]
+    return [*lines, f"{'time with a motor at its limit [%]':38}{share}", f"{run_verdict(judged)}"]

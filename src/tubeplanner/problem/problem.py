@@ -15,6 +15,7 @@ from tubeplanner.options import in_figures, is_number
 from tubeplanner.outcome import MARGIN_TOLERANCE
 from tubeplanner.problem.joint_values import configuration_of
 from tubeplanner.problem.objective import ENERGY, Objective, is_multiple
+from tubeplanner.problem.robustness import Robustness
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.tube.joined_segments import joined_segments
 from tubeplanner.tube.tube import Tube
@@ -50,6 +51,7 @@ class PlanningProblem:
         ignore_collisions: Pairs of names of links or obstacles that may touch.
         objective: What the answer is to be beside short.
         period: A controller's [s]: duration and breakpoints are multiples of it; None: any.
+        robustness: Errors that the plan is to survive in simulation; None: none.
         name: What messages and plots call it.
 
     Raises:
@@ -69,6 +71,7 @@ class PlanningProblem:
     ignore_collisions: Sequence[tuple[str, str]] = ()
     objective: Objective | None = None
     period: float | None = None
+    robustness: Robustness | None = None
     name: str = "problem"
     joint_lower: FloatArray = field(init=False)
     joint_upper: FloatArray = field(init=False)
@@ -155,6 +158,8 @@ class PlanningProblem:
         """Raise unless objective and period are what they must be."""
         if self.objective is not None and not isinstance(self.objective, Objective):
             raise ProblemError(f"objective is {shown(self.objective)}; give an Objective")
+        if self.robustness is not None and not isinstance(self.robustness, Robustness):
+            raise ProblemError(f"robustness is {shown(self.robustness)}; give a Robustness")
         if self.objective is not None and self.objective.minimise == ENERGY:
             self.objective.energy_weights(self.robot)
         if self.period is None:

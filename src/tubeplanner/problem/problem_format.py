@@ -30,6 +30,7 @@ from tubeplanner.problem.field_types import (
 )
 from tubeplanner.problem.limit_fields import LimitFields, MotorFields
 from tubeplanner.problem.problem_faults import first_fault
+from tubeplanner.problem.robustness import Robustness
 
 JointValues: TypeAlias = list[Finite] | dict[str, Finite]
 
@@ -246,6 +247,37 @@ class ObjectiveFields(Section):
     )
 
 
+class RobustnessFields(Section):
+    """By how much the real arm and its control may differ: the plan is to survive it."""
+
+    mass: Finite = Field(Robustness.mass, description="of every body, relative, uniform in +-")
+    com: Finite = Field(
+        Robustness.com, description="of every centre of mass, uniform in a ball [m]"
+    )
+    payload: Finite = Field(
+        Robustness.payload, description="of the payload's mass, relative, uniform in +-"
+    )
+    friction: Finite = Field(
+        Robustness.friction, description="of every modelled friction, relative, uniform in +-"
+    )
+    unmodelled_friction: Finite = Field(
+        Robustness.unmodelled_friction,
+        description="viscous, share of the effort limit at the velocity limit, uniform between "
+        "half of it and it",
+    )
+    lag: Finite = Field(Robustness.lag, description="time constant of the motors [s]")
+    delay: Finite = Field(Robustness.delay, description="from a measurement to its effort [s]")
+    noise: Finite = Field(Robustness.noise, description="of measured positions, normal [rad or m]")
+    tool: Finite = Field(
+        Robustness.tool, description="of the tool centre point, uniform in a ball [m]"
+    )
+    base: Finite = Field(Robustness.base, description="of the base, uniform in a ball [m]")
+    control_period: Finite = Field(Robustness.control_period, description="of the controller [s]")
+    controller: Literal["computed-torque", "feedforward-pd", "pd"] = Field(
+        "computed-torque", description="what follows the plan"
+    )
+
+
 class ProblemFields(Section):
     """A tubeplanner problem. SI units, radians; positions in the frame of the URDF's root link."""
 
@@ -270,6 +302,9 @@ class ProblemFields(Section):
     period: Finite | None = Field(
         None,
         description="the controller's: duration and breakpoints are multiples of it [s]",
+    )
+    robustness: RobustnessFields | None = Field(
+        None, description="errors that the plan is to survive; left out: none"
     )
 
 

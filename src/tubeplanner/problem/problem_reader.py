@@ -24,9 +24,11 @@ from tubeplanner.problem.problem_format import (
     ObstacleFields,
     ProblemFields,
     RobotFields,
+    RobustnessFields,
     TubeFields,
     check_problem_fields,
 )
+from tubeplanner.problem.robustness import Robustness
 from tubeplanner.resources import find_description, find_limits_file, find_mesh, find_problem
 from tubeplanner.robot.limit_layers import LimitLayer
 from tubeplanner.robot.limit_overrides import LimitOverrides
@@ -115,6 +117,7 @@ def _build(
             ignore_collisions=(*fields.collision.ignore, *_srdf_pairs(fields, robot, directory)),
             objective=_objective(fields.objective),
             period=fields.period,
+            robustness=_robustness(fields.robustness),
             name=name,
         )
         _ = problem.collision  # built here: planning starts from loaded geometry
@@ -208,6 +211,10 @@ def _tube_anywhere(fields: ProblemFields, robot: RobotModel, directory: Path) ->
 
 def _objective(fields: ObjectiveFields | None) -> Objective | None:
     return None if fields is None else Objective(**fields.model_dump())
+
+
+def _robustness(fields: RobustnessFields | None) -> Robustness | None:
+    return None if fields is None else Robustness(**fields.model_dump())
 
 
 def _endpoint(end: str, fields: EndpointFields) -> Any:

@@ -35,11 +35,15 @@ class TubeExcursions:
         rotation: Of its turning beyond the tolerance [rad]; None where the tube leaves it free.
         points: Beyond the ball about the compulsory point that is passed the farthest [m]; None
             where there is none.
+        tube_by_segment: As `tube`, while each of the joined segments is current, shape (m,) [m].
+        rotation_by_segment: As `rotation`, likewise [rad]; -1e3 where it is free.
     """
 
     tube: Extreme
     rotation: Extreme | None
     points: Extreme | None
+    tube_by_segment: FloatArray
+    rotation_by_segment: FloatArray
 
 
 def tube_excursions(
@@ -73,9 +77,16 @@ def tube_excursions(
     own = [rows[:, column] for column in columns]
     passing = {k: rows[:, i - len(passing)] for i, k in enumerate(passing)}
     first, last = _segments(joined, np.minimum.reduce(own), passing)
-    found = [_worst(joined, time, margin, first, last) for margin in own]
+    current = [_while_current(margin, first, last) for margin in own]
+    found = [_worst(joined, time, margin) for margin in current]
     turned = found[2] if tube.rotation is not None and tube.rotation.is_bounded else None
-    return TubeExcursions(found[0], turned, _worst_passage(joined, time, passing, first, last))
+    return TubeExcursions(
+        found[0],
+        turned,
+        _worst_passage(joined, time, passing, first, last),
+        -current[0].min(axis=0),
+        np.full(count, -_FREE) if turned is None else -current[2].min(axis=0),
+    )
 
 
 def _range_margin(problem: PlanningProblem, q: FloatArray) -> FloatArray:
@@ -123,19 +134,17 @@ def _segments(
     )
 
 
-def _worst(
-    problem: PlanningProblem,
-    time: FloatArray,
-    margin: FloatArray,
-    first: IntArray,
-    last: IntArray,
-) -> Extreme:
+def _while_current(margin: FloatArray, first: IntArray, last: IntArray) -> FloatArray:
+    """Return margins (K, m) where a segment counts, `_FREE` elsewhere."""
     segment = np.arange(margin.shape[1])
     counts = (segment >= first[:, None]) & (segment <= last[:, None])
-    least = np.where(counts, margin, np.inf)
-    sample, column = np.unravel_index(int(least.argmin()), least.shape)
+    return np.where(counts, margin, _FREE)
+
+
+def _worst(problem: PlanningProblem, time: FloatArray, margin: FloatArray) -> Extreme:
+    sample, column = np.unravel_index(int(margin.argmin()), margin.shape)
     number = problem.tube.segment_number(int(column))
-    return Extreme(-float(least[sample, column]), Place(time=float(time[sample]), segment=number))
+    return Extreme(-float(margin[sample, column]), Place(time=float(time[sample]), segment=number))
 
 
 def _worst_passage(

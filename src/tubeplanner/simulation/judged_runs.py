@@ -12,8 +12,12 @@ from tubeplanner.simulation.executed_tube import Extreme, tube_excursions
 from tubeplanner.simulation.execution import Execution
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
+_FREE = 1e3  # [rad or m]: how far from position limits that there are none
+# What a run is to keep.
+KEPT = ("tube", "rotation", "points", "position", "obstacles", "self_collision")
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, eq=False)
 class JudgedRun:
     """One executed motion, at every control period.
 
@@ -23,9 +27,16 @@ class JudgedRun:
         points: Likewise of the compulsory point that is passed the farthest [m]; None: none.
         tracking: Largest distance of a joint from the plan [rad or m].
         tool_tracking: Largest distance of the tool from the plan [m].
+        position: Largest excursion of a joint beyond its position limits [rad or m].
+        velocity: Largest velocity of a joint, as a share of its limit; None where none has one.
         saturated: Share of the control periods in which a motor was asked for more than it has.
         obstacles: Least distance of a link from an obstacle [m]; None where none is judged.
         self_collision: Least distance of links from each other [m]; None likewise.
+        clearance: Least distance from obstacles that the problem asks [m].
+        tube_by_segment: As `tube`, for each of the joined segments, shape (m,) [m].
+        rotation_by_segment: As `rotation`, likewise [rad]; -1e3 where it is free.
+        position_by_joint: Excursions below the lower and above the upper position limits, shape
+            (2, n) [rad or m].
     """
 
     tube: Extreme
@@ -33,21 +44,35 @@ class JudgedRun:
     points: Extreme | None
     tracking: Extreme
     tool_tracking: Extreme
+    position: Extreme
+    velocity: Extreme | None
     saturated: float
     obstacles: Extreme | None
     self_collision: Extreme | None
+    clearance: float
+    tube_by_segment: FloatArray
+    rotation_by_segment: FloatArray
+    position_by_joint: FloatArray
 
     @property
-    def stays_inside(self) -> bool:
-        """Whether the tool keeps tube, rotation tolerance and compulsory points."""
-        asked = (self.tube, self.rotation, self.points)
-        return all(extreme is None or extreme.value <= 0 for extreme in asked)
+    def broken(self) -> tuple[str, ...]:
+        """What was not kept: names of `KEPT`; none if the run survives.
+
+        Velocity limits are not among it: nothing in the simulated arm depends on them.
+        """
+        nearest = {"obstacles": self.clearance, "self_collision": 0.0}
+        found: dict[str, Extreme | None] = {name: getattr(self, name) for name in KEPT}
+        beyond = {
+            name: nearest[name] - extreme.value if name in nearest else extreme.value
+            for name, extreme in found.items()
+            if extreme is not None
+        }
+        return tuple(name for name, excess in beyond.items() if excess > 0)
 
     @property
-    def collides(self) -> bool:
-        """Whether a link meets an obstacle or another link."""
-        met = (self.obstacles, self.self_collision)
-        return any(extreme is not None and extreme.value <= 0 for extreme in met)
+    def survives(self) -> bool:
+        """Whether it keeps tube, rotation tolerance, points, position limits and clearance."""
+        return not self.broken
 
 
 def judged_runs(
@@ -79,16 +104,30 @@ def _judged(
     obstacles, self_collision = least_clearances(problem, time, q, plant.base)
     away = np.linalg.norm(tool - aim, axis=1)
     farthest = int(away.argmax())
-    behind = abs(q - planned)
-    late, joint = np.unravel_index(int(behind.argmax()), behind.shape)
-    where = Place(time=float(time[late]), joint=problem.robot.joint_names[joint])
+    limits, fast = problem.robot.limits, abs(execution.velocity[run])
+    beyond = np.array([limits.lower_position - q, q - limits.upper_position]).clip(min=-_FREE)
     return JudgedRun(
-        excursions.tube,
-        excursions.rotation,
-        excursions.points,
-        Extreme(float(behind[late, joint]), where),
-        Extreme(float(away[farthest]), Place(time=float(time[farthest]))),
-        float(execution.is_saturated[run].any(axis=1).mean()),
-        obstacles,
-        self_collision,
+        tube=excursions.tube,
+        rotation=excursions.rotation,
+        points=excursions.points,
+        tracking=_largest(problem, time, abs(q - planned)),
+        tool_tracking=Extreme(float(away[farthest]), Place(time=float(time[farthest]))),
+        position=_largest(problem, time, beyond.max(axis=0)),
+        velocity=_largest(problem, time, fast / limits.velocity)
+        if np.isfinite(limits.velocity).any()
+        else None,
+        saturated=float(execution.is_saturated[run].any(axis=1).mean()),
+        obstacles=obstacles,
+        self_collision=self_collision,
+        clearance=problem.clearance,
+        tube_by_segment=excursions.tube_by_segment,
+        rotation_by_segment=excursions.rotation_by_segment,
+        position_by_joint=beyond.max(axis=1),
     )
+
+
+def _largest(problem: PlanningProblem, time: FloatArray, values: FloatArray) -> Extreme:
+    """Return the largest of values (K, n) of joints, when it is and whose."""
+    late, joint = np.unravel_index(int(values.argmax()), values.shape)
+    where = Place(time=float(time[late]), joint=problem.robot.joint_names[joint])
+    return Extreme(float(values[late, joint]), where)

@@ -16,6 +16,8 @@ _QUANTITIES = {
     "points": False,
     "tracking": False,
     "tool_tracking": False,
+    "position": False,
+    "velocity": False,
     "obstacles": True,
     "self_collision": True,
 }
