@@ -43,5 +43,7 @@ class CollisionScene:
         return dict(vars(self))
 
     def is_as(self, other: "CollisionScene") -> bool:
-        """Return whether another scene is made of the same objects."""
-        return all(getattr(self, f.name) is getattr(other, f.name) for f in fields(self))
+        """Return whether another scene is made of the same objects, the arm with any limits."""
+        others = (f.name for f in fields(self) if f.name != "robot")
+        same = all(getattr(self, name) is getattr(other, name) for name in others)
+        return same and self.robot.moves_as(other.robot)

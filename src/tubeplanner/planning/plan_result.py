@@ -20,6 +20,7 @@ from tubeplanner.progress import PlanningClock, StoppedBy
 from tubeplanner.refinement.refined_motion import RefinedMotion
 from tubeplanner.refinement.sensitivities import Sensitivity
 from tubeplanner.robot.robot_notes import robot_notes
+from tubeplanner.simulation.survival import Survival
 from tubeplanner.suh_bishop.suh_bishop import PhaseTwoStatistics
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.verification.certificate import Certificate
@@ -60,6 +61,7 @@ class PlanResult:
         motion: What `Planner.replan` begins with; None unless the answer is refinement's.
         shortest: The shortest certified trajectory that was found, if the answer is another one
             that takes a little longer; None if it is the answer.
+        survival: What was seen of it in simulation; None unless field robustness asks for it.
         path_minimum: The least time [s] in which motors that switch at once could run the answer's
             path; computed when first asked for. None if there is no answer. With viscous friction
             or torque-speed lines an upper bound on it.
@@ -81,6 +83,7 @@ class PlanResult:
     sensitivities: tuple[Sensitivity, ...] = ()
     motion: RefinedMotion | None = None
     shortest: JointTrajectory | None = None
+    survival: Survival | None = None
     _path_minimum: Callable[[], float | None] = _no_trajectory
     _peaks: Callable[[], TrajectoryPeaks | None] = _no_trajectory
 
@@ -133,6 +136,7 @@ class PlanResult:
             "search": None if self.search is None else self.search.as_dict(),
             "phase_two": None if self.phase_two is None else self.phase_two.as_dict(),
             "certificate": None if self.certificate is None else self.certificate.as_dict(),
+            "robustness": None if self.survival is None else self.survival.as_dict(),
         }
 
 

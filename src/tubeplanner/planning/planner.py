@@ -19,12 +19,14 @@ from tubeplanner.planning.plan_options import (
 )
 from tubeplanner.planning.plan_result import PlanResult, stopped_result
 from tubeplanner.planning.refined_plan import refined_plan
+from tubeplanner.planning.robust_plan import robust_plan
 from tubeplanner.planning.searched_plan import searched_plan
 from tubeplanner.planning.stopping_plan import StoppingPlan, stopping_plan
 from tubeplanner.planning.suh_bishop_plan import suh_bishop_plan
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, ProgressCallback, until_stopped
 from tubeplanner.refinement.refined_motion import RefinedMotion
+from tubeplanner.simulation.mujoco_model import require_mujoco, require_no_followers
 from tubeplanner.verification.refusal import require_free
 
 
@@ -103,13 +105,30 @@ class Planner:
             raise KeyboardInterrupt
         if result.stopped_by is None:  # else it may have ended on coarse knots
             self._last = result.motion or self._last
-        result = followed_plan(problem, result, options.slack, clock)
+        follow = partial(followed_plan, slack=options.slack, clock=clock)
+        if problem.robustness is None:
+            result = follow(problem, result)
+        else:
+            again = partial(_planned_from, options, clock)
+            result = robust_plan(problem.joined, result, again, follow, clock)
         notes = (*problem.robot.limits.notes, *problem.tube.notes, *result.notes)
         return replace(result, planning_time=clock.elapsed, notes=notes)
 
 
+def _planned_from(
+    options: PlanOptions,
+    clock: PlanningClock,
+    problem: PlanningProblem,
+    last: RefinedMotion | None,
+) -> PlanResult:
+    return _planned(problem, options, clock, last)
+
+
 def _require_honoured(problem: PlanningProblem, options: PlanOptions) -> None:
-    """Raise OptionError if time is given to a method that makes nothing of it."""
+    """Raise OptionError if a method makes nothing of time, or nothing simulates what is asked."""
+    if problem.robustness is not None:
+        require_mujoco("the field robustness")
+        require_no_followers(problem.robot)
     if options.method == REFINEMENT:
         return
     slack, duration = options.slack, None

@@ -19,6 +19,7 @@ _MOST = {
     "tool": (1.0, "m"),
     "base": (1.0, "m"),
 }
+ERRORS = tuple(_MOST)
 _LEAST_PERIOD, _MAX_PERIOD = 1e-4, 0.1  # [s]
 
 

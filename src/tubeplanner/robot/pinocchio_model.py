@@ -22,6 +22,14 @@ _HEAVIEST = 1e6  # [kg]
 _STDERR_LOCK = threading.Lock()
 
 
+class Scratch(threading.local):
+    """What Pinocchio writes its results into, one for every thread."""
+
+    def __init__(self, model: pin.Model) -> None:
+        self.data = model.createData()
+        self.pool = pin.ModelPool(model, 1)
+
+
 @dataclass(frozen=True)
 class Payload:
     """A mass carried in the tool frame.

@@ -5,7 +5,7 @@ is expressed in it. A configuration is a plain vector of n joint values in group
 joints are not wrapped.
 """
 
-import threading
+import copy
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -25,6 +25,7 @@ from tubeplanner.robot.joint_motors import JointMotors
 from tubeplanner.robot.model_joints import model_joints
 from tubeplanner.robot.pinocchio_model import (
     Payload,
+    Scratch,
     ToolOffset,
     add_frame,
     body_inertias,
@@ -37,14 +38,6 @@ from tubeplanner.robot.urdf import UrdfDescription, joint_id
 
 # From so many configurations on, arrays are quicker than Pinocchio called for each of them.
 _MANY = 64
-
-
-class _Scratch(threading.local):
-    """What Pinocchio writes its results into, one for every thread."""
-
-    def __init__(self, model: pin.Model) -> None:
-        self.data = model.createData()
-        self.pool = pin.ModelPool(model, 1)
 
 
 class RobotModel:
@@ -116,7 +109,7 @@ class RobotModel:
         )
         model.armature = self._joints.of_own(self.motors.armature)
         # A Data made before the last edit of its model corrupts memory without a word.
-        self._scratch = _Scratch(model)
+        self._scratch = Scratch(model)
 
     def __reduce__(self) -> tuple[Any, ...]:
         tool_offset, locked_joints = self._others
@@ -132,6 +125,16 @@ class RobotModel:
             self.payload,
             self.motors,
         )
+
+    def with_limits(self, limits: JointLimits, motors: JointMotors) -> "RobotModel":
+        """Return this arm with other limits, of positions no wider, and motors of like rotors."""
+        limited = copy.copy(self)
+        limited.limits, limited.motors = limits, motors
+        return limited
+
+    def moves_as(self, other: "RobotModel") -> bool:
+        """Return whether another model is this arm, with whatever limits."""
+        return self._model is other._model
 
     @property
     def joint_count(self) -> int:
@@ -295,10 +298,7 @@ class RobotModel:
 
     @cached_property
     def carries(self) -> BoolArray:
-        """Whether a joint or follower moves a body, shape (bodies, M).
-
-        Column k is the one between body k + 1 and the body that carries it.
-        """
+        """Whether what joins body k + 1 to what carries it moves a body, shape (bodies, M)."""
         return carried_bodies(self._model)
 
     @cached_property

@@ -1,6 +1,6 @@
 """Trajectories executed by simulated arms under control."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,6 +51,7 @@ def executed(
     plants: Sequence[Plant],
     controller: str = COMPUTED_TORQUE,
     control_period: float = 0.001,
+    checkpoint: Callable[[], None] = lambda: None,
 ) -> Execution:
     """Return what arms do that a controller moves along a trajectory; the same every time.
 
@@ -63,6 +64,7 @@ def executed(
         plants: The arms; at least one.
         controller: "computed-torque", "feedforward-pd" or "pd".
         control_period: [s].
+        checkpoint: Called in every control period; may raise to end the work.
 
     Raises:
         OptionError: MuJoCo is not installed, there is no plant, or the controller or the period is
@@ -88,7 +90,7 @@ def executed(
     for arm in arms:
         arm.place(start[0], np.zeros(robot.joint_count))
     drives = Drives(robot, plants, robot.gravity_effort(start)[0], step)
-    return _run(arms, plants, time, make(robot, plan), drives)
+    return _run(arms, plants, time, make(robot, plan), drives, checkpoint)
 
 
 def _run(
@@ -97,12 +99,14 @@ def _run(
     time: FloatArray,
     controller: TrackingController,
     drives: Drives,
+    checkpoint: Callable[[], None],
 ) -> Execution:
     noise = _noise(plants, len(time) + 1, len(arms[0].position))
     shape = noise[:, 1:].shape
     position, velocity, effort = np.empty((3, *shape))
     is_saturated = np.zeros(shape, dtype=bool)
     for k in range(len(time)):
+        checkpoint()
         position[:, k] = q = np.array([arm.position for arm in arms])
         velocity[:, k] = v = np.array([arm.velocity for arm in arms])
         jitter = (noise[:, k + 1] - noise[:, k]) / (time[1] - time[0])

@@ -1,5 +1,6 @@
 """What becomes of a plan's promises when it is executed: seen in n runs, not proved."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,7 +77,10 @@ class JudgedRun:
 
 
 def judged_runs(
-    problem: PlanningProblem, trajectory: JointTrajectory, execution: Execution
+    problem: PlanningProblem,
+    trajectory: JointTrajectory,
+    execution: Execution,
+    checkpoint: Callable[[], None] = lambda: None,
 ) -> list[JudgedRun]:
     """Judge executed motions, one after the other.
 
@@ -86,12 +90,16 @@ def judged_runs(
         problem: The planning problem.
         trajectory: What was to be executed.
         execution: What was.
+        checkpoint: Called before every run; may raise to end the work.
     """
     trajectory = trajectory.reordered(problem.robot.joint_names)
     planned = trajectory.position(np.minimum(execution.time, trajectory.duration))
     aim = problem.robot.tool_position(planned)
-    runs = range(len(execution.plants))
-    return [_judged(problem, execution, run, planned, aim) for run in runs]
+    judged = []
+    for run in range(len(execution.plants)):
+        checkpoint()
+        judged.append(_judged(problem, execution, run, planned, aim))
+    return judged
 
 
 def _judged(

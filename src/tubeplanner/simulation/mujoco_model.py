@@ -24,8 +24,11 @@ _FRICTION_STEPS = 2.0  # integration steps of its time constant: the least that 
 _OBLIQUE = np.array([0.1, 0.2, 0.3]), np.array([0.8, 0.6, 0.0, 0.0])
 
 
-def require_mujoco() -> None:
+def require_mujoco(what: str = "executing trajectories") -> None:
     """Raise unless MuJoCo is installed, before any work.
+
+    Args:
+        what: What takes it.
 
     Raises:
         OptionError: It is not installed.
@@ -34,8 +37,7 @@ def require_mujoco() -> None:
         import mujoco
     except ImportError:
         raise OptionError(
-            "executing trajectories takes MuJoCo 3, which is not installed: pip install "
-            "'tubeplanner[simulate]'"
+            f"{what} takes MuJoCo 3, which is not installed: pip install 'tubeplanner[simulate]'"
         ) from None
     _ = mujoco.MjSpec
 
@@ -110,12 +112,13 @@ def mujoco_arms(robot: RobotModel, plants: Sequence[Plant], step: float) -> list
         RobotError: A joint follows another one, which MuJoCo does not do exactly.
     """
     require_mujoco()
-    _require_no_followers(robot)
+    require_no_followers(robot)
     model = _kinematic_model(robot, step)
     return [MujocoArm(model, robot.joint_names, plant) for plant in plants]
 
 
-def _require_no_followers(robot: RobotModel) -> None:
+def require_no_followers(robot: RobotModel) -> None:
+    """Raise RobotError if a joint follows another one, which MuJoCo does not do exactly."""
     multiplier, _ = robot.body_rules
     names = [robot.joint_names[joint] for joint in robot.body_joints[1:]]
     for name in robot.joint_names:

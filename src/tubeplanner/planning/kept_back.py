@@ -1,0 +1,135 @@
+"""How much of every limit a plan keeps back, so that it survives and is still the shortest."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.planning.plan_result import PlanResult
+from tubeplanner.planning.tightened_plans import Following, TightenedPlans, TriedPlan
+from tubeplanner.problem.tightening import Tightening
+from tubeplanner.simulation.plant import Draw
+
+WORKING = Draw(32, seed=0)
+_FEWER = Draw(16, seed=0)  # of the same arms; enough to compare shares of effort
+# Shares of the effort limits, and of the velocity limits, that are tried.
+_EFFORTS = (1, 0.98, 0.96, 0.945, 0.93, 0.91, 0.89, 0.865, 0.83, 0.79, 0.74, 0.67, 0.58, 0.48, 0.36)
+_VELOCITIES = (1, 0.985, 0.97, 0.95, 0.93, 0.9, 0.86)
+_BINDING = 0.01  # d ln T / d ln limit, from which on velocity limits are worth a try
+_ROUNDS = 5
+# What is to spare is given back by so much at a time; what that would gain is worth a round [of T].
+_GIVEN_BACK, _WORTH_IT = 0.5, 5e-4
+
+
+def surviving_plan(plans: TightenedPlans, shortest: TriedPlan, follow: Following) -> TriedPlan:
+    """Return the plan that survives and is the shortest; or the one that lacks least.
+
+    Args:
+        plans: What plans and simulates.
+        shortest: The shortest motion, nothing kept back.
+        follow: What makes of such a motion the one that is written.
+
+    Raises:
+        TimeLimitReached: Before it was found; likewise KeyboardInterrupt.
+    """
+    rung = _best_share(plans, shortest, "effort", _EFFORTS)
+    if _is_bound_by_velocity(rung.result):
+        rung = _best_share(plans, rung, "velocity", _VELOCITIES)
+    settled = _settled(plans, rung)
+    return _written(plans, settled, follow)
+
+
+def _is_bound_by_velocity(result: PlanResult) -> bool:
+    return any(
+        one.limit == "velocity" and -one.elasticity > _BINDING for one in result.sensitivities
+    )
+
+
+def _best_share(
+    plans: TightenedPlans, start: TriedPlan, part: str, shares: Sequence[float]
+) -> TriedPlan:
+    """Return the plan with the best share of some limits, by what it is expected to take.
+
+    Every second share is tried, until one is no better; then those beside the best.
+    """
+    found: dict[int, TriedPlan] = {0: start}
+
+    def is_better(k: int, best: int) -> bool:
+        share: dict[str, Any] = {part: shares[k]}
+        kept_back = replace(start.kept_back, **share)
+        tried = plans.tried(kept_back, found[best].result.motion, _FEWER)
+        if tried is None or tried.rank >= found[best].rank:
+            return False
+        found[k] = tried
+        return True
+
+    best = 0
+    for k in range(2, len(shares), 2):
+        if is_better(k, best):
+            best = k
+        elif found[best].lacking <= 0:
+            break
+    for k in (best - 1, best + 1):
+        if 0 < k < len(shares) and is_better(k, best):
+            return found[k]
+    return found[best]
+
+
+def _settled(plans: TightenedPlans, rung: TriedPlan) -> TriedPlan:
+    """Return the shortest plan that survives near one that lacks something, or what lacks least."""
+    now, best = rung, rung
+    for _ in range(_ROUNDS):
+        kept_back = _next(now)
+        tried = plans.tried(kept_back, now.result.motion, WORKING)
+        if tried is None:
+            break
+        now, best = tried, _better(best, tried)
+        if now.survives and now.duration - now.expected < _WORTH_IT * now.duration:
+            break
+    return best
+
+
+def _written(plans: TightenedPlans, settled: TriedPlan, follow: Following) -> TriedPlan:
+    """Return the plan that is written: made smooth or thrifty, and again until that survives."""
+    kept_back, shortest, best = settled.kept_back, settled.result, settled
+    for _ in range(_ROUNDS):
+        result = follow(plans.problem(kept_back), shortest)
+        if result.trajectory is None or result.trajectory is settled.result.trajectory:
+            break
+        written = plans.simulated(kept_back, result, WORKING)
+        best = written if best is settled else _better(best, written)
+        if written.survives or not settled.survives:
+            break
+        kept_back = _next(written)
+        again = plans.planned(kept_back, shortest.motion)
+        if again is None:
+            break
+        shortest = again
+    return best
+
+
+def _next(tried: TriedPlan) -> Tightening:
+    """Return what to keep back after a plan: all that it lacks, less of what it has to spare."""
+    now, wanted = tried.kept_back, tried.wanted
+
+    def between(before: FloatArray, after: FloatArray) -> FloatArray:
+        return np.where(after > before, after, before + _GIVEN_BACK * (after - before))
+
+    return replace(
+        now,
+        radius=between(now.radius, wanted.radius),
+        rotation=between(now.rotation, wanted.rotation),
+        position=between(now.position, wanted.position),
+        clearance=float(between(np.array(now.clearance), np.array(wanted.clearance))),
+    )
+
+
+def _better(known: TriedPlan, tried: TriedPlan) -> TriedPlan:
+    """Return the shorter of two plans that survive, the one that does, or what lacks less."""
+    if known.survives and tried.survives:
+        return min(known, tried, key=lambda plan: plan.duration)
+    if known.survives or tried.survives:
+        return known if known.survives else tried
+    return min(known, tried, key=lambda plan: plan.verdict.failed)

@@ -1,0 +1,174 @@
+"""Planning motions that survive wrong masses, friction and delay, as simulation shows them.
+
+What a certificate proves, it proves of the model. Of a motion at the limits little is left for
+feedback, and one at the tube's border leaves it with any error. So some of every limit is kept back
+and the motion planned again, until its simulated runs keep all limits: first the share of the
+efforts with which, by first-order prices of what the tube then lacks, the motion is the shortest;
+then radii, clearance and position limits by what is short with that.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.planning.kept_back import WORKING, surviving_plan
+from tubeplanner.planning.plan_result import PlanResult, certified_result
+from tubeplanner.planning.tightened_plans import Following, Planning, TightenedPlans, TriedPlan
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.problem.tightening import PARTS, Tightening
+from tubeplanner.progress import PlanningClock, until_stopped
+from tubeplanner.simulation.blamed_errors import Blame, blamed_errors
+from tubeplanner.simulation.plant import Draw
+from tubeplanner.simulation.run_verdict import RunVerdict, run_verdict
+from tubeplanner.simulation.simulated_runs import simulated_runs
+from tubeplanner.simulation.survival import Survival
+
+# Arms that no choice was made with.
+_FRESH = Draw(200, seed=1)
+_DEAR = 0.05  # surviving that costs a larger share of the duration is explained
+
+
+def robust_plan(
+    problem: PlanningProblem,
+    shortest: PlanResult,
+    again: Planning,
+    follow: Following,
+    clock: PlanningClock,
+) -> PlanResult:
+    """Return a plan that survives the errors of field robustness in simulation.
+
+    Args:
+        problem: The planning problem, of joined segments.
+        shortest: Its shortest motion, certified; or why there is none.
+        again: What plans the problem with less room.
+        follow: What makes of a shortest motion the one that is written.
+        clock: The planning's.
+
+    Returns:
+        Certified for the problem itself. Where none survives, the one that lacks least, and it says
+        so. Planning that is stopped early ends with what there is, not simulated if need be.
+    """
+    default = follow(problem, shortest)
+    if default.trajectory is None or default.stopped_by is not None:
+        return _not_simulated(default)
+    search = _Search(problem, shortest, default, again, follow, clock)
+    _, stopped_by = until_stopped(search.run)
+    if search.best is None:
+        return _not_simulated(replace(default, stopped_by=stopped_by))
+    return replace(search.answer(), stopped_by=stopped_by)
+
+
+def _ends(problem: PlanningProblem, plan: PlanResult) -> FloatArray:
+    """Return the configurations that all motions begin in and, if it is given, end in."""
+    assert plan.trajectory is not None and plan.duration is not None
+    times = [0.0] if problem.goal is None else [0.0, plan.duration]
+    return plan.trajectory.position(np.array(times))
+
+
+def _not_simulated(plan: PlanResult) -> PlanResult:
+    """Return a plan that was not simulated, which says so."""
+    if plan.trajectory is None:
+        return plan
+    return replace(plan, message=f"{plan.message}; whether it survives was not simulated")
+
+
+class _Search:
+    """Plans and simulates until a plan survives; keeps what it has when it is stopped."""
+
+    def __init__(
+        self,
+        problem: PlanningProblem,
+        shortest: PlanResult,
+        default: PlanResult,
+        again: Planning,
+        follow: Following,
+        clock: PlanningClock,
+    ) -> None:
+        self._problem, self._shortest, self._default = problem, shortest, default
+        self._follow, self._clock = follow, clock
+        self._plans = TightenedPlans(problem, again, _ends(problem, default), clock)
+        self._first: TriedPlan | None = None
+        self.best: TriedPlan | None = None
+        self._verdict: RunVerdict | None = None
+        self._costs: dict[str, float] = {}
+        self._blame: Blame | None = None
+
+    def run(self) -> None:
+        """Do all the work.
+
+        Raises:
+            TimeLimitReached: It was not done in time; likewise KeyboardInterrupt.
+        """
+        nothing = Tightening.nothing(self._problem)
+        self._first = self.best = self._plans.simulated(nothing, self._default, WORKING)
+        if not self.best.survives:
+            start = self.best
+            if self._default.trajectory is not self._shortest.trajectory:
+                start = self._plans.simulated(nothing, self._shortest, WORKING)
+            self.best = surviving_plan(self._plans, start, self._follow)
+        self._verdict = self._judged(_FRESH)
+        self._costs = self._split_costs(self._added)
+        if not self.best.survives or self._added > _DEAR * self._first.duration:
+            self._blame = self._blamed()
+
+    @property
+    def _added(self) -> float:
+        """By how much the answer is longer than the default plan [s]."""
+        assert self._first is not None and self.best is not None
+        return self.best.duration - self._first.duration
+
+    def _judged(self, draw: Draw) -> RunVerdict:
+        assert self.best is not None and self.best.result.trajectory is not None
+        self._clock.enter(f"{draw.runs} simulated runs")
+        trajectory, errors = self.best.result.trajectory, self._plans.errors
+        checkpoint = self._clock.check
+        return run_verdict(simulated_runs(self._problem, trajectory, errors, draw, checkpoint))
+
+    def _split_costs(self, added: float) -> dict[str, float]:
+        """Return what each part that is kept back costs [s], one after the other added."""
+        assert self.best is not None
+        kept_back = self.best.kept_back
+        parts = [part for part in PARTS if kept_back.has(part)]
+        durations, motion = [self._shortest.duration or 0.0], self._shortest.motion
+        for count in range(1, len(parts)):
+            found = self._plans.planned(kept_back.only(parts[:count]), motion)
+            durations.append(durations[-1] if found is None else found.duration or 0.0)
+        last = self._plans.planned(kept_back, motion) if parts else None
+        durations.append(durations[-1] if last is None else last.duration or 0.0)
+        steps = np.diff(durations)[: len(parts)]
+        whole = float(steps.sum())
+        scale = added / whole if whole > 0 else 0.0
+        return {part: float(scale * step) for part, step in zip(parts, steps, strict=True)}
+
+    def _blamed(self) -> Blame:
+        assert self.best is not None and self.best.result.trajectory is not None
+        self._clock.enter("which error is to blame")
+        trajectory, errors = self.best.result.trajectory, self._plans.errors
+        return blamed_errors(self._problem, trajectory, errors, self._clock.check)
+
+    def answer(self) -> PlanResult:
+        """Return the best plan, certified for the problem itself."""
+        assert self._first is not None and self.best is not None
+        best = self.best.result
+        assert best.trajectory is not None
+        certified = certified_result(self._problem, best.trajectory, best.method, self._clock)
+        survival = Survival(
+            verdict=self._verdict,
+            reached=self.best.survives,
+            kept_back=self.best.kept_back,
+            duration_without=self._first.duration,
+            verdict_without=self._first.verdict,
+            costs=self._costs,
+            blame=self._blame,
+        )
+        return replace(
+            certified,
+            message=f"{certified.message}; {survival.seen}",
+            search=best.search,
+            sensitivities=best.sensitivities,
+            motion=self._shortest.motion,
+            shortest=self._shortest.trajectory,
+            notes=(*certified.notes, *best.notes, *survival.notes),
+            survival=survival,
+        )

@@ -1,0 +1,190 @@
+"""Plans for problems with some of their limits kept back, and what simulation shows of them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.errors import ProblemError
+from tubeplanner.outcome import Infeasible
+from tubeplanner.planning.plan_result import PlanResult
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.problem.robustness import Robustness
+from tubeplanner.problem.tightening import Tightening, allowed_tightening, tightened_problem
+from tubeplanner.progress import PlanningClock, TimeLimitReached
+from tubeplanner.refinement.refined_motion import RefinedMotion
+from tubeplanner.simulation.plant import Draw
+from tubeplanner.simulation.run_verdict import RunVerdict, run_verdict
+from tubeplanner.simulation.shortfall import Shortfall, shown_shortfall
+from tubeplanner.simulation.simulated_runs import simulated_runs
+
+# What plans a problem, from the last motion if there is one.
+Planning: TypeAlias = Callable[[PlanningProblem, RefinedMotion | None], PlanResult]
+# What makes of the shortest motion the one that is written.
+Following: TypeAlias = Callable[[PlanningProblem, PlanResult], PlanResult]
+
+_KEPT = ("radius", "rotation", "clearance", "position")
+
+
+@dataclass(frozen=True, eq=False)
+class TriedPlan:
+    """A plan and what its runs show.
+
+    Attributes:
+        kept_back: Of the problem's limits.
+        result: The plan, certified.
+        verdict: Of the runs.
+        shortfall: What they lack.
+        wanted: What would have to be kept back for them to lack nothing, as far as that is allowed.
+        lacking: Of what they lack, the largest share of a tolerance for which there is no room.
+        expected: The duration with what is wanted kept back, by first-order prices [s].
+    """
+
+    kept_back: Tightening
+    result: PlanResult
+    verdict: RunVerdict
+    shortfall: Shortfall
+    wanted: Tightening
+    lacking: float
+    expected: float
+
+    @property
+    def survives(self) -> bool:
+        """Whether its runs lack nothing, nor are others expected to."""
+        return self.shortfall.is_none
+
+    @property
+    def duration(self) -> float:
+        """Of the plan [s]."""
+        assert self.result.duration is not None
+        return self.result.duration
+
+    @property
+    def rank(self) -> tuple[float, float]:
+        """Less is better: what cannot be had counts before the expected duration."""
+        return self.lacking, self.expected
+
+
+class TightenedPlans:
+    """Plans one problem with more or less kept back of its limits, and simulates the plans."""
+
+    def __init__(
+        self, problem: PlanningProblem, again: Planning, ends: FloatArray, clock: PlanningClock
+    ) -> None:
+        """Take a problem of joined segments with field robustness, and what plans others like it.
+
+        Args:
+            problem: The planning problem.
+            again: What plans it with less room.
+            ends: Configurations in which its motions begin and, if that is given, end, shape
+                (1 or 2, n).
+            clock: The planning's.
+        """
+        assert problem.robustness is not None
+        self.errors: Robustness = problem.robustness
+        self._problem, self._again, self._ends, self._clock = problem, again, ends, clock
+
+    def problem(self, kept_back: Tightening) -> PlanningProblem:
+        """Return the problem with some of its limits kept back.
+
+        Raises:
+            ProblemError: It is none any more.
+        """
+        return tightened_problem(self._problem, kept_back)
+
+    def planned(self, kept_back: Tightening, motion: RefinedMotion | None) -> PlanResult | None:
+        """Return the shortest plan with that, from a motion if there is one; None: none was found.
+
+        Raises:
+            TimeLimitReached: Before there was one; likewise KeyboardInterrupt.
+        """
+        try:
+            found = self._again(self.problem(kept_back), motion)
+        except (ProblemError, Infeasible):
+            return None
+        if found.stopped_by == "time_limit":
+            raise TimeLimitReached
+        if found.stopped_by is not None:
+            raise KeyboardInterrupt
+        return replace(found, notes=()) if found.succeeded else None
+
+    def simulated(self, kept_back: Tightening, result: PlanResult, draw: Draw) -> TriedPlan:
+        """Return a plan with what its runs show.
+
+        Raises:
+            TimeLimitReached: Before they ended.
+        """
+        assert result.trajectory is not None
+        problem, clock = self._problem, self._clock
+        clock.enter(f"{draw.runs} simulated runs")
+        runs = simulated_runs(problem, result.trajectory, self.errors, draw, clock.check)
+        found = shown_shortfall(problem, runs)
+        asked = _with(kept_back, found)
+        wanted = allowed_tightening(problem, asked, self._ends)
+        prices = _prices(problem, result)
+        more = sum(
+            float(np.sum(price * (getattr(wanted, part) - getattr(kept_back, part))))
+            for part, price in prices.items()
+        )
+        return TriedPlan(
+            kept_back,
+            result,
+            run_verdict(runs),
+            found,
+            wanted,
+            _lacking(problem, asked, wanted) + max(found.self_collision, 0.0),
+            (result.duration or 0.0) + more,
+        )
+
+    def tried(
+        self, kept_back: Tightening, motion: RefinedMotion | None, draw: Draw
+    ) -> TriedPlan | None:
+        """Return the shortest plan with what its runs show; None: no plan was found.
+
+        Raises:
+            TimeLimitReached: Before they ended; likewise KeyboardInterrupt.
+        """
+        result = self.planned(kept_back, motion)
+        return None if result is None else self.simulated(kept_back, result, draw)
+
+
+def _with(kept_back: Tightening, shortfall: Shortfall) -> Tightening:
+    """Return what would have to be kept back, to the nearest that is short or to spare."""
+    asked = {
+        part: np.maximum(getattr(kept_back, part) + getattr(shortfall, part), 0.0) for part in _KEPT
+    }
+    return replace(kept_back, **(asked | {"clearance": float(asked["clearance"])}))
+
+
+def _lacking(problem: PlanningProblem, asked: Tightening, allowed: Tightening) -> float:
+    """Return the largest share of a tolerance that is asked for and not allowed."""
+    rotation, tube = problem.tube.rotation, problem.tube
+    whole = {
+        "radius": tube.effective_radius,
+        "rotation": 1.0 if rotation is None else rotation.bounds.min(axis=1),
+        "clearance": tube.effective_radius.min(),
+        "position": 1.0,
+    }
+    shares = [(getattr(asked, part) - getattr(allowed, part)) / whole[part] for part in _KEPT]
+    return max(float(np.max(share)) for share in shares)
+
+
+def _prices(problem: PlanningProblem, result: PlanResult) -> dict[str, FloatArray]:
+    """Return what radii and rotation tolerances cost, (m,) each [s/m or s/rad]."""
+    tube = problem.tube
+    prices = {part: np.zeros(tube.segment_count) for part in ("radius", "rotation")}
+    sizes = {"radius": tube.radius}
+    if tube.rotation is not None:
+        sizes["rotation"] = tube.rotation.bounds.min(axis=1)
+    if tube.cross_section is not None:  # taken off both sides of a box
+        sizes |= {"width": tube.cross_section[:, 0] / 2, "height": tube.cross_section[:, 1] / 2}
+    for sensitivity in result.sensitivities:
+        if sensitivity.limit not in sizes or sensitivity.segment is None:
+            continue
+        k = tube.segment_index(sensitivity.segment)
+        part = "rotation" if sensitivity.limit == "rotation" else "radius"
+        relative = -sensitivity.elasticity * (result.duration or 0.0)
+        prices[part][k] += relative / sizes[sensitivity.limit][k]
+    return prices
