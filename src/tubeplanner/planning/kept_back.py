@@ -19,8 +19,10 @@ _EFFORTS = (1, 0.98, 0.96, 0.945, 0.93, 0.91, 0.89, 0.865, 0.83, 0.79, 0.74, 0.6
 _VELOCITIES = (1, 0.985, 0.97, 0.95, 0.93, 0.9, 0.86)
 _BINDING = 0.01  # d ln T / d ln limit, from which on velocity limits are worth a try
 _ROUNDS = 5
-# What is to spare is given back by so much at a time; what that would gain is worth a round [of T].
-_GIVEN_BACK, _WORTH_IT = 0.5, 5e-4
+_SETTLED = 3  # shares of which the best way is followed to its end
+# So much of what is short is taken at a time, and so much of what is to spare is given back; which
+# is worth a round if it gains more than this share of the duration.
+_TAKEN, _GIVEN_BACK, _WORTH_IT = 1.2, 0.5, 1e-3
 
 
 def surviving_plan(plans: TightenedPlans, shortest: TriedPlan, follow: Following) -> TriedPlan:
@@ -34,11 +36,19 @@ def surviving_plan(plans: TightenedPlans, shortest: TriedPlan, follow: Following
     Raises:
         TimeLimitReached: Before it was found; likewise KeyboardInterrupt.
     """
-    rung = _best_share(plans, shortest, "effort", _EFFORTS)
-    if _is_bound_by_velocity(rung.result):
-        rung = _best_share(plans, rung, "velocity", _VELOCITIES)
-    settled = _settled(plans, rung)
-    return _written(plans, settled, follow)
+    rungs = _tried_shares(plans, shortest, "effort", _EFFORTS)
+    if _is_bound_by_velocity(rungs[0].result):
+        rungs = sorted(
+            rungs + _tried_shares(plans, rungs[0], "velocity", _VELOCITIES)[1:], key=_rank
+        )
+    best: TriedPlan | None = None
+    for rung in rungs[:_SETTLED]:
+        if best is not None and best.survives and best.duration <= rung.expected:
+            break
+        settled = _settled(plans, rung)
+        best = settled if best is None else _better(best, settled)
+    assert best is not None
+    return _written(plans, best, follow)
 
 
 def _is_bound_by_velocity(result: PlanResult) -> bool:
@@ -47,10 +57,10 @@ def _is_bound_by_velocity(result: PlanResult) -> bool:
     )
 
 
-def _best_share(
+def _tried_shares(
     plans: TightenedPlans, start: TriedPlan, part: str, shares: Sequence[float]
-) -> TriedPlan:
-    """Return the plan with the best share of some limits, by what it is expected to take.
+) -> list[TriedPlan]:
+    """Return plans with shares of some limits, the one that is expected to be shortest first.
 
     Every second share is tried, until one is no better; then those beside the best.
     """
@@ -59,11 +69,11 @@ def _best_share(
     def is_better(k: int, best: int) -> bool:
         share: dict[str, Any] = {part: shares[k]}
         kept_back = replace(start.kept_back, **share)
-        tried = plans.tried(kept_back, found[best].result.motion, _FEWER)
-        if tried is None or tried.rank >= found[best].rank:
+        result = plans.planned(kept_back, found[best].result.motion)
+        if result is None or _is_surely_longer(result, found[best]):
             return False
-        found[k] = tried
-        return True
+        found[k] = plans.simulated(kept_back, result, _FEWER)
+        return _rank(found[k]) < _rank(found[best])
 
     best = 0
     for k in range(2, len(shares), 2):
@@ -73,20 +83,31 @@ def _best_share(
             break
     for k in (best - 1, best + 1):
         if 0 < k < len(shares) and is_better(k, best):
-            return found[k]
-    return found[best]
+            break
+    return sorted(found.values(), key=_rank)
+
+
+def _rank(tried: TriedPlan) -> tuple[float, float]:
+    """Return what is less for better plans: what cannot be had counts before the duration."""
+    return tried.lacking, tried.expected
+
+
+def _is_surely_longer(result: PlanResult, known: TriedPlan) -> bool:
+    """Return whether a plan takes longer than a known one is expected to, whatever it lacks."""
+    return known.lacking <= 0 and (result.duration or np.inf) >= known.expected
 
 
 def _settled(plans: TightenedPlans, rung: TriedPlan) -> TriedPlan:
     """Return the shortest plan that survives near one that lacks something, or what lacks least."""
     now, best = rung, rung
     for _ in range(_ROUNDS):
-        kept_back = _next(now)
-        tried = plans.tried(kept_back, now.result.motion, WORKING)
+        tried = plans.tried(_next(now), now.result.motion, WORKING)
         if tried is None:
             break
+        is_second = best.survives
         now, best = tried, _better(best, tried)
-        if now.survives and now.duration - now.expected < _WORTH_IT * now.duration:
+        to_gain = now.duration - now.expected
+        if is_second or (now.survives and to_gain < _WORTH_IT * now.duration):
             break
     return best
 
@@ -115,7 +136,9 @@ def _next(tried: TriedPlan) -> Tightening:
     now, wanted = tried.kept_back, tried.wanted
 
     def between(before: FloatArray, after: FloatArray) -> FloatArray:
-        return np.where(after > before, after, before + _GIVEN_BACK * (after - before))
+        change = after - before
+        more: FloatArray = np.where(change > 0, _TAKEN, _GIVEN_BACK) * change
+        return before + more
 
     return replace(
         now,

@@ -87,6 +87,8 @@ class _Search:
     ) -> None:
         self._problem, self._shortest, self._default = problem, shortest, default
         self._follow, self._clock = follow, clock
+        assert problem.robustness is not None
+        self._errors = problem.robustness
         self._plans = TightenedPlans(problem, again, _ends(problem, default), clock)
         self._first: TriedPlan | None = None
         self.best: TriedPlan | None = None
@@ -121,7 +123,7 @@ class _Search:
     def _judged(self, draw: Draw) -> RunVerdict:
         assert self.best is not None and self.best.result.trajectory is not None
         self._clock.enter(f"{draw.runs} simulated runs")
-        trajectory, errors = self.best.result.trajectory, self._plans.errors
+        trajectory, errors = self.best.result.trajectory, self._errors
         checkpoint = self._clock.check
         return run_verdict(simulated_runs(self._problem, trajectory, errors, draw, checkpoint))
 
@@ -144,7 +146,7 @@ class _Search:
     def _blamed(self) -> Blame:
         assert self.best is not None and self.best.result.trajectory is not None
         self._clock.enter("which error is to blame")
-        trajectory, errors = self.best.result.trajectory, self._plans.errors
+        trajectory, errors = self.best.result.trajectory, self._errors
         return blamed_errors(self._problem, trajectory, errors, self._clock.check)
 
     def answer(self) -> PlanResult:
