@@ -13,16 +13,16 @@ from tubeplanner.problem.tightening import Tightening
 from tubeplanner.simulation.plant import Draw
 
 WORKING = Draw(32, seed=0)
-_FEWER = Draw(16, seed=0)  # of the same arms; enough to compare shares of effort
+FEWER = Draw(16, seed=0)  # of the same arms; enough to compare shares of effort
 # Shares of the effort limits, and of the velocity limits, that are tried.
 _EFFORTS = (1, 0.98, 0.96, 0.945, 0.93, 0.91, 0.89, 0.865, 0.83, 0.79, 0.74, 0.67, 0.58, 0.48, 0.36)
 _VELOCITIES = (1, 0.985, 0.97, 0.95, 0.93, 0.9, 0.86)
 _BINDING = 0.01  # d ln T / d ln limit, from which on velocity limits are worth a try
 _ROUNDS = 5
-_SETTLED = 3  # shares of which the best way is followed to its end
+_MORE = 3  # smaller shares of effort that may still be better where radii cost more than expected
 # So much of what is short is taken at a time, and so much of what is to spare is given back; which
 # is worth a round if it gains more than this share of the duration.
-_TAKEN, _GIVEN_BACK, _WORTH_IT = 1.2, 0.5, 1e-3
+_TAKEN, _GIVEN_BACK, _WORTH_IT = 1.1, 0.5, 2e-3
 
 
 def surviving_plan(plans: TightenedPlans, shortest: TriedPlan, follow: Following) -> TriedPlan:
@@ -36,19 +36,25 @@ def surviving_plan(plans: TightenedPlans, shortest: TriedPlan, follow: Following
     Raises:
         TimeLimitReached: Before it was found; likewise KeyboardInterrupt.
     """
-    rungs = _tried_shares(plans, shortest, "effort", _EFFORTS)
-    if _is_bound_by_velocity(rungs[0].result):
-        rungs = sorted(
-            rungs + _tried_shares(plans, rungs[0], "velocity", _VELOCITIES)[1:], key=_rank
-        )
-    best: TriedPlan | None = None
-    for rung in rungs[:_SETTLED]:
-        if best is not None and best.survives and best.duration <= rung.expected:
+    rung = _best_share(plans, shortest, "effort", _EFFORTS)
+    if _is_bound_by_velocity(rung.result):
+        rung = _best_share(plans, rung, "velocity", _VELOCITIES)
+    best = _settled(plans, rung)
+    for effort in [share for share in _EFFORTS if share < rung.kept_back.effort][:_MORE]:
+        kept_back = replace(rung.kept_back, effort=effort)
+        result = plans.planned(kept_back, rung.result.motion)
+        if result is None or _is_surely_longer(result, best):
             break
-        settled = _settled(plans, rung)
-        best = settled if best is None else _better(best, settled)
-    assert best is not None
+        lower = plans.simulated(kept_back, result, WORKING)
+        if _promises_more(lower, best):
+            best = _better(best, _settled(plans, lower))
     return _written(plans, best, follow)
+
+
+def _promises_more(tried: TriedPlan, best: TriedPlan) -> bool:
+    if best.survives:
+        return tried.lacking <= 0 and best.duration - tried.expected > _WORTH_IT * best.duration
+    return True
 
 
 def _is_bound_by_velocity(result: PlanResult) -> bool:
@@ -57,10 +63,10 @@ def _is_bound_by_velocity(result: PlanResult) -> bool:
     )
 
 
-def _tried_shares(
+def _best_share(
     plans: TightenedPlans, start: TriedPlan, part: str, shares: Sequence[float]
-) -> list[TriedPlan]:
-    """Return plans with shares of some limits, the one that is expected to be shortest first.
+) -> TriedPlan:
+    """Return the plan with the best share of some limits, by what it is expected to take.
 
     Every second share is tried, until one is no better; then those beside the best.
     """
@@ -72,7 +78,7 @@ def _tried_shares(
         result = plans.planned(kept_back, found[best].result.motion)
         if result is None or _is_surely_longer(result, found[best]):
             return False
-        found[k] = plans.simulated(kept_back, result, _FEWER)
+        found[k] = plans.simulated(kept_back, result, FEWER)
         return _rank(found[k]) < _rank(found[best])
 
     best = 0
@@ -83,8 +89,8 @@ def _tried_shares(
             break
     for k in (best - 1, best + 1):
         if 0 < k < len(shares) and is_better(k, best):
-            break
-    return sorted(found.values(), key=_rank)
+            return found[k]
+    return found[best]
 
 
 def _rank(tried: TriedPlan) -> tuple[float, float]:
@@ -94,7 +100,9 @@ def _rank(tried: TriedPlan) -> tuple[float, float]:
 
 def _is_surely_longer(result: PlanResult, known: TriedPlan) -> bool:
     """Return whether a plan takes longer than a known one is expected to, whatever it lacks."""
-    return known.lacking <= 0 and (result.duration or np.inf) >= known.expected
+    if not known.survives and known.lacking > 0:
+        return False
+    return (result.duration or np.inf) >= known.expected
 
 
 def _settled(plans: TightenedPlans, rung: TriedPlan) -> TriedPlan:
@@ -104,10 +112,10 @@ def _settled(plans: TightenedPlans, rung: TriedPlan) -> TriedPlan:
         tried = plans.tried(_next(now), now.result.motion, WORKING)
         if tried is None:
             break
-        is_second = best.survives
-        now, best = tried, _better(best, tried)
-        to_gain = now.duration - now.expected
-        if is_second or (now.survives and to_gain < _WORTH_IT * now.duration):
+        had_one, now = best.survives, tried
+        best = _better(best, now)
+        gain = now.duration - now.expected
+        if had_one or (now.survives and gain < _WORTH_IT * now.duration):
             break
     return best
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.planning.kept_back import WORKING, surviving_plan
+from tubeplanner.planning.kept_back import FEWER, WORKING, surviving_plan
 from tubeplanner.planning.plan_result import PlanResult, certified_result
 from tubeplanner.planning.tightened_plans import Following, Planning, TightenedPlans, TriedPlan
 from tubeplanner.problem.problem import PlanningProblem
@@ -107,7 +107,7 @@ class _Search:
         if not self.best.survives:
             start = self.best
             if self._default.trajectory is not self._shortest.trajectory:
-                start = self._plans.simulated(nothing, self._shortest, WORKING)
+                start = self._plans.simulated(nothing, self._shortest, FEWER)
             self.best = surviving_plan(self._plans, start, self._follow)
         self._verdict = self._judged(_FRESH)
         self._costs = self._split_costs(self._added)

@@ -60,6 +60,12 @@ class Blame:
             alone = f"{1000 * self.without_any:.3g} m{self.unit}"
             return f"{many}, and {alone} without any error: the controller cannot follow"
         most = self.errors[0]
+        if self.short <= 0:
+            freed = 1000 * (self.short - most.short)
+            return (
+                f"{most.error} of {most.size:g} is to blame most: without it, {freed:.2g} "
+                f"m{self.unit} more of the {self.kind} would be free"
+            )
         without = f"{1000 * most.short:.3g} m{self.unit}"
         return f"{many}; {most.error} of {most.size:g} is to blame most: {without} without it"
 
