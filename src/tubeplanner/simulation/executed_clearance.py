@@ -47,6 +47,8 @@ def obstacle_distances(problem: PlanningProblem, q: FloatArray, base: FloatArray
     lowest = pairs[bound.argmin(axis=1)]
     least: FloatArray = checker.closest_points(rotation, position, lowest).distance
     row, column = np.nonzero(bound < least[:, None])
+    nearer = checker.box_distances(rotation, position, row, pairs[column]) < least[row]
+    row, column = row[nearer], column[nearer]
     others = checker.closest_points(rotation[row], position[row], pairs[column])
     np.minimum.at(least, row, others.distance)
     return least

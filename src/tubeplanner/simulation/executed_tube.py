@@ -52,7 +52,7 @@ class TubeMargins:
 
     Attributes:
         tube: Of the tool, in the regions about the segments that are current, shape (K,) [m].
-        rotation: Of its turning, likewise [rad], 1e3 where it is free; None where it always is.
+        rotation: Of its turning, likewise [rad], inf where it is free; None where it always is.
     """
 
     tube: FloatArray
@@ -128,7 +128,7 @@ def tube_margins(
     def least(margin: FloatArray) -> FloatArray:
         found = np.full(len(time), _FREE)
         np.minimum.at(found, sample, margin.min(axis=1))
-        return found
+        return np.where(found < _FREE, found, np.inf)
 
     return TubeMargins(least(asked.tube), None if asked.rotation is None else least(asked.rotation))
 
