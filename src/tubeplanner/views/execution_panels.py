@@ -57,7 +57,7 @@ def draw_band(axis: "Axes", band: Band, label: str, least: float = -np.inf) -> N
         look |= {"where": high >= bound, "color": EXECUTED_COLOR}
         axis.fill_between(band.time, *above, **look, label=name)
         if np.nanmin(low) < bound:
-            look |= {"where": low < bound, "color": WARNING_COLOR}
+            look |= {"where": low < bound, "color": WARNING_COLOR, "alpha": alpha + 0.2}
             axis.fill_between(band.time, *below, **look)
     axis.plot(band.time, _MILLI * band.plan, **_PLAN, label="plan")
     axis.set_ylabel(label)
