@@ -29,7 +29,7 @@ _TINT = 0.3  # of a segment's colour; the rest is white
 _ROOM = 0.04  # about what is shown, of its largest extent
 _ASTRAY = 0.3  # beyond the tube, of its extent: what goes farther is not shown
 # Half the height of the close-up, in excursions; at least, in radii; at most, of what is shown.
-_CLOSE, _LEAST_CLOSE, _MOST_CLOSE = 2.0, 0.4, 0.2
+_CLOSE, _LEAST_CLOSE, _MOST_CLOSE = 2.0, 0.4, 0.25
 _LEAST_HEIGHT, _CLOSE_HEIGHT = 0.15, 0.6  # of a row, of its width
 _SIDES = 96  # of a round silhouette
 _NAMES, _UP = "xyz", 2
@@ -120,7 +120,9 @@ def _draw_close(axis: "Axes", whole: "Axes", tube: Tube, tools: ToolRuns, plane:
     tool, margin = tools.runs[tools.worst], float(tools.tube.runs[tools.worst])
     middle = (tool + _nearest_planned(tools)) / 2
     half = max(_CLOSE * abs(margin), _LEAST_CLOSE * float(tube.effective_radius.min()))
-    half = min(half, _MOST_CLOSE * float(np.ptp(whole.get_xlim())))
+    half = min(
+        half, _MOST_CLOSE * float(np.ptp([whole.get_xlim(), whole.get_ylim()], axis=1).max())
+    )
     sides = np.full(3, half)
     sides[plane[0]] /= _CLOSE_HEIGHT
     low, high = middle - sides, middle + sides

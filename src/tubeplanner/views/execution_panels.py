@@ -34,9 +34,11 @@ def draw_margin(axis: "Axes", band: Band, label: str, least: float = 0.0) -> Non
     draw_band(axis, band, label, least)
     bound = _MILLI * least
     axis.axhline(bound, **{**LIMIT, "linewidth": 1.4}, label="limit")
-    values = _MILLI * np.append(band.runs, band.plan)
-    low, top = float(np.nanmin(values)) - bound, float(np.nanmax(values)) - bound
-    room = max(min(top, max(-3 * low, 2 * low, 0.15 * top)), 0.1 * abs(low), _LEAST_ROOM)
+    values = _MILLI * np.vstack([band.runs, band.plan]) - bound
+    low, top = float(np.nanmin(values)), float(np.nanmax(values))
+    nearest = float(np.nanmin(values[-1]))  # of the plan, which is always seen there
+    room = min(top, max(-3 * low, 2 * nearest, 0.25 * top))
+    room = max(room, 0.1 * abs(low), _LEAST_ROOM)
     axis.set_ylim(bound + min(1.25 * low, -0.12 * room), bound + 1.1 * room)
 
 

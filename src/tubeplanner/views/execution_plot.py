@@ -66,9 +66,8 @@ def plot_execution(
     curves = trajectory_curves(problem, trajectory)
     for axis, draw in zip(axes, draws, strict=True):
         draw(axis)
-        mark_segments(axis, curves, labels=axis is axes[0])
+        mark_segments(axis, curves, labels=axis is axes[0], until=float(execution.time[-1]))
         axis.set_xlabel("time [s]" if axis is axes[-1] else "")
-    axes[-1].set_xlim(0.0, execution.time[-1])
     _mark_worst(axes[0], tools, trajectory.duration)
     handles, labels = axes[0].get_legend_handles_labels()
     right.legend(handles, labels, fontsize=8, ncols=4, loc="outside upper center", frameon=False)
