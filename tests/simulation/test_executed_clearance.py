@@ -4,7 +4,7 @@ import pytest
 from cases import anywhere, one_joint
 from stored_trajectories import REFINEMENT, stored_trajectory
 from tubeplanner import load_problem
-from tubeplanner.simulation.executed_clearance import least_clearances
+from tubeplanner.simulation.executed_clearance import least_clearances, obstacle_distances
 
 NO_SHIFT = np.zeros(3)
 
@@ -47,3 +47,10 @@ def test_they_are_the_least_of_all_distances(wall, shift):
 def test_an_arm_without_shapes_has_none(tmp_path):
     problem = anywhere(one_joint(tmp_path))
     assert least_clearances(problem, np.zeros(1), np.zeros((1, 1)), NO_SHIFT) == (None, None)
+
+
+@pytest.mark.parametrize("shift", [NO_SHIFT, np.array([0.02, -0.01, -0.02])])
+def test_over_time_they_are_the_least_of_all_pairs(wall, shift):
+    problem, _, q = wall
+    expected = measured(problem, q, problem.collision.obstacle_pairs, shift).min(axis=1)
+    assert obstacle_distances(problem, q, shift) == pytest.approx(expected, abs=1e-9)

@@ -1,10 +1,13 @@
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
 from cases import PROBLEMS
 from stored_trajectories import REFINEMENT, stored_trajectory
 from tubeplanner import PlanningProblem, Seed, Tube, load_problem, load_robot, verify
-from tubeplanner.simulation.executed_tube import tube_excursions
+from tubeplanner.constraints.tube_membership import current_segments
+from tubeplanner.simulation.executed_tube import tube_excursions, tube_margins
 
 CORNER = [[0.1, 0.0, 0.0], [0.4, 0.0, 0.0], [0.4, 0.3, 0.0]]
 BACK = [[0.4, -0.2, 0.0], [0.4, 0.2, 0.0], [0.4, -0.2, 0.0]]
@@ -86,3 +89,65 @@ def test_a_hand_over_waits_for_the_signs_that_the_next_segment_asks():
         q[:, 1] = np.where(np.arange(5) < late, -1.0, 1.0)
         found[late] = tube_excursions(problem, np.arange(5.0), q, turned, tool).tube.value
     assert found[2] <= 0 < found[3]
+
+
+def margins_of(problem, tool, time=None):
+    count = len(tool)
+    joints, turned = np.zeros((count, 2)), np.tile(np.eye(3), (count, 1, 1))
+    time = np.arange(count) / 10 if time is None else time
+    return tube_margins(problem, time, joints, turned, np.array(tool))
+
+
+def test_the_margin_over_time_is_that_of_the_segment_the_tool_is_in():
+    tool = [[0.1, 0, 0.02], [0.2, 0, 0.08], [0.36, 0, 0], [0.4, 0.03, 0], [0.4, 0.2, 0.01]]
+    found = margins_of(two_link(CORNER), tool)
+    # Half way from the third to the fourth both axes are 0.02 and 0.015 m away.
+    assert found.tube == pytest.approx([0.03, -0.03, 0.05, 0.05, 0.04], abs=0.02)
+    assert found.tube[[0, 1, 4]] == pytest.approx([0.03, -0.03, 0.04])
+    assert found.rotation is None
+
+
+def test_what_is_cut_off_between_samples_counts_with_the_later():
+    """Where the segments hand over, neither sample is; it lies 0.01 m outside both."""
+    tool = [[0.1, 0, 0], [0.28, 0, 0], [0.4, 0.12, 0], [0.4, 0.3, 0]]
+    found = margins_of(two_link(CORNER), tool)
+    assert found.tube == pytest.approx([0.05, 0.05, -0.01, 0.05])
+
+
+@pytest.mark.parametrize("name", ["ur5/over_the_wall", "ur5/level_tray"])
+def test_the_margin_over_time_of_a_plan_is_the_tubes(name):
+    """Far from hand-overs, whose instants are the judge's, one segment alone counts."""
+    problem = load_problem(f"example:{name}")
+    motion = stored_trajectory(name, REFINEMENT).trajectory.reordered(problem.robot.joint_names)
+    time = np.linspace(0.0, motion.duration, 1500)
+    q = motion.position(time)
+    rotation, tool = problem.robot.tool_pose(q)
+    found = tube_margins(problem, time, q, rotation, tool)
+    whole = tube_excursions(problem, time, q, rotation, tool)
+    assert found.tube.min() == -whole.tube.value
+    begins = [0.0, *_switching_times(problem, motion), motion.duration]
+    for k, (begin, end) in enumerate(pairwise(begins)):
+        inner = (time > begin + 2e-3) & (time < end - 2e-3)
+        assert found.tube[inner] == pytest.approx(problem.tube.margin(tool[inner])[:, k])
+        if problem.tube.rotation is not None:
+            asked = problem.tube.rotation.margin(rotation[inner], tool[inner], k)
+            assert found.rotation[inner] == pytest.approx(asked)
+    if found.rotation is not None:
+        assert found.rotation.min() == -whole.rotation.value
+
+
+def _switching_times(problem, motion):
+    samples = motion.per_piece(200)
+    segment = current_segments(problem, motion, samples)
+    return samples.time[1:][np.diff(segment) > 0]
+
+
+def test_where_the_rotation_is_free_its_margin_has_no_end():
+    turns = [[0, 0, 0, 1]] * 3
+    problem = two_link(
+        CORNER, orientations=turns, rotation_tolerance=[0.1, [np.inf, np.inf, np.inf]]
+    )
+    tool = [[0.1, 0, 0], [0.2, 0, 0], [0.4, 0, 0], [0.4, 0.1, 0], [0.4, 0.3, 0]]
+    found = margins_of(problem, tool)
+    assert found.rotation[:2] == pytest.approx([0.1, 0.1])
+    assert (found.rotation[-2:] == np.inf).all()

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -92,3 +94,13 @@ def test_a_run_is_the_same_however_many_there_are(robot):
 def test_draws_out_of_bounds_are_refused(given, name):
     with pytest.raises(OptionError, match=f"{name} is "):
         Draw(**given)
+
+
+def test_the_tool_is_shifted_in_its_own_frame_and_with_the_base(robot):
+    (exact,) = drawn_plants(robot, Robustness.exact(), Draw(1))
+    q = np.linspace(-1, 1, 3 * robot.joint_count).reshape(3, -1)
+    rotation, position = robot.tool_pose(q)
+    along, base = np.array([0.0, 0.0, 0.1]), np.array([0.2, 0.0, -0.3])
+    turned, tool = replace(exact, tool=along, base=base).tool_pose(robot, q)
+    np.testing.assert_array_equal(turned, rotation)
+    np.testing.assert_allclose(tool, position + base + 0.1 * rotation[:, :, 2], atol=1e-12)

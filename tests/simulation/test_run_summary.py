@@ -69,4 +69,4 @@ def test_the_share_of_all_arms_is_that_of_scipy(failed, runs):
 
 def test_none_of_200_means_at_most_1_8_percent():
     verdict = run_verdict([run(-0.1, 0.0)] * 200)
-    assert str(verdict) == "0 of 200 runs failed (at most 1.8 % of all, with 95 % confidence)"
+    assert str(verdict) == "0 of 200 runs failed (at most 1.83 % of all, with 95 % confidence)"

@@ -62,7 +62,7 @@ class RunVerdict:
         between = f"between {100 * least:.3g} and" if self.failed else "at most"
         return (
             f"{self.failed} of {self.runs} runs failed{': ' * bool(said)}{said} ({between} "
-            f"{100 * most:.2g} % of all, with {100 * CONFIDENCE:g} % confidence)"
+            f"{100 * most:.3g} % of all, with {100 * CONFIDENCE:g} % confidence)"
         )
 
 
