@@ -2139,7 +2139,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("axes.ravel()", "axes.T.ravel()"),
         ("= moments", "= moments[::-1]"),
     ],
-    "_require_no_followers": [("robot.body_joints[1:]", "robot.body_joints[:1]")],
+    "require_no_followers": [("robot.body_joints[1:]", "robot.body_joints[:1]")],
     "_kinematic_model": [
         ("bodies[chain.parents[body]]", "bodies[-1]"),
         ("_quaternion(chain.rotation[body])", "_quaternion(chain.rotation[body].T)"),
