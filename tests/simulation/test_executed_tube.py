@@ -2,6 +2,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from cases import PROBLEMS
 from stored_trajectories import REFINEMENT, stored_trajectory
@@ -18,10 +19,10 @@ def two_link(points, radius=0.05, **tube):
     return PlanningProblem(robot, Tube(points, radius, **tube), Seed(np.array([0.0, -1.0])))
 
 
-def excursions(problem, tool, q=(0.0, -1.0)):
+def excursions(problem, tool, q=(0.0, -1.0), angles=0.0):
     count = len(tool)
     joints = np.broadcast_to(np.array(q, dtype=float), (count, 2))
-    turned = np.tile(np.eye(3), (count, 1, 1))
+    turned = Rotation.from_rotvec(np.outer(np.full(count, angles), [0, 0, 1])).as_matrix()
     return tube_excursions(problem, np.arange(count) / 10, joints, turned, np.array(tool))
 
 
@@ -51,6 +52,35 @@ def test_the_farthest_out_counts_and_when_and_where():
     assert (found.place.time, found.place.segment) == (pytest.approx(0.3), 1)
 
 
+def test_every_segment_has_its_own_worst_while_it_is_current():
+    tool = [[0.1, 0, 0], [0.2, 0, 0.08], [0.4, 0, 0], [0.4, 0.2, 0.06], [0.4, 0.3, 0]]
+    found = excursions(two_link(CORNER), tool)
+    np.testing.assert_allclose(found.tube_by_segment, [0.03, 0.01], atol=1e-12)
+    assert found.rotation is None
+    assert found.rotation_by_segment.tolist() == [-1e3, -1e3]
+    bounded = two_link(CORNER, orientations=[[0, 0, 0, 1]] * 3, rotation_tolerance=[0.1, 0.2])
+    turned = excursions(bounded, tool, angles=[0.0, -0.13, 0.02, 0.15, 0.1])
+    assert turned.rotation.value == pytest.approx(0.03)
+    assert (turned.rotation.place.time, turned.rotation.place.segment) == (0.1, 0)
+    np.testing.assert_allclose(turned.rotation_by_segment, [0.03, -0.05], atol=1e-9)
+
+
+def test_a_motion_that_ends_before_the_last_segment_is_outside_of_it():
+    assert excursions(two_link(CORNER), [[0.1, 0, 0], [0.3, 0, 0]]).tube.value == pytest.approx(
+        0.05
+    )
+
+
+def test_segments_and_points_have_the_numbers_of_the_problem():
+    """The first two segments are joined to one."""
+    divided = two_link([CORNER[0], [0.25, 0.0, 0.0], *CORNER[1:]])
+    tool = [[0.1, 0, 0], [0.4, 0, 0], [0.4, 0.2, 0.06], [0.4, 0.3, 0]]
+    assert excursions(divided, tool).tube.place.segment == 2
+    back = two_link([BACK[0], [0.4, 0.0, 0.0], *BACK[1:]])
+    found = excursions(back, [[0.4, y, 0] for y in (-0.2, 0.13, -0.2)])
+    assert found.points.place.point == 2
+
+
 def test_a_hand_over_may_lie_between_samples():
     """No sample is in both segments; the straight line between two of them passes through."""
     tool = [[0.1, 0, 0], [0.34, 0, 0], [0.4, 0.06, 0], [0.4, 0.3, 0]]
@@ -77,6 +107,39 @@ def test_turning_back_too_early_misses_the_point():
     assert missed.tube.value <= 0 < missed.points.value
     assert missed.points.value == pytest.approx(0.02)
     assert (missed.points.place.point, missed.points.place.time) == (1, 0.2)
+
+
+@pytest.mark.parametrize("radius", [[0.08, 0.05], [0.05, 0.08]])
+def test_points_are_passed_within_the_smaller_radius_beside_them(radius):
+    tool = [[0.4, y, 0] for y in (-0.2, 0.0, 0.13, 0.0, -0.2)]
+    assert excursions(two_link(BACK, radius), tool).points.value == pytest.approx(0.02)
+
+
+def test_every_point_has_its_own_radius_and_the_farthest_passed_counts():
+    line = [[x, 0.0, 0.0] for x in (0.1, 0.2, 0.3, 0.4)]
+    problem = two_link(line, [0.05, 0.04, 0.03], pass_through_points="all")
+    found = excursions(problem, [[x, 0.035, 0] for x in (0.1, 0.2, 0.3, 0.4)]).points
+    assert found.value == pytest.approx(0.005)
+    assert found.place.point == 2
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+def test_a_point_counts_while_a_segment_beside_it_is_current(backwards):
+    """It is passed once more, at the far end of the tube."""
+    way = slice(None, None, -1 if backwards else 1)
+    corners = [*BACK, [0.1, -0.2, 0.0], [0.4, 0.2, 0.0]]
+    tool = [BACK[0], [0.4, 0.13, 0.0], *corners[2:]]
+    found = excursions(two_link(corners[way]), tool[way])
+    assert found.tube.value == pytest.approx(-0.05)
+    assert found.points.value == pytest.approx(0.02)
+    assert found.points.place.point == (3 if backwards else 1)
+
+
+def test_where_any_segment_may_be_current_a_point_is_passed_at_any_time():
+    points = [[0.4, -0.2, 0.0], [0.4, 0.2, 0.0], [0.4, -0.2, 0.0], [0.42, 0.3, 0.0]]
+    tool = [[0.4, -0.2, 0], [0.4, 0.13, 0], [0.4, -0.2, 0], [0.416, 0.2, 0], [0.42, 0.3, 0]]
+    found = excursions(two_link(points, visit="any"), tool).points
+    assert found.value == pytest.approx(0.016 - 0.05)
 
 
 def test_a_hand_over_waits_for_the_signs_that_the_next_segment_asks():

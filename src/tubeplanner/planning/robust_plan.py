@@ -144,10 +144,12 @@ class _Search:
         return {part: float(scale * step) for part, step in zip(parts, steps, strict=True)}
 
     def _blamed(self) -> Blame:
-        assert self.best is not None and self.best.result.trajectory is not None
+        """Return what errors do to the best plan, or if that survives, to the default one."""
+        assert self.best is not None
+        plan = self._default if self.best.survives else self.best.result
+        assert plan.trajectory is not None
         self._clock.enter("which error is to blame")
-        trajectory, errors = self.best.result.trajectory, self._errors
-        return blamed_errors(self._problem, trajectory, errors, self._clock.check)
+        return blamed_errors(self._problem, plan.trajectory, self._errors, self._clock.check)
 
     def answer(self) -> PlanResult:
         """Return the best plan, certified for the problem itself."""

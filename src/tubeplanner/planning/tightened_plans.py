@@ -24,8 +24,8 @@ Planning: TypeAlias = Callable[[PlanningProblem, RefinedMotion | None], PlanResu
 # What makes of the shortest motion the one that is written.
 Following: TypeAlias = Callable[[PlanningProblem, PlanResult], PlanResult]
 
-# Among few runs are none of the worst of many. With errors enlarged by so much there are: of 32 such
-# runs as many left the tube as of 400 and more with the errors as they are.
+# Among few runs are none of the worst of many. With errors enlarged by so much there are: of 32
+# such runs as many left the tube as of 400 and more with the errors as they are.
 _ENLARGED = 1.4
 _KEPT = ("radius", "rotation", "clearance", "position")
 

@@ -73,32 +73,23 @@ def _least(
         return None
     checker = problem.collision
     bound = checker.sphere_distances(rotation, position, pairs)
-    least, place = np.inf, (0, 0)
-    rows, columns = np.nonzero(bound <= _upper_bound(problem, rotation, position, pairs, bound))
+    # Measured before anything is left out: a bound that is exact may be above it by rounding.
+    lowest = bound.argmin(axis=0)
+    found = checker.closest_points(rotation[lowest], position[lowest], pairs).distance
+    least, column = float(found.min()), int(found.argmin())
+    place = int(lowest[column]), column
+    rows, columns = np.nonzero(bound < least)
     closer = checker.box_distances(rotation, position, rows, pairs[columns])
     order = np.argsort(closer, kind="stable")
     for chosen in np.split(order, range(_AT_ONCE, len(order), _AT_ONCE)):
         chosen = chosen[closer[chosen] < least]
         if len(chosen) == 0:
             break
-        row, column = rows[chosen], columns[chosen]
-        found = checker.closest_points(rotation[row], position[row], pairs[column]).distance
+        row, pair = rows[chosen], columns[chosen]
+        found = checker.closest_points(rotation[row], position[row], pairs[pair]).distance
         if found.min() < least:
             least, best = float(found.min()), int(found.argmin())
-            place = int(row[best]), int(column[best])
+            place = int(row[best]), int(pair[best])
     links, obstacle = checker.owners(pairs[place[1]])
     where = Place(time=float(time[place[0]]), links=links, obstacle=obstacle)
     return Extreme(least, where)
-
-
-def _upper_bound(
-    problem: PlanningProblem,
-    rotation: FloatArray,
-    position: FloatArray,
-    pairs: IntArray,
-    bound: FloatArray,
-) -> float:
-    """Return a distance that some pair has: the least of every pair where its bound is lowest."""
-    lowest = bound.argmin(axis=0)
-    found = problem.collision.closest_points(rotation[lowest], position[lowest], pairs)
-    return float(found.distance.min())
