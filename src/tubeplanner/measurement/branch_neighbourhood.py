@@ -180,7 +180,7 @@ class BranchNeighbourhood:
         radii = [each.allowed.radius + tube.tool_radius + beyond_radius for each in found]
         other = replace(tube, radius=np.array(radii), joint_signs=tuple(ranges))
         problem = self._problem.with_tube(other)
-        return plan(problem, PlanOptions(quality="fast", slack=0.0))
+        return plan(problem, PlanOptions(quality="fast", slack=0.0, robust=False))
 
     def without_counterexamples(self, k: int, found: SegmentSearch) -> SegmentSearch:
         """Return the largest set within one that a thorough counterexample search leaves.

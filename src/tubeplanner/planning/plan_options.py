@@ -59,6 +59,7 @@ class PlanOptions:
         time_limit: Wall time after which planning ends with the best it has [s]; None: never.
         slack: By which share longer than the shortest motion refinement's answer may be, to be
             smooth or thrifty; 0: the shortest. None: what the problem's objective says.
+        robust: Whether the problem's field robustness counts.
     """
 
     method: str = METHODS[0]
@@ -68,6 +69,7 @@ class PlanOptions:
     suh_bishop: SuhBishopOptions = field(default_factory=SuhBishopOptions)
     time_limit: float | None = None
     slack: float | None = None
+    robust: bool = True
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:

@@ -48,7 +48,9 @@ class Planner:
 
         Raises:
             ProblemError: The problem is none.
-            OptionError: A slack is asked for that the method does not honour.
+            OptionError: A slack or robustness is asked for that the method does not honour, or
+                robustness without MuJoCo.
+            RobotError: Robustness is asked for, and joints of the robot follow others.
         """
         PlanningProblem.require(problem)
         self._problem, self._options = problem, options or PlanOptions()
@@ -106,11 +108,11 @@ class Planner:
         if result.stopped_by is None:  # else it may have ended on coarse knots
             self._last = result.motion or self._last
         follow = partial(followed_plan, slack=options.slack, clock=clock)
-        if problem.robustness is None:
-            result = follow(problem, result)
-        else:
+        if options.robust and problem.robustness is not None:
             again = partial(_planned_from, options, clock)
             result = robust_plan(problem.joined, result, again, follow, clock)
+        else:
+            result = follow(problem, result)
         notes = (*problem.robot.limits.notes, *problem.tube.notes, *result.notes)
         return replace(result, planning_time=clock.elapsed, notes=notes)
 
@@ -126,11 +128,17 @@ def _planned_from(
 
 def _require_honoured(problem: PlanningProblem, options: PlanOptions) -> None:
     """Raise OptionError if a method makes nothing of time, or nothing simulates what is asked."""
-    if problem.robustness is not None:
+    is_robust = options.robust and problem.robustness is not None
+    if is_robust:
         require_mujoco("the field robustness")
         require_no_followers(problem.robot)
     if options.method == REFINEMENT:
         return
+    if is_robust:
+        raise OptionError(
+            f"the problem has a field robustness, which method '{options.method}' does not honour; "
+            f"leave it out (--set robustness=null), or give method '{REFINEMENT}'"
+        )
     slack, duration = options.slack, None
     if slack is None and problem.objective is not None:
         slack, duration = problem.objective.slack, problem.objective.duration
@@ -160,7 +168,9 @@ def plan(
 
     Raises:
         ProblemError: The problem is none.
-        OptionError: A slack is asked for that the method does not honour.
+        OptionError: A slack or robustness is asked for that the method does not honour, or
+            robustness without MuJoCo.
+        RobotError: Robustness is asked for, and joints of the robot follow others.
         KeyboardInterrupt: Ctrl-C before anything was certified.
     """
     return Planner(problem, options).plan(progress)

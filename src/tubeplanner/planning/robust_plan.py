@@ -18,6 +18,8 @@ from tubeplanner.planning.tightened_plans import Following, Planning, TightenedP
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.problem.tightening import PARTS, Tightening
 from tubeplanner.progress import PlanningClock, until_stopped
+from tubeplanner.refinement.sensitivities import Sensitivity
+from tubeplanner.robot.robot_notes import robot_notes
 from tubeplanner.simulation.blamed_errors import Blame, blamed_errors
 from tubeplanner.simulation.plant import Draw
 from tubeplanner.simulation.run_verdict import RunVerdict, run_verdict
@@ -54,6 +56,8 @@ def robust_plan(
         return _not_simulated(default)
     search = _Search(problem, shortest, default, again, follow, clock)
     _, stopped_by = until_stopped(search.run)
+    if stopped_by is not None:
+        search.keep_survivor()
     if search.best is None:
         return _not_simulated(replace(default, stopped_by=stopped_by))
     return replace(search.answer(), stopped_by=stopped_by)
@@ -114,6 +118,11 @@ class _Search:
         if not self.best.survives or self._added > _DEAR * self._first.duration:
             self._blame = self._blamed()
 
+    def keep_survivor(self) -> None:
+        """Take the shortest plan that survived so far, if the search was stopped."""
+        if self.best is not None and not self.best.survives:
+            self.best = self._plans.survivor or self.best
+
     @property
     def _added(self) -> float:
         """By how much the answer is longer than the default plan [s]."""
@@ -154,13 +163,13 @@ class _Search:
     def answer(self) -> PlanResult:
         """Return the best plan, certified for the problem itself."""
         assert self._first is not None and self.best is not None
-        best = self.best.result
+        best, robot = self.best.result, self._problem.robot
         assert best.trajectory is not None
         certified = certified_result(self._problem, best.trajectory, best.method, self._clock)
         survival = Survival(
             verdict=self._verdict,
             reached=self.best.survives,
-            kept_back=self.best.kept_back,
+            kept_back=self.best.kept_back.of_parts(self._problem.tube),
             duration_without=self._first.duration,
             verdict_without=self._first.verdict,
             costs=self._costs,
@@ -170,9 +179,28 @@ class _Search:
             certified,
             message=f"{certified.message}; {survival.seen}",
             search=best.search,
-            sensitivities=best.sensitivities,
+            sensitivities=_of_whole_limits(self._problem, self.best),
             motion=self._shortest.motion,
             shortest=self._shortest.trajectory,
-            notes=(*certified.notes, *best.notes, *survival.notes),
+            notes=(*dict.fromkeys((*robot_notes(robot), *best.notes)), *survival.notes),
             survival=survival,
         )
+
+
+def _of_whole_limits(problem: PlanningProblem, tried: TriedPlan) -> tuple[Sensitivity, ...]:
+    """Return what the problem's limits cost, from what those cost that a plan was left with.
+
+    Shares of limits leave relative changes as they are; of a radius that is smaller by a length,
+    they are larger.
+    """
+    tube, kept_back = problem.tube, tried.kept_back
+    ratio = {"radius": 1 - kept_back.radius / tube.radius}
+    if tube.rotation is not None:
+        ratio["rotation"] = 1 - kept_back.rotation / tube.rotation.bounds.min(axis=1)
+    found = []
+    for one in tried.result.sensitivities:
+        left = 1.0
+        if one.limit in ratio and one.segment is not None:
+            left = float(ratio[one.limit][tube.segment_index(one.segment)])
+        found.append(replace(one, elasticity=one.elasticity / left, saved=one.saved / left))
+    return tuple(sorted(found, key=lambda one: -one.saved))

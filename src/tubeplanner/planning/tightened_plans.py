@@ -83,6 +83,7 @@ class TightenedPlans:
         self._errors = problem.robustness.enlarged(_ENLARGED)
         self._problem, self._again, self._ends, self._clock = problem, again, ends, clock
         self._known: dict[str, PlanResult | None] = {}
+        self.survivor: TriedPlan | None = None  # the shortest so far
 
     def problem(self, kept_back: Tightening) -> PlanningProblem:
         """Return the problem with some of its limits kept back.
@@ -132,7 +133,7 @@ class TightenedPlans:
             float(np.sum(price * (getattr(wanted, part) - getattr(kept_back, part))))
             for part, price in prices.items()
         )
-        return TriedPlan(
+        tried = TriedPlan(
             kept_back,
             result,
             run_verdict(runs),
@@ -141,6 +142,9 @@ class TightenedPlans:
             _lacking(problem, asked, wanted) + max(found.self_collision, 0.0),
             (result.duration or 0.0) + more,
         )
+        if tried.survives and (not self.survivor or tried.duration < self.survivor.duration):
+            self.survivor = tried
+        return tried
 
     def tried(
         self, kept_back: Tightening, motion: RefinedMotion | None, draw: Draw

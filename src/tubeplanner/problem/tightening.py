@@ -10,6 +10,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.tube.narrowed_tube import narrowed_tube
+from tubeplanner.tube.tube import Tube
 
 # At most this share of a radius, of a rotation tolerance or of a joint's range is kept back.
 _MOST = 0.9
@@ -55,6 +56,13 @@ class Tightening:
         """Return whether anything is kept back of one of `PARTS`."""
         value = getattr(self, part)
         return bool(value != 1.0) if part in PARTS[:2] else bool(np.any(value))
+
+    def of_parts(self, tube: Tube) -> "Tightening":
+        """Return it for the segments that were joined to those of a tube."""
+        if tube.parts is None:
+            return self
+        joined = np.searchsorted(tube.numbers, tube.parts.numbers[:-1], side="right") - 1
+        return replace(self, radius=self.radius[joined], rotation=self.rotation[joined])
 
     def as_dict(self) -> dict[str, Any]:
         """Return the fields as JSON values."""

@@ -199,7 +199,7 @@ def _row(
 def _planned(
     problem: PlanningProblem, name: str, options: PlanOptions, report: Callable[[Progress], None]
 ) -> ComparisonRow:
-    result = plan(problem, replace(options, method=name), report)
+    result = plan(problem, replace(options, method=name, robust=False), report)
     if result.stopped_by == "interrupt":
         raise KeyboardInterrupt
     other = result.method if result.succeeded and result.method != name else None

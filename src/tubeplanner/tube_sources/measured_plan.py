@@ -139,7 +139,7 @@ def plan_under(
     """
     clock.check()
     limit = None if np.isinf(clock.remaining) else clock.remaining
-    options = PlanOptions(quality=quality, time_limit=limit, slack=0.0)
+    options = PlanOptions(quality=quality, time_limit=limit, slack=0.0, robust=False)
     return plan(problem, options, clock.announce)
 
 
