@@ -97,6 +97,7 @@ class _Search:
         self._first: TriedPlan | None = None
         self.best: TriedPlan | None = None
         self._verdict: RunVerdict | None = None
+        self._verdict_without: RunVerdict | None = None
         self._costs: dict[str, float] = {}
         self._blame: Blame | None = None
 
@@ -113,8 +114,10 @@ class _Search:
             if self._default.trajectory is not self._shortest.trajectory:
                 start = self._plans.simulated(nothing, self._shortest, FEWER)
             self.best = surviving_plan(self._plans, start, self._follow)
-        self._verdict = self._judged(_FRESH)
-        self._costs = self._split_costs(self._added)
+        self._verdict = self._judged(self.best.result)
+        if self.best is not self._first:
+            self._verdict_without = self._judged(self._default)
+            self._costs = self._split_costs(self._added)
         if not self.best.survives or self._added > _DEAR * self._first.duration:
             self._blame = self._blamed()
 
@@ -129,12 +132,13 @@ class _Search:
         assert self._first is not None and self.best is not None
         return self.best.duration - self._first.duration
 
-    def _judged(self, draw: Draw) -> RunVerdict:
-        assert self.best is not None and self.best.result.trajectory is not None
-        self._clock.enter(f"{draw.runs} simulated runs")
-        trajectory, errors = self.best.result.trajectory, self._errors
+    def _judged(self, plan: PlanResult) -> RunVerdict:
+        """Return what becomes of a plan with arms that nothing was chosen by."""
+        assert plan.trajectory is not None
+        self._clock.enter(f"{_FRESH.runs} fresh simulated runs")
         checkpoint = self._clock.check
-        return run_verdict(simulated_runs(self._problem, trajectory, errors, draw, checkpoint))
+        runs = simulated_runs(self._problem, plan.trajectory, self._errors, _FRESH, checkpoint)
+        return run_verdict(runs)
 
     def _split_costs(self, added: float) -> dict[str, float]:
         """Return what each part that is kept back costs [s], one after the other added."""
@@ -171,7 +175,7 @@ class _Search:
             reached=self.best.survives,
             kept_back=self.best.kept_back.of_parts(self._problem.tube),
             duration_without=self._first.duration,
-            verdict_without=self._first.verdict,
+            verdict_without=self._verdict_without,
             costs=self._costs,
             blame=self._blame,
         )

@@ -37,8 +37,8 @@ class TriedPlan:
     Attributes:
         kept_back: Of the problem's limits.
         result: The plan, certified.
-        verdict: Of the runs.
-        shortfall: What they lack.
+        verdict: Of the runs, with enlarged errors.
+        shortfall: What they lack, and runs like them are expected to.
         wanted: What would have to be kept back for them to lack nothing, as far as that is allowed.
         lacking: Of what they lack, the largest share of a tolerance for which there is no room.
         expected: The duration with what is wanted kept back, by first-order prices [s].
@@ -54,8 +54,8 @@ class TriedPlan:
 
     @property
     def survives(self) -> bool:
-        """Whether its runs lack nothing, nor are others expected to."""
-        return self.shortfall.is_none
+        """Whether none of its runs failed."""
+        return self.verdict.failed == 0
 
     @property
     def duration(self) -> float:

@@ -32,13 +32,6 @@ class Shortfall:
     position: FloatArray
     self_collision: float
 
-    @property
-    def is_none(self) -> bool:
-        """Whether nothing is short."""
-        single = (self.clearance, self.self_collision)
-        groups = (self.radius, self.rotation, self.position, np.array(single))
-        return all(bool((group <= 0).all()) for group in groups)
-
     def most(self, kind: str) -> float:
         """Return the most that is short of one kind, such as "radius" [m or rad]."""
         return float(np.max(getattr(self, kind)))

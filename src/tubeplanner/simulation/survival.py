@@ -19,10 +19,10 @@ class Survival:
 
     Attributes:
         verdict: Of runs that were used for nothing else; None if planning was stopped before.
-        reached: Whether the runs that it was planned with survive, with some to spare.
+        reached: Whether the runs that it was planned with survive, errors 1.4 times as large.
         kept_back: What the plan leaves of the limits.
         duration_without: Of the plan that would be written without robustness [s].
-        verdict_without: Of that plan, in the runs that were planned with.
+        verdict_without: Of that plan, of the same runs; None if it is the answer, or likewise.
         costs: What keeping back each part costs, by name [s]; they sum up to what all costs.
         blame: Which errors do the most; None where the plan survives at little cost.
     """
@@ -31,7 +31,7 @@ class Survival:
     reached: bool
     kept_back: Tightening
     duration_without: float
-    verdict_without: RunVerdict
+    verdict_without: RunVerdict | None
     costs: Mapping[str, float]
     blame: Blame | None = None
 
@@ -50,22 +50,20 @@ class Survival:
     @property
     def notes(self) -> tuple[str, ...]:
         """What surviving costs and by what, and what is to blame, in words."""
-        before = self.verdict_without
-        without = (
-            f"the plan without robustness takes {self.duration_without:.4f} s, and "
-            f"{before.failed} of {before.runs} of its runs failed"
-        )
         if not self.costs:
-            return (without, *self._blamed)
+            return self._blamed
         parts = "; ".join(
             f"{_kept(self.kept_back, part)} ({1000 * cost:.2g} ms)"
             for part, cost in self.costs.items()
         )
         share = 100 * self.added / self.duration_without
-        return (
-            f"surviving takes {1000 * self.added:.2g} ms more, {share:.2g} %: {parts}; {without}",
-            *self._blamed,
+        without = f"without robustness the plan takes {self.duration_without:.4f} s"
+        if self.verdict_without is not None:
+            without += f", and {self.verdict_without}"
+        costs = (
+            f"surviving takes {1000 * self.added:.2g} ms more, {share:.2g} %: {parts}; {without}"
         )
+        return (costs, *self._blamed)
 
     @property
     def _blamed(self) -> tuple[str, ...]:
@@ -79,7 +77,9 @@ class Survival:
         return {
             "reached": self.reached,
             "verdict": None if self.verdict is None else self.verdict.as_dict(),
-            "verdict_without": self.verdict_without.as_dict(),
+            "verdict_without": None
+            if self.verdict_without is None
+            else self.verdict_without.as_dict(),
             "duration_without": self.duration_without,
             "kept_back": self.kept_back.as_dict(),
             "costs": dict(self.costs),
