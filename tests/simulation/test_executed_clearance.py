@@ -44,6 +44,35 @@ def test_they_are_the_least_of_all_distances(wall, shift):
     assert links.place.obstacle is None
 
 
+@pytest.mark.parametrize("name", ["panda/between_shelves", "ur10/onto_a_conveyor"])
+@pytest.mark.parametrize("apart", [1.0, 0.02], ids=["anywhere", "close together"])
+def test_they_are_wherever_samples_are(name, apart):
+    problem, random = load_problem(f"example:{name}"), np.random.default_rng(5)
+    q = problem.start + apart * random.uniform(-1, 1, (150, problem.robot.joint_count))
+    found = least_clearances(problem, np.arange(150.0), q, NO_SHIFT)
+    checker = problem.collision
+    for extreme, pairs in zip(found, (checker.obstacle_pairs, checker.link_pairs), strict=True):
+        expected = measured(problem, q, pairs, NO_SHIFT)
+        assert extreme.value == pytest.approx(expected.min(), abs=1e-12)
+        assert extreme.place.time == np.unravel_index(expected.argmin(), expected.shape)[0]
+
+
+def test_one_measurement_answers_for_many_samples(wall, monkeypatch):
+    problem, time, _ = wall
+    motion = stored_trajectory("ur5/over_the_wall", REFINEMENT).trajectory
+    many = np.linspace(0, motion.duration, 1000)
+    q = motion.reordered(problem.robot.joint_names).position(many)
+    measure, measured = problem.collision.closest_points, []
+
+    def counted(rotation, position, pairs):
+        measured.extend(pairs)
+        return measure(rotation, position, pairs)
+
+    monkeypatch.setattr(problem.collision, "closest_points", counted)
+    least_clearances(problem, many, q, NO_SHIFT)
+    assert len(measured) < 100
+
+
 def test_an_arm_without_shapes_has_none(tmp_path):
     problem = anywhere(one_joint(tmp_path))
     assert least_clearances(problem, np.zeros(1), np.zeros((1, 1)), NO_SHIFT) == (None, None)
