@@ -43,60 +43,75 @@ def require_mujoco(what: str = "executing trajectories") -> None:
 
 
 class MujocoArm:
-    """An arm in some state, which moves under efforts; made by `mujoco_arms`."""
+    """An arm in some state, which moves under efforts; made by `mujoco_arms`.
+
+    Attributes:
+        model: MuJoCo's.
+        degrees: Which of MuJoCo's degrees of freedom the joints are, shape (n,).
+        bias: By how much friction forwards is more than the mean of both ways, shape (n,)
+            [N m or N].
+    """
 
     def __init__(self, model: Any, joints: Sequence[str], plant: Plant) -> None:
         """Take a model of the arm's kinematics, the joints in group order, and what it is."""
         import mujoco
 
-        self._mujoco, self._model = mujoco, copy.copy(model)
-        self._place = np.array([model.joint(name).dofadr[0] for name in joints])
+        self._mujoco, self.model = mujoco, copy.copy(model)
+        self.degrees = np.array([model.joint(name).dofadr[0] for name in joints])
         self._set_bodies(plant.bodies)
         backwards, forwards = plant.motors.backwards_friction, plant.motors.forwards_friction
-        self._model.dof_armature[self._place] = plant.motors.armature
-        self._model.dof_damping[self._place] = plant.motors.viscous_friction
-        self._model.dof_frictionloss[self._place] = (forwards + backwards) / 2
-        self._bias = (forwards - backwards) / 2
-        self._data = mujoco.MjData(self._model)
+        self.model.dof_armature[self.degrees] = plant.motors.armature
+        self.model.dof_damping[self.degrees] = plant.motors.viscous_friction
+        self.model.dof_frictionloss[self.degrees] = (forwards + backwards) / 2
+        self.bias = (forwards - backwards) / 2
+        self._data = mujoco.MjData(self.model)
         # Of the constraints of friction: inverse inertias, at joints at zero.
-        mujoco.mj_setConst(self._model, self._data)
+        mujoco.mj_setConst(self.model, self._data)
 
     @property
     def position(self) -> FloatArray:
         """Positions of the joints, shape (n,) [rad or m]."""
-        return np.array(self._data.qpos[self._place])
+        return np.array(self._data.qpos[self.degrees])
 
     @property
     def velocity(self) -> FloatArray:
         """Velocities of the joints, shape (n,) [rad/s or m/s]."""
-        return np.array(self._data.qvel[self._place])
+        return np.array(self._data.qvel[self.degrees])
+
+    @property
+    def state(self) -> FloatArray:
+        """Time, positions and velocities in MuJoCo's order, shape (1 + 2 n,)."""
+        kind = self._mujoco.mjtState.mjSTATE_FULLPHYSICS
+        state = np.empty(self._mujoco.mj_stateSize(self.model, kind))
+        self._mujoco.mj_getState(self.model, self._data, state, kind)
+        return state
 
     def place(self, q: FloatArray, v: FloatArray) -> None:
         """Put it into a state, (n,) each."""
-        self._mujoco.mj_resetData(self._model, self._data)
-        self._data.qpos[self._place], self._data.qvel[self._place] = q, v
+        self._mujoco.mj_resetData(self.model, self._data)
+        self._data.qpos[self.degrees], self._data.qvel[self.degrees] = q, v
 
     def acceleration(self, effort: FloatArray) -> FloatArray:
         """Return the accelerations (n,) that efforts of the motors (n,) give [rad/s^2 or m/s^2]."""
-        self._data.qfrc_applied[self._place] = effort - self._bias
-        self._mujoco.mj_forward(self._model, self._data)
-        return np.array(self._data.qacc[self._place])
+        self._data.qfrc_applied[self.degrees] = effort - self.bias
+        self._mujoco.mj_forward(self.model, self._data)
+        return np.array(self._data.qacc[self.degrees])
 
     def step(self, effort: FloatArray) -> None:
         """Move on by one integration step (Runge-Kutta, fourth order), efforts (n,) constant."""
-        self._data.qfrc_applied[self._place] = effort - self._bias
-        self._mujoco.mj_step(self._model, self._data)
+        self._data.qfrc_applied[self.degrees] = effort - self.bias
+        self._mujoco.mj_step(self.model, self._data)
 
     def _set_bodies(self, bodies: Sequence[BodyInertia]) -> None:
         for body, inertia in enumerate(bodies[1:], start=1):
             moments, axes = np.linalg.eigh(inertia.inertia)
             axes[:, 0] *= np.linalg.det(axes)  # a rotation, no reflection
             # By name: MuJoCo sorts bodies its own way.
-            index = self._model.body(_body_name(body)).id
-            self._model.body_mass[index] = inertia.mass
-            self._model.body_ipos[index] = inertia.com
-            self._model.body_inertia[index] = moments
-            self._mujoco.mju_mat2Quat(self._model.body_iquat[index], axes.ravel())
+            index = self.model.body(_body_name(body)).id
+            self.model.body_mass[index] = inertia.mass
+            self.model.body_ipos[index] = inertia.com
+            self.model.body_inertia[index] = moments
+            self._mujoco.mju_mat2Quat(self.model.body_iquat[index], axes.ravel())
 
 
 def mujoco_arms(robot: RobotModel, plants: Sequence[Plant], step: float) -> list[MujocoArm]:
