@@ -11,9 +11,8 @@ from tubeplanner.errors import OptionError
 from tubeplanner.options import in_figures, is_number
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.problem.robustness import COMPUTED_TORQUE
-from tubeplanner.simulation.arms_together import ArmsTogether
 from tubeplanner.simulation.drives import Drives
-from tubeplanner.simulation.mujoco_model import mujoco_arms
+from tubeplanner.simulation.mujoco_model import ArmsTogether, mujoco_arms
 from tubeplanner.simulation.planned_motion import planned_motion
 from tubeplanner.simulation.plant import Plant
 from tubeplanner.simulation.tracking_controllers import TrackingController, controller_maker

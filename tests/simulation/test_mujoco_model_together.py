@@ -7,8 +7,7 @@ import pytest
 from cases import SLIDE, one_joint, with_motors
 from tubeplanner import load_problem, load_robot
 from tubeplanner.problem.robustness import Robustness
-from tubeplanner.simulation.arms_together import ArmsTogether
-from tubeplanner.simulation.mujoco_model import mujoco_arms
+from tubeplanner.simulation.mujoco_model import ArmsTogether, mujoco_arms
 from tubeplanner.simulation.plant import Draw, drawn_plants
 
 STEP, STEPS, PERIODS = 2.5e-4, 4, 100
