@@ -3,10 +3,11 @@
     python benchmarks/mutants.py [--only SUBSTRING] [--list] [--processes N]
 
 Every mutant of `mutant_list.py` changes one fragment of one function of the judge, of its geometry,
-or of what the planner is constrained by. The package is copied, one mutant is applied, and the test
-files of its module are run until one test fails: killed. A mutant that lives although it is not
-listed as equivalent, only stricter or only slower is a line without a guard. Exit status 1 if there
-is one, if a listed one dies, if a fragment no longer matches, or if the tests fail as they are.
+of what the planner is constrained by, or of simulation. The package is copied, one mutant is
+applied, and the test files of its module are run until one test fails: killed. A mutant that lives
+although it is not listed as equivalent, only stricter or only slower is a line without a guard.
+Exit status 1 if there is one, if a listed one dies, if a fragment no longer matches, or if the
+tests fail as they are.
 """
 
 import argparse

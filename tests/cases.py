@@ -15,7 +15,10 @@ from tubeplanner import (
     Tube,
     load_robot,
 )
+from tubeplanner.problem.robustness import Robustness
 from tubeplanner.robot.joint_motors import JointMotors
+from tubeplanner.simulation.execution import AFTERWARDS, Execution
+from tubeplanner.simulation.plant import Draw, drawn_plants
 
 # Of tests that compare durations, or that plan and look at something else: quicker.
 SHORTEST = PlanOptions(slack=0.0)
@@ -102,9 +105,9 @@ def limited_tool(tube_speed=None, robot_speed=None, count=3):
     return PlanningProblem(robot, tube, Seed(np.array([0.0, -1.0])))
 
 
-def quintic(angle=ANGLE, duration=1.0):
+def quintic(angle=ANGLE, duration=1.0, joint="turn"):
     shape = np.array([6.0, -15.0, 10.0, 0.0, 0.0, 0.0]) * angle
-    return JointTrajectory(["turn"], [0, 1.0], shape[:, None, None]).scaled(duration)
+    return JointTrajectory([joint], [0, 1.0], shape[:, None, None]).scaled(duration)
 
 
 def changed(problem, **fields):
@@ -153,3 +156,16 @@ def falling_arm(tmp_path):
     robot = one_joint(tmp_path, mass=1.0, effort=limit)
     inertia = INERTIA + 0.5**2
     return robot, rest_to_rest(["turn"], 0.7, -2.2, np.sqrt(13.2 * inertia / limit))
+
+
+def followed(problem, motion, bases, period=0.004):
+    """Return an execution in which all joints follow the plan, by arms that stand elsewhere [m]."""
+    time = np.arange(0.0, motion.duration + AFTERWARDS, period)
+    ordered = motion.reordered(problem.robot.joint_names)
+    q = np.array([ordered.position(np.minimum(time, motion.duration))] * len(bases))
+    exact = drawn_plants(problem.robot, Robustness.exact(), Draw(len(bases)))
+    plants = [
+        replace(plant, base=np.array(base, dtype=float))
+        for plant, base in zip(exact, bases, strict=True)
+    ]
+    return Execution(plants, time, q, np.zeros_like(q), np.zeros_like(q), q > np.inf)

@@ -26,6 +26,9 @@ KNOWS = {
     "trimesh": {"collision.mesh_cover", "views.visual_mesh"},
     "matplotlib": {
         "views.comparison_plot",
+        "views.executed_planes",
+        "views.execution_panels",
+        "views.execution_plot",
         "views.field_plot",
         "views.figure_files",
         "views.motor_panels",

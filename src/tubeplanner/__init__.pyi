@@ -99,6 +99,7 @@ from .views.study_plots import plot_convergence as plot_convergence
 from .views.study_plots import plot_sweep as plot_sweep
 from .views.field_plot import plot_field_sweep as plot_field_sweep
 from .views.comparison_plot import plot_comparison as plot_comparison
+from .views.execution_plot import plot_execution as plot_execution
 from .views.viewer import view as view
 from .views.viewer import View as View  # returned
 

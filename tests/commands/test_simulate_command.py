@@ -5,6 +5,7 @@ import json
 import pytest
 
 from stored_trajectories import REFINEMENT, stored_path
+from tubeplanner import OutputError
 
 NAME = "two_link/around_a_post"
 CASE = (f"example:{NAME}", str(stored_path(NAME, REFINEMENT)))
@@ -49,3 +50,62 @@ def test_what_makes_no_sense_is_refused(run, words, message):
     status, _, error = run("simulate", *CASE, *words)
     assert status == 2
     assert message in error
+
+
+def test_figure_and_page_are_written_and_named(run, tmp_path):
+    figure, page = tmp_path / "runs.png", tmp_path / "runs.html"
+    words = ("simulate", *CASE, "--runs", "2", "--plot", figure, "--html", page)
+    status, text, _ = run(*words)
+    assert status == 0
+    assert text.endswith(f"plot: {figure}\nview: {page}\n")
+    assert figure.read_bytes().startswith(b"\x89PNG")
+    assert "Executed paths of the tool: 2 runs" in page.read_text()
+    report = json.loads(run(*words[:-2], "--json")[1])
+    assert (report["plot"], report["html"]) == (str(figure), None)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--plot", "runs.jpg"], "--plot runs.jpg: name a file that ends in .png"),
+        (["--html", "runs.png"], "--html runs.png: a page is written"),
+        (["--plot", "nowhere/runs.png"], "nowhere does not exist"),
+        (["--plot", "runs.png", "--html", "nowhere/runs.html"], "nowhere does not exist"),
+    ],
+)
+def test_files_that_could_not_be_written_are_refused_before_any_work(
+    run, tmp_path, monkeypatch, words, message
+):
+    monkeypatch.chdir(tmp_path)
+    missing = ("simulate", "example:no/such", "no.json")  # else that would be the message
+    status, _, error = run(*missing, *words)
+    assert status == 2
+    assert message in error
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_inputs_are_not_overwritten(run, tmp_path):
+    trajectory = tmp_path / "motion.png"
+    trajectory.write_bytes(stored_path(NAME, REFINEMENT).read_bytes())
+    before = trajectory.read_bytes()
+    status, _, error = run("simulate", f"example:{NAME}", trajectory, "--plot", trajectory)
+    assert status == 2
+    assert "is the same file as" in error
+    assert trajectory.read_bytes() == before
+
+
+def test_nothing_is_written_on_failure(run, tmp_path, monkeypatch):
+    """Of two files that are asked for, the one that could be made neither."""
+
+    def failing(*_, **__):
+        raise OutputError("no page today")
+
+    monkeypatch.setattr("tubeplanner.views.viewer.view", failing)
+    files = ("--plot", tmp_path / "runs.png", "--html", tmp_path / "runs.html")
+    status, text, error = run("simulate", *CASE, "--runs", "1", *files)
+    assert (status, text) == (2, "")
+    assert "no page today" in error
+    assert list(tmp_path.iterdir()) == []
+    other = stored_path("ur5/over_the_wall", REFINEMENT)
+    assert run("simulate", CASE[0], other, *files)[0] == 2
+    assert list(tmp_path.iterdir()) == []

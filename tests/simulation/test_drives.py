@@ -33,6 +33,20 @@ def test_without_errors_motors_give_what_is_asked(tmp_path):
 def test_a_delay_holds_what_was_held_before(tmp_path):
     motor = drives(one_joint(tmp_path), held=7.0, delay=3.1 * STEP)
     assert answers(motor, [1.0, 2.0, 3.0, 4.0, 5.0]).tolist() == [7.0, 7.0, 7.0, 1.0, 2.0]
+    nearer = drives(one_joint(tmp_path), held=7.0, delay=2.9 * STEP)
+    assert answers(nearer, [1.0, 2.0, 3.0, 4.0]).tolist() == [7.0, 7.0, 7.0, 1.0]
+
+
+def test_each_arm_has_its_own_delay_and_lag(tmp_path):
+    robot = one_joint(tmp_path)
+    errors = ({}, {"delay": STEP}, {"delay": 3 * STEP}, {"lag": STEP})
+    plants = [drawn_plants(robot, Robustness.exact(**each), Draw(1))[0] for each in errors]
+    motors = Drives(robot, plants, np.zeros(1), STEP)
+    asked = np.array([[1.0], [2.0], [3.0], [4.0]])
+    first, second = motors.stepped(asked), motors.stepped(2 * asked)
+    # Of a lag of one step, the mean during its first is 1/e.
+    np.testing.assert_allclose(first, [[1.0], [0.0], [0.0], [4 * np.exp(-1)]], rtol=1e-12)
+    np.testing.assert_allclose(second[:3], [[2.0], [2.0], [0.0]], rtol=1e-12)
 
 
 def test_a_lag_is_of_first_order_and_steps_have_its_mean(tmp_path):
@@ -51,6 +65,14 @@ def test_efforts_are_cut_to_the_limit_and_to_the_torque_speed_line(tmp_path):
     assert bounds(motor, v=1.0) == [5.0, -5.0]
     assert bounds(motor, v=3.0) == [2.0, -5.0]
     assert bounds(motor, v=-3.0) == [5.0, -2.0]
+
+
+def test_what_rounding_takes_is_not_called_saturation(tmp_path):
+    asked = np.array([[5.0 * (1 + 1e-13)], [5.0 * (1 + 1e-6)]])
+    plants = drawn_plants(one_joint(tmp_path), Robustness.exact(), Draw(2))
+    motors = Drives(one_joint(tmp_path), plants, np.zeros(1), STEP)
+    _, is_cut = motors.bounded(asked, np.zeros((2, 1)), np.zeros((2, 1)))
+    assert is_cut.tolist() == [[False], [True]]
 
 
 def test_and_to_what_there_is_each_way_at_a_position(tmp_path):

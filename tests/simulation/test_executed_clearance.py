@@ -2,12 +2,17 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from cases import anywhere, one_joint
+from cases import anywhere, changed, one_joint
 from stored_trajectories import REFINEMENT, stored_trajectory
-from tubeplanner import load_problem
-from tubeplanner.simulation.executed_clearance import least_clearances
+from tubeplanner import Obstacle, load_problem, load_robot, placement_of
+from tubeplanner.simulation.executed_clearance import least_clearances, obstacle_distances
 
 NO_SHIFT = np.zeros(3)
+BALL = """<robot name="ball"><link name="base"/><link name="arm">
+<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+<collision><origin xyz="0.5 0 0"/><geometry><sphere radius="0.1"/></geometry></collision></link>
+<joint name="turn" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/>
+<limit lower="-9" upper="9" effort="5" velocity="4"/></joint></robot>"""
 
 
 @pytest.fixture(scope="module")
@@ -96,6 +101,42 @@ def test_one_measurement_answers_for_many_samples(wall, monkeypatch):
     assert len(measured) < 100
 
 
+def test_of_tools_at_random_they_are_too(wall):
+    problem, _, planned = wall
+    random = np.random.default_rng(3)
+    pairs, times = problem.collision.obstacle_pairs, np.arange(40) / 8
+    for _ in range(6):
+        q = planned[::2][:1] + random.uniform(-1.5, 1.5, (40, planned.shape[1]))
+        found, _ = least_clearances(problem, times, q, NO_SHIFT)
+        expected = measured(problem, q, pairs, NO_SHIFT)
+        sample, pair = np.unravel_index(expected.argmin(), expected.shape)
+        assert found.value == pytest.approx(expected.min(), abs=1e-9)
+        assert found.place.time == times[sample]
+        assert found.place.links == problem.collision.owners(pairs[pair])[0]
+
+
+def test_distances_of_balls_are_those_of_their_centres(tmp_path):
+    """The quick bounds are exact for them, but for rounding."""
+    (tmp_path / "ball.urdf").write_text(BALL)
+    robot = load_robot(tmp_path / "ball.urdf", "arm")
+    post = np.array([0.9, 0.31, 0.1])
+    obstacle = Obstacle.sphere("post", 0.07, placement_of(post))
+    problem = changed(anywhere(robot), obstacles=[obstacle])
+    random = np.random.default_rng(0)
+    for _ in range(60):
+        angle, shift = random.uniform(-3, 3), random.normal(scale=0.1, size=3)
+        found, _ = least_clearances(problem, np.zeros(1), np.array([[angle]]), shift)
+        ball = shift + 0.5 * np.array([np.cos(angle), np.sin(angle), 0.0])
+        assert found.value == pytest.approx(np.linalg.norm(ball - post) - 0.17, abs=1e-9)
+
+
 def test_an_arm_without_shapes_has_none(tmp_path):
     problem = anywhere(one_joint(tmp_path))
     assert least_clearances(problem, np.zeros(1), np.zeros((1, 1)), NO_SHIFT) == (None, None)
+
+
+@pytest.mark.parametrize("shift", [NO_SHIFT, np.array([0.02, -0.01, -0.02])])
+def test_over_time_they_are_the_least_of_all_pairs(wall, shift):
+    problem, _, q = wall
+    expected = measured(problem, q, problem.collision.obstacle_pairs, shift).min(axis=1)
+    assert obstacle_distances(problem, q, shift) == pytest.approx(expected, abs=1e-9)

@@ -3,10 +3,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cases import anywhere, rest_to_rest
 from stored_trajectories import REFINEMENT, stored_trajectory
-from tubeplanner import load_problem
+from tubeplanner import LimitOverrides, PlanningProblem, Seed, Tube, load_problem, load_robot
+from tubeplanner.outcome import Place
 from tubeplanner.problem.robustness import Robustness
-from tubeplanner.simulation.execution import executed
+from tubeplanner.simulation.executed_tube import Extreme
+from tubeplanner.simulation.execution import Execution, executed
 from tubeplanner.simulation.judged_runs import judged_runs
 from tubeplanner.simulation.plant import Draw, drawn_plants
 
@@ -69,6 +72,93 @@ def test_a_robot_that_runs_into_a_wall_collides(case, exact):
     (run,) = judged_runs(*case, shifted(exact, base=np.array([0.0, 0.0, -0.1])))
     assert "obstacles" in run.broken
     assert run.obstacles.place.obstacle is not None
+
+
+TIME = np.array([0.0, 0.1, 0.2, 0.3])
+
+
+@pytest.fixture
+def flat():
+    """A problem of the two-link arm that asks nothing but limits, and a motion."""
+    limits = LimitOverrides(velocity={"joint1": 2.0, "joint2": 4.0})
+    robot = load_robot("example:two_link", "hand", limits=limits)
+    return anywhere(robot), rest_to_rest(["joint1", "joint2"], [0.2, -0.5], [0.9, -1.5], 0.3)
+
+
+def by_hand(flat, moved, **others):
+    """Runs that follow the motion but for what is added to joints, shape (R, 4, 2)."""
+    problem, motion = flat
+    moved = np.array(moved)
+    plants = drawn_plants(problem.robot, Robustness.exact(), Draw(len(moved)))
+    still = np.zeros(moved.shape)
+    given = {"plants": plants, "velocity": still, "is_saturated": still > 0} | others
+    position = motion.position(TIME) + moved
+    return Execution(time=TIME, position=position, effort=still, **given)
+
+
+def test_tools_err_in_their_own_frame_and_bases_in_the_cells(flat):
+    """By as much along the tool's x, and along the cell's y backwards: seen from where it is."""
+    plants = drawn_plants(flat[0].robot, Robustness.exact(), Draw(2))
+    along, aside = np.array([0.03, 0.0, 0.0]), np.array([0.0, -0.03, 0.0])
+    plants = [plants[0], replace(plants[1], tool=along, base=aside)]
+    first, second = judged_runs(*flat, by_hand(flat, np.zeros((2, 4, 2)), plants=plants))
+    assert first.tool_tracking.value == pytest.approx(0.0, abs=1e-12)
+    turned = flat[1].position(TIME).sum(axis=1)
+    away = 0.03 * np.hypot(np.cos(turned), np.sin(turned) - 1)
+    assert second.tool_tracking.value == pytest.approx(away.max())
+    assert second.tool_tracking.place.time == TIME[away.argmax()]
+
+
+def test_what_joints_do_is_compared_with_plan_and_limits_on_either_side(flat):
+    planned = flat[1].position(TIME)
+    moved = np.zeros((2, 4, 2))
+    moved[0, 2, 1], moved[0, 1, 0] = -0.1, 0.05
+    # Joint 1 may turn by 2 pi, joint 2 by pi.
+    moved[1, 1] = [7.0, -3.5] - planned[1]
+    velocity, is_cut = np.zeros((2, 4, 2)), np.zeros((2, 4, 2), dtype=bool)
+    velocity[0, 1], velocity[1, 2] = [-3.0, 5.0], [0.0, 1.0]
+    is_cut[0, 0, 0] = is_cut[0, 2, 0] = is_cut[0, 2, 1] = True
+    first, second = judged_runs(*flat, by_hand(flat, moved, velocity=velocity, is_saturated=is_cut))
+    assert first.tracking == Extreme(pytest.approx(0.1), Place(time=0.2, joint="joint2"))
+    assert first.velocity == Extreme(pytest.approx(1.5), Place(time=0.1, joint="joint1"))
+    assert second.velocity == Extreme(pytest.approx(0.25), Place(time=0.2, joint="joint2"))
+    assert (first.saturated, second.saturated) == (0.5, 0.0)
+    beyond = [[-2 * np.pi - 0.2, 3.5 - np.pi], [7.0 - 2 * np.pi, -0.5 - np.pi]]
+    np.testing.assert_allclose(second.position_by_joint, beyond)
+    assert second.position == Extreme(
+        pytest.approx(7.0 - 2 * np.pi), Place(time=0.1, joint="joint1")
+    )
+    assert first.position.value == pytest.approx(planned[3, 1] * -1 - np.pi)
+    assert "position" not in first.broken
+    assert "position" in second.broken
+
+
+def test_plans_may_have_their_joints_in_another_order(flat):
+    problem, motion = flat
+    (run,) = judged_runs(
+        problem, motion.reordered(["joint2", "joint1"]), by_hand(flat, np.zeros((1, 4, 2)))
+    )
+    assert run.tracking.value == 0.0
+
+
+def test_rotation_points_and_clearance_are_the_problems(flat):
+    robot = load_robot("example:two_link", "hand")
+    tube = Tube(
+        [[0.4, -0.2, 0], [0.4, 0.2, 0], [0.4, -0.2, 0]],
+        0.05,
+        orientations=[[0, 0, 0, 1]] * 3,
+        rotation_tolerance=np.pi / 4,
+    )
+    problem = PlanningProblem(robot, tube, Seed(np.array([0.0, -1.0])), clearance=0.02)
+    (run,) = judged_runs(problem, flat[1], by_hand(flat, np.zeros((1, 4, 2))))
+    turned = abs(flat[1].position(TIME).sum(axis=1)).max()
+    assert run.rotation.value == pytest.approx(turned - np.pi / 4)
+    tools = 0.3 * np.array(
+        [[np.cos(a) + np.cos(a + b), np.sin(a) + np.sin(a + b)] for a, b in flat[1].position(TIME)]
+    )
+    nearest = np.linalg.norm(tools - [0.4, 0.2], axis=1).min()
+    assert run.points.value == pytest.approx(nearest - 0.05)
+    assert run.clearance == 0.02
 
 
 def test_with_errors_the_shortest_motion_leaves_its_tube_in_most_runs(case):

@@ -15,6 +15,24 @@ STEP = 2.5e-4
 LEVER = 0.5  # [m]
 
 
+def tree():
+    """A chest that turns, an arm to the right, and one to the left that has a wrist."""
+    links = "".join(
+        f"""<link name="{name}"><inertial><origin xyz="0.1 0.05 {0.1 * mass}"/>
+        <mass value="{mass}"/>
+        <inertia ixx="0.1" iyy="0.2" izz="0.25" ixy="0.01" ixz="0" iyz="0"/></inertial></link>"""
+        for mass, name in enumerate(["chest", "shoulder", "elbow", "hand"], start=1)
+    )
+    hung = [("turn", "base", "chest"), ("right", "chest", "shoulder"), ("left", "chest", "elbow")]
+    joints = "".join(
+        f"""<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{child}"/>
+        <origin xyz="0.2 0.1 0.3" rpy="0.3 -0.5 0.7"/><axis xyz="0.6 0 0.8"/>
+        <limit lower="-3" upper="3" effort="9" velocity="3"/></joint>"""
+        for name, parent, child in [*hung, ("wrist", "elbow", "hand")]
+    )
+    return f'<robot name="tree"><link name="base"/>{links}{joints}</robot>'
+
+
 def exact_arm(robot):
     return mujoco_arms(robot, drawn_plants(robot, Robustness.exact(), Draw(1)), STEP)[0]
 
@@ -50,6 +68,28 @@ def test_and_of_an_arm_that_slides_with_motors_and_joints_in_another_order(tmp_p
     assert_dynamics_agree(with_motors(robot, **motors), -0.9, 0.9)
 
 
+def test_and_of_a_chest_with_two_arms(tmp_path):
+    (tmp_path / "tree.urdf").write_text(tree())
+    joints = ["turn", "right", "left", "wrist"]
+    robot = load_robot(tmp_path / "tree.urdf", "hand", joints=joints, gravity=(1, 2, -9))
+    assert_dynamics_agree(robot, -2, 2)
+
+
+def test_every_plant_has_its_own_bodies_and_motors(tmp_path):
+    robot = with_motors(one_joint(tmp_path, mass=2.0), viscous_friction=0.5)
+    plants = drawn_plants(robot, Robustness.exact(mass=0.5, friction=0.5), Draw(3))
+    arms = mujoco_arms(robot, plants, STEP)
+    for arm in arms:
+        arm.place(np.array([0.4]), np.array([2.0]))
+    found = [arm.acceleration(np.array([1.5]))[0] for arm in arms]
+    shares = np.array([plant.bodies[1].mass / 2.0 for plant in plants])
+    friction = np.array([plant.motors.viscous_friction[0] * 2.0 for plant in plants])
+    weight = shares * 2.0 * 9.81 * LEVER * np.cos(0.4)
+    expected = (1.5 - weight - friction) / (shares * (INERTIA + 2.0 * LEVER**2))
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+    assert np.ptp(found) > 0.1
+
+
 def test_a_swing_is_that_of_the_differential_equation(tmp_path):
     robot = with_motors(one_joint(tmp_path, mass=2.0), armature=0.2, viscous_friction=0.5)
     inertia, effort = INERTIA + 2.0 * LEVER**2 + 0.2, 1.5
@@ -83,6 +123,20 @@ def test_friction_holds_a_joint_up_to_its_size(tmp_path, effort, sticks):
     for _ in range(4000):
         arm.step(np.array([effort]))
     assert (abs(arm.position[0]) < 1e-3) == sticks
+
+
+def test_friction_creeps_at_rest_and_is_whole_from_one_step_of_it_on(tmp_path):
+    """Of a heavy bar that stands upright: rest, half that velocity and twice it."""
+    friction = {"backwards_friction": 3.0, "forwards_friction": 3.0}
+    robot = with_motors(one_joint(tmp_path, mass=20.0), armature=0.3, **friction)
+    arm = exact_arm(robot)
+    inertia, upright = INERTIA + 20.0 * LEVER**2 + 0.3, np.array([np.pi / 2])
+    whole = 3.0 / inertia
+    arm.place(upright, np.zeros(1))
+    assert arm.acceleration(np.array([2.0])) == pytest.approx(1e-4 * 2.0 / inertia, rel=1e-6)
+    for share, expected in ((0.5, 0.5), (2.0, 1.0)):
+        arm.place(upright, np.array([share * whole * STEP]))
+        assert arm.acceleration(np.zeros(1)) == pytest.approx(-expected * whole, rel=1e-3)
 
 
 def test_followers_are_refused_by_name(tmp_path):

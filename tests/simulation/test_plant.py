@@ -1,18 +1,22 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from cases import with_motors
+from cases import one_joint, with_motors
 from tubeplanner import OptionError, load_problem
 from tubeplanner.problem.robustness import Robustness
 from tubeplanner.simulation.plant import Draw, drawn_plants
 
 RUNS = 400
+NAME = "example:ur10/onto_a_conveyor"
+PAYLOAD = {"mass": 7.5, "com": [0.03, -0.02, 0.1], "inertia": [0.05, 0.06, 0.07, 0.01, 0, 0]}
 
 
 @pytest.fixture(scope="module")
 def robot():
     """A UR10 with a payload of 7.5 kg."""
-    return load_problem("example:ur10/onto_a_conveyor").robot
+    return load_problem(NAME, changes={"robot.payload": PAYLOAD}).robot
 
 
 def drawn(robot, **errors):
@@ -49,6 +53,13 @@ def test_the_payload_has_an_error_of_its_own(robot):
     own = np.array([plant.bodies[-1].mass for plant in drawn(robot, mass=0.1)])
     without = robot.inertias[-1].mass - 7.5
     assert abs(own - without - 7.5).max() <= 0.1 * without + 1e-9
+    (plant,) = drawn_plants(robot, Robustness.exact(payload=0.5), Draw(1))
+    share = 1 + (plant.bodies[-1].mass - robot.inertias[-1].mass) / 7.5
+    heavier = [*np.multiply(share, PAYLOAD["inertia"])]
+    loaded = {"mass": share * PAYLOAD["mass"], "com": PAYLOAD["com"], "inertia": heavier}
+    expected = load_problem(NAME, changes={"robot.payload": loaded}).robot.inertias[-1]
+    np.testing.assert_allclose(plant.bodies[-1].com, expected.com, atol=1e-9)
+    np.testing.assert_allclose(plant.bodies[-1].inertia, expected.inertia, atol=1e-9)
 
 
 def test_centres_of_mass_tool_and_base_lie_in_balls(robot):
@@ -77,18 +88,37 @@ def test_frictions_err_by_themselves_and_unmodelled_friction_is_added(robot):
     assert share.min() >= 0.01 - 1e-12
     assert share.max() <= 0.02 + 1e-12
     assert np.median(share) == pytest.approx(0.015, rel=0.05)
+    assert abs(np.corrcoef(share.T) - np.eye(6)).max() < 0.25
+
+
+def test_a_joint_without_an_effort_limit_has_no_unmodelled_friction(tmp_path):
+    robot = one_joint(tmp_path, effort=np.inf)
+    (plant,) = drawn_plants(robot, Robustness.exact(unmodelled_friction=0.1), Draw(1))
+    assert plant.motors.viscous_friction == 0.0
 
 
 def test_a_run_is_the_same_however_many_there_are(robot):
-    few, many = (drawn_plants(robot, Robustness(), Draw(runs, seed=5)) for runs in (2, 4))
-    other = drawn_plants(robot, Robustness(), Draw(2, seed=6))
+    errors = Robustness(lag=2e-3, delay=3e-3, noise=4e-5)
+    few, many = (drawn_plants(robot, errors, Draw(runs, seed=5)) for runs in (2, 4))
+    other = drawn_plants(robot, errors, Draw(2, seed=6))
     assert few[1].bodies[3].mass == many[1].bodies[3].mass
     assert few[1].noise_seed == many[1].noise_seed
     assert len({plant.bodies[3].mass for plant in [*many, *other]}) == 6
-    assert (few[0].lag, few[0].delay, few[0].noise) == (1e-3, 1e-3, 1e-5)
+    assert len({plant.noise_seed for plant in [*many, *other]}) == 6
+    assert (few[0].lag, few[0].delay, few[0].noise) == (2e-3, 3e-3, 4e-5)
 
 
 @pytest.mark.parametrize(("given", "name"), [({"runs": 0}, "runs"), ({"seed": -1}, "seed")])
 def test_draws_out_of_bounds_are_refused(given, name):
     with pytest.raises(OptionError, match=f"{name} is "):
         Draw(**given)
+
+
+def test_the_tool_is_shifted_in_its_own_frame_and_with_the_base(robot):
+    (exact,) = drawn_plants(robot, Robustness.exact(), Draw(1))
+    q = np.linspace(-1, 1, 3 * robot.joint_count).reshape(3, -1)
+    rotation, position = robot.tool_pose(q)
+    along, base = np.array([0.0, 0.0, 0.1]), np.array([0.2, 0.0, -0.3])
+    turned, tool = replace(exact, tool=along, base=base).tool_pose(robot, q)
+    np.testing.assert_array_equal(turned, rotation)
+    np.testing.assert_allclose(tool, position + base + 0.1 * rotation[:, :, 2], atol=1e-12)

@@ -13,15 +13,16 @@ import numpy as np
 import pytest
 
 import tubeplanner
-from cases import PROBLEMS, slow_but
-from stored_trajectories import STOP, stored_path
+from cases import PROBLEMS, followed, slow_but
+from stored_trajectories import REFINEMENT, STOP, stored_path
 from tubeplanner import OptionError, OutputError, TrajectoryError, load_problem
 from tubeplanner.collision.link_elements import read_geometry
 from tubeplanner.commands.cli import main
 from tubeplanner.files.export import trajectory_csv, trajectory_json, trajectory_ros
-from tubeplanner.views.palette import SEGMENT_COLORS
+from tubeplanner.views.page_panel import panel_data
+from tubeplanner.views.palette import EXECUTED_COLOR, SEGMENT_COLORS, WARNING_COLOR
 from tubeplanner.views.scene import Layer
-from tubeplanner.views.viewer import panel_data, recorded_commands, view
+from tubeplanner.views.viewer import recorded_commands, view
 
 MEGABYTE = 1e6
 QUICK = ("two_link/around_a_post", "ur5/over_the_wall", "panda/between_shelves")
@@ -350,3 +351,56 @@ def test_boxes_are_named_by_their_sides():
     assert entries[0]["text"] == "segment 0: box 200 x 80 mm"
     assert entries[1]["text"] == "segment 1: radius 50 mm"
     assert entries[-1]["text"].endswith("40 to 50 mm (of boxes, half the smaller side)")
+
+
+@pytest.fixture(scope="module")
+def with_runs(stored):
+    """Three arms that follow the plan over the wall; one stands 20 mm too far ahead."""
+    problem, trajectory = stored("ur5/over_the_wall", REFINEMENT)
+    execution = followed(problem, trajectory, [[0, 0, 0], [0, 0, 0.001], [0.02, 0, 0]])
+    return view(problem, trajectory, names=["plan"], execution=execution)
+
+
+def test_executed_paths_are_lines_that_change_colour_outside_the_tube(with_runs):
+    scene = with_runs.scene
+    found = {
+        command["path"].rpartition("/")[2]: command["object"]
+        for command in recorded_commands(scene)
+        if command["type"] == "set_object" and "/executed/0/" in command["path"]
+    }
+    for name, color in (("inside", EXECUTED_COLOR), ("outside", WARNING_COLOR)):
+        assert found[name]["materials"][0]["color"] == int(color[1:], 16)
+        assert found[name]["object"]["type"] == "LineSegments"
+    tube = scene.problem.tube
+    assert len(scene.executed.outside) > 10
+    ends = scene.executed.inside.reshape(-1, 3)
+    assert (tube.margin(ends).max(axis=1) >= 0).all()
+
+
+def test_the_panel_says_which_runs_are_seen(with_runs):
+    layers = {layer["name"]: layer for layer in panel_data(with_runs.scene)["layers"]}
+    executed = layers["executed"]
+    assert executed["label"] == "Executed paths of the tool: 3 runs"
+    assert [entry["color"] for entry in executed["entries"]] == [EXECUTED_COLOR, WARNING_COLOR]
+    assert executed["visible"]
+    assert MEGABYTE < len(with_runs.html) < 4 * MEGABYTE
+
+
+def test_the_planned_path_is_thin_among_executed_ones(with_runs, stored):
+    def thickness(scene):
+        path = next(item for item in of_layer(scene, Layer.TOOL) if item.name == "path")
+        ends = path.surface.vertices.reshape(-1, 11, 3)  # rings about the path
+        return np.ptp(ends[len(ends) // 2], axis=0).max()
+
+    usual = view(*stored("ur5/over_the_wall", REFINEMENT)).scene
+    assert thickness(with_runs.scene) < 0.5 * thickness(usual)
+    assert "executed" not in [layer["name"] for layer in panel_data(usual)["layers"]]
+
+
+def test_runs_of_several_trajectories_are_refused(stored):
+    problem, trajectory = stored("ur5/over_the_wall", REFINEMENT)
+    execution = followed(problem, trajectory, [[0, 0, 0]])
+    with pytest.raises(OptionError, match="execution goes with one trajectory, not 2"):
+        view(problem, trajectory, trajectory, execution=execution)
+    with pytest.raises(OptionError, match="not 0"):
+        view(problem, execution=execution)

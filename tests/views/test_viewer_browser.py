@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from cases import slow_but
+from cases import followed, slow_but
 from tubeplanner import view
-from tubeplanner.views.palette import SEGMENT_COLORS, rgb
+from tubeplanner.views.palette import SEGMENT_COLORS, WARNING_COLOR, rgb
 
 PROBLEMS = ("ur5/over_the_wall", "panda/between_shelves", "two_link/around_a_post")
 FLAGS = (
@@ -111,3 +111,18 @@ def test_a_problem_alone_has_no_controls(show):
     text = show(view(load_problem("example:two_link/around_a_post")), "--dump-dom")
     assert re.search(r'id="controls" hidden', text)
     assert "at its start" in text
+
+
+def test_executed_paths_are_seen_where_they_leave_the_tube(picture, show, stored):
+    """Of arms that stand 20 mm aside, hidden again where nothing is executed."""
+    problem, trajectory = stored("ur5/over_the_wall")
+    runs = followed(problem, trajectory, [[0.02, 0, 0], [0.04, 0, 0], [0.05, 0, 0]])
+    with_runs = view(problem, trajectory, execution=runs)
+    warning = rgb(WARNING_COLOR) * 255
+    seen = [
+        (abs(picture(page, 0)[:, 270:] - warning).max(axis=2) < 25).sum()
+        for page in (with_runs, view(problem, trajectory))
+    ]
+    assert seen[0] > 100
+    assert seen[1] < 20
+    assert "Executed paths of the tool: 3 runs" in show(with_runs, "--dump-dom")

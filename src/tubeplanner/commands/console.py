@@ -54,6 +54,16 @@ SET = click.option(
 AS_JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 
 
+def require_ending(path: Path | None, option: str, endings: tuple[str, ...]) -> None:
+    """Check that the name of an output file, if there is one, ends as an option needs.
+
+    Raises:
+        OptionError: It does not.
+    """
+    if path is not None and path.suffix.lower() not in endings:
+        raise OptionError(f"{option} {path}: name a file that ends in {' or '.join(endings)}")
+
+
 def load_timed(
     name: str,
     enter: Callable[[object], None],

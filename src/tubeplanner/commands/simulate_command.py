@@ -1,6 +1,6 @@
 """The command `simulate`: execute a trajectory with arms that differ from the model."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,14 +13,19 @@ from tubeplanner.commands.console import (
     empty_report,
     load_timed,
     print_json,
+    require_ending,
     say,
     shown_progress,
 )
+from tubeplanner.commands.view_command import require_page
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from tubeplanner.problem.problem import PlanningProblem
+    from tubeplanner.simulation.execution import Execution
     from tubeplanner.simulation.judged_runs import JudgedRun
+    from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
 _ERRORS = {
     "mass": "Relative error of masses.",
@@ -61,6 +66,8 @@ def _error_options(command: "Callable[..., Any]") -> "Callable[..., Any]":
 @click.option("--seed", type=int, default=0, show_default=True, help="Which ones.")
 @click.option("--controller", help="computed-torque (the default), feedforward-pd or pd.")
 @_error_options
+@click.option("--plot", type=PATH, help="Figure (PNG).")
+@click.option("--html", type=PATH, help="The runs in 3D, one page that works offline.")
 @SET
 @AS_JSON
 def simulate(
@@ -69,6 +76,8 @@ def simulate(
     runs: int,
     seed: int,
     controller: str | None,
+    plot: Path | None,
+    html: Path | None,
     changes: dict[str, Any],
     as_json: bool,
     **errors: float | None,
@@ -85,6 +94,8 @@ def simulate(
     from tubeplanner.simulation.mujoco_model import require_mujoco
     from tubeplanner.simulation.plant import Draw, drawn_plants
 
+    pictures = _Pictures(plot, html)
+    pictures.require_usable(problem, trajectory)
     require_mujoco()
     given: dict[str, Any] = {**errors, "controller": controller}
     given = {name: value for name, value in given.items() if value is not None}
@@ -92,16 +103,70 @@ def simulate(
     draw, read = Draw(runs, seed), read_trajectory_file(trajectory).trajectory
     with shown_progress() as enter:
         loaded, loading_time = load_timed(problem, enter, changes)
+        pictures.require_usable(problem, trajectory, loaded.robot.urdf.path)
         asked = replace(loaded.robustness or Robustness(), **given)
         enter(f"{runs} runs")
         plants = drawn_plants(loaded.robot, asked, draw)
         execution = executed(loaded, read, plants, asked.controller, asked.control_period)
         enter("tolerances and clearance")
         judged = judged_runs(loaded, read, execution)
+        if pictures.paths:
+            enter("pictures")
+            pictures.write(loaded, read, execution, judged)
     if as_json:
-        print_json(_report(judged) | {"duration": read.duration, "loading_time": loading_time})
+        more = {"duration": read.duration, "loading_time": loading_time}
+        print_json(_report(judged) | more | pictures.as_dict())
     else:
-        say(*_lines(judged), sep="\n")
+        say(*_lines(judged), *(f"{kind}: {path}" for kind, path in pictures.paths), sep="\n")
+
+
+@dataclass(frozen=True)
+class _Pictures:
+    """The files that are asked for."""
+
+    plot: Path | None
+    html: Path | None
+
+    @property
+    def paths(self) -> list[tuple[str, Path]]:
+        """Kinds and paths."""
+        asked = {"plot": self.plot, "view": self.html}
+        return [(kind, path) for kind, path in asked.items() if path is not None]
+
+    def as_dict(self) -> dict[str, str | None]:
+        """Return the fields as JSON values."""
+        return {name: None if path is None else str(path) for name, path in vars(self).items()}
+
+    def require_usable(self, *inputs: str | Path) -> None:
+        """Raise if a file could not be written, before any work is done."""
+        from tubeplanner.files.output_files import require_writable
+
+        require_ending(self.plot, "--plot", (".png",))
+        require_page(self.html)
+        require_writable([path for _, path in self.paths], [Path(path) for path in inputs])
+
+    def write(
+        self,
+        problem: "PlanningProblem",
+        trajectory: "JointTrajectory",
+        execution: "Execution",
+        judged: "Sequence[JudgedRun]",
+    ) -> None:
+        """Write all files, or none of them."""
+        from tubeplanner.files.output_files import write_files
+
+        contents: dict[Path, bytes] = {}
+        if self.plot is not None:
+            from tubeplanner.views.execution_plot import plot_execution
+            from tubeplanner.views.figure_files import figure_png
+
+            contents[self.plot] = figure_png(plot_execution(problem, trajectory, execution, judged))
+        if self.html is not None:
+            from tubeplanner.views.viewer import view
+
+            page = view(problem, trajectory, names=["plan"], execution=execution)
+            contents[self.html] = page.html.encode()
+        write_files(contents)
 
 
 def _report(judged: "Sequence[JudgedRun]") -> dict[str, Any]:

@@ -18,6 +18,7 @@ from tubeplanner.commands.console import (
     load_timed,
     nowhere,
     print_json,
+    require_ending,
     say,
     shown_progress,
 )
@@ -51,7 +52,7 @@ def plot(
     from tubeplanner.views.plotting import plot_trajectory
 
     target = output or trajectory.with_suffix(".png")
-    _require_ending(target, "-o", (".png",))
+    require_ending(target, "-o", (".png",))
     read = read_trajectory_file(trajectory)
     require_writable([target], [trajectory, Path(problem)])
     with shown_progress() as enter:
@@ -113,8 +114,8 @@ def sweep(
         raise OptionError("sweep takes either --radius or --radius-scale or --vary")
     options = PlanOptions(quality=quality, slack=slack)
     outputs = [path for path in (output, figure) if path is not None]
-    _require_ending(output, "-o", (".csv", ".json"))
-    _require_ending(figure, "--plot", (".png",))
+    require_ending(output, "-o", (".csv", ".json"))
+    require_ending(figure, "--plot", (".png",))
     require_writable(outputs, [Path(problem)])
     with shown_progress() as enter:
         result: SweepResult | FieldSweep
@@ -177,8 +178,8 @@ def compare(
     _require_used(changes, slack)
     names = None if methods is None else [name.strip() for name in methods.split(",")]
     outputs = [path for path in (output, figure) if path is not None]
-    _require_ending(output, "-o", (".csv", ".json"))
-    _require_ending(figure, "--plot", (".png",))
+    require_ending(output, "-o", (".csv", ".json"))
+    require_ending(figure, "--plot", (".png",))
     require_writable(outputs, [Path(problem)])
     if trajectories is not None:
         require_writable(
@@ -306,8 +307,3 @@ def _numbers(option: str, text: str | None) -> list[float] | None:
         return [float(word) for word in text.split(",")]
     except ValueError:
         raise OptionError(f"{option} '{text}' is no list of numbers with commas between") from None
-
-
-def _require_ending(path: Path | None, option: str, endings: tuple[str, ...]) -> None:
-    if path is not None and path.suffix.lower() not in endings:
-        raise OptionError(f"{option} {path}: name a file that ends in {' or '.join(endings)}")

@@ -13,14 +13,16 @@ from tubeplanner.problem.tightening import Tightening
 from tubeplanner.simulation.plant import Draw
 
 WORKING = Draw(32, seed=0)
-_FEWER = Draw(16, seed=0)  # of the same arms; enough to compare shares of effort
+FEWER = Draw(16, seed=0)  # of the same arms; enough to compare shares of effort
 # Shares of the effort limits, and of the velocity limits, that are tried.
 _EFFORTS = (1, 0.98, 0.96, 0.945, 0.93, 0.91, 0.89, 0.865, 0.83, 0.79, 0.74, 0.67, 0.58, 0.48, 0.36)
 _VELOCITIES = (1, 0.985, 0.97, 0.95, 0.93, 0.9, 0.86)
 _BINDING = 0.01  # d ln T / d ln limit, from which on velocity limits are worth a try
 _ROUNDS = 5
-# What is to spare is given back by so much at a time; what that would gain is worth a round [of T].
-_GIVEN_BACK, _WORTH_IT = 0.5, 5e-4
+_MORE = 3  # smaller shares of effort that may still be better where radii cost more than expected
+# So much of what is short is taken at a time, and so much of what is to spare is given back; which
+# is worth a round if it gains more than this share of the duration.
+_TAKEN, _GIVEN_BACK, _WORTH_IT = 1.1, 0.5, 2e-3
 
 
 def surviving_plan(plans: TightenedPlans, shortest: TriedPlan, follow: Following) -> TriedPlan:
@@ -37,8 +39,22 @@ def surviving_plan(plans: TightenedPlans, shortest: TriedPlan, follow: Following
     rung = _best_share(plans, shortest, "effort", _EFFORTS)
     if _is_bound_by_velocity(rung.result):
         rung = _best_share(plans, rung, "velocity", _VELOCITIES)
-    settled = _settled(plans, rung)
-    return _written(plans, settled, follow)
+    best = _settled(plans, rung)
+    for effort in [share for share in _EFFORTS if share < rung.kept_back.effort][:_MORE]:
+        kept_back = replace(rung.kept_back, effort=effort)
+        result = plans.planned(kept_back, rung.result.motion)
+        if result is None or _is_surely_longer(result, best):
+            break
+        lower = plans.simulated(kept_back, result, WORKING)
+        if _promises_more(lower, best):
+            best = _better(best, _settled(plans, lower))
+    return _written(plans, best, follow)
+
+
+def _promises_more(tried: TriedPlan, best: TriedPlan) -> bool:
+    if best.survives:
+        return tried.lacking <= 0 and best.duration - tried.expected > _WORTH_IT * best.duration
+    return True
 
 
 def _is_bound_by_velocity(result: PlanResult) -> bool:
@@ -59,11 +75,11 @@ def _best_share(
     def is_better(k: int, best: int) -> bool:
         share: dict[str, Any] = {part: shares[k]}
         kept_back = replace(start.kept_back, **share)
-        tried = plans.tried(kept_back, found[best].result.motion, _FEWER)
-        if tried is None or tried.rank >= found[best].rank:
+        result = plans.planned(kept_back, found[best].result.motion)
+        if result is None or _is_surely_longer(result, found[best]):
             return False
-        found[k] = tried
-        return True
+        found[k] = plans.simulated(kept_back, result, FEWER)
+        return _rank(found[k]) < _rank(found[best])
 
     best = 0
     for k in range(2, len(shares), 2):
@@ -77,16 +93,29 @@ def _best_share(
     return found[best]
 
 
+def _rank(tried: TriedPlan) -> tuple[float, float]:
+    """Return what is less for better plans: what cannot be had counts before the duration."""
+    return tried.lacking, tried.expected
+
+
+def _is_surely_longer(result: PlanResult, known: TriedPlan) -> bool:
+    """Return whether a plan takes longer than a known one is expected to, whatever it lacks."""
+    if not known.survives and known.lacking > 0:
+        return False
+    return (result.duration or np.inf) >= known.expected
+
+
 def _settled(plans: TightenedPlans, rung: TriedPlan) -> TriedPlan:
     """Return the shortest plan that survives near one that lacks something, or what lacks least."""
     now, best = rung, rung
     for _ in range(_ROUNDS):
-        kept_back = _next(now)
-        tried = plans.tried(kept_back, now.result.motion, WORKING)
+        tried = plans.tried(_next(now), now.result.motion, WORKING)
         if tried is None:
             break
-        now, best = tried, _better(best, tried)
-        if now.survives and now.duration - now.expected < _WORTH_IT * now.duration:
+        had_one, now = best.survives, tried
+        best = _better(best, now)
+        gain = now.duration - now.expected
+        if had_one or (now.survives and gain < _WORTH_IT * now.duration):
             break
     return best
 
@@ -115,7 +144,9 @@ def _next(tried: TriedPlan) -> Tightening:
     now, wanted = tried.kept_back, tried.wanted
 
     def between(before: FloatArray, after: FloatArray) -> FloatArray:
-        return np.where(after > before, after, before + _GIVEN_BACK * (after - before))
+        change = after - before
+        more: FloatArray = np.where(change > 0, _TAKEN, _GIVEN_BACK) * change
+        return before + more
 
     return replace(
         now,

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.planning.kept_back import WORKING, surviving_plan
+from tubeplanner.planning.kept_back import FEWER, WORKING, surviving_plan
 from tubeplanner.planning.plan_result import PlanResult, certified_result
 from tubeplanner.planning.tightened_plans import Following, Planning, TightenedPlans, TriedPlan
 from tubeplanner.problem.problem import PlanningProblem
@@ -87,6 +87,8 @@ class _Search:
     ) -> None:
         self._problem, self._shortest, self._default = problem, shortest, default
         self._follow, self._clock = follow, clock
+        assert problem.robustness is not None
+        self._errors = problem.robustness
         self._plans = TightenedPlans(problem, again, _ends(problem, default), clock)
         self._first: TriedPlan | None = None
         self.best: TriedPlan | None = None
@@ -105,7 +107,7 @@ class _Search:
         if not self.best.survives:
             start = self.best
             if self._default.trajectory is not self._shortest.trajectory:
-                start = self._plans.simulated(nothing, self._shortest, WORKING)
+                start = self._plans.simulated(nothing, self._shortest, FEWER)
             self.best = surviving_plan(self._plans, start, self._follow)
         self._verdict = self._judged(_FRESH)
         self._costs = self._split_costs(self._added)
@@ -121,7 +123,7 @@ class _Search:
     def _judged(self, draw: Draw) -> RunVerdict:
         assert self.best is not None and self.best.result.trajectory is not None
         self._clock.enter(f"{draw.runs} simulated runs")
-        trajectory, errors = self.best.result.trajectory, self._plans.errors
+        trajectory, errors = self.best.result.trajectory, self._errors
         checkpoint = self._clock.check
         return run_verdict(simulated_runs(self._problem, trajectory, errors, draw, checkpoint))
 
@@ -142,10 +144,12 @@ class _Search:
         return {part: float(scale * step) for part, step in zip(parts, steps, strict=True)}
 
     def _blamed(self) -> Blame:
-        assert self.best is not None and self.best.result.trajectory is not None
+        """Return what errors do to the best plan, or if that survives, to the default one."""
+        assert self.best is not None
+        plan = self._default if self.best.survives else self.best.result
+        assert plan.trajectory is not None
         self._clock.enter("which error is to blame")
-        trajectory, errors = self.best.result.trajectory, self._plans.errors
-        return blamed_errors(self._problem, trajectory, errors, self._clock.check)
+        return blamed_errors(self._problem, plan.trajectory, self._errors, self._clock.check)
 
     def answer(self) -> PlanResult:
         """Return the best plan, certified for the problem itself."""

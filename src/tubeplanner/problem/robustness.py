@@ -1,6 +1,7 @@
 """By how much a real arm and its control may differ from the model that is planned with."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 from tubeplanner.errors import ProblemError, unknown_name
 from tubeplanner.options import in_figures, is_number
@@ -20,6 +21,7 @@ _MOST = {
     "base": (1.0, "m"),
 }
 ERRORS = tuple(_MOST)
+_SPREAD = ("mass", "com", "payload", "friction", "tool", "base")  # drawn about what is expected
 _LEAST_PERIOD, _MAX_PERIOD = 1e-4, 0.1  # [s]
 
 
@@ -72,6 +74,13 @@ class Robustness:
     def exact(cls, **fields: float | str) -> "Robustness":
         """Return no errors at all, but for some fields."""
         return cls(**(dict.fromkeys(_MOST, 0.0) | fields))  # type: ignore[arg-type]
+
+    def enlarged(self, factor: float) -> "Robustness":
+        """Return the errors of the arm's build with larger spreads, as far as they may be."""
+        larger: dict[str, Any] = {
+            name: min(factor * getattr(self, name), _MOST[name][0]) for name in _SPREAD
+        }
+        return replace(self, **larger)
 
     def _require_between(self, name: str, least: float, most: float, unit: str) -> None:
         value = getattr(self, name)

@@ -39,7 +39,7 @@ class Blame:
     Attributes:
         kind: Of what is short the most: a part of what may be kept back, or "self_collision".
         unit: Of that.
-        short: How much of it is short, with all errors; below zero: to spare.
+        short: How much of it is short, with all errors.
         without_any: Without any error, under the same control.
         errors: What each does, that which does the most first.
     """
@@ -55,13 +55,18 @@ class Blame:
         return asdict(self)
 
     def __str__(self) -> str:
-        many = f"{1000 * self.short:.3g} m{self.unit} of {self.kind.replace('_', ' ')} short"
+        many = f"{self._shown(self.short)} of {self.kind.replace('_', ' ')} short"
         if self.without_any > 0:
-            alone = f"{1000 * self.without_any:.3g} m{self.unit}"
+            alone = self._shown(self.without_any)
             return f"{many}, and {alone} without any error: the controller cannot follow"
         most = self.errors[0]
-        without = f"{1000 * most.short:.3g} m{self.unit}"
-        return f"{many}; {most.error} of {most.size:g} is to blame most: {without} without it"
+        return (
+            f"{many}; {most.error} of {most.size:g} is to blame most: {self._shown(most.short)} "
+            "without it"
+        )
+
+    def _shown(self, short: float) -> str:
+        return f"{1000 * short:.3g} m{self.unit}"
 
 
 def blamed_errors(

@@ -31,13 +31,40 @@ def least_clearances(
         Each None where no such pair is judged; negative where solids overlap.
     """
     rotation, position = problem.robot.body_poses(q)
-    shifted = position.copy()
-    shifted[:, 1:] += base  # body 0 carries the obstacles
     checker = problem.collision
     return (
-        _least(problem, time, rotation, shifted, checker.obstacle_pairs),
+        _least(problem, time, rotation, _shifted(position, base), checker.obstacle_pairs),
         _least(problem, time, rotation, position, checker.link_pairs),
     )
+
+
+def obstacle_distances(problem: PlanningProblem, q: FloatArray, base: FloatArray) -> FloatArray:
+    """Return the least distance of links from obstacles at each of K samples, shape (K,) [m].
+
+    Args:
+        problem: With a pair of link and obstacle that is judged, at least.
+        q: Positions of the joints, shape (K, n).
+        base: As for `least_clearances`.
+    """
+    rotation, position = problem.robot.body_poses(q)
+    position, checker = _shifted(position, base), problem.collision
+    pairs = checker.obstacle_pairs
+    bound = checker.sphere_distances(rotation, position, pairs)
+    lowest = pairs[bound.argmin(axis=1)]
+    least: FloatArray = checker.closest_points(rotation, position, lowest).distance
+    row, column = np.nonzero(bound < least[:, None])
+    nearer = checker.box_distances(rotation, position, row, pairs[column]) < least[row]
+    row, column = row[nearer], column[nearer]
+    others = checker.closest_points(rotation[row], position[row], pairs[column])
+    np.minimum.at(least, row, others.distance)
+    return least
+
+
+def _shifted(position: FloatArray, base: FloatArray) -> FloatArray:
+    """Return positions (K, bodies, 3) of a shifted robot; body 0 carries the obstacles."""
+    shifted = position.copy()
+    shifted[:, 1:] += base
+    return shifted
 
 
 def _least(

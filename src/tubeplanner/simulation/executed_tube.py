@@ -46,6 +46,42 @@ class TubeExcursions:
     rotation_by_segment: FloatArray
 
 
+@dataclass(frozen=True, eq=False)
+class TubeMargins:
+    """How far inside what a tube asks a motion is at K samples, and on its way from the one before.
+
+    Attributes:
+        tube: Of the tool, in the regions about the segments that are current, shape (K,) [m].
+        rotation: Of its turning, likewise [rad], inf where it is free; None where it always is.
+    """
+
+    tube: FloatArray
+    rotation: FloatArray | None
+
+
+@dataclass(frozen=True, eq=False)
+class _Asked:
+    """What a tube asks of a motion, while it does: at samples and where two segments fit equally.
+
+    Attributes:
+        problem: With joined segments, m of them.
+        time: Of T instants, shape (T,) [s].
+        tube: Margins of the tool, shape (T, m) [m]; `_FREE` where a segment is not current.
+        rotation: Likewise of its turning [rad]; None where the tube leaves it free.
+        passing: How far inside the balls about compulsory points it is, (T,) [m], by index.
+        first: The first segment that is current, shape (T,).
+        last: The last one.
+    """
+
+    problem: PlanningProblem
+    time: FloatArray
+    tube: FloatArray
+    rotation: FloatArray | None
+    passing: dict[int, FloatArray]
+    first: IntArray
+    last: IntArray
+
+
 def tube_excursions(
     problem: PlanningProblem,
     time: FloatArray,
@@ -64,6 +100,46 @@ def tube_excursions(
         rotation: Of the tool, shape (K, 3, 3).
         tool: Of the tool centre point, shape (K, 3) [m].
     """
+    asked = _asked(problem, time, q, rotation, tool)
+    turned = asked.rotation
+    return TubeExcursions(
+        _worst(asked, asked.tube),
+        None if turned is None else _worst(asked, turned),
+        _worst_passage(asked),
+        -asked.tube.min(axis=0),
+        np.full(asked.tube.shape[1], -_FREE) if turned is None else -turned.min(axis=0),
+    )
+
+
+def tube_margins(
+    problem: PlanningProblem,
+    time: FloatArray,
+    q: FloatArray,
+    rotation: FloatArray,
+    tool: FloatArray,
+) -> TubeMargins:
+    """Return how far inside the tube a motion is over time; arguments as of `tube_excursions`.
+
+    The least of them is what `tube_excursions` finds.
+    """
+    asked = _asked(problem, time, q, rotation, tool)
+    sample = np.searchsorted(time, asked.time)
+
+    def least(margin: FloatArray) -> FloatArray:
+        found = np.full(len(time), _FREE)
+        np.minimum.at(found, sample, margin.min(axis=1))
+        return np.where(found < _FREE, found, np.inf)
+
+    return TubeMargins(least(asked.tube), None if asked.rotation is None else least(asked.rotation))
+
+
+def _asked(
+    problem: PlanningProblem,
+    time: FloatArray,
+    q: FloatArray,
+    rotation: FloatArray,
+    tool: FloatArray,
+) -> _Asked:
     joined = problem.joined
     tube = joined.tube
     margins = [tube.margin(tool), _range_margin(joined, q)]
@@ -72,21 +148,13 @@ def tube_excursions(
     passing = _passing(joined, tool)
     all_rows = np.hstack([time[:, None], *margins, *(row[:, None] for row in passing.values())])
     rows = _with_crossings(all_rows, np.minimum.reduce(margins))
-    time, count = rows[:, 0], tube.segment_count
-    columns = np.arange(1, rows.shape[1] - len(passing)).reshape(-1, count)
+    columns = np.arange(1, rows.shape[1] - len(passing)).reshape(-1, tube.segment_count)
     own = [rows[:, column] for column in columns]
     passing = {k: rows[:, i - len(passing)] for i, k in enumerate(passing)}
     first, last = _segments(joined, np.minimum.reduce(own), passing)
     current = [_while_current(margin, first, last) for margin in own]
-    found = [_worst(joined, time, margin) for margin in current]
-    turned = found[2] if tube.rotation is not None and tube.rotation.is_bounded else None
-    return TubeExcursions(
-        found[0],
-        turned,
-        _worst_passage(joined, time, passing, first, last),
-        -current[0].min(axis=0),
-        np.full(count, -_FREE) if turned is None else -current[2].min(axis=0),
-    )
+    turned = current[2] if tube.rotation is not None and tube.rotation.is_bounded else None
+    return _Asked(joined, rows[:, 0], current[0], turned, passing, first, last)
 
 
 def _range_margin(problem: PlanningProblem, q: FloatArray) -> FloatArray:
@@ -141,25 +209,20 @@ def _while_current(margin: FloatArray, first: IntArray, last: IntArray) -> Float
     return np.where(counts, margin, _FREE)
 
 
-def _worst(problem: PlanningProblem, time: FloatArray, margin: FloatArray) -> Extreme:
+def _worst(asked: _Asked, margin: FloatArray) -> Extreme:
     sample, column = np.unravel_index(int(margin.argmin()), margin.shape)
-    number = problem.tube.segment_number(int(column))
-    return Extreme(-float(margin[sample, column]), Place(time=float(time[sample]), segment=number))
+    number = asked.problem.tube.segment_number(int(column))
+    where = Place(time=float(asked.time[sample]), segment=number)
+    return Extreme(-float(margin[sample, column]), where)
 
 
-def _worst_passage(
-    problem: PlanningProblem,
-    time: FloatArray,
-    passing: dict[int, FloatArray],
-    first: IntArray,
-    last: IntArray,
-) -> Extreme | None:
-    found = []
-    for k, margin in passing.items():
-        counts = (last >= k - 1) & (first <= k)
-        if problem.tube.visit != "ordered":
+def _worst_passage(asked: _Asked) -> Extreme | None:
+    tube, found = asked.problem.tube, []
+    for k, margin in asked.passing.items():
+        counts = (asked.last >= k - 1) & (asked.first <= k)
+        if tube.visit != "ordered":
             counts = np.ones_like(counts)
         best = int(np.where(counts, margin, -np.inf).argmax())
-        number = int(problem.tube.numbers[k])
-        found.append(Extreme(-float(margin[best]), Place(time=float(time[best]), point=number)))
+        where = Place(time=float(asked.time[best]), point=int(tube.numbers[k]))
+        found.append(Extreme(-float(margin[best]), where))
     return max(found, key=lambda extreme: extreme.value, default=None)

@@ -106,8 +106,7 @@ def _judged(
     problem: PlanningProblem, execution: Execution, run: int, planned: FloatArray, aim: FloatArray
 ) -> JudgedRun:
     time, q, plant = execution.time, execution.position[run], execution.plants[run]
-    rotation, position = problem.robot.tool_pose(q)
-    tool = position + rotation @ plant.tool + plant.base
+    rotation, tool = plant.tool_pose(problem.robot, q)
     excursions = tube_excursions(problem, time, q, rotation, tool)
     obstacles, self_collision = least_clearances(problem, time, q, plant.base)
     away = np.linalg.norm(tool - aim, axis=1)

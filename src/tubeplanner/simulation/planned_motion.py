@@ -22,8 +22,8 @@ class PlannedMotion:
         acceleration: Mean over the periods, shape (K, n) [rad/s^2 or m/s^2].
         friction: Coulomb friction in the middles, shape (K, n) [N m or N].
         effort: Of the motors in the middles, by the plan's model, shape (K, n) [N m or N].
-        inertia: Diagonal of the mass matrix in the middles, rotors included, shape (K, n)
-            [kg m^2 or kg].
+        inertia: What each motor alone accelerates in the middles, rotor included: one over the
+            diagonal of the inverse of the mass matrix, shape (K, n) [kg m^2 or kg].
     """
 
     start: TrajectorySamples

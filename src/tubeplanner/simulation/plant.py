@@ -37,6 +37,16 @@ class Plant:
     base: FloatArray
     noise_seed: int
 
+    def tool_pose(self, robot: RobotModel, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return orientations (K, 3, 3) and positions (K, 3) [m] of its tool, shifts included.
+
+        Args:
+            robot: The model.
+            q: Positions of the joints, shape (K, n).
+        """
+        rotation, position = robot.tool_pose(q)
+        return rotation, position + rotation @ self.tool + self.base
+
 
 @dataclass(frozen=True)
 class Draw:

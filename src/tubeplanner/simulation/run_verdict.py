@@ -5,8 +5,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from scipy.special import betaincinv
-
 from tubeplanner.simulation.judged_runs import KEPT, JudgedRun
 
 CONFIDENCE = 0.95
@@ -41,6 +39,8 @@ class RunVerdict:
         (Clopper and Pearson, "The use of confidence or fiducial limits illustrated in the case of
         the binomial", Biometrika 26, 1934.)
         """
+        from scipy.special import betaincinv  # slow to load, and few plans are simulated
+
         k, n, tail = self.failed, self.runs, (1 - CONFIDENCE) / 2
         least = float(betaincinv(k, n - k + 1, tail)) if k > 0 else 0.0
         most = float(betaincinv(k + 1, n - k, 1 - tail)) if k < n else 1.0
@@ -59,10 +59,10 @@ class RunVerdict:
     def __str__(self) -> str:
         least, most = self.share
         said = "; ".join(f"{count} {_WORDS[name]}" for name, count in self.broken.items() if count)
-        between = f"between {100 * least:.3g} and" if self.failed else "at most"
+        between = f"between {100 * least:.1f} and" if self.failed else "at most"
         return (
             f"{self.failed} of {self.runs} runs failed{': ' * bool(said)}{said} ({between} "
-            f"{100 * most:.2g} % of all, with {100 * CONFIDENCE:g} % confidence)"
+            f"{100 * most:.1f} % of all, with {100 * CONFIDENCE:g} % confidence)"
         )
 
 

@@ -9,9 +9,8 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.simulation.judged_runs import JudgedRun
 
-# Few runs stand for many: of 200 drawn from a normal distribution, all stay below the mean plus so
-# many standard deviations in 95 of 100 cases.
-_DEVIATIONS = 3.5
+# Few runs stand for more: the mean and so many standard deviations of them.
+_DEVIATIONS = 2.5
 _NOTHING = -1e3  # [m or rad]: how much is short where nothing is asked
 
 

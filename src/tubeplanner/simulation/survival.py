@@ -56,7 +56,7 @@ class Survival:
             f"{before.failed} of {before.runs} of its runs failed"
         )
         if not self.costs:
-            return (without,)
+            return (without, *self._blamed)
         parts = "; ".join(
             f"{_kept(self.kept_back, part)} ({1000 * cost:.2g} ms)"
             for part, cost in self.costs.items()
@@ -64,8 +64,15 @@ class Survival:
         share = 100 * self.added / self.duration_without
         return (
             f"surviving takes {1000 * self.added:.2g} ms more, {share:.2g} %: {parts}; {without}",
-            *((f"robustness: {self.blame}",) if self.blame is not None else ()),
+            *self._blamed,
         )
+
+    @property
+    def _blamed(self) -> tuple[str, ...]:
+        if self.blame is None:
+            return ()
+        whose = "the plan without robustness" if self.reached else "no plan was found that survives"
+        return (f"{whose}: {self.blame}",)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the fields as JSON values."""

@@ -9,6 +9,7 @@ LINE_COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9",
 SEGMENT_COLORS = ("#56B4E9", "#E69F00", "#009E73", "#CC79A7")
 OBSTACLE_COLOR = "#777777"
 REFERENCE_COLOR = "#444444"
+EXECUTED_COLOR, WARNING_COLOR = "#0072B2", "#D55E00"
 # From slow to fast: dark to light, so that it also reads without any colour (viridis).
 SPEED_COLORS = (
     *("#440154", "#472D7B", "#3B528B", "#2C728E", "#21918C"),

@@ -31,7 +31,7 @@ _SAMPLES, _MIN_PER_PIECE = 800, 4
 _MAX_FACTOR = 3.0  # more than so many times faster is drawn as that
 _MAX_LABELS = 8
 _MAX_MARKED = 24  # segments one by one; more of them as groups, of which each has a label
-_LONG_LABEL, _SHORT_LABEL = 0.2, 0.1  # shares of the duration that a label needs
+_LONG_LABEL, _SHORT_LABEL = 0.2, 0.1  # shares of the panel that a label needs
 _MARGIN = 0.08
 
 
@@ -230,18 +230,27 @@ def draw_tube_use(axis: "Axes", curves: TrajectoryCurves) -> None:
     axis.legend(fontsize=8, loc="upper center", ncols=2)
 
 
-def mark_segments(axis: "Axes", curves: TrajectoryCurves, *, labels: bool = False) -> None:
-    """Shade a panel over time by the segments that the tool is in, and name them if asked."""
-    visits = curves.visits
+def mark_segments(
+    axis: "Axes", curves: TrajectoryCurves, *, labels: bool = False, until: float | None = None
+) -> None:
+    """Shade a panel over time by the segments that the tool is in, and name them if asked.
+
+    Args:
+        axis: The panel.
+        curves: The trajectory.
+        labels: Whether segments are named.
+        until: When the panel ends [s]; None: with the trajectory.
+    """
+    visits, last = curves.visits, until or float(curves.samples.time[-1])
     for group, begin, end in visits:
         axis.axvspan(begin, end, color=segment_color(group), alpha=0.10, linewidth=0, zorder=0)
         if begin > 0:
             axis.axvline(begin, color="#888888", linewidth=0.8, linestyle=":")
         if labels and len(visits) <= _MAX_LABELS:
-            name = _label(curves, group, (end - begin) / float(curves.samples.time[-1]))
+            name = _label(curves, group, (end - begin) / last)
             place = axis.get_xaxis_transform()
             axis.text((begin + end) / 2, 1.01, name, transform=place, ha="center", fontsize=7)
-    axis.set_xlim(0.0, curves.samples.time[-1])
+    axis.set_xlim(0.0, last)
     axis.set_xlabel("time [s]")
     axis.grid(alpha=0.25)
 
@@ -255,7 +264,7 @@ def segments_per_group(count: int) -> int:
 
 
 def _label(curves: TrajectoryCurves, group: int, share: float) -> str:
-    """Return what a visit of a group is called that takes a share of the duration."""
+    """Return what a visit of a group is called that takes a share of the panel."""
     tube, step = curves.problem.tube, curves.segments_per_group
     first, last = group * step, min((group + 1) * step, tube.segment_count) - 1
     number = str(first) if first == last else f"{first}-{last}"

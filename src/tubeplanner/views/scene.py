@@ -17,7 +17,10 @@ from tubeplanner.collision.convex_shape import ConvexShape, convex_hull
 from tubeplanner.errors import TrajectoryError
 from tubeplanner.outcome import Infeasible
 from tubeplanner.problem.problem import PlanningProblem, Seed
+from tubeplanner.simulation.execution import Execution
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
+from tubeplanner.views.executed_paths import ExecutedPaths, executed_paths
+from tubeplanner.views.execution_curves import tool_runs
 from tubeplanner.views.link_visuals import LinkPart, link_parts
 from tubeplanner.views.palette import (
     OBSTACLE_COLOR,
@@ -43,6 +46,8 @@ from tubeplanner.views.viewpoint import best_direction, floor_grid, outline
 _MAX_FACES = 60_000
 _FRAMES_PER_SECOND, _MIN_FRAMES, _MAX_FRAMES = 200, 80, 240
 _SWEEP_STEPS = 24
+_EXECUTED_STEPS = 240  # lines of an executed path
+_BESIDE_EXECUTED = 0.3  # of its usual thickness: the planned path among executed ones
 _BALL_POINTS = 150
 _SAMPLED_SHARES = (
     0.1,
@@ -63,6 +68,7 @@ class Layer(StrEnum):
     TUBE = "tube"
     REFERENCE = "reference"
     TOOL = "tool"
+    EXECUTED = "executed"
     OBSTACLES = "obstacles"
     SWEPT = "swept"
 
@@ -140,6 +146,7 @@ class Scene:
         floor_step: Length of one [m].
         top: Where a trajectory's name goes, its offset left out, shape (3,) [m].
         notes: What else is worth knowing.
+        executed: The tool's executed paths, beside the first trajectory; None: none were asked.
     """
 
     problem: PlanningProblem
@@ -152,6 +159,15 @@ class Scene:
     floor_step: float
     top: FloatArray
     notes: tuple[str, ...]
+    executed: ExecutedPaths | None = None
+
+    @property
+    def layers(self) -> list[Layer]:
+        """The layers in which there is something, in the order of `Layer`."""
+        found = {item.layer for item in self.items}
+        if self.executed is not None:
+            found.add(Layer.EXECUTED)
+        return [layer for layer in Layer if layer in found]
 
     @property
     def peak_speed(self) -> float:
@@ -164,10 +180,14 @@ class Scene:
         return max(trajectory.duration for trajectory in self.trajectories)
 
 
-def build_scene(problem: PlanningProblem, named: Mapping[str, JointTrajectory]) -> Scene:
+def build_scene(
+    problem: PlanningProblem,
+    named: Mapping[str, JointTrajectory],
+    execution: Execution | None = None,
+) -> Scene:
     """Return the scene of a problem and some trajectories, by name.
 
-    Without a trajectory the arm rests at the start.
+    Without a trajectory the arm rests at the start. The execution is that of the one trajectory.
 
     Raises:
         TrajectoryError: A trajectory moves other joints than the problem's; it is named.
@@ -184,10 +204,7 @@ def build_scene(problem: PlanningProblem, named: Mapping[str, JointTrajectory]) 
     standing = [points for body, points in hulls if body == 0]
     points = np.vstack([*(s.vertices for s in [*swept, *tube]), *standing])
     size = float(np.ptp(points, axis=0).max())
-    solids = [shape for obstacle in problem.obstacles for shape in obstacle.shapes]
-    path = np.vstack([trajectories[0].tool, problem.tube.points])
-    arms = [_moving_shapes(trajectories[0], share, hulls) for share in _SAMPLED_SHARES]
-    direction = best_direction(path, solids, arms)
+    direction = _direction(problem, trajectories[0], hulls)
     # Side by side as seen from there: along x or y, whichever lies more across the view.
     across = int(abs(direction[0]) > abs(direction[1]))
     offset = np.eye(3)[across] * np.ptp(points[:, across]) * (1 + _GAP)
@@ -196,7 +213,8 @@ def build_scene(problem: PlanningProblem, named: Mapping[str, JointTrajectory]) 
     for i, trajectory in enumerate(trajectories):
         items += _arm(i, parts) + _carried(i, problem)
         items += _surroundings(i, problem, tube, size)
-        items += _tool(i, trajectory, problem, size, fastest)
+        width = 1.0 if execution is None else _BESIDE_EXECUTED
+        items += _tool(i, trajectory, problem, width * _thickness(problem, size), fastest)
         if trajectory.duration > 0:
             items.append(Item(Layer.SWEPT, i, "links", swept[i], rgb(SWEPT_COLOR), 0.22))
     sides = outline(points)
@@ -212,6 +230,7 @@ def build_scene(problem: PlanningProblem, named: Mapping[str, JointTrajectory]) 
         *floor_grid(held),
         top,
         tuple([*notes, *notes_of_parts]),
+        _executed(problem, named, execution),
     )
 
 
@@ -281,6 +300,16 @@ def _swept(trajectory: ShownTrajectory, hulls: list[tuple[int, FloatArray]]) -> 
     return joined(pieces)
 
 
+def _direction(
+    problem: PlanningProblem, trajectory: ShownTrajectory, hulls: list[tuple[int, FloatArray]]
+) -> FloatArray:
+    """Return from where path and tube are seen best, as `best_direction` does."""
+    solids = [shape for obstacle in problem.obstacles for shape in obstacle.shapes]
+    path = np.vstack([trajectory.tool, problem.tube.points])
+    arms = [_moving_shapes(trajectory, share, hulls) for share in _SAMPLED_SHARES]
+    return best_direction(path, solids, arms)
+
+
 def _moving_shapes(
     trajectory: ShownTrajectory, share: float, hulls: list[tuple[int, FloatArray]]
 ) -> list[ConvexShape]:
@@ -337,10 +366,10 @@ def _surroundings(
 
 
 def _tool(
-    i: int, trajectory: ShownTrajectory, problem: PlanningProblem, size: float, fastest: float
+    i: int, trajectory: ShownTrajectory, problem: PlanningProblem, thickness: float, fastest: float
 ) -> list[Item]:
     """Return the tool's path, coloured by its speed, and a point where the tool is."""
-    thickness, robot = _thickness(problem, size), problem.robot
+    robot = problem.robot
     body = robot.link_body[robot.tool_frame]
     center = (trajectory.tool[0] - trajectory.position[0, body]) @ trajectory.rotation[0, body]
     point = hull_surface(center + 1.8 * thickness * directions(_BALL_POINTS))
@@ -350,6 +379,15 @@ def _tool(
         share = trajectory.speed[owner] / (fastest or 1.0)
         items.append(Item(Layer.TOOL, i, "path", surface, speed_colors(share)))
     return items
+
+
+def _executed(
+    problem: PlanningProblem, named: Mapping[str, JointTrajectory], execution: Execution | None
+) -> ExecutedPaths | None:
+    if execution is None:
+        return None
+    (trajectory,) = named.values()
+    return executed_paths(tool_runs(problem, trajectory, execution), _EXECUTED_STEPS)
 
 
 def _thickness(problem: PlanningProblem, size: float) -> float:

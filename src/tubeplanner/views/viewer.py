@@ -23,14 +23,15 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import OptionError
 from tubeplanner.files.output_files import write_files
 from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.simulation.execution import Execution
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
-from tubeplanner.views.palette import OBSTACLE_COLOR, REFERENCE_COLOR, SPEED_COLORS, segment_color
-from tubeplanner.views.panels import size_of
-from tubeplanner.views.scene import CARRIED_COLOR, SWEPT_COLOR, Item, Layer, Scene, build_scene
+from tubeplanner.views.executed_paths import ExecutedPaths
+from tubeplanner.views.page_panel import panel_data
+from tubeplanner.views.palette import EXECUTED_COLOR, WARNING_COLOR, rgb
+from tubeplanner.views.scene import Item, Layer, Scene, build_scene
 
 _TEMPLATE = Path(__file__).with_name("view_page.html")
 _FRAME_HEIGHT = 560  # of the frame in a notebook [px]
-_MAX_SEGMENTS_NAMED = 6
 # Translucent things are drawn after solid ones, in this order.
 # The paths come after the tube, so that it does not tint their colours.
 _RENDER_ORDER = {
@@ -38,8 +39,9 @@ _RENDER_ORDER = {
     Layer.TUBE: 2,
     Layer.REFERENCE: 3,
     Layer.TOOL: 4,
-    Layer.CARRIED: 5,
-    Layer.SWEPT: 7,
+    Layer.EXECUTED: 5,
+    Layer.CARRIED: 6,
+    Layer.SWEPT: 8,
 }
 _FLOOR_COLOR = 0xC3CAD4
 _LIGHT_DISTANCE = 50.0  # [m]
@@ -96,16 +98,21 @@ def view(
     problem: PlanningProblem,
     *trajectories: JointTrajectory,
     names: Sequence[str] | None = None,
+    execution: Execution | None = None,
 ) -> View:
     """Return a view of a problem with trajectories side by side; without any, at its start.
+
+    With an execution, also the paths that the tool took, in another colour outside the tube.
 
     Args:
         problem: The planning problem.
         trajectories: Of the problem's joints, in any order.
         names: Names of the trajectories; default: numbers.
+        execution: Of the one trajectory.
 
     Raises:
-        OptionError: There are not as many names as trajectories, or two are the same.
+        OptionError: There are not as many names as trajectories, or two are the same; or there is
+            an execution, and not one trajectory.
         TrajectoryError: A trajectory moves other joints than the problem's; it is named.
         RobotError: The robot's geometry is of a kind no URDF has.
     """
@@ -117,7 +124,9 @@ def view(
             f"names {list(names)}: one each, all different, is needed for {len(trajectories)} "
             "trajectories"
         )
-    return View(build_scene(problem, dict(zip(names, trajectories, strict=True))))
+    if execution is not None and len(trajectories) != 1:
+        raise OptionError(f"execution goes with one trajectory, not {len(trajectories)}; give one")
+    return View(build_scene(problem, dict(zip(names, trajectories, strict=True)), execution))
 
 
 def names_of_files(paths: Sequence[Path]) -> list[str]:
@@ -162,25 +171,39 @@ def recorded_commands(scene: Scene) -> list[dict[str, Any]]:
     root["/Background"].set_property("bottom_color", [0.87, 0.90, 0.94])
     root["/Axes"].set_property("visible", False)
     root["/Grid"].set_property("visible", False)
-    _add_floor(root, scene)
+    _add_lines(root["floor"], scene.floor, _FLOOR_COLOR)
     _add_lights(root, scene.direction)
     for item in scene.items:
         _add_item(root, item)
+    if scene.executed is not None:
+        _add_executed(root, scene.executed)
     for i in range(len(scene.trajectories)):
         placement = np.eye(4)
         placement[:3, 3] = i * scene.offset
-        for layer in _layers(scene):
+        for layer in scene.layers:
             root[f"{layer}/{i}"].set_transform(placement)
     _animate(root, scene)
     return recorder.commands
 
 
-def _add_floor(root: Any, scene: Scene) -> None:
+def _add_lines(node: Any, ends: FloatArray, color: int, **look: Any) -> None:
+    """Add straight lines from and to `ends`, shape (E, 2, 3) [m]."""
     from meshcat import geometry
 
-    ends = scene.floor.reshape(-1, 3).T.astype(np.float32)
-    material = geometry.LineBasicMaterial(color=_FLOOR_COLOR)
-    root["floor"].set_object(geometry.LineSegments(geometry.PointsGeometry(ends), material))
+    points = geometry.PointsGeometry(ends.reshape(-1, 3).T.astype(np.float32))
+    material = geometry.LineBasicMaterial(color=color, **look)
+    node.set_object(geometry.LineSegments(points, material))
+
+
+def _add_executed(root: Any, executed: ExecutedPaths) -> None:
+    for name, ends, color in (
+        ("inside", executed.inside, EXECUTED_COLOR),
+        ("outside", executed.outside, WARNING_COLOR),
+    ):
+        node = root[f"{Layer.EXECUTED}/0/{name}"]
+        if len(ends):
+            _add_lines(node, ends, _as_number(rgb(color)), transparent=True)
+            node["<object>"].set_property("renderOrder", _RENDER_ORDER[Layer.EXECUTED])
 
 
 def _add_lights(root: Any, direction: FloatArray) -> None:
@@ -198,11 +221,6 @@ def _add_lights(root: Any, direction: FloatArray) -> None:
         light.set_property("position", (_LIGHT_DISTANCE * towards).tolist())
         light.set_property("intensity", intensity)
     lights["PointLightPositiveX/<object>"].set_property("distance", 0.0)  # however far it is
-
-
-def _layers(scene: Scene) -> list[Layer]:
-    found = {item.layer for item in scene.items}
-    return [layer for layer in Layer if layer in found]
 
 
 def _body_path(layer: Layer, trajectory: int, body: int) -> str:
@@ -282,94 +300,3 @@ def _page(scene: Scene) -> str:
     }
     template = _TEMPLATE.read_text(encoding="utf-8")
     return re.sub(r"\{\{(\w+)\}\}", lambda match: parts[match.group(1)], template)
-
-
-def panel_data(scene: Scene) -> dict[str, Any]:
-    """Return the text of the page's overlay and how it frames the scene, as JSON values."""
-    problem, many = scene.problem, len(scene.trajectories) > 1
-    trajectories = [
-        {
-            "name": trajectory.name,
-            "lasts": f"{1000 * trajectory.duration:.0f} ms",
-            "top": f"{trajectory.speed.max():.2f} m/s",
-            "duration": trajectory.duration,
-            "speed": [round(float(speed), 4) for speed in trajectory.speed],
-        }
-        for trajectory in scene.trajectories
-    ]
-    labels = [
-        {
-            "text": f"{trajectory['name']}: {trajectory['lasts']}",
-            "point": (scene.top + i * scene.offset).tolist(),
-        }
-        for i, trajectory in enumerate(trajectories)
-    ]
-    moving = "" if scene.duration > 0 else "The arm at its start; no trajectory is shown. "
-    return {
-        "title": problem.name,
-        "robot": f"{problem.robot.name}, {problem.robot.joint_count} joints",
-        "hint": f"{moving}Grid: {scene.floor_step:g} m. Drag to turn, scroll to zoom, right button "
-        "to shift.",
-        "duration": scene.duration,
-        "trajectories": trajectories,
-        "labels": labels if many else None,
-        "layers": [_layer_data(layer, scene) for layer in _layers(scene)],
-        "notes": list(scene.notes),
-        "direction": scene.direction.tolist(),
-        "outline": scene.outline.round(5).tolist(),
-    }
-
-
-def _layer_data(layer: Layer, scene: Scene) -> dict[str, Any]:
-    """Return a layer's name, label, colours and whether it is shown at first."""
-    problem = scene.problem
-    words = {
-        Layer.ARM: "Arm",
-        Layer.CARRIED: _listed("Carried", [solid.name for solid in problem.attached]),
-        Layer.TUBE: "Tube: the tool must stay inside",
-        Layer.REFERENCE: "Reference path",
-        Layer.TOOL: "Path of the tool, by its speed" if scene.duration > 0 else "Tool",
-        Layer.OBSTACLES: _listed("Obstacles", [obstacle.name for obstacle in problem.obstacles]),
-        Layer.SWEPT: "Space the links sweep (hulls)",
-    }
-    plain = {
-        Layer.CARRIED: CARRIED_COLOR,
-        Layer.OBSTACLES: OBSTACLE_COLOR,
-        Layer.SWEPT: SWEPT_COLOR,
-    }
-    entries = [{"color": plain[layer], "text": ""}] if layer in plain else []
-    fields: dict[str, Any] = {
-        "name": str(layer),
-        "label": words[layer],
-        "entries": _segment_entries(problem) if layer is Layer.TUBE else entries,
-        "visible": layer is not Layer.SWEPT,
-    }
-    if layer is Layer.REFERENCE:
-        fields["dashed"] = REFERENCE_COLOR
-    if layer is Layer.TOOL and scene.duration > 0:
-        top = scene.peak_speed
-        ticks = ["0", f"{top / 2:.2f}", f"{top:.2f} m/s"]
-        fields["scale"] = {"colors": list(SPEED_COLORS), "ticks": ticks}
-    return fields
-
-
-def _listed(kind: str, names: Sequence[str]) -> str:
-    return f"{kind}: {', '.join(names)}"
-
-
-def _segment_entries(problem: PlanningProblem) -> list[dict[str, str]]:
-    """Return colours and sizes of the tube's segments, the first few of many."""
-    tube = problem.tube
-    radii = 1000 * tube.effective_radius
-    kinds = ["box" if is_box else "radius" for is_box in tube.is_box]
-    named = range(min(len(radii), _MAX_SEGMENTS_NAMED))
-    entries = [
-        {"color": segment_color(k), "text": f"segment {k}: {kinds[k]} {size_of(tube, k)}"}
-        for k in named
-    ]
-    if len(radii) > len(named):
-        low, high = radii.min(), radii.max()
-        text = f"and so on: {len(radii)} segments, {low:.3g} to {high:.3g} mm"
-        text += " (of boxes, half the smaller side)" * bool(tube.is_box.any())
-        entries.append({"color": "", "text": text})
-    return entries
