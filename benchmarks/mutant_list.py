@@ -1147,15 +1147,11 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("return -highest", "return least"),
         ("_VALLEY_SHARE * least", "0.0", "the certificate judges what lies between samples"),
         # of simulation/executed_clearance
-        ("chosen[closer[chosen] < least]", "chosen[closer[chosen] < 0.5 * least]"),
-        ("found.min() < least", "found.min() < 1e6"),
-        ("best = float(found.min())", "best = float(found.max())"),
-        ("float(time[place[0]])", "float(time[place[1]])"),
-        ("pairs[place[1]]", "pairs[place[0]]"),
-        ("bound < least", "bound > least"),
-        ("int(lowest[column]), column", "0, 0"),
-        ('kind="stable")', 'kind="stable")[:_AT_ONCE]'),
-        ("int(row[best]), int(pair[best])", "int(row[0]), int(pair[0])"),
+        ("np.nonzero(bound < nearest", "np.nonzero(bound < 0.5 * nearest"),
+        ("closer[lowest] = np.inf", "closer[:] = np.inf"),
+        ("np.maximum(closer, along)", "closer"),
+        ("float(time[nearest.row])", "float(time[nearest.column])"),
+        ("pairs[nearest.column]", "pairs[nearest.row]"),
     ],
     "_least_of_stretches": [
         (
@@ -2042,6 +2038,8 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("round(plant.delay / step)", "int(np.ceil(plant.delay / step))"),
         ("round(plant.delay / step) for", "round(plants[0].delay / step) for"),
         ("[plant.lag]", "[plants[0].lag]"),
+        ("np.exp(-share)", "1 - share"),
+        ("(1 - self._left) / share", "self._left"),
         ("np.tile(held,", "np.tile(0 * held,"),
         ("int(self._delay.max()) + 1", "int(self._delay.max())"),
     ],
@@ -2058,10 +2056,8 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "Drives.stepped": [
         ("len(self._sent) - 1 - self._delay", "self._delay"),
         ("np.arange(len(asked))]", "0]"),
-        ("np.exp(-share)", "1 - share"),
-        ("(1 - left) / share", "left"),
-        ("target + (self._given - target) * left", "target"),
-        ("target + behind * mean_left", "target + behind"),
+        ("target + behind * self._left", "target"),
+        ("target + behind * self._mean_left", "target + behind"),
     ],
     # --- simulation/planned_motion --------------------------------------------------------------
     "planned_motion": [
@@ -2121,17 +2117,26 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("= plant.motors.viscous_friction", "= 2 * plant.motors.viscous_friction"),
         ("(forwards + backwards) / 2", "forwards + backwards"),
         ("(forwards - backwards) / 2", "(backwards - forwards) / 2"),
-        ("self._model = mujoco, copy.copy(model)", "self._model = mujoco, model"),
-        ("mujoco.mj_setConst(self._model, self._data)", "pass"),
+        ("self.model = mujoco, copy.copy(model)", "self.model = mujoco, model"),
+        ("mujoco.mj_setConst(self.model, self._data)", "pass"),
         ("[model.joint(name).dofadr[0] for name in joints]", "range(model.nv)"),
     ],
     "MujocoArm.place": [
         ("= q, v", "= q, 0 * v"),
     ],
     "MujocoArm.step": [
-        ("effort - self._bias", "effort"),
-        ("effort - self._bias", "effort + self._bias"),
+        ("effort - self.bias", "effort"),
+        ("effort - self.bias", "effort + self.bias"),
     ],
+    "ArmsTogether.move": [
+        ("effort - self._bias", "effort"),
+        ("given[:, :, self._degrees]", "given[:, :, :]"),
+        ("self._models[run] for run in runs.tolist()", "self._models[0] for run in runs"),
+        ("self._state[runs],", "self._state[: len(runs)],"),
+        ("moved[:, -1]", "moved[:, 0]"),
+    ],
+    "ArmsTogether.position": [("1 + self._degrees", "1 + np.sort(self._degrees)")],
+    "ArmsTogether.velocity": [("+ self._degrees]", "+ np.sort(self._degrees)]")],
     "MujocoArm._set_bodies": [
         ("inertia.mass", "1.0"),
         ("= inertia.com", "= 0.0"),
@@ -2173,7 +2178,6 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("/ (time[1] - time[0])", "/ (time[1] - time[0]) / _STEPS"),
         ("drives.stepped(effort[:, k])", "drives.stepped(asked)"),
         ("drives.bounded(asked, q, v)", "drives.bounded(asked, q, 0 * v)"),
-        ("given[run]", "given[0]"),
         ("< _LOST).all(axis=1)", "< _LOST).any(axis=1)"),
         ("range(_STEPS)", "range(_STEPS - 1)"),
         ("position[:, k] = q =", "position[:, k - 1] = q ="),
@@ -2238,12 +2242,20 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     # --- simulation/executed_clearance ----------------------------------------------------------
     "least_clearances": [
+        ("_shifted(position, base), checker.obstacle_pairs", "position, checker.obstacle_pairs"),
+        ("position, checker.link_pairs", "_shifted(position, base), checker.link_pairs"),
+    ],
+    "_shifted": [
         ("shifted[:, 1:] += base", "shifted += base"),
         ("shifted[:, 1:] += base", "shifted[:, 1:] -= base"),
-        ("shifted[:, 1:] += base", "shifted[:, 1:] += rotation[:, 1:] @ base"),
-        ("shifted, checker.obstacle_pairs", "position, checker.obstacle_pairs"),
-        ("position, checker.link_pairs", "shifted, checker.link_pairs"),
     ],
+    "_Nearest.measure": [
+        ('"pij,pi->pj", frames', '"pij,pj->pi", frames'),
+        ("int(row[best]), int(column[best])", "int(row[0]), int(column[0])"),
+        ("found.distance.argmin()", "found.distance.argmax()"),
+    ],
+    "_Nearest.undecided": [("self.distance - _ROUNDING", "0.5 * self.distance")],
+    "_lowest": [("[bound, columns]", "[-bound, columns]")],
     # --- simulation/judged_runs -----------------------------------------------------------------
     "JudgedRun.broken": [
         ("nearest[name] - extreme.value", "-extreme.value"),

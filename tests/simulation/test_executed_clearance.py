@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 
 from cases import anywhere, changed, one_joint
 from stored_trajectories import REFINEMENT, stored_trajectory
@@ -47,6 +48,57 @@ def test_they_are_the_least_of_all_distances(wall, shift):
     alone = measured(problem, q, problem.collision.link_pairs, NO_SHIFT)
     assert links.value == pytest.approx(alone.min(), abs=1e-9)
     assert links.place.obstacle is None
+
+
+@pytest.mark.parametrize("name", ["panda/between_shelves", "ur10/onto_a_conveyor"])
+@pytest.mark.parametrize("spread", [1.0, 0.02], ids=["anywhere", "close together"])
+def test_they_are_found_wherever_samples_are(name, spread):
+    problem, random = load_problem(f"example:{name}"), np.random.default_rng(5)
+    q = problem.start + spread * random.uniform(-1, 1, (150, problem.robot.joint_count))
+    found, checker = least_clearances(problem, np.arange(150.0), q, NO_SHIFT), problem.collision
+    for extreme, pairs in zip(found, (checker.obstacle_pairs, checker.link_pairs), strict=True):
+        expected = measured(problem, q, pairs, NO_SHIFT)
+        assert extreme.value == pytest.approx(expected.min(), abs=1e-12)
+        assert extreme.place.time == np.unravel_index(expected.argmin(), expected.shape)[0]
+
+
+def depth(problem, q, pair, shift):
+    """How deep two shapes overlap: the way out of their Minkowski difference."""
+    rotation, position = (each[0] for each in problem.robot.body_poses(q[None]))
+    position[1:] += shift
+    first, second = (problem.collision.shapes[index] for index in pair)
+    corners = [
+        each.shape.vertices @ rotation[each.body].T + position[each.body]
+        for each in (first, second)
+    ]
+    hull = ConvexHull((corners[0][:, None] - corners[1]).reshape(-1, 3))
+    return -hull.equations[:, 3].max() + first.shape.radius + second.shape.radius
+
+
+def test_overlaps_are_at_least_as_deep_as_they_are():
+    problem, random = load_problem("example:ur10/onto_a_conveyor"), np.random.default_rng(5)
+    q = problem.start + random.uniform(-0.3, 0.3, (20, problem.robot.joint_count))
+    shift, pairs = np.array([0.0, 0.0, -0.2]), problem.collision.obstacle_pairs
+    obstacles, _ = least_clearances(problem, np.arange(20.0), q, shift)
+    bounds = measured(problem, q, pairs, shift)
+    deepest = max(depth(problem, q[k], pairs[p], shift) for k, p in np.argwhere(bounds < -0.1))
+    assert bounds.min() <= obstacles.value <= -deepest < -0.1
+
+
+def test_one_measurement_answers_for_many_samples(wall, monkeypatch):
+    problem, _, _ = wall
+    motion = stored_trajectory("ur5/over_the_wall", REFINEMENT).trajectory
+    many = np.linspace(0, motion.duration, 1000)
+    q = motion.reordered(problem.robot.joint_names).position(many)
+    measure, measured = problem.collision.closest_points, []
+
+    def counted(rotation, position, pairs):
+        measured.extend(pairs)
+        return measure(rotation, position, pairs)
+
+    monkeypatch.setattr(problem.collision, "closest_points", counted)
+    least_clearances(problem, many, q, NO_SHIFT)
+    assert len(measured) < 100
 
 
 def test_of_tools_at_random_they_are_too(wall):

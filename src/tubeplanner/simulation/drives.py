@@ -24,8 +24,12 @@ class Drives:
 
         Delays are rounded to whole steps.
         """
-        self._limits, self._motors, self._step = robot.limits, robot.motors, step
-        self._lag = np.array([[plant.lag] for plant in plants])
+        self._limits, self._motors = robot.limits, robot.motors
+        lag = np.array([[plant.lag] for plant in plants])
+        share = step / np.where(lag > 0, lag, 1.0)
+        # Of what an effort lacks: how much is left after a step, and on average during it.
+        self._left = np.where(lag > 0, np.exp(-share), 0.0)
+        self._mean_left = np.where(lag > 0, (1 - self._left) / share, 0.0)
         self._delay = np.array([round(plant.delay / step) for plant in plants])
         self._given = np.tile(held, (len(plants), 1))
         # What is on its way, the newest last: (steps, R, n).
@@ -51,9 +55,7 @@ class Drives:
         """Return the mean efforts (R, n) during the next step, efforts (R, n) being asked."""
         self._sent = np.concatenate([self._sent[1:], asked[None]])
         target = self._sent[len(self._sent) - 1 - self._delay, np.arange(len(asked))]
-        share = self._step / np.where(self._lag > 0, self._lag, 1.0)
-        left = np.where(self._lag > 0, np.exp(-share), 0.0)
-        mean_left = np.where(self._lag > 0, (1 - left) / share, 0.0)
-        behind, self._given = self._given - target, target + (self._given - target) * left
-        mean: FloatArray = target + behind * mean_left
+        behind = self._given - target
+        self._given = target + behind * self._left
+        mean: FloatArray = target + behind * self._mean_left
         return mean

@@ -1,6 +1,7 @@
 """Trajectories executed by simulated arms under control."""
 
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +12,7 @@ from tubeplanner.options import in_figures, is_number
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.problem.robustness import COMPUTED_TORQUE
 from tubeplanner.simulation.drives import Drives
-from tubeplanner.simulation.mujoco_model import MujocoArm, mujoco_arms
+from tubeplanner.simulation.mujoco_model import ArmsTogether, mujoco_arms
 from tubeplanner.simulation.planned_motion import planned_motion
 from tubeplanner.simulation.plant import Plant
 from tubeplanner.simulation.tracking_controllers import TrackingController, controller_maker
@@ -90,33 +91,31 @@ def executed(
     for arm in arms:
         arm.place(start[0], np.zeros(robot.joint_count))
     drives = Drives(robot, plants, robot.gravity_effort(start)[0], step)
-    return _run(arms, plants, time, make(robot, plan), drives, checkpoint)
+    with closing(ArmsTogether(arms)) as together:
+        return _run(together, plants, time, make(robot, plan), drives, checkpoint)
 
 
 def _run(
-    arms: Sequence[MujocoArm],
+    arms: ArmsTogether,
     plants: Sequence[Plant],
     time: FloatArray,
     controller: TrackingController,
     drives: Drives,
     checkpoint: Callable[[], None],
 ) -> Execution:
-    noise = _noise(plants, len(time) + 1, len(arms[0].position))
+    noise = _noise(plants, len(time) + 1, arms.position.shape[1])
     shape = noise[:, 1:].shape
     position, velocity, effort = np.empty((3, *shape))
     is_saturated = np.zeros(shape, dtype=bool)
     for k in range(len(time)):
         checkpoint()
-        position[:, k] = q = np.array([arm.position for arm in arms])
-        velocity[:, k] = v = np.array([arm.velocity for arm in arms])
+        position[:, k] = q = arms.position
+        velocity[:, k] = v = arms.velocity
         jitter = (noise[:, k + 1] - noise[:, k]) / (time[1] - time[0])
         asked = controller.effort(k, q + noise[:, k + 1], v + jitter)
         effort[:, k], is_saturated[:, k] = drives.bounded(asked, q, v)
-        under_control = np.flatnonzero((abs(v) < _LOST).all(axis=1)).tolist()
-        for _ in range(_STEPS):
-            given = drives.stepped(effort[:, k])
-            for run in under_control:
-                arms[run].step(given[run])
+        given = np.array([drives.stepped(effort[:, k]) for _ in range(_STEPS)])
+        arms.move(given, np.flatnonzero((abs(v) < _LOST).all(axis=1)))
     return Execution(plants, time, position, velocity, effort, is_saturated)
 
 

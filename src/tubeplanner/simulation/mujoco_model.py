@@ -7,12 +7,13 @@ what differs is added as a constant effort, which is exact.
 """
 
 import copy
+import os
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from tubeplanner.arrays import FloatArray
+from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.errors import OptionError, RobotError
 from tubeplanner.robot.body_inertia import BodyInertia
 from tubeplanner.robot.robot_model import RobotModel
@@ -43,60 +44,131 @@ def require_mujoco(what: str = "executing trajectories") -> None:
 
 
 class MujocoArm:
-    """An arm in some state, which moves under efforts; made by `mujoco_arms`."""
+    """An arm in some state, which moves under efforts; made by `mujoco_arms`.
+
+    Attributes:
+        model: MuJoCo's.
+        degrees: Which of MuJoCo's degrees of freedom the joints are, shape (n,).
+        bias: By how much friction forwards is more than the mean of both ways, shape (n,)
+            [N m or N].
+    """
 
     def __init__(self, model: Any, joints: Sequence[str], plant: Plant) -> None:
         """Take a model of the arm's kinematics, the joints in group order, and what it is."""
         import mujoco
 
-        self._mujoco, self._model = mujoco, copy.copy(model)
-        self._place = np.array([model.joint(name).dofadr[0] for name in joints])
+        self._mujoco, self.model = mujoco, copy.copy(model)
+        self.degrees = np.array([model.joint(name).dofadr[0] for name in joints])
         self._set_bodies(plant.bodies)
         backwards, forwards = plant.motors.backwards_friction, plant.motors.forwards_friction
-        self._model.dof_armature[self._place] = plant.motors.armature
-        self._model.dof_damping[self._place] = plant.motors.viscous_friction
-        self._model.dof_frictionloss[self._place] = (forwards + backwards) / 2
-        self._bias = (forwards - backwards) / 2
-        self._data = mujoco.MjData(self._model)
+        self.model.dof_armature[self.degrees] = plant.motors.armature
+        self.model.dof_damping[self.degrees] = plant.motors.viscous_friction
+        self.model.dof_frictionloss[self.degrees] = (forwards + backwards) / 2
+        self.bias = (forwards - backwards) / 2
+        self._data = mujoco.MjData(self.model)
         # Of the constraints of friction: inverse inertias, at joints at zero.
-        mujoco.mj_setConst(self._model, self._data)
+        mujoco.mj_setConst(self.model, self._data)
 
     @property
     def position(self) -> FloatArray:
         """Positions of the joints, shape (n,) [rad or m]."""
-        return np.array(self._data.qpos[self._place])
+        return np.array(self._data.qpos[self.degrees])
 
     @property
     def velocity(self) -> FloatArray:
         """Velocities of the joints, shape (n,) [rad/s or m/s]."""
-        return np.array(self._data.qvel[self._place])
+        return np.array(self._data.qvel[self.degrees])
+
+    @property
+    def state(self) -> FloatArray:
+        """Time, positions and velocities in MuJoCo's order, shape (1 + 2 n,)."""
+        kind = self._mujoco.mjtState.mjSTATE_FULLPHYSICS
+        state = np.empty(self._mujoco.mj_stateSize(self.model, kind))
+        self._mujoco.mj_getState(self.model, self._data, state, kind)
+        return state
 
     def place(self, q: FloatArray, v: FloatArray) -> None:
         """Put it into a state, (n,) each."""
-        self._mujoco.mj_resetData(self._model, self._data)
-        self._data.qpos[self._place], self._data.qvel[self._place] = q, v
+        self._mujoco.mj_resetData(self.model, self._data)
+        self._data.qpos[self.degrees], self._data.qvel[self.degrees] = q, v
 
     def acceleration(self, effort: FloatArray) -> FloatArray:
         """Return the accelerations (n,) that efforts of the motors (n,) give [rad/s^2 or m/s^2]."""
-        self._data.qfrc_applied[self._place] = effort - self._bias
-        self._mujoco.mj_forward(self._model, self._data)
-        return np.array(self._data.qacc[self._place])
+        self._data.qfrc_applied[self.degrees] = effort - self.bias
+        self._mujoco.mj_forward(self.model, self._data)
+        return np.array(self._data.qacc[self.degrees])
 
     def step(self, effort: FloatArray) -> None:
         """Move on by one integration step (Runge-Kutta, fourth order), efforts (n,) constant."""
-        self._data.qfrc_applied[self._place] = effort - self._bias
-        self._mujoco.mj_step(self._model, self._data)
+        self._data.qfrc_applied[self.degrees] = effort - self.bias
+        self._mujoco.mj_step(self.model, self._data)
 
     def _set_bodies(self, bodies: Sequence[BodyInertia]) -> None:
         for body, inertia in enumerate(bodies[1:], start=1):
             moments, axes = np.linalg.eigh(inertia.inertia)
             axes[:, 0] *= np.linalg.det(axes)  # a rotation, no reflection
             # By name: MuJoCo sorts bodies its own way.
-            index = self._model.body(_body_name(body)).id
-            self._model.body_mass[index] = inertia.mass
-            self._model.body_ipos[index] = inertia.com
-            self._model.body_inertia[index] = moments
-            self._mujoco.mju_mat2Quat(self._model.body_iquat[index], axes.ravel())
+            index = self.model.body(_body_name(body)).id
+            self.model.body_mass[index] = inertia.mass
+            self.model.body_ipos[index] = inertia.com
+            self.model.body_inertia[index] = moments
+            self._mujoco.mju_mat2Quat(self.model.body_iquat[index], axes.ravel())
+
+
+class ArmsTogether:
+    """R arms moved by one call, in as many threads as there are processors, as each alone would be.
+
+    Where joints rub, they differ from arms alone by rounding: MuJoCo's solver, which finds the
+    friction, then begins anew in every call.
+    """
+
+    def __init__(self, arms: Sequence[MujocoArm]) -> None:
+        """Take arms of one robot, at least one, where they are."""
+        from mujoco import MjData, mjtState
+        from mujoco.rollout import Rollout
+
+        self._models = [arm.model for arm in arms]
+        self._degrees, self._bias = arms[0].degrees, np.array([arm.bias for arm in arms])
+        self._state = np.array([arm.state for arm in arms])
+        self._given = int(mjtState.mjSTATE_QFRC_APPLIED)
+        threads = min(len(arms), os.cpu_count() or 1)
+        self._work_space = [MjData(arms[0].model) for _ in range(threads)]
+        self._pool = Rollout(nthread=threads if threads > 1 else 0)
+
+    def close(self) -> None:
+        """End the threads."""
+        self._pool.close()
+
+    @property
+    def position(self) -> FloatArray:
+        """Positions of the joints, shape (R, n) [rad or m]."""
+        return np.array(self._state[:, 1 + self._degrees])
+
+    @property
+    def velocity(self) -> FloatArray:
+        """Velocities of the joints, shape (R, n) [rad/s or m/s]."""
+        return np.array(self._state[:, 1 + len(self._degrees) + self._degrees])
+
+    def move(self, effort: FloatArray, runs: IntArray) -> None:
+        """Move on some arms, as `MujocoArm.step` does, by S steps with efforts (S, R, n)."""
+        if len(runs) == 0:
+            return
+        steps = len(effort)
+        given = np.empty((len(runs), steps, len(self._degrees)))
+        given[:, :, self._degrees] = (effort - self._bias)[:, runs].swapaxes(0, 1)
+        moved = np.empty((len(runs), steps, self._state.shape[1]))
+        self._pool.rollout(
+            [self._models[run] for run in runs.tolist()],
+            self._work_space,
+            self._state[runs],
+            given,
+            control_spec=self._given,
+            skip_checks=True,
+            nstep=steps,
+            state=moved,
+            chunk_size=-(-len(runs) // len(self._work_space)),
+        )
+        self._state[runs] = moved[:, -1]
 
 
 def mujoco_arms(robot: RobotModel, plants: Sequence[Plant], step: float) -> list[MujocoArm]:
