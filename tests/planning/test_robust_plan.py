@@ -116,6 +116,7 @@ def test_smoothed_and_in_whole_periods_it_survives_as_well():
     assert any(note.startswith("smoothed") for note in robust.notes)
 
 
+@pytest.mark.slow
 def test_where_none_survives_the_error_that_is_to_blame_is_named():
     problem = problem_with(Robustness.exact(tool=0.02, mass=0.001), **{"tube.radius": 0.004})
     robust = plan(problem, SHORTEST)
