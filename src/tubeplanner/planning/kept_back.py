@@ -115,13 +115,13 @@ def _settled(plans: TightenedPlans, rung: TriedPlan) -> TriedPlan:
     """Return the shortest plan that survives near one that lacks something, or what lacks least."""
     now, best = rung, rung
     for _ in range(_ROUNDS):
-        tried = plans.tried(_next(now), now.result.motion, WORKING)
+        tried = plans.tried(_next(plans, now), now.result.motion, WORKING)
         if tried is None:
             break
         had_one, now = best.survives, tried
         best = _better(best, now)
         gain = now.duration - now.expected
-        if had_one or (now.survives and gain < _WORTH_IT * now.duration):
+        if now.lacking > 0 or had_one or (now.survives and gain < _WORTH_IT * now.duration):
             break
     return best
 
@@ -137,7 +137,7 @@ def _written(plans: TightenedPlans, settled: TriedPlan, follow: Following) -> Tr
         best = written if best is settled else _better(best, written)
         if written.survives or not settled.survives:
             break
-        kept_back = _next(written)
+        kept_back = _next(plans, written)
         again = plans.planned(kept_back, shortest.motion)
         if again is None:
             break
@@ -145,7 +145,7 @@ def _written(plans: TightenedPlans, settled: TriedPlan, follow: Following) -> Tr
     return best
 
 
-def _next(tried: TriedPlan) -> Tightening:
+def _next(plans: TightenedPlans, tried: TriedPlan) -> Tightening:
     """Return what to keep back after a plan: all that it lacks, less of what it has to spare."""
     now, wanted = tried.kept_back, tried.wanted
 
@@ -154,13 +154,14 @@ def _next(tried: TriedPlan) -> Tightening:
         more: FloatArray = np.where(change > 0, _TAKEN, _GIVEN_BACK) * change
         return before + more
 
-    return replace(
+    asked = replace(
         now,
         radius=between(now.radius, wanted.radius),
         rotation=between(now.rotation, wanted.rotation),
         position=between(now.position, wanted.position),
         clearance=float(between(np.array(now.clearance), np.array(wanted.clearance))),
     )
+    return plans.allowed(asked)
 
 
 def _better(known: TriedPlan, tried: TriedPlan) -> TriedPlan:
