@@ -1314,12 +1314,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("motion.trajectory.duration)", "motion.trajectory.duration / 4)"),
         ("point_speed=k", "point_speed=0"),
         # of simulation/judged_runs
-        ("position + rotation @ plant.tool", "position + plant.tool"),
-        ("rotation @ plant.tool", "rotation.transpose(0, 2, 1) @ plant.tool"),
-        (" + plant.base", ""),
-        (" + plant.base", " + 2 * plant.base"),
-        (" + plant.base", " + rotation @ plant.base"),
-        (" + plant.base", " - plant.base"),
+        ("plant.tool_pose(problem.robot, q)", "problem.robot.tool_pose(q)"),
         ("q, plant.base)", "q, 0 * plant.base)"),
         ("limits.lower_position - q", "q - limits.lower_position"),
         ("away.argmax()", "away.argmin()"),
@@ -2027,6 +2022,14 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ('drawn["viscous_friction"] + share * slope', "share * slope"),
         (", where=is_limited", ""),
     ],
+    "Plant.tool_pose": [
+        ("rotation @ self.tool", "self.tool"),
+        ("rotation @ self.tool", "rotation.transpose(0, 2, 1) @ self.tool"),
+        (" + self.base", ""),
+        (" + self.base", " + 2 * self.base"),
+        (" + self.base", " + rotation @ self.base"),
+        (" + self.base", " - self.base"),
+    ],
     "_in_ball": [
         ("random.uniform() ** (1 / 3)", "random.uniform()"),
         ("random.normal(size=3)", "random.uniform(size=3)"),
@@ -2191,17 +2194,28 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     # --- simulation/executed_tube ---------------------------------------------------------------
     "tube_excursions": [
+        ("-asked.tube.min(axis=0)", "-asked.tube.max(axis=0)"),
+        ("-turned.min(axis=0)", "-asked.tube.min(axis=0)"),
+        ("np.full(asked.tube.shape[1], -_FREE)", "np.full(asked.tube.shape[1], _FREE)"),
+    ],
+    "tube_margins": [
+        (
+            "np.searchsorted(time, asked.time)",
+            'np.searchsorted(time, asked.time, side="right") - 1',
+        ),
+        ("margin.min(axis=1)", "margin.max(axis=1)"),
+        ("np.where(found < _FREE, found, np.inf)", "found"),
+        ("least(asked.rotation)", "least(asked.tube)"),
+    ],
+    "_asked": [
         ("np.minimum(tube.rotation_margin(rotation, tool), _FREE)", "0 * margins[0] + _FREE"),
         (
             "_segments(joined, np.minimum.reduce(own), passing)",
             "_segments(joined, own[0], passing)",
         ),
-        ("-current[0].min(axis=0)", "-current[0].max(axis=0)"),
-        ("-current[0].min(axis=0)", "-own[0].min(axis=0)"),
-        ("-current[2].min(axis=0)", "-current[1].min(axis=0)"),
-        ("-current[2].min(axis=0)", "-own[2].min(axis=0)"),
-        ("np.full(count, -_FREE)", "np.full(count, _FREE)"),
-        ("turned = found[2]", "turned = found[1]"),
+        ("current[0], turned", "own[0], turned"),
+        ("turned = current[2]", "turned = own[2]"),
+        ("turned = current[2]", "turned = current[1]"),
     ],
     "_range_margin": [
         ("q[:, None] - lower, upper - q[:, None]", "q[:, None] - upper, lower - q[:, None]"),
@@ -2238,7 +2252,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("np.ones_like(counts)", "counts"),
         ("-np.inf).argmax()", "np.inf).argmin()"),
         ("max(found, key", "min(found, key"),
-        ("int(problem.tube.numbers[k])", "k"),
+        ("int(tube.numbers[k])", "k"),
     ],
     # --- simulation/executed_clearance ----------------------------------------------------------
     "least_clearances": [
@@ -2283,7 +2297,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     "RunVerdict.__str__": [
         ("if self.failed else", "if self.failed > 1 else"),
-        ("100 * most:.2g", "most:.2g"),
+        ("100 * most:.1f", "most:.1f"),
     ],
     "run_verdict": [
         ("sum(not run.survives for run in runs)", "sum(counts.values())"),
