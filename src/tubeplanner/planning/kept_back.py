@@ -113,9 +113,12 @@ def _is_surely_longer(result: PlanResult, known: TriedPlan) -> bool:
 
 def _settled(plans: TightenedPlans, rung: TriedPlan) -> TriedPlan:
     """Return the shortest plan that survives near one that lacks something, or what lacks least."""
-    now, best = rung, rung
+    now = rung
+    if rung.survives:  # of few arms; now of all
+        now = plans.simulated(rung.kept_back, rung.result, WORKING)
+    best = now
     for _ in range(_ROUNDS):
-        tried = plans.tried(_next(now), now.result.motion, WORKING)
+        tried = plans.tried(_next(plans, now), now.result.motion, WORKING)
         if tried is None:
             break
         had_one, now = best.survives, tried
@@ -137,7 +140,7 @@ def _written(plans: TightenedPlans, settled: TriedPlan, follow: Following) -> Tr
         best = written if best is settled else _better(best, written)
         if written.survives or not settled.survives:
             break
-        kept_back = _next(written)
+        kept_back = _next(plans, written)
         again = plans.planned(kept_back, shortest.motion)
         if again is None:
             break
@@ -145,8 +148,11 @@ def _written(plans: TightenedPlans, settled: TriedPlan, follow: Following) -> Tr
     return best
 
 
-def _next(tried: TriedPlan) -> Tightening:
-    """Return what to keep back after a plan: all that it lacks, less of what it has to spare."""
+def _next(plans: TightenedPlans, tried: TriedPlan) -> Tightening:
+    """Return what to keep back after a plan: all that it lacks, less of what it has to spare.
+
+    As much as there is room for.
+    """
     now, wanted = tried.kept_back, tried.wanted
 
     def between(before: FloatArray, after: FloatArray) -> FloatArray:
@@ -154,13 +160,14 @@ def _next(tried: TriedPlan) -> Tightening:
         more: FloatArray = np.where(change > 0, _TAKEN, _GIVEN_BACK) * change
         return before + more
 
-    return replace(
+    following = replace(
         now,
         radius=between(now.radius, wanted.radius),
         rotation=between(now.rotation, wanted.rotation),
         position=between(now.position, wanted.position),
         clearance=float(between(np.array(now.clearance), np.array(wanted.clearance))),
     )
+    return plans.allowed(following)
 
 
 def _better(known: TriedPlan, tried: TriedPlan) -> TriedPlan:
@@ -169,4 +176,4 @@ def _better(known: TriedPlan, tried: TriedPlan) -> TriedPlan:
         return min(known, tried, key=lambda plan: plan.duration)
     if known.survives or tried.survives:
         return known if known.survives else tried
-    return min(known, tried, key=lambda plan: plan.verdict.failed)
+    return min(known, tried, key=lambda plan: plan.verdict.failed / plan.verdict.runs)

@@ -18,6 +18,7 @@ from tubeplanner.simulation.plant import Draw
 from tubeplanner.simulation.run_verdict import RunVerdict, run_verdict
 from tubeplanner.simulation.shortfall import Shortfall, shown_shortfall
 from tubeplanner.simulation.simulated_runs import simulated_runs
+from tubeplanner.tube.tube import Tube
 
 # What plans a problem, from the last motion if there is one.
 Planning: TypeAlias = Callable[[PlanningProblem, RefinedMotion | None], PlanResult]
@@ -93,6 +94,10 @@ class TightenedPlans:
         """
         return tightened_problem(self._problem, kept_back)
 
+    def allowed(self, asked: Tightening) -> Tightening:
+        """Return as much of a tightening as limits, start and goal leave room for."""
+        return allowed_tightening(self._problem, asked, self._ends)
+
     def planned(self, kept_back: Tightening, motion: RefinedMotion | None) -> PlanResult | None:
         """Return the shortest plan with that, from a motion if there is one; None: none was found.
 
@@ -127,8 +132,8 @@ class TightenedPlans:
         runs = simulated_runs(problem, result.trajectory, self._errors, draw, clock.check)
         found = shown_shortfall(problem, runs)
         asked = _with(kept_back, found)
-        wanted = allowed_tightening(problem, asked, self._ends)
-        prices = _prices(problem, result)
+        wanted = self.allowed(asked)
+        prices = _prices(self.problem(kept_back).tube, result)
         more = sum(
             float(np.sum(price * (getattr(wanted, part) - getattr(kept_back, part))))
             for part, price in prices.items()
@@ -179,9 +184,8 @@ def _lacking(problem: PlanningProblem, asked: Tightening, allowed: Tightening) -
     return max(float(np.max(share)) for share in shares)
 
 
-def _prices(problem: PlanningProblem, result: PlanResult) -> dict[str, FloatArray]:
-    """Return what radii and rotation tolerances cost, (m,) each [s/m or s/rad]."""
-    tube = problem.tube
+def _prices(tube: Tube, result: PlanResult) -> dict[str, FloatArray]:
+    """Return what radii and rotation tolerances of a plan's tube cost, (m,) each [s/m or s/rad]."""
     prices = {part: np.zeros(tube.segment_count) for part in ("radius", "rotation")}
     sizes = {"radius": tube.radius}
     if tube.rotation is not None:
