@@ -38,7 +38,9 @@ class Formulas:
     seen: float = 0.0  # [m]
     room: float = 0.9 * RADIUS  # [m]
     least_effort: float = 0.0  # below it there is no plan
+    most_radius: float = 1.0  # [m]: with more kept back there is none either
     links_meet: float = 0.0
+    velocity_elasticity: float = 0.0
     taken: list = field(default_factory=list)  # radii of plans with all arms
     made: list = field(default_factory=list)
 
@@ -65,15 +67,22 @@ class Formulas:
         return replace(kept, radius=np.minimum(kept.radius, self.room))
 
     def planned(self, kept, motion):
-        if kept.effort < self.least_effort or kept.radius[0] > self.room:
+        if kept.effort < self.least_effort or kept.radius[0] > min(self.room, self.most_radius):
             return None
-        bound = () if not self.by_velocity else (Sensitivity("velocity", "joint1", None, -0.3, 0),)
+        prices = (
+            Sensitivity("effort", "joint1", None, -0.4, 0.0),
+            Sensitivity("velocity", "joint1", None, self.velocity_elasticity, 0.0),
+        )
         return SimpleNamespace(
-            duration=self.duration(kept), motion=None, sensitivities=bound, trajectory=object()
+            duration=self.duration(kept),
+            motion=None,
+            sensitivities=prices,
+            trajectory=object(),
+            lacks=0.0,
         )
 
     def simulated(self, kept, result, draw):
-        short = self.short(kept)
+        short = self.short(kept) + result.lacks
         asked = max(float(kept.radius[0]) + short, 0.0)
         wanted = min(asked, self.room)
         seen = self.seen if draw == WORKING else 2 * self.seen
@@ -131,14 +140,21 @@ def test_no_effort_is_kept_back_where_radii_are_cheaper():
     assert len(plans.made) < 5
 
 
+VELOCITY = {"slower_by_velocity": 0.02, "by_velocity": 0.2, "enough_velocity": 0.925, "room": 1.0}
+
+
 def test_where_velocity_binds_its_share_is_looked_for_as_well():
-    """Down to 0.93, from which on nothing more is gained by it."""
-    fast = Formulas(slower_by_velocity=0.02, by_velocity=0.2, enough_velocity=0.925, room=10.0)
-    found = fast.answer()
-    assert found.kept_back.velocity == 0.93
-    assert found.kept_back.effort == 1.0
-    still = Formulas(slower_by_velocity=0.02)
-    assert still.answer().kept_back.velocity == 1.0
+    """Down to 0.93, from which on nothing more is gained by it; beside the best effort."""
+    found = Formulas(velocity_elasticity=-0.3, **VELOCITY).answer()
+    assert (found.kept_back.velocity, found.kept_back.effort) == (0.93, 1.0)
+    both = {"by_effort": 2.0, "enough_effort": 0.91, "slower": 0.1}
+    found = Formulas(velocity_elasticity=-0.3, **VELOCITY, **both).answer()
+    assert (found.kept_back.velocity, found.kept_back.effort) == (0.93, 0.98)
+
+
+def test_where_it_does_not_bind_it_is_left_alone():
+    found = Formulas(velocity_elasticity=-0.001, **VELOCITY).answer()
+    assert found.survives and found.kept_back.velocity == 1.0
 
 
 def test_what_is_short_is_taken_and_of_what_is_to_spare_half_is_given_back():
@@ -180,16 +196,43 @@ def test_giving_back_too_much_leaves_the_survivor():
     assert found is plans.survivors[0]
 
 
-def test_less_effort_is_tried_where_radii_cost_more_than_expected():
+@pytest.mark.parametrize(
+    "formulas",
+    [
+        {"slower": 0.2, "price": 1.0, "curvature": 4e3, "by_effort": 0.05, "enough_effort": 0.8},
+        {"slower": 0.1, "price": 4.0, "curvature": 8e3, "by_effort": 0.1, "enough_effort": 0.7},
+        {"slower": 0.1, "price": 4.0, "curvature": 8e3, "by_effort": 0.2, "enough_effort": 0.8},
+    ],
+)
+def test_less_effort_is_tried_where_radii_cost_more_than_expected(formulas):
     """The price rises with the radius; of what survives the shortest is the answer."""
-    plans = Formulas(
-        slower=0.2, price=1.0, curvature=4e3, by_effort=0.05, enough_effort=0.8, room=0.009
-    )
-    expected = [plans.duration(plans.kept(e)) + plans.short(plans.kept(e)) for e in SHARES]
+    plans = Formulas(**formulas)
+    at = [plans.kept(effort) for effort in SHARES]
+    expected = [plans.duration(kept) + plans.price * plans.short(kept) for kept in at]
     found = plans.answer()
     assert found.survives
     assert found.kept_back.effort < SHARES[int(np.argmin(expected))]
     assert found.duration == min(tried.duration for tried in plans.survivors)
+
+
+def test_less_effort_is_tried_where_nothing_was_found_with_more():
+    """With 3 mm kept back there is no plan: little enough is short with 96 % of the effort."""
+    plans = Formulas(by_effort=0.4, enough_effort=0.9, most_radius=3e-3)
+    found = plans.answer()
+    assert found.survives and found.kept_back.effort == 0.96
+    never = Formulas(most_radius=5e-4).answer()
+    assert not never.survives
+
+
+def test_where_less_effort_does_not_help_at_once_still_less_is_tried():
+    """Runs are lost with more than 80 % of it, by however much more."""
+
+    class Lost(Formulas):
+        def short(self, kept):
+            return (0.02 if kept.effort > 0.8 else 1e-3) - float(kept.radius[0])
+
+    found = Lost().answer()
+    assert found.survives and found.kept_back.effort == 0.79
 
 
 def test_where_not_all_that_is_wanted_is_allowed_effort_makes_up_for_it():
@@ -243,3 +286,97 @@ def test_of_failing_plans_the_share_counts_not_the_number():
     few, all_ = failing(12, 16), failing(17, 32)
     assert kept_back._better(few, all_) is all_
     assert kept_back._better(all_, few) is all_
+
+
+def following(lacks, trajectory=object):
+    """What makes plans that take 1 % longer and whose runs lack so much more [m]."""
+    given = []
+
+    def follow(problem, shortest):
+        given.append((problem, shortest))
+        return SimpleNamespace(
+            duration=1.01 * shortest.duration,
+            motion=None,
+            sensitivities=(),
+            trajectory=trajectory(),
+            lacks=lacks,
+        )
+
+    return follow, given
+
+
+def test_what_is_written_survives_as_well():
+    """0.2 mm more is short of it, of which a tenth of 1 mm was kept back."""
+    plans = Formulas()
+    follow, given = following(2e-4)
+    found = plans.answer(follow)
+    assert found.survives
+    assert [float(problem.radius[0]) for problem, _ in given] == pytest.approx([1.1e-3, 1.21e-3])
+    assert found.kept_back is given[1][0]
+    assert found.duration == 1.01 * given[1][1].duration
+    assert given[1][1].duration == plans.duration(found.kept_back)
+
+
+def test_what_is_written_and_survives_at_once_is_the_answer():
+    follow, given = following(5e-5)
+    found = Formulas().answer(follow)
+    assert len(given) == 1
+    assert found.survives and found.duration == 1.01 * given[0][1].duration
+
+
+def test_where_nothing_else_is_written_it_is_the_shortest_itself():
+    plans = Formulas()
+    found = plans.answer()
+    assert found.result.lacks == 0.0
+    assert len(plans.taken) == 1
+    follow, given = following(2e-4, trajectory=lambda: None)
+    assert plans.answer(follow).duration == given[0][1].duration
+
+
+def test_what_is_written_is_so_once_where_none_survives():
+    follow, given = following(2e-4)
+    found = Formulas(always=12e-3, links_meet=0.1).answer(follow)
+    assert len(given) == 1
+    assert not found.survives and found.result.lacks == 2e-4
+
+
+def test_where_no_more_room_is_left_for_what_is_written_it_is_what_fails_least():
+    plans = Formulas(room=1.15e-3)
+    follow, given = following(2e-3)
+    found = plans.answer(follow)
+    assert len(given) == 5
+    assert not found.survives
+    assert float(found.kept_back.radius[0]) == plans.room
+
+
+def test_of_what_is_written_and_fails_it_is_what_fails_least():
+    """The more is kept back after the first, the more fail."""
+
+    class Worse(Formulas):
+        def short(self, kept):
+            radius = float(kept.radius[0])
+            return 1e-3 - radius if radius < 1.15e-3 else radius
+
+    follow, given = following(2e-3)
+    found = Worse().answer(follow)
+    assert len(given) == 5
+    assert found.kept_back.radius[0] == given[0][0].radius[0] == pytest.approx(1.1e-3)
+
+
+def test_where_there_is_no_plan_to_write_with_more_it_is_what_was_written():
+    follow, given = following(2e-4)
+    found = Formulas(most_radius=1.15e-3).answer(follow)
+    assert len(given) == 1
+    assert not found.survives and found.result.lacks == 2e-4
+
+
+def test_every_part_is_kept_back_by_what_it_lacks_itself():
+    none, joints = np.zeros(1), np.zeros((2, 2))
+    now = Tightening(0.9, 0.8, none, none + 0.1, 0.01, joints)
+    wanted = replace(now, rotation=none + 0.2, clearance=0.006, position=joints + 0.3)
+    allowed = SimpleNamespace(allowed=lambda asked: asked)
+    found = kept_back._next(allowed, SimpleNamespace(kept_back=now, wanted=wanted))
+    assert (found.effort, found.velocity, found.radius.tolist()) == (0.9, 0.8, [0.0])
+    assert found.rotation == pytest.approx([0.1 + 1.1 * 0.1])
+    assert found.clearance == pytest.approx(0.008)
+    assert found.position == pytest.approx(1.1 * (joints + 0.3))

@@ -50,7 +50,7 @@ def _with_less_effort(plans: TightenedPlans, rung: TriedPlan, best: TriedPlan) -
     for effort in [share for share in _EFFORTS if share < rung.kept_back.effort][:_MORE]:
         kept_back = replace(rung.kept_back, effort=effort)
         result = plans.planned(kept_back, rung.result.motion)
-        if result is None or _is_surely_longer(result, best):
+        if result is None or (best.survives and _is_surely_longer(result, best)):
             break
         lower = plans.simulated(kept_back, result, FEWER)
         if not best.survives or (lower.lacking <= 0 and _gains(lower, best)):
