@@ -2307,41 +2307,12 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("plan.verdict.failed / plan.verdict.runs", "-plan.verdict.failed"),
     ],
     # --- planning/robust_plan ---------------------------------------------------------------------
-    "robust_plan": [
-        ("search.keep_survivor()", "pass"),
-        ("replace(search.answer(), stopped_by=stopped_by)", "search.answer()"),
-        ("default.trajectory is None or", "False or"),
-    ],
-    "_ends": [("[0.0, plan.duration]", "[0.0, 0.0]")],
-    "_Search.run": [
-        ("if self.best is not self._first", "if False"),
-        ("not self.best.survives or self._added", "self._added"),
-        ("self._judged(self._default)", "self._verdict"),
-    ],
-    "_Search._judged": [
-        ("simulated_runs(self._problem", "simulated_runs(self._plans.problem(self.best.kept_back)")
-    ],
-    "_Search._split_costs": [
-        ("added / whole if whole > 0", "1.0 if whole > 0"),
-        ("kept_back.only(parts[:count])", "kept_back.only(parts[:1])"),
-        ("self._shortest.duration or 0.0", "0.0"),
-    ],
-    "_Search._blamed": [
-        ("self._default if self.best.survives", "self._default if not self.best.survives")
-    ],
-    "_Search.answer": [
-        (
-            "certified_result(self._problem",
-            "certified_result(self._plans.problem(self.best.kept_back)",
-        ),
-        ("self._first.duration", "self.best.duration"),
-    ],
+    "robust_plan": [("replace(search.answer(), stopped_by=stopped_by)", "search.answer()")],
     "_of_whole_limits": [
         ("one.elasticity / left", "one.elasticity"),
         ("one.saved / left", "one.saved * left"),
         ("1 - kept_back.radius / tube.radius", "1 - kept_back.radius"),
         ("key=lambda one: -one.saved", "key=lambda one: one.saved"),
-        ("tube.segment_index(one.segment)", "0"),
     ],
     # --- simulation/plant -----------------------------------------------------------------------
     "drawn_plants": [
