@@ -2110,7 +2110,6 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("given.mean(axis=0) + ", ""),
     ],
     "_with_points": [
-        ("lacking = radius.copy()", "lacking = radius"),
         ("k - 1 : k + 1] = np", "k : k + 1] = np"),
         ("np.maximum(lacking[k - 1 : k + 1], most)", "most"),
         ("np.searchsorted(problem.tube.numbers, worst.place.point)", "worst.place.point"),
