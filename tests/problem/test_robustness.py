@@ -30,6 +30,26 @@ def test_exact_has_no_errors_but_those_given():
     assert exact.control_period == 1e-3
 
 
+def test_enlarged_the_arms_build_is_off_by_more_and_its_control_is_as_it_was():
+    """As far as errors may be: masses by no more than 90 %."""
+    found = Robustness(mass=0.7, controller="pd", control_period=0.002).enlarged(1.5)
+    expected = Robustness(
+        mass=0.9,
+        com=0.0075,
+        payload=0.15,
+        friction=0.3,
+        tool=7.5e-4,
+        base=7.5e-4,
+        controller="pd",
+        control_period=0.002,
+    )
+    assert {f.name: getattr(found, f.name) for f in fields(found)} == {
+        f.name: pytest.approx(value) if isinstance(value, float) else value
+        for f in fields(found)
+        for value in [getattr(expected, f.name)]
+    }
+
+
 @pytest.mark.parametrize(
     ("given", "message"),
     [

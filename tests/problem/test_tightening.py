@@ -108,6 +108,15 @@ def test_a_tenth_of_a_radius_is_always_left(line):
     )
 
 
+def test_of_a_radius_that_holds_a_tool_it_is_a_tenth_of_what_is_left_for_its_centre(line):
+    problem, _ = line
+    middle, side = np.array([[0.9, -1.4]]), np.array([0, 0.1, 0])
+    tool = problem.robot.tool_position(middle)[0]
+    problem = problem.with_tube(Tube([tool - side, tool + side], 0.03, tool_radius=0.01))
+    allowed = allowed_tightening(problem, asked(problem, radius=np.array([0.5])), middle)
+    assert allowed.radius == pytest.approx([0.018])
+
+
 def test_start_and_goal_stay_inside(line):
     """The start 12 mm off the axis of the first segment, the goal 21 mm off that of the last."""
     problem, q = line
@@ -139,6 +148,8 @@ def test_clearance_grows_no_farther_than_start_and_goal_are_away(line):
     allowed = allowed_tightening(problem, asked(problem, clearance=1.0), q)
     assert allowed.clearance == pytest.approx(near - 0.02, abs=2e-6)
     assert allowed_tightening(problem, asked(problem, clearance=0.001), q).clearance == 0.001
+    free = replace(problem, obstacles=[])
+    assert allowed_tightening(free, asked(free, clearance=1.0), q).clearance == 1.0
 
 
 def test_rotation_tolerances_hold_the_turned_start(tray):
@@ -158,6 +169,51 @@ def test_a_free_rotation_has_nothing_to_keep_back(line):
     assert allowed.rotation.tolist() == [0.0]
 
 
+def test_where_a_segment_leaves_rotation_free_nothing_is_kept_back_of_it(line):
+    problem, q = line
+    first, last = problem.robot.tool_position(q)
+    points, still = [first, [0.3, 0.0, 0.0], last], [[0, 0, 0, 1]] * 3
+    tube = Tube(points, 0.03, orientations=still, rotation_tolerance=[3.0, np.inf])
+    problem = problem.with_tube(tube)
+    allowed = allowed_tightening(problem, asked(problem, rotation=np.array([0.3, 0.3])), q[:1])
+    assert allowed.rotation == pytest.approx([0.3, 0.0])
+
+
+def test_at_the_very_limits_nothing_is_kept_back(line):
+    """A start at its tube's border, turned as far as it may be, at a joint's limit, at a ball."""
+    problem, _ = line
+    limits = problem.robot.limits
+    q = np.array([[0.9, limits.upper_position[1]]])
+    (turned,), (tool,) = problem.robot.tool_pose(q)
+    points = tool + np.array([[0, 0, 0.03], [0, 0.1, 0.03]])
+    angle = 0.9 + limits.upper_position[1]
+    assert turned[0, 0] == pytest.approx(np.cos(angle))
+    tube = Tube(
+        points,
+        0.03,
+        orientations=[[0, 0, np.sin(angle / 2 - 0.1), np.cos(angle / 2 - 0.1)]] * 2,
+        rotation_tolerance=0.2,
+    )
+    problem = problem.with_tube(tube)
+    rotation, position = problem.robot.body_poses(q)
+    ball = Obstacle.sphere("ball", 0.01, placement_of(tool + np.array([0, 0.2, 0])))
+    problem = replace(problem, obstacles=[ball])
+    checker = problem.collision
+    near = float(checker.distances(rotation[0], position[0], checker.obstacle_pairs).min())
+    problem = replace(problem, clearance=near)
+    wanted = asked(
+        problem,
+        radius=np.array([0.01]),
+        rotation=np.array([0.1]),
+        clearance=0.01,
+        position=np.full((2, 2), 0.1),
+    )
+    allowed = allowed_tightening(problem, wanted, q)
+    assert allowed.radius.tolist() == allowed.rotation.tolist() == [0.0]
+    assert allowed.clearance == 0.0
+    assert allowed.position.tolist() == [[0.1, 0.1], [0.1, 0.0]]
+
+
 def test_position_limits_hold_start_and_goal(tray):
     wanted = asked(tray, position=np.full((2, tray.robot.joint_count), 20.0))
     allowed = allowed_tightening(tray, wanted, ends())
@@ -175,6 +231,8 @@ def test_what_joined_segments_keep_back_all_their_parts_do():
     kept = asked(joined, radius=np.array([0.001, 0.002])).of_parts(joined.tube)
     assert kept.radius.tolist() == [0.001, 0.001, 0.002]
     assert kept.of_parts(problem.tube) is kept
+    turned = asked(joined, rotation=np.array([0.01, 0.02])).of_parts(joined.tube)
+    assert turned.rotation.tolist() == [0.01, 0.01, 0.02]
 
 
 def test_parts_are_taken_one_by_one(line):
@@ -188,3 +246,7 @@ def test_parts_are_taken_one_by_one(line):
         "clearance",
     ]
     assert not some.has("clearance") and not kept.only([]).has("effort")
+    slower = asked(problem, velocity=0.8, position=np.array([[0.0, 0.0], [0.1, 0.0]]))
+    assert slower.has("velocity") and slower.has("position")
+    assert slower.only(["position"]).velocity == 1.0
+    assert slower.only(["velocity"]).velocity == 0.8

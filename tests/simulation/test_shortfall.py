@@ -66,6 +66,13 @@ def test_a_compulsory_point_that_is_missed_asks_of_both_segments_beside_it(probl
     assert found.radius == pytest.approx([0.001, 0.006, 0.02])
 
 
+def test_of_points_that_are_missed_the_worst_asks_for_what_is_expected_of_all(problem):
+    """Point 2 by 4 mm, point 5 by 6 mm: 5 mm and 2.5 deviations of 1 mm."""
+    missed = [Extreme(0.004, Place(point=2)), Extreme(0.006, Place(point=5))]
+    found = shown_shortfall(problem, [run((-1.0, -1.0, -1.0), points=one) for one in missed])
+    assert found.radius == pytest.approx([-1.0, 0.0075, 0.0075])
+
+
 def test_what_nothing_asks_is_never_short(problem):
     found = shown_shortfall(problem, [run(), run()])
     assert found.clearance == -1e3

@@ -45,6 +45,15 @@ def test_rotation_tolerances_are_less_by_an_angle_free_ones_stay_free():
     assert (narrowed.points == tube.points).all()
 
 
+def test_tools_in_boxes_turn_less_as_well():
+    tube = Tube(
+        POINTS, None, cross_section=BOX, orientations=TURNED, rotation_tolerance=[0.2, (0.1, 1, 1)]
+    )
+    bounds = narrowed_tube(tube, BY, np.array([0.05, 0.02])).rotation.bounds
+    assert bounds[0, 3] == pytest.approx(0.15)
+    assert bounds[1, :3] == pytest.approx([0.08, 0.98, 0.98])
+
+
 def test_what_else_is_asked_stays():
     tube = Tube(
         POINTS,

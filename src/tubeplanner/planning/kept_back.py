@@ -50,7 +50,7 @@ def _with_less_effort(plans: TightenedPlans, rung: TriedPlan, best: TriedPlan) -
     for effort in [share for share in _EFFORTS if share < rung.kept_back.effort][:_MORE]:
         kept_back = replace(rung.kept_back, effort=effort)
         result = plans.planned(kept_back, rung.result.motion)
-        if result is None or _is_surely_longer(result, best):
+        if result is None or (best.survives and _is_surely_longer(result, best)):
             break
         lower = plans.simulated(kept_back, result, FEWER)
         if not best.survives or (lower.lacking <= 0 and _gains(lower, best)):
@@ -113,7 +113,10 @@ def _is_surely_longer(result: PlanResult, known: TriedPlan) -> bool:
 
 def _settled(plans: TightenedPlans, rung: TriedPlan) -> TriedPlan:
     """Return the shortest plan that survives near one that lacks something, or what lacks least."""
-    now, best = rung, rung
+    now = rung
+    if rung.survives:  # of few arms; now of all
+        now = plans.simulated(rung.kept_back, rung.result, WORKING)
+    best = now
     for _ in range(_ROUNDS):
         tried = plans.tried(_next(plans, now), now.result.motion, WORKING)
         if tried is None:
@@ -146,7 +149,10 @@ def _written(plans: TightenedPlans, settled: TriedPlan, follow: Following) -> Tr
 
 
 def _next(plans: TightenedPlans, tried: TriedPlan) -> Tightening:
-    """Return what to keep back after a plan: all that it lacks, less of what it has to spare."""
+    """Return what to keep back after a plan: all that it lacks, less of what it has to spare.
+
+    As much as there is room for.
+    """
     now, wanted = tried.kept_back, tried.wanted
 
     def between(before: FloatArray, after: FloatArray) -> FloatArray:
@@ -154,14 +160,14 @@ def _next(plans: TightenedPlans, tried: TriedPlan) -> Tightening:
         more: FloatArray = np.where(change > 0, _TAKEN, _GIVEN_BACK) * change
         return before + more
 
-    asked = replace(
+    following = replace(
         now,
         radius=between(now.radius, wanted.radius),
         rotation=between(now.rotation, wanted.rotation),
         position=between(now.position, wanted.position),
         clearance=float(between(np.array(now.clearance), np.array(wanted.clearance))),
     )
-    return plans.allowed(asked)
+    return plans.allowed(following)
 
 
 def _better(known: TriedPlan, tried: TriedPlan) -> TriedPlan:
@@ -170,4 +176,4 @@ def _better(known: TriedPlan, tried: TriedPlan) -> TriedPlan:
         return min(known, tried, key=lambda plan: plan.duration)
     if known.survives or tried.survives:
         return known if known.survives else tried
-    return min(known, tried, key=lambda plan: plan.verdict.failed)
+    return min(known, tried, key=lambda plan: plan.verdict.failed / plan.verdict.runs)

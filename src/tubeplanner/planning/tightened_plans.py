@@ -18,6 +18,7 @@ from tubeplanner.simulation.plant import Draw
 from tubeplanner.simulation.run_verdict import RunVerdict, run_verdict
 from tubeplanner.simulation.shortfall import Shortfall, shown_shortfall
 from tubeplanner.simulation.simulated_runs import simulated_runs
+from tubeplanner.tube.tube import Tube
 
 # What plans a problem, from the last motion if there is one.
 Planning: TypeAlias = Callable[[PlanningProblem, RefinedMotion | None], PlanResult]
@@ -83,7 +84,7 @@ class TightenedPlans:
         self._errors = problem.robustness.enlarged(_ENLARGED)
         self._problem, self._again, self._ends, self._clock = problem, again, ends, clock
         self._known: dict[str, PlanResult | None] = {}
-        self.survivor: TriedPlan | None = None  # the shortest so far
+        self.survivor: TriedPlan | None = None  # of most runs, the shortest so far
 
     def problem(self, kept_back: Tightening) -> PlanningProblem:
         """Return the problem with some of its limits kept back.
@@ -94,7 +95,7 @@ class TightenedPlans:
         return tightened_problem(self._problem, kept_back)
 
     def allowed(self, asked: Tightening) -> Tightening:
-        """Return as much of a tightening as the problem leaves room for."""
+        """Return as much of a tightening as limits, start and goal leave room for."""
         return allowed_tightening(self._problem, asked, self._ends)
 
     def planned(self, kept_back: Tightening, motion: RefinedMotion | None) -> PlanResult | None:
@@ -132,7 +133,7 @@ class TightenedPlans:
         found = shown_shortfall(problem, runs)
         asked = _with(kept_back, found)
         wanted = self.allowed(asked)
-        prices = _prices(problem, result)
+        prices = _prices(self.problem(kept_back).tube, result)
         more = sum(
             float(np.sum(price * (getattr(wanted, part) - getattr(kept_back, part))))
             for part, price in prices.items()
@@ -146,8 +147,9 @@ class TightenedPlans:
             _lacking(problem, asked, wanted) + max(found.self_collision, 0.0),
             (result.duration or 0.0) + more,
         )
-        if tried.survives and (not self.survivor or tried.duration < self.survivor.duration):
-            self.survivor = tried
+        if tried.survives:
+            known = self.survivor or tried
+            self.survivor = min(known, tried, key=lambda one: (-one.verdict.runs, one.duration))
         return tried
 
     def tried(
@@ -183,9 +185,8 @@ def _lacking(problem: PlanningProblem, asked: Tightening, allowed: Tightening) -
     return max(float(np.max(share)) for share in shares)
 
 
-def _prices(problem: PlanningProblem, result: PlanResult) -> dict[str, FloatArray]:
-    """Return what radii and rotation tolerances cost, (m,) each [s/m or s/rad]."""
-    tube = problem.tube
+def _prices(tube: Tube, result: PlanResult) -> dict[str, FloatArray]:
+    """Return what radii and rotation tolerances of a plan's tube cost, (m,) each [s/m or s/rad]."""
     prices = {part: np.zeros(tube.segment_count) for part in ("radius", "rotation")}
     sizes = {"radius": tube.radius}
     if tube.rotation is not None:
