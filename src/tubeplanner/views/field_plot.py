@@ -1,7 +1,7 @@
 """The figure of a sweep over a field: the duration against its values."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,6 +19,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _MAX_LABEL = 24  # [characters] of a value below the axis
+_ABOVE: dict[str, Any] = {
+    "xytext": (0, 9),
+    "textcoords": "offset points",
+    "ha": "center",
+    "fontsize": 7,
+    "bbox": {"boxstyle": "square,pad=0.1", "color": "white", "alpha": 0.8},
+}
 
 
 def plot_field_sweep(result: FieldSweep, path: str | Path | None = None) -> "Figure":
@@ -67,7 +74,7 @@ def _mark_runs(axis: "Axes", result: FieldSweep, places: FloatArray) -> None:
         if row.duration is None or row.verdict is None:
             continue
         seen, at = f"{row.verdict.failed} of {row.verdict.runs} failed", (place, row.duration)
-        axis.annotate(seen, at, (0, 8), textcoords="offset points", ha="center", fontsize=7)
+        axis.annotate(seen, at, **_ABOVE)
         if row.verdict.failed:
             failed.append(at)
     if failed:
