@@ -92,6 +92,11 @@ from .simulation.execution import executed as executed
 from .simulation.execution import Execution as Execution  # returned
 from .simulation.judged_runs import judged_runs as judged_runs
 from .simulation.judged_runs import JudgedRun as JudgedRun  # returned
+from .simulation.run_verdict import run_verdict as run_verdict
+from .simulation.run_verdict import RunVerdict as RunVerdict  # returned
+from .simulation.survival import Survival as Survival  # returned
+from .simulation.blamed_errors import Blame as Blame  # returned
+from .problem.tightening import Tightening as Tightening  # returned
 
 # Pictures
 from .views.plotting import plot_trajectory as plot_trajectory

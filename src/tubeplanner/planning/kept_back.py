@@ -40,21 +40,27 @@ def surviving_plan(plans: TightenedPlans, shortest: TriedPlan, follow: Following
     if _is_bound_by_velocity(rung.result):
         rung = _best_share(plans, rung, "velocity", _VELOCITIES)
     best = _settled(plans, rung)
+    if not best.survives or _gains(rung, best):
+        best = _with_less_effort(plans, rung, best)
+    return _written(plans, best, follow)
+
+
+def _with_less_effort(plans: TightenedPlans, rung: TriedPlan, best: TriedPlan) -> TriedPlan:
+    """Return the best plan with less effort than one whose radii cost more than expected."""
     for effort in [share for share in _EFFORTS if share < rung.kept_back.effort][:_MORE]:
         kept_back = replace(rung.kept_back, effort=effort)
         result = plans.planned(kept_back, rung.result.motion)
         if result is None or _is_surely_longer(result, best):
             break
-        lower = plans.simulated(kept_back, result, WORKING)
-        if _promises_more(lower, best):
+        lower = plans.simulated(kept_back, result, FEWER)
+        if not best.survives or (lower.lacking <= 0 and _gains(lower, best)):
             best = _better(best, _settled(plans, lower))
-    return _written(plans, best, follow)
+    return best
 
 
-def _promises_more(tried: TriedPlan, best: TriedPlan) -> bool:
-    if best.survives:
-        return tried.lacking <= 0 and best.duration - tried.expected > _WORTH_IT * best.duration
-    return True
+def _gains(tried: TriedPlan, best: TriedPlan) -> bool:
+    """Return whether a plan is expected to become shorter than another, by what is worth a try."""
+    return best.duration - tried.expected > _WORTH_IT * best.duration
 
 
 def _is_bound_by_velocity(result: PlanResult) -> bool:

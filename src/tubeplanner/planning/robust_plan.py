@@ -168,6 +168,7 @@ class _Search:
         """Return the best plan, certified for the problem itself."""
         assert self._first is not None and self.best is not None
         best, robot = self.best.result, self._problem.robot
+        shortest = self._shortest.trajectory
         assert best.trajectory is not None
         certified = certified_result(self._problem, best.trajectory, best.method, self._clock)
         survival = Survival(
@@ -185,7 +186,7 @@ class _Search:
             search=best.search,
             sensitivities=_of_whole_limits(self._problem, self.best),
             motion=self._shortest.motion,
-            shortest=self._shortest.trajectory,
+            shortest=None if best.trajectory is shortest else shortest,
             notes=(*dict.fromkeys((*robot_notes(robot), *best.notes)), *survival.notes),
             survival=survival,
         )

@@ -5,7 +5,6 @@ is expressed in it. A configuration is a plain vector of n joint values in group
 joints are not wrapped.
 """
 
-import copy
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -128,8 +127,8 @@ class RobotModel:
 
     def with_limits(self, limits: JointLimits, motors: JointMotors) -> "RobotModel":
         """Return this arm with other limits, of positions no wider, and motors of like rotors."""
-        limited = copy.copy(self)
-        limited.limits, limited.motors = limits, motors
+        limited = RobotModel.__new__(RobotModel)
+        vars(limited).update(vars(self), limits=limits, motors=motors)
         return limited
 
     def moves_as(self, other: "RobotModel") -> bool:

@@ -1,0 +1,173 @@
+"""Plans that survive errors: what they keep back, what they cost, and what is said of them."""
+
+import sys
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from tubeplanner import OptionError, PlanOptions, Robustness, load_problem, plan, verify
+from tubeplanner.planning import kept_back, robust_plan
+from tubeplanner.problem.tightening import Tightening
+from tubeplanner.refinement.sensitivities import Sensitivity
+from tubeplanner.simulation import blamed_errors
+from tubeplanner.simulation.plant import Draw
+
+NAME = "example:two_link/paper_2_10mm"
+SHORTEST = PlanOptions(slack=0.0)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def few_arms():
+    """Fewer arms than a plan for a user is tried with."""
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (kept_back, robust_plan):
+            patch.setattr(module, "WORKING", Draw(6, 0))
+            patch.setattr(module, "FEWER", Draw(3, 0))
+        patch.setattr(robust_plan, "_FRESH", Draw(20, 1))
+        patch.setattr(blamed_errors, "_DRAW", Draw(4, 0))
+        yield
+
+
+def problem_with(robustness, **changes):
+    return replace(load_problem(NAME, changes=changes), robustness=robustness)
+
+
+@pytest.fixture(scope="module")
+def usual(few_arms):
+    """The usual errors."""
+    problem = problem_with(Robustness())
+    return problem, plan(problem, SHORTEST), plan(replace(problem, robustness=None), SHORTEST)
+
+
+def test_it_keeps_the_limits_of_the_problem_itself_and_some_back(usual):
+    problem, robust, _ = usual
+    assert robust.succeeded
+    certificate = verify(replace(problem, robustness=None), robust.trajectory)
+    assert certificate.passed
+    kept = robust.survival.kept_back
+    assert 0.5 < kept.effort < 1
+    assert certificate.conditions["effort"].margin == pytest.approx(1 - kept.effort, abs=1e-3)
+    assert certificate.conditions["tube"].margin >= kept.radius.min() - 1e-6
+
+
+def test_its_runs_survive_where_those_of_the_default_plan_do_not(usual):
+    _, robust, _ = usual
+    survival = robust.survival
+    assert survival.reached
+    assert (survival.verdict.runs, survival.verdict.failed) == (20, 0)
+    assert survival.verdict_without.failed > 10
+    assert robust.message.endswith(f"; seen in simulation: {survival.verdict}")
+
+
+def test_what_it_costs_is_what_its_parts_cost(usual):
+    _, robust, default = usual
+    survival = robust.survival
+    assert survival.duration_without == default.duration
+    assert survival.added == pytest.approx(robust.duration - default.duration)
+    assert 0 < survival.added < 0.08 * default.duration
+    assert list(survival.costs) == ["effort", "radius"]
+    assert all(cost > 0 for cost in survival.costs.values())
+    assert any("of the effort limits" in note for note in robust.notes)
+
+
+def test_prices_are_those_of_whole_limits(usual):
+    """Of a radius of 10 mm, of which 6 mm were left; shares leave relative changes alone."""
+    problem, *_ = usual
+    kept = replace(Tightening.nothing(problem), effort=0.9, radius=np.array([0.004]))
+    left = (
+        Sensitivity("radius", None, 0, -0.03, 0.0012),
+        Sensitivity("effort", "joint1", None, -0.4, 0.0015),
+    )
+    tried = SimpleNamespace(kept_back=kept, result=SimpleNamespace(sensitivities=left))
+    whole = robust_plan._of_whole_limits(problem, tried)
+    assert [one.limit for one in whole] == ["radius", "effort"]
+    assert whole[0].elasticity == pytest.approx(-0.05)
+    assert whole[0].saved == pytest.approx(0.002)
+    assert whole[1] == left[1]
+
+
+@pytest.mark.slow
+def test_the_same_problem_has_the_same_answer(usual):
+    problem, robust, _ = usual
+    again = plan(problem, SHORTEST)
+    assert np.array_equal(again.trajectory.coefficients, robust.trajectory.coefficients)
+    assert again.as_dict()["robustness"] == robust.as_dict()["robustness"]
+
+
+def test_a_plan_that_survives_by_itself_is_left_as_it_is():
+    problem = problem_with(Robustness.exact(noise=1e-6))
+    robust, default = plan(problem), plan(replace(problem, robustness=None))
+    assert np.array_equal(robust.trajectory.coefficients, default.trajectory.coefficients)
+    survival = robust.survival
+    assert survival.reached and survival.verdict.failed == 0
+    assert (survival.costs, survival.verdict_without) == ({}, None)
+    assert not any(survival.kept_back.has(part) for part in ("effort", "radius", "clearance"))
+
+
+@pytest.mark.slow
+def test_smoothed_and_in_whole_periods_it_survives_as_well():
+    problem = replace(problem_with(Robustness(), **{"objective.slack": 0.01}), period=0.004)
+    robust = plan(problem)
+    assert robust.survival.verdict.failed == 0
+    assert robust.duration / 0.004 == pytest.approx(round(robust.duration / 0.004), abs=1e-6)
+    assert robust.duration > robust.shortest_duration
+    assert any(note.startswith("smoothed") for note in robust.notes)
+
+
+@pytest.mark.slow
+def test_where_none_survives_the_error_that_is_to_blame_is_named():
+    problem = problem_with(Robustness.exact(tool=0.02, mass=0.001), **{"tube.radius": 0.004})
+    robust = plan(problem, SHORTEST)
+    survival = robust.survival
+    assert robust.succeeded and not survival.reached
+    assert survival.verdict.failed > 0
+    assert [one.error for one in survival.blame.errors] == ["tool", "mass"]
+    assert survival.blame.errors[0].short < 0 < survival.blame.short
+    (note,) = [note for note in robust.notes if "no plan was found that survives" in note]
+    assert "tool of 0.02 is to blame most" in note
+
+
+@pytest.mark.slow
+def test_a_controller_that_cannot_follow_is_to_blame():
+    problem = problem_with(Robustness.exact(controller="pd", mass=0.01), **{"tube.radius": 0.001})
+    survival = plan(problem, SHORTEST).survival
+    assert not survival.reached
+    assert survival.blame.without_any > 0
+    assert "without any error: the controller cannot follow" in str(survival.blame)
+
+
+@pytest.mark.parametrize(
+    ("stage", "says"),
+    [
+        ("6 simulated runs", "whether it survives was not simulated"),
+        ("20 fresh simulated runs", "its runs were not simulated to the end"),
+    ],
+)
+def test_stopped_early_it_ends_with_what_is_certified(stage, says):
+    problem = problem_with(Robustness(mass=0.01))
+
+    def stop(progress):
+        if progress.stage == stage:
+            raise KeyboardInterrupt
+
+    found = plan(problem, SHORTEST, stop)
+    assert found.succeeded
+    assert found.stopped_by == "interrupt"
+    assert found.message.endswith(says)
+    assert verify(problem, found.trajectory).passed
+
+
+def test_without_mujoco_the_field_is_refused_by_name(monkeypatch):
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    problem = problem_with(Robustness())
+    with pytest.raises(OptionError, match=r"the field robustness takes MuJoCo 3.*pip install"):
+        plan(problem)
+    assert plan(problem, PlanOptions(robust=False)).survival is None
+
+
+@pytest.mark.parametrize("method", ["branch-and-bound", "stop-at-corners", "suh-bishop"])
+def test_other_methods_do_not_honour_it(method):
+    with pytest.raises(OptionError, match=f"robustness, which method '{method}' does not honour"):
+        plan(problem_with(Robustness()), PlanOptions(method, slack=0.0))

@@ -1,0 +1,190 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stored_trajectories import REFINEMENT, stored_trajectory
+from tubeplanner import Obstacle, Tube, load_problem, placement_of
+from tubeplanner.problem.tightening import Tightening, allowed_tightening, tightened_problem
+
+TRAY, LINE = "example:ur5/level_tray", "example:two_link/paper_1_30mm"
+
+
+@pytest.fixture(scope="module")
+def tray():
+    return load_problem(TRAY).joined
+
+
+def ends():
+    """Return where the stored motion begins and ends."""
+    motion = stored_trajectory("ur5/level_tray", REFINEMENT).trajectory
+    return motion.position(np.array([0.0, motion.duration]))
+
+
+def test_nothing_kept_back_is_the_problem_itself(tray):
+    same = tightened_problem(tray, Tightening.nothing(tray))
+    assert same.tube.radius.tolist() == tray.tube.radius.tolist()
+    assert same.robot.limits.effort.tolist() == tray.robot.limits.effort.tolist()
+    assert same.clearance == tray.clearance
+    assert same.tube.rotation.bounds.tolist() == tray.tube.rotation.bounds.tolist()
+
+
+def test_every_part_makes_its_own_limit_smaller_and_geometry_is_shared(tray):
+    joints, segments = tray.robot.joint_count, tray.tube.segment_count
+    kept = Tightening(
+        effort=0.9,
+        velocity=0.8,
+        radius=np.full(segments, 0.004),
+        rotation=np.full(segments, 0.01),
+        clearance=0.003,
+        position=np.array([np.full(joints, 0.1), np.full(joints, 0.2)]),
+    )
+    less = tightened_problem(tray, kept)
+    limits, whole = less.robot.limits, tray.robot.limits
+    assert limits.effort == pytest.approx(0.9 * whole.effort)
+    assert limits.velocity == pytest.approx(0.8 * whole.velocity)
+    assert limits.lower_position == pytest.approx(whole.lower_position + 0.1)
+    assert limits.upper_position == pytest.approx(whole.upper_position - 0.2)
+    assert less.tube.radius == pytest.approx(tray.tube.radius - 0.004)
+    finite = np.isfinite(tray.tube.rotation.bounds)
+    assert less.tube.rotation.bounds[finite] == pytest.approx(
+        tray.tube.rotation.bounds[finite] - 0.01
+    )
+    assert less.clearance == pytest.approx(tray.clearance + 0.003)
+    assert less.collision is tray.collision
+    assert tray.robot.limits is whole
+
+
+def test_torque_speed_lines_and_ranges_of_effort_are_left_in_part():
+    """A line's stall effort, a pair and a table each keep their share; friction stays."""
+    problem = load_problem(
+        LINE,
+        changes={
+            "robot.limits.effort": {
+                "joint1": [20.0, 30.0],
+                "joint2": {"position": [-1.0, 1.0], "effort": [5.0, 9.0]},
+            },
+            "robot.motors": {
+                "viscous_friction": 0.2,
+                "saturation_effort": [60.0, 20.0],
+                "no_load_velocity": [20.0, 20.0],
+            },
+        },
+    )
+    less = tightened_problem(problem, replace(Tightening.nothing(problem), effort=0.5))
+    q = np.array([[0.0, -1.0], [0.0, 0.0], [0.0, 2.0]])
+    for way in (1.0, -1.0):
+        whole = problem.robot.limits.effort_at(q, way)
+        assert less.robot.limits.effort_at(q, way) == pytest.approx(0.5 * whole)
+    stall = problem.robot.motors.saturation_effort
+    assert less.robot.motors.saturation_effort == pytest.approx(0.5 * stall)
+    assert less.robot.motors.viscous_friction.tolist() == [0.2, 0.2]
+    v = np.full((3, 2), 0.7)
+    assert less.robot.inverse_dynamics(q, v, v) == pytest.approx(
+        problem.robot.inverse_dynamics(q, v, v)
+    )
+
+
+@pytest.fixture
+def line():
+    """A problem of one segment along y, and where its tool begins and ends, on the axis."""
+    problem = load_problem(LINE)
+    return problem, np.array([[-0.16, -1.4], [1.9, -1.4]])
+
+
+def asked(problem, **parts):
+    return replace(Tightening.nothing(problem), **parts)
+
+
+def test_a_tenth_of_a_radius_is_always_left(line):
+    problem, _ = line
+    middle, side = np.array([[0.9, -1.4]]), np.array([0, 0.1, 0])
+    tool = problem.robot.tool_position(middle)[0]
+    problem = problem.with_tube(Tube([tool - side, tool + side], 0.03))
+    allowed = allowed_tightening(problem, asked(problem, radius=np.array([0.5])), middle)
+    assert allowed.radius == pytest.approx([0.027])
+    assert (
+        allowed_tightening(problem, asked(problem, radius=np.array([0.01])), middle).radius == 0.01
+    )
+
+
+def test_start_and_goal_stay_inside(line):
+    """The start 12 mm off the axis of the first segment, the goal 21 mm off that of the last."""
+    problem, q = line
+    first, last = problem.robot.tool_position(q)
+    side = np.array([0, 0, 1.0])
+    points = [first + 0.012 * side, [0.3, 0.0, 0.0], last + 0.021 * side]
+    problem = problem.with_tube(Tube(points, 0.03))
+    wanted = asked(problem, radius=np.full(2, 0.025))
+    allowed = allowed_tightening(problem, wanted, q)
+    assert allowed.radius == pytest.approx([0.018, 0.009], abs=4e-5)
+    assert (
+        (tightened_problem(problem, allowed).tube.margin(problem.robot.tool_position(q))[0, 0]) >= 0
+    )
+    assert allowed_tightening(problem, wanted, q[:1]).radius == pytest.approx(
+        [0.018, 0.025], abs=4e-5
+    )
+
+
+def test_clearance_grows_no_farther_than_start_and_goal_are_away(line):
+    problem, q = line
+    tool = problem.robot.tool_position(q)[1]
+    ball = Obstacle.sphere("ball", 0.01, placement_of(tool + np.array([0, 0.2, 0])))
+    problem = replace(problem, obstacles=[ball], clearance=0.02)
+    checker = problem.collision
+    rotation, position = problem.robot.body_poses(q)
+    near = min(
+        checker.distances(rotation[k], position[k], checker.obstacle_pairs).min() for k in range(2)
+    )
+    allowed = allowed_tightening(problem, asked(problem, clearance=1.0), q)
+    assert allowed.clearance == pytest.approx(near - 0.02, abs=2e-6)
+    assert allowed_tightening(problem, asked(problem, clearance=0.001), q).clearance == 0.001
+
+
+def test_rotation_tolerances_hold_the_turned_start(tray):
+    wanted = asked(tray, rotation=np.full(tray.tube.segment_count, 1.0))
+    turned, tool = tray.robot.tool_pose(ends())
+    margin = tray.tube.rotation_margin(turned, tool)
+    allowed = allowed_tightening(tray, wanted, ends()).rotation
+    assert allowed[0] <= margin[0, 0]
+    assert allowed[-1] <= margin[1, -1]
+    assert (allowed < tray.tube.rotation.bounds.min(axis=1)).all()
+    assert (allowed > 0).all()
+
+
+def test_a_free_rotation_has_nothing_to_keep_back(line):
+    problem, q = line
+    allowed = allowed_tightening(problem, asked(problem, rotation=np.array([0.3])), q[:1])
+    assert allowed.rotation.tolist() == [0.0]
+
+
+def test_position_limits_hold_start_and_goal(tray):
+    wanted = asked(tray, position=np.full((2, tray.robot.joint_count), 20.0))
+    allowed = allowed_tightening(tray, wanted, ends())
+    limits = tightened_problem(tray, allowed).robot.limits
+    q = ends()
+    assert (limits.lower_position <= q).all() and (q <= limits.upper_position).all()
+    assert limits.lower_position == pytest.approx(q.min(axis=0), abs=2e-6)
+
+
+def test_what_joined_segments_keep_back_all_their_parts_do():
+    points = [[0.3, -0.5, 0], [0.3, 0, 0], [0.3, 0.5, 0], [0.1, 0.5, 0]]
+    problem = load_problem(LINE).with_tube(Tube(points, 0.03, joint_signs={"joint2": "-"}))
+    joined = problem.joined
+    assert joined.tube.segment_count == 2
+    kept = asked(joined, radius=np.array([0.001, 0.002])).of_parts(joined.tube)
+    assert kept.radius.tolist() == [0.001, 0.001, 0.002]
+    assert kept.of_parts(problem.tube) is kept
+
+
+def test_parts_are_taken_one_by_one(line):
+    problem, _ = line
+    kept = asked(problem, effort=0.9, radius=np.array([0.01]), clearance=0.002)
+    some = kept.only(["effort", "radius"])
+    assert (some.effort, some.radius.tolist(), some.clearance) == (0.9, [0.01], 0.0)
+    assert [part for part in ("effort", "velocity", "radius", "clearance") if kept.has(part)] == [
+        "effort",
+        "radius",
+        "clearance",
+    ]
+    assert not some.has("clearance") and not kept.only([]).has("effort")
