@@ -13,12 +13,18 @@ from tubeplanner import (
     PlanOptions,
     Seed,
     Tube,
+    load_problem,
     load_robot,
+    sweep_field,
 )
 from tubeplanner.problem.robustness import Robustness
+from tubeplanner.problem.tightening import Tightening
 from tubeplanner.robot.joint_motors import JointMotors
 from tubeplanner.simulation.execution import AFTERWARDS, Execution
 from tubeplanner.simulation.plant import Draw, drawn_plants
+from tubeplanner.simulation.run_verdict import RunVerdict
+from tubeplanner.simulation.survival import Survival
+from tubeplanner.studies.field_sweep import FieldSweep
 
 # Of tests that compare durations, or that plan and look at something else: quicker.
 SHORTEST = PlanOptions(slack=0.0)
@@ -169,3 +175,18 @@ def followed(problem, motion, bases, period=0.004):
         for plant, base in zip(exact, bases, strict=True)
     ]
     return Execution(plants, time, q, np.zeros_like(q), np.zeros_like(q), q > np.inf)
+
+
+def simulated_sweep(failed):
+    """Return a sweep over radii; so many of 200 runs of each answer failed, None: none were run."""
+    name, radii = "example:two_link/paper_1_30mm", [0.01 * (k + 1) for k in range(len(failed))]
+    swept = sweep_field(name, "tube.radius", radii, options=PlanOptions("stop-at-corners"))
+    nothing = Tightening.nothing(load_problem(name))
+    rows = []
+    for row, count in zip(swept.rows, failed, strict=True):
+        survival = None
+        if count is not None:
+            verdict = RunVerdict(200, count, {"tube": count})
+            survival = Survival(verdict, count == 0, nothing, row.duration, None, {})
+        rows.append(replace(row, result=replace(row.result, survival=survival)))
+    return FieldSweep(swept.name, swept.path, tuple(rows))

@@ -2,11 +2,13 @@
 
 import csv
 import json
+import re
 
 import pytest
 
-from cases import slow_but
+from cases import simulated_sweep, slow_but
 from tubeplanner.commands.cli import main
+from tubeplanner.commands.report import field_sweep_text
 
 PROBLEM = "example:two_link/paper_1_30mm"
 PNG = b"\x89PNG"
@@ -81,6 +83,13 @@ def test_sweep_as_json(run, tmp_path):
     assert fields["quantity"] == "radius_scale"
     assert fields["rows"][0]["radii"] == [0.03]
     assert fields["rows"] == written["rows"]
+
+
+def test_the_table_says_how_many_runs_failed():
+    simulated = field_sweep_text(simulated_sweep([0, 3, None]))
+    assert "runs failed" in simulated
+    assert re.findall(r"\d+ of \d+", simulated) == ["0 of 200", "3 of 200"]
+    assert "runs failed" not in field_sweep_text(simulated_sweep([None]))
 
 
 def test_a_sweep_without_any_answer_fails(run):

@@ -6,6 +6,7 @@ import json
 
 import pytest
 
+from cases import simulated_sweep
 from tubeplanner import OptionError, PlanOptions, load_problem, plan, sweep, sweep_field
 from tubeplanner.errors import ProblemError
 from tubeplanner.studies.field_sweep import value_text
@@ -58,6 +59,25 @@ def test_csv_and_json_say_the_same(swept):
             assert (float(line[key]) if line[key] else None) == row[key]
         assert line["message"] == row["message"]
         assert line["notes"] == "; ".join(row["notes"])
+
+
+def test_rows_say_how_many_runs_failed(swept):
+    simulated = simulated_sweep([0, 3, None])
+    table = list(csv.DictReader(io.StringIO(simulated.csv())))
+    seen = [(row["runs"], row["runs_failed"]) for row in simulated.as_dict()["rows"]]
+    assert seen == [(200, 0), (200, 3), (None, None)]
+    assert [line["runs"] for line in table] == ["200", "200", ""]
+    assert [line["runs_failed"] for line in table] == ["0", "3", ""]
+    assert (simulated.is_simulated, swept.is_simulated) == (True, False)
+
+
+@pytest.mark.slow
+def test_an_error_of_the_arm_is_varied_like_any_field():
+    (row,) = sweep_field(PROBLEM, "robustness.mass", [0.02], options=FAST).rows
+    robust = plan(load_problem(PROBLEM, changes={"robustness.mass": 0.02}), FAST.shortest)
+    assert row.duration == robust.duration
+    assert row.verdict == robust.survival.verdict
+    assert row.duration > row.shortest_duration
 
 
 def test_the_objective_counts_only_where_it_is_varied():

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from cases import simulated_sweep
 from tubeplanner import PlanOptions, plot_field_sweep, sweep_field
 
 PROBLEM = "example:two_link/paper_1_30mm"
@@ -55,3 +56,19 @@ def test_the_shortest_is_drawn_beside_what_the_objective_makes_of_it():
     np.testing.assert_allclose(series["certified trajectory"][:, 1], durations)
     np.testing.assert_allclose(series["shortest that was found"][:, 1], durations[0])
     assert durations[1] > 1.05 * durations[0]
+
+
+def test_answers_of_which_runs_failed_are_marked():
+    swept = simulated_sweep([0, 3, None, 200])
+    axes = plot_field_sweep(swept).axes[0]
+    series, _ = lines(axes)
+    points = series["certified trajectory"]
+    np.testing.assert_array_equal(series["some of its runs failed"], points[[1, 3]])
+    said = {text.get_text(): text.xy for text in axes.texts}
+    assert list(said) == ["0 of 200 failed", "3 of 200 failed", "200 of 200 failed"]
+    np.testing.assert_array_equal(list(said.values()), points[[0, 1, 3]])
+
+
+def test_nothing_is_marked_where_no_run_failed():
+    series, _ = lines(plot_field_sweep(simulated_sweep([0, 0])).axes[0])
+    assert list(series) == ["certified trajectory"]

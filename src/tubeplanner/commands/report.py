@@ -150,7 +150,8 @@ def field_sweep_text(result: "FieldSweep") -> str:
     from tubeplanner.studies.field_sweep import value_text
 
     table = Table(title=f"{result.name}: duration against {result.path}", title_justify="left")
-    headings = ["duration", *["shortest"] * result.varies_objective, "planned in"]
+    headings = ["duration", *["shortest"] * result.varies_objective]
+    headings += [*["runs failed"] * result.is_simulated, "planned in"]
     table.add_column(escape(result.path), justify="right")
     for heading in headings:
         table.add_column(heading, justify="right")
@@ -162,9 +163,10 @@ def field_sweep_text(result: "FieldSweep") -> str:
             table.add_row(value, *gaps, f"{row.status}: {escape(row.message)}")
             continue
         durations = [row.duration, *[row.shortest_duration] * result.varies_objective]
-        times = [f"{duration:.4f} s" for duration in durations]
-        times.append(f"{row.result.planning_time:.2f} s")
-        table.add_row(value, *times, f"certified, {row.result.method}")
+        cells = [f"{duration:.4f} s" for duration in durations]
+        seen = "" if row.verdict is None else f"{row.verdict.failed} of {row.verdict.runs}"
+        cells += [*[seen] * result.is_simulated, f"{row.result.planning_time:.2f} s"]
+        table.add_row(value, *cells, f"certified, {row.result.method}")
     whose: dict[str, list[str]] = {}
     for row in result.rows:
         for note in row.notes:

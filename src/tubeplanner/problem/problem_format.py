@@ -267,7 +267,7 @@ class RobustnessFields(Section):
     )
     lag: Finite = Field(Robustness.lag, description="time constant of the motors [s]")
     delay: Finite = Field(Robustness.delay, description="from a measurement to its effort [s]")
-    noise: Finite = Field(Robustness.noise, description="of measured positions, normal [rad or m]")
+    noise: Finite = Field(Robustness.noise, description="of measured positions, normal [rad, m]")
     tool: Finite = Field(
         Robustness.tool, description="of the tool centre point, uniform in a ball [m]"
     )

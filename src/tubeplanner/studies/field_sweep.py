@@ -26,6 +26,7 @@ from tubeplanner.problem.problem_format import read_document
 from tubeplanner.problem.problem_reader import parse_problem
 from tubeplanner.progress import StoppedBy
 from tubeplanner.resources import find_problem
+from tubeplanner.simulation.run_verdict import RunVerdict
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +61,12 @@ class FieldRow:
         return None if self.result is None else self.result.shortest_duration
 
     @property
+    def verdict(self) -> RunVerdict | None:
+        """What was seen of the answer in simulation; None unless robustness asks for it."""
+        survival = None if self.result is None else self.result.survival
+        return None if survival is None else survival.verdict
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """What else is worth knowing about the answer."""
         return () if self.result is None else self.result.notes
@@ -71,6 +78,8 @@ class FieldRow:
             "status": str(self.status),
             "duration": self.duration,
             "shortest_duration": self.shortest_duration,
+            "runs": None if self.verdict is None else self.verdict.runs,
+            "runs_failed": None if self.verdict is None else self.verdict.failed,
             "method": None if self.result is None else self.result.method,
             "planning_time": None if self.result is None else self.result.planning_time,
             "loading_time": self.loading_time,
@@ -99,6 +108,11 @@ class FieldSweep:
     def succeeded(self) -> bool:
         """Whether any value has a certified trajectory."""
         return any(row.duration is not None for row in self.rows)
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether any answer was executed in simulation."""
+        return any(row.verdict is not None for row in self.rows)
 
     @property
     def varies_objective(self) -> bool:
