@@ -59,10 +59,12 @@ def _bisected(survives: Callable[[float], bool], below: float, above: float) -> 
 
 
 def _raised(survives: Callable[[float], bool], factor: float) -> float | None:
-    """Return a factor, raised in growing steps until more arms survive too."""
+    """Return the least factor, at least a given one, with which more arms survive too."""
+    if survives(factor):
+        return factor
     step = _NEAR
-    while factor <= MOST:
-        if survives(factor):
-            return factor
+    while factor * step <= MOST:
+        if survives(factor * step):
+            return _bisected(survives, factor, factor * step)
         factor, step = factor * step, step**2
     return None
