@@ -184,8 +184,8 @@ def _print_head() -> None:
     one = f"{'T [s]':>8} fail{'tube':>9}{'turn':>7}{'near':>8}"
     more, slower = f" {'cost %':>7} {'wall s':>6} {'CPU s':>6}", "default plan run slower"
     robust = f"{'robust plan':{len(one + more)}}"
-    print(f"{'':30}|{'default plan':{len(one)}}|{'slack 0':{len(one)}}|{robust}|{slower}")
-    print(f"{'problem':30}|{one}|{one}|{one}{more}|factor {one} longer %", flush=True)
+    print(f"{'':33}|{'default plan':{len(one)}}|{'slack 0':{len(one)}}|{robust}|{slower}")
+    print(f"{'problem':33}|{one}|{one}|{one}{more}|factor {one} longer %", flush=True)
 
 
 def _print_row(row: Row) -> None:
@@ -193,7 +193,7 @@ def _print_row(row: Row) -> None:
     if row.factor is not None and row.slowed is not None and row.gain is not None:
         slowed = f"{row.factor:6.3f} {row.slowed} {100 * row.gain:8.2f}"
     robust = f"{row.robust} {100 * row.cost:7.2f} {row.planning_time:6.1f} {row.cpu:6.1f}"
-    print(f"{row.name:30}|{row.default}|{row.shortest}|{robust}|{slowed}", flush=True)
+    print(f"{row.name:33}|{row.default}|{row.shortest}|{robust}|{slowed}", flush=True)
 
 
 def _thousandths(value: float | None, width: int, figures: int) -> str:
@@ -264,7 +264,7 @@ def main() -> int:
     for name in _names(asked.only):
         row = executed_plans(name, asked.runs)
         if isinstance(row, str):
-            print(f"{name:30}|{row}", flush=True)
+            print(f"{name:33}|{row}", flush=True)
             faults.append(f"{name}: {row}")
             continue
         _print_row(row)
