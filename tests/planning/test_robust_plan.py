@@ -125,7 +125,9 @@ def test_where_none_survives_the_error_that_is_to_blame_is_named():
     assert survival.verdict.failed > 0
     assert [one.error for one in survival.blame.errors] == ["tool", "mass"]
     assert survival.blame.errors[0].short < 0 < survival.blame.short
-    (note,) = [note for note in robust.notes if "no plan was found that survives" in note]
+    (note,) = [
+        note for note in robust.notes if "no plan was found of which all runs survive" in note
+    ]
     assert "tool of 0.02 is to blame most" in note
 
 

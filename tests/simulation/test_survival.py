@@ -72,7 +72,7 @@ def test_blame_is_of_the_plan_whose_runs_it_is_about(survival):
     (note,) = replace(survival, costs={}, blame=BLAME).notes
     assert note == f"the plan without robustness: {BLAME}"
     (note,) = replace(survival, reached=False, costs={}, blame=BLAME).notes
-    assert note == f"no plan was found that survives: {BLAME}"
+    assert note == f"no plan was found of which all runs survive, their errors enlarged: {BLAME}"
     assert len(replace(survival, blame=BLAME).notes) == 2
 
 

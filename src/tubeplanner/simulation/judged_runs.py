@@ -57,7 +57,7 @@ class JudgedRun:
 
     @property
     def broken(self) -> tuple[str, ...]:
-        """What was not kept: names of `KEPT`; none if the run survives.
+        """Names of `KEPT` that were not kept; none if the run survives.
 
         Velocity limits are not among it: nothing in the simulated arm depends on them.
         """

@@ -53,7 +53,7 @@ class Survival:
         if not self.costs:
             return self._blamed
         parts = "; ".join(
-            f"{_kept(self.kept_back, part)} ({1000 * cost:.2g} ms)"
+            f"{_kept(self.kept_back, part)} ({1000 * cost:.1f} ms)"
             for part, cost in self.costs.items()
         )
         share = 100 * self.added / self.duration_without
@@ -61,7 +61,7 @@ class Survival:
         if self.verdict_without is not None:
             without += f", and {self.verdict_without}"
         costs = (
-            f"surviving takes {1000 * self.added:.2g} ms more, {share:.2g} %: {parts}; {without}"
+            f"surviving takes {1000 * self.added:.1f} ms more, {share:.2g} %: {parts}; {without}"
         )
         return (costs, *self._blamed)
 
@@ -69,8 +69,10 @@ class Survival:
     def _blamed(self) -> tuple[str, ...]:
         if self.blame is None:
             return ()
-        whose = "the plan without robustness" if self.reached else "no plan was found that survives"
-        return (f"{whose}: {self.blame}",)
+        if self.reached:
+            return (f"the plan without robustness: {self.blame}",)
+        none = "no plan was found of which all runs survive, their errors enlarged"
+        return (f"{none}: {self.blame}" if self.blame.short > 0 else none,)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the fields as JSON values."""
