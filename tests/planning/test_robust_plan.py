@@ -161,6 +161,22 @@ def test_stopped_early_it_ends_with_what_is_certified(stage, says):
     assert verify(problem, found.trajectory).passed
 
 
+def test_stopped_while_it_is_smoothed_it_ends_with_what_survived():
+    problem, stages = problem_with(Robustness()), []
+
+    def stop(progress):
+        stages.append(progress.stage)
+        if progress.stage == "smoothing" and "3 simulated runs" in stages:
+            raise KeyboardInterrupt
+
+    found = plan(problem, None, stop)
+    assert found.stopped_by == "interrupt"
+    assert found.survival.reached
+    assert found.survival.kept_back.effort < 1
+    assert found.survival.verdict is None
+    assert verify(problem, found.trajectory).passed
+
+
 def test_without_mujoco_the_field_is_refused_by_name(monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
     problem = problem_with(Robustness())

@@ -52,9 +52,9 @@ def test_costs_sum_up(survival):
 def test_a_note_tells_what_every_part_costs(survival):
     (note,) = survival.notes
     assert note == (
-        "surviving takes 18 ms more, 2 %: 93 % of the effort limits (12 ms); 97 % of the velocity "
-        "limits (3 ms); up to 3.4 mm less radius (1.5 ms); up to 12 mrad less rotation (1.1 ms); "
-        "2.1 mm more clearance (0.3 ms); up to 50 mrad or mm less joint range (0.1 ms); without "
+        "surviving takes 18.0 ms more, 2 %: 93 % of the effort limits (12.0 ms); 97 % of the "
+        "velocity limits (3.0 ms); up to 3.4 mm less radius (1.5 ms); up to 12 mrad less rotation "
+        "(1.1 ms); 2.1 mm more clearance (0.3 ms); up to 50 mrad or mm less joint range (0.1 ms); without "
         f"robustness the plan takes 0.9000 s, and {MANY_FAILED}"
     )
 
@@ -62,8 +62,8 @@ def test_a_note_tells_what_every_part_costs(survival):
 def test_it_tells_nothing_of_what_was_not_seen(survival):
     (note,) = replace(survival, verdict_without=None, costs={"effort": 0.009}).notes
     assert note == (
-        "surviving takes 9 ms more, 1 %: 93 % of the effort limits (9 ms); without robustness the "
-        "plan takes 0.9000 s"
+        "surviving takes 9.0 ms more, 1 %: 93 % of the effort limits (9.0 ms); without robustness "
+        "the plan takes 0.9000 s"
     )
     assert replace(survival, costs={}).notes == ()
 
