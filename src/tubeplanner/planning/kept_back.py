@@ -8,7 +8,12 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.planning.plan_result import PlanResult
-from tubeplanner.planning.tightened_plans import Following, TightenedPlans, TriedPlan
+from tubeplanner.planning.tightened_plans import (
+    Following,
+    TightenedPlans,
+    TriedPlan,
+    require_not_stopped,
+)
 from tubeplanner.problem.tightening import Tightening
 from tubeplanner.simulation.plant import Draw
 
@@ -134,6 +139,7 @@ def _written(plans: TightenedPlans, settled: TriedPlan, follow: Following) -> Tr
     kept_back, shortest, best = settled.kept_back, settled.result, settled
     for _ in range(_ROUNDS):
         result = follow(plans.problem(kept_back), shortest)
+        require_not_stopped(result)
         if result.trajectory is None or result.trajectory is settled.result.trajectory:
             break
         written = plans.simulated(kept_back, result, WORKING)

@@ -65,6 +65,14 @@ class TriedPlan:
         return self.result.duration
 
 
+def require_not_stopped(result: PlanResult) -> None:
+    """Raise TimeLimitReached or KeyboardInterrupt if that ended planning early."""
+    if result.stopped_by == "time_limit":
+        raise TimeLimitReached
+    if result.stopped_by is not None:
+        raise KeyboardInterrupt
+
+
 class TightenedPlans:
     """Plans one problem with more or less kept back of its limits, and simulates the plans."""
 
@@ -114,10 +122,7 @@ class TightenedPlans:
             found = self._again(self.problem(kept_back), motion)
         except (ProblemError, Infeasible):
             return None
-        if found.stopped_by == "time_limit":
-            raise TimeLimitReached
-        if found.stopped_by is not None:
-            raise KeyboardInterrupt
+        require_not_stopped(found)
         return replace(found, notes=()) if found.succeeded else None
 
     def simulated(self, kept_back: Tightening, result: PlanResult, draw: Draw) -> TriedPlan:
