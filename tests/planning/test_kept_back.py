@@ -76,6 +76,7 @@ class Formulas:
         return SimpleNamespace(
             duration=self.duration(kept),
             motion=None,
+            stopped_by=None,
             sensitivities=prices,
             trajectory=object(),
             lacks=0.0,
@@ -297,6 +298,7 @@ def following(lacks, trajectory=object):
         return SimpleNamespace(
             duration=1.01 * shortest.duration,
             motion=None,
+            stopped_by=None,
             sensitivities=(),
             trajectory=trajectory(),
             lacks=lacks,

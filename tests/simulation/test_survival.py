@@ -54,8 +54,8 @@ def test_a_note_tells_what_every_part_costs(survival):
     assert note == (
         "surviving takes 18.0 ms more, 2 %: 93 % of the effort limits (12.0 ms); 97 % of the "
         "velocity limits (3.0 ms); up to 3.4 mm less radius (1.5 ms); up to 12 mrad less rotation "
-        "(1.1 ms); 2.1 mm more clearance (0.3 ms); up to 50 mrad or mm less joint range (0.1 ms); without "
-        f"robustness the plan takes 0.9000 s, and {MANY_FAILED}"
+        "(1.1 ms); 2.1 mm more clearance (0.3 ms); up to 50 mrad or mm less joint range (0.1 ms); "
+        f"without robustness the plan takes 0.9000 s, and {MANY_FAILED}"
     )
 
 
