@@ -2275,7 +2275,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("(result.duration or np.inf) >= known.expected", "True"),
     ],
     "_written": [
-        ("result.trajectory is settled.result.trajectory", "False"),
+        ("kept_back, result, MANY", "kept_back, result, FEWER"),
         ("best = written if best is settled else", "best ="),
         ("written if best is settled else _better(best, written)", "written"),
         ("written.survives or not settled.survives", "True"),

@@ -25,6 +25,7 @@ def few_arms():
         for module in (kept_back, robust_plan):
             patch.setattr(module, "WORKING", Draw(6, 0))
             patch.setattr(module, "FEWER", Draw(3, 0))
+        patch.setattr(kept_back, "MANY", Draw(10, 0))
         patch.setattr(robust_plan, "_FRESH", Draw(20, 1))
         patch.setattr(blamed_errors, "_DRAW", Draw(4, 0))
         yield

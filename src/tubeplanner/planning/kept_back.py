@@ -19,6 +19,7 @@ from tubeplanner.simulation.plant import Draw
 
 WORKING = Draw(32, seed=0)
 FEWER = Draw(16, seed=0)  # of the same arms; enough to compare shares of effort
+MANY = Draw(96, seed=0)  # which the plan that is written is to survive
 # Shares of the effort limits, and of the velocity limits, that are tried.
 _EFFORTS = (1, 0.98, 0.96, 0.945, 0.93, 0.91, 0.89, 0.865, 0.83, 0.79, 0.74, 0.67, 0.58, 0.48, 0.36)
 _VELOCITIES = (1, 0.985, 0.97, 0.95, 0.93, 0.9, 0.86)
@@ -135,14 +136,14 @@ def _settled(plans: TightenedPlans, rung: TriedPlan) -> TriedPlan:
 
 
 def _written(plans: TightenedPlans, settled: TriedPlan, follow: Following) -> TriedPlan:
-    """Return the plan that is written: made smooth or thrifty, and again until that survives."""
+    """Return the plan that is written: made smooth or thrifty, until it survives many arms."""
     kept_back, shortest, best = settled.kept_back, settled.result, settled
     for _ in range(_ROUNDS):
         result = follow(plans.problem(kept_back), shortest)
         require_not_stopped(result)
-        if result.trajectory is None or result.trajectory is settled.result.trajectory:
+        if result.trajectory is None:
             break
-        written = plans.simulated(kept_back, result, WORKING)
+        written = plans.simulated(kept_back, result, MANY)
         best = written if best is settled else _better(best, written)
         if written.survives or not settled.survives:
             break

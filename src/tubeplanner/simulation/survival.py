@@ -19,7 +19,7 @@ class Survival:
 
     Attributes:
         verdict: Of runs that were used for nothing else; None if planning was stopped before.
-        reached: Whether the runs that it was planned with survive, errors 1.3 times as large.
+        reached: Whether all runs that it was planned with survive, errors 1.3 times as large.
         kept_back: What the plan leaves of the limits.
         duration_without: Of the plan that would be written without robustness [s].
         verdict_without: Of that plan, of the same runs; None if it is the answer, or likewise.
