@@ -2162,12 +2162,12 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("return self._blamed", "return ()"),
         ("(costs, *self._blamed)", "(costs,)"),
         ("100 * self.added / self.duration_without", "100 * self.added"),
-        ("{1000 * cost:.2g}", "{cost:.2g}"),
+        ("{1000 * cost:.1f}", "{cost:.1f}"),
         ("if self.verdict_without is not None", "if self.verdict_without is None"),
     ],
     "Survival.seen": [("self.verdict is None", "self.verdict_without is None")],
     "Survival.added": [("sum(self", "max(self")],
-    "Survival._blamed": [("if self.reached else", "if not self.reached else")],
+    "Survival._blamed": [("if self.reached", "if not self.reached")],
     "Survival.as_dict": [
         ("else self.verdict.as_dict()", "else self.verdict_without.as_dict()"),
         ("dict(self.costs)", "{}"),
@@ -2187,11 +2187,13 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "TightenedPlans._planned": [
         ("(ProblemError, Infeasible)", "ProblemError"),
         ("(ProblemError, Infeasible)", "Infeasible"),
-        ("raise TimeLimitReached", "raise KeyboardInterrupt"),
-        ("found.stopped_by is not None", "False"),
         ("if found.succeeded else None", ""),
         ("replace(found, notes=())", "found"),
         ("self.problem(kept_back)", "self._problem"),
+    ],
+    "require_not_stopped": [
+        ("raise TimeLimitReached", "raise KeyboardInterrupt"),
+        ("result.stopped_by is not None", "False"),
     ],
     "TightenedPlans.simulated": [
         ("self.allowed(asked)", "asked"),
@@ -2200,8 +2202,8 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         (" + max(found.self_collision, 0.0)", ""),
         ("max(found.self_collision, 0.0)", "found.self_collision"),
         ("(result.duration or 0.0) + more", "(result.duration or 0.0)"),
-        ("tried.duration < self", "tried.duration > self"),
-        ("if tried.survives and", "if"),
+        ("(-one.verdict.runs,", "(one.verdict.runs,"),
+        ("if tried.survives", "if not tried.survives"),
     ],
     "_with": [
         (
