@@ -144,8 +144,9 @@ def _written(plans: TightenedPlans, settled: TriedPlan, follow: Following) -> Tr
         if result.trajectory is None:
             break
         written = plans.simulated(kept_back, result, MANY)
+        had_one = best is not settled and best.survives
         best = written if best is settled else _better(best, written)
-        if written.survives or not settled.survives:
+        if had_one or not settled.survives or (written.survives and not _gains(written, written)):
             break
         kept_back = _next(plans, written)
         again = plans.planned(kept_back, shortest.motion)
