@@ -1935,10 +1935,10 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("now.result.motion, WORKING", "now.result.motion, FEWER"),
         ("best = _better(best, now)", "best = now"),
         ("had_one or (now", "(now"),
-        ("now.survives and gain < _WORTH_IT * now.duration", "now.survives"),
-        ("now.survives and gain < _WORTH_IT * now.duration", "False"),
+        ("now.survives and not _gains(now, now)", "now.survives"),
+        ("now.survives and not _gains(now, now)", "False"),
         ("tried is None", "False"),
-        ("gain = now.duration - now.expected", "gain = now.expected - now.duration"),
+        ("now.survives and not _gains(now, now)", "now.survives and _gains(now, now)"),
     ],
     "_Limits.__init__": [
         ("each.acceleration + ahead * each.square", "each.acceleration"),
@@ -2219,14 +2219,16 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("1.0 if rotation is None else rotation.bounds.min(axis=1)", "1.0"),
     ],
     "_prices": [
-        ("tube.cross_section[:, 0] / 2", "tube.cross_section[:, 0]"),
-        ("tube.cross_section[:, 1] / 2", "tube.cross_section[:, 0] / 2"),
         ("tube.segment_index(sensitivity.segment)", "sensitivity.segment"),
         ('"rotation" if sensitivity.limit == "rotation" else "radius"', '"radius"'),
         ("-sensitivity.elasticity * (result.duration or 0.0)", "-sensitivity.elasticity"),
         ("-sensitivity.elasticity", "sensitivity.elasticity"),
         ("prices[part][k] += relative", "prices[part][k] = relative"),
         ("relative / sizes[sensitivity.limit][k]", "relative"),
+    ],
+    "tube_sizes": [
+        ("tube.cross_section[:, 0] / 2", "tube.cross_section[:, 0]"),
+        ("tube.cross_section[:, 1] / 2", "tube.cross_section[:, 0] / 2"),
         ("bounds.min(axis=1)", "bounds.max(axis=1)"),
     ],
     "TriedPlan.survives": [("self.verdict.failed == 0", "self.verdict.failed < 2")],
@@ -2310,10 +2312,10 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     # --- planning/robust_plan ---------------------------------------------------------------------
     "robust_plan": [("replace(search.answer(), stopped_by=stopped_by)", "search.answer()")],
     "_of_whole_limits": [
-        ("one.elasticity / left", "one.elasticity"),
-        ("one.saved / left", "one.saved * left"),
-        ("1 - kept_back.radius / tube.radius", "1 - kept_back.radius"),
-        ("key=lambda one: -one.saved", "key=lambda one: one.saved"),
+        ("sizes[one.limit][k] / left[one.limit][k]", "left[one.limit][k] / sizes[one.limit][k]"),
+        ("larger * one.elasticity", "one.elasticity"),
+        ("larger * one.saved", "one.saved"),
+        ("-one.saved", "one.saved"),
     ],
     # --- simulation/plant -----------------------------------------------------------------------
     "drawn_plants": [

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tubeplanner import OptionError, PlanOptions, Robustness, load_problem, plan, verify
+from tubeplanner import OptionError, PlanOptions, Robustness, Tube, load_problem, plan, verify
 from tubeplanner.planning import kept_back, robust_plan
 from tubeplanner.problem.tightening import Tightening
 from tubeplanner.refinement.sensitivities import Sensitivity
@@ -87,6 +87,18 @@ def test_prices_are_those_of_whole_limits(usual):
     assert whole[0].elasticity == pytest.approx(-0.05)
     assert whole[0].saved == pytest.approx(0.002)
     assert whole[1] == left[1]
+
+
+def test_of_a_box_both_sides_are_smaller_by_twice_as_much():
+    """60 by 100 mm, 5 mm taken off at every side."""
+    problem = load_problem(NAME)
+    points, box = problem.tube.points, {"box": [0.06, 0.1], "up": [0, 0, 1]}
+    problem = problem.with_tube(Tube(points, None, cross_section=box))
+    kept = replace(Tightening.nothing(problem), radius=np.array([0.005]))
+    left = [Sensitivity(side, None, 0, -0.01, 0.001) for side in ("width", "height")]
+    tried = SimpleNamespace(kept_back=kept, result=SimpleNamespace(sensitivities=left))
+    saved = {one.limit: one.saved for one in robust_plan._of_whole_limits(problem, tried)}
+    assert saved == pytest.approx({"width": 0.001 * 60 / 50, "height": 0.001 * 100 / 90})
 
 
 @pytest.mark.slow

@@ -4,32 +4,21 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
+from judged_run import judged_run
 from tubeplanner.outcome import Place
 from tubeplanner.simulation.executed_tube import Extreme
-from tubeplanner.simulation.judged_runs import JudgedRun
 from tubeplanner.simulation.run_summary import summaries
 from tubeplanner.simulation.run_verdict import run_verdict
 
 
 def run(tube, distance, clearance=0.0, **others):
-    none = Extreme(0.0, Place())
-    judged = JudgedRun(
-        tube=Extreme(tube, Place(segment=int(100 * tube))),
-        rotation=None,
-        points=None,
-        tracking=none,
-        tool_tracking=none,
-        position=none,
-        velocity=None,
-        saturated=0.0,
-        obstacles=Extreme(distance, Place()),
-        self_collision=None,
-        clearance=clearance,
-        tube_by_segment=np.array([tube]),
-        rotation_by_segment=np.array([-1e3]),
-        position_by_joint=np.array([[-1e3], [0.0]]),
-    )
-    return replace(judged, **others)
+    given = {
+        "tube": Extreme(tube, Place(segment=int(100 * tube))),
+        "obstacles": Extreme(distance, Place()),
+        "clearance": clearance,
+        "tube_by_segment": np.array([tube]),
+    }
+    return judged_run(**(given | others))
 
 
 def of_all(names, value):

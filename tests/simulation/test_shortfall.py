@@ -3,10 +3,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from judged_run import judged_run
 from tubeplanner import Tube, load_problem
 from tubeplanner.outcome import Place
 from tubeplanner.simulation.executed_tube import Extreme
-from tubeplanner.simulation.judged_runs import JudgedRun
 from tubeplanner.simulation.shortfall import shown_shortfall
 
 POINTS = [[0.3, -0.5, 0], [0.3, 0, 0], [0.0, 0.3, 0], [0.3, 0.3, 0]]
@@ -19,24 +19,15 @@ def problem():
     return load_problem("example:two_link/paper_1_30mm").with_tube(tube)
 
 
-def run(tube=(-0.01, -0.01, -0.01), near=None, points=None, clearance=0.02, **more):
-    nothing = Extreme(0.0, Place())
-    return JudgedRun(
-        tube=nothing,
-        rotation=None,
-        points=points,
-        tracking=nothing,
-        tool_tracking=nothing,
-        position=nothing,
-        velocity=None,
-        saturated=0.0,
-        obstacles=None if near is None else Extreme(near, Place()),
-        self_collision=more.pop("self_collision", None),
-        clearance=clearance,
-        tube_by_segment=np.array(tube),
-        rotation_by_segment=np.array(more.pop("rotation", [-1e3] * 3)),
-        position_by_joint=np.array(more.pop("position", [[-1.0, -1.0], [-1.0, -1.0]])),
-    )
+def run(tube=(-0.01, -0.01, -0.01), near=None, **given):
+    usual = {
+        "clearance": 0.02,
+        "tube_by_segment": np.array(tube),
+        "rotation_by_segment": np.array([-1e3] * 3),
+        "position_by_joint": -np.ones((2, 2)),
+    }
+    near = None if near is None else Extreme(near, Place())
+    return judged_run(**(usual | {"obstacles": near} | given))
 
 
 def test_the_same_in_every_run_is_what_is_short(problem):

@@ -65,7 +65,10 @@ def _with_less_effort(plans: TightenedPlans, rung: TriedPlan, best: TriedPlan) -
 
 
 def _gains(tried: TriedPlan, best: TriedPlan) -> bool:
-    """Return whether a plan is expected to become shorter than another, by what is worth a try."""
+    """Return whether a plan, with what it lacks or has to spare, is expected to be shorter.
+
+    Than another, or than it is itself, by what is worth a try.
+    """
     return best.duration - tried.expected > _WORTH_IT * best.duration
 
 
@@ -129,8 +132,7 @@ def _settled(plans: TightenedPlans, rung: TriedPlan) -> TriedPlan:
             break
         had_one, now = best.survives, tried
         best = _better(best, now)
-        gain = now.duration - now.expected
-        if now.lacking > 0 or had_one or (now.survives and gain < _WORTH_IT * now.duration):
+        if now.lacking > 0 or had_one or (now.survives and not _gains(now, now)):
             break
     return best
 

@@ -14,7 +14,13 @@ import numpy as np
 from tubeplanner.arrays import FloatArray
 from tubeplanner.planning.kept_back import FEWER, WORKING, surviving_plan
 from tubeplanner.planning.plan_result import PlanResult, certified_result
-from tubeplanner.planning.tightened_plans import Following, Planning, TightenedPlans, TriedPlan
+from tubeplanner.planning.tightened_plans import (
+    Following,
+    Planning,
+    TightenedPlans,
+    TriedPlan,
+    tube_sizes,
+)
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.problem.tightening import PARTS, Tightening
 from tubeplanner.progress import PlanningClock, until_stopped
@@ -25,6 +31,7 @@ from tubeplanner.simulation.plant import Draw
 from tubeplanner.simulation.run_verdict import RunVerdict, run_verdict
 from tubeplanner.simulation.simulated_runs import simulated_runs
 from tubeplanner.simulation.survival import Survival
+from tubeplanner.tube.narrowed_tube import narrowed_tube
 
 # Arms that no choice was made with.
 _FRESH = Draw(200, seed=1)
@@ -199,13 +206,13 @@ def _of_whole_limits(problem: PlanningProblem, tried: TriedPlan) -> tuple[Sensit
     they are larger.
     """
     tube, kept_back = problem.tube, tried.kept_back
-    ratio = {"radius": 1 - kept_back.radius / tube.radius}
-    if tube.rotation is not None:
-        ratio["rotation"] = 1 - kept_back.rotation / tube.rotation.bounds.min(axis=1)
+    sizes = tube_sizes(tube)
+    left = tube_sizes(narrowed_tube(tube, kept_back.radius, kept_back.rotation))
     found = []
     for one in tried.result.sensitivities:
-        left = 1.0
-        if one.limit in ratio and one.segment is not None:
-            left = float(ratio[one.limit][tube.segment_index(one.segment)])
-        found.append(replace(one, elasticity=one.elasticity / left, saved=one.saved / left))
+        if one.limit in sizes and one.segment is not None:
+            k = tube.segment_index(one.segment)
+            larger = float(sizes[one.limit][k] / left[one.limit][k])
+            one = replace(one, elasticity=larger * one.elasticity, saved=larger * one.saved)
+        found.append(one)
     return tuple(sorted(found, key=lambda one: -one.saved))

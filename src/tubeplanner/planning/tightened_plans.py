@@ -192,12 +192,8 @@ def _lacking(problem: PlanningProblem, asked: Tightening, allowed: Tightening) -
 
 def _prices(tube: Tube, result: PlanResult) -> dict[str, FloatArray]:
     """Return what radii and rotation tolerances of a plan's tube cost, (m,) each [s/m or s/rad]."""
+    sizes = tube_sizes(tube)
     prices = {part: np.zeros(tube.segment_count) for part in ("radius", "rotation")}
-    sizes = {"radius": tube.radius}
-    if tube.rotation is not None:
-        sizes["rotation"] = tube.rotation.bounds.min(axis=1)
-    if tube.cross_section is not None:  # taken off both sides of a box
-        sizes |= {"width": tube.cross_section[:, 0] / 2, "height": tube.cross_section[:, 1] / 2}
     for sensitivity in result.sensitivities:
         if sensitivity.limit not in sizes or sensitivity.segment is None:
             continue
@@ -206,3 +202,17 @@ def _prices(tube: Tube, result: PlanResult) -> dict[str, FloatArray]:
         relative = -sensitivity.elasticity * (result.duration or 0.0)
         prices[part][k] += relative / sizes[sensitivity.limit][k]
     return prices
+
+
+def tube_sizes(tube: Tube) -> dict[str, FloatArray]:
+    """Return the sizes that a tube's limits have, by their names in sensitivities, (m,) each.
+
+    Of boxes half the sides: what is kept back is taken off both [m]. Of rotation the least bound of
+    each segment [rad].
+    """
+    sizes = {"radius": tube.radius}
+    if tube.rotation is not None:
+        sizes["rotation"] = tube.rotation.bounds.min(axis=1)
+    if tube.cross_section is not None:
+        sizes |= {"width": tube.cross_section[:, 0] / 2, "height": tube.cross_section[:, 1] / 2}
+    return sizes

@@ -69,10 +69,11 @@ class Survival:
     def _blamed(self) -> tuple[str, ...]:
         if self.blame is None:
             return ()
+        is_short = self.blame.short > 0
         if self.reached:
-            return (f"the plan without robustness: {self.blame}",)
+            return (f"the plan without robustness: {self.blame}",) if is_short else ()
         none = "no plan was found of which all runs survive, their errors enlarged"
-        return (f"{none}: {self.blame}" if self.blame.short > 0 else none,)
+        return (f"{none}: {self.blame}" if is_short else none,)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the fields as JSON values."""
