@@ -24,9 +24,12 @@ from tubeplanner import (
     plan,
     verify,
 )
+from tubeplanner.verification.asked_distances import AskedDistances
 from tubeplanner.verification.closest_approach import closest_approach
 from tubeplanner.verification.enclosed_efforts import enclosed_efforts
 from tubeplanner.verification.enclosed_pose import enclosed_tool
+from tubeplanner.verification.judged_condition import Tolerance
+from tubeplanner.verification.judged_motion import JudgedMotion
 from tubeplanner.verification.tube_visits import least_margin, tube_visits
 
 OBSTACLES = 10
@@ -71,8 +74,10 @@ def intervals(problem: PlanningProblem, trajectory: JointTrajectory) -> str:
         len(efforts.width),
         least_margin(problem.tube, tool, visits).intervals,
     ]
-    for pairs, required in ((checker.obstacle_pairs, problem.clearance), (checker.link_pairs, 0.0)):
-        nearest = closest_approach(checker, trajectory, pairs, required)
+    motion = JudgedMotion(problem, trajectory, Tolerance())
+    asked, first = AskedDistances(motion).over, len(checker.obstacle_pairs)
+    for columns in (np.arange(first), np.arange(first, len(checker.pairs))):
+        nearest = closest_approach(checker, trajectory, columns, asked)
         counts.append(0 if nearest is None else nearest.intervals)
     return " / ".join(map(str, counts))
 

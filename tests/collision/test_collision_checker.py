@@ -204,12 +204,22 @@ def test_motion_weights_are_the_farthest_a_joint_can_move_a_point(snake):
 
 def test_all_pairs_are_those_with_obstacles_and_then_links(snake):
     checker = CollisionChecker(snake(), [BLOCK, SPHERE])
-    required = checker.required(0.02)
-    assert len(required) == len(checker.pairs)
-    assert owners(checker, checker.pairs[required == 0.02]) == owners(
-        checker, checker.obstacle_pairs
-    )
-    assert owners(checker, checker.pairs[required == 0]) == owners(checker, checker.link_pairs)
+    count = len(checker.obstacle_pairs)
+    np.testing.assert_array_equal(checker.pairs[:count], checker.obstacle_pairs)
+    np.testing.assert_array_equal(checker.pairs[count:], checker.link_pairs)
+
+
+def test_pairs_are_found_by_the_names_of_their_solids(snake):
+    checker = CollisionChecker(snake(), [BLOCK, SPHERE])
+    for names in {tuple(names) for names in owners(checker, checker.pairs)}:
+        found = checker.between(*names)
+        np.testing.assert_array_equal(found, checker.between(*names[::-1]))
+        assert {frozenset(pair) for pair in owners(checker, checker.pairs[found])} == {
+            frozenset(names)
+        }
+        others = owners(checker, checker.pairs[~found])
+        assert frozenset(names) not in {frozenset(pair) for pair in others}
+    assert not checker.between("a", "nothing").any()
 
 
 def test_self_collision_can_be_left_out(snake):

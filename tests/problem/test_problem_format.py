@@ -59,7 +59,8 @@ def read(tmp_path, text, name="p.yaml"):
 # --- names -------------------------------------------------------------------------------------
 
 TOP = (
-    "format, version, robot, tube, start, goal, obstacles, clearance, collision, objective, "
+    "format, version, robot, tube, start, goal, obstacles, clearance, contacts, collision, "
+    "objective, "
     "period, robustness"
 )
 ROBOT = (
@@ -266,7 +267,11 @@ ONE_OR_TWO = "it must be a number, or [backwards, forwards]"
             {"link": "hand"},
             "robot.limits.point_speed is {'link': 'hand'}; it must be a list",
         ),
-        ("clearance", "1 cm", f"clearance is '1 cm'; {NOT_A_NUMBER}"),
+        (
+            "clearance",
+            "1 cm",
+            "clearance is '1 cm'; it must be a number, or a map with default, pairs, segments",
+        ),
         (
             "obstacles",
             [{"name": "a", "sphere": "1"}],

@@ -188,8 +188,8 @@ def test_without_signs_every_joint_is_free():
             CORNER,
             1,
             {"tool_speed": [1.0, 1.0, None]},
-            "tube.tool_speed has 3 values for 2 segments; give one, or one each, null where it is "
-            "free",
+            "tube.tool_speed has 3 values for 2 segments; give one, or one each, null where the "
+            "tool's speed is free",
         ),
         (CORNER, 1, {"tool_speed": []}, "tube.tool_speed has 0 values for 2 segments; give one"),
     ],

@@ -6,7 +6,7 @@ from itertools import combinations
 
 import numpy as np
 
-from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.arrays import BoolArray, IntArray
 from tubeplanner.collision.body_shapes import BodyShape, BodyShapes
 from tubeplanner.collision.convex_shape import ConvexShape
 from tubeplanner.collision.fine_cover import Cover
@@ -106,14 +106,11 @@ class CollisionChecker(BodyShapes):
         self.pairs = np.concatenate([self.obstacle_pairs, self.link_pairs])
         self.left_out = self._left_out(always_touching, self_collision)
 
-    def required(self, clearance: float) -> FloatArray:
-        """Return the distance that each of `pairs` must keep, shape (P,) [m].
-
-        Args:
-            clearance: From obstacles [m]; links must only not overlap.
-        """
-        counts = [len(self.obstacle_pairs), len(self.link_pairs)]
-        return np.repeat([clearance, 0.0], counts)
+    def between(self, first: str, second: str) -> BoolArray:
+        """Return which of `pairs` are of two links or obstacles, by name: shape (P,)."""
+        owner = np.array([shape.owner for shape in self.shapes])
+        one, other = owner[self.pairs].reshape(-1, 2).T
+        return ((one == first) & (other == second)) | ((one == second) & (other == first))
 
     def owners(self, pair: IntArray | tuple[int, int]) -> tuple[tuple[str, ...], str | None]:
         """Return the links of a pair, and its obstacle or None."""

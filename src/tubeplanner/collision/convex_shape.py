@@ -18,6 +18,7 @@ _PRISM_SIDES = 24
 _INSCRIBED_SIDES = 96  # of a prism that leaves out at most 0.05 % of the radius
 # A flat point set has no hull with faces; it is given this half thickness [m].
 _FLAT_HALF_THICKNESS = 1e-6
+_NO_AREA, _NORMAL_DIGITS = 1e-16, 9  # of a face [m^2]; of a normal's coordinates
 _MIN_CORNERS = 3  # of a polytope with faces; fewer are a ball or a capsule
 # Two triangles of each side, for corners in the order of `_BOX_SIGNS`.
 _BOX_SIGNS = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T
@@ -67,6 +68,15 @@ class ConvexShape:
         inward = np.einsum("fi,fi->f", normals, found.equations[:, :3]) < 0
         outward = np.where(inward[:, None], found.simplices[:, ::-1], found.simplices)
         return outward.astype(np.int64)
+
+    @cached_property
+    def normals(self) -> FloatArray:
+        """Outward unit normals of the polytope's faces, each once, shape (F, 3); none of a ball."""
+        triangles = self.vertices[self.faces]
+        normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+        length = np.linalg.norm(normals, axis=1)
+        sound = length > _NO_AREA
+        return np.unique((normals[sound] / length[sound, None]).round(_NORMAL_DIGITS), axis=0)
 
     def reach(self, point: FloatArray) -> float:
         """Return the largest distance from a point (3,) to the shape [m]."""

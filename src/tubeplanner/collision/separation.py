@@ -1,4 +1,4 @@
-"""The signed distances of pairs of convex shapes, by FCL.
+"""The signed distances of pairs of convex shapes, by FCL and, where they overlap, Coal.
 
 FCL's distances can be too long by millimetres; what is returned here are rigorous lower bounds,
 the separations of two shapes along the directions that FCL finds, and exact nearly always.
@@ -6,6 +6,7 @@ the separations of two shapes along the directions that FCL finds, and exact nea
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import fcl
 import numpy as np
@@ -13,6 +14,12 @@ import numpy as np
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.collision.convex_shape import ConvexShape, frame_along
 from tubeplanner.collision.gilbert import separating_directions
+from tubeplanner.collision.penetration import (
+    Penetration,
+    PlacedSolid,
+    coal_solid,
+    penetration,
+)
 
 # FCL needs a solid where a shape is a grown point or edge: a core this thin [m].
 _CORE_THICKNESS = 1e-9
@@ -20,7 +27,7 @@ _NO_LENGTH = 1e-12  # [m]
 # A bound this far below FCL's distance [m] is improved, in at most so many steps.
 _LOOSE = 1e-5
 _MAX_IMPROVEMENTS = 40
-_REQUEST = fcl.DistanceRequest(enable_nearest_points=True, enable_signed_distance=True)
+_REQUEST = fcl.DistanceRequest(enable_nearest_points=True)
 _PAIRS_AT_ONCE = 256  # as many as keep their vertices in the processor's cache
 
 
@@ -47,6 +54,7 @@ class PlacedShapes:
     def __init__(self, shapes: Sequence[ConvexShape]) -> None:
         """Take S shapes in their bodies' frames."""
         cores = [_fcl_geometry(shape) for shape in shapes]
+        self._solids: dict[int, Any] = {}
         self._objects = [fcl.CollisionObject(geometry) for geometry, _ in cores]
         self._cores = np.array([core for _, core in cores]).reshape(-1, 4, 4)
         self._shapes = list(shapes)
@@ -60,7 +68,8 @@ class PlacedShapes:
         """Return how far pairs of shapes are apart.
 
         Any direction gives a bound: how far the second begins beyond the end of the first. FCL's
-        nearest points give the best direction nearly always. Where they do not, it is improved.
+        nearest points give the best direction nearly always. Where they do not, it is improved;
+        of shapes that overlap it is another's.
 
         Args:
             pairs: Shape (P, 2).
@@ -72,6 +81,10 @@ class PlacedShapes:
         """
         near, far, overlap = self._nearest_points(pairs, rotation, position)
         gap, length = self._gaps(pairs, rotation, position, far - near)
+        for row in np.flatnonzero(overlap):
+            found = self._penetration(pairs[row], rotation[row], position[row])
+            gap[row], near[row], far[row] = found
+            length[row] = 1.0
         best, along = self._apart(pairs, rotation, position, gap / length[:, None])
         for row in np.flatnonzero(~overlap & (best <= length - _LOOSE)):
             apart, direction = self._improved(pairs[row], rotation[row], position[row], gap[row])
@@ -148,6 +161,22 @@ class PlacedShapes:
         return np.maximum(ahead, behind), np.where(
             (ahead >= behind)[:, None], direction, -direction
         )
+
+    def _penetration(
+        self, pair: IntArray, rotation: FloatArray, position: FloatArray
+    ) -> Penetration:
+        """Return how a pair of cores overlaps, from the poses of its bodies, (2, 3, 3), (2, 3)."""
+        turned, placed = self._core_poses(pair[None], rotation[None], position[None])
+        cores = zip(turned[0], placed[0], strict=True)
+        members = zip(pair.tolist(), rotation, position, cores, strict=True)
+        return penetration(
+            *(PlacedSolid(self._shapes[i], self._solid(i), *pose) for i, *pose in members)
+        )
+
+    def _solid(self, index: int) -> Any:
+        if index not in self._solids:
+            self._solids[index] = coal_solid(self._shapes[index], _CORE_THICKNESS)
+        return self._solids[index]
 
     def _improved(
         self, pair: IntArray, rotation: FloatArray, position: FloatArray, gap: FloatArray

@@ -131,6 +131,7 @@ def _collision_parts(problem: PlanningProblem) -> list[object]:
     may_touch += [(solid.name, link) for solid in problem.attached for link in solid.touch_links]
     parts: list[object] = ["collision", problem.clearance, problem.self_collision]
     parts += [name for pair in sorted({tuple(sorted(p)) for p in may_touch}) for name in pair]
+    parts += _clearance_parts(problem)
     parts.append("links")
     for link, contents in sorted(problem.collision.link_contents.items()):
         parts += [link, *_link_poses(robot, link), *_contents_parts(contents)]
@@ -138,6 +139,19 @@ def _collision_parts(problem: PlanningProblem) -> list[object]:
     if problem.attached:
         parts += _link_poses(robot, robot.tool_frame)
     return [*parts, *_solids_parts("attached", problem.attached)]
+
+
+def _clearance_parts(problem: PlanningProblem) -> list[object]:
+    """Return clearances of pairs and contacts, where there are any, whatever their order."""
+    pairs = {tuple(sorted(names)): value for names, value in problem.pair_clearances.items()}
+    parts: list[object] = ["pairs"] if pairs else []
+    for names in sorted(pairs):
+        parts += [*names, pairs[names]]
+    contacts = [
+        (*sorted(contact.links), *sorted(contact.ends), contact.within)
+        for contact in problem.contacts
+    ]
+    return parts + [part for contact in sorted(contacts) for part in ("contact", *contact)]
 
 
 def _solids_parts(what: str, solids: Sequence[Obstacle | AttachedSolid]) -> list[object]:

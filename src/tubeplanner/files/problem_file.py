@@ -11,6 +11,7 @@ import numpy as np
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
+from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import ProblemError
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.problem.problem_fields import changed_problem
@@ -22,7 +23,7 @@ from tubeplanner.tube.tube import Tube
 _PACKAGE_PREFIX = "package://"
 _MAX_LINE_LENGTH = 1000  # [characters]: lines are left as they were
 _ORDER = ("format", "version", "robot", "tube", "start", "goal")
-_CELL = ("obstacles", "clearance", "collision")
+_CELL = ("obstacles", "clearance", "contacts", "collision")
 
 
 def read_fields(path: Path, changes: Mapping[str, Any] | None = None) -> Any:
@@ -106,6 +107,8 @@ def with_other_tube(
         fields["tube"]["points"] = other["points"]
         for key, values in (_rotation_fields(tube) | _speed_fields(tube)).items():
             fields["tube"][key] = values
+        if tube.clearance is not None:
+            fields["clearance"]["segments"] = _numbers_or_none(tube.clearance)
     for key in ("radius", "cross_section", "joint_signs"):
         if key in other:
             fields["tube"][key] = other[key]
@@ -192,8 +195,12 @@ def _speed_fields(tube: Tube) -> dict[str, Any]:
     """Return the limits on the tool's speed, as a file has them, if there are any."""
     if tube.tool_speed is None:
         return {}
-    rows = [speed if np.isfinite(speed) else None for speed in tube.tool_speed.tolist()]
-    return {"tool_speed": _in_a_row(rows)}
+    return {"tool_speed": _numbers_or_none(tube.tool_speed)}
+
+
+def _numbers_or_none(values: FloatArray) -> Any:
+    """Return a number of each segment as a file has it, null where it is infinite."""
+    return _in_a_row([value if np.isfinite(value) else None for value in values.tolist()])
 
 
 def _signs(ranges: Mapping[str, JointRange]) -> dict[str, Any]:

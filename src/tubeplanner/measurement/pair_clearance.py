@@ -7,6 +7,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.measurement.separation_bounds import separation_bounds
 from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.problem.required_distances import in_contact, required_everywhere
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +29,8 @@ class PairClearance:
 
     Attributes:
         pairs: As indices of the checker's shapes, shape (P, 2).
-        required: Least distance of each pair, shape (P,) [m].
+        required: Least distance of each pair, shape (P,) [m]: the most that a segment asks. Pairs
+            in contact at start or goal may be anywhere: -inf.
     """
 
     def __init__(self, problem: PlanningProblem, extra: float) -> None:
@@ -36,7 +38,8 @@ class PairClearance:
         checker = problem.collision
         self._checker, self._robot = checker, problem.robot
         self.pairs = checker.pairs
-        self.required = checker.required(problem.clearance) + extra
+        required = required_everywhere(problem) + extra
+        self.required = np.where(in_contact(problem), -np.inf, required)
 
     def least(self, q: FloatArray, near: float) -> LeastClearance:
         """Return the least clearance in configurations (N, n), where it is below `near` [m].

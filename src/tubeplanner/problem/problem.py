@@ -1,6 +1,6 @@
 """A planning problem: robot, tube, start, goal, obstacles; built in Python or read from a file."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -13,6 +13,7 @@ from tubeplanner.collision.obstacle import MAX_SIZE, AttachedSolid, Obstacle
 from tubeplanner.errors import ProblemError, shown, unknown_name
 from tubeplanner.options import in_figures, is_number
 from tubeplanner.outcome import MARGIN_TOLERANCE
+from tubeplanner.problem.contact import Contact, Names, pair_distances, require_checked
 from tubeplanner.problem.joint_values import configuration_of
 from tubeplanner.problem.objective import ENERGY, Objective, is_multiple
 from tubeplanner.problem.robustness import Robustness
@@ -46,7 +47,10 @@ class PlanningProblem:
             tool at the last point.
         obstacles: Solids in the base frame.
         attached: Solids in the tool frame, carried along.
-        clearance: Least distance between any moving link and any obstacle [m].
+        clearance: Least distance between any moving link and any obstacle [m]; segments of the tube
+            may have others.
+        pair_clearances: By pairs of names of links or obstacles, instead of it [m].
+        contacts: Solids that may be nearer at start or goal.
         self_collision: Whether links are checked against each other.
         ignore_collisions: Pairs of names of links or obstacles that may touch.
         objective: What the answer is to be beside short.
@@ -56,8 +60,8 @@ class PlanningProblem:
 
     Raises:
         ProblemError: On construction, if start, goal or a seed break a limit, a sign, their
-            capsule or its rotation tolerance, the tube names a joint that is not planned, or the
-            clearance is negative.
+            capsule or its rotation tolerance, the tube names a joint that is not planned, a
+            clearance is negative, or a pair of solids is not checked.
     """
 
     robot: RobotModel
@@ -67,6 +71,8 @@ class PlanningProblem:
     obstacles: Sequence[Obstacle] = ()
     attached: Sequence[AttachedSolid] = ()
     clearance: float = 0.0
+    pair_clearances: Mapping[Names, float] = field(default_factory=dict)
+    contacts: Sequence[Contact] = ()
     self_collision: bool = True
     ignore_collisions: Sequence[tuple[str, str]] = ()
     objective: Objective | None = None
@@ -90,6 +96,7 @@ class PlanningProblem:
             raise ProblemError(
                 f"clearance is {in_figures(self.clearance)} m; 0 to {MAX_SIZE:g} m are accepted"
             )
+        self._require_pairs()
         self._require_timing()
 
     @property
@@ -110,6 +117,12 @@ class PlanningProblem:
         bounds_of = bounds_of.ravel()
         bounds_of.setflags(write=False)
         return lower, upper, bounds_of
+
+    @property
+    def has_one_clearance(self) -> bool:
+        """Whether all links keep the same distance from all obstacles, in all segments."""
+        has_others = self.pair_clearances or self.contacts or self.tube.clearance is not None
+        return not has_others
 
     @cached_property
     def joined(self) -> "PlanningProblem":
@@ -154,6 +167,26 @@ class PlanningProblem:
         """
         return replace(self, tube=tube, start=start, goal=None)
 
+    def farther_apart(self, by: float) -> "PlanningProblem":
+        """Return the problem with all clearances larger by a distance [m], contacts the same.
+
+        Of links from each other only those that are given.
+        """
+        tube, pairs = self.tube, self.pair_clearances.items()
+        if tube.clearance is not None:
+            tube = replace(tube, clearance=tube.clearance + by)
+        wider = {names: clearance + by for names, clearance in pairs}
+        return replace(self, tube=tube, clearance=self.clearance + by, pair_clearances=wider)
+
+    def _require_pairs(self) -> None:
+        """Keep clearances of pairs and contacts, once their solids are checked."""
+        self._keep("pair_clearances", pair_distances(self.pair_clearances))
+        if self.pair_clearances:
+            require_checked(self.collision, "clearance.pairs", self.pair_clearances)
+        if self.contacts:
+            pairs = (contact.links for contact in self.contacts)
+            require_checked(self.collision, "contacts", pairs)
+
     def _require_timing(self) -> None:
         """Raise unless objective and period are what they must be."""
         if self.objective is not None and not isinstance(self.objective, Objective):
@@ -182,6 +215,7 @@ class PlanningProblem:
             "obstacles": (Obstacle, "Obstacle.box, .sphere, .cylinder, .capsule or .mesh"),
             "attached": (AttachedSolid, "AttachedSolid"),
             "ignore_collisions": (Sequence, "pairs of names"),
+            "contacts": (Contact, "Contact"),
         }
         for group, (kind, remedy) in wanted.items():
             given = getattr(self, group)

@@ -18,6 +18,7 @@ from pydantic_core import PydanticCustomError
 
 from tubeplanner.documents import DocumentError, parse_json, parse_yaml, read_text
 from tubeplanner.errors import ProblemError
+from tubeplanner.problem.clearance_fields import Clearance, ContactFields
 from tubeplanner.problem.field_types import (
     Finite,
     Flag,
@@ -294,7 +295,13 @@ class ProblemFields(Section):
         None, description="where it ends, at rest; left out: in any configuration"
     )
     obstacles: list[ObstacleFields] = Field([], description="solids in the base frame")
-    clearance: Finite = Field(0.0, description="least distance of links to obstacles [m]")
+    clearance: Clearance = Field(
+        0.0,
+        description="least distance of links to obstacles [m]; or others for pairs and segments",
+    )
+    contacts: list[ContactFields] = Field(
+        [], description="solids that may be nearer where the motion begins or ends"
+    )
     collision: CollisionFields = Field(CollisionFields(), description="what is checked")
     objective: ObjectiveFields | None = Field(
         None, description="beside short; left out: smooth within a slack of 0.005"

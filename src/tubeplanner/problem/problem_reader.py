@@ -8,6 +8,11 @@ import numpy as np
 
 from tubeplanner.collision.obstacle import AttachedSolid, Obstacle, placement_of
 from tubeplanner.errors import ProblemError, RobotError
+from tubeplanner.problem.clearance_fields import (
+    clearances_of,
+    contacts_of,
+    segment_clearances,
+)
 from tubeplanner.problem.joint_values import configuration_of
 from tubeplanner.problem.limit_values import limits_of, motors_of
 from tubeplanner.problem.moveit_limits import read_limits_file
@@ -101,9 +106,11 @@ def _build(
 ) -> PlanningProblem:
     try:
         robot = robot_of(fields, directory)
+        tube = tube_of(fields, robot, directory)
+        segments = int(tube.numbers[-1]) if tube_of is _tube else None
         problem = PlanningProblem(
             robot=robot,
-            tube=tube_of(fields, robot, directory),
+            tube=tube,
             start=_endpoint("start", fields.start),
             goal=None if fields.goal is None else _endpoint("goal", fields.goal),
             obstacles=tuple(
@@ -112,7 +119,8 @@ def _build(
             attached=tuple(
                 _attached(solid, directory, robot.package_dirs) for solid in fields.robot.attached
             ),
-            clearance=fields.clearance,
+            **clearances_of(fields.clearance),
+            contacts=contacts_of(fields.contacts, segments),
             self_collision=fields.collision.self_,
             ignore_collisions=(*fields.collision.ignore, *_srdf_pairs(fields, robot, directory)),
             objective=_objective(fields.objective),
@@ -167,7 +175,9 @@ def _tube(fields: ProblemFields, robot: RobotModel, directory: Path) -> Tube:
         )
     if fields.goal is not None and fields.goal.position is not None:
         raise ProblemError("goal.position is for `tubeplanner route`, which finds joints for it")
-    return Tube(**(fields.tube.model_dump() | _points(fields.tube, directory)))
+    clearance = segment_clearances(fields.clearance)
+    given = fields.tube.model_dump() | _points(fields.tube, directory)
+    return Tube(**given, clearance=clearance)
 
 
 def _points(fields: TubeFields, directory: Path) -> dict[str, Any]:
@@ -196,6 +206,11 @@ def _points(fields: TubeFields, directory: Path) -> dict[str, Any]:
 
 def _tube_anywhere(fields: ProblemFields, robot: RobotModel, directory: Path) -> Tube:
     """Return the tube that lets the tool be anywhere, from its start to its goal."""
+    if segment_clearances(fields.clearance) is not None:
+        raise ProblemError(
+            "clearance.segments belongs to a tube, and one is to be found here; give "
+            "clearance.default, and clearance.pairs where it is not the same"
+        )
     if fields.start.joints is None:
         raise ProblemError("start.joints is required: a seed belongs to the first point of a tube")
     if fields.goal is None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.problem.required_distances import RequiredDistances, in_contact
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.tube.narrowed_tube import narrowed_tube
 from tubeplanner.tube.tube import Tube
@@ -90,7 +91,7 @@ def allowed_tightening(problem: PlanningProblem, asked: Tightening, ends: FloatA
         radius[segment] = min(radius[segment], inside[end, segment] - _ROUNDING)
         rotation[segment] = min(rotation[segment], straight[end, segment] - _ROUNDING)
     room = np.array([ends - limits.lower_position, limits.upper_position - ends]).min(axis=1)
-    spare = _least_distance(problem, ends) - problem.clearance - _ROUNDING
+    spare = _spare_distance(problem, ends) - _ROUNDING
     return replace(
         asked,
         radius=radius.clip(min=0),
@@ -110,11 +111,11 @@ def tightened_problem(problem: PlanningProblem, kept_back: Tightening) -> Planni
     Raises:
         ProblemError: Start or goal break a limit that is left.
     """
+    farther = problem.farther_apart(kept_back.clearance)
     return replace(
-        problem,
+        farther,
         robot=_limited(problem.robot, kept_back),
-        tube=narrowed_tube(problem.tube, kept_back.radius, kept_back.rotation),
-        clearance=problem.clearance + kept_back.clearance,
+        tube=narrowed_tube(farther.tube, kept_back.radius, kept_back.rotation),
     )
 
 
@@ -133,10 +134,19 @@ def _limited(robot: RobotModel, kept_back: Tightening) -> RobotModel:
     )
 
 
-def _least_distance(problem: PlanningProblem, q: FloatArray) -> float:
-    """Return the least distance of links from obstacles in configurations (K, n) [m]."""
-    checker, poses = problem.collision, problem.robot.body_poses(q)
-    if len(checker.obstacle_pairs) == 0:
-        return np.inf
-    placed = zip(*poses, strict=True)
-    return min(float(checker.distances(*pose, checker.obstacle_pairs).min()) for pose in placed)
+def _spare_distance(problem: PlanningProblem, ends: FloatArray) -> float:
+    """Return by how much links are farther from obstacles at start and goal than they must be [m].
+
+    Pairs in contact there do not count: they may stay as near.
+    """
+    checker, poses = problem.collision, problem.robot.body_poses(ends)
+    count = len(checker.obstacle_pairs)
+    counts = ~in_contact(problem)[:count]
+    segments = np.array([0, problem.tube.segment_count - 1])[: len(ends)]
+    asked = RequiredDistances(problem, ends[0], ends[-1]).at(
+        segments, problem.robot.tool_position(ends)
+    )
+    distances = [
+        checker.distances(*pose, checker.obstacle_pairs) for pose in zip(*poses, strict=True)
+    ]
+    return float((np.array(distances) - asked[:, :count])[:, counts].min(initial=np.inf))

@@ -11,6 +11,7 @@ from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.collision.collision_checker import CollisionChecker
 from tubeplanner.collision.separation import ClosestPoints
 from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.refinement.distances_along import AimedDistances, DistancesAlong
 from tubeplanner.refinement.linear_rows import (
     INNER_MARGIN,
     MERIT_TOLERANCE,
@@ -47,14 +48,14 @@ class LinkConstraints:
             room: What is to stay free from obstacles, beyond what is asked [m].
         """
         checker = problem.collision
-        self._problem, self._checker = problem, checker
+        self._problem, self._checker, self._room = problem, checker, room
         self._pairs = checker.pairs
-        self._required = checker.required(problem.clearance + room)
         self._samples = Samples(np.zeros(0, int), np.zeros(0), np.zeros(0, int))
         self._pair = np.zeros(0, dtype=np.int64)
-        self._aim = np.full(len(self._pairs), np.nan)
+        self._spare = np.full(len(self._pairs), np.nan)
         self._approach = checker.motion_weights(self._pairs)
         self._seen: tuple[FloatArray, FloatArray] | None = None
+        self._along: tuple[FloatArray, DistancesAlong] | None = None
 
     def at(self, spline: PhasedSpline) -> "EvaluatedLinks":
         """Return the pairs that are watched, at a spline."""
@@ -62,10 +63,13 @@ class LinkConstraints:
         rotation, position = self._problem.robot.body_poses(at.position)
         pairs = self._pairs[self._pair]
         closest = self._checker.closest_points(rotation, position, pairs)
-        aim, required = self._aim[self._pair], self._required[self._pair]
+        spare = self._spare[self._pair]
+        along = self._required(spline)
+        required, change = along.of_pairs(spline.grid, self._samples, at.position, self._pair)
         # Where the aimed distance is smaller, the merit function may ignore less of it.
-        strict = MERIT_TOLERANCE * (1 - (aim - required) / _INNER_MARGIN)
-        return EvaluatedLinks(self._problem, at, pairs, aim, strict, rotation, position, closest)
+        strict = MERIT_TOLERANCE * (1 - spare / _INNER_MARGIN)
+        aim = AimedDistances(required + spare, change, strict)
+        return EvaluatedLinks(self._problem, at, pairs, aim, rotation, position, closest)
 
     def on_other_knots(self, spline: PhasedSpline, other: PhasedSpline) -> "LinkConstraints":
         """Return the same for a spline on other knots, watched where they were."""
@@ -81,9 +85,10 @@ class LinkConstraints:
             return False
         samples = spline.grid.samples(np.arange(_PER_INTERVAL) / _PER_INTERVAL)
         q = sampled(spline, samples).position
-        distance = self._distances(q, self._still_apart(q))
+        required = self._required(spline).at(spline.grid, samples, q)
+        distance = self._distances(q, self._still_apart(q), required)
         self._seen = q, distance
-        clearance = distance - self._required
+        clearance = distance - required
         before = np.vstack([np.full((1, len(self._pairs)), np.inf), clearance[:-1]])
         after = np.vstack([clearance[1:], np.full((1, len(self._pairs)), np.inf)])
         lowest = (clearance < _WATCHED) & (clearance <= before) & (clearance < after)
@@ -94,8 +99,9 @@ class LinkConstraints:
     def look_at(self, spline: PhasedSpline, samples: Samples) -> None:
         """Watch the pairs that come close at samples."""
         q = sampled(spline, samples).position
-        distance = self._distances(q, np.full((len(q), len(self._pairs)), -np.inf))
-        sample, pair = np.nonzero(distance - self._required < _WATCHED)
+        required = self._required(spline).at(spline.grid, samples, q)
+        distance = self._distances(q, np.full((len(q), len(self._pairs)), -np.inf), required)
+        sample, pair = np.nonzero(distance - required < _WATCHED)
         at = samples.where(sample)
         self._watch(spline, at, pair, np.zeros(len(pair)), _SAME_SHARE_ASKED)
 
@@ -117,26 +123,33 @@ class LinkConstraints:
             abs(new[:, None] - known) < same_share * spacing[:, None]
         )
         fresh = np.flatnonzero(~same.any(axis=1))
-        self._set_aims(spline, np.unique(pair[fresh]))
+        self._set_spare(spline, np.unique(pair[fresh]))
         self._samples = self._samples.and_also(samples.where(fresh))
         self._pair = np.concatenate([self._pair, pair[fresh]])
-        too_close = clearance[fresh] < self._aim[pair[fresh]] - self._required[pair[fresh]]
+        too_close = clearance[fresh] < self._spare[pair[fresh]]
         return bool(too_close.any())
 
-    def _set_aims(self, spline: PhasedSpline, pairs: IntArray) -> None:
-        """Set the aimed distances: a little more than required, where start and goal have it."""
-        pairs = pairs[np.isnan(self._aim[pairs])]
+    def _required(self, spline: PhasedSpline) -> DistancesAlong:
+        """Return what is required along splines that begin and end where this one does."""
+        ends = spline.control_points[[0, -1]]
+        if self._along is None or not np.array_equal(self._along[0], ends):
+            self._along = ends.copy(), DistancesAlong(self._problem, ends, self._room)
+        return self._along[1]
+
+    def _set_spare(self, spline: PhasedSpline, pairs: IntArray) -> None:
+        """Set what is aimed at beyond what is required: a little, where start and goal have it."""
+        pairs = pairs[np.isnan(self._spare[pairs])]
         ends = spline.control_points[[0] if self._problem.goal is None else [0, -1]]
         rotation, position = self._problem.robot.body_poses(ends)
         found = [
             self._checker.distances(*pose, self._pairs[pairs])
             for pose in zip(rotation, position, strict=True)
         ]
-        required = self._required[pairs]
-        there = np.min(found, axis=0) - 1e-6
-        aim = self._aim.copy()  # what another object has stays as it is
-        aim[pairs] = np.clip(there, required, required + _INNER_MARGIN)
-        self._aim = aim
+        required = self._required(spline).at_ends(ends)[:, pairs]
+        there = np.min(found - required, axis=0) - 1e-6
+        spare = self._spare.copy()  # what another object has stays as it is
+        spare[pairs] = np.clip(there, 0.0, _INNER_MARGIN)
+        self._spare = spare
 
     def _still_apart(self, q: FloatArray) -> FloatArray:
         """Return lower bounds of the distances (N, P) [m] at configurations on these knots.
@@ -149,13 +162,13 @@ class LinkConstraints:
         bounds: FloatArray = distance - abs(q - seen) @ self._approach.T
         return bounds
 
-    def _distances(self, q: FloatArray, known: FloatArray) -> FloatArray:
+    def _distances(self, q: FloatArray, known: FloatArray, required: FloatArray) -> FloatArray:
         """Return distances of all pairs at configurations along a spline, shape (N, P).
 
         Those beyond what is watched are lower bounds: known ones, from spheres, or along the
         direction that separates the pair at a configuration near by.
         """
-        distances = _Distances(self._checker, q, self._pairs, self._required + _WATCHED, known)
+        distances = _Distances(self._checker, q, self._pairs, required + _WATCHED, known)
         before = len(q)
         for stride in _STRIDES:
             samples = np.arange(0, len(q), stride)
@@ -168,7 +181,7 @@ class _Distances:
     """Distances of P pairs at N configurations along a spline, as exact as they are near.
 
     Attributes:
-        found: Lower bounds, exact below what matters, shape (N, P) [m].
+        found: Lower bounds, exact below what matters, (N, P) as both [m].
     """
 
     def __init__(
@@ -200,7 +213,7 @@ class _Distances:
             self._rotation[at[0]], self._position[at[0]], self._pairs[at[1]], self._direction[at]
         )
         self.found[at] = np.maximum(self.found[at], bound)
-        close = self.found[row, pair] < self._matters[pair]
+        close = self.found[row, pair] < self._matters[row, pair]
         for i in np.unique(row[close]):
             pairs = pair[close & (row == i)]
             self.found[i, pairs], self._direction[i, pairs] = self._checker.separations(
@@ -216,8 +229,7 @@ class EvaluatedLinks:
         problem: The planning problem.
         at: The spline at those instants.
         pairs: Indices of the shapes, shape (E, 2).
-        aim: Distances aimed at, shape (E,) [m].
-        strict: Added to the excess, shape (E,).
+        aim: What is aimed at.
         rotation: Of all bodies, shape (E, bodies, 3, 3).
         position: Likewise, shape (E, bodies, 3) [m].
         closest: Where the pairs are closest.
@@ -228,8 +240,7 @@ class EvaluatedLinks:
     problem: PlanningProblem
     at: SampledSpline
     pairs: IntArray
-    aim: FloatArray
-    strict: FloatArray
+    aim: AimedDistances
     rotation: FloatArray
     position: FloatArray
     closest: ClosestPoints
@@ -237,7 +248,7 @@ class EvaluatedLinks:
     @cached_property
     def excess(self) -> FloatArray:
         """By how much pairs are closer than they may be, in units of 5 cm, shape (E,)."""
-        return self.strict - self._slack
+        return self.aim.strict - self._slack
 
     def slack(self, duration: float, squared_duration: float) -> FloatArray:
         """Return the slack of all rows, in whatever duration, shape (E,)."""
@@ -254,12 +265,12 @@ class EvaluatedLinks:
         gradient = self.problem.collision.distance_gradient(
             self.rotation, self.position, self.pairs, self.closest
         )
-        return self.at.chained({0: -gradient[:, None] / _UNIT})
+        return self.at.chained({0: (self.aim.change - gradient)[:, None] / _UNIT})
 
     @property
     def _slack(self) -> FloatArray:
         """By how much pairs are farther apart than is aimed at, in units of 5 cm, shape (E,)."""
-        slack: FloatArray = (self.closest.distance - self.aim) / _UNIT
+        slack: FloatArray = (self.closest.distance - self.aim.distance) / _UNIT
         return slack
 
     def rows(self, duration: float, size: StepSize | None) -> Rows:

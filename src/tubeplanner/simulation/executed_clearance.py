@@ -11,13 +11,20 @@ from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.collision.collision_checker import CollisionChecker
 from tubeplanner.outcome import Place
 from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.problem.required_distances import RequiredDistances
 from tubeplanner.simulation.executed_tube import Extreme
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
+from tubeplanner.verification.verification import judged_visits
 
 _ROUNDING = 1e-12  # [m], of bounds: what is nearer by less is not looked for
 
 
 def least_clearances(
-    problem: PlanningProblem, time: FloatArray, q: FloatArray, base: FloatArray
+    problem: PlanningProblem,
+    time: FloatArray,
+    q: FloatArray,
+    base: FloatArray,
+    more: FloatArray | None = None,
 ) -> tuple[Extreme | None, Extreme | None]:
     """Return the least distances of links from obstacles and from each other [m].
 
@@ -26,16 +33,54 @@ def least_clearances(
         time: Of K samples, shape (K,) [s].
         q: Positions of the joints, shape (K, n).
         base: By how much the robot is shifted among the obstacles, shape (3,) [m].
+        more: What is taken off the pairs' distances, as `additional_distances` has it, shape
+            (K, P) [m]; None: nothing.
 
     Returns:
         Each None where no such pair is judged; negative where solids overlap.
     """
     rotation, position = problem.robot.body_poses(q)
     checker = problem.collision
+    count = len(checker.obstacle_pairs)
+    asked = np.zeros((len(q), len(checker.pairs))) if more is None else more
+    shifted = _shifted(position, base)
     return (
-        _least(problem, time, rotation, _shifted(position, base), checker.obstacle_pairs),
-        _least(problem, time, rotation, position, checker.link_pairs),
+        _least(problem, time, (rotation, shifted), checker.obstacle_pairs, asked[:, :count]),
+        _least(problem, time, (rotation, position), checker.link_pairs, asked[:, count:]),
     )
+
+
+def additional_distances(
+    problem: PlanningProblem, trajectory: JointTrajectory, time: FloatArray
+) -> FloatArray | None:
+    """Return how much more than the clearance from obstacles pairs must keep, shape (K, P) [m].
+
+    While a trajectory is executed, as the plan is asked it at the same time. Of links from each
+    other, how much they must keep at all; of pairs that may be in contact then -inf: how solids
+    touch is not simulated.
+
+    Args:
+        problem: The planning problem.
+        trajectory: What is executed.
+        time: Of K samples, shape (K,) [s].
+
+    Returns:
+        None where all pairs have the problem's clearance.
+    """
+    if problem.has_one_clearance:
+        return None
+    problem = problem.joined
+    ends = trajectory.position(np.array([0.0, trajectory.duration]))
+    required = RequiredDistances(problem, ends[0], ends[1])
+    visits = judged_visits(problem, trajectory)
+    ended = np.searchsorted([visit.end for visit in visits[:-1]], time)
+    segment = np.array([visit.segment for visit in visits])[ended]
+    tool = problem.robot.tool_position(trajectory.position(np.minimum(time, trajectory.duration)))
+    more = required.at(segment, tool)
+    more[:, : len(problem.collision.obstacle_pairs)] -= problem.clearance
+    for near in required.near_ends:
+        more[np.ix_(near.holds(segment, tool), near.pair)] = -np.inf
+    return more
 
 
 def obstacle_distances(problem: PlanningProblem, q: FloatArray, base: FloatArray) -> FloatArray:
@@ -70,19 +115,19 @@ def _shifted(position: FloatArray, base: FloatArray) -> FloatArray:
 def _least(
     problem: PlanningProblem,
     time: FloatArray,
-    rotation: FloatArray,
-    position: FloatArray,
+    poses: tuple[FloatArray, FloatArray],
     pairs: IntArray,
+    asked: FloatArray,
 ) -> Extreme | None:
-    """Return the least distance of pairs (P, 2)."""
+    """Return the least distance of pairs (P, 2), less what is asked in addition, (K, P)."""
     if len(pairs) == 0:
         return None
-    checker = problem.collision
-    bound = checker.sphere_distances(rotation, position, pairs)
-    nearest = _Nearest(checker, rotation, position, pairs)
+    checker, (rotation, position) = problem.collision, poses
+    bound = checker.sphere_distances(rotation, position, pairs) - asked
+    nearest = _Nearest(checker, rotation, position, pairs, asked)
     nearest.measure(*np.unravel_index([bound.argmin()], bound.shape))
     rows, columns = np.nonzero(bound < nearest.distance)
-    closer = checker.box_distances(rotation, position, rows, pairs[columns])
+    closer = checker.box_distances(rotation, position, rows, pairs[columns]) - asked[rows, columns]
     rows, columns, closer = nearest.undecided(rows, columns, closer)
     while len(rows):
         lowest = _lowest(columns, closer)
@@ -92,14 +137,15 @@ def _least(
         along = checker.separations_along(
             rotation[rows], position[rows], pairs[columns], directions[columns]
         )
-        rows, columns, closer = nearest.undecided(rows, columns, np.maximum(closer, along))
+        closer = np.maximum(closer, along - asked[rows, columns])
+        rows, columns, closer = nearest.undecided(rows, columns, closer)
     links, obstacle = checker.owners(pairs[nearest.column])
     where = Place(time=float(time[nearest.row]), links=links, obstacle=obstacle)
     return Extreme(nearest.distance, where)
 
 
 class _Nearest:
-    """The least distance that has been measured, of pairs (P, 2) in K configurations.
+    """The least distance that has been measured, less what is asked in addition, of pairs (P, 2).
 
     Attributes:
         distance: How much it is [m].
@@ -113,9 +159,10 @@ class _Nearest:
         rotation: FloatArray,
         position: FloatArray,
         pairs: IntArray,
+        asked: FloatArray,
     ) -> None:
         self._checker, self._rotation, self._position = checker, rotation, position
-        self._pairs = pairs
+        self._pairs, self._asked = pairs, asked
         self._second = np.array([checker.shapes[index].body for index in pairs[:, 1]])
         self.distance, self.row, self.column = np.inf, 0, 0
 
@@ -123,9 +170,10 @@ class _Nearest:
         """Measure some pairs, and return directions for `separations_along` by pair, (P, 3)."""
         rotation, position = self._rotation[row], self._position[row]
         found = self._checker.closest_points(rotation, position, self._pairs[column])
-        best = int(found.distance.argmin())
-        if found.distance[best] < self.distance:
-            self.distance = float(found.distance[best])
+        margin = found.distance - self._asked[row, column]
+        best = int(margin.argmin())
+        if margin[best] < self.distance:
+            self.distance = float(margin[best])
             self.row, self.column = int(row[best]), int(column[best])
         frames = self._rotation[row, self._second[column]]
         directions = np.zeros((len(self._pairs), 3))

@@ -8,7 +8,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray
 from tubeplanner.outcome import Place
 from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.simulation.executed_clearance import least_clearances
+from tubeplanner.simulation.executed_clearance import additional_distances, least_clearances
 from tubeplanner.simulation.executed_tube import Extreme, tube_excursions
 from tubeplanner.simulation.execution import Execution
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
@@ -31,8 +31,10 @@ class JudgedRun:
         position: Largest excursion of a joint beyond its position limits [rad or m].
         velocity: Largest velocity of a joint, as a share of its limit; None where none has one.
         saturated: Share of the control periods in which a motor was asked for more than it has.
-        obstacles: Least distance of a link from an obstacle [m]; None where none is judged.
-        self_collision: Least distance of links from each other [m]; None likewise.
+        obstacles: Least distance of a link from an obstacle [m], less what its pair or segment asks
+            beyond `clearance`; None where none is judged.
+        self_collision: Least distance of links from each other [m], less what their pair asks;
+            None likewise.
         clearance: Least distance from obstacles that the problem asks [m].
         tube_by_segment: As `tube`, for each of the joined segments, shape (m,) [m].
         rotation_by_segment: As `rotation`, likewise [rad]; -1e3 where it is free.
@@ -95,20 +97,26 @@ def judged_runs(
     trajectory = trajectory.reordered(problem.robot.joint_names)
     planned = trajectory.position(np.minimum(execution.time, trajectory.duration))
     aim = problem.robot.tool_position(planned)
-    judged = []
+    more, judged = additional_distances(problem, trajectory, execution.time), []
     for run in range(len(execution.plants)):
         checkpoint()
-        judged.append(_judged(problem, execution, run, planned, aim))
+        judged.append(_judged(problem, execution, run, (planned, aim), more))
     return judged
 
 
 def _judged(
-    problem: PlanningProblem, execution: Execution, run: int, planned: FloatArray, aim: FloatArray
+    problem: PlanningProblem,
+    execution: Execution,
+    run: int,
+    plan: tuple[FloatArray, FloatArray],
+    more: FloatArray | None,
 ) -> JudgedRun:
+    """Judge a run of a plan, its joints (K, n) and its tool (K, 3)."""
+    planned, aim = plan
     time, q, plant = execution.time, execution.position[run], execution.plants[run]
     rotation, tool = plant.tool_pose(problem.robot, q)
     excursions = tube_excursions(problem, time, q, rotation, tool)
-    obstacles, self_collision = least_clearances(problem, time, q, plant.base)
+    obstacles, self_collision = least_clearances(problem, time, q, plant.base, more)
     away = np.linalg.norm(tool - aim, axis=1)
     farthest = int(away.argmax())
     limits, fast = problem.robot.limits, abs(execution.velocity[run])

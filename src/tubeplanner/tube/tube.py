@@ -21,12 +21,14 @@ from tubeplanner.tube.joint_ranges import JointRange, JointSign, joint_ranges, s
 from tubeplanner.tube.repeated_points import MIN_LENGTH, DistinctPoints, distinct_points
 from tubeplanner.tube.rotational_tube import RotationalTube, RotationBound, given_rotation
 from tubeplanner.tube.segment_regions import Capsules, SegmentRegions
-from tubeplanner.tube.tool_speeds import tool_speeds
+from tubeplanner.tube.segment_values import CLEARANCE, TOOL_SPEED, segment_values
 
 _ALL = slice(None)
 # What has an entry for each point, and for each segment.
 _BY_POINT = ("points", "orientations", "numbers")
-_BY_SEGMENT = ("radius", "joint_signs", "rotation_tolerance", "tool_speed", "cross_section")
+_BY_SEGMENT = (
+    *("radius", "joint_signs", "rotation_tolerance", "tool_speed", "cross_section", "clearance"),
+)
 _BLOCK = 100_000  # distances computed at once, which a processor's cache holds
 _MAX_EXTENT = 1e4  # [m]
 VISITS = ("ordered", "any")
@@ -53,6 +55,7 @@ class Tube:
             "none".
         numbers: What messages call the points, shape (m+1,): 0 to m, unless points were left out.
         tool_speed: Limits on the tool's speed, shape (m,) [m/s], inf where free; None: free.
+        clearance: Of links from obstacles, (m,) [m], inf where it is the problem's; None: as that.
         cross_section: Boxes about segments, shape (m, 5), as `box_sections`; None: discs alone.
         joint_ranges: Per segment, by joint name: [lower, upper], what the signs mean [rad or m].
         rotation: The rotation tolerance as geometry; None: as above.
@@ -71,6 +74,7 @@ class Tube:
     numbers: IntArray
     tool_speed: FloatArray | None = None
     cross_section: FloatArray | None = None
+    clearance: FloatArray | None = None
     joint_ranges: tuple[Mapping[str, JointRange], ...] = field(init=False)
     rotation: RotationalTube | None = field(init=False)
     notes: tuple[str, ...] = field(init=False)
@@ -90,6 +94,7 @@ class Tube:
         numbers: Sequence[int] | IntArray | None = None,
         tool_speed: float | Sequence[float | None] | FloatArray | None = None,
         cross_section: Mapping[str, Any] | Sequence[Any] | FloatArray | None = None,
+        clearance: float | Sequence[float | None] | FloatArray | None = None,
     ) -> None:
         """Check and keep the tube; points that repeat the one before are left out, with a note.
 
@@ -111,6 +116,7 @@ class Tube:
             tool_speed: One limit for all segments, or m of them, None where it is free [m/s].
             cross_section: {"box": [width, height], "up": [x, y, z]} for all segments, or m of them,
                 None for a disc [m].
+            clearance: One for all segments, or m of them, None for the problem's [m].
 
         Raises:
             ProblemError: A count, a number or a sign is wrong; the message names it.
@@ -131,11 +137,12 @@ class Tube:
             )
         named = np.arange(segments + 1) if numbers is None else np.array(numbers)
         sizes = (corners, radii, float(tool_radius))
-        speeds = tool_speeds(tool_speed, segments)
-        rules = (signs, visit, quaternions, bounds, pass_through_points, named, speeds, sections)
+        speeds = segment_values(tool_speed, segments, TOOL_SPEED)
+        others = (speeds, sections, segment_values(clearance, segments, CLEARANCE))
+        rules = (signs, visit, quaternions, bounds, pass_through_points, named, *others)
         made = (ranges, rotation, (), None)
         self._keep(*sizes, *rules, *made)
-        conditions = _conditions(ranges, bounds, speeds, sections)
+        conditions = _conditions(ranges, bounds, *others)
         asked = list(zip(radii.tolist(), conditions, strict=True))
         kept = distinct_points(corners, asked, None if rotation is None else rotation.angles)
         if len(kept.dropped):
@@ -208,8 +215,8 @@ class Tube:
     @cached_property
     def conditions(self) -> tuple[tuple[object, ...], ...]:
         """What each of m segments asks of the arm beside the tool's place, to be compared."""
-        others = (self.rotation_tolerance, self.tool_speed, self.cross_section)
-        return _conditions(self.joint_ranges, *others)
+        others = (self.tool_speed, self.cross_section, self.clearance)
+        return _conditions(self.joint_ranges, self.rotation_tolerance, *others)
 
     @property
     def segment_count(self) -> int:

@@ -5,6 +5,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.outcome import Place
 from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.problem.required_distances import RequiredDistances
 
 # Where an end of the trajectory has less clearance than the margin, this share of it is kept
 # everywhere.
@@ -20,13 +21,13 @@ class FreeSpace:
         Args:
             problem: Its arm, obstacles and clearance count; its tube does not.
             margin: Required distance beyond the clearance [m].
-            ends: Configurations (E, n), at least one: pairs of shapes that are nearer there need
-                not be farther apart elsewhere.
+            ends: Configurations (E, n), at least one, from start to goal: pairs of shapes that are
+                nearer there need not be farther apart elsewhere.
         """
         checker = problem.collision
         self._robot, self._checker = problem.robot, checker
         self._pairs = checker.pairs
-        self._asked = checker.required(problem.clearance)
+        self._asked = RequiredDistances(problem, ends[0], ends[-1])
         self._margin = np.zeros(len(self._pairs))
         if margin > 0:
             least = np.min([self._clearances(q) for q in ends], axis=0, initial=margin)
@@ -39,7 +40,7 @@ class FreeSpace:
     def lacking(self, q: FloatArray) -> Place | None:
         """Return links too close at a configuration (n,), and where the tool is; or None."""
         rotation, position = self._robot.body_poses(q[None])
-        wanted = self._asked + self._margin
+        wanted = self._required(q) + self._margin
         quick = self._checker.sphere_distances(rotation, position, self._pairs)[0] - wanted
         near = np.flatnonzero(quick < 0)
         alone = np.zeros(len(near), dtype=np.int64)
@@ -57,7 +58,10 @@ class FreeSpace:
 
     def _clearances(self, q: FloatArray) -> FloatArray:
         rotation, position = self._robot.body_poses(q[None])
-        return self._checker.distances(rotation[0], position[0], self._pairs) - self._asked
+        return self._checker.distances(rotation[0], position[0], self._pairs) - self._required(q)
+
+    def _required(self, q: FloatArray) -> FloatArray:
+        return self._asked.anywhere(self._robot.tool_position(q[None]))[0]
 
     def _place(self, q: FloatArray, pair: IntArray) -> Place:
         links, obstacle = self._checker.owners(pair)

@@ -131,7 +131,7 @@ def _trajectory(
     problem: PlanningProblem, goal: FloatArray, margin: float, clock: PlanningClock
 ) -> FloatArray | None:
     """Return the fastest trajectory from straight joint lines, if it avoids all obstacles."""
-    wider = replace(problem, goal=goal, clearance=problem.clearance + margin)
+    wider = replace(problem.farther_apart(margin), goal=goal)
     planned = plan_under(clock, wider, "fast")
     if planned.trajectory is None:
         return None

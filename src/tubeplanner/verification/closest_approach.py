@@ -1,4 +1,4 @@
-"""The least distance of shapes along a whole trajectory, for all t and not only at samples.
+"""The least distance of shapes beyond what is asked, for all t and not only at samples.
 
 On a time interval the distance of a pair cannot fall below its value at the middle by more than
 the joints' travel allows. Intervals that could still hold the minimum are halved until none is
@@ -6,7 +6,9 @@ left. The joints' travel is bounded by Bernstein coefficients. A direction that 
 does so in the neighbourhood too, so that most intervals need no exact distance.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 
@@ -15,8 +17,8 @@ from tubeplanner.collision.collision_checker import CollisionChecker
 from tubeplanner.trajectory.bernstein import bernstein_coefficients
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
-# The minimum is bracketed to this share of its distance from the required clearance, or to this
-# length [m] where it nearly touches it.
+# The least margin is bracketed to this share of itself, or to this length [m] where it is next to
+# nothing.
 _RELATIVE_RESOLUTION = 0.02
 _RESOLUTION = 5e-7
 # Intervals this short [s] are not halved: their bound counts as it stands.
@@ -28,21 +30,24 @@ _MAX_INTERVALS = 3_000_000
 _MAX_ROUNDS = 8
 _BATCH = 64  # distances evaluated before intervals are judged anew
 
+# What is asked of pairs over intervals of time: from begins, ends and pairs to distances.
+AskedOver: TypeAlias = Callable[[FloatArray, FloatArray, IntArray], FloatArray]
+
 
 @dataclass(frozen=True)
 class ClosestApproach:
     """Where a set of pairs comes nearest.
 
     Attributes:
-        lower_bound: No distance falls below it at any time [m].
-        distance: The least distance that was found [m].
+        lower_bound: No distance beyond what is asked falls below it at any time [m].
+        margin: The least distance beyond what is asked that was found [m].
         time: When [s].
         pair: Indices of the two shapes.
         intervals: How many pairs and intervals were tested.
     """
 
     lower_bound: float
-    distance: float
+    margin: float
     time: float
     pair: tuple[int, int]
     intervals: int
@@ -51,29 +56,29 @@ class ClosestApproach:
 def closest_approach(
     checker: CollisionChecker,
     trajectory: JointTrajectory,
-    pairs: IntArray,
-    required: float,
+    columns: IntArray,
+    asked: AskedOver,
 ) -> ClosestApproach | None:
     """Return the closest approach of some pairs along a trajectory.
 
     Args:
         checker: The geometry.
         trajectory: In the group order of the checker's robot.
-        pairs: Shape (P, 2), from the checker.
-        required: Distance that must be kept [m]; the nearer the minimum is to it, the finer it is
-            resolved.
+        columns: Which of the checker's pairs, shape (P,).
+        asked: The most that is asked of pairs (R,) over intervals of time, from begins (R,) to ends
+            (R,) [m]; the nearer distances come to it, the finer they are resolved.
 
     Returns:
         The closest approach, or None if there are no pairs.
     """
-    if len(pairs) == 0:
+    if len(columns) == 0:
         return None
-    search = _Search(checker, trajectory, pairs, required)
+    search = _Search(checker, trajectory, columns, asked)
     search.halve_until_settled()
-    first, second = (int(index) for index in pairs[search.pair])
+    first, second = (int(index) for index in checker.pairs[columns[search.pair]])
     return ClosestApproach(
-        min(search.lower_bound, search.distance),
-        search.distance,
+        min(search.lower_bound, search.margin),
+        search.margin,
         search.time,
         (first, second),
         search.intervals,
@@ -105,19 +110,19 @@ class _Rows:
 
 
 class _Search:
-    """The intervals still in question, and the least distance yet."""
+    """The intervals still in question, and the least distance beyond what is asked yet."""
 
     def __init__(
         self,
         checker: CollisionChecker,
         trajectory: JointTrajectory,
-        pairs: IntArray,
-        required: float,
+        columns: IntArray,
+        asked: AskedOver,
     ) -> None:
-        self._checker, self._trajectory, self._pairs = checker, trajectory, pairs
-        self._required = required
-        self._weights = checker.motion_weights(pairs)
-        self.distance, self.time, self.pair = np.inf, 0.0, 0
+        self._checker, self._trajectory = checker, trajectory
+        self._columns, self._pairs, self._asked = columns, checker.pairs[columns], asked
+        self._weights = checker.motion_weights(self._pairs)
+        self.margin, self.time, self.pair = np.inf, 0.0, 0
         self.lower_bound = np.inf
         self.intervals = 0
 
@@ -146,21 +151,23 @@ class _Search:
 
     def _settled_above(self) -> float:
         """Return the lower bound above which an interval cannot change the answer [m]."""
-        gap = abs(self.distance - self._required)
-        return self.distance - max(_RESOLUTION, _RELATIVE_RESOLUTION * gap)
+        return self.margin - max(_RESOLUTION, _RELATIVE_RESOLUTION * abs(self.margin))
 
     def _lower_bounds(self, rows: _Rows) -> tuple[FloatArray, FloatArray]:
-        """Return lower bounds of the rows' distances [m], (R,), and separating directions, (R, 3).
+        """Return lower bounds of the rows' margins [m], (R,), and separating directions, (R, 3).
 
-        From bounding spheres; where these do not settle it, along the known directions; where
-        neither does, exactly, with new directions.
+        A margin is a distance less what is asked. From bounding spheres; where these do not settle
+        it, along the known directions; where neither does, exactly, with new directions.
         """
         nodes, interval = np.unique(rows.node, return_inverse=True)
-        middle, travel, time = self._middles(nodes, rows.level)
+        middle, travel, time, half = self._middles(nodes, rows.level)
+        begin, end = (time - half)[interval], (time + half)[interval]
+        asked = self._asked(begin, end, self._columns[rows.pair])
         rotation, position = self._checker.robot.body_poses(middle)
         travelled = np.einsum("rn,rn->r", self._weights[rows.pair], travel[interval])
         spheres = self._checker.sphere_distances(rotation, position, self._pairs)
-        lower = spheres[interval, rows.pair] - travelled
+        less = travelled + asked
+        lower = spheres[interval, rows.pair] - less
         near = np.flatnonzero(lower < self._settled_above())
         bound = self._checker.separations_along(
             rotation[interval[near]],
@@ -168,7 +175,7 @@ class _Search:
             self._pairs[rows.pair[near]],
             rows.direction[near],
         )
-        lower[near] = np.maximum(lower[near], bound - travelled[near])
+        lower[near] = np.maximum(lower[near], bound - less[near])
         direction = rows.direction.copy()
         order = near[np.argsort(lower[near], kind="stable")]
         for first in range(0, len(order), _BATCH):
@@ -183,21 +190,22 @@ class _Search:
                     rotation[i], position[i], self._pairs[rows.pair[batch[here]]]
                 )
             self._remember(distance, time[interval[batch]], rows.pair[batch])
-            lower[batch] = np.maximum(lower[batch], distance - travelled[batch])
+            lower[batch] = np.maximum(lower[batch], distance - less[batch])
         return lower, direction
 
-    def _middles(self, node: IntArray, level: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return mid-interval configurations, the farthest joints get from them, and times."""
+    def _middles(self, node: IntArray, level: int) -> tuple[FloatArray, ...]:
+        """Return mid-interval configurations, the farthest joints get from them, times, halves."""
         piece = node >> level
         width = self._trajectory.widths[piece] / 2**level
         start = (node - (piece << level)) * width
         hull = bernstein_coefficients(self._trajectory.coefficients[:, piece], start, width)
         time = self._trajectory.breakpoints[piece] + start + width / 2
         middle = self._trajectory.position(time)
-        return middle, abs(hull - middle).max(axis=0), time
+        return middle, abs(hull - middle).max(axis=0), time, width / 2
 
     def _remember(self, distance: FloatArray, time: FloatArray, pair: IntArray) -> None:
-        least = int(distance.argmin())
-        if distance[least] < self.distance:
-            self.distance = float(distance[least])
+        margin = distance - self._asked(time, time, self._columns[pair])
+        least = int(margin.argmin())
+        if margin[least] < self.margin:
+            self.margin = float(margin[least])
             self.time, self.pair = float(time[least]), int(pair[least])

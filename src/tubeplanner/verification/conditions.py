@@ -3,7 +3,11 @@
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
-from tubeplanner.verification.judged.clearance import judge_obstacles, judge_self_collision
+from tubeplanner.verification.judged.clearance import (
+    clearance_margin,
+    judge_obstacles,
+    judge_self_collision,
+)
 from tubeplanner.verification.judged.continuity import judge_continuity
 from tubeplanner.verification.judged.effort import judge_effort
 from tubeplanner.verification.judged.effort_rate import judge_effort_rate
@@ -51,4 +55,4 @@ JUDGED: Mapping[str, Callable[[JudgedMotion], JudgedCondition]] = MappingProxyTy
 )
 CONDITION_NAMES = tuple(JUDGED)
 # Of those that segments ask, what the judge's switching times must know beside tool and joints.
-SEGMENT_MARGINS: tuple[MarginMaker, ...] = (tool_speed_margin,)
+SEGMENT_MARGINS: tuple[MarginMaker, ...] = (tool_speed_margin, clearance_margin)

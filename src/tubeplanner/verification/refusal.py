@@ -1,11 +1,15 @@
 """Why a trajectory or a configuration is refused, in words and with its place."""
 
+import numpy as np
+
 from tubeplanner.arrays import FloatArray
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.problem.required_distances import RequiredDistances
 from tubeplanner.verification.certificate import Certificate
 from tubeplanner.verification.judged_condition import Tolerance
 
+_TOUCHING = 0.05  # [mm]
 _REMEDY = "move the reference points or choose another configuration"
 
 
@@ -40,31 +44,48 @@ def require_free(problem: PlanningProblem, name: str, q: FloatArray) -> None:
     checker = problem.collision
     rotation, position = problem.robot.body_poses(q[None])
     distance = checker.distances(rotation[0], position[0], checker.pairs)
-    margins = distance - checker.required(problem.clearance)
+    margins = distance - _required_at_end(problem, name, q)
     if not (margins < -Tolerance().absolute).any():
         return
     worst = int(margins.argmin())
     links, obstacle = checker.owners(checker.pairs[worst])
     when = f"in the {name} configuration"
-    remedy = f"choose another {name} or move what is in the way"
+    remedy = (
+        f"choose another {name}, move what is in the way, or list the pair in contacts if it may "
+        "be that near there"
+    )
     place = Place(links=links, obstacle=obstacle)
     raise _blocked(problem, place, float(margins[worst]), when, remedy)
+
+
+def _required_at_end(problem: PlanningProblem, name: str, q: FloatArray) -> FloatArray:
+    """Return what is required of all pairs at start or goal, shape (P,) [m]."""
+    segment = 0 if name == "start" else problem.tube.segment_count - 1
+    asked, tool = RequiredDistances(problem, q, q), problem.robot.tool_position(q[None])
+    return asked.at(np.array([segment]), tool)[0]
 
 
 def _blocked(
     problem: PlanningProblem, place: Place, margin: float, when: str, remedy: str = _REMEDY
 ) -> Infeasible:
     """Say which links are where, and how deep or how near."""
-    links = place.links or ()
+    links, asked = place.links or (), problem.clearance
+    if not problem.has_one_clearance:
+        pair = (*links, place.obstacle) if place.obstacle else links
+        message = (
+            f"'{pair[0]}' and '{pair[1]}' are {-1000 * margin:.1f} mm nearer to each other than "
+            f"they may be {when}; {remedy}, or give the pair less clearance or a contact"
+        )
+        return Infeasible(PlanStatus.TUBE_BLOCKED, message, place)
     if place.obstacle is None:
         message = (
             f"{' and '.join(links)} overlap by {-1000 * margin:.1f} mm {when}; {remedy}, "
             "or list the pair in collision.ignore if it may touch"
         )
         return Infeasible(PlanStatus.TUBE_BLOCKED, message, place)
-    distance = 1000 * (margin + problem.clearance)
-    near = f"comes within {distance:.1f} mm of"
-    deed = near if distance > 0 else f"reaches {-distance:.1f} mm into"
-    wanted = f" (clearance {1000 * problem.clearance:g} mm)" if problem.clearance else ""
+    distance = 1000 * (margin + asked)
+    deed = "touches" if abs(distance) < _TOUCHING else f"reaches {-distance:.1f} mm into"
+    deed = f"comes within {distance:.1f} mm of" if distance >= _TOUCHING else deed
+    wanted = f" (clearance {1000 * asked:g} mm)" if asked else ""
     message = f"'{links[0]}' {deed} '{place.obstacle}'{wanted} {when}; {remedy}"
     return Infeasible(PlanStatus.TUBE_BLOCKED, message, place)

@@ -1,0 +1,105 @@
+"""How deep two convex shapes overlap, along which direction, and between which points.
+
+FCL ends the process on some shapes that touch, so it is never asked how deep: Coal is. Where faces
+lie on each other its direction is off by as much as 1e-4 rad; the normal of one of them is exact.
+"""
+
+from typing import Any, NamedTuple
+
+import coal
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.collision.convex_shape import ConvexShape
+
+_REQUEST = coal.DistanceRequest()
+_REQUEST.enable_signed_distance = True
+
+
+class Penetration(NamedTuple):
+    """How two shapes' cores overlap.
+
+    Attributes:
+        direction: From the first towards the second: moved that way by its depth, the second
+            touches the first; unit vector, shape (3,).
+        first: The first one's deepest point, shape (3,) [m].
+        second: The second one's, shape (3,) [m].
+    """
+
+    direction: FloatArray
+    first: FloatArray
+    second: FloatArray
+
+
+class PlacedSolid(NamedTuple):
+    """A shape's core where it is.
+
+    Attributes:
+        shape: In its body's frame.
+        solid: Its core, for Coal.
+        rotation: Of the body, shape (3, 3).
+        position: Of its origin, shape (3,) [m].
+        core: Pose of the core, rotation and position.
+    """
+
+    shape: ConvexShape
+    solid: Any
+    rotation: FloatArray
+    position: FloatArray
+    core: tuple[FloatArray, FloatArray]
+
+
+def penetration(one: PlacedSolid, other: PlacedSolid) -> Penetration:
+    """Return how two cores that overlap, or touch, do so."""
+    result = coal.DistanceResult()
+    places = [coal.Transform3s(*each.core) for each in (one, other)]
+    coal.distance(one.solid, places[0], other.solid, places[1], _REQUEST, result)
+    known = np.array(result.normal)
+    found = [Penetration(known, result.getNearestPoint1(), result.getNearestPoint2())]
+    first, second = _corners(one), _corners(other)
+    depths = [_apart(first, second, known[None])[0] if np.isfinite(known).all() else -np.inf]
+    for normals, turned, sign in ((one, one.rotation, 1.0), (other, other.rotation, -1.0)):
+        along = sign * normals.shape.normals @ turned.T
+        if len(along):
+            apart = _apart(first, second, along)
+            best = int(apart.argmax())
+            depths.append(float(apart[best]))
+            found.append(_between(first, second, along[best], depths[-1], of_first=sign > 0))
+    return found[int(np.argmax(depths))]
+
+
+def coal_solid(shape: ConvexShape, thickness: float) -> Any:
+    """Return a shape's core for Coal; a ball or an edge along z has a thickness [m]."""
+    if len(shape.vertices) == 1:
+        return coal.Sphere(thickness)
+    if len(shape.vertices) == 2:  # an edge
+        length = float(np.linalg.norm(shape.vertices[1] - shape.vertices[0]))
+        return coal.Box(thickness, thickness, length)
+    corners, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+    for corner in shape.vertices:
+        corners.append(corner)
+    for face in shape.faces.tolist():
+        triangles.append(coal.Triangle(*face))
+    return coal.Convex(corners, triangles)
+
+
+def _corners(placed: PlacedSolid) -> FloatArray:
+    corners: FloatArray = placed.shape.vertices @ placed.rotation.T + placed.position
+    return corners
+
+
+def _apart(first: FloatArray, second: FloatArray, along: FloatArray) -> FloatArray:
+    """Return how far the second's corners begin beyond the first's along directions, (F,) [m]."""
+    apart: FloatArray = (second @ along.T).min(axis=0) - (first @ along.T).max(axis=0)
+    return apart
+
+
+def _between(
+    first: FloatArray, second: FloatArray, normal: FloatArray, apart: float, *, of_first: bool
+) -> Penetration:
+    """Return the deepest corner of one shape and the point across from it on the other's face."""
+    if of_first:
+        corner = second[(second @ normal).argmin()]
+        return Penetration(normal, corner - apart * normal, corner)
+    corner = first[(first @ normal).argmax()]
+    return Penetration(normal, corner, corner + apart * normal)
