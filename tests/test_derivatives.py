@@ -1,11 +1,22 @@
 """Every analytic derivative of the package against central differences: one table."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from cases import with_motors
-from tubeplanner import JointTrajectory, Objective, PlanningProblem, Tube
+from tubeplanner import (
+    Contact,
+    JointTrajectory,
+    Objective,
+    Obstacle,
+    PlanningProblem,
+    Tube,
+    placement_of,
+)
 from tubeplanner.refinement.control_variables import ControlVariables
+from tubeplanner.refinement.distances_along import DistancesAlong
 from tubeplanner.refinement.link_constraints import LinkConstraints
 from tubeplanner.refinement.measured_objective import _FIRST_WORTH, MeasuredObjective
 from tubeplanner.refinement.objective_measures import objective_measures
@@ -112,6 +123,27 @@ RUBBING = {
 TURNED = [[0, 0, 0, 1], [0.5, 0.5, -0.5, 0.5]]
 
 
+def required_distance_by_joints(robot):
+    """Near the start, where less is required of solids in contact the nearer the tool is."""
+    q, _, _ = random_trajectory(robot)
+    q = q[0] + 0.02 * (q - q[0])
+    tube = Tube(robot.tool_position(q[[0, -1]]) + np.diag([0.0, 1.0])[:, [0, 0, 1]], 9.0)
+    ball = Obstacle.sphere("ball", 0.1, placement_of([9.0, 9.0, 9.0]))
+    problem = PlanningProblem(
+        robot, tube, q[0], obstacles=[ball], clearance=30.0, self_collision=False
+    )
+    link = problem.collision.shapes[problem.collision.pairs[-1, 0]].owner
+    reach = 1.5 * np.linalg.norm(robot.tool_position(q) - tube.points[0], axis=1).max()
+    problem = replace(problem, contacts=[Contact(("ball", link), reach)])
+    along, grid = DistancesAlong(problem, q[[0, -1]], 0.0), knot_grid(np.array([0.0, 1.0]), 20)
+    samples, pair = grid.samples(np.array([0.5])), np.full(len(q), len(problem.collision.pairs) - 1)
+
+    def required(x):
+        return along.of_pairs(grid, samples, x, pair)[0]
+
+    return required, q, along.of_pairs(grid, samples, q, pair)[1]
+
+
 def trajectory_by_time(order):
     def case(robot):
         rng = np.random.default_rng(6)
@@ -167,6 +199,7 @@ TABLE = {
     "points of bodies by joints": (points_by_joints, 1e-8),
     "rotation error by joints": (rotation_error_by_joints(0.5), 1e-7),
     "rotation error beyond the end": (rotation_error_by_joints(5.0), 1e-7),
+    "required distance by joints": (required_distance_by_joints, 1e-6),
     "effort by position": (effort_by(0), 1e-6),
     "effort by velocity": (effort_by(1), 1e-6),
     "effort by acceleration": (effort_by(2), 1e-6),

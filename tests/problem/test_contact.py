@@ -39,7 +39,7 @@ def distance(problem, names, q):
         for pair in checker.pairs
         if {checker.shapes[index].owner for index in pair} == set(names)
     ]
-    return min(float(checker.distances(rotation, position, np.array([pair]))) for pair in pairs)
+    return min(checker.distances(rotation, position, np.array([pair]))[0] for pair in pairs)
 
 
 def names_of(problem):
@@ -56,7 +56,7 @@ def required(problem, segment, q, goal=GOAL):
 
 
 def test_a_pair_comes_before_a_segment_and_that_before_the_default(problem):
-    links = [name for name in names_of(problem()) if "ball" in name][0] - {"ball"}
+    links = next(name for name in names_of(problem()) if "ball" in name) - {"ball"}
     link = links.pop()
     made = problem(clearance=0.01, clearances=[None, 0.02], pair_clearances={("ball", link): 0.03})
     for segment, of_segment in ((0, 0.01), (1, 0.02)):
@@ -86,7 +86,7 @@ def test_near_an_end_as_much_is_required_as_there_if_that_is_less(problem, end, 
     assert required(made, segment, q)[names] == pytest.approx(there)
     # In the other segment, or farther away, the clearance holds; and of other pairs always.
     assert required(made, 1 - segment, q)[names] == pytest.approx(there + 0.05)
-    away = q + [0.2, 0.0]
+    away = q + np.array([0.2, 0.0])
     assert required(made, segment, away)[names] == pytest.approx(there + 0.05)
     block = [x for pair, x in required(made, segment, q).items() if "block" in pair]
     assert block == [pytest.approx(there + 0.05)] * len(block)
@@ -136,7 +136,7 @@ def test_solids_farther_apart_ask_more_everywhere_but_in_contact(problem):
         (
             lambda: {"pair_clearances": {("ball", "blok"): 0.1}},
             "clearance.pairs: unknown link with collision geometry or obstacle 'blok' (did you "
-            "mean 'block'?); there is: link1, link2, ball, block",
+            "mean 'block'?); there is: base, link1, link2, ball, block",
         ),
         (
             lambda: {"pair_clearances": {("ball", "block"): 0.1}},
@@ -153,7 +153,8 @@ def test_solids_farther_apart_ask_more_everywhere_but_in_contact(problem):
         ),
         (
             lambda: {"pair_clearances": {("ball", "link2"): -0.1}},
-            "clearance.pairs: clearance is -0.1 m for 'ball' and 'link2'; 0 to 10000 m are accepted",
+            "clearance.pairs: clearance is -0.1 m for 'ball' and 'link2'; 0 to 10000 m are "
+            "accepted",
         ),
         (
             lambda: {"pair_clearances": {"ball": 0.1}},

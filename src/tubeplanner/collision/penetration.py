@@ -20,12 +20,14 @@ class Penetration(NamedTuple):
     """How two shapes' cores overlap.
 
     Attributes:
+        apart: How far the second begins beyond the end of the first along the direction [m].
         direction: From the first towards the second: moved that way by its depth, the second
             touches the first; unit vector, shape (3,).
         first: The first one's deepest point, shape (3,) [m].
         second: The second one's, shape (3,) [m].
     """
 
+    apart: float
     direction: FloatArray
     first: FloatArray
     second: FloatArray
@@ -51,21 +53,28 @@ class PlacedSolid(NamedTuple):
 
 def penetration(one: PlacedSolid, other: PlacedSolid) -> Penetration:
     """Return how two cores that overlap, or touch, do so."""
-    result = coal.DistanceResult()
-    places = [coal.Transform3s(*each.core) for each in (one, other)]
-    coal.distance(one.solid, places[0], other.solid, places[1], _REQUEST, result)
-    known = np.array(result.normal)
-    found = [Penetration(known, result.getNearestPoint1(), result.getNearestPoint2())]
     first, second = _corners(one), _corners(other)
-    depths = [_apart(first, second, known[None])[0] if np.isfinite(known).all() else -np.inf]
-    for normals, turned, sign in ((one, one.rotation, 1.0), (other, other.rotation, -1.0)):
-        along = sign * normals.shape.normals @ turned.T
-        if len(along):
-            apart = _apart(first, second, along)
+    found = [_found_by_coal(one, other, first, second)]
+    for placed, sign in ((one, 1.0), (other, -1.0)):
+        normals = sign * placed.shape.normals @ placed.rotation.T
+        if len(normals):
+            apart = _apart(first, second, normals)
             best = int(apart.argmax())
-            depths.append(float(apart[best]))
-            found.append(_between(first, second, along[best], depths[-1], of_first=sign > 0))
-    return found[int(np.argmax(depths))]
+            is_first = placed is one
+            found.append(_across(first, second, normals[best], float(apart[best]), is_first))
+    return max(found, key=lambda each: each.apart)
+
+
+def _found_by_coal(
+    one: PlacedSolid, other: PlacedSolid, first: FloatArray, second: FloatArray
+) -> Penetration:
+    """Return what Coal finds; corners (V, 3) [m] tell how far that is apart."""
+    result, places = coal.DistanceResult(), [coal.Transform3s(*each.core) for each in (one, other)]
+    coal.distance(one.solid, places[0], other.solid, places[1], _REQUEST, result)
+    normal = np.array(result.normal)
+    points = result.getNearestPoint1(), result.getNearestPoint2()
+    apart = _apart(first, second, normal[None])[0] if np.isfinite(normal).all() else -np.inf
+    return Penetration(float(apart), normal, *points)
 
 
 def coal_solid(shape: ConvexShape, thickness: float) -> Any:
@@ -94,12 +103,15 @@ def _apart(first: FloatArray, second: FloatArray, along: FloatArray) -> FloatArr
     return apart
 
 
-def _between(
-    first: FloatArray, second: FloatArray, normal: FloatArray, apart: float, *, of_first: bool
+def _across(
+    first: FloatArray, second: FloatArray, normal: FloatArray, apart: float, is_first: bool
 ) -> Penetration:
-    """Return the deepest corner of one shape and the point across from it on the other's face."""
-    if of_first:
+    """Return the deepest corner of one shape and the point across from it on the other's face.
+
+    The normal is of the first's face, or else of the second's, inwards.
+    """
+    if is_first:
         corner = second[(second @ normal).argmin()]
-        return Penetration(normal, corner - apart * normal, corner)
+        return Penetration(apart, normal, corner - apart * normal, corner)
     corner = first[(first @ normal).argmax()]
-    return Penetration(normal, corner, corner + apart * normal)
+    return Penetration(apart, normal, corner, corner + apart * normal)

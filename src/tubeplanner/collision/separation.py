@@ -83,13 +83,18 @@ class PlacedShapes:
         gap, length = self._gaps(pairs, rotation, position, far - near)
         for row in np.flatnonzero(overlap):
             found = self._penetration(pairs[row], rotation[row], position[row])
-            gap[row], near[row], far[row] = found
+            _, gap[row], near[row], far[row] = found
             length[row] = 1.0
         best, along = self._apart(pairs, rotation, position, gap / length[:, None])
         for row in np.flatnonzero(~overlap & (best <= length - _LOOSE)):
             apart, direction = self._improved(pairs[row], rotation[row], position[row], gap[row])
             if apart > best[row]:
                 best[row], along[row] = apart, direction
+        # Of shapes that touch, the way from point to point may lead anywhere.
+        for row in np.flatnonzero(~overlap & (best <= length - _LOOSE)):
+            found = self._penetration(pairs[row], rotation[row], position[row])
+            if found.apart > best[row]:
+                best[row], along[row], near[row], far[row] = found
         return ClosestPoints(best - self._radii[pairs].sum(axis=1), along, near, far)
 
     def overlap(self, pairs: IntArray, rotation: FloatArray, position: FloatArray) -> bool:

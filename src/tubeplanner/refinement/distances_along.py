@@ -74,20 +74,24 @@ class DistancesAlong:
         change = np.zeros(q.shape)
         if self._required.is_constant:
             return self._required.by_segment[0, pair], change
-        required = self.at(grid, samples, q)[np.arange(len(pair)), pair]
-        robot = self._problem.robot
-        tool, jacobian = robot.tool_position(q), robot.tool_jacobian(q)[1][:, :3]
         own, other = _segments(grid, samples)
+        tool = self._problem.robot.tool_position(q)
+        required = self._required.by_segment[self._required.row_of[own], pair]
+        full, by_tool = required.copy(), np.zeros(tool.shape)
         for near in self._required.near_ends:
-            full = self._required.by_segment[self._required.row_of[own], pair]
-            rises = (own == near.segment) & (other == own) & near.pair[pair]
-            rises &= near.holds(own, tool) & (full > near.distance)
-            away, length = tool[rises] - near.tool, _RISEN_AT * near.within
-            share = np.linalg.norm(away, axis=1) / length
-            slope = np.where(share < 1, _STEEPNESS * share ** (_STEEPNESS - 2) / length**2, 0.0)
-            by_tool = ((full[rises] - near.distance) * slope)[:, None] * away
-            change[rises] = np.einsum("ni,nij->nj", by_tool, jacobian[rises])
-        return required, change
+            here = near.holds(own, tool) & near.pair[pair]
+            share, slope = _risen_share(near, tool)
+            more = (full - near.distance).clip(min=0)
+            risen = near.distance + more * share
+            here &= risen < required
+            required = np.where(here, risen, required)
+            by_tool[here] = (more[:, None] * slope)[here]
+        beside = other != own
+        by_tool[beside] = 0.0
+        every = self.at(grid, samples, q)[np.arange(len(pair)), pair]
+        jacobian = self._problem.robot.tool_jacobian(q)[1][:, :3]
+        change = np.einsum("ni,nij->nj", by_tool, jacobian)
+        return np.where(beside, every, required), change
 
     def at_ends(self, ends: FloatArray) -> FloatArray:
         """Return what is required at start and, if it is given too, at goal, (1 or 2, P) [m]."""
@@ -96,18 +100,25 @@ class DistancesAlong:
 
     def _risen(self, segment: IntArray, tool: FloatArray) -> FloatArray:
         """Return what is required in segments (N,) of tools (N, 3), shape (N, P) [m]."""
-        required = self._required.by_segment[self._required.row_of[segment]]
+        full = self._required.by_segment[self._required.row_of[segment]]
+        required = full.copy()
         for near in self._required.near_ends:
-            here = near.holds(segment, tool)
-            required[here] = np.minimum(required[here], _rise(near, tool[here], required[here]))
+            place = np.ix_(near.holds(segment, tool), near.pair)
+            share = _risen_share(near, tool[place[0][:, 0]])[0][:, None]
+            more = (full[place] - near.distance).clip(min=0)
+            required[place] = np.minimum(required[place], near.distance + more * share)
         return required
 
 
-def _rise(near: NearEnd, tool: FloatArray, full: FloatArray) -> FloatArray:
-    """Return what is required near an end, risen towards what is farther away, (N, P) [m]."""
-    share = np.linalg.norm(tool - near.tool, axis=1)[:, None] / (_RISEN_AT * near.within)
-    less = near.distance + (full - near.distance).clip(min=0) * share.clip(max=1) ** _STEEPNESS
-    return np.where(near.pair, less, full)
+def _risen_share(near: NearEnd, tool: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return which share of what is required in addition farther away is required of tools (N, 3).
+
+    From 0 at the end to 1, shape (N,), and its derivative by the tool, shape (N, 3) [1/m].
+    """
+    away, length = tool - near.tool, _RISEN_AT * near.within
+    share = np.linalg.norm(away, axis=1) / length
+    slope = np.where(share < 1, _STEEPNESS * share ** (_STEEPNESS - 2) / length**2, 0.0)
+    return share.clip(max=1) ** _STEEPNESS, slope[:, None] * away
 
 
 def _segments(grid: KnotGrid, samples: Samples) -> tuple[IntArray, IntArray]:

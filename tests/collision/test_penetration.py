@@ -1,0 +1,76 @@
+"""How deep shapes overlap, where the depth is known."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from tubeplanner.collision.convex_shape import box, capsule, convex_hull, sphere
+from tubeplanner.collision.separation import PlacedShapes
+
+TABLE = (0.9, 1.6, 0.04)
+PART = (0.06, 0.06, 0.1)
+
+
+def separation(first, second, rotation, position):
+    """Return what is found of two shapes, the second moved."""
+    turned = np.array([np.eye(3), rotation])[None]
+    placed = np.array([np.zeros(3), position])[None]
+    return PlacedShapes([first, second]).separations(np.array([[0, 1]]), turned, placed)
+
+
+def on_the_table(gap, tilt, turn=0.3):
+    """Return a pose of the part that leaves a gap between its lowest corner and the table."""
+    rotation = Rotation.from_euler("zxy", [turn, tilt, -tilt]).as_matrix()
+    lowest = (box(PART).vertices @ rotation.T)[:, 2].min()
+    return rotation, np.array([0.1, -0.2, TABLE[2] / 2 - lowest + gap])
+
+
+@pytest.mark.parametrize("tilt", [0.0, 1e-9, 1e-6, 3e-6, 1e-4, 0.05])
+@pytest.mark.parametrize("gap", [0.0, 1e-12, -1e-12, 1e-9, -1e-9, -1e-7, -1e-6, -1e-4, -1e-3])
+def test_a_part_on_a_table_is_as_deep_as_its_lowest_corner(gap, tilt):
+    """FCL ends the process on some of these, and its direction is off on most."""
+    found = separation(box(TABLE), box(PART), *on_the_table(gap, tilt))
+    assert gap - 5e-7 <= found.distance[0] <= gap + 1e-12
+    np.testing.assert_allclose(found.direction[0], [0, 0, 1], atol=1e-5)
+
+
+def test_no_pose_of_solids_that_touch_ends_the_process():
+    rng = np.random.default_rng(2)
+    for _ in range(300):
+        rotation, position = on_the_table(
+            rng.choice([0, 1e-7, -1e-7, -2e-6]), rng.choice([0, 1e-6, 2e-6]), rng.uniform(-3, 3)
+        )
+        position[:2] = rng.uniform(-0.3, 0.3, 2)
+        found = separation(box(PART), box(TABLE), rotation.T, -rotation.T @ position)
+        assert abs(found.distance[0]) < 3e-6
+
+
+def test_crossed_edges_are_as_deep_as_the_edges():
+    """The direction is across both edges, no normal of a face."""
+    diagonal = np.sqrt(2) * 0.05
+    lower = convex_hull(
+        box((0.1, 1.0, 0.1)).vertices @ Rotation.from_euler("y", 45, True).as_matrix().T
+    )
+    upper = Rotation.from_euler("x", 45, True).as_matrix()
+    for depth in (0.001, 0.01):
+        found = separation(lower, box((1.0, 0.1, 0.1)), upper, [0, 0, 2 * diagonal - depth])
+        assert found.distance[0] == pytest.approx(-depth, abs=1e-6)
+        np.testing.assert_allclose(found.direction[0], [0, 0, 1], atol=1e-4)
+        np.testing.assert_allclose(found.second[0] - found.first[0], [0, 0, -depth], atol=1e-5)
+
+
+@pytest.mark.parametrize("shape", [sphere(0.02), capsule(0.02, 0.1)], ids=["ball", "capsule"])
+@pytest.mark.parametrize("deep", [0.0, 0.005, 0.01])
+def test_balls_and_capsules_whose_centre_is_inside(shape, deep):
+    turned = Rotation.from_euler("x", 90, True).as_matrix()
+    found = separation(box(TABLE), shape, turned, [0.1, 0.2, TABLE[2] / 2 - deep])
+    assert found.distance[0] == pytest.approx(-deep - 0.02, abs=2e-9)
+
+
+def test_the_points_lie_on_the_faces_across_from_each_other():
+    rotation, position = on_the_table(-0.003, 0.05)
+    found = separation(box(TABLE), box(PART), rotation, position)
+    np.testing.assert_allclose(found.first[0][2], TABLE[2] / 2, atol=1e-8)
+    corners = box(PART).vertices @ rotation.T + position
+    np.testing.assert_allclose(found.second[0], corners[corners[:, 2].argmin()], atol=1e-5)
+    np.testing.assert_allclose(found.first[0][:2], found.second[0][:2], atol=1e-5)
