@@ -126,7 +126,7 @@ class LinkConstraints:
     def _set_aims(self, spline: PhasedSpline, pairs: IntArray) -> None:
         """Set the aimed distances: a little more than required, where start and goal have it."""
         pairs = pairs[np.isnan(self._aim[pairs])]
-        ends = spline.control_points[[0] if self._problem.goal is None else [0, -1]]
+        ends = spline.control_points[[0] if self._problem.given_goal is None else [0, -1]]
         rotation, position = self._problem.robot.body_poses(ends)
         found = [
             self._checker.distances(*pose, self._pairs[pairs])
