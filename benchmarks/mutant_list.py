@@ -142,6 +142,10 @@ TESTS = {
     "refinement/step_cost": ("refinement/test_step_cost.py",),
     "refinement/phased_spline": ("refinement/test_phased_spline.py",),
     "refinement/rotation_constraints": ("refinement/test_spline_constraints.py",),
+    "refinement/goal_constraints": (
+        "refinement/test_region_constraints.py",
+        "refinement/test_spline_constraints.py",
+    ),
     "refinement/tube_constraints": ("refinement/test_spline_constraints.py",),
     "refinement/link_constraints": (
         "refinement/test_spline_constraints.py",
@@ -194,7 +198,10 @@ TESTS = {
     "verification/judged/joint_signs": ("verification/test_verification.py",),
     "verification/judged/points": ("verification/test_verification.py",),
     "verification/judged/position": ("verification/test_verification.py",),
-    "verification/judged/rotation": ("verification/test_rotation_visits.py",),
+    "verification/judged/rotation": (
+        "verification/judged/test_rotation.py",
+        "verification/test_rotation_visits.py",
+    ),
     "verification/judged/tube": ("verification/test_verification.py",),
     "verification/judged_condition": ("verification/test_verification.py",),
     "verification/judged_motion": (
@@ -218,6 +225,31 @@ TESTS = {
 }
 
 _CHANGES: dict[str, list[tuple[str, ...]]] = {
+    # --- goals in a ball ----------------------------------------------------------------------
+    "GoalRegion.margin": [("self.tolerance - ", "")],
+    "GoalRegion.nearest": [
+        ("share * self.tolerance", "self.tolerance"),
+        ("(allowed / distance)", "allowed"),
+    ],
+    "GoalRegion.bounds_rotation": [(".any()", ".all()")],
+    "GoalRegion.__post_init__": [("0 <= self.tolerance", "0 < self.tolerance")],
+    "_position": [("and np.shape(given) == (3,)", "")],
+    "goal_keys": [("goal.tolerance > 0", "goal.tolerance >= 0")],
+    "evaluated_ball": [
+        ("_Balls(centre", "Capsules(centre"),
+        ("path.tool_jacobian[:, :3]", "path.tool_jacobian[:, 3:]"),
+        ("goal.tolerance == 0", "goal.tolerance > 0"),
+        ("is_crossed=True", "is_crossed=False"),
+    ],
+    "evaluated_turn": [("np.array([beyond])", "np.array([beyond - 1])")],
+    "judge_rotation": [
+        ("min(along", "max(along"),
+        ("along if at_goal.margin is None else at_goal", "along"),
+    ],
+    "_judge_at_goal": [
+        ("tool, motion.tube.segment_count)", "tool, motion.tube.segment_count - 1)"),
+        ("motion.trajectory.position(duration)", "motion.trajectory.position(0.0)"),
+    ],
     # --- verification/majorants ---------------------------------------------------------------
     "tool_majorant": [
         ("robot.tool_reach * body.unit", "0 * body.unit"),
@@ -715,13 +747,17 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("(least.lower_bound", "(least.attained"),
         ("least.attained", "least.lower_bound"),
     ],
-    "judge_rotation": [("(least.lower_bound", "(least.attained")],
+    "_judge_along": [("(least.lower_bound", "(least.attained")],
     "judge_joint_signs": [
         ("begin + least.time", "least.time"),
         ("lower[segment], upper[segment]", "lower[0], upper[0]"),
         ("min(found", "max(found"),
     ],
-    "judge_goal": [("motion.problem.goal", "motion.problem.start"), ("-1", "0")],
+    "judge_goal": [
+        ("motion.problem.goal", "motion.problem.start"),
+        ("-1", "0"),
+        ("goal.margin(tool)", "-goal.distance(tool)"),
+    ],
     "_judge_end": [
         ("0.0 - error", "0.0"),
         ("0.0 - float(off.max())", "0.0"),

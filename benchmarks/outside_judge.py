@@ -20,12 +20,13 @@ import numpy as np
 from outside.arm import Arm, Solid, placed, solid_geometry
 from outside.clearance import Clearance
 from outside.files import BadInput
+from outside.goal import judge_turn
 from outside.limits import judge_ends, judge_limits
 from outside.nearest import Nearest, Poses, least_margin
 from outside.problem import Problem, read_problem
 from outside.trajectory import Samples, Trajectory, read_trajectory
 from outside.tube import CONDITIONS, Least, judge_points, judge_tube
-from outside.verdict import RELATIVE, Condition
+from outside.verdict import RELATIVE, Condition, margin_of
 
 SAMPLES = 5000
 PARTS = 20  # into which steps are divided where links come nearest
@@ -68,6 +69,8 @@ class Judge:
         found = judge_limits(self.arm, trajectory, samples)
         found |= self._tube(trajectory, samples)
         found |= judge_ends(self.problem, self.arm, trajectory)
+        turn = judge_turn(self.problem, self.arm, trajectory)
+        found["rotation"] = min(found["rotation"], turn, key=margin_of)
         return found | self._clearance(trajectory, samples)
 
     def _tube(self, trajectory: Trajectory, samples: Samples) -> dict[str, Condition]:

@@ -1023,3 +1023,29 @@ def test_nothing_of_tubeplanner_is_imported():
             assert not any("tubeplanner" in n for n in [*names, getattr(node, "module", "") or ""])
     code = "import outside_judge, sys; sys.exit(any('tubeplanner' in n for n in sys.modules))"
     subprocess.run([sys.executable, "-c", code], cwd=BENCHMARKS, check=True)
+
+
+@pytest.mark.parametrize(("tolerance", "holds"), [(0.0, False), (0.004, False), (0.006, True)])
+def test_a_ball_that_the_tool_ends_in_or_not(tolerance, holds, case, tmp_path):
+    x, y, z = case.tube["points"][-1]
+    case.fields["goal"] = {"position": [x + 0.003, y - 0.004, z], "tolerance": tolerance}
+    found = outside_judge.judge(*case.write(tmp_path))
+    assert found["goal"].margin == pytest.approx(tolerance - 0.005, abs=1e-6)
+    assert case.broken(tmp_path) == (set() if holds else {"goal"})
+
+
+def test_the_end_is_turned_as_far_as_the_goal_allows(case, tmp_path):
+    """The two-link arm's hand is turned about z, by the sum of its joints."""
+    count = len(case.tube["points"])
+    case.tube["orientations"] = [[0.0, 0.0, 0.0, 1.0]] * count
+    case.tube["rotation_tolerance"] = [float("inf")] * (count - 1)
+    turned = abs(float(case.positions()[-1].sum()))
+    ball = {"position": case.tube["points"][-1]}
+    for bound in (turned + 0.1, [9.0, 9.0, turned - 0.1]):
+        case.fields["goal"] = ball | {"rotation_tolerance": bound}
+        rotation = outside_judge.judge(*case.write(tmp_path))["rotation"]
+        assert rotation.margin == pytest.approx(0.1 if isinstance(bound, float) else -0.1, abs=1e-9)
+        assert rotation.where == "at the goal"
+    del case.tube["orientations"], case.tube["rotation_tolerance"]
+    with pytest.raises(BadInput, match=r"goal\.rotation_tolerance needs tube\.orientations"):
+        outside_judge.judge(*case.write(tmp_path))

@@ -6,10 +6,11 @@ from dataclasses import replace
 import numpy as np
 
 from outside.arm import Arm
+from outside.goal import judge_ball
 from outside.motors import directions
 from outside.problem import Problem
 from outside.trajectory import ORDERS, Samples, Trajectory
-from outside.verdict import RELATIVE, Condition
+from outside.verdict import RELATIVE, Condition, margin_of
 
 QUANTITIES = ("position", "velocity", "acceleration", "jerk")
 STILL = 1e-6  # of the fastest joint's speed: a slower joint is measured by that
@@ -37,7 +38,7 @@ def judge_limits(arm: Arm, trajectory: Trajectory, samples: Samples) -> dict[str
         return found
     more = _margins(arm, trajectory, finer)
     for name, margin in more.items():
-        found[name] = min(found[name], _condition(arm, name, margin, finer), key=_margin)
+        found[name] = min(found[name], _condition(arm, name, margin, finer), key=margin_of)
     return found
 
 
@@ -58,10 +59,6 @@ def judge_ends(problem: Problem, arm: Arm, trajectory: Trajectory) -> dict[str, 
     found["rest"] = Condition(-float(share.max()), RELATIVE, float(ends.time[row]), where)
     found["continuity"] = _continuity(arm, trajectory, largest)
     return found
-
-
-def _margin(condition: Condition) -> float:
-    return math.inf if condition.margin is None else condition.margin
 
 
 def _margins(arm: Arm, trajectory: Trajectory, samples: Samples) -> dict[str, np.ndarray]:
@@ -149,6 +146,8 @@ def _end_rows(trajectory: Trajectory) -> list[tuple[int, float, float]]:
 def _end(arm: Arm, given: dict, q: np.ndarray, point: np.ndarray, time: float) -> Condition:
     """Return whether an end is the given configuration, or else has its tool at the point."""
     joints = given.get("joints")
+    if "position" in given:
+        return judge_ball(given, arm, q, time)
     if joints is None:
         error = float(np.linalg.norm(arm.tool(q[None])[1][0] - point))
         return Condition(-error, "m", time, "tool at the reference point")
@@ -194,7 +193,7 @@ def _continuity(arm: Arm, trajectory: Trajectory, largest: list[np.ndarray]) -> 
             jumps = jumps / largest[order]
         total = jumps.sum(axis=0)
         joint = int(total.argmax())
-        if -float(total[joint]) < _margin(worst) or order == 0:
+        if -float(total[joint]) < margin_of(worst) or order == 0:
             at = int(jumps[:, joint].argmax()) if len(jumps) else 0
             unit = RELATIVE if order else ("m" if arm.slides[joint] else "rad")
             where = f"{QUANTITIES[order]} of joint {arm.joint_names[joint]}"

@@ -27,6 +27,7 @@ ROBOT |= {"gravity", "payload", "attached", "limits", "motors", "preset", "limit
 TUBE = {"points", "radius", "tool_radius", "joint_signs", "orientations", "rotation_tolerance"}
 TUBE |= {"tool_speed", "visit", "pass_through_points", "cross_section"}
 TOP = {"format", "version", "robot", "tube", "start", "goal", "obstacles", "clearance", "collision"}
+BALL = {"position", "tolerance", "rotation_tolerance"}
 SIGNS = {"+": (0.0, math.inf), "-": (-math.inf, 0.0), "0": (-math.inf, math.inf)}
 SIGNS_BY_NUMBER = {1: "+", -1: "-", 0: "0"}
 
@@ -104,7 +105,7 @@ class Problem:
         robot: Its section `robot`, keys checked.
         tube: Its tube.
         start: Its section `start`: `joints` or `seed`.
-        goal: Likewise, or empty.
+        goal: Likewise, or the keys of a ball, or empty.
         obstacles: Solids in the base frame, keys checked.
         clearance: Least distance of links to obstacles [m].
         checks_links: Whether links are held against each other.
@@ -172,7 +173,8 @@ def _problem(fields: Any, folder: Path) -> Problem:
     collision = fields.get("collision") or {}
     _require_known(collision, {"self", "ignore"}, "collision.")
     for end in ("start", "goal"):
-        _require_known(fields.get(end) or {}, {"joints", "seed"}, f"{end}.")
+        known = {"joints", "seed"} | (BALL if end == "goal" else set())
+        _require_known(fields.get(end) or {}, known, f"{end}.")
     if not isinstance(fields.get("clearance", 0.0), int | float):
         raise BadInput("clearance: only one number is known")
     return Problem(

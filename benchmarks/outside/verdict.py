@@ -1,5 +1,6 @@
 """What the outside judge says of one condition."""
 
+import math
 from dataclasses import dataclass
 
 RELATIVE = "relative"
@@ -24,3 +25,8 @@ class Condition:
     def holds(self, tolerance: float) -> bool:
         """Return whether it is kept, or broken by no more than a tolerance."""
         return self.margin is None or self.margin >= -tolerance
+
+
+def margin_of(condition: Condition) -> float:
+    """Return a condition's margin, infinite where it is not asked."""
+    return math.inf if condition.margin is None else condition.margin

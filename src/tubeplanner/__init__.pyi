@@ -42,6 +42,7 @@ from .problem.problem_reader import parse_problem as parse_problem
 from .problem.problem import PlanningProblem as PlanningProblem
 from .problem.problem import Seed as Seed
 from .problem.contact import Contact as Contact
+from .problem.goal_region import GoalRegion as GoalRegion
 from .problem.objective import Objective as Objective
 from .tube.tube import Tube as Tube
 from .collision.obstacle import Obstacle as Obstacle

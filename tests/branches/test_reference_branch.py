@@ -1,9 +1,12 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from cases import PROBLEMS, SHORTEST
 from tubeplanner import (
+    GoalRegion,
     LimitOverrides,
     PlanningProblem,
     PlanOptions,
@@ -13,6 +16,7 @@ from tubeplanner import (
     load_robot,
     plan,
 )
+from tubeplanner.branches.joint_lines import joint_lines
 from tubeplanner.branches.reference_branch import RedundancyRule, redundancy_rules, reference_branch
 from tubeplanner.outcome import Infeasible
 
@@ -307,3 +311,42 @@ def test_the_next_segments_rotation_tolerance_holds_at_the_switching_time_too(tw
     message = r"100.0 % along segment 0, .*the rotation tolerance of segment 1, 0.1 rad, is in"
     with pytest.raises(Infeasible, match=message):
         branch_of(problem)
+
+
+def test_the_branch_ends_in_the_middle_of_a_goals_ball(two_link):
+    points = [(0.45, -0.3), (0.45, 0.1), (0.2, 0.3)]
+    goal = GoalRegion([0.22, 0.31, 0.0], 0.02)
+    problem = two_link_problem(two_link, points, goal=goal)
+    branch = branch_of(problem)
+    np.testing.assert_allclose(
+        two_link.tool_position(branch.goal[None])[0], goal.position, atol=1e-8
+    )
+    assert RedundancyRule.PROPORTIONAL not in redundancy_rules(problem)
+    lines = joint_lines(problem)
+    np.testing.assert_allclose(
+        two_link.tool_position(lines.goal[None])[0], goal.position, atol=1e-8
+    )
+
+
+@pytest.mark.parametrize("position", [[0.45, 0.3, 0.2], [0.45, 0.3, 0.3]])
+def test_the_branch_ends_turned_as_a_goal_asks_that_alone_bounds_it(position, bundled):
+    """At the last point, and where the tube's own orientation is not yet the last."""
+    problem = bundled("ur5/level_tray")
+    tube = problem.tube
+    half = 0.1  # [rad] of the angle by which the last segment turns
+    turned = [0.5**0.5 * value for value in (1.0, -1.0)]
+    spun = Rotation.from_quat([*turned, 0, 0]) * Rotation.from_rotvec([0, 0, 2 * half])
+    orientations = [*tube.orientations[:-1], spun.as_quat()]
+    free = Tube(
+        tube.points,
+        tube.radius,
+        joint_signs=list(tube.joint_ranges),
+        orientations=orientations,
+        rotation_tolerance=np.inf,
+    )
+    problem = replace(problem, tube=free, goal=GoalRegion(position, 0.0, 0.01))
+    branch = branch_of(problem)
+    for ended in (branch, joint_lines(problem)):
+        rotation, _ = problem.robot.tool_pose(ended.goal[None])
+        off = (spun.inv() * Rotation.from_matrix(rotation[0])).magnitude()
+        assert off < (1e-6 if ended is branch else 1e-2)

@@ -514,17 +514,9 @@ def test_ends_that_no_route_can_join(changes, message):
 def test_without_its_tube_a_problem_lets_the_tool_be_anywhere():
     problem = parse_problem({**MINIMAL, "goal": {"position": [0, 0.5, 0]}}, reads_tube=False)
     np.testing.assert_allclose(problem.tube.points, [[0.6, 0, 0], [0, 0.5, 0]], atol=1e-9)
-    assert problem.goal is None and problem.tube.radius[0] >= 1e3
+    assert problem.goal.position.tolist() == [0, 0.5, 0] and problem.tube.radius[0] >= 1e3
     still = parse_problem({**MINIMAL, "goal": {"joints": START}}, reads_tube=False)
     np.testing.assert_allclose(still.tube.points[0], [0.6, 0, 0], atol=1e-9)
-
-
-def test_a_goal_position_is_for_route_alone():
-    data = {**MINIMAL, "goal": {"position": [0, 0.6, 0]}}
-    with pytest.raises(
-        ProblemError, match=r"goal\.position is for `tubeplanner route`, which finds"
-    ):
-        parse_problem(data)
 
 
 # --- Python ------------------------------------------------------------------------------------

@@ -73,6 +73,7 @@ MOTORS = "armature, viscous_friction, coulomb_friction, saturation_effort, no_lo
 MOTORS += "friction_from_urdf, friction_uncertainty"
 TUBE = "points, cross_section, radius, tool_radius, joint_signs, orientations, "
 TUBE += "rotation_tolerance, tool_speed, visit, pass_through_points"
+ENDS = "joints, seed, position, tolerance, rotation_tolerance"
 OBSTACLE = "name, box, sphere, cylinder, capsule, mesh, scale, position, rpy, quaternion"
 
 
@@ -94,8 +95,8 @@ OBSTACLE = "name, box, sphere, cylinder, capsule, mesh, scale, position, rpy, qu
         ("robot.payload", {"mas": 1}, "robot.payload", "mas", "mass", "mass, com, inertia"),
         ("robot.tool_offset.rpi", [0, 0, 0], "robot.tool_offset", "rpi", "rpy", "position, rpy"),
         ("tube.radii", 0.1, "tube", "radii", "radius", TUBE),
-        ("start.joint", [0, 0], "start", "joint", "joints", "joints, seed, position"),
-        ("goal", {"joint": [0, 0]}, "goal", "joint", "joints", "joints, seed, position"),
+        ("start.joint", [0, 0], "start", "joint", "joints", ENDS),
+        ("goal", {"joint": [0, 0]}, "goal", "joint", "joints", ENDS),
         ("obstacles", [{"name": "a", "boxx": 1}], "obstacles[0]", "boxx", "box", OBSTACLE),
         (
             "obstacles",

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from stored_trajectories import REFINEMENT, stored_trajectory
-from tubeplanner import Obstacle, Tube, load_problem, placement_of
+from tubeplanner import GoalRegion, Obstacle, Tube, load_problem, placement_of
 from tubeplanner.problem.tightening import Tightening, allowed_tightening, tightened_problem
 
 TRAY, LINE = "example:ur5/level_tray", "example:two_link/paper_1_30mm"
@@ -250,3 +250,14 @@ def test_parts_are_taken_one_by_one(line):
     assert slower.has("velocity") and slower.has("position")
     assert slower.only(["position"]).velocity == 1.0
     assert slower.only(["velocity"]).velocity == 0.8
+
+
+def test_a_goals_position_stays_inside(line):
+    """10 mm beside the segment, it leaves 20 of 30 mm to be kept back."""
+    problem, found = line
+    position = problem.tube.points[-1] + np.array([0.0, 0.0, 0.01])
+    problem = replace(problem, goal=GoalRegion(position, 0.5))
+    whole = asked(problem, radius=np.full(problem.tube.segment_count, 0.025))
+    allowed = allowed_tightening(problem, whole, found[:1])
+    assert allowed.radius[-1] == pytest.approx(0.02, abs=2e-6)
+    assert tightened_problem(problem, allowed).goal is problem.goal

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tubeplanner import Tube
+from tubeplanner import GoalRegion, Tube
 from tubeplanner.constraints.path_samples import PathSamples
+from tubeplanner.refinement.goal_constraints import evaluated_ball, goal_keys
 from tubeplanner.refinement.ordered_segments import OrderedSegments
 from tubeplanner.refinement.phased_spline import PhasedSpline
 from tubeplanner.refinement.region_constraints import EvaluatedRegions, Planes
@@ -39,7 +40,7 @@ def with_boxes(tube):
 
 def evaluated(kind, case, spline=None):
     problem, own, samples = case
-    if kind == "points":  # at a place that is no switching time, as good as any
+    if kind in ("points", "goal"):  # at a place that is no end, as good as any
         samples = samples.where(np.array([4]))
         tube = with_all_points(problem.tube)
     else:
@@ -48,6 +49,10 @@ def evaluated(kind, case, spline=None):
     path = PathSamples(problem, at.by_x, lambda: samples.phase)
     if kind == "points":
         return evaluated_points(tube, at, path, tube.regions, MARGIN, NUMBERS)
+    if kind == "goal":
+        ending = replace(problem, goal=GoalRegion(tube.points[-1], 0.1))
+        numbers = dict.fromkeys(goal_keys(ending), 7)
+        return evaluated_ball(ending, at, path, numbers)[0]
     if kind in ("tube", "box"):
         tube = with_boxes(tube) if kind == "box" else tube
         numbers = SIDE_NUMBERS if kind == "box" else NUMBERS
@@ -55,7 +60,9 @@ def evaluated(kind, case, spline=None):
         segments = OrderedSegments(tube.points, radius, (range(1), range(1, 2)), samples)
         margin = np.full(tube.segment_count, MARGIN)
         return evaluated_tube(at, path, segments, tube.regions, margin, numbers)
-    return EvaluatedRotation(tube.rotation, at, path, MARGIN, np.array([9, 10])).angle()
+    return EvaluatedRotation(
+        tube.rotation, at, path, MARGIN, np.array([9, 10]), path.segment
+    ).angle()
 
 
 def radius_of(here):
@@ -79,7 +86,7 @@ def random_planes(capsules, seed=0):
     return Planes(sample, normal, capsules.segment[sample])
 
 
-@pytest.mark.parametrize("kind", ["tube", "box", "angle", "points"])
+@pytest.mark.parametrize("kind", ["tube", "box", "angle", "points", "goal"])
 def test_rows_have_the_derivatives_of_their_slack(case, kind):
     here, spline = evaluated(kind, case), case[1]
     planes = random_planes(here)
@@ -126,7 +133,7 @@ def test_planes_are_outward_and_at_both_caps(case):
     np.testing.assert_allclose(caps.normal, np.concatenate([axis, -axis]))
 
 
-@pytest.mark.parametrize("kind", ["tube", "angle", "points"])
+@pytest.mark.parametrize("kind", ["tube", "angle", "points", "goal"])
 def test_every_plane_holds_the_capsule(case, kind):
     """Whatever the normal: what is inside by the distance to the axis is behind the plane."""
     here = evaluated(kind, case)

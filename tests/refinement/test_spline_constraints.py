@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from cases import with_motors
-from tubeplanner import PlanningProblem, Seed, Tube
+from tubeplanner import GoalRegion, PlanningProblem, Seed, Tube
 from tubeplanner.constraints.coulomb_friction import CoulombFriction, blended_friction
 from tubeplanner.constraints.effort_rate import EffortRate
 from tubeplanner.constraints.path_samples import PathSamples
 from tubeplanner.constraints.speed_limits import speed_limits
 from tubeplanner.constraints.tool_speed import ToolSpeed
+from tubeplanner.refinement.goal_constraints import evaluated_turn, goal_keys
 from tubeplanner.refinement.linear_rows import StepSize
 from tubeplanner.refinement.link_constraints import LinkConstraints
 from tubeplanner.refinement.phased_spline import PhasedSpline, VelocityHull
@@ -53,7 +54,7 @@ MOTORS = {
     "motor_curve with friction": {**LINE, **ARMED, **FRICTION, "friction_uncertainty": 0.3},
 }
 ALL_LIMITS = (*LIMITS, *MOTORS)
-KINDS = (*ALL_LIMITS, "velocity of the hull", "rotation", "links")
+KINDS = (*ALL_LIMITS, "velocity of the hull", "rotation", "rotation at the goal", "links")
 
 
 class Kinds:
@@ -75,12 +76,19 @@ class Kinds:
             return self.links.at(spline)
         is_hull = self.kind.endswith("hull")
         points = VelocityHull(len(spline.control_points)) if is_hull else self.samples
+        points = self.samples.where(np.array([4])) if self.kind.endswith("goal") else points
         at = sampled(spline, points)
         path = PathSamples(
             self.problem, at.by_x, lambda: self.samples.phase, lambda: self.friction(at.by_x[1])
         )
         if self.kind == "rotation":
-            return EvaluatedRotation(self.problem.tube.rotation, at, path, 0.005, np.arange(2))
+            own = (np.arange(2), path.segment)
+            return EvaluatedRotation(self.problem.tube.rotation, at, path, 0.005, *own)
+        if self.kind == "rotation at the goal":  # at samples as good as any
+            goal = GoalRegion(self.problem.tube.points[-1], 0.1, (0.3, np.inf, 0.2))
+            ending = replace(self.problem, goal=goal)
+            numbers = {key: number for number, key in enumerate(goal_keys(ending))}
+            return evaluated_turn(ending, at, path, numbers)[0]
         limits = {limit.kind: limit for limit in speed_limits(self.problem)}
         limit = limits[self.kind.split()[0]]
         return EvaluatedSpeedLimit(limit, at, path, np.arange(len(limit.keys)))
@@ -244,7 +252,7 @@ def test_the_rotations_rows_and_its_ball_are_its_margin(case, margin):
     problem, spline, samples = case
     tube, at = problem.tube.rotation, sampled(spline, samples)
     path = PathSamples(problem, at.by_x, lambda: samples.phase)
-    evaluated = EvaluatedRotation(tube, at, path, margin, np.arange(2))
+    evaluated = EvaluatedRotation(tube, at, path, margin, np.arange(2), samples.phase)
     error = tube.error(*problem.robot.tool_pose(at.position), samples.phase)
     used = np.hstack([abs(error), np.linalg.norm(error, axis=1, keepdims=True)])
     used /= tube.bounds[samples.phase]

@@ -211,7 +211,7 @@ class _Follower:
             Infeasible: Status unreachable.
         """
         problem, moved, rotation = self._problem, table.copy(), None
-        if problem.tube.rotation is not None:
+        if problem.rotation is not None:
             rotation, _ = problem.robot.tool_pose(table[:, :-1])
         points, segments = self._curve.point(table[:, -1]), self._segment(table[:, -1])
         for i, (point, k) in enumerate(zip(points, segments, strict=True)):

@@ -28,7 +28,8 @@ def joint_lines(problem: PlanningProblem) -> ReferenceBranch:
         Infeasible: Status unreachable: start or goal have no configuration.
     """
     start = end_configuration(problem, problem.start, 0)
-    goal = None if problem.goal is None else end_configuration(problem, problem.goal, -1)
+    given = problem.given_goal
+    goal = None if given is None else end_configuration(problem, given, -1)
     count = problem.tube.segment_count
     corners = [start]
     for k in range(1, count + (goal is None)):
@@ -44,7 +45,7 @@ def joint_lines(problem: PlanningProblem) -> ReferenceBranch:
 
 
 def _corner(problem: PlanningProblem, k: int, near: FloatArray) -> FloatArray:
-    """Return a configuration (n,) at reference point k, near another one.
+    """Return a configuration (n,) at reference point k, or at an open goal, near another one.
 
     Where that violates the rotation tolerance, it searches for others nearby.
     """
@@ -53,8 +54,12 @@ def _corner(problem: PlanningProblem, k: int, near: FloatArray) -> FloatArray:
         problem.joint_lower[segments].max(axis=0),
         problem.joint_upper[segments].min(axis=0),
     )
-    point = problem.tube.points[k]
-    turned = wanted_at(problem, point, k - 1, near)
+    goal = problem.open_goal if k == problem.tube.segment_count else None
+    point = problem.tube.points[k] if goal is None else goal.position
+    if goal is not None and goal.bounds_rotation:
+        turned = wanted_at(problem, point, k)
+    else:
+        turned = wanted_at(problem, point, k - 1, near)
 
     def solution(seed: FloatArray) -> PositionSolution:
         return solve_position(problem.robot, point, seed, lower, upper, rotation=turned)
@@ -66,7 +71,7 @@ def _corner(problem: PlanningProblem, k: int, near: FloatArray) -> FloatArray:
         least = min(one.rotation_error for one in found) + _TURNED_OFF
         turned_best = [one for one in found if one.rotation_error <= least]
         best = min(turned_best, key=lambda one: float(abs(one.q - near).max()))
-    if k == problem.tube.segment_count and best.error > _GOAL_TOLERANCE:
+    if goal is not None and best.error > max(goal.tolerance, _GOAL_TOLERANCE):
         message = f"no goal: the tool gets no nearer than {best.error:.4g} m"
         place = Place(segment=problem.tube.segment_number(k - 1, point)).at(point)
         raise Infeasible(PlanStatus.UNREACHABLE, message, place)

@@ -109,7 +109,7 @@ class KnownBranches:
         problem = self._problem
         ends = [end_configuration(problem, problem.start, 0)]
         require_free(problem, "start", ends[0])
-        if problem.goal is not None:  # an open one may move
-            ends.append(end_configuration(problem, problem.goal, -1))
+        if problem.given_goal is not None:  # an open one may move
+            ends.append(end_configuration(problem, problem.given_goal, -1))
             require_free(problem, "goal", ends[1])
         return np.array(ends)

@@ -78,7 +78,7 @@ class RedundancyRule(StrEnum):
 
 def redundancy_rules(problem: PlanningProblem) -> tuple[RedundancyRule, ...]:
     """Return the rules worth trying for a problem, the most natural first."""
-    if problem.goal is None:
+    if problem.given_goal is None:
         return RedundancyRule.AS_NEEDED, RedundancyRule.HELD, RedundancyRule.CENTRED
     return (
         RedundancyRule.PROPORTIONAL,
@@ -107,7 +107,8 @@ def reference_branch(
         Infeasible: Status unreachable: the message says where the branch ends and why.
     """
     start = end_configuration(problem, problem.start, 0)
-    goal = None if problem.goal is None else end_configuration(problem, problem.goal, -1)
+    given = problem.given_goal
+    goal = None if given is None else end_configuration(problem, given, -1)
     route = _route(problem, start, goal)
     pulls = _pulls(problem, route, start, goal, rule)
     q, segments = start, []
@@ -174,11 +175,13 @@ def end_configuration(problem: PlanningProblem, given: FloatArray | Seed, point:
 
 
 def _route(problem: PlanningProblem, start: FloatArray, goal: FloatArray | None) -> FloatArray:
-    """Return the tool's route: reference points, its ends from start and goal configurations."""
+    """Return the tool's route: reference points, its ends from start and goal."""
     route = problem.tube.points.copy()
     route[0] = problem.robot.tool_position(start[None])[0]
     if goal is not None:
         route[-1] = problem.robot.tool_position(goal[None])[0]
+    elif problem.open_goal is not None:
+        route[-1] = problem.open_goal.position
     return route
 
 

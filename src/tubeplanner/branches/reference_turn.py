@@ -35,17 +35,17 @@ class ReferenceTurn:
 
         Args:
             problem: The planning problem.
-            tube: Its rotational part.
+            tube: Its rotational part, with that of the goal.
             segment: Index of the tube's segment.
             begin: Configuration at its start, shape (n,).
             goal: Configuration at its end, if that is given.
         """
         self._robot, self._tube, self._segment = problem.robot, tube, segment
-        self._following = min(segment + 1, problem.tube.segment_count - 1)
+        self._following = min(segment + 1, len(tube.bounds) - 1)
         self._components = bounded_components(tube, segment)
         self._components = self._components | bounded_components(tube, self._following)
         self._begin = self._vector(begin)
-        self._end = np.zeros(3) if goal is None else self._vector(goal)
+        self._end = self._open_end(problem) if goal is None else self._vector(goal)
         ends = np.array([self._begin, self._end])
         self._keeps_bounds = bool(self._tube.margin_of(ends, segment).min() >= 0)
 
@@ -70,6 +70,15 @@ class ReferenceTurn:
     def _vector_after(self, share: float) -> FloatArray:
         return (1 - share) * self._begin + share * self._end
 
+    def _open_end(self, problem: PlanningProblem) -> FloatArray:
+        """Return the rotation vector (3,) wanted at the end if no configuration is given there."""
+        goal = problem.open_goal
+        if goal is None or self._following < problem.tube.segment_count:
+            return np.zeros(3)
+        there = goal.position[None]
+        reference = self._tube.reference(there, self._following)
+        return self._tube.error(reference, there, self._segment)[0] * self._components
+
     def _vector(self, q: FloatArray) -> FloatArray:
         """Return the rotation vector (3,) of a configuration (n,), free components set to zero."""
         rotation, tool = self._robot.tool_pose(q[None])
@@ -89,10 +98,10 @@ def wanted_at(
     Args:
         problem: The planning problem.
         point: Where the tool is, base frame [m].
-        segment: In which segment.
+        segment: In which segment; after the last one, at the goal.
         near: A configuration (n,) whose rotation vector is wanted; None: zero.
     """
-    tube = problem.tube.rotation
+    tube = problem.rotation
     if tube is None:
         return None
     vector = np.zeros(3)

@@ -19,8 +19,10 @@ _MAX_SETTLING_STEPS = 500
 _SETTLED = 1e-9  # [rad or m]
 # Where the centre line cannot be reached, the tool may leave it by this share of the radius.
 _ALLOWED_RADIUS_SHARE = 0.5
-# An open goal is a reference point, which the tool must reach this closely [m].
+# An open goal without a tolerance must be reached this closely [m]; where it has one, the tool may
+# end beside it by this share of that, if it gets no nearer.
 _OPEN_GOAL_TOLERANCE = MARGIN_TOLERANCE / 2
+_GOAL_SHARE = 0.9
 
 
 class SegmentWalk:
@@ -66,7 +68,7 @@ class SegmentWalk:
         self._above = np.maximum(begin - self._end_upper, 0.0)
         self._narrows = bool(self._below.any() or self._above.any())
         self._allowed, self._allowed_at_end = self._allowed_errors()
-        tube = problem.tube.rotation if with_rotation else None
+        tube = problem.rotation if with_rotation else None
         length = np.linalg.norm(np.diff(problem.tube.points, axis=0), axis=1)
         self._max_step = float(
             np.clip(_MAX_ROUTE_STEP * length.sum() / length[segment], _MAX_STEP, 1.0)
@@ -160,7 +162,9 @@ class SegmentWalk:
         is_last = self._segment + 1 == len(radius)
         allowed = _ALLOWED_RADIUS_SHARE * float(radius[self._segment])
         if is_last:
-            return allowed, _OPEN_GOAL_TOLERANCE if self._goal is None else allowed
+            goal = self._problem.open_goal
+            at_end = allowed if goal is None else min(allowed, _GOAL_SHARE * goal.tolerance)
+            return allowed, max(at_end, _OPEN_GOAL_TOLERANCE)
         return allowed, min(allowed, _ALLOWED_RADIUS_SHARE * float(radius[self._segment + 1]))
 
     def _give_up(self, share: float, q: FloatArray, solution: PositionSolution) -> None:
@@ -247,15 +251,19 @@ def explain_error(
 
 def explain_turn(problem: PlanningProblem, segment: int, why: str) -> str:
     """Explain that only the rotation tolerance keeps the tool from a point, and what to do."""
-    rotation = problem.tube.rotation
+    rotation = problem.rotation
     bounds = [np.inf] if rotation is None else rotation.bounds[segment].tolist()
     asked = f"{bounds[-1]:.3g}"
     if bounds[-1] == np.inf:
         asked = f"[{', '.join(f'{bound:.3g}' for bound in bounds[:3])}]"
-    number = problem.tube.segment_number(segment)
+    if segment == problem.tube.segment_count:
+        whose, widened = "the goal", "goal.rotation_tolerance"
+    else:
+        number = problem.tube.segment_number(segment)
+        whose, widened = f"segment {number}", f"tube.rotation_tolerance[{number}]"
     return (
-        f"the rotation tolerance of segment {number}, {asked} rad, is in the way: {why}; widen "
-        f"tube.rotation_tolerance[{number}], change tube.orientations or move the reference points"
+        f"the rotation tolerance of {whose}, {asked} rad, is in the way: {why}; widen "
+        f"{widened}, change tube.orientations or move the reference points"
     )
 
 

@@ -16,8 +16,8 @@ class LimitKey:
 
     Attributes:
         kind: Such as "effort", "velocity", "radius".
-        joint: Index of the joint that it limits; None if it is a segment's.
-        segment: Index of the segment; None if it is a joint's.
+        joint: Index of the joint that it limits; None if it is a segment's or the goal's.
+        segment: Index of the segment; None if it is a joint's or the goal's.
         link: Name of the link whose point it limits; None: of none.
         point: Index of that point among those that are limited.
     """

@@ -17,6 +17,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.collision.convex_shape import ConvexShape
 from tubeplanner.collision.obstacle import AttachedSolid, Obstacle
 from tubeplanner.collision.solid_contents import SolidContents
+from tubeplanner.problem.goal_region import GoalRegion
 from tubeplanner.problem.problem import PlanningProblem, Seed
 from tubeplanner.robot.joint_limits import JointLimits
 from tubeplanner.robot.joint_motors import JointMotors
@@ -55,7 +56,11 @@ def question_parts(problem: PlanningProblem) -> list[object]:
         parts += ["points", tube.compulsory_points]
     for given in (problem.start, problem.goal):
         parts.append(type(given).__name__)
-        parts.append(given.joints if isinstance(given, Seed) else given)
+        if isinstance(given, GoalRegion):
+            bounds = given.rotation_tolerance
+            parts += [given.position, given.tolerance, bounds]
+        else:
+            parts.append(given.joints if isinstance(given, Seed) else given)
     return parts
 
 

@@ -44,16 +44,19 @@ def require_possible(problem: PlanningProblem, branches: KnownBranches) -> None:
 def _require_reach(problem: PlanningProblem, start: FloatArray) -> None:
     """Raise unless the arm, its joints without limits, comes near enough to the farthest point."""
     tube, robot = problem.tube, problem.robot
-    allowed = _largest_distances(tube)
+    allowed, points = _largest_distances(tube), tube.points[1:].copy()
     if tube.visit != "ordered":  # only the goal must be visited
         allowed[:-1] = np.inf
-    if problem.goal is not None:
+    goal = problem.open_goal
+    if goal is None:
         allowed[-1] = np.inf
+    else:
+        allowed[-1], points[-1] = goal.tolerance, goal.position
     base = robot.body_poses(start[None])[1][0, 1]
-    k = int((np.linalg.norm(tube.points[1:] - base, axis=1) - allowed).argmax())
+    k = int((np.linalg.norm(points - base, axis=1) - allowed).argmax())
     if np.isinf(allowed[k]):
         return
-    point, free = tube.points[k + 1], np.full(robot.joint_count, np.inf)
+    point, free = points[k], np.full(robot.joint_count, np.inf)
     draw = np.random.default_rng(0).uniform
     seeds = [start, *draw(-_SEED_RANGE, _SEED_RANGE, (_OTHER_SEEDS, robot.joint_count))]
     nearest = np.inf
@@ -66,7 +69,7 @@ def _require_reach(problem: PlanningProblem, start: FloatArray) -> None:
     may = f", and must come within {allowed[k]:.4g} m" if allowed[k] else ""
     message = (
         f"{place}: the tool gets no nearer than {nearest:.4g} m{may}: out of the arm's reach; "
-        "move the reference point"
+        f"move the {'goal' if k == len(points) - 1 else 'reference point'}"
     )
     raise Infeasible(PlanStatus.UNREACHABLE, message, place)
 
@@ -75,7 +78,7 @@ def _largest_distances(tube: Tube) -> FloatArray:
     """Return how far from each point but the first the tool may be when it passes it, (m,) [m].
 
     From segment to segment it passes where their regions overlap. Within r of two legs at an angle
-    phi, it is at most r / sin(phi / 2) from their corner. An open goal is at the last point.
+    phi, it is at most r / sin(phi / 2) from their corner. Of the goal it is 0.
     """
     radius = np.where(tube.is_box, np.sqrt(3), 1.0) * tube.reach  # the corners of a box are farther
     axis = np.diff(tube.points, axis=0)

@@ -15,6 +15,7 @@ from tubeplanner.constraints.trajectory_peaks import (
 from tubeplanner.constraints.unused_speed import unused_speed
 from tubeplanner.outcome import Place, PlanStatus
 from tubeplanner.planning.path_minimum import path_minimum
+from tubeplanner.problem.goal_region import GoalRegion
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, StoppedBy
 from tubeplanner.refinement.refined_motion import RefinedMotion
@@ -205,8 +206,12 @@ def _notes(problem: PlanningProblem, trajectory: JointTrajectory) -> tuple[str, 
 def _success_message(problem: PlanningProblem, trajectory: JointTrajectory) -> str:
     """Return the message about a certified trajectory."""
     message = f"certified trajectory of {trajectory.duration:.4f} s"
-    if problem.goal is None:
-        q = ", ".join(f"{value:.4f}" for value in trajectory.position(trajectory.duration))
+    if problem.given_goal is None:
+        last = trajectory.position(trajectory.duration)
+        q = ", ".join(f"{value:.4f}" for value in last)
+        if isinstance(problem.goal, GoalRegion) and problem.goal.tolerance > 0:
+            away = problem.goal.distance(problem.robot.tool_position(last[None])[0])
+            message += f"; the tool ends {1000 * away:.3g} mm from the goal's position"
         message += f"; the goal was left open and became [{q}]"
     return message + _passed_by(problem, trajectory)
 

@@ -189,7 +189,7 @@ def _branch_searches(
     first, *others = redundancy_rules(problem)
     yield partial(branches.by_rule, first)
     yield branches.joint_lines
-    if problem.tube.rotation is not None:
+    if problem.rotation is not None:
         yield branches.position_only
     for rule in others:
         yield partial(branches.by_rule, rule)

@@ -14,11 +14,13 @@ from tubeplanner.errors import ProblemError, shown, unknown_name
 from tubeplanner.options import in_figures, is_number
 from tubeplanner.outcome import MARGIN_TOLERANCE
 from tubeplanner.problem.contact import Contact, Names, pair_distances, require_checked
+from tubeplanner.problem.goal_region import GoalRegion
 from tubeplanner.problem.joint_values import configuration_of
 from tubeplanner.problem.objective import ENERGY, Objective, is_multiple
 from tubeplanner.problem.robustness import Robustness
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.tube.joined_segments import joined_segments
+from tubeplanner.tube.rotational_tube import RotationalTube, rotational_tube
 from tubeplanner.tube.tube import Tube
 
 _LEAST_PERIOD, _MAX_PERIOD = 1e-5, 1.0  # [s]
@@ -44,7 +46,7 @@ class PlanningProblem:
         tube: Where its tool may be.
         start: Configuration (n,) [rad or m] in group order, or a map by joint name, or a Seed.
         goal: The same for the last point; None: whichever configuration the answer ends in, the
-            tool at the last point.
+            tool at the last point; a GoalRegion: likewise, the tool in a ball.
         obstacles: Solids in the base frame.
         attached: Solids in the tool frame, carried along.
         clearance: Least distance between any moving link and any obstacle [m]; segments of the tube
@@ -60,14 +62,15 @@ class PlanningProblem:
 
     Raises:
         ProblemError: On construction, if start, goal or a seed break a limit, a sign, their
-            capsule or its rotation tolerance, the tube names a joint that is not planned, a
-            clearance is negative, or a pair of solids is not checked.
+            capsule or its rotation tolerance, a goal region is turned without orientations of the
+            tube, the tube names a joint that is not planned, a clearance is negative, or a pair of
+            solids is not checked.
     """
 
     robot: RobotModel
     tube: Tube
     start: FloatArray | Seed
-    goal: FloatArray | Seed | None = None
+    goal: FloatArray | Seed | GoalRegion | None = None
     obstacles: Sequence[Obstacle] = ()
     attached: Sequence[AttachedSolid] = ()
     clearance: float = 0.0
@@ -89,7 +92,9 @@ class PlanningProblem:
         self._keep_scene()
         self._keep_joint_bounds()
         self._keep("start", self._checked_end("start", self.start, 0))
-        if self.goal is not None:
+        if isinstance(self.goal, GoalRegion):
+            self._require_goal_region(self.goal)
+        elif self.goal is not None:
             last = self.tube.segment_count - 1
             self._keep("goal", self._checked_end("goal", self.goal, last))
         if not is_number(self.clearance) or not 0 <= self.clearance <= MAX_SIZE:
@@ -98,6 +103,37 @@ class PlanningProblem:
             )
         self._require_pairs()
         self._require_timing()
+
+    @property
+    def given_goal(self) -> FloatArray | Seed | None:
+        """The goal's configuration, or its seed; None if it is open."""
+        return None if isinstance(self.goal, GoalRegion) else self.goal
+
+    @cached_property
+    def open_goal(self) -> GoalRegion | None:
+        """Where the tool ends if the goal's configuration is open; None if it is given."""
+        if self.goal is None:
+            return GoalRegion(self.tube.points[-1])
+        return self.goal if isinstance(self.goal, GoalRegion) else None
+
+    @cached_property
+    def rotation(self) -> RotationalTube | None:
+        """The tube's rotational part, and where a goal region bounds the rotation, one row more.
+
+        That is a segment beyond the last one whose reference is the last orientation. None where
+        all is free.
+        """
+        tube, goal = self.tube, self.open_goal
+        if goal is None or not goal.bounds_rotation:
+            return tube.rotation
+        assert tube.orientations is not None and tube.rotation_tolerance is not None
+        assert goal.rotation_tolerance is not None
+        beyond = 2 * tube.points[-1] - tube.points[-2]
+        return rotational_tube(
+            np.vstack([tube.points, beyond]),
+            np.vstack([tube.orientations, tube.orientations[-1:]]),
+            (*tube.rotation_tolerance, goal.rotation_tolerance),
+        )
 
     @property
     def collision(self) -> CollisionChecker:
@@ -251,6 +287,17 @@ class PlanningProblem:
         self._require_inside(end, q, segment)
         return q
 
+    def _require_goal_region(self, goal: GoalRegion) -> None:
+        """Raise unless a goal's ball is about a point of the last segment, and can be turned."""
+        last = self.tube.segment_count - 1
+        self._require_in_region("goal", "goal.position", goal.position, last)
+        if goal.rotation_tolerance is not None and self.tube.orientations is None:
+            raise ProblemError(
+                "goal.rotation_tolerance is about the tube's last orientation, but "
+                "tube.orientations is not given; give both it and tube.rotation_tolerance (.inf "
+                "where the tool is free on the way), or leave goal.rotation_tolerance out"
+            )
+
     def _keep_joint_bounds(self) -> None:
         """Keep, per segment, the position limits cut with the tube's joint ranges: (m, n)."""
         names, limits = self.robot.joint_names, self.robot.limits
@@ -295,16 +342,20 @@ class PlanningProblem:
                     f"position limits and joint sign in segment {number}"
                 )
         rotation, tool = self.robot.tool_pose(q[None])
-        margin = float(self._joined_tube.margin(tool)[0, 0 if end == "start" else -1])
+        self._require_in_region(end, f"{end}: the tool", tool[0], segment)
+        self._require_turned(end, rotation, tool, number)
+
+    def _require_in_region(self, end: str, what: str, tool: FloatArray, segment: int) -> None:
+        """Raise unless a tool position (3,), called `what`, is in the region of a segment."""
+        margin = float(self._joined_tube.margin(tool[None])[0, 0 if end == "start" else -1])
         if margin < -MARGIN_TOLERANCE:
             point = self.tube.points[segment + (end == "goal")]
             region = "box" if self.tube.is_box[segment] else "capsule"
             raise ProblemError(
-                f"{end}: the tool is at {np.round(tool[0], 4).tolist()} m, {-margin:.3g} m outside "
-                f"the {region} of segment {number} (its end point is {point.tolist()} m); move the "
-                f"{end} or the reference point"
+                f"{what} is at {np.round(tool, 4).tolist()} m, {-margin:.3g} m outside "
+                f"the {region} of segment {self.tube.segment_number(segment)} (its end point is "
+                f"{point.tolist()} m); move the {end} or the reference point"
             )
-        self._require_turned(end, rotation, tool, number)
 
     def _require_turned(
         self, end: str, rotation: FloatArray, tool: FloatArray, number: int

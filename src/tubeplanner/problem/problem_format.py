@@ -210,13 +210,21 @@ class TubeFields(Section):
 class EndpointFields(Section):
     """A configuration, or a seed for the inverse kinematics of the reference point.
 
-    A goal may be a tool position instead; `route` finds the configuration.
+    A goal may be a tool position instead, in any configuration; `route` finds one for it.
     """
 
     joints: JointValues | None = Field(None, description="group order or by name [rad, m]")
     seed: JointValues | None = Field(None, description="group order or by name [rad, m]")
     position: Vector | None = Field(
-        None, description="of the tool, of a goal alone: `route` finds joints for it [m]"
+        None, description="of the tool, of a goal alone, in the last segment's region [m]"
+    )
+    tolerance: Finite = Field(
+        0.0, description="how far from the position the tool may end; 0: there [m]"
+    )
+    rotation_tolerance: RotationBoundField | None = Field(
+        None,
+        description="an angle or a triple of bounds, as in the tube, about its last orientation; "
+        "left out: as the tube has it [rad]",
     )
 
 

@@ -13,6 +13,7 @@ from tubeplanner.problem.clearance_fields import (
     contacts_of,
     segment_clearances,
 )
+from tubeplanner.problem.goal_region import GoalRegion
 from tubeplanner.problem.joint_values import configuration_of
 from tubeplanner.problem.limit_values import limits_of, motors_of
 from tubeplanner.problem.moveit_limits import read_limits_file
@@ -173,8 +174,11 @@ def _tube(fields: ProblemFields, robot: RobotModel, directory: Path) -> Tube:
         raise ProblemError(
             "tube is required; `tubeplanner route` finds one from start, goal and obstacles"
         )
-    if fields.goal is not None and fields.goal.position is not None:
-        raise ProblemError("goal.position is for `tubeplanner route`, which finds joints for it")
+    if fields.goal is not None and None not in (fields.goal.position, fields.goal.seed):
+        raise ProblemError(
+            "goal.seed beside goal.position is for `tubeplanner route`, which finds joints for it; "
+            "in a tube they are open: leave out the seed"
+        )
     clearance = segment_clearances(fields.clearance)
     given = fields.tube.model_dump() | _points(fields.tube, directory)
     return Tube(**given, clearance=clearance)
@@ -237,8 +241,11 @@ def _endpoint(end: str, fields: EndpointFields) -> Any:
     if fields.position is not None and (end == "start" or "joints" in given):
         why = "start takes joints" if end == "start" else "it is the one of goal.joints"
         raise ProblemError(f"{end}.position is not to be given: {why}")
+    if fields.position is None and (fields.tolerance or fields.rotation_tolerance is not None):
+        which = "tolerance" if fields.tolerance else "rotation_tolerance"
+        raise ProblemError(f"{end}.{which} is for goal.position, which is not given; leave it out")
     if fields.position is not None and not given:
-        return None
+        return GoalRegion(np.array(fields.position), fields.tolerance, fields.rotation_tolerance)
     if len(given) != 1:
         raise ProblemError(
             f"{end} takes either joints or seed; it has {'both' if given else 'neither'}"

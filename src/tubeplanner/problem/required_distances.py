@@ -130,7 +130,7 @@ def _near_ends(
 ) -> list[NearEnd]:
     """Return what contacts require; of a goal that is open, that its solids do not overlap."""
     last = problem.tube.segment_count - 1
-    given = {START: (0, start, True), GOAL: (last, goal, problem.goal is not None)}
+    given = {START: (0, start, True), GOAL: (last, goal, problem.given_goal is not None)}
     found = []
     for contact in problem.contacts:
         pair = problem.collision.between(*contact.links)

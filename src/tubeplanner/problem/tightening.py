@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
+from tubeplanner.problem.goal_region import GoalRegion
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.problem.required_distances import RequiredDistances, in_contact
 from tubeplanner.robot.robot_model import RobotModel
@@ -90,6 +91,9 @@ def allowed_tightening(problem: PlanningProblem, asked: Tightening, ends: FloatA
     for end, segment in enumerate((0, -1)[: len(ends)]):
         radius[segment] = min(radius[segment], inside[end, segment] - _ROUNDING)
         rotation[segment] = min(rotation[segment], straight[end, segment] - _ROUNDING)
+    if isinstance(problem.goal, GoalRegion):  # its position is to stay inside too
+        inside = tube.margin(problem.goal.position[None])
+        radius[-1] = min(radius[-1], inside[0, -1] - _ROUNDING)
     room = np.array([ends - limits.lower_position, limits.upper_position - ends]).min(axis=1)
     spare = _spare_distance(problem, ends) - _ROUNDING
     return replace(

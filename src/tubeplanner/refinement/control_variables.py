@@ -1,7 +1,7 @@
 """Which control points of a spline an optimiser may move, and how far.
 
 Those at rest at both ends are fixed. If the goal is open, its control points move as one, and the
-tool keeps its position.
+tool keeps its position there, or stays in the goal's ball.
 """
 
 import numpy as np
@@ -10,6 +10,7 @@ from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.branches.inverse_kinematics import solve_position
 from tubeplanner.constraints.approachable_range import approachable_range
 from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.refinement.linear_rows import INNER_MARGIN
 from tubeplanner.refinement.phased_spline import DEGREE, KnotGrid
 from tubeplanner.refinement.sampled_spline import SampledSpline
 from tubeplanner.trajectory.fitted_spline import REST_POINTS
@@ -33,7 +34,10 @@ class ControlVariables:
     def __init__(self, problem: PlanningProblem, grid: KnotGrid) -> None:
         """Take the problem's joint ranges and its goal, given or open."""
         self._problem, self._grid = problem, grid
-        self._goal_moves = problem.goal is None and _is_redundant(problem)
+        self._goal = problem.open_goal
+        self._goal_moves = self._goal is not None and (
+            self._goal.tolerance > 0 or _is_redundant(problem)
+        )
         self.column = self._columns(grid.control_point_count)
         moving = np.flatnonzero(self.column != FIXED)
         count = int(self.column.max()) + 1
@@ -70,15 +74,16 @@ class ControlVariables:
         return points
 
     def moved(self, control_points: FloatArray, step: FloatArray) -> FloatArray | None:
-        """Return control points (K, n) after a step (F, n), the tool at an open goal as it was.
+        """Return control points (K, n) after a step (F, n), the tool still at an open goal.
 
         Returns:
             None if the tool cannot be kept there.
         """
         points = control_points + self.change(step)
-        if not self._goal_moves:
+        if not self._goal_moves or self._goal is None:
             return points
-        robot, target = self._problem.robot, self._problem.tube.points[-1]
+        robot = self._problem.robot
+        target = self._goal.nearest(robot.tool_position(points[-1:])[0], 1 - INNER_MARGIN)
         goal = solve_position(robot, target, points[-1], self.lower[-1], self.upper[-1])
         if goal.error > _TOOL_TOLERANCE:
             return None
@@ -95,9 +100,12 @@ class ControlVariables:
         return by_control | at.by_switching[:, 0].any(axis=(0, 2))
 
     def held(self, control_points: FloatArray) -> FloatArray:
-        """Return the joint directions (r, n) that would move the tool away from an open goal."""
+        """Return the joint directions (r, n) that would move the tool away from an open goal.
+
+        None where it has a tolerance.
+        """
         joints = control_points.shape[1]
-        if not self._goal_moves:
+        if not self._goal_moves or self._goal is None or self._goal.tolerance > 0:
             return np.zeros((0, joints))
         _, jacobian = self._problem.robot.tool_jacobian(control_points[-1:])
         _, gain, directions = np.linalg.svd(jacobian[0, :3], full_matrices=False)

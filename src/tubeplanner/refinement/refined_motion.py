@@ -61,12 +61,12 @@ class RefinedMotion:
         for k, point in enumerate(points, start=1):
             is_last = k == len(points)
             moved = changed.tube.points[point] - self.problem.tube.points[point]
-            if is_last and changed.goal is not None:
-                wanted[k] = end_configuration(changed, changed.goal, -1)
-            elif is_last:
-                wanted[k] = _reached(changed, point, changed.tube.points[point], q[k])
+            tool = changed.robot.tool_position(q[k : k + 1])[0]
+            if is_last and changed.given_goal is not None:
+                wanted[k] = end_configuration(changed, changed.given_goal, -1)
+            elif is_last and changed.open_goal is not None:
+                wanted[k] = _reached(changed, point, changed.open_goal.nearest(tool), q[k])
             elif moved.any():
-                tool = changed.robot.tool_position(q[k : k + 1])[0]
                 wanted[k] = _reached(changed, point, tool + moved, q[k])
         control_points = self.spline.control_points + self._blend(wanted - q)
         return PhasedSpline(self.spline.grid, self.spline.switching_times, control_points)

@@ -65,6 +65,8 @@ class EvaluatedRegions:
         in_chain: Whether samples pass from one segment to another by themselves, shape (N,).
         margin: The share of the radii that stays unused, shape (N,).
         numbers: Of the regions' tolerances among the limits, by segment and kind, shape (m, kinds).
+        is_crossed: Whether a step may lead from one side to the other: then all planes count as
+            near.
     """
 
     at: SampledSpline
@@ -76,6 +78,7 @@ class EvaluatedRegions:
     in_chain: BoolArray
     margin: FloatArray
     numbers: IntArray
+    is_crossed: bool = False
 
     @cached_property
     def excess(self) -> FloatArray:

@@ -30,6 +30,7 @@ class EvaluatedRotation:
         path: The arm there.
         margin: The share of the tolerances that stays unused.
         numbers: Of the tolerances among the limits, shape (m,).
+        segment: The samples' segments, shape (N,).
     """
 
     is_elastic: ClassVar[bool] = True
@@ -39,17 +40,23 @@ class EvaluatedRotation:
     path: PathSamples
     margin: float
     numbers: IntArray
-
-    @property
-    def segment(self) -> IntArray:
-        """The samples' segments, shape (N,)."""
-        return self.path.segment
+    segment: IntArray
 
     @property
     def excess(self) -> FloatArray:
         """How far components are beyond the narrowed bounds, in bounds, shape (N,)."""
         excess: FloatArray = (abs(self._error) / self._bounds).max(axis=1) - (1 - self.margin)
         return excess
+
+    @property
+    def bounds_components(self) -> bool:
+        """Whether a component is bounded in some sample's segment."""
+        return bool(np.isfinite(self._bounds).any())
+
+    @property
+    def bounds_angle(self) -> bool:
+        """Whether the angle is."""
+        return bool(np.isfinite(self.tube.bounds[self.segment, 3]).any())
 
     def angle(self) -> EvaluatedRegions:
         """Return the bound on the angle: the rotation vector in a ball."""

@@ -13,12 +13,14 @@ _RISE = 0.1  # the rise of a limit for which `saved` holds
 class Sensitivity:
     """What one limit costs, with start, goal and all other limits fixed.
 
+    A goal with tolerances is not fixed: it stays within them.
+
     Attributes:
         limit: "effort" (both directions together), "effort_rate" (likewise),
             "velocity", "acceleration", "jerk", "radius",
-            "velocity_by_position", "tool_speed", "point_speed", "rotation", or "width" or "height"
-            of a box.
-        joint: Whose limit; None for a segment's or a point's.
+            "velocity_by_position", "tool_speed", "point_speed", "rotation", "width" or "height"
+            of a box, or "tolerance" or "rotation_tolerance" of the goal.
+        joint: Whose limit; None for a segment's, a point's or the goal's.
         segment: Which segment's, the first of those that count as one; None for other limits.
         elasticity: d ln T / d ln limit, at most 0: the relative change of the duration per relative
             rise of the limit.
@@ -38,7 +40,7 @@ class Sensitivity:
     point: int | None = None
 
     def __str__(self) -> str:
-        place = f"segment {self.segment}" if self.joint is None else self.joint
+        place = self.joint or ("the goal" if self.segment is None else f"segment {self.segment}")
         if self.last_segment not in (None, self.segment):
             place = f"segments {self.segment} to {self.last_segment}"
         if self.point is not None:

@@ -15,6 +15,7 @@ from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.constraints.speed_limit import LimitKey
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.refinement.control_variables import FIXED, ControlVariables
+from tubeplanner.refinement.goal_constraints import goal_keys
 from tubeplanner.refinement.linear_program import Bounds, Step
 from tubeplanner.refinement.linear_rows import INNER_MARGIN, MERIT_TOLERANCE, Rows, StepSize
 from tubeplanner.refinement.linearization import BROKEN, Given, Linearization
@@ -185,7 +186,9 @@ class SequentialProgram:
         rows, is_elastic = self.constraints.rows(current, None)
         rows = replace(rows, slack=np.maximum(rows.slack, 0.0))
         # Nor does what variables hardly move, such as a start on its tolerance.
-        bounds = self._bounds(current, _MULTIPLIER_TRUST, goal_moves=False)
+        # An open goal stays, unless it has tolerances of its own, which cost something too.
+        has_tolerances = bool(goal_keys(self._problem))
+        bounds = self._bounds(current, _MULTIPLIER_TRUST, goal_moves=has_tolerances)
         size = StepSize(_MULTIPLIER_TRUST.radius, bounds.switching)
         still = tuple(self._hardly_move(regions, size) for regions in current.regions)
         given = (rows.slack < _NEAR) & (self._reach(rows, size) + abs(rows.duration) > 0)
@@ -313,6 +316,6 @@ def _near_planes(current: Iterate, ignored: tuple[BoolArray, ...]) -> tuple[Plan
     found = []
     for regions, left_out in zip(current.regions, ignored, strict=True):
         planes = regions.planes()
-        is_near = regions.slack(planes) < _NEAR
+        is_near = (regions.slack(planes) < _NEAR) | regions.is_crossed
         found.append(planes.where(is_near & ~left_out[planes.sample]))
     return tuple(found)

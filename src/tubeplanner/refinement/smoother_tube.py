@@ -14,6 +14,7 @@ from scipy import sparse
 
 from tubeplanner.arrays import BoolArray, FloatArray
 from tubeplanner.errors import ProblemError
+from tubeplanner.problem.goal_region import GoalRegion
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.refinement.tube_chains import sharpest_bend, smoothed_turns
 from tubeplanner.tube.tube import Tube
@@ -123,6 +124,8 @@ def _ends(problem: PlanningProblem) -> FloatArray:
     for row, given in enumerate((problem.start, problem.goal)):
         if isinstance(given, np.ndarray):
             ends[row] = problem.robot.tool_position(given[None])[0]
+        elif isinstance(given, GoalRegion):
+            ends[row] = given.position
     return ends
 
 

@@ -15,6 +15,7 @@ from tubeplanner.constraints.speed_limits import speed_limits
 from tubeplanner.polyline import arc_lengths
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.refinement.evaluated_rows import EvaluatedRows
+from tubeplanner.refinement.goal_constraints import evaluated_ball, evaluated_turn, goal_keys
 from tubeplanner.refinement.linear_rows import INNER_MARGIN, Rows, StepSize, stacked
 from tubeplanner.refinement.link_constraints import EvaluatedLinks, LinkConstraints
 from tubeplanner.refinement.ordered_segments import OrderedSegments
@@ -61,7 +62,7 @@ class Iterate:
             radii or rotation tolerances beyond the narrowed tube, of links in units of 5 cm.
         limits: What it was computed from: the limits on its speed.
         regions: Likewise, the tool's position and the angle of its rotation, if that is bounded.
-        rotation: Likewise, the components of its rotation; None where they are free.
+        rotations: Likewise, the components of its rotation, where they are bounded.
         links: Likewise.
         watched: The spline and the arm at two samples per knot interval, at the end of every phase,
             and at samples that were added.
@@ -74,7 +75,7 @@ class Iterate:
     excess: float
     limits: tuple[EvaluatedSpeedLimit, ...]
     regions: tuple[EvaluatedRegions, ...]
-    rotation: EvaluatedRotation | None
+    rotations: tuple[EvaluatedRotation, ...]
     links: EvaluatedLinks
     watched: tuple[SampledSpline, PathSamples]
     rates: tuple[SampledSpline, PathSamples]
@@ -82,13 +83,12 @@ class Iterate:
     @property
     def constraints(self) -> tuple[EvaluatedRows, ...]:
         """All but regions, in the order in which their rows are numbered."""
-        rotation = () if self.rotation is None else (self.rotation,)
-        return (*self.limits, *rotation, self.links)
+        return (*self.limits, *self.rotations, self.links)
 
     @property
     def tool(self) -> tuple[EvaluatedRegions | EvaluatedRotation, ...]:
-        """The constraints of the tube on the tool."""
-        return self.regions if self.rotation is None else (*self.regions, self.rotation)
+        """The constraints of the tube and of the goal on the tool."""
+        return (*self.regions, *self.rotations)
 
 
 class SplineConstraints:
@@ -121,7 +121,8 @@ class SplineConstraints:
         self._problem, self._grid, self._links, self._radius = problem, grid, links, radius
         self._has_reversals = problem.robot.motors.has_coulomb_friction
         limits = speed_limits(problem)
-        self.keys = _keys(limits, problem.tube)
+        self._goal_keys = goal_keys(problem)
+        self.keys = (*_keys(limits, problem.tube), *self._goal_keys)
         self._numbers = {key: number for number, key in enumerate(self.keys)}
         self._limits = [(limit, self._numbers_of(limit.keys)) for limit in limits]
         self._regions = problem.tube.regions_of(radius)
@@ -142,6 +143,7 @@ class SplineConstraints:
         # The segment before a compulsory point is the last one of its phase.
         stops = [chain.stop for chain in grid.chains]
         self._passing_samples = ends.where(np.searchsorted(stops, problem.tube.compulsory_points))
+        self._last_sample = ends.where(np.array([len(grid.chains) - 1]))
         self._dense_samples = grid.samples(_DENSE_SAMPLES)
 
     def blend(self, intervals: float) -> bool:
@@ -241,18 +243,19 @@ class SplineConstraints:
             EvaluatedSpeedLimit(limit, *known.at(self._points(limit, watched)), numbers)
             for limit, numbers in self._limits
         )
-        regions, rotation = self._tool_at(known, tube_samples)
+        regions, rotations = self._tool_at(known, tube_samples)
         links = self._links.at(spline)
-        found = [part.excess.max(initial=0.0) for part in (*regions, rotation, links) if part]
+        found = [part.excess.max(initial=0.0) for part in regions]
+        found += [part.excess.max(initial=0.0) for part in rotations]
         squared_duration = max(float(limit.squared_durations.max()) for limit in limits)
         return Iterate(
             spline,
             squared_duration,
             self._run_in or float(np.sqrt(squared_duration)),
-            float(max(*found, 0.0)),
+            float(max(*found, links.excess.max(initial=0.0))),
             limits,
             regions,
-            rotation,
+            rotations,
             links,
             known.at(watched[False]),
             known.at(self._rate_samples),
@@ -269,24 +272,26 @@ class SplineConstraints:
 
     def _tool_at(
         self, known: "_Known", samples: Samples
-    ) -> tuple[tuple[EvaluatedRegions, ...], EvaluatedRotation | None]:
-        """Return the constraints of the tube on the tool, as in an iterate."""
+    ) -> tuple[tuple[EvaluatedRegions, ...], tuple[EvaluatedRotation, ...]]:
+        """Return the constraints of tube and goal on the tool, as in an iterate."""
         tube = self._problem.tube
         at, path = known.at(samples)
         segments = known.segments_of(samples)
         regions, numbers = self._regions, self._tolerances
         evaluated = [evaluated_tube(at, path, segments, regions, self._margin, numbers)]
-        rotation = None
+        turned = []
         if tube.rotation is not None:
             own = self._rotation_tolerances
-            turned = EvaluatedRotation(tube.rotation, at, path, INNER_MARGIN, own)
-            bounds = np.isfinite(tube.rotation.bounds)
-            rotation = turned if bounds[:, :3].any() else None
-            evaluated += [turned.angle()] if bounds[:, 3].any() else []
+            turned = [EvaluatedRotation(tube.rotation, at, path, INNER_MARGIN, own, path.segment)]
+        if self._goal_keys:
+            there = known.at(self._last_sample)
+            evaluated += evaluated_ball(self._problem, *there, self._numbers)
+            turned += evaluated_turn(self._problem, *there, self._numbers)
+        evaluated += [rotation.angle() for rotation in turned if rotation.bounds_angle]
         if len(tube.compulsory_points):
             there = known.at(self._passing_samples)
             evaluated.append(evaluated_points(tube, *there, regions, INNER_MARGIN, numbers))
-        return tuple(evaluated), rotation
+        return tuple(evaluated), tuple(each for each in turned if each.bounds_components)
 
     @cached_property
     def _tolerances(self) -> IntArray:

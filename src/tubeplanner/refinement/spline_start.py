@@ -22,6 +22,9 @@ _FIT_SAMPLES = np.arange(3) / 3
 _DRAW = 1e-8
 # Joints may move while the tool hardly does: a radian counts as this many metres of travel.
 _TRAVEL_PER_RADIAN = 0.05
+# Where the goal is at the last corner, the arm has nothing to do in the last phase. A phase of less
+# width than the first gets the second: the knots of one without any would lie at one instant.
+_STILL, _STILL_WIDTH = 1e-6, 1e-3
 
 
 def sufficient_start(
@@ -68,7 +71,9 @@ def starting_spline(
     covered = x**3 * (10 - 15 * x + 6 * x**2)
     chains = tube_chains(problem)
     ends = [chain.stop - 1 for chain in chains[:-1]]
-    switching_times = np.concatenate([[0.0], np.interp(corners[ends], covered, x), [1.0]])
+    switching_times = _with_width(
+        np.concatenate([[0.0], np.interp(corners[ends], covered, x), [1.0]])
+    )
     grid = knot_grid(switching_times, intervals, chains)
     apart = np.concatenate([[True], np.diff(travel) > 0])
     times = times_between(grid.breakpoints(switching_times), _FIT_POINTS_PER_INTERVAL)
@@ -120,6 +125,18 @@ def knot_grid(
         share[0], share[-1] = 0.0, 1.0
         shares.append(share)
     return KnotGrid(tuple(shares), chains)
+
+
+def _with_width(switching_times: FloatArray) -> FloatArray:
+    """Return switching times (P+1,) from 0 to 1 with some width of every phase."""
+    widths = np.diff(switching_times)
+    is_still = widths < _STILL
+    if not is_still.any():
+        return switching_times
+    widths[is_still] = _STILL_WIDTH
+    times = np.concatenate([[0.0], np.cumsum(widths) / widths.sum()])
+    times[-1] = 1.0
+    return times
 
 
 def _excess_in_chains(problem: PlanningProblem, spline: PhasedSpline) -> float:

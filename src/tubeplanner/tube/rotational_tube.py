@@ -232,7 +232,8 @@ def rotation_bounds(tolerance: Any, segment_count: int) -> tuple[RotationBound, 
             f"tube.rotation_tolerance has {len(entries)} entries for {segment_count} segments; "
             "give one angle or triple for all, or an angle or three bounds each"
         )
-    return tuple(_bound(f"tube.rotation_tolerance[{k}]", entry) for k, entry in enumerate(entries))
+    names = (f"tube.rotation_tolerance[{k}]" for k in range(segment_count))
+    return tuple(rotation_bound(name, entry) for name, entry in zip(names, entries, strict=True))
 
 
 def _entries(tolerance: Any, segment_count: int) -> list[Any]:
@@ -251,7 +252,12 @@ def _entries(tolerance: Any, segment_count: int) -> list[Any]:
     return entries
 
 
-def _bound(name: str, entry: Any) -> RotationBound:
+def rotation_bound(name: str, entry: Any) -> RotationBound:
+    """Return a bound on a rotation, which messages call by a name.
+
+    Raises:
+        ProblemError: It is neither a positive number nor three of them.
+    """
     try:
         values = np.array(entry, dtype=np.float64)
     except (TypeError, ValueError):

@@ -20,7 +20,7 @@ def goal_configurations(problem: PlanningProblem, start: FloatArray, seed: int) 
     """Return free configurations (G, n) for the goal, the nearest to the start first.
 
     Args:
-        problem: Its goal, or where that is open the last point of its tube.
+        problem: Its goal, or where that is open the tool position there.
         start: Shape (n,).
         seed: Of random numbers, where the goal is a tool position.
 
@@ -28,7 +28,7 @@ def goal_configurations(problem: PlanningProblem, start: FloatArray, seed: int) 
         Infeasible: None is free (status tube_blocked), or the tool does not reach the goal
             (status unreachable).
     """
-    if problem.goal is not None and not isinstance(problem.goal, Seed):
+    if isinstance(problem.goal, np.ndarray):
         require_free(problem, "goal", problem.goal)
         return problem.goal[None]
     free, blocked = [], None
@@ -49,7 +49,8 @@ def _reaching(problem: PlanningProblem, start: FloatArray, seed: int) -> list[Fl
     Raises:
         Infeasible: Status unreachable.
     """
-    limits, target = problem.robot.limits, problem.tube.points[-1]
+    limits, region = problem.robot.limits, problem.open_goal
+    target = problem.tube.points[-1] if region is None else region.position
     if isinstance(problem.goal, Seed):
         seeds = problem.goal.joints[None]
     else:

@@ -5,6 +5,7 @@ from typing import Any
 
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.views.executed_paths import ExecutedPaths
+from tubeplanner.views.goal_ball import goal_ball
 from tubeplanner.views.palette import (
     EXECUTED_COLOR,
     OBSTACLE_COLOR,
@@ -62,7 +63,7 @@ def _layer_data(layer: Layer, scene: Scene) -> dict[str, Any]:
         Layer.ARM: "Arm",
         Layer.CARRIED: _listed("Carried", [solid.name for solid in problem.attached]),
         Layer.TUBE: "Tube: the tool must stay inside",
-        Layer.REFERENCE: "Reference path",
+        Layer.REFERENCE: "Reference path" + ", goal's ball" * len(goal_ball(problem)),
         Layer.TOOL: "Path of the tool, by its speed" if scene.duration > 0 else "Tool",
         Layer.EXECUTED: _executed_label(scene.executed),
         Layer.OBSTACLES: _listed("Obstacles", [obstacle.name for obstacle in problem.obstacles]),

@@ -21,6 +21,7 @@ from tubeplanner.simulation.execution import Execution
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.views.executed_paths import ExecutedPaths, executed_paths
 from tubeplanner.views.execution_curves import tool_runs
+from tubeplanner.views.goal_ball import goal_ball
 from tubeplanner.views.link_visuals import LinkPart, link_parts
 from tubeplanner.views.palette import (
     OBSTACLE_COLOR,
@@ -49,11 +50,7 @@ _SWEEP_STEPS = 24
 _EXECUTED_STEPS = 240  # lines of an executed path
 _BESIDE_EXECUTED = 0.3  # of its usual thickness: the planned path among executed ones
 _BALL_POINTS = 150
-_SAMPLED_SHARES = (
-    0.1,
-    0.5,
-    0.9,
-)  # of the way through a trajectory: when the arm should not hide the path
+_SAMPLED_SHARES = (0.1, 0.5, 0.9)  # of a trajectory: when the arm should not hide the path
 _GAP = 0.15  # between trajectories side by side, of the width of one
 CARRIED_COLOR = "#B58863"
 SWEPT_COLOR = "#7A6FAF"
@@ -356,6 +353,8 @@ def _surroundings(
     thickness = _thickness(problem, size)
     line = dashes(problem.tube.points, 0.45 * thickness, 10 * thickness)
     items.append(Item(Layer.REFERENCE, trajectory, "path", line, rgb(REFERENCE_COLOR)))
+    for ball in goal_ball(problem):
+        items.append(Item(Layer.REFERENCE, trajectory, "goal", ball, rgb(REFERENCE_COLOR), 0.35))
     for obstacle in problem.obstacles:
         surface = joined(shape_surface(shape) for shape in obstacle.shapes)
         color = rgb(OBSTACLE_COLOR)

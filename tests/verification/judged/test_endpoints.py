@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cases import changed
-from tubeplanner import JointTrajectory, Seed, verify
+from tubeplanner import GoalRegion, JointTrajectory, Seed, verify
 
 UR5 = "ur5/over_the_wall"
 
@@ -56,3 +56,16 @@ def test_a_tool_that_is_not_at_the_reference_point_is_found(end, stored):
     assert conditions[end].margin == pytest.approx(-away)
     assert (conditions[end].unit, conditions[end].where.time) == ("m", time)
     assert conditions["goal" if end == "start" else "start"].margin > -1e-6
+
+
+@pytest.mark.parametrize("tolerance", [0.0, 0.003, 0.02])
+def test_how_far_the_tool_is_inside_its_ball_is_the_goals_margin(tolerance, stored):
+    problem, trajectory = stored(UR5)
+    position = problem.tube.points[-1] + [0.003, -0.004, 0.0]
+    ending = changed(problem, goal=GoalRegion(position, tolerance))
+    certificate = verify(ending, trajectory)
+    goal = certificate.conditions["goal"]
+    assert goal.margin == pytest.approx(tolerance - 0.005, abs=1e-6)
+    assert (goal.unit, goal.where.time) == ("m", trajectory.duration)
+    assert goal.coverage == f"tool within {tolerance:g} m of the goal's position"
+    assert certificate.failures() == ([] if tolerance > 0.005 else ["goal"])

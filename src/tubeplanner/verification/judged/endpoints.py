@@ -4,6 +4,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.outcome import Place
+from tubeplanner.problem.goal_region import GoalRegion
 from tubeplanner.problem.problem import Seed
 from tubeplanner.verification.judged_condition import FOR_ALL_TIMES, JudgedCondition
 from tubeplanner.verification.judged_motion import JudgedMotion
@@ -16,7 +17,12 @@ def judge_start(motion: JudgedMotion) -> JudgedCondition:
 
 def judge_goal(motion: JudgedMotion) -> JudgedCondition:
     """Judge where the trajectory ends."""
-    return _judge_end(motion, -1, motion.problem.goal, motion.trajectory.duration)
+    goal, duration = motion.problem.goal, motion.trajectory.duration
+    if not isinstance(goal, GoalRegion):
+        return _judge_end(motion, -1, goal, duration)
+    tool = motion.robot.tool_position(motion.trajectory.position(duration)[None])[0]
+    coverage = f"tool within {goal.tolerance:g} m of the goal's position"
+    return JudgedCondition(goal.margin(tool), "m", Place(time=duration), coverage)
 
 
 def _judge_end(
