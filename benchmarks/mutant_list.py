@@ -1881,10 +1881,32 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "_options": [("if not is_of_objective(path):", "if True:")],
     "_documents": [("{**changes, path: value}", "{path: value, **changes}")],
     # --- files/problem_file, files/fingerprint ------------------------------------------------
-    "_move_presets": [
-        ("and given not in bundled", ""),
-        ("name if name in bundled else _moved", "_moved"),
+    "_alone": [
+        ("if key not in value:", "if False:"),
+        ('and below.get("joint_signs")', "and False"),
     ],
+    "_has_joints": [('end.get("joints") is not None', "True")],
+    "change_own": [("if value == old:", "if False:")],
+    "_change_items": [("own.append({", "own.insert(0, {")],
+    "_own_part": [("deepcopy(held)", "held")],
+    # --- problem/path_fields, merged_fields, problem_layers -----------------------------------
+    "_is_bundled_preset": [
+        ("name in bundled_presets() or", ""),
+        ("or not Path(name).suffix", ""),
+    ],
+    "move_paths": [("holder, key, holder[key]", "holder, key, key")],
+    "merged_fields": [
+        ("**shared", ""),
+        ("if is_named(below) and is_named(above):", "if is_named(above):"),
+    ],
+    "_merged_items": [('and item["name"] not in first', "")],
+    "ProblemLayers.source_of": [
+        ("self.documents[::-1]", "self.documents"),
+        ("found == wanted", "True"),
+    ],
+    "ProblemLayers.of": [("if len(layers) == _MAX_FILES:", "if False:")],
+    "_layers": [("(*chain, resolved)", "(resolved,)")],
+    "_value_at": [("and is_named(document)", "and False")],
     "_motor_parts": [
         ("if motors.has_coulomb_friction", "if False"),
         ("motors.backwards_friction, ", ""),

@@ -59,8 +59,8 @@ def read(tmp_path, text, name="p.yaml"):
 # --- names -------------------------------------------------------------------------------------
 
 TOP = (
-    "format, version, robot, tube, start, goal, obstacles, clearance, collision, objective, "
-    "period, robustness"
+    "format, version, include, robot, tube, start, goal, obstacles, clearance, collision, "
+    "objective, period, robustness"
 )
 ROBOT = (
     "urdf, package_dirs, srdf, tool_frame, tool_offset, joints, locked_joints, gravity, payload, "

@@ -3,6 +3,7 @@
 Here a file is only read and its shape checked; `problem` gives it meaning.
 """
 
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, TypeAlias
 
@@ -29,7 +30,7 @@ from tubeplanner.problem.field_types import (
     no_flag,
 )
 from tubeplanner.problem.limit_fields import LimitFields, MotorFields
-from tubeplanner.problem.problem_faults import first_fault
+from tubeplanner.problem.problem_faults import fault_steps, first_fault
 from tubeplanner.problem.robustness import Robustness
 
 JointValues: TypeAlias = list[Finite] | dict[str, Finite]
@@ -285,6 +286,9 @@ class ProblemFields(Section):
 
     format: Literal["tubeplanner/problem"] = Field(PROBLEM_FORMAT, description="what this file is")
     version: Version = Field(1, description="of the format")
+    include: str | list[str] = Field(
+        [], description="problem files, or parts of them, below this one, relative to this one"
+    )
     robot: RobotFields = Field(description="the arm, its tool and its limits")
     tube: TubeFields | None = Field(
         None, description="where the tool may be, and in which configuration; `route` finds one"
@@ -313,12 +317,18 @@ def problem_schema() -> dict[str, Any]:
     return ProblemFields.model_json_schema(by_alias=True)
 
 
-def check_problem_fields(data: object, source: str) -> ProblemFields:
+def check_problem_fields(
+    data: object,
+    source: str,
+    source_of: Callable[[Any, Sequence[int | str]], str] | None = None,
+) -> ProblemFields:
     """Check the shape of a problem given as nested dictionaries and lists.
 
     Args:
         data: What a problem file holds.
         source: What messages call it.
+        source_of: From the data, and the keys and indices that lead to a value: what messages call
+            the file that has it; None: all is from one.
 
     Raises:
         ProblemError: A key is unknown, a value has the wrong type. The message names the field.
@@ -329,7 +339,8 @@ def check_problem_fields(data: object, source: str) -> ProblemFields:
         return ProblemFields.model_validate(data)
     except ValidationError as error:
         fault = first_fault(data, error, ProblemFields)
-        raise ProblemError(f"{source}: {fault}") from None
+        called = source if source_of is None else source_of(data, fault_steps(data, error))
+        raise ProblemError(f"{called}: {fault}") from None
 
 
 def read_document(path: Path, what: str = "problem file") -> object:

@@ -15,7 +15,7 @@ from tubeplanner.problem.objective import Objective
 from tubeplanner.problem.point_file import read_points
 from tubeplanner.problem.presets import read_preset
 from tubeplanner.problem.problem import PlanningProblem, Seed
-from tubeplanner.problem.problem_fields import changed_problem, read_problem_fields
+from tubeplanner.problem.problem_fields import checked_layers, read_problem_fields
 from tubeplanner.problem.problem_format import (
     AttachedFields,
     EndpointFields,
@@ -26,8 +26,8 @@ from tubeplanner.problem.problem_format import (
     RobotFields,
     RobustnessFields,
     TubeFields,
-    check_problem_fields,
 )
+from tubeplanner.problem.problem_layers import ProblemLayers
 from tubeplanner.problem.robustness import Robustness
 from tubeplanner.resources import find_description, find_limits_file, find_mesh, find_problem
 from tubeplanner.robot.limit_layers import LimitLayer
@@ -88,8 +88,8 @@ def parse_problem(
         RobotError: As `load_problem`.
     """
     tube_of = _tube if reads_tube else _tube_anywhere
-    fields = check_problem_fields(changed_problem(data, changes), name)
-    return _build(fields, Path(directory), name, name, tube_of)
+    layers = ProblemLayers.of(data, Path(directory), name)
+    return _build(checked_layers(layers, changes), Path(directory), name, name, tube_of)
 
 
 def _build(
