@@ -49,7 +49,7 @@ from .collision.obstacle import placement_of as placement_of
 
 # Trajectory
 from .trajectory.joint_trajectory import JointTrajectory as JointTrajectory
-from .files.trajectory_file import read_trajectory as read_trajectory
+from .trajectory.trajectory_file import read_trajectory as read_trajectory
 from .constraints.time_scaling import scaling_factor as scaling_factor
 from .waypoint_search.waypoint_interpolation import sequential_quartics as sequential_quartics
 from .waypoint_search.waypoint_interpolation import quartic_spline as quartic_spline

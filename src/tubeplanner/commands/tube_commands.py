@@ -145,7 +145,7 @@ def teach(
     """
     from tubeplanner.files.output_files import require_writable
     from tubeplanner.files.taught_problem import read_cell, taught_problem
-    from tubeplanner.files.trajectory_file import read_trajectory_file
+    from tubeplanner.trajectory.trajectory_file import read_trajectory_file
     from tubeplanner.tube_sources.teach import TeachOptions
     from tubeplanner.tube_sources.teach import teach as teach_tube
 

@@ -5,9 +5,9 @@ import numpy as np
 from tubeplanner.errors import RobotError
 from tubeplanner.files.fingerprint import problem_hash, robot_hash
 from tubeplanner.files.former_fingerprint import former_problem_hash, is_former_hash
-from tubeplanner.files.trajectory_file import TrajectoryFile
 from tubeplanner.problem.problem import PlanningProblem, Seed
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
+from tubeplanner.trajectory.trajectory_file import TrajectoryFile
 
 _NEAR = 1e-2  # [rad or m]: starts this close to each other are the same
 

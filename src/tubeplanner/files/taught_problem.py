@@ -8,11 +8,11 @@ from typing import Any
 from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import TrajectoryError
 from tubeplanner.files.problem_file import included_fields, new_fields, read_fields
-from tubeplanner.files.trajectory_file import TrajectoryFile
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.problem.problem_format import check_problem_fields
 from tubeplanner.problem.problem_reader import parse_problem, robot_of
 from tubeplanner.resources import find_problem
+from tubeplanner.trajectory.trajectory_file import TrajectoryFile
 from tubeplanner.tube_sources.trail import joint_trail
 
 _FOUND = ("tube", "start", "goal")  # by a trail
