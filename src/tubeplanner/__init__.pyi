@@ -41,6 +41,7 @@ from .problem.problem_reader import load_problem as load_problem
 from .problem.problem_reader import parse_problem as parse_problem
 from .problem.problem import PlanningProblem as PlanningProblem
 from .problem.problem import Seed as Seed
+from .problem.tool_pose import ToolPose as ToolPose
 from .problem.objective import Objective as Objective
 from .tube.tube import Tube as Tube
 from .collision.obstacle import Obstacle as Obstacle

@@ -58,6 +58,7 @@ def read(tmp_path, text, name="p.yaml"):
 
 # --- names -------------------------------------------------------------------------------------
 
+ENDPOINT = "joints, seed, position, pose, group_state, trajectory"
 TOP = (
     "format, version, include, robot, tube, start, goal, obstacles, clearance, collision, "
     "objective, period, robustness"
@@ -93,8 +94,8 @@ OBSTACLE = "name, box, sphere, cylinder, capsule, mesh, scale, position, rpy, qu
         ("robot.payload", {"mas": 1}, "robot.payload", "mas", "mass", "mass, com, inertia"),
         ("robot.tool_offset.rpi", [0, 0, 0], "robot.tool_offset", "rpi", "rpy", "position, rpy"),
         ("tube.radii", 0.1, "tube", "radii", "radius", TUBE),
-        ("start.joint", [0, 0], "start", "joint", "joints", "joints, seed, position"),
-        ("goal", {"joint": [0, 0]}, "goal", "joint", "joints", "joints, seed, position"),
+        ("start.joint", [0, 0], "start", "joint", "joints", ENDPOINT),
+        ("goal", {"joint": [0, 0]}, "goal", "joint", "joints", ENDPOINT),
         ("obstacles", [{"name": "a", "boxx": 1}], "obstacles[0]", "boxx", "box", OBSTACLE),
         (
             "obstacles",

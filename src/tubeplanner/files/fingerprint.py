@@ -18,6 +18,7 @@ from tubeplanner.collision.convex_shape import ConvexShape
 from tubeplanner.collision.obstacle import AttachedSolid, Obstacle
 from tubeplanner.collision.solid_contents import SolidContents
 from tubeplanner.problem.problem import PlanningProblem, Seed
+from tubeplanner.problem.tool_pose import ToolPose
 from tubeplanner.robot.joint_limits import JointLimits
 from tubeplanner.robot.joint_motors import JointMotors
 from tubeplanner.robot.robot_model import RobotModel
@@ -55,7 +56,10 @@ def question_parts(problem: PlanningProblem) -> list[object]:
         parts += ["points", tube.compulsory_points]
     for given in (problem.start, problem.goal):
         parts.append(type(given).__name__)
-        parts.append(given.joints if isinstance(given, Seed) else given)
+        if isinstance(given, ToolPose):
+            parts += [given.placement, given.seed]
+        else:
+            parts.append(given.joints if isinstance(given, Seed) else given)
     return parts
 
 

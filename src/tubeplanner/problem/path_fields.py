@@ -41,6 +41,8 @@ def _places(fields: Any) -> Iterator[tuple[Any, Any]]:
     points = _map(fields.get("tube")).get("points")
     if isinstance(points, str):
         yield fields["tube"], "points"
+    for end in ("start", "goal"):
+        yield from _at(_map(fields.get(end)), "trajectory")
     for solids in (fields.get("obstacles"), robot.get("attached")):
         for solid in solids if isinstance(solids, list) else []:
             yield from _at(_map(solid), "mesh")

@@ -30,6 +30,7 @@ from tubeplanner.problem.field_types import (
     no_flag,
 )
 from tubeplanner.problem.limit_fields import LimitFields, MotorFields
+from tubeplanner.problem.pose_fields import PoseFields
 from tubeplanner.problem.problem_faults import fault_steps, first_fault
 from tubeplanner.problem.robustness import Robustness
 
@@ -115,7 +116,9 @@ class RobotFields(Section):
     urdf: str = Field(description="path relative to this file, package://PKG/..., example:NAME")
     package_dirs: list[str] = Field([], description="extra roots for package:// names")
     srdf: str | None = Field(
-        None, description="file whose disable_collisions lists pairs of links that may touch"
+        None,
+        description="file whose disable_collisions lists pairs of links that may touch, and whose "
+        "group_state names configurations",
     )
     tool_frame: str = Field(description="any URDF link")
     tool_offset: ToolOffsetFields = Field(
@@ -210,13 +213,21 @@ class TubeFields(Section):
 class EndpointFields(Section):
     """A configuration, or a seed for the inverse kinematics of the reference point.
 
-    A goal may be a tool position instead; `route` finds the configuration.
+    Or a pose of the tool (a seed may go with it), a named configuration, or where a trajectory
+    ends. A goal may be a tool position instead; `route` finds the configuration.
     """
 
     joints: JointValues | None = Field(None, description="group order or by name [rad, m]")
     seed: JointValues | None = Field(None, description="group order or by name [rad, m]")
     position: Vector | None = Field(
         None, description="of the tool, of a goal alone: `route` finds joints for it [m]"
+    )
+    pose: PoseFields | None = Field(
+        None, description="of the tool centre point, on the branch that the joint signs ask for"
+    )
+    group_state: str | None = Field(None, description="name of a configuration in robot.srdf")
+    trajectory: str | None = Field(
+        None, description="file whose last configuration it is, relative to this one"
     )
 
 

@@ -6,11 +6,13 @@ from typing import Any
 
 import numpy as np
 
+from tubeplanner.arrays import FloatArray
 from tubeplanner.collision.obstacle import AttachedSolid, Obstacle, placement_of
 from tubeplanner.errors import ProblemError, RobotError
 from tubeplanner.problem.joint_values import configuration_of
 from tubeplanner.problem.limit_values import limits_of, motors_of
 from tubeplanner.problem.moveit_limits import read_limits_file
+from tubeplanner.problem.named_endpoint import named_endpoint
 from tubeplanner.problem.objective import Objective
 from tubeplanner.problem.point_file import read_points
 from tubeplanner.problem.presets import read_preset
@@ -29,6 +31,7 @@ from tubeplanner.problem.problem_format import (
 )
 from tubeplanner.problem.problem_layers import ProblemLayers
 from tubeplanner.problem.robustness import Robustness
+from tubeplanner.problem.tool_pose import ToolPose
 from tubeplanner.resources import find_description, find_limits_file, find_mesh, find_problem
 from tubeplanner.robot.limit_layers import LimitLayer
 from tubeplanner.robot.limit_overrides import LimitOverrides
@@ -104,8 +107,8 @@ def _build(
         problem = PlanningProblem(
             robot=robot,
             tube=tube_of(fields, robot, directory),
-            start=_endpoint("start", fields.start),
-            goal=None if fields.goal is None else _endpoint("goal", fields.goal),
+            start=_end("start", fields.start, fields, robot, directory),
+            goal=_end("goal", fields.goal, fields, robot, directory),
             obstacles=tuple(
                 _obstacle(obstacle, directory, robot.package_dirs) for obstacle in fields.obstacles
             ),
@@ -196,17 +199,24 @@ def _points(fields: TubeFields, directory: Path) -> dict[str, Any]:
 
 def _tube_anywhere(fields: ProblemFields, robot: RobotModel, directory: Path) -> Tube:
     """Return the tube that lets the tool be anywhere, from its start to its goal."""
-    if fields.start.joints is None:
-        raise ProblemError("start.joints is required: a seed belongs to the first point of a tube")
+    start = _tool_at("start", _end("start", fields.start, fields, robot, directory), robot)
     if fields.goal is None:
         raise ProblemError("goal is required: joints, or the position of the tool")
-    if fields.goal.joints is None and fields.goal.position is None:
-        raise ProblemError("goal.seed belongs to a position; give goal.position or goal.joints")
-    begin = configuration_of(robot, "start", _values(fields.start.joints))
-    if fields.goal.joints is None:
-        return Tube.anywhere(robot.tool_position(begin[None])[0], np.array(fields.goal.position))
-    end = configuration_of(robot, "goal", _values(fields.goal.joints))
-    return Tube.anywhere(*robot.tool_position(np.array([begin, end])))
+    goal = _end("goal", fields.goal, fields, robot, directory)
+    if goal is None or isinstance(goal, Seed):
+        if fields.goal.position is None:
+            raise ProblemError("goal.seed belongs to a position; give goal.position or goal.joints")
+        return Tube.anywhere(start, np.array(fields.goal.position))
+    return Tube.anywhere(start, _tool_at("goal", goal, robot))
+
+
+def _tool_at(end: str, given: Any, robot: RobotModel) -> FloatArray:
+    """Return where the tool is (3,) [m] at a start or goal that is a configuration or a pose."""
+    if isinstance(given, Seed):
+        raise ProblemError(f"{end}.joints is required: a seed belongs to the first point of a tube")
+    if isinstance(given, ToolPose):
+        return given.position
+    return robot.tool_position(configuration_of(robot, end, given)[None])[0]
 
 
 def _objective(fields: ObjectiveFields | None) -> Objective | None:
@@ -215,6 +225,20 @@ def _objective(fields: ObjectiveFields | None) -> Objective | None:
 
 def _robustness(fields: RobustnessFields | None) -> Robustness | None:
     return None if fields is None else Robustness(**fields.model_dump())
+
+
+def _end(
+    end: str,
+    given: EndpointFields | None,
+    fields: ProblemFields,
+    robot: RobotModel,
+    directory: Path,
+) -> Any:
+    """Return start or goal as a `PlanningProblem` takes it; None: it is left open."""
+    if given is None:
+        return None
+    named = named_endpoint(end, given, robot, _srdf(fields, directory), directory)
+    return _endpoint(end, given) if named is None else named
 
 
 def _endpoint(end: str, fields: EndpointFields) -> Any:
@@ -226,7 +250,8 @@ def _endpoint(end: str, fields: EndpointFields) -> Any:
         return None
     if len(given) != 1:
         raise ProblemError(
-            f"{end} takes either joints or seed; it has {'both' if given else 'neither'}"
+            f"{end} takes either joints or seed (or pose, group_state, trajectory); it has "
+            f"{'both' if given else 'neither'}"
         )
     return _values(fields.joints) if fields.joints is not None else Seed(_values(fields.seed))
 
@@ -237,11 +262,18 @@ def _values(values: JointValues | None) -> Any:
 
 def _srdf_pairs(fields: ProblemFields, robot: RobotModel, directory: Path) -> list[tuple[str, str]]:
     """Return the pairs that the SRDF allows to touch, of links that this robot has."""
-    if fields.robot.srdf is None:
+    path = _srdf(fields, directory)
+    if path is None:
         return []
-    folders = tuple(directory / folder for folder in fields.robot.package_dirs)
-    path = find_description(fields.robot.srdf, directory, folders)
     return [pair for pair in read_allowed_pairs(path) if set(pair) <= robot.link_body.keys()]
+
+
+def _srdf(fields: ProblemFields, directory: Path) -> Path | None:
+    """Return the path of the SRDF, if there is one."""
+    if fields.robot.srdf is None:
+        return None
+    folders = tuple(directory / folder for folder in fields.robot.package_dirs)
+    return find_description(fields.robot.srdf, directory, folders)
 
 
 def _attached(fields: AttachedFields, directory: Path, folders: tuple[Path, ...]) -> AttachedSolid:

@@ -28,7 +28,7 @@ def goal_configurations(problem: PlanningProblem, start: FloatArray, seed: int) 
         Infeasible: None is free (status tube_blocked), or the tool does not reach the goal
             (status unreachable).
     """
-    if problem.goal is not None and not isinstance(problem.goal, Seed):
+    if isinstance(problem.goal, np.ndarray):
         require_free(problem, "goal", problem.goal)
         return problem.goal[None]
     free, blocked = [], None
