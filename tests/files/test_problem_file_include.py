@@ -6,7 +6,7 @@ import shutil
 import numpy as np
 import pytest
 
-from tubeplanner import Tube, load_problem, parse_problem
+from tubeplanner import JointTrajectory, Tube, load_problem, parse_problem
 from tubeplanner.documents import parse_yaml
 from tubeplanner.files.fingerprint import problem_hash
 from tubeplanner.files.problem_file import read_fields, with_other_tube, with_problem
@@ -37,7 +37,7 @@ MAIN = """\
 include: cells/cell.yaml
 tube:
   points: path.csv  # recorded
-start: {joints: [0, 1.0]}
+start: {trajectory: last.json}
 obstacles:
   - {name: part, position: [5, 6, 0]}  # moved
 """
@@ -65,6 +65,8 @@ def folder(tmp_path):
     (cells / "arms" / "arm.srdf").write_text(SRDF)
     (cells / "cell.yaml").write_text(CELL)
     (tmp_path / "main.yaml").write_text(MAIN)
+    last = JointTrajectory(["joint1", "joint2"], [0, 1], [[[0.0, 0.0]], [[0.0, 1.0]]])
+    last.save(tmp_path / "last.json")
     rows = [",".join(map(str, [*point, 0.1])) for point in POINTS]
     (tmp_path / "path.csv").write_text("\n".join(rows))
     return tmp_path
@@ -93,8 +95,7 @@ def test_a_problem_with_included_files_is_the_merged_one(folder):
 @pytest.mark.parametrize("name", ["new.yaml", "elsewhere/new.yaml", "elsewhere/deep/new.json"])
 @pytest.mark.parametrize("source", ["main.yaml", "alone.yaml"])
 def test_every_path_is_found_from_another_folder(folder, source, name, monkeypatch):
-    own = read_fields(folder / "main.yaml")
-    alone = parse_yaml(CELL) | {"start": dict(own["start"])}
+    alone = parse_yaml(CELL) | {"start": {"trajectory": "../last.json"}}
     alone["tube"] |= {"points": "../path.csv"}
     (folder / "cells" / "alone.yaml").write_text(json.dumps(alone))
     path = folder / ("cells" if source == "alone.yaml" else "") / source
@@ -141,7 +142,7 @@ def test_a_route_stands_above_the_tube_and_ends_of_the_cell(folder, monkeypatch)
     found = found.with_tube(Tube([POINTS[0], found.robot.tool_position(found.goal[None])[0]], 0.1))
     fields = read_fields(folder / "main.yaml")
     contents = with_problem(fields, folder, folder / "new.yaml", found)
-    assert parse_yaml(contents.decode())["start"] == {"joints": [0, 1.0]}
+    assert parse_yaml(contents.decode())["start"] == {"joints": [0.0, 1.0]}
     read = written(folder, "new.yaml", contents, monkeypatch)
     assert problem_hash(read) == problem_hash(found)
     assert read.tube.tool_radius == 0

@@ -26,6 +26,8 @@ def test_every_path_is_moved():
             "attached": [{"name": "part", "mesh": "part.stl"}],
         },
         "tube": {"points": "path.csv"},
+        "start": {"trajectory": "last.json"},
+        "goal": {"trajectory": "home.csv"},
         "obstacles": [{"name": "wall", "box": [1, 1, 1]}, {"name": "bin", "mesh": "m/bin.obj"}],
     }
     at = "../cells/one"
@@ -40,6 +42,8 @@ def test_every_path_is_moved():
             "attached": [{"name": "part", "mesh": f"{at}/part.stl"}],
         },
         "tube": {"points": f"{at}/path.csv"},
+        "start": {"trajectory": f"{at}/last.json"},
+        "goal": {"trajectory": f"{at}/home.csv"},
         "obstacles": [
             {"name": "wall", "box": [1, 1, 1]},
             {"name": "bin", "mesh": f"{at}/m/bin.obj"},
