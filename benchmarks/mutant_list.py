@@ -1916,10 +1916,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "_continuing": [("if _is_continued(replace(problem, goal=q)):", "if True:")],
     "_choice": [("if len(found) < 2:", "if len(found) < 1:")],
     # --- problem/path_fields, merged_fields, problem_layers -----------------------------------
-    "_is_bundled_preset": [
-        ("name in bundled_presets() or", ""),
-        ("or not Path(name).suffix", ""),
-    ],
+    "_is_preset_file": [("and Path(name).suffix in PRESET_ENDINGS", "")],
     "move_paths": [("holder, key, holder[key]", "holder, key, key")],
     "merged_fields": [
         ("**shared", ""),

@@ -77,7 +77,7 @@ def test_one_or_a_list_are_the_same(fields):
     assert "../cells/one/a.yaml" in str(moved(fields))
 
 
-@pytest.mark.parametrize("preset", ["fr3", "frr3", ["fer", "fr3"]])
+@pytest.mark.parametrize("preset", ["fr3", "frr3", "arm.2", ["fer", "fr3"]])
 def test_a_preset_without_an_ending_is_a_name(preset):
     assert moved({"robot": {"preset": preset}}) == {"robot": {"preset": preset}}
 

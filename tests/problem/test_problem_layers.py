@@ -156,6 +156,15 @@ def test_a_fault_is_blamed_on_the_file_that_has_it(tmp_path, cell, own, blamed):
     assert message.startswith(f"{tmp_path / blamed}.yaml: "), message
 
 
+def test_an_item_is_found_by_its_name_in_the_file_that_has_it(tmp_path):
+    """Behind another file's items it has another index."""
+    write(tmp_path, low="obstacles: [{name: a, sphere: 1}]")
+    write(tmp_path, high="obstacles: [{name: b, sphere: big}]")
+    write(tmp_path, main="include: [low.yaml, high.yaml]\nrobot: {urdf: a, tool_frame: b}")
+    message = fault(tmp_path / "main.yaml")
+    assert message.startswith(f"{tmp_path / 'high.yaml'}: obstacles[1].sphere is 'big'")
+
+
 def test_a_changed_value_is_not_blamed_on_an_included_file(folder):
     message = fault(folder / "main.yaml", clearance="far")
     assert message.startswith(f"{folder / 'main.yaml'}: clearance is 'far'")

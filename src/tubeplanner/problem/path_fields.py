@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from tubeplanner.resources import EXAMPLE_PREFIX, bundled_presets
+from tubeplanner.resources import EXAMPLE_PREFIX, PRESET_ENDINGS
 
 _PACKAGE_PREFIX, _FILE_PREFIX = "package://", "file://"
 
@@ -36,7 +36,7 @@ def _places(fields: Any) -> Iterator[tuple[Any, Any]]:
     for key in ("urdf", "srdf", "limits_file", "package_dirs"):
         yield from _at(robot, key)
     for holder, key in _at(robot, "preset"):
-        if not _is_bundled_preset(holder[key]):
+        if _is_preset_file(holder[key]):
             yield holder, key
     points = _map(fields.get("tube")).get("points")
     if isinstance(points, str):
@@ -61,9 +61,9 @@ def _map(value: Any) -> Any:
     return value if isinstance(value, dict) else {}
 
 
-def _is_bundled_preset(name: Any) -> bool:
-    """Return whether a preset goes by its name; a file's name has an ending."""
-    return isinstance(name, str) and (name in bundled_presets() or not Path(name).suffix)
+def _is_preset_file(name: Any) -> bool:
+    """Return whether a preset is a file, rather than a bundled name."""
+    return isinstance(name, str) and Path(name).suffix in PRESET_ENDINGS
 
 
 def _moved(path: str, before: Path, after: Path) -> str:
