@@ -157,6 +157,7 @@ TESTS = {
     ),
     "problem/limit_values": ("problem/test_problem.py",),
     "problem/problem_reader": ("problem/test_problem.py", "problem/test_presets.py"),
+    "files/own_fields": ("files/test_problem_file.py",),
     "robot/srdf": ("problem/test_named_endpoint.py",),
     "problem/schema_place": ("problem/test_field_paths.py",),
     "robot/friction_share": ("robot/test_robot_notes.py", "robot/test_unused_note.py"),

@@ -148,6 +148,17 @@ def test_a_route_stands_above_the_tube_and_ends_of_the_cell(folder, monkeypatch)
     assert read.tube.tool_radius == 0
 
 
+@pytest.mark.parametrize("text", ["include: main.yaml\nstart: {joints: [0, 1]}\n", "{}\n"])
+def test_a_tube_stands_where_a_reader_expects_it_though_the_robot_is_included(folder, text):
+    found = load_problem(folder / "main.yaml")
+    found = found.with_tube(Tube(POINTS, 0.4), found.start)
+    (folder / "short.yaml").write_text(text)
+    fields = read_fields(folder / "short.yaml")
+    contents = with_problem(fields, folder, folder / "new.yaml", found).decode()
+    order = ["include", "tube", "start", "goal"]
+    assert list(parse_yaml(contents)) == [key for key in order if f"{key}:" in contents]
+
+
 @pytest.mark.parametrize(
     "changes", [{"obstacles.bin.position": [5, 1, 0]}, {"robot.gravity.2": -1}]
 )

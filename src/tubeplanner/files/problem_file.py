@@ -29,7 +29,7 @@ from tubeplanner.tube.joint_ranges import JointRange, sign_of
 from tubeplanner.tube.tube import Tube
 
 _MAX_LINE_LENGTH = 1000  # [characters]: lines are left as they were
-_ORDER = ("format", "version", "robot", "tube", "start", "goal")
+_ORDER = ("format", "version", "include", "robot", "tube", "start", "goal")
 _MEASURED = ("radius", "cross_section", "joint_signs")
 _CELL = ("obstacles", "clearance", "collision")
 
@@ -231,7 +231,7 @@ def _insert(fields: Any, key: str, value: Any) -> None:
     """Put a key where a reader expects it: tube, start and goal in this order, after the robot."""
     names = list(fields)
     before = _ORDER[: _ORDER.index(key)]
-    place = 1 + max(names.index(name) for name in before if name in fields)
+    place = 1 + max((names.index(name) for name in before if name in fields), default=-1)
     if isinstance(fields, CommentedMap):
         fields.insert(place, key, value)
         return
