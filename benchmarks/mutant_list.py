@@ -161,6 +161,8 @@ TESTS = {
     ),
     "problem/limit_values": ("problem/test_problem.py",),
     "problem/problem_reader": ("problem/test_problem.py", "problem/test_presets.py"),
+    "files/own_fields": ("files/test_problem_file.py",),
+    "robot/srdf": ("problem/test_named_endpoint.py",),
     "problem/schema_place": ("problem/test_field_paths.py",),
     "robot/friction_share": ("robot/test_robot_notes.py", "robot/test_unused_note.py"),
     "robot/per_joint_values": ("robot/test_joint_limits.py", "robot/test_motor_overrides.py"),
@@ -1917,10 +1919,54 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "_options": [("if not is_of_objective(path):", "if True:")],
     "_documents": [("{**changes, path: value}", "{path: value, **changes}")],
     # --- files/problem_file, files/fingerprint ------------------------------------------------
-    "_move_presets": [
-        ("and given not in bundled", ""),
-        ("name if name in bundled else _moved", "_moved"),
+    "_alone": [
+        ("if key not in value:", "if False:"),
+        ('and below.get("joint_signs")', "and False"),
     ],
+    "_has_joints": [('end.get("joints") is not None', "True")],
+    "change_own": [("if value == old:", "if False:")],
+    "_change_items": [("own.append({", "own.insert(0, {")],
+    "_own_part": [("deepcopy(held)", "held")],
+    # --- problem/named_endpoint, tool_pose, robot/srdf; branches/pose_configurations ... -------
+    "named_endpoint": [
+        ('if key != "seed" or "pose" not in given', ""),
+        ("if not set(_ALONE) & set(given):", "if not given:"),
+    ],
+    "_last_configuration": [
+        ("trajectory.position(trajectory.duration)", "trajectory.position(0.0)"),
+        ("[columns[name] for name in robot.joint_names]", "list(range(robot.joint_count))"),
+    ],
+    "read_group_state": [("key=lambda k: len(missing[k])", "key=lambda k: k")],
+    "ToolPose.errors": [
+        ("self.rotation.T @ rotation", "rotation"),
+        ("np.trace(turn) - 1", "1.0"),
+    ],
+    "pose_configurations": [
+        ("not is_free(problem, end, q), ", ""),
+        ("not _is_held(problem, q), ", ""),
+        ("(q - middle)", "(q - q)"),
+    ],
+    "reaching": [("solution.rotation_error) <= _REACHED", "0.0) <= _REACHED")],
+    "_outside": [("beyond.max(axis=1).argmin()", "beyond.max(axis=1).argmax()")],
+    "middle_of": [("np.clip(0.0, lower, upper)", "0.0")],
+    "half_ranges": [("np.isfinite(half)", "np.isnan(half)")],
+    "_continuing": [("if _is_continued(replace(problem, goal=q)):", "if True:")],
+    "_choice": [("if len(found) < 2:", "if len(found) < 1:")],
+    # --- problem/path_fields, merged_fields, problem_layers -----------------------------------
+    "_is_preset_file": [("and Path(name).suffix in PRESET_ENDINGS", "")],
+    "move_paths": [("holder, key, holder[key]", "holder, key, key")],
+    "merged_fields": [
+        ("**shared", ""),
+        ("if is_named(below) and is_named(above):", "if is_named(above):"),
+    ],
+    "_merged_items": [('and item["name"] not in first', "")],
+    "ProblemLayers.source_of": [
+        ("self.documents[::-1]", "self.documents"),
+        ("found == wanted", "True"),
+    ],
+    "ProblemLayers.of": [("if len(layers) == _MAX_FILES:", "if False:")],
+    "_layers": [("(*chain, resolved)", "(resolved,)")],
+    "_value_at": [("and is_named(document)", "and False")],
     "_motor_parts": [
         ("if motors.has_coulomb_friction", "if False"),
         ("motors.backwards_friction, ", ""),

@@ -12,6 +12,7 @@ from tubeplanner import (
     PlanningProblem,
     PlanOptions,
     Seed,
+    ToolPose,
     Tube,
     load_problem,
     load_robot,
@@ -190,3 +191,11 @@ def simulated_sweep(failed):
             survival = Survival(verdict, count == 0, nothing, row.duration, None, {})
         rows.append(replace(row, result=replace(row.result, survival=survival)))
     return FieldSweep(swept.name, swept.path, tuple(rows))
+
+
+def pose_at(problem, q, seed=None):
+    """Return the pose that the tool has in a configuration."""
+    rotation, position = problem.robot.tool_pose(np.array([q]))
+    placement = np.eye(4)
+    placement[:3, :3], placement[:3, 3] = rotation[0], position[0]
+    return ToolPose(placement, seed)

@@ -4,7 +4,7 @@ from functools import cache
 from pathlib import Path
 
 from cases import PROBLEMS
-from tubeplanner.files.trajectory_file import TrajectoryFile, read_trajectory_file
+from tubeplanner.trajectory.trajectory_file import TrajectoryFile, read_trajectory_file
 
 STOP, SEARCH, REFINEMENT = "stop-at-corners", "branch-and-bound", "refinement"
 FOLDER = Path(__file__).with_name("trajectories")

@@ -62,6 +62,7 @@ KNOWS = {
         "problem.limit_fields",
         "problem.moveit_limits",
         "problem.presets",
+        "problem.pose_fields",
         "problem.problem_faults",
         "problem.problem_format",
         "problem.schema_place",

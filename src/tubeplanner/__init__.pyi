@@ -43,6 +43,7 @@ from .problem.problem import PlanningProblem as PlanningProblem
 from .problem.problem import Seed as Seed
 from .problem.contact import Contact as Contact
 from .problem.goal_region import GoalRegion as GoalRegion
+from .problem.tool_pose import ToolPose as ToolPose
 from .problem.objective import Objective as Objective
 from .tube.tube import Tube as Tube
 from .collision.obstacle import Obstacle as Obstacle
@@ -51,7 +52,7 @@ from .collision.obstacle import placement_of as placement_of
 
 # Trajectory
 from .trajectory.joint_trajectory import JointTrajectory as JointTrajectory
-from .files.trajectory_file import read_trajectory as read_trajectory
+from .trajectory.trajectory_file import read_trajectory as read_trajectory
 from .constraints.time_scaling import scaling_factor as scaling_factor
 from .waypoint_search.waypoint_interpolation import sequential_quartics as sequential_quartics
 from .waypoint_search.waypoint_interpolation import quartic_spline as quartic_spline

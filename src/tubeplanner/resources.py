@@ -14,7 +14,7 @@ from tubeplanner.errors import ProblemError, RobotError, unknown_name
 EXAMPLE_PREFIX = "example:"
 _PACKAGE_PREFIX = "package://"
 _PRESETS = "presets"  # the bundled folder that holds limits and motors alone
-_PRESET_ENDINGS = (".yaml", ".yml", ".json")
+PRESET_ENDINGS = (".yaml", ".yml", ".json")
 
 # The robots of example-robot-data, below its folder `robots`, by the names of its former loaders
 # package. The distribution has data only, so the table is kept here. It covers releases 5.0 and
@@ -164,7 +164,7 @@ def find_preset(name: str | Path, directory: Path) -> Path:
     if str(name) in presets:
         return presets[str(name)]
     path = directory / name
-    if path.suffix not in _PRESET_ENDINGS:
+    if path.suffix not in PRESET_ENDINGS:
         message = unknown_name("preset", str(name), presets)
         raise RobotError(f"{message}, or the path of a YAML file")
     if not _exists(path) or path.is_dir():

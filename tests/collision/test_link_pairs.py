@@ -9,7 +9,7 @@ import trimesh
 from cases import SHORTEST
 from tubeplanner import Obstacle, load_problem, load_robot, placement_of, plan, verify
 from tubeplanner.collision.collision_checker import CollisionChecker, LeftOutPair
-from tubeplanner.files.trajectory_file import read_trajectory
+from tubeplanner.trajectory.trajectory_file import read_trajectory
 
 CASES = Path(__file__).parents[1] / "cases"
 # A ring on the base, a rod through it that never touches it, and a plate that cuts the rod.

@@ -8,7 +8,7 @@ import pytest
 from tubeplanner import JointTrajectory
 from tubeplanner.controllers.controller_verdict import Effect
 from tubeplanner.controllers.joint_trajectory_controller import judged_by_jtc
-from tubeplanner.files.trajectory_file import read_trajectory_file
+from tubeplanner.trajectory.trajectory_file import read_trajectory_file
 
 NAMES = ("joint1", "joint2")
 TIMES = np.linspace(0.0, 1.0, 11)

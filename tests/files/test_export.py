@@ -21,7 +21,7 @@ from tubeplanner import (
 )
 from tubeplanner.files.export import trajectory_csv, trajectory_json, trajectory_ros
 from tubeplanner.files.export_samples import samples_for_export
-from tubeplanner.files.trajectory_file import read_trajectory_file
+from tubeplanner.trajectory.trajectory_file import read_trajectory_file
 from tubeplanner.verification.judged_condition import FOREIGN_TOLERANCE
 
 UR5 = "ur5/over_the_wall"

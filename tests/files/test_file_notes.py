@@ -4,7 +4,7 @@ import pytest
 from tubeplanner import JointTrajectory, LimitOverrides, PlanningProblem, Tube, load_robot
 from tubeplanner.files.file_notes import notes_on_file
 from tubeplanner.files.fingerprint import problem_hash, robot_hash
-from tubeplanner.files.trajectory_file import TrajectoryFile
+from tubeplanner.trajectory.trajectory_file import TrajectoryFile
 
 UR5 = "ur5/over_the_wall"
 

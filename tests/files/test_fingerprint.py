@@ -3,12 +3,13 @@
 import copy
 import pickle
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import trimesh
 
-from tubeplanner import AttachedSolid, Obstacle, parse_problem, placement_of
+from tubeplanner import AttachedSolid, Obstacle, Seed, ToolPose, Tube, parse_problem, placement_of
 from tubeplanner.collision import link_pairs, mesh_cover, mesh_file
 from tubeplanner.collision.convex_shape import box
 from tubeplanner.files.fingerprint import problem_hash, robot_hash
@@ -346,3 +347,17 @@ def test_each_side_of_a_box_and_its_turn_count(cell):
     ]
     assert len(set(hashes[:4])) == 4
     assert hashes[4] == hashes[1]
+
+
+def test_a_pose_counts_with_its_seed(cell):
+    """And is another end than the configuration that it leads to."""
+    problem = parse_problem(FIELDS, cell)
+    q = np.array([0.1, 0.2])
+    rotation, position = problem.robot.tool_pose(q[None])
+    placement = np.eye(4)
+    placement[:3, :3], placement[:3, 3] = rotation[0], position[0]
+    turned = placement @ placement_of(rpy=[0, 0, 0.1])
+    tube = Tube([position[0], position[0] + np.array([0, 0.1, 0])], 0.1)
+    ends = [ToolPose(placement), ToolPose(placement, q), ToolPose(turned), q, Seed(q)]
+    hashes = {problem_hash(replace(problem, tube=tube, start=end)) for end in ends}
+    assert len(hashes) == len(ends)

@@ -9,8 +9,8 @@ from tubeplanner import Obstacle, placement_of
 from tubeplanner.files.file_notes import notes_on_file
 from tubeplanner.files.fingerprint import problem_hash, robot_hash
 from tubeplanner.files.former_fingerprint import former_problem_hash, is_former_hash
-from tubeplanner.files.trajectory_file import TrajectoryFile
 from tubeplanner.resources import bundled_folder
+from tubeplanner.trajectory.trajectory_file import TrajectoryFile
 
 PART = bundled_folder() / "ur5" / "part.stl"
 # What files of these problems stated.

@@ -14,12 +14,12 @@ from tubeplanner import Tube, load_problem
 from tubeplanner.documents import parse_yaml
 from tubeplanner.errors import ProblemError
 from tubeplanner.files.problem_file import (
-    move_paths,
     new_fields,
     read_fields,
     with_other_tube,
     with_problem,
 )
+from tubeplanner.problem.path_fields import move_paths
 from tubeplanner.problem.problem_fields import changed_problem
 from tubeplanner.resources import bundled_folder
 

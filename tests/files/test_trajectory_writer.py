@@ -17,8 +17,8 @@ from tubeplanner import (
 )
 from tubeplanner.files.file_notes import notes_on_file
 from tubeplanner.files.fingerprint import problem_hash, robot_hash
-from tubeplanner.files.trajectory_file import read_trajectory_file
 from tubeplanner.files.trajectory_writer import TrajectoryFiles
+from tubeplanner.trajectory.trajectory_file import read_trajectory_file
 from tubeplanner.verification.judged_condition import FOREIGN_TOLERANCE
 
 POST = "two_link/around_a_post"

@@ -10,11 +10,11 @@ import pytest
 
 from cases import slow_but
 from tubeplanner import Planner, PlanOptions, plan, verify
-from tubeplanner.files.trajectory_file import joined_samples
 from tubeplanner.files.trajectory_writer import TrajectoryFiles
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.refinement.refinement import Refinement
 from tubeplanner.refinement.second_stage import SecondStage
+from tubeplanner.trajectory.trajectory_file import joined_samples
 
 LINE, POST, WALL = "two_link/paper_1_30mm", "two_link/around_a_post", "ur5/over_the_wall"
 CASES = [(LINE, 0.001), (LINE, 0.004), (LINE, 0.008), (POST, 0.004), (WALL, 0.008), (WALL, 0.001)]

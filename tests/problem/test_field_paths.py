@@ -225,7 +225,7 @@ def test_every_field_of_the_schema_can_be_made():
     for path, model in sections.items():
         fields = (schema if model is None else schema["$defs"][model])["properties"]
         assert fields
-        for key in fields:
+        for key in fields.keys() - {"include"}:  # files are included before values are changed
             whole = f"{path}.{key}".lstrip(".")
             assert changed({whole: "the value"}) != DOCUMENT
 

@@ -104,8 +104,11 @@ def test_values_follow_the_group_order_of_the_file():
             {"joints": {"joint1": 0, "join2": 0}},
             "END: unknown joint 'join2' (did you mean 'joint2'?); there is: joint1, joint2",
         ),
-        ({}, "END takes either joints or seed; it has neither"),
-        ({"joints": [0, 0], "seed": [0, 0]}, "END takes either joints or seed; it has both"),
+        ({}, "END takes either joints or seed (or pose, group_state, trajectory); it has neither"),
+        (
+            {"joints": [0, 0], "seed": [0, 0]},
+            "END takes either joints or seed (or pose, group_state, trajectory); it has both",
+        ),
         (
             {"seed": [0, 4]},
             "END.seed: joint 'joint2' at 4 is outside its position limits [-3.14159, 3.14159] "

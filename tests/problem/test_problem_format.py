@@ -58,10 +58,10 @@ def read(tmp_path, text, name="p.yaml"):
 
 # --- names -------------------------------------------------------------------------------------
 
+ENDPOINT = "joints, seed, position, tolerance, rotation_tolerance, pose, group_state, trajectory"
 TOP = (
-    "format, version, robot, tube, start, goal, obstacles, clearance, contacts, collision, "
-    "objective, "
-    "period, robustness"
+    "format, version, include, robot, tube, start, goal, obstacles, clearance, contacts, "
+    "collision, objective, period, robustness"
 )
 ROBOT = (
     "urdf, package_dirs, srdf, tool_frame, tool_offset, joints, locked_joints, gravity, payload, "
@@ -73,7 +73,6 @@ MOTORS = "armature, viscous_friction, coulomb_friction, saturation_effort, no_lo
 MOTORS += "friction_from_urdf, friction_uncertainty"
 TUBE = "points, cross_section, radius, tool_radius, joint_signs, orientations, "
 TUBE += "rotation_tolerance, tool_speed, visit, pass_through_points"
-ENDS = "joints, seed, position, tolerance, rotation_tolerance"
 OBSTACLE = "name, box, sphere, cylinder, capsule, mesh, scale, position, rpy, quaternion"
 
 
@@ -95,8 +94,8 @@ OBSTACLE = "name, box, sphere, cylinder, capsule, mesh, scale, position, rpy, qu
         ("robot.payload", {"mas": 1}, "robot.payload", "mas", "mass", "mass, com, inertia"),
         ("robot.tool_offset.rpi", [0, 0, 0], "robot.tool_offset", "rpi", "rpy", "position, rpy"),
         ("tube.radii", 0.1, "tube", "radii", "radius", TUBE),
-        ("start.joint", [0, 0], "start", "joint", "joints", ENDS),
-        ("goal", {"joint": [0, 0]}, "goal", "joint", "joints", ENDS),
+        ("start.joint", [0, 0], "start", "joint", "joints", ENDPOINT),
+        ("goal", {"joint": [0, 0]}, "goal", "joint", "joints", ENDPOINT),
         ("obstacles", [{"name": "a", "boxx": 1}], "obstacles[0]", "boxx", "box", OBSTACLE),
         (
             "obstacles",

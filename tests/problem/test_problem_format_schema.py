@@ -72,11 +72,29 @@ def test_physical_fields_say_their_unit():
         "PointSpeedFields": ["position", "speed"],
         "ObstacleFields": ["box", "sphere", "cylinder", "capsule", "position", "rpy"],
         "EndpointFields": ["joints", "seed"],
+        "PoseFields": ["position", "rpy"],
     }
     for section, names in units.items():
         for name in names:
             field = SCHEMA["$defs"][section]["properties"][name]
             assert "[" in field["description"], name
+
+
+@pytest.mark.parametrize(
+    "end",
+    [
+        {"pose": {"position": [0.4, 0, 0.4], "rpy": [0, 0, 0]}, "seed": [0, 0, 0, 0, 0, 0]},
+        {"pose": {"position": [0.4, 0, 0.4], "quaternion": [0, 0, 0, 1]}},
+        {"group_state": "ready"},
+        {"trajectory": "last.json"},
+    ],
+)
+@pytest.mark.parametrize("include", ["cell.yaml", ["cell.yaml", "tool.yaml"]])
+def test_named_ends_and_includes_are_valid(end, include):
+    path = bundled_problems()["ur5/over_the_wall"]
+    fields = YAML(typ="safe", pure=True).load(path.read_text())
+    fields |= {"start": end, "goal": end, "include": include}
+    jsonschema.Draft202012Validator(SCHEMA).validate(fields)
 
 
 @pytest.mark.parametrize("radius", [None, 0.03, [0.03, None, 0.03]])

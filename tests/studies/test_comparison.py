@@ -9,10 +9,10 @@ import pytest
 from stored_trajectories import STOP
 from tubeplanner import OptionError, PlanOptions, compare, load_problem, plan
 from tubeplanner.baselines.baselines import BASELINES, judged_baseline
-from tubeplanner.files.trajectory_file import read_trajectory
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.planning.plan_options import METHODS
 from tubeplanner.studies import comparison as module
+from tubeplanner.trajectory.trajectory_file import read_trajectory
 
 PROBLEM = "example:two_link/paper_5_50mm"
 KEYS = (

@@ -21,6 +21,7 @@ from tubeplanner.baselines.fixed_path_bang_bang import (
 )
 from tubeplanner.baselines.smoothed_bang_bang import smoothed_trajectory
 from tubeplanner.baselines.tool_path import ToolPath, tool_paths
+from tubeplanner.branches.configured_ends import configured_ends
 from tubeplanner.branches.known_branches import KnownBranches
 from tubeplanner.branches.reference_branch import ReferenceBranch, redundancy_rules
 from tubeplanner.outcome import Infeasible
@@ -117,7 +118,7 @@ def judged_baseline(
     Raises:
         Infeasible: The scheme has no answer; the reason is that of the most natural rule.
     """
-    problem = problem.joined
+    problem, _ = configured_ends(problem.joined)
     branches = KnownBranches(problem, PlanningClock(None, progress))
     first: tuple[Baseline, Certificate] | None = None
     reasons: list[Infeasible] = []

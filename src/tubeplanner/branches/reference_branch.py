@@ -14,6 +14,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.branches.inverse_kinematics import solve_position
+from tubeplanner.branches.pose_configurations import pose_configurations
 from tubeplanner.branches.reference_turn import wanted_at
 from tubeplanner.branches.segment_walk import (
     SegmentWalk,
@@ -24,6 +25,7 @@ from tubeplanner.branches.segment_walk import (
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.polyline import arc_lengths
 from tubeplanner.problem.problem import PlanningProblem, Seed
+from tubeplanner.problem.tool_pose import ToolPose
 
 _SEED_TOLERANCE = 1e-6  # [m] between the tool and the reference point of a seed
 # How near the branch must come to a given goal configuration to be on its branch [rad or m].
@@ -147,12 +149,17 @@ def _pulls(
     return (1 - share) * start + share * goal
 
 
-def end_configuration(problem: PlanningProblem, given: FloatArray | Seed, point: int) -> FloatArray:
-    """Return the start (point 0) or goal (point -1), shape (n,): as given, or from its seed.
+def end_configuration(
+    problem: PlanningProblem, given: FloatArray | Seed | ToolPose, point: int
+) -> FloatArray:
+    """Return the start (point 0) or goal (point -1), (n,): as given, or from its seed or pose.
 
     Raises:
-        Infeasible: Status unreachable: the seed does not lead there.
+        Infeasible: Status unreachable: the seed does not lead there, or the pose is not reached.
     """
+    if isinstance(given, ToolPose):
+        first: FloatArray = pose_configurations(problem, given, point)[0]
+        return first
     if not isinstance(given, Seed):
         return given
     segment = 0 if point == 0 else problem.tube.segment_count - 1

@@ -22,9 +22,9 @@ from tubeplanner.errors import OptionError
 
 if TYPE_CHECKING:
     from tubeplanner.controllers.controller_verdict import ControllerVerdict
-    from tubeplanner.files.trajectory_file import TrajectoryFile
     from tubeplanner.outcome import Place
     from tubeplanner.problem.problem import PlanningProblem
+    from tubeplanner.trajectory.trajectory_file import TrajectoryFile
     from tubeplanner.verification.certificate import Certificate
     from tubeplanner.verification.judged_condition import Tolerance
 
@@ -49,7 +49,7 @@ def check(
     as_json: bool,
 ) -> int:
     """Judge the TRAJECTORY file against PROBLEM."""
-    from tubeplanner.files.trajectory_file import read_trajectory_file
+    from tubeplanner.trajectory.trajectory_file import read_trajectory_file
     from tubeplanner.verification.judged_condition import FOREIGN_TOLERANCE, Tolerance
     from tubeplanner.verification.verification import verify
 

@@ -77,6 +77,7 @@ def _measure(
     from tubeplanner.files.output_files import require_writable, write_files
     from tubeplanner.files.problem_file import with_other_tube
     from tubeplanner.measurement.tube_measurement import measure_tube
+    from tubeplanner.problem.problem_layers import ProblemLayers
     from tubeplanner.resources import find_problem
 
     outputs = [] if output is None else [output]
@@ -84,7 +85,7 @@ def _measure(
     with shown_progress() as enter:
         loaded, loading_time = load_timed(problem, enter, changes)
         source = find_problem(problem, Path())
-        require_writable(outputs, [source, loaded.robot.urdf.path])
+        require_writable(outputs, [*ProblemLayers.read(source).files, loaded.robot.urdf.path])
         result = measure_tube(loaded, options, enter)
     if output is not None and result.problem is not None:
         contents = with_other_tube(source, output, result.problem.tube, changes)

@@ -87,12 +87,12 @@ def simulate(
     What is seen in some runs is not proved for others. An error that is not given is that of
     PROBLEM's robustness, or the usual one. Exit status 0 also if runs fail.
     """
-    from tubeplanner.files.trajectory_file import read_trajectory_file
     from tubeplanner.problem.robustness import Robustness
     from tubeplanner.simulation.execution import executed
     from tubeplanner.simulation.judged_runs import judged_runs
     from tubeplanner.simulation.mujoco_model import require_mujoco
     from tubeplanner.simulation.plant import Draw, drawn_plants
+    from tubeplanner.trajectory.trajectory_file import read_trajectory_file
 
     pictures = _Pictures(plot, html)
     pictures.require_usable(problem, trajectory)

@@ -48,7 +48,7 @@ def plot(
     """
     from tubeplanner.files.file_notes import notes_on_file
     from tubeplanner.files.output_files import require_writable
-    from tubeplanner.files.trajectory_file import read_trajectory_file
+    from tubeplanner.trajectory.trajectory_file import read_trajectory_file
     from tubeplanner.views.plotting import plot_trajectory
 
     target = output or trajectory.with_suffix(".png")

@@ -76,6 +76,7 @@ def route(
     """
     from tubeplanner.files.output_files import require_writable
     from tubeplanner.files.problem_file import read_fields
+    from tubeplanner.problem.problem_layers import ProblemLayers
     from tubeplanner.resources import find_problem
     from tubeplanner.tube_sources.joint_route import require_ompl
     from tubeplanner.tube_sources.route import find_route
@@ -91,7 +92,7 @@ def route(
     with shown_progress() as enter:
         loaded, loading_time = load_timed(problem, enter, changes, reads_tube=False)
         source = find_problem(problem, Path())
-        require_writable(outputs, [source, loaded.robot.urdf.path])
+        require_writable(outputs, [*ProblemLayers.read(source).files, loaded.robot.urdf.path])
         answer = find_route(loaded, options, enter)
     found = {output: answer.found, measured: answer.measured}
     written = _write(read_fields(source, changes), source.parent, found)
@@ -144,7 +145,7 @@ def teach(
     """
     from tubeplanner.files.output_files import require_writable
     from tubeplanner.files.taught_problem import read_cell, taught_problem
-    from tubeplanner.files.trajectory_file import read_trajectory_file
+    from tubeplanner.trajectory.trajectory_file import read_trajectory_file
     from tubeplanner.tube_sources.teach import TeachOptions
     from tubeplanner.tube_sources.teach import teach as teach_tube
 

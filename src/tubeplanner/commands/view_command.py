@@ -34,7 +34,7 @@ def view(
 ) -> None:
     """Show PROBLEM and TRAJECTORY files, side by side, in 3D."""
     from tubeplanner.files.output_files import require_writable
-    from tubeplanner.files.trajectory_file import read_trajectory_file
+    from tubeplanner.trajectory.trajectory_file import read_trajectory_file
     from tubeplanner.views.viewer import names_of_files
     from tubeplanner.views.viewer import view as view_scene
 

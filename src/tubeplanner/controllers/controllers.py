@@ -5,8 +5,8 @@ from tubeplanner.controllers.franka_control import judged_by_franka
 from tubeplanner.controllers.franka_limits import FRANKA_ARMS, franka_limits
 from tubeplanner.controllers.joint_trajectory_controller import judged_by_jtc
 from tubeplanner.errors import OptionError, unknown_name
-from tubeplanner.files.trajectory_file import TrajectoryFile
 from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.trajectory.trajectory_file import TrajectoryFile
 
 _JTC = "jtc"
 CONTROLLERS = (*FRANKA_ARMS, _JTC)

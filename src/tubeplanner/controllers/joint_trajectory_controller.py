@@ -15,11 +15,11 @@ from tubeplanner.controllers.controller_verdict import (
     Effect,
 )
 from tubeplanner.files.export_samples import samples_for_export
-from tubeplanner.files.trajectory_file import GivenSamples, TrajectoryFile
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.trajectory.bernstein import peak_magnitudes
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
+from tubeplanner.trajectory.trajectory_file import GivenSamples, TrajectoryFile
 
 _RATE = 500.0  # [Hz], as `plan --ros` writes
 _MOVES = float(np.finfo(np.float32).eps)  # the controller's own bound

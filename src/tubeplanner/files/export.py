@@ -10,8 +10,8 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import OutputError, shown
-from tubeplanner.files.trajectory_file import TRAJECTORY_FORMAT, TRAJECTORY_VERSION
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
+from tubeplanner.trajectory.trajectory_file import TRAJECTORY_FORMAT, TRAJECTORY_VERSION
 
 _FORMULA_BEGINS = ("=", "+", "-", "@")
 

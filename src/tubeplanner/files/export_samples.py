@@ -17,11 +17,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from tubeplanner.constraints.time_scaling import minimum_duration
-from tubeplanner.files.trajectory_file import joined_samples
 from tubeplanner.outcome import Infeasible
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.averaging import averaged
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
+from tubeplanner.trajectory.trajectory_file import joined_samples
 from tubeplanner.verification.judged_condition import FOREIGN_TOLERANCE
 from tubeplanner.verification.verification import verify
 

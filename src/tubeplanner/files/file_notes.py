@@ -5,9 +5,9 @@ import numpy as np
 from tubeplanner.errors import RobotError
 from tubeplanner.files.fingerprint import problem_hash, robot_hash
 from tubeplanner.files.former_fingerprint import former_problem_hash, is_former_hash
-from tubeplanner.files.trajectory_file import TrajectoryFile
-from tubeplanner.problem.problem import PlanningProblem, Seed
+from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
+from tubeplanner.trajectory.trajectory_file import TrajectoryFile
 
 _NEAR = 1e-2  # [rad or m]: starts this close to each other are the same
 
@@ -47,7 +47,7 @@ def _other_origin(problem: PlanningProblem, stated_hash: str) -> str:
 
 def _likely_misreading(problem: PlanningProblem, trajectory: JointTrajectory) -> str | None:
     """Return a guess why a trajectory does not start where it should; None if there is none."""
-    if isinstance(problem.start, Seed):
+    if not isinstance(problem.start, np.ndarray):
         return None
     names, revolute = problem.robot.joint_names, problem.robot.revolute
     start, q = problem.start, trajectory.reordered(names).position(0.0)

@@ -19,6 +19,7 @@ from tubeplanner.collision.obstacle import AttachedSolid, Obstacle
 from tubeplanner.collision.solid_contents import SolidContents
 from tubeplanner.problem.goal_region import GoalRegion
 from tubeplanner.problem.problem import PlanningProblem, Seed
+from tubeplanner.problem.tool_pose import ToolPose
 from tubeplanner.robot.joint_limits import JointLimits
 from tubeplanner.robot.joint_motors import JointMotors
 from tubeplanner.robot.robot_model import RobotModel
@@ -59,6 +60,8 @@ def question_parts(problem: PlanningProblem) -> list[object]:
         if isinstance(given, GoalRegion):
             bounds = given.rotation_tolerance
             parts += [given.position, given.tolerance, bounds]
+        if isinstance(given, ToolPose):
+            parts += [given.placement, given.seed]
         else:
             parts.append(given.joints if isinstance(given, Seed) else given)
     return parts

@@ -2,8 +2,8 @@
 
 import io
 import json
-import os
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
@@ -13,16 +13,25 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import ProblemError
+from tubeplanner.files.own_fields import change_own
+from tubeplanner.problem.field_types import Section
+from tubeplanner.problem.merged_fields import merged_fields
+from tubeplanner.problem.path_fields import move_paths
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.problem.problem_fields import changed_problem
-from tubeplanner.problem.problem_format import PROBLEM_FORMAT, read_document
-from tubeplanner.resources import EXAMPLE_PREFIX, bundled_presets
+from tubeplanner.problem.problem_format import (
+    PROBLEM_FORMAT,
+    EndpointFields,
+    TubeFields,
+    read_document,
+)
+from tubeplanner.problem.problem_layers import ProblemLayers
 from tubeplanner.tube.joint_ranges import JointRange, sign_of
 from tubeplanner.tube.tube import Tube
 
-_PACKAGE_PREFIX = "package://"
 _MAX_LINE_LENGTH = 1000  # [characters]: lines are left as they were
-_ORDER = ("format", "version", "robot", "tube", "start", "goal")
+_ORDER = ("format", "version", "include", "robot", "tube", "start", "goal")
+_MEASURED = ("radius", "cross_section", "joint_signs")
 _CELL = ("obstacles", "clearance", "contacts", "collision")
 
 
@@ -42,7 +51,23 @@ def read_fields(path: Path, changes: Mapping[str, Any] | None = None) -> Any:
     fields = plain if path.suffix == ".json" else _yaml().load(path.read_text("utf-8-sig"))
     changes = changes or {}
     rows = {key: _in_a_row(v) if isinstance(v, list | dict) else v for key, v in changes.items()}
-    return changed_problem(fields, rows)
+    merged = included_fields(fields, path.parent, path)
+    change_own(fields, merged, changed_problem(merged, rows))
+    return fields
+
+
+def included_fields(fields: Any, folder: Path, path: Path | None = None) -> Any:
+    """Return what a problem file's own fields give with what they include.
+
+    Args:
+        fields: Its own fields.
+        folder: Where their relative paths start.
+        path: The file, as messages call it; None: it is in no file.
+
+    Raises:
+        ProblemError: An included file cannot be read or is none.
+    """
+    return ProblemLayers.of(fields, folder, str(path or "the problem"), path).merged
 
 
 def new_fields(urdf: str, tool_frame: str, cell: Path | None) -> Any:
@@ -59,7 +84,7 @@ def new_fields(urdf: str, tool_frame: str, cell: Path | None) -> Any:
     robot = CommentedMap(urdf=urdf, tool_frame=tool_frame)
     fields = CommentedMap(format=PROBLEM_FORMAT, version=1, robot=robot)
     if cell is not None:
-        read = read_fields(cell)
+        read = included_fields(read_fields(cell), cell.parent, cell)
         if not read.get("obstacles"):
             raise ProblemError(f"{cell}: obstacles is required: a list of solids")
         taken = {key: read[key] for key in _CELL if key in read}
@@ -77,16 +102,38 @@ def with_problem(fields: Any, folder: Path, target: Path, problem: PlanningProbl
         target: Where the contents will be; its ending says whether they are JSON or YAML.
         problem: Its tube and its ends, configurations, are written.
     """
+    below = ProblemLayers.of(fields, folder, "the problem").below
+    merged = merged_fields(below, fields)
     changes: dict[str, Any] = {"tube": _tube_fields(problem.tube)}
     for end, q in (("start", problem.start), ("goal", problem.goal)):
         assert isinstance(q, np.ndarray)
-        changes[end] = _in_a_row({"joints": _in_a_row(q.tolist())})
+        if not _has_joints(merged.get(end)):
+            changes[end] = _in_a_row({"joints": _in_a_row(q.tolist())})
     for key, value in changes.items():
-        if key not in fields:
-            _insert(fields, key, value)
-        elif key == "tube" or "joints" not in fields[key]:
-            fields[key] = value
+        alone = _alone(value, below.get(key), TubeFields if key == "tube" else EndpointFields)
+        if key in fields:
+            fields[key] = alone
+        else:
+            _insert(fields, key, alone)
     return _contents(fields, folder, target)
+
+
+def _has_joints(end: Any) -> bool:
+    """Return whether start or goal is a configuration, which is kept as it is written."""
+    return isinstance(end, dict) and end.get("joints") is not None
+
+
+def _alone(value: Any, below: Any, model: type[Section]) -> Any:
+    """Return a map that means the same above another one: it has defaults for that one's keys."""
+    if not isinstance(below, dict):
+        return value
+    for key in below:
+        if key not in value:
+            value[key] = model.model_fields[key].default
+    if isinstance(value.get("joint_signs"), dict) and below.get("joint_signs"):
+        # One map would be merged; a list is replaced.
+        value["joint_signs"] = [deepcopy(value["joint_signs"]) for _ in value["radius"]]
+    return value
 
 
 def with_other_tube(
@@ -102,18 +149,21 @@ def with_other_tube(
         changes: Other values of the file, by field path.
     """
     fields, other = read_fields(source, changes), _tube_fields(tube)
-    written = fields["tube"]["points"]
+    below = ProblemLayers.of(fields, source.parent, str(source)).below.get("tube") or {}
+    own = fields.setdefault("tube", CommentedMap())
+    written = merged_fields(below, own)["points"]
     if isinstance(written, str) or len(written) != len(tube.points):
-        fields["tube"]["points"] = other["points"]
+        own["points"] = other["points"]
         for key, values in (_rotation_fields(tube) | _speed_fields(tube)).items():
-            fields["tube"][key] = values
+            own[key] = values
         if tube.clearance is not None:
-            fields["clearance"]["segments"] = _numbers_or_none(tube.clearance)
-    for key in ("radius", "cross_section", "joint_signs"):
-        if key in other:
-            fields["tube"][key] = other[key]
-        else:
-            fields["tube"].pop(key, None)
+            segments = {"segments": _numbers_or_none(tube.clearance)}
+            fields.setdefault("clearance", CommentedMap()).update(segments)
+    for key in _MEASURED:
+        own.pop(key, None)
+    values = {key: other[key] for key in _MEASURED if key in other}
+    hidden = {key: below[key] for key in _MEASURED if key in below}
+    own.update(_alone(values, hidden, TubeFields))
     return _contents(fields, source.parent, target)
 
 
@@ -124,37 +174,6 @@ def _contents(fields: Any, folder: Path, target: Path) -> bytes:
     stream = io.BytesIO()
     _yaml().dump(fields, stream)
     return stream.getvalue()
-
-
-def move_paths(fields: Any, before: Path, after: Path) -> None:
-    """Make the relative paths of a problem, valid in one folder, valid in another."""
-    robot = fields.get("robot") or {}
-    solids = [*(fields.get("obstacles") or ()), *(robot.get("attached") or ())]
-    holders = [(robot, key) for key in ("urdf", "srdf", "limits_file")]
-    holders += [(solid, "mesh") for solid in solids]
-    for holder, key in holders:
-        if holder.get(key) is not None:
-            holder[key] = _moved(holder[key], before, after)
-    _move_presets(robot, before, after)
-    folders = robot.get("package_dirs") or []
-    for k, folder in enumerate(folders):
-        folders[k] = _moved(folder, before, after)
-
-
-def _move_presets(robot: Any, before: Path, after: Path) -> None:
-    """Move the presets of a robot that are files."""
-    bundled, given = bundled_presets(), robot.get("preset")
-    if isinstance(given, str) and given not in bundled:
-        robot["preset"] = _moved(given, before, after)
-    elif isinstance(given, list):
-        for k, name in enumerate(given):
-            given[k] = name if name in bundled else _moved(name, before, after)
-
-
-def _moved(path: str, before: Path, after: Path) -> str:
-    if path.startswith((EXAMPLE_PREFIX, _PACKAGE_PREFIX)) or Path(path).is_absolute():
-        return path
-    return os.path.relpath((before / path).resolve(), after.resolve())
 
 
 def _tube_fields(tube: Tube) -> CommentedMap:
@@ -220,7 +239,7 @@ def _insert(fields: Any, key: str, value: Any) -> None:
     """Put a key where a reader expects it: tube, start and goal in this order, after the robot."""
     names = list(fields)
     before = _ORDER[: _ORDER.index(key)]
-    place = 1 + max(names.index(name) for name in before if name in fields)
+    place = 1 + max((names.index(name) for name in before if name in fields), default=-1)
     if isinstance(fields, CommentedMap):
         fields.insert(place, key, value)
         return

@@ -7,14 +7,15 @@ from typing import Any
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import TrajectoryError
-from tubeplanner.files.problem_file import new_fields, read_fields
-from tubeplanner.files.trajectory_file import TrajectoryFile
+from tubeplanner.files.problem_file import included_fields, new_fields, read_fields
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.problem.problem_format import check_problem_fields
 from tubeplanner.problem.problem_reader import parse_problem, robot_of
 from tubeplanner.resources import find_problem
+from tubeplanner.trajectory.trajectory_file import TrajectoryFile
 from tubeplanner.tube_sources.trail import joint_trail
 
+_FOUND = ("tube", "start", "goal")  # by a trail
 _SAMPLES_PER_PIECE = 20  # of a trail that is a trajectory of ours
 
 
@@ -23,12 +24,14 @@ class Cell:
     """A robot and its surroundings, as a problem file has them.
 
     Attributes:
-        fields: What the problem file holds; tube, start and goal do not count.
+        fields: What the problem file itself holds, without tube, start and goal.
+        known: What it holds with the files that it includes, likewise.
         folder: Where its relative paths start.
         source: What messages call it.
     """
 
     fields: Any
+    known: Any
     folder: Path
     source: str
 
@@ -55,11 +58,17 @@ def read_cell(
     if template is not None:
         path = find_problem(template, Path())
         fields = read_fields(path, changes)
-        for key in ("tube", "start", "goal"):
+        for key in _FOUND:
             fields.pop(key, None)
-        return Cell(fields, path.parent, str(path))
+        return _cell(fields, path.parent, str(path))
     assert urdf is not None and tool_frame is not None
-    return Cell(new_fields(urdf, tool_frame, obstacles), Path(), "teach")
+    return _cell(new_fields(urdf, tool_frame, obstacles), Path(), "teach")
+
+
+def _cell(fields: Any, folder: Path, source: str) -> Cell:
+    merged = included_fields(fields, folder)
+    known = {key: value for key, value in merged.items() if key not in _FOUND}
+    return Cell(fields, known, folder, source)
 
 
 def taught_problem(
@@ -78,7 +87,7 @@ def taught_problem(
         TrajectoryError: The trail is not of this robot.
     """
     ends: dict[str, Any] = {"start": {"joints": []}, "goal": {"joints": []}}
-    robot = robot_of(check_problem_fields({**cell.fields, **ends}, cell.source), cell.folder)
+    robot = robot_of(check_problem_fields({**cell.known, **ends}, cell.source), cell.folder)
     trajectory = read.trajectory
     if read.interpolation is None:
         samples = trajectory.per_piece(_SAMPLES_PER_PIECE).position
@@ -90,4 +99,4 @@ def taught_problem(
         raise TrajectoryError(f"{source}: {error}") from None
     ends = {"start": {"joints": trail[0].tolist()}, "goal": {"joints": trail[-1].tolist()}}
     name = Path(source).stem
-    return parse_problem({**cell.fields, **ends}, cell.folder, name, reads_tube=False), trail
+    return parse_problem({**cell.known, **ends}, cell.folder, name, reads_tube=False), trail

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
+from tubeplanner.branches.configured_ends import configured_ends
 from tubeplanner.branches.known_branches import KnownBranches
 from tubeplanner.branches.reference_branch import redundancy_rules
 from tubeplanner.errors import OptionError
@@ -93,6 +94,7 @@ def measured_tube(
     options.require_few(whole.tube.segment_count)
     widest = whole.with_tube(whole.tube.with_radius(options.max_radius))
     try:
+        widest, _ = configured_ends(widest)
         found = _segments_of_some_branch(widest, options, clock, way, kept or KeptSegments())
     except Infeasible as reason:
         return TubeMeasurement(

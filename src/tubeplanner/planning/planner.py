@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import partial
 
+from tubeplanner.branches.configured_ends import configured_ends
 from tubeplanner.branches.known_branches import KnownBranches
 from tubeplanner.errors import OptionError
 from tubeplanner.outcome import Infeasible, PlanStatus
@@ -97,8 +98,12 @@ class Planner:
 
     def _answer(self, last: RefinedMotion | None, progress: ProgressCallback | None) -> PlanResult:
         """Return the answer, from the last motion if it is given; remember how it ended."""
-        problem, options = self._problem, self._options
+        options = self._options
         clock = PlanningClock(options.time_limit, progress)
+        try:
+            problem, chosen = configured_ends(self._problem)
+        except Infeasible as reason:
+            return PlanResult(reason.status, str(reason), reason.place, options.method)
         work = partial(_planned, problem.joined, options, clock, last)
         result, stopped_by = until_stopped(work)
         if result is None:
@@ -113,7 +118,7 @@ class Planner:
             result = robust_plan(problem.joined, result, again, follow, clock)
         else:
             result = follow(problem, result)
-        notes = (*problem.robot.limits.notes, *problem.tube.notes, *result.notes)
+        notes = (*chosen, *problem.robot.limits.notes, *problem.tube.notes, *result.notes)
         return replace(result, planning_time=clock.elapsed, notes=notes)
 
 

@@ -18,6 +18,7 @@ from tubeplanner.problem.goal_region import GoalRegion
 from tubeplanner.problem.joint_values import configuration_of
 from tubeplanner.problem.objective import ENERGY, Objective, is_multiple
 from tubeplanner.problem.robustness import Robustness
+from tubeplanner.problem.tool_pose import ToolPose
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.tube.joined_segments import joined_segments
 from tubeplanner.tube.rotational_tube import RotationalTube, rotational_tube
@@ -44,7 +45,8 @@ class PlanningProblem:
     Attributes:
         robot: The arm.
         tube: Where its tool may be.
-        start: Configuration (n,) [rad or m] in group order, or a map by joint name, or a Seed.
+        start: Configuration (n,) [rad or m] in group order, or a map by joint name, or a Seed, or a
+            ToolPose.
         goal: The same for the last point; None: whichever configuration the answer ends in, the
             tool at the last point; a GoalRegion: likewise, the tool in a ball.
         obstacles: Solids in the base frame.
@@ -69,8 +71,8 @@ class PlanningProblem:
 
     robot: RobotModel
     tube: Tube
-    start: FloatArray | Seed
-    goal: FloatArray | Seed | GoalRegion | None = None
+    start: FloatArray | Seed | ToolPose
+    goal: FloatArray | Seed | ToolPose | GoalRegion | None = None
     obstacles: Sequence[Obstacle] = ()
     attached: Sequence[AttachedSolid] = ()
     clearance: float = 0.0
@@ -105,8 +107,8 @@ class PlanningProblem:
         self._require_timing()
 
     @property
-    def given_goal(self) -> FloatArray | Seed | None:
-        """The goal's configuration, or its seed; None if it is open."""
+    def given_goal(self) -> FloatArray | Seed | ToolPose | None:
+        """The goal's configuration, its seed or its pose; None if it is open."""
         return None if isinstance(self.goal, GoalRegion) else self.goal
 
     @cached_property
@@ -193,7 +195,7 @@ class PlanningProblem:
         """
         return replace(self, tube=tube, goal=self.goal if goal is None else goal)
 
-    def along(self, tube: Tube, start: FloatArray | Seed) -> "PlanningProblem":
+    def along(self, tube: Tube, start: FloatArray | Seed | ToolPose) -> "PlanningProblem":
         """Return the problem with another tube and start, the goal open.
 
         Robot and collision geometry are shared.
@@ -277,12 +279,16 @@ class PlanningProblem:
         if self._scene is None or not self._scene.is_as(scene):
             self._keep("_scene", scene)
 
-    def _checked_end(self, end: str, given: FloatArray | Seed, segment: int) -> FloatArray | Seed:
+    def _checked_end(
+        self, end: str, given: FloatArray | Seed | ToolPose, segment: int
+    ) -> FloatArray | Seed | ToolPose:
         """Return start or goal in group order, once it is inside limits and tube."""
+        if isinstance(given, ToolPose):
+            seed = None if given.seed is None else self._checked_seed(end, given.seed)
+            self._require_tool_inside(end, given.rotation[None], given.position[None], segment)
+            return replace(given, seed=seed)
         if isinstance(given, Seed):
-            seed = configuration_of(self.robot, f"{end}.seed", given.joints)
-            self._require_within_limits(f"{end}.seed", seed)
-            return Seed(seed)
+            return Seed(self._checked_seed(end, given.joints))
         q = configuration_of(self.robot, end, given)
         self._require_inside(end, q, segment)
         return q
@@ -297,6 +303,12 @@ class PlanningProblem:
                 "tube.orientations is not given; give both it and tube.rotation_tolerance (.inf "
                 "where the tool is free on the way), or leave goal.rotation_tolerance out"
             )
+
+    def _checked_seed(self, end: str, given: FloatArray) -> FloatArray:
+        """Return a seed in group order, once it is inside limits."""
+        seed = configuration_of(self.robot, f"{end}.seed", given)
+        self._require_within_limits(f"{end}.seed", seed)
+        return seed
 
     def _keep_joint_bounds(self) -> None:
         """Keep, per segment, the position limits cut with the tube's joint ranges: (m, n)."""
@@ -341,9 +353,14 @@ class PlanningProblem:
                     f"{end}: joint '{name}' at {value:g} is outside [{low:g}, {high:g}], its "
                     f"position limits and joint sign in segment {number}"
                 )
-        rotation, tool = self.robot.tool_pose(q[None])
+        self._require_tool_inside(end, *self.robot.tool_pose(q[None]), segment)
+
+    def _require_tool_inside(
+        self, end: str, rotation: FloatArray, tool: FloatArray, segment: int
+    ) -> None:
+        """Raise unless a tool (1, 3, 3), (1, 3) is in its segment's region and turned as asked."""
         self._require_in_region(end, f"{end}: the tool", tool[0], segment)
-        self._require_turned(end, rotation, tool, number)
+        self._require_turned(end, rotation, tool, self.tube.segment_number(segment))
 
     def _require_in_region(self, end: str, what: str, tool: FloatArray, segment: int) -> None:
         """Raise unless a tool position (3,), called `what`, is in the region of a segment."""

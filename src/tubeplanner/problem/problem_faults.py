@@ -30,9 +30,7 @@ def first_fault(data: dict[str, Any], error: ValidationError, root: type[BaseMod
         error: Pydantic's report on it.
         root: The model that it must match.
     """
-    # A union reports each of its members: the fault that lies deepest is the one the user made.
-    faults = error.errors()
-    fault = max(faults, key=lambda fault: len(_steps(data, fault["loc"])))
+    faults, fault = error.errors(), _deepest(data, error)
     steps, kind = _steps(data, fault["loc"]), fault["type"]
     if kind == "extra_forbidden":
         known = _keys(_model_at(root, fault["loc"][:-1]))
@@ -51,6 +49,16 @@ def first_fault(data: dict[str, Any], error: ValidationError, root: type[BaseMod
         section = _join(steps[:-1]) or "top level"
         return f"{section}: the key {shown(steps[-1])} is no text; quote it"
     return f"{_join(steps) or 'the problem'} is {_found(fault['input'])}; {_wanted(fault, root)}"
+
+
+def fault_steps(data: dict[str, Any], error: ValidationError) -> list[int | str]:
+    """Return the keys and indices that lead to the first fault of a document."""
+    return _steps(data, _deepest(data, error)["loc"])
+
+
+def _deepest(data: dict[str, Any], error: ValidationError) -> Any:
+    """Return the fault that the user made: a union reports one for each of its members."""
+    return max(error.errors(), key=lambda fault: len(_steps(data, fault["loc"])))
 
 
 def _wanted(fault: Any, root: type[BaseModel]) -> str:

@@ -4,29 +4,49 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from tubeplanner.errors import ProblemError
 from tubeplanner.problem.field_paths import changed_fields
-from tubeplanner.problem.problem_format import ProblemFields, check_problem_fields, read_document
+from tubeplanner.problem.problem_format import ProblemFields, check_problem_fields
+from tubeplanner.problem.problem_layers import INCLUDE, ProblemLayers
 from tubeplanner.problem.schema_place import SchemaPlace
 
 
 def read_problem_fields(path: Path, changes: Mapping[str, Any] | None = None) -> ProblemFields:
-    """Read a problem file, YAML 1.2 or JSON.
+    """Read a problem file, YAML 1.2 or JSON, and what it includes.
 
     Args:
         path: The file.
         changes: Other values, by field path.
 
     Raises:
-        ProblemError: The file cannot be read, a key is unknown or doubled, a value has the wrong
+        ProblemError: A file cannot be read, a key is unknown or doubled, a value has the wrong
             type. The message names the file and the field.
     """
-    return check_problem_fields(changed_problem(read_document(path), changes), str(path))
+    return checked_layers(ProblemLayers.read(path), changes)
+
+
+def checked_layers(
+    layers: ProblemLayers, changes: Mapping[str, Any] | None = None
+) -> ProblemFields:
+    """Return the fields that layers give together, with other values at some field paths.
+
+    Raises:
+        ProblemError: As `read_problem_fields`.
+    """
+    data = changed_problem(layers.merged, changes)
+    return check_problem_fields(data, layers.sources[-1], layers.source_of)
 
 
 def changed_problem(data: Any, changes: Mapping[str, Any] | None) -> Any:
-    """Return what a problem file holds, with other values at some field paths.
+    """Return what a problem file and its included ones hold, with other values at field paths.
 
     Raises:
-        ProblemError: As `changed_fields`.
+        ProblemError: As `changed_fields`; or included files would be others.
     """
+    for path in changes or {}:
+        if path.split(".")[0] == INCLUDE:
+            raise ProblemError(
+                f"{path}: values are changed after files are included; change {INCLUDE} in the "
+                "file, or set the fields themselves"
+            )
     return changed_fields(data, changes or {}, SchemaPlace.of(ProblemFields))

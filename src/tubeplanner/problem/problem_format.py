@@ -3,6 +3,7 @@
 Here a file is only read and its shape checked; `problem` gives it meaning.
 """
 
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, TypeAlias
 
@@ -30,7 +31,8 @@ from tubeplanner.problem.field_types import (
     no_flag,
 )
 from tubeplanner.problem.limit_fields import LimitFields, MotorFields
-from tubeplanner.problem.problem_faults import first_fault
+from tubeplanner.problem.pose_fields import PoseFields
+from tubeplanner.problem.problem_faults import fault_steps, first_fault
 from tubeplanner.problem.robustness import Robustness
 
 JointValues: TypeAlias = list[Finite] | dict[str, Finite]
@@ -115,7 +117,9 @@ class RobotFields(Section):
     urdf: str = Field(description="path relative to this file, package://PKG/..., example:NAME")
     package_dirs: list[str] = Field([], description="extra roots for package:// names")
     srdf: str | None = Field(
-        None, description="file whose disable_collisions lists pairs of links that may touch"
+        None,
+        description="file whose disable_collisions lists pairs of links that may touch, and whose "
+        "group_state names configurations",
     )
     tool_frame: str = Field(description="any URDF link")
     tool_offset: ToolOffsetFields = Field(
@@ -210,7 +214,8 @@ class TubeFields(Section):
 class EndpointFields(Section):
     """A configuration, or a seed for the inverse kinematics of the reference point.
 
-    A goal may be a tool position instead, in any configuration; `route` finds one for it.
+    Or a pose of the tool (a seed may go with it), a named configuration, or where a trajectory
+    ends. A goal may be a tool position instead; `route` finds the configuration.
     """
 
     joints: JointValues | None = Field(None, description="group order or by name [rad, m]")
@@ -225,6 +230,13 @@ class EndpointFields(Section):
         None,
         description="an angle or a triple of bounds, as in the tube, about its last orientation; "
         "left out: as the tube has it [rad]",
+    )
+    pose: PoseFields | None = Field(
+        None, description="of the tool centre point, on the branch that the joint signs ask for"
+    )
+    group_state: str | None = Field(None, description="name of a configuration in robot.srdf")
+    trajectory: str | None = Field(
+        None, description="file whose last configuration it is, relative to this one"
     )
 
 
@@ -294,6 +306,9 @@ class ProblemFields(Section):
 
     format: Literal["tubeplanner/problem"] = Field(PROBLEM_FORMAT, description="what this file is")
     version: Version = Field(1, description="of the format")
+    include: str | list[str] = Field(
+        [], description="problem files, or parts of them, below this one, relative to this one"
+    )
     robot: RobotFields = Field(description="the arm, its tool and its limits")
     tube: TubeFields | None = Field(
         None, description="where the tool may be, and in which configuration; `route` finds one"
@@ -328,12 +343,18 @@ def problem_schema() -> dict[str, Any]:
     return ProblemFields.model_json_schema(by_alias=True)
 
 
-def check_problem_fields(data: object, source: str) -> ProblemFields:
+def check_problem_fields(
+    data: object,
+    source: str,
+    source_of: Callable[[Any, Sequence[int | str]], str] | None = None,
+) -> ProblemFields:
     """Check the shape of a problem given as nested dictionaries and lists.
 
     Args:
         data: What a problem file holds.
         source: What messages call it.
+        source_of: From the data, and the keys and indices that lead to a value: what messages call
+            the file that has it; None: all is from one.
 
     Raises:
         ProblemError: A key is unknown, a value has the wrong type. The message names the field.
@@ -344,7 +365,8 @@ def check_problem_fields(data: object, source: str) -> ProblemFields:
         return ProblemFields.model_validate(data)
     except ValidationError as error:
         fault = first_fault(data, error, ProblemFields)
-        raise ProblemError(f"{source}: {fault}") from None
+        called = source if source_of is None else source_of(data, fault_steps(data, error))
+        raise ProblemError(f"{called}: {fault}") from None
 
 
 def read_document(path: Path, what: str = "problem file") -> object:

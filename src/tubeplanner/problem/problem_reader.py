@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from tubeplanner.arrays import FloatArray
 from tubeplanner.collision.obstacle import AttachedSolid, Obstacle, placement_of
 from tubeplanner.errors import ProblemError, RobotError
 from tubeplanner.problem.clearance_fields import (
@@ -17,11 +18,12 @@ from tubeplanner.problem.goal_region import GoalRegion
 from tubeplanner.problem.joint_values import configuration_of
 from tubeplanner.problem.limit_values import limits_of, motors_of
 from tubeplanner.problem.moveit_limits import read_limits_file
+from tubeplanner.problem.named_endpoint import named_endpoint
 from tubeplanner.problem.objective import Objective
 from tubeplanner.problem.point_file import read_points
 from tubeplanner.problem.presets import read_preset
 from tubeplanner.problem.problem import PlanningProblem, Seed
-from tubeplanner.problem.problem_fields import changed_problem, read_problem_fields
+from tubeplanner.problem.problem_fields import checked_layers, read_problem_fields
 from tubeplanner.problem.problem_format import (
     AttachedFields,
     EndpointFields,
@@ -32,9 +34,10 @@ from tubeplanner.problem.problem_format import (
     RobotFields,
     RobustnessFields,
     TubeFields,
-    check_problem_fields,
 )
+from tubeplanner.problem.problem_layers import ProblemLayers
 from tubeplanner.problem.robustness import Robustness
+from tubeplanner.problem.tool_pose import ToolPose
 from tubeplanner.resources import find_description, find_limits_file, find_mesh, find_problem
 from tubeplanner.robot.limit_layers import LimitLayer
 from tubeplanner.robot.limit_overrides import LimitOverrides
@@ -94,8 +97,8 @@ def parse_problem(
         RobotError: As `load_problem`.
     """
     tube_of = _tube if reads_tube else _tube_anywhere
-    fields = check_problem_fields(changed_problem(data, changes), name)
-    return _build(fields, Path(directory), name, name, tube_of)
+    layers = ProblemLayers.of(data, Path(directory), name)
+    return _build(checked_layers(layers, changes), Path(directory), name, name, tube_of)
 
 
 def _build(
@@ -112,8 +115,8 @@ def _build(
         problem = PlanningProblem(
             robot=robot,
             tube=tube,
-            start=_endpoint("start", fields.start),
-            goal=None if fields.goal is None else _endpoint("goal", fields.goal),
+            start=_end("start", fields.start, fields, robot, directory),
+            goal=_end("goal", fields.goal, fields, robot, directory),
             obstacles=tuple(
                 _obstacle(obstacle, directory, robot.package_dirs) for obstacle in fields.obstacles
             ),
@@ -215,17 +218,24 @@ def _tube_anywhere(fields: ProblemFields, robot: RobotModel, directory: Path) ->
             "clearance.segments belongs to a tube, and one is to be found here; give "
             "clearance.default, and clearance.pairs where it is not the same"
         )
-    if fields.start.joints is None:
-        raise ProblemError("start.joints is required: a seed belongs to the first point of a tube")
+    start = _tool_at("start", _end("start", fields.start, fields, robot, directory), robot)
     if fields.goal is None:
         raise ProblemError("goal is required: joints, or the position of the tool")
-    if fields.goal.joints is None and fields.goal.position is None:
-        raise ProblemError("goal.seed belongs to a position; give goal.position or goal.joints")
-    begin = configuration_of(robot, "start", _values(fields.start.joints))
-    if fields.goal.joints is None:
-        return Tube.anywhere(robot.tool_position(begin[None])[0], np.array(fields.goal.position))
-    end = configuration_of(robot, "goal", _values(fields.goal.joints))
-    return Tube.anywhere(*robot.tool_position(np.array([begin, end])))
+    goal = _end("goal", fields.goal, fields, robot, directory)
+    if isinstance(goal, Seed | GoalRegion):
+        if fields.goal.position is None:
+            raise ProblemError("goal.seed belongs to a position; give goal.position or goal.joints")
+        return Tube.anywhere(start, np.array(fields.goal.position))
+    return Tube.anywhere(start, _tool_at("goal", goal, robot))
+
+
+def _tool_at(end: str, given: Any, robot: RobotModel) -> FloatArray:
+    """Return where the tool is (3,) [m] at a start or goal that is a configuration or a pose."""
+    if isinstance(given, Seed):
+        raise ProblemError(f"{end}.joints is required: a seed belongs to the first point of a tube")
+    if isinstance(given, ToolPose):
+        return given.position
+    return robot.tool_position(configuration_of(robot, end, given)[None])[0]
 
 
 def _objective(fields: ObjectiveFields | None) -> Objective | None:
@@ -236,19 +246,34 @@ def _robustness(fields: RobustnessFields | None) -> Robustness | None:
     return None if fields is None else Robustness(**fields.model_dump())
 
 
+def _end(
+    end: str,
+    given: EndpointFields | None,
+    fields: ProblemFields,
+    robot: RobotModel,
+    directory: Path,
+) -> Any:
+    """Return start or goal as a `PlanningProblem` takes it; None: it is left open."""
+    if given is None:
+        return None
+    if given.position is None and (given.tolerance or given.rotation_tolerance is not None):
+        which = "tolerance" if given.tolerance else "rotation_tolerance"
+        raise ProblemError(f"{end}.{which} is for goal.position, which is not given; leave it out")
+    named = named_endpoint(end, given, robot, _srdf(fields, directory), directory)
+    return _endpoint(end, given) if named is None else named
+
+
 def _endpoint(end: str, fields: EndpointFields) -> Any:
     given = [key for key in ("joints", "seed") if getattr(fields, key) is not None]
     if fields.position is not None and (end == "start" or "joints" in given):
         why = "start takes joints" if end == "start" else "it is the one of goal.joints"
         raise ProblemError(f"{end}.position is not to be given: {why}")
-    if fields.position is None and (fields.tolerance or fields.rotation_tolerance is not None):
-        which = "tolerance" if fields.tolerance else "rotation_tolerance"
-        raise ProblemError(f"{end}.{which} is for goal.position, which is not given; leave it out")
     if fields.position is not None and not given:
         return GoalRegion(np.array(fields.position), fields.tolerance, fields.rotation_tolerance)
     if len(given) != 1:
         raise ProblemError(
-            f"{end} takes either joints or seed; it has {'both' if given else 'neither'}"
+            f"{end} takes either joints or seed (or pose, group_state, trajectory); it has "
+            f"{'both' if given else 'neither'}"
         )
     return _values(fields.joints) if fields.joints is not None else Seed(_values(fields.seed))
 
@@ -259,11 +284,18 @@ def _values(values: JointValues | None) -> Any:
 
 def _srdf_pairs(fields: ProblemFields, robot: RobotModel, directory: Path) -> list[tuple[str, str]]:
     """Return the pairs that the SRDF allows to touch, of links that this robot has."""
-    if fields.robot.srdf is None:
+    path = _srdf(fields, directory)
+    if path is None:
         return []
-    folders = tuple(directory / folder for folder in fields.robot.package_dirs)
-    path = find_description(fields.robot.srdf, directory, folders)
     return [pair for pair in read_allowed_pairs(path) if set(pair) <= robot.link_body.keys()]
+
+
+def _srdf(fields: ProblemFields, directory: Path) -> Path | None:
+    """Return the path of the SRDF, if there is one."""
+    if fields.robot.srdf is None:
+        return None
+    folders = tuple(directory / folder for folder in fields.robot.package_dirs)
+    return find_description(fields.robot.srdf, directory, folders)
 
 
 def _attached(fields: AttachedFields, directory: Path, folders: tuple[Path, ...]) -> AttachedSolid:

@@ -22,7 +22,7 @@ from tubeplanner.planning.plan_result import PlanResult
 from tubeplanner.planning.planner import plan
 from tubeplanner.problem.field_paths import is_of_objective
 from tubeplanner.problem.problem_fields import changed_problem
-from tubeplanner.problem.problem_format import read_document
+from tubeplanner.problem.problem_layers import ProblemLayers
 from tubeplanner.problem.problem_reader import parse_problem
 from tubeplanner.progress import StoppedBy
 from tubeplanner.resources import find_problem
@@ -212,7 +212,7 @@ def _documents(
         raise OptionError(f"{path}: give at least one value")
     if path in changes:
         raise OptionError(f"{path} is both varied and changed; leave out one of them")
-    data = read_document(file)
+    data = ProblemLayers.read(file).merged
     return [changed_problem(data, {**changes, path: value}) for value in values]
 
 

@@ -9,7 +9,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from tubeplanner.arrays import FloatArray
+from tubeplanner.branches.configured_ends import configured_ends
 from tubeplanner.errors import ProblemError
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.planning.plan_result import PlanResult
@@ -61,11 +64,16 @@ def find_route(
         ProblemError: The start is given by a seed.
         KeyboardInterrupt: Ctrl-C before anything was certified.
     """
-    start = problem.start
-    if isinstance(start, Seed):
+    if isinstance(problem.start, Seed):
         raise ProblemError("start.joints is required: a seed belongs to the first point of a tube")
     require_ompl()
-    finder = _RouteFinder(problem, options or RouteOptions(), progress)
+    try:
+        problem, chosen = configured_ends(problem)
+    except Infeasible as reason:
+        return answer_of(reason)
+    start = problem.start
+    assert isinstance(start, np.ndarray)
+    finder = _RouteFinder(problem, options or RouteOptions(), progress, chosen)
     try:
         _, stopped_by = until_stopped(lambda: finder.search(start))
     except Infeasible as reason:
@@ -107,7 +115,11 @@ class _RouteFinder:
     """
 
     def __init__(
-        self, problem: PlanningProblem, options: RouteOptions, progress: ProgressCallback | None
+        self,
+        problem: PlanningProblem,
+        options: RouteOptions,
+        progress: ProgressCallback | None,
+        notes: tuple[str, ...],
     ) -> None:
         self._problem, self._options = problem, options
         self.clock = PlanningClock(options.time_limit, self._shown(progress))
@@ -115,7 +127,7 @@ class _RouteFinder:
         self.measured: PlannedTube | None = None
         self._step = 1
         self._durations: list[float | None] = []
-        self._notes: list[str] = []
+        self._notes = list(notes)
 
     @property
     def facts(self) -> dict[str, Any]:

@@ -244,12 +244,15 @@ def _shown(problem: PlanningProblem, name: str, trajectory: JointTrajectory) -> 
 
 
 def _at_rest(problem: PlanningProblem, notes: list[str]) -> ShownTrajectory:
-    """Return the arm at its start; at the seed, with a note, if that does not lead there."""
+    """Return the arm at its start; near it, with a note, if seed or pose do not lead there."""
     try:
         q = end_configuration(problem, problem.start, 0)
     except Infeasible as error:
-        notes.append(f"the arm is drawn at the seed: {error}")
-        q = problem.start.joints if isinstance(problem.start, Seed) else problem.start
+        limits, given = problem.robot.limits, problem.start
+        seed = given.joints if isinstance(given, Seed) else getattr(given, "seed", None)
+        where = "near zero" if seed is None else "at the seed"
+        notes.append(f"the arm is drawn {where}: {error}")
+        q = limits.clip(np.zeros(problem.robot.joint_count)) if seed is None else seed
     return _posed(problem, "start", np.zeros(1), q[None], np.zeros((1, len(q))))
 
 

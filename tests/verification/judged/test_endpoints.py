@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from cases import changed
-from tubeplanner import GoalRegion, JointTrajectory, Seed, verify
+from cases import changed, pose_at
+from tubeplanner import GoalRegion, JointTrajectory, Seed, ToolPose, placement_of, verify
 
 UR5 = "ur5/over_the_wall"
 
@@ -69,3 +69,21 @@ def test_how_far_the_tool_is_inside_its_ball_is_the_goals_margin(tolerance, stor
     assert (goal.unit, goal.where.time) == ("m", trajectory.duration)
     assert goal.coverage == f"tool within {tolerance:g} m of the goal's position"
     assert certificate.failures() == ([] if tolerance > 0.005 else ["goal"])
+
+
+@pytest.mark.parametrize("end", ["start", "goal"])
+def test_a_tool_that_is_not_at_its_pose_is_found(end, stored):
+    problem, trajectory = stored(UR5)
+    q = trajectory.position([0.0 if end == "start" else trajectory.duration])[0]
+    pose = pose_at(problem, q)
+    for shift, rpy, unit, margin in (
+        ([0, 0, 0], [0, 0, 0], None, 0.0),
+        ([0, 0, 2e-3], [0, 0, 1e-3], "m", -2e-3),
+        ([0, 1e-3, 0], [0, 2e-3, 0], "rad", -2e-3),
+    ):
+        off = ToolPose(pose.placement @ placement_of(shift, rpy))
+        condition = verify(changed(problem, **{end: off}), trajectory).conditions[end]
+        assert condition.margin == pytest.approx(margin, abs=1e-9)
+        assert unit in (None, condition.unit)
+        assert condition.coverage == "tool at its pose"
+        assert condition.where.time == (0.0 if end == "start" else trajectory.duration)

@@ -6,6 +6,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.outcome import Place
 from tubeplanner.problem.goal_region import GoalRegion
 from tubeplanner.problem.problem import Seed
+from tubeplanner.problem.tool_pose import ToolPose
 from tubeplanner.verification.judged_condition import FOR_ALL_TIMES, JudgedCondition
 from tubeplanner.verification.judged_motion import JudgedMotion
 
@@ -26,9 +27,9 @@ def judge_goal(motion: JudgedMotion) -> JudgedCondition:
 
 
 def _judge_end(
-    motion: JudgedMotion, index: int, given: FloatArray | Seed | None, time: float
+    motion: JudgedMotion, index: int, given: FloatArray | Seed | ToolPose | None, time: float
 ) -> JudgedCondition:
-    """Judge one end against the given configuration (n,), or else the reference point.
+    """Judge one end against the given configuration (n,) or pose, or else the reference point.
 
     Args:
         motion: What is judged.
@@ -37,6 +38,11 @@ def _judge_end(
         time: When the trajectory is there [s].
     """
     q = motion.trajectory.position(time)
+    if isinstance(given, ToolPose):
+        rotation, position = (part[0] for part in motion.robot.tool_pose(q[None]))
+        away, turned = given.errors(rotation, position)
+        unit, worst = ("m", away) if away >= turned else ("rad", turned)
+        return JudgedCondition(0.0 - worst, unit, Place(time=time), "tool at its pose")
     if given is None or isinstance(given, Seed):
         tool = motion.robot.tool_position(q[None])[0]
         error = float(np.linalg.norm(tool - motion.tube.points[index]))

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from tubeplanner import TrajectoryError
-from tubeplanner.files.trajectory_file import read_trajectory_file
 from tubeplanner.trajectory.joint_trajectory import MAX_DEGREE, MAX_PIECES
+from tubeplanner.trajectory.trajectory_file import read_trajectory_file
 
 EVIL = "a\x1b[31mred\n\x9b31mFAKE: passes\u202e"
 HEADER = "time,a.position,b.position\n"

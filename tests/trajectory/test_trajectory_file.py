@@ -8,7 +8,7 @@ from ruamel.yaml import YAML
 
 from tubeplanner import TrajectoryError, verify
 from tubeplanner.files.export import trajectory_csv, trajectory_ros
-from tubeplanner.files.trajectory_file import (
+from tubeplanner.trajectory.trajectory_file import (
     GivenSamples,
     joined_samples,
     read_trajectory_file,
