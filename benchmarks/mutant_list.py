@@ -1714,6 +1714,13 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "_tool_rates": [
         ('"nij,nj->ni", by_q, samples.velocity', '"nij,nj->ni", 0 * by_q, samples.velocity'),
     ],
+    "declare_prefixes": [
+        ("or not xml.startswith(tag, begin)", ""),
+        ("end = begin + len(tag)", "end = len(tag)"),
+    ],
+    "_Prefixes.enter": [("| own if own", "if own"), ("not in self._declared[-1]", "not in own")],
+    "_Prefixes.leave": [("self._declared.pop()", "pass")],
+    "_named_under": [("more > 0", "more >= 0")],
     "unused_values": [("tag == _SOFT and", "False and")],
     "_hard_limit": [('removeprefix("soft_")', 'removeprefix("hard_")')],
     "_is_given": [

@@ -14,6 +14,7 @@ import numpy as np
 from tubeplanner.documents import DocumentError, read_bytes
 from tubeplanner.errors import RobotError, unknown_name
 from tubeplanner.names import require_name
+from tubeplanner.robot.undeclared_prefixes import declare_prefixes
 from tubeplanner.robot.unused_values import unused_values
 from tubeplanner.robot.urdf_link import require_valid_link
 from tubeplanner.robot.urdf_values import (
@@ -82,7 +83,8 @@ class UrdfDescription:
         name: The robot's name.
         links: Names of all links.
         joints: All joints by name, in the order of the file.
-        xml: The contents of the file.
+        xml: The contents of the file, with declarations for the prefixes that lack one.
+        undeclared: The names under each prefix that the file does not declare.
     """
 
     path: Path
@@ -90,6 +92,7 @@ class UrdfDescription:
     links: tuple[str, ...]
     joints: dict[str, UrdfJoint]
     xml: bytes
+    undeclared: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def chain(self, link: str) -> list[str]:
         """Return the names of the movable joints from the root to a link, in chain order.
@@ -175,9 +178,9 @@ def read_urdf(path: Path) -> UrdfDescription:
             inertia or a size is impossible, or a number cannot be read. The message names the file
             and the element.
     """
-    xml = _read_bytes(path)
+    declared = declare_prefixes(_read_bytes(path))
     try:
-        root = ElementTree.fromstring(xml)
+        root = ElementTree.fromstring(declared.xml)
     except (ElementTree.ParseError, LookupError, ValueError) as error:
         raise RobotError(f"{path} cannot be read as URDF: {error}") from error
     _require_robot(path, root)
@@ -190,7 +193,7 @@ def read_urdf(path: Path) -> UrdfDescription:
         require_valid_link(f"{path}: link '{name}'", element)
     by_name = {joint.name: joint for joint in joints}
     name = require_name(f"{path}: <robot> name", root.get("name") or path.stem, RobotError)
-    return UrdfDescription(path, name, tuple(links), by_name, xml)
+    return UrdfDescription(path, name, tuple(links), by_name, declared.xml, declared.undeclared)
 
 
 def _read_bytes(path: Path) -> bytes:
