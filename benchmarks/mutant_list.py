@@ -159,6 +159,7 @@ TESTS = {
     "problem/problem_reader": ("problem/test_problem.py", "problem/test_presets.py"),
     "problem/schema_place": ("problem/test_field_paths.py",),
     "robot/friction_share": ("robot/test_robot_notes.py", "robot/test_unused_note.py"),
+    "resources": ("robot/test_xacro_file.py",),
     "robot/per_joint_values": ("robot/test_joint_limits.py", "robot/test_motor_overrides.py"),
     "robot/urdf_friction": ("robot/test_joint_motors.py",),
     "robot/limit_layers": (
@@ -1714,6 +1715,22 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "_tool_rates": [
         ('"nij,nj->ni", by_q, samples.velocity', '"nij,nj->ni", 0 * by_q, samples.velocity'),
     ],
+    "expanded": [
+        ("name not in asked.asked", "False"),
+        ("mappings=asked", "mappings={}"),
+        ("package, path, package_dirs", "package, path"),
+        ("document.documentElement.toxml()", "document.toxml()"),
+    ],
+    "_packages_found_by": [
+        ("if module is not None", "if False"),
+        ("del sys.modules[name]", "pass"),
+    ],
+    "_place": [("files[-1] != str(path)", "files[-1] == str(path)")],
+    "find_package": [
+        ("(*declared, *found)", "(*found, *declared)"),
+        ("root if root.name == package else", ""),
+    ],
+    "not_installed": [("-e '.[", "'.["), ("parents[2]", "parents[1]")],
     "declare_prefixes": [
         ("or not xml.startswith(tag, begin)", ""),
         ("end = begin + len(tag)", "end = len(tag)"),

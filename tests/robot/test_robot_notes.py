@@ -53,13 +53,16 @@ def test_more_than_the_whole_effort_is_written_out():
 
 
 def test_prefixes_that_are_not_declared_are_named_with_what_stands_under_them(tmp_path):
-    inner = "".join(f"<drake:part{k}/>" for k in range(9)) + '<other:x y="1"/>'
+    inner = "".join(f"<drake:part{k}/>" for k in range(9)) + "".join(
+        f"<other:x{k}/>" for k in range(8)
+    )
     path = tmp_path / "arm.urdf"
     path.write_text(SLIDE.replace('<link name="base"/>', f'{inner}<link name="base"/>'))
     robot = load_robot(path, "tip")
     named = ", ".join(f"drake:part{k}" for k in range(8))
+    others = ", ".join(f"other:x{k}" for k in range(8))
     why = "it is read all the same, and nothing here uses what stands under it"
     assert robot_notes(robot) == (
         f"the URDF does not declare the prefix 'drake'; {why}: {named} and 1 more",
-        f"the URDF does not declare the prefix 'other'; {why}: other:x",
+        f"the URDF does not declare the prefix 'other'; {why}: {others}",
     )
