@@ -1731,6 +1731,17 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("root if root.name == package else", ""),
     ],
     "not_installed": [("-e '.[", "'.["), ("parents[2]", "parents[1]")],
+    "joint_columns": [
+        ("count > 1", "count > 2"),
+        ("time is None or", ""),
+        ('_names(joint, "effort")', "[]"),
+    ],
+    "_found": [("if key in found", "if False")],
+    "_meaning": [
+        ("and tail != meant[tail][0]", ""),
+        ("range(1, len(parts))", "range(2, len(parts))"),
+    ],
+    "_time": [("name not in taken and", ""), (".lower()", ""), ("_TIME in times or", "")],
     "declare_prefixes": [
         ("or not xml.startswith(tag, begin)", ""),
         ("end = begin + len(tag)", "end = len(tag)"),

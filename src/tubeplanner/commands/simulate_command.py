@@ -100,10 +100,11 @@ def simulate(
     given: dict[str, Any] = {**errors, "controller": controller}
     given = {name: value for name, value in given.items() if value is not None}
     _ = Robustness(**given)  # wrong ones are refused before anything is loaded
-    draw, read = Draw(runs, seed), read_trajectory_file(trajectory).trajectory
+    draw = Draw(runs, seed)
     with shown_progress() as enter:
         loaded, loading_time = load_timed(problem, enter, changes)
         pictures.require_usable(problem, trajectory, loaded.robot.urdf.path)
+        read = read_trajectory_file(trajectory, loaded.robot.joint_names).trajectory
         asked = replace(loaded.robustness or Robustness(), **given)
         enter(f"{runs} runs")
         plants = drawn_plants(loaded.robot, asked, draw)

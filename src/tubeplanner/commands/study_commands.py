@@ -53,11 +53,11 @@ def plot(
 
     target = output or trajectory.with_suffix(".png")
     require_ending(target, "-o", (".png",))
-    read = read_trajectory_file(trajectory)
     require_writable([target], [trajectory, Path(problem)])
     with shown_progress() as enter:
         loaded, loading_time = load_timed(problem, enter, changes)
         require_writable([target], [loaded.robot.urdf.path])
+        read = read_trajectory_file(trajectory, loaded.robot.joint_names)
         enter("drawing")
         plot_trajectory(loaded, read.trajectory, target)
     notes = notes_on_file(loaded, read, failed=False)

@@ -41,9 +41,10 @@ def view(
     require_page(html)
     if html is not None:
         require_writable([html], [Path(problem), *trajectories])
-    readings = [read_trajectory_file(path).trajectory for path in trajectories]
     with shown_progress() as enter:
         loaded, _ = load_timed(problem, enter, changes)
+        names = loaded.robot.joint_names
+        readings = [read_trajectory_file(path, names).trajectory for path in trajectories]
         enter("scene")
         shown = view_scene(loaded, *readings, names=names_of_files(trajectories))
         path, opened = (html, True) if html is not None else shown.open()

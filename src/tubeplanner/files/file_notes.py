@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tubeplanner.errors import RobotError
+from tubeplanner.errors import RobotError, shown
 from tubeplanner.files.fingerprint import problem_hash, robot_hash
 from tubeplanner.files.former_fingerprint import former_problem_hash, is_former_hash
 from tubeplanner.files.trajectory_file import TrajectoryFile
@@ -10,6 +10,7 @@ from tubeplanner.problem.problem import PlanningProblem, Seed
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
 _NEAR = 1e-2  # [rad or m]: starts this close to each other are the same
+_COLUMNS_SHOWN = 20
 
 
 def notes_on_file(problem: PlanningProblem, file: TrajectoryFile, *, failed: bool) -> list[str]:
@@ -23,12 +24,20 @@ def notes_on_file(problem: PlanningProblem, file: TrajectoryFile, *, failed: boo
     notes = []
     if file.interpolation is not None:
         notes.append(f"samples are joined by {file.interpolation}")
+    if file.ignored:
+        notes.append(f"columns that are not read: {_listed(file.ignored)}")
     if file.robot_hash not in (None, robot_hash(problem.robot)):
         notes.append("the trajectory was made for another robot, payload, limits or motors")
     elif file.problem_hash not in (None, problem_hash(problem)):
         notes.append(f"the trajectory was made {_other_origin(problem, str(file.problem_hash))}")
     misreading = _likely_misreading(problem, file.trajectory) if failed else None
     return notes if misreading is None else [*notes, misreading]
+
+
+def _listed(columns: tuple[str, ...]) -> str:
+    named = ", ".join(map(shown, columns[:_COLUMNS_SHOWN]))
+    more = len(columns) - _COLUMNS_SHOWN
+    return f"{named} and {more} more" if more > 0 else named
 
 
 def _other_origin(problem: PlanningProblem, stated_hash: str) -> str:
