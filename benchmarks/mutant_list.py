@@ -1731,6 +1731,8 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("root if root.name == package else", ""),
     ],
     "not_installed": [("-e '.[", "'.["), ("parents[2]", "parents[1]")],
+    "PlanningClock.announce": [("*self._parts, ", "")],
+    "PlanningClock.within": [("self._parts.pop()", "pass")],
     "joint_columns": [
         ("count > 1", "count > 2"),
         ("time is None or", ""),

@@ -57,6 +57,10 @@ def test_a_joint_may_be_called_t():
 FAULTS = {
     "two positions": (["t", "elbow", "elbow_position"], "'elbow' and 'elbow_position' are both"),
     "two paths": (["t", "/a/elbow/position", "/b/elbow/position"], "are both the position of 'el"),
+    "a path and none": (
+        ["t", "elbow/position", "a/elbow_position"],
+        "are both the position of 'el",
+    ),
     "two times": (["t", "timestamp", "elbow"], "'t' and 'timestamp' may all be times; leave out"),
     "no time": (["clock", "elbow"], r"named as the joints: elbow, wrist_1\); its columns are 'clo"),
     "no joint": (["t", "knee"], "needs the columns time and JOINT.position"),
