@@ -160,6 +160,7 @@ TESTS = {
     "problem/schema_place": ("problem/test_field_paths.py",),
     "robot/friction_share": ("robot/test_robot_notes.py", "robot/test_unused_note.py"),
     "resources": ("robot/test_xacro_file.py",),
+    "files/part_hashes": ("files/test_motion_notes.py",),
     "robot/per_joint_values": ("robot/test_joint_limits.py", "robot/test_motor_overrides.py"),
     "robot/urdf_friction": ("robot/test_joint_motors.py",),
     "robot/limit_layers": (
@@ -1731,6 +1732,16 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("root if root.name == package else", ""),
     ],
     "not_installed": [("-e '.[", "'.["), ("parents[2]", "parents[1]")],
+    "differing_parts": [("stated.get(name, value) != value", "stated.get(name) != value")],
+    "motion_notes": [("if file.interpolation is None", "if True")],
+    "_notes_on_origin": [("not is_other_robot and", "")],
+    "part_hashes": [
+        ("motion_parts(robot)", "[]"),
+        ("limit_parts(robot)", "[]"),
+        ("endpoint_parts(problem)", "[]"),
+        ('solids_parts("obstacles", problem.obstacles)', "[]"),
+        ("problem.clearance,", ""),
+    ],
     "PlanningClock.announce": [("*self._parts, ", "")],
     "PlanningClock.within": [("self._parts.pop()", "pass")],
     "joint_columns": [

@@ -32,7 +32,11 @@ def view(
     changes: dict[str, Any],
     as_json: bool,
 ) -> None:
-    """Show PROBLEM and TRAJECTORY files, side by side, in 3D."""
+    """Show PROBLEM and TRAJECTORY files, side by side, in 3D.
+
+    Notes say whether each motion passes under PROBLEM, and what differs if it was made for another.
+    """
+    from tubeplanner.files.motion_notes import has_other_part, motion_notes
     from tubeplanner.files.output_files import require_writable
     from tubeplanner.files.trajectory_file import read_trajectory_file
     from tubeplanner.views.viewer import names_of_files
@@ -44,9 +48,19 @@ def view(
     with shown_progress() as enter:
         loaded, _ = load_timed(problem, enter, changes)
         names = loaded.robot.joint_names
-        readings = [read_trajectory_file(path, names).trajectory for path in trajectories]
+        files = [read_trajectory_file(path, names) for path in trajectories]
+        named, notes = dict(zip(names_of_files(trajectories), files, strict=True)), []
+        for k, (name, file) in enumerate(named.items()):
+            enter(f"certificate {k + 1} of {len(files)}")
+            notes += motion_notes(loaded, name, file)
         enter("scene")
-        shown = view_scene(loaded, *readings, names=names_of_files(trajectories))
+        shown = view_scene(
+            loaded,
+            *(file.trajectory for file in files),
+            names=list(named),
+            notes=notes,
+            empty_handed=[name for name, file in named.items() if has_other_part(loaded, file)],
+        )
         path, opened = (html, True) if html is not None else shown.open()
         if html is not None:
             shown.save(html)
@@ -54,7 +68,13 @@ def view(
     if not opened:
         message += " (no browser could be opened; open this file in one)"
     if as_json:
-        print_json({**empty_report("success", message, nowhere()), "html": str(path)})
+        print_json(
+            {
+                **empty_report("success", message, nowhere()),
+                "html": str(path),
+                "notes": shown.scene.notes,
+            }
+        )
         return
     say(*(f"note: {note}" for note in shown.scene.notes), message, sep="\n")
 

@@ -7,8 +7,8 @@ Our JSON holds the polynomials themselves. The others hold samples, which are jo
 import csv
 import io
 from array import array
-from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -61,6 +61,7 @@ class TrajectoryFile:
         robot_hash: Of the robot it was made for; likewise.
         samples: What its samples say; None if the file holds polynomials.
         ignored: Columns of a CSV file that are not read.
+        part_hashes: Of the parts of the problem it was made for; empty if the file does not say.
     """
 
     trajectory: JointTrajectory
@@ -69,6 +70,7 @@ class TrajectoryFile:
     robot_hash: str | None = None
     samples: GivenSamples | None = None
     ignored: tuple[str, ...] = ()
+    part_hashes: Mapping[str, str] = field(default_factory=dict)
 
 
 def read_trajectory(path: str | Path) -> JointTrajectory:
@@ -145,7 +147,13 @@ def _read_json(text: str) -> TrajectoryFile:
         _require_duration(_numbers(fields, "duration"), trajectory.duration)
     hashes = (fields.get(key) for key in ("problem_hash", "robot_hash"))
     problem_hash, robot_hash = (str(value) if value is not None else None for value in hashes)
-    return TrajectoryFile(trajectory, None, problem_hash, robot_hash)
+    file = TrajectoryFile(trajectory, None, problem_hash, robot_hash)
+    return replace(file, part_hashes=_texts(fields.get("part_hashes")))
+
+
+def _texts(given: object) -> dict[str, str]:
+    pairs = given.items() if isinstance(given, dict) else ()
+    return {str(name): str(value) for name, value in pairs}
 
 
 def _require_duration(given: FloatArray, duration: float) -> None:
@@ -246,15 +254,15 @@ def _read_ros(text: str) -> TrajectoryFile:
         raise _too_many_samples()
     names = _names(message)
     tables: dict[str, FloatArray] = {}
-    for quantity, field in _ROS_FIELDS.items():
-        given = [bool(point.get(field)) for point in points]
+    for quantity, key in _ROS_FIELDS.items():
+        given = [bool(point.get(key)) for point in points]
         if not any(given):
             break
         if not all(given):
             raise TrajectoryError(
-                f"point {given.index(False)} has no {field}; give them in all points or none"
+                f"point {given.index(False)} has no {key}; give them in all points or none"
             )
-        tables[quantity] = np.array([_ros_row(names, i, p, field) for i, p in enumerate(points)])
+        tables[quantity] = np.array([_ros_row(names, i, p, key) for i, p in enumerate(points)])
     time = np.array([_ros_time(i, point) for i, point in enumerate(points)])
     file = _from_samples(names, time, tables)
     has_effort = any(bool(point.get("effort")) for point in points)
