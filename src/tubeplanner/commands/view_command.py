@@ -1,7 +1,8 @@
 """The command that shows a problem and its trajectories in 3D."""
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -17,6 +18,10 @@ from tubeplanner.commands.console import (
     shown_progress,
 )
 from tubeplanner.errors import OptionError
+
+if TYPE_CHECKING:
+    from tubeplanner.problem.problem import PlanningProblem
+    from tubeplanner.views.viewer import View
 
 
 @click.command()
@@ -36,31 +41,14 @@ def view(
 
     Notes say whether each motion passes under PROBLEM, and what differs if it was made for another.
     """
-    from tubeplanner.files.motion_notes import has_other_part, motion_notes
     from tubeplanner.files.output_files import require_writable
-    from tubeplanner.files.trajectory_file import read_trajectory_file
-    from tubeplanner.views.viewer import names_of_files
-    from tubeplanner.views.viewer import view as view_scene
 
     require_page(html)
     if html is not None:
         require_writable([html], [Path(problem), *trajectories])
     with shown_progress() as enter:
         loaded, _ = load_timed(problem, enter, changes)
-        names = loaded.robot.joint_names
-        files = [read_trajectory_file(path, names) for path in trajectories]
-        named, notes = dict(zip(names_of_files(trajectories), files, strict=True)), []
-        for k, (name, file) in enumerate(named.items()):
-            enter(f"certificate {k + 1} of {len(files)}")
-            notes += motion_notes(loaded, name, file)
-        enter("scene")
-        shown = view_scene(
-            loaded,
-            *(file.trajectory for file in files),
-            names=list(named),
-            notes=notes,
-            empty_handed=[name for name, file in named.items() if has_other_part(loaded, file)],
-        )
+        shown = _shown(loaded, trajectories, enter)
         path, opened = (html, True) if html is not None else shown.open()
         if html is not None:
             shown.save(html)
@@ -77,6 +65,25 @@ def view(
         )
         return
     say(*(f"note: {note}" for note in shown.scene.notes), message, sep="\n")
+
+
+def _shown(
+    problem: "PlanningProblem", paths: tuple[Path, ...], enter: Callable[[object], None]
+) -> "View":
+    """Return the view of a problem and the motions of files, each judged."""
+    from tubeplanner.files.motion_notes import has_other_part, motion_notes
+    from tubeplanner.files.trajectory_file import read_trajectory_file
+    from tubeplanner.views.viewer import names_of_files, view
+
+    files = [read_trajectory_file(path, problem.robot.joint_names) for path in paths]
+    named, notes = dict(zip(names_of_files(paths), files, strict=True)), []
+    for k, (name, file) in enumerate(named.items()):
+        enter(f"certificate {k + 1} of {len(files)}")
+        notes += motion_notes(problem, name, file)
+    enter("scene")
+    other = [name for name, file in named.items() if has_other_part(problem, file)]
+    motions = (file.trajectory for file in files)
+    return view(problem, *motions, names=list(named), notes=notes, empty_handed=other)
 
 
 def require_page(path: Path | None) -> None:

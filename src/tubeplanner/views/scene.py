@@ -49,11 +49,8 @@ _SWEEP_STEPS = 24
 _EXECUTED_STEPS = 240  # lines of an executed path
 _BESIDE_EXECUTED = 0.3  # of its usual thickness: the planned path among executed ones
 _BALL_POINTS = 150
-_SAMPLED_SHARES = (
-    0.1,
-    0.5,
-    0.9,
-)  # of the way through a trajectory: when the arm should not hide the path
+# Of the way through a trajectory: when the arm should not hide the path.
+_SAMPLED_SHARES = (0.1, 0.5, 0.9)
 _GAP = 0.15  # between trajectories side by side, of the width of one
 CARRIED_COLOR = "#B58863"
 SWEPT_COLOR = "#7A6FAF"
