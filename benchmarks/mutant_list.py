@@ -165,6 +165,8 @@ TESTS = {
     "robot/srdf": ("problem/test_named_endpoint.py",),
     "problem/schema_place": ("problem/test_field_paths.py",),
     "robot/friction_share": ("robot/test_robot_notes.py", "robot/test_unused_note.py"),
+    "resources": ("robot/test_xacro_file.py",),
+    "files/part_hashes": ("files/test_motion_notes.py",),
     "robot/per_joint_values": ("robot/test_joint_limits.py", "robot/test_motor_overrides.py"),
     "robot/urdf_friction": ("robot/test_joint_motors.py",),
     "robot/limit_layers": (
@@ -1752,6 +1754,52 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "_tool_rates": [
         ('"nij,nj->ni", by_q, samples.velocity', '"nij,nj->ni", 0 * by_q, samples.velocity'),
     ],
+    "expanded": [
+        ("name not in asked.asked", "False"),
+        ("mappings=asked", "mappings={}"),
+        ("package, path, package_dirs", "package, path"),
+        ("document.documentElement.toxml()", "document.toxml()"),
+    ],
+    "_packages_found_by": [
+        ("if module is not None", "if False"),
+        ("del sys.modules[name]", "pass"),
+    ],
+    "_place": [("files[-1] != str(path)", "files[-1] == str(path)")],
+    "find_package": [
+        ("(*declared, *found)", "(*found, *declared)"),
+        ("root if root.name == package else", ""),
+    ],
+    "not_installed": [("-e '.[", "'.["), ("parents[2]", "parents[1]")],
+    "differing_parts": [("stated.get(name, value) != value", "stated.get(name) != value")],
+    "motion_notes": [("if file.interpolation is None", "if True")],
+    "_notes_on_origin": [("not is_other_robot and", "")],
+    "part_hashes": [
+        ("motion_parts(robot)", "[]"),
+        ("limit_parts(robot)", "[]"),
+        ("endpoint_parts(problem)", "[]"),
+        ('solids_parts("obstacles", problem.obstacles)', "[]"),
+        ("problem.clearance,", ""),
+    ],
+    "PlanningClock.announce": [("*self._parts, ", "")],
+    "PlanningClock.within": [("self._parts.pop()", "pass")],
+    "joint_columns": [
+        ("count > 1", "count > 2"),
+        ("time is None or", ""),
+        ('_names(joint, "effort")', "[]"),
+    ],
+    "_found": [("if key in found", "if False")],
+    "_meaning": [
+        ("and tail != meant[tail][0]", ""),
+        ("range(1, len(parts))", "range(2, len(parts))"),
+    ],
+    "_time": [("name not in taken and", ""), (".lower()", ""), ("_TIME in times or", "")],
+    "declare_prefixes": [
+        ("or not xml.startswith(tag, begin)", ""),
+        ("end = begin + len(tag)", "end = len(tag)"),
+    ],
+    "_Prefixes.enter": [("| own if own", "if own"), ("not in self._declared[-1]", "not in own")],
+    "_Prefixes.leave": [("self._declared.pop()", "pass")],
+    "_named_under": [("more > 0", "more >= 0")],
     "unused_values": [("tag == _SOFT and", "False and")],
     "_hard_limit": [('removeprefix("soft_")', 'removeprefix("hard_")')],
     "_is_given": [

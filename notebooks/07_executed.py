@@ -14,7 +14,7 @@
 # A certificate proves that the model keeps every limit. The arm in the cell weighs a little more or less, has friction that nobody gave, answers a millisecond
 # late, and stands half a millimetre from where it should. This notebook executes plans in MuJoCo with arms that differ so, sees where they leave the tube,
 # and plans a motion that they survive. What it shows of them was **seen** in some runs; it proves nothing of others. It takes two to three minutes, and
-# MuJoCo: `pip install 'tubeplanner[simulate]'`.
+# MuJoCo: `pip install -e '.[simulate]'` in a checkout.
 
 # %%
 # %matplotlib inline

@@ -9,7 +9,7 @@ import sys
 from stored_trajectories import FOLDER, STORED, stored_path
 from tubeplanner import PlanOptions, load_problem, plan
 from tubeplanner.files.export import trajectory_json
-from tubeplanner.files.fingerprint import origin
+from tubeplanner.files.origin import origin
 
 
 def refresh(names: list[str]) -> None:

@@ -57,6 +57,7 @@ KNOWS = {
     "yaml": {"documents"},
     "mujoco": {"simulation.mujoco_model"},
     "ompl": {"tube_sources.joint_route"},
+    "xacro": {"robot.xacro_file"},
     "pydantic": {
         "problem.field_types",
         "problem.limit_fields",

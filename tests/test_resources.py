@@ -16,6 +16,7 @@ from tubeplanner.resources import (
     example_robot_names,
     find_description,
     find_mesh,
+    find_package,
     find_preset,
     find_problem,
 )
@@ -211,3 +212,13 @@ def test_a_package_path_may_not_leave_its_package(tmp_path):
         RobotError, match=r"package://arm/\.\./secret\.stl leads out of the package"
     ):
         find_mesh("package://arm/../secret.stl", tmp_path / "arm" / "arm.urdf", (tmp_path,))
+
+
+def test_a_package_is_the_folder_that_says_it_is_one(tmp_path, no_ros):
+    """A folder of the same name nearby is none; without any that says so, it serves."""
+    file = write(tmp_path / "cell" / "arm.xacro")
+    nearby = write(tmp_path / "cell" / "arm_description" / "arm.stl").parent
+    assert find_package("arm_description", file) == nearby
+    declared = write(tmp_path / "arm_description" / "package.xml").parent
+    assert find_package("arm_description", file) == declared
+    assert find_package("arm_description", Path("/nowhere/arm.xacro"), (declared,)) == declared

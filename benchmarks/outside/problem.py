@@ -24,6 +24,7 @@ MOTORS = {"armature", "viscous_friction", "coulomb_friction", "saturation_effort
 MOTORS |= {"no_load_velocity", "friction_from_urdf", "friction_uncertainty"}
 ROBOT = {"urdf", "package_dirs", "srdf", "tool_frame", "tool_offset", "joints", "locked_joints"}
 ROBOT |= {"gravity", "payload", "attached", "limits", "motors", "preset", "limits_file"}
+ROBOT |= {"xacro_args"}  # of an .xacro file, which the judge does not read
 TUBE = {"points", "radius", "tool_radius", "joint_signs", "orientations", "rotation_tolerance"}
 TUBE |= {"tool_speed", "visit", "pass_through_points", "cross_section"}
 TOP = {"format", "version", "robot", "tube", "start", "goal", "obstacles", "clearance", "collision"}

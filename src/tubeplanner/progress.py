@@ -1,8 +1,9 @@
 """Progress callbacks, and how planning ends early: the time limit and Ctrl-C."""
 
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias, TypeVar
 
 import numpy as np
@@ -53,6 +54,7 @@ class PlanningClock:
         self._limit = np.inf if time_limit is None else time_limit
         self._callback = callback
         self._stage = ""
+        self._parts: list[str] = []
 
     @property
     def elapsed(self) -> float:
@@ -63,7 +65,17 @@ class PlanningClock:
         """Tell how far planning has come; the callback may raise KeyboardInterrupt."""
         self._stage = progress.stage
         if self._callback is not None:
-            self._callback(progress)
+            stage = ", ".join([*self._parts, progress.stage])
+            self._callback(replace(progress, stage=stage))
+
+    @contextmanager
+    def within(self, part: str) -> Iterator[None]:
+        """Announce what happens inside as stages of a part of the whole, such as "route 1 of 3"."""
+        self._parts.append(part)
+        try:
+            yield
+        finally:
+            self._parts.pop()
 
     def enter(self, stage: str) -> None:
         """Announce a stage that makes no sense after the time limit.

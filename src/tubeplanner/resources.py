@@ -232,6 +232,26 @@ def find_mesh(filename: str, urdf: Path, package_dirs: tuple[Path, ...] = ()) ->
     return path
 
 
+def find_package(package: str, file: Path, package_dirs: tuple[Path, ...] = ()) -> Path:
+    """Return the folder of a package that a robot's file names.
+
+    Args:
+        package: Its name.
+        file: The file that names it; the folders above are searched too.
+        package_dirs: Further folders that hold packages.
+
+    Raises:
+        RobotError: No folder has it; every folder that was tried is listed.
+    """
+    roots = (*package_dirs, *file.resolve().parents, *_environment_roots())
+    folders = [root if root.name == package else root / package for root in roots]
+    found = [folder for folder in folders if folder.is_dir()]
+    declared = [folder for folder in found if (folder / "package.xml").is_file()]
+    for folder in (*declared, *found):
+        return folder.resolve()
+    raise RobotError(_not_found(f"package '{package}'", package, roots))
+
+
 def _exists(path: Path) -> bool:
     """Return whether a path exists; one that is too long for the system does not."""
     try:
@@ -304,8 +324,12 @@ def _find_in_packages(uri: str, roots: tuple[Path, ...]) -> Path:
         for candidate in candidates:
             if candidate.is_file():
                 return candidate
+    raise RobotError(_not_found(uri, package, roots))
+
+
+def _not_found(what: str, package: str, roots: tuple[Path, ...]) -> str:
     tried = ", ".join(str(root) for root in dict.fromkeys(roots))
-    raise RobotError(
-        f"{uri} was not found; folders tried: {tried}. "
+    return (
+        f"{what} was not found; folders tried: {tried}. "
         f"Add the folder that holds '{package}' to package_dirs"
     )

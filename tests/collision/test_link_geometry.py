@@ -203,3 +203,20 @@ def test_mesh_that_cannot_be_used_is_named(tmp_path, tip_shapes, geometry, messa
 def test_links_without_collision_geometry_have_no_shapes(tip_shapes):
     visual = "<visual><geometry><sphere radius='1'/></geometry></visual>"
     assert tip_shapes(visual) == {}
+
+
+def test_a_prefix_that_is_not_declared_leaves_geometry_and_joints_as_they_are(
+    tmp_path,
+):
+    """yourdfpy and Pinocchio get the text with the declaration."""
+    path = tmp_path / "arm.urdf"
+    path.write_text(
+        f"""<robot name="arm"><link name="base"/><link name="tip"><drake:tip/>{INERTIAL}
+        <collision><drake:soft/><geometry><box size="1 2 3"/></geometry></collision></link>
+        <joint name="j" type="revolute"><drake:ball/><parent link="base"/><child link="tip"/>
+        <limit drake:jerk="3" lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>"""
+    )
+    robot = load_robot(path, "tip")
+    (shape,) = link_shapes(robot)["tip"]
+    assert np.ptp(shape.vertices, axis=0) == pytest.approx([1, 2, 3])
+    assert robot.urdf.undeclared == {"drake": ("tip", "soft", "ball", "jerk")}

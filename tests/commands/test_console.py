@@ -61,3 +61,17 @@ def test_a_key_of_a_megabyte_is_shown_short(run, tmp_path):
     status, _, err = run("plan", path)
     assert status == 2
     assert len(err) < 500 + len(str(path))
+
+
+def test_an_answer_that_is_not_kept_says_what_keeps_it(run, tmp_path):
+    problem, path = "example:two_link/around_a_post", tmp_path / "t.json"
+    options = ["--method", "stop-at-corners"]
+    _, out, _ = run("plan", problem, *options)
+    assert out.splitlines()[-1] == (
+        "nothing written; to keep the answer, give -o T.json or --csv or --ros or --plot or --html"
+    )
+    _, out, _ = run("plan", problem, *options, "-o", path)
+    assert out.splitlines()[-1] == f"trajectory: {path}"
+    assert "nothing written" not in out
+    _, out, _ = run("sweep", problem, "--radius", "0.05", "--quality", "fast")
+    assert out.endswith("give -o TABLE.csv or --plot\n")

@@ -142,3 +142,13 @@ def test_the_hash_of_a_robot_knows_payload_gravity_and_tool():
         load_robot("example:ur5", "wrist_3_link"),
     ]
     assert len({plain, *(robot_hash(robot) for robot in others)}) >= 4
+
+
+def test_columns_that_are_not_read_are_named(stored):
+    problem, trajectory = stored(UR5)
+    ignored = tuple(f"/diag/{k}" for k in range(21))
+    (note,) = notes_on_file(problem, file_of(trajectory, ignored=ignored), failed=False)
+    listed = ", ".join(map(repr, ignored[:20]))
+    assert note == f"columns that are not read: {listed} and 1 more"
+    (note,) = notes_on_file(problem, file_of(trajectory, ignored=ignored[:20]), failed=False)
+    assert note == f"columns that are not read: {listed}"

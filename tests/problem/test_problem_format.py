@@ -64,8 +64,8 @@ TOP = (
     "collision, objective, period, robustness"
 )
 ROBOT = (
-    "urdf, package_dirs, srdf, tool_frame, tool_offset, joints, locked_joints, gravity, payload, "
-    "attached, limits, motors, preset, limits_file"
+    "urdf, package_dirs, xacro_args, srdf, tool_frame, tool_offset, joints, "
+    "locked_joints, gravity, payload, attached, limits, motors, preset, limits_file"
 )
 LIMITS = "effort, velocity, position, acceleration, jerk, scale, tool_speed, "
 LIMITS += "effort_rate, velocity_by_position, point_speed"
@@ -225,6 +225,11 @@ ONE_OR_TWO = "it must be a number, or [backwards, forwards]"
         ("start.joints", ["a", 0], f"start.joints[0] is 'a'; {NOT_A_NUMBER}"),
         ("start.joints", {"j": "a"}, f"start.joints.j is 'a'; {NOT_A_NUMBER}"),
         ("robot.urdf", 5, "robot.urdf is 5; it must be text"),
+        (
+            "robot.xacro_args",
+            {"prefix": [1]},
+            "robot.xacro_args.prefix is [1]; it must be a text, a number, true or false",
+        ),
         ("robot.gravity", [0, 0, None], "robot.gravity[2] is empty; it must be a number"),
         ("robot.joints", "joint1", "robot.joints is 'joint1'; it must be a list"),
         (
@@ -534,3 +539,11 @@ def test_the_schema_check_itself_can_fail():
     for broken in (changed("robot.urdff", "x"), changed("tube.radius", ABSENT)):
         with pytest.raises(AssertionError):
             require_valid(schema, schema, broken)
+
+
+def test_arguments_of_a_macro_file_keep_their_types():
+    given = {"prefix": "left_", "grip": True, "count": 2, "length": 0.5}
+    fields = check_problem_fields(changed("robot.xacro_args", given), "p")
+    kept = fields.robot.xacro_args
+    assert kept == given
+    assert [type(value) for value in kept.values()] == [str, bool, int, float]

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from cases import SLIDE
 from tubeplanner import LimitOverrides, MotorOverrides, load_robot
 from tubeplanner.robot.robot_notes import robot_notes
 
@@ -49,3 +50,19 @@ def test_a_urdfs_placeholder_is_named_before_and_after_it_is_taken():
 def test_more_than_the_whole_effort_is_written_out():
     (note,) = robot_notes(arm(coulomb_friction={"elbow_joint": 300}))
     assert note.startswith("at full speed friction takes 200 % of the effort limit (elbow_joint), ")
+
+
+def test_prefixes_that_are_not_declared_are_named_with_what_stands_under_them(tmp_path):
+    inner = "".join(f"<drake:part{k}/>" for k in range(9)) + "".join(
+        f"<other:x{k}/>" for k in range(8)
+    )
+    path = tmp_path / "arm.urdf"
+    path.write_text(SLIDE.replace('<link name="base"/>', f'{inner}<link name="base"/>'))
+    robot = load_robot(path, "tip")
+    named = ", ".join(f"drake:part{k}" for k in range(8))
+    others = ", ".join(f"other:x{k}" for k in range(8))
+    why = "it is read all the same, and nothing here uses what stands under it"
+    assert robot_notes(robot) == (
+        f"the URDF does not declare the prefix 'drake'; {why}: {named} and 1 more",
+        f"the URDF does not declare the prefix 'other'; {why}: {others}",
+    )

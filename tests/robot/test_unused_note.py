@@ -111,3 +111,12 @@ def test_soft_limits_are_named_without_a_field_that_takes_them(arm):
 def test_bundled_arms_are_named(panda, ur5):
     assert "<dynamics damping> 0.003 (every joint)" in unused_note(panda)
     assert unused_note(ur5) is None
+
+
+def test_a_value_under_a_prefix_that_is_not_declared(tmp_path):
+    path = tmp_path / "fast.urdf"
+    path.write_text(SLIDE.replace('effort="60"', 'drake:acceleration="2.5" effort="60"'))
+    assert unused_note(load_robot(path, "tip")) == (
+        "the URDF says, and nothing here uses: <limit drake:acceleration> 2.5 (turn); to keep it, "
+        "give robot.limits.acceleration"
+    )

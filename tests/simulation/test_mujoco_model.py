@@ -150,5 +150,5 @@ def test_followers_are_refused_by_name(tmp_path):
 def test_without_mujoco_it_is_said_how_to_get_it(tmp_path, monkeypatch):
     robot = one_joint(tmp_path)
     monkeypatch.setitem(sys.modules, "mujoco", None)
-    with pytest.raises(OptionError, match=r"pip install 'tubeplanner\[simulate\]'"):
+    with pytest.raises(OptionError, match=r"pip install -e '\.\[simulate\]'"):
         mujoco_arms(robot, drawn_plants(robot, Robustness.exact(), Draw(1)), STEP)

@@ -105,7 +105,10 @@ points:
 - {positions: [0.1, 1e-05], time_from_start: {sec: 0, nanosec: 100000000}}
 """
 BAD_CSV = {
-    "no time": (CSV.replace("time", "t"), "needs the columns time and JOINT.position; its columns"),
+    "no time": (
+        CSV.replace("time", "clock"),
+        "needs the columns time and JOINT.position; its columns",
+    ),
     "no position": ("time,a,b\n0,0,0\n", "needs the columns time and JOINT.position; its columns"),
     "nothing": ("", "its columns are none"),
     "one row": (CSV[:33], "at least two samples"),
@@ -201,3 +204,16 @@ def test_the_acceleration_of_a_joint_that_hardly_moves_does_not_jump_between_sam
     joined = joined_samples(("a",), time, [values[:, None] for values in known])
     acceleration = joined.per_piece(2).acceleration
     assert abs(acceleration[1:-1:2] - acceleration[2::2]).sum() < 1e-10
+
+
+def test_a_recording_begins_at_zero_and_says_what_it_does_not_read(tmp_path):
+    """PlotJuggler's times are seconds since 1970."""
+    lines = ["__time,/js/a/position,/js/b/position,/js/header/seq"]
+    lines += [f"{1763900000 + 0.1 * k:.3f},{0.1 * k * k},{-0.1 * k},{k}" for k in range(4)]
+    path = written(tmp_path, "t.csv", "\n".join(lines))
+    read = read_trajectory_file(path, ["b", "a"])
+    assert read.trajectory.joint_names == ("a", "b")
+    assert read.trajectory.duration == pytest.approx(0.3, abs=1e-6)
+    assert read.trajectory.position(0.3) == pytest.approx([0.9, -0.3])
+    assert read.ignored == ("/js/header/seq",)
+    assert read.interpolation == "a cubic spline through the positions, at rest at both ends"

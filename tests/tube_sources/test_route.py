@@ -270,7 +270,7 @@ def test_without_ompl_the_message_says_what_to_install(monkeypatch):
         return real(name, *rest, **more)
 
     monkeypatch.setattr(builtins, "__import__", without)
-    with pytest.raises(OptionError, match=r"pip install 'tubeplanner\[route\]'"):
+    with pytest.raises(OptionError, match=r"pip install -e '\.\[route\]'"):
         find_route(cell())
 
 

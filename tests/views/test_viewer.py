@@ -297,7 +297,11 @@ def test_the_command_shows_files_of_every_kind(files, capsys):
     page = files / "page.html"
     names = [str(files / f"t.{kind}") for kind in ("json", "csv", "yaml")]
     assert main(["view", "example:two_link/around_a_post", *names, "--html", str(page)]) == 0
-    assert capsys.readouterr().out == f"view: {page}\n"
+    out = capsys.readouterr().out
+    assert out.endswith(f"view: {page}\n")
+    assert [line for line in out.splitlines() if "passes every condition" in line] == [
+        f"note: t.{kind}: passes every condition" for kind in ("json", "csv", "yaml")
+    ]
     data = re.search(r'id="data">(.*?)</script>', page.read_text(), re.S).group(1)
     assert [m["name"] for m in json.loads(data)["trajectories"]] == ["t.json", "t.csv", "t.yaml"]
 

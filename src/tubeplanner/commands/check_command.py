@@ -54,10 +54,10 @@ def check(
     from tubeplanner.verification.verification import verify
 
     asked = _tolerance(tolerance)
-    read = read_trajectory_file(trajectory)
-    limits = asked or (Tolerance() if read.interpolation is None else FOREIGN_TOLERANCE)
     with shown_progress() as enter:
         loaded, loading_time = load_timed(problem, enter, changes)
+        read = read_trajectory_file(trajectory, loaded.robot.joint_names)
+        limits = asked or (Tolerance() if read.interpolation is None else FOREIGN_TOLERANCE)
         verdict = _verdict(controller, loaded, read)
         enter("certificate")
         begin = time.perf_counter()

@@ -28,6 +28,7 @@ from tubeplanner.commands.console import (
     nowhere,
     print_json,
     say,
+    say_unwritten,
     shown_progress,
 )
 from tubeplanner.commands.interrupts import hold_interrupts, interrupts_remembered
@@ -151,6 +152,8 @@ def plan(
         say(plan_text(loaded, result, loading_time, with_minimum=time_left))
         for kind, path in outputs.paths() if result.succeeded else ():
             say(f"{kind}: {path}")
+        if result.succeeded and not outputs.paths():
+            say_unwritten("-o T.json", "--csv", "--ros", "--plot", "--html")
     return SUCCESS if result.succeeded else INFEASIBLE
 
 

@@ -82,7 +82,7 @@ def load_timed(
 
 @contextmanager
 def shown_progress() -> Iterator[Callable[[object], None]]:
-    """Yield a function that shows the current stage on a terminal's standard error.
+    """Yield a function that shows the stage and the time so far on a terminal's standard error.
 
     Entering a stage also raises a Ctrl-C that a library swallowed, as trimesh does when imported.
     """
@@ -91,12 +91,20 @@ def shown_progress() -> Iterator[Callable[[object], None]]:
             yield lambda progress: raise_pending()
             return
         from rich.console import Console
+        from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-        with Console(stderr=True).status("") as status:
+        # As it is: brackets in names are no markup.
+        columns = (
+            SpinnerColumn(),
+            TimeElapsedColumn(),
+            TextColumn("{task.fields[stage]}", markup=False),
+        )
+        with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
+            whole = shown.add_task("", total=None, stage="")
 
             def enter(progress: object) -> None:
                 raise_pending()
-                status.update(f"{progress} ...")
+                shown.update(whole, stage=f"{progress} ...")
 
             yield enter
 
@@ -122,6 +130,11 @@ def say(*values: object, sep: str = " ", end: str = "\n") -> None:
     """Print what a run answers; from here on, Ctrl-C no longer makes it look interrupted."""
     hold_interrupts()
     print(*values, sep=sep, end=end)
+
+
+def say_unwritten(*options: str) -> None:
+    """Print one line that says which options would have written an answer."""
+    say(f"nothing written; to keep the answer, give {' or '.join(options)}")
 
 
 def empty_report(status: str, message: str, where: dict[str, Any]) -> dict[str, Any]:

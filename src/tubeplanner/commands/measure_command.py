@@ -16,6 +16,7 @@ from tubeplanner.commands.console import (
     nowhere,
     print_json,
     say,
+    say_unwritten,
     shown_progress,
 )
 from tubeplanner.errors import OptionError
@@ -99,6 +100,8 @@ def _measure(
         say(measurement_text(loaded, result, loading_time))
         if output is not None and result.succeeded:
             say(f"problem: {output}")
+        elif result.succeeded:
+            say_unwritten("-o PROBLEM.yaml")
     return SUCCESS if result.succeeded else INFEASIBLE
 
 

@@ -15,6 +15,7 @@ from tubeplanner.commands.console import (
     print_json,
     require_ending,
     say,
+    say_unwritten,
     shown_progress,
 )
 from tubeplanner.commands.view_command import require_page
@@ -87,6 +88,7 @@ def simulate(
     What is seen in some runs is not proved for others. An error that is not given is that of
     PROBLEM's robustness, or the usual one. Exit status 0 also if runs fail.
     """
+    from tubeplanner.files.file_notes import notes_on_file
     from tubeplanner.problem.robustness import Robustness
     from tubeplanner.simulation.execution import executed
     from tubeplanner.simulation.judged_runs import judged_runs
@@ -100,10 +102,12 @@ def simulate(
     given: dict[str, Any] = {**errors, "controller": controller}
     given = {name: value for name, value in given.items() if value is not None}
     _ = Robustness(**given)  # wrong ones are refused before anything is loaded
-    draw, read = Draw(runs, seed), read_trajectory_file(trajectory).trajectory
+    draw = Draw(runs, seed)
     with shown_progress() as enter:
         loaded, loading_time = load_timed(problem, enter, changes)
         pictures.require_usable(problem, trajectory, loaded.robot.urdf.path)
+        file = read_trajectory_file(trajectory, loaded.robot.joint_names)
+        read, notes = file.trajectory, notes_on_file(loaded, file, failed=False)
         asked = replace(loaded.robustness or Robustness(), **given)
         enter(f"{runs} runs")
         plants = drawn_plants(loaded.robot, asked, draw)
@@ -114,10 +118,13 @@ def simulate(
             enter("pictures")
             pictures.write(loaded, read, execution, judged)
     if as_json:
-        more = {"duration": read.duration, "loading_time": loading_time}
+        more = {"duration": read.duration, "loading_time": loading_time, "notes": notes}
         print_json(_report(judged) | more | pictures.as_dict())
     else:
-        say(*_lines(judged), *(f"{kind}: {path}" for kind, path in pictures.paths), sep="\n")
+        said = [f"note: {note}" for note in notes]
+        say(*_lines(judged), *said, *(f"{kind}: {path}" for kind, path in pictures.paths), sep="\n")
+        if not pictures.paths:
+            say_unwritten("--plot", "--html")
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from tubeplanner.commands.console import (
     print_json,
     require_ending,
     say,
+    say_unwritten,
     shown_progress,
 )
 from tubeplanner.errors import OptionError
@@ -53,11 +54,11 @@ def plot(
 
     target = output or trajectory.with_suffix(".png")
     require_ending(target, "-o", (".png",))
-    read = read_trajectory_file(trajectory)
     require_writable([target], [trajectory, Path(problem)])
     with shown_progress() as enter:
         loaded, loading_time = load_timed(problem, enter, changes)
         require_writable([target], [loaded.robot.urdf.path])
+        read = read_trajectory_file(trajectory, loaded.robot.joint_names)
         enter("drawing")
         plot_trajectory(loaded, read.trajectory, target)
     notes = notes_on_file(loaded, read, failed=False)
@@ -139,7 +140,7 @@ def sweep(
         print_json({**report, **result.as_dict()})
     else:
         say(_sweep_text(result), message, sep="\n")
-        say(*(f"{path}" for path in outputs), sep="\n", end="\n" if outputs else "")
+        _say_files(outputs, "-o TABLE.csv", "--plot")
     return SUCCESS if result.succeeded else INFEASIBLE
 
 
@@ -200,8 +201,16 @@ def compare(
         from tubeplanner.commands.report import comparison_text
 
         say(comparison_text(result), message, sep="\n")
-        say(*(f"{path}" for path in outputs), sep="\n", end="\n" if outputs else "")
+        _say_files(outputs, "-o TABLE.csv", "--plot", "--trajectories")
     return SUCCESS if certified else INFEASIBLE
+
+
+def _say_files(written: list[Path], *options: str) -> None:
+    """Print the files that were written, each on its line, or which options write some."""
+    if written:
+        say(*written, sep="\n")
+    else:
+        say_unwritten(*options)
 
 
 def _swept_field(
@@ -260,7 +269,7 @@ def _write_comparison(
 def _trajectory_files(result: "Comparison", folder: Path) -> dict[Path, bytes]:
     """Return every trajectory as a trajectory file that says whether it is certified."""
     from tubeplanner.files.export import trajectory_json
-    from tubeplanner.files.fingerprint import origin
+    from tubeplanner.files.origin import origin
     from tubeplanner.files.output_files import make_folder
 
     make_folder(folder)

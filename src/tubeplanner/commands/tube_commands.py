@@ -17,6 +17,7 @@ from tubeplanner.commands.console import (
     nowhere,
     print_json,
     say,
+    say_unwritten,
     shown_progress,
 )
 from tubeplanner.errors import OptionError
@@ -215,4 +216,6 @@ def _print_answer(
         say(tube_text(name, answer))
         for kind, path in kept.items():
             say(f"{kind}: {path}")
+        if answer.succeeded and not kept:
+            say_unwritten("-o PROBLEM.yaml")
     return SUCCESS if answer.succeeded else INFEASIBLE

@@ -1,7 +1,8 @@
 """The command that shows a problem and its trajectories in 3D."""
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -18,6 +19,10 @@ from tubeplanner.commands.console import (
 )
 from tubeplanner.errors import OptionError
 
+if TYPE_CHECKING:
+    from tubeplanner.problem.problem import PlanningProblem
+    from tubeplanner.views.viewer import View
+
 
 @click.command()
 @click.argument("problem")
@@ -32,20 +37,18 @@ def view(
     changes: dict[str, Any],
     as_json: bool,
 ) -> None:
-    """Show PROBLEM and TRAJECTORY files, side by side, in 3D."""
+    """Show PROBLEM and TRAJECTORY files, side by side, in 3D.
+
+    Notes say whether each motion passes under PROBLEM, and what differs if it was made for another.
+    """
     from tubeplanner.files.output_files import require_writable
-    from tubeplanner.trajectory.trajectory_file import read_trajectory_file
-    from tubeplanner.views.viewer import names_of_files
-    from tubeplanner.views.viewer import view as view_scene
 
     require_page(html)
     if html is not None:
         require_writable([html], [Path(problem), *trajectories])
-    readings = [read_trajectory_file(path).trajectory for path in trajectories]
     with shown_progress() as enter:
         loaded, _ = load_timed(problem, enter, changes)
-        enter("scene")
-        shown = view_scene(loaded, *readings, names=names_of_files(trajectories))
+        shown = _shown(loaded, trajectories, enter)
         path, opened = (html, True) if html is not None else shown.open()
         if html is not None:
             shown.save(html)
@@ -53,9 +56,34 @@ def view(
     if not opened:
         message += " (no browser could be opened; open this file in one)"
     if as_json:
-        print_json({**empty_report("success", message, nowhere()), "html": str(path)})
+        print_json(
+            {
+                **empty_report("success", message, nowhere()),
+                "html": str(path),
+                "notes": shown.scene.notes,
+            }
+        )
         return
     say(*(f"note: {note}" for note in shown.scene.notes), message, sep="\n")
+
+
+def _shown(
+    problem: "PlanningProblem", paths: tuple[Path, ...], enter: Callable[[object], None]
+) -> "View":
+    """Return the view of a problem and the motions of files, each judged."""
+    from tubeplanner.files.motion_notes import has_other_part, motion_notes
+    from tubeplanner.trajectory.trajectory_file import read_trajectory_file
+    from tubeplanner.views.viewer import names_of_files, view
+
+    files = [read_trajectory_file(path, problem.robot.joint_names) for path in paths]
+    named, notes = dict(zip(names_of_files(paths), files, strict=True)), []
+    for k, (name, file) in enumerate(named.items()):
+        enter(f"certificate {k + 1} of {len(files)}")
+        notes += motion_notes(problem, name, file)
+    enter("scene")
+    other = [name for name, file in named.items() if has_other_part(problem, file)]
+    motions = (file.trajectory for file in files)
+    return view(problem, *motions, names=list(named), notes=notes, empty_handed=other)
 
 
 def require_page(path: Path | None) -> None:

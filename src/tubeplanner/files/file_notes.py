@@ -2,14 +2,16 @@
 
 import numpy as np
 
-from tubeplanner.errors import RobotError
+from tubeplanner.errors import RobotError, shown
 from tubeplanner.files.fingerprint import problem_hash, robot_hash
 from tubeplanner.files.former_fingerprint import former_problem_hash, is_former_hash
+from tubeplanner.files.part_hashes import differing_parts
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.trajectory.trajectory_file import TrajectoryFile
 
 _NEAR = 1e-2  # [rad or m]: starts this close to each other are the same
+_COLUMNS_SHOWN = 20
 
 
 def notes_on_file(problem: PlanningProblem, file: TrajectoryFile, *, failed: bool) -> list[str]:
@@ -23,12 +25,31 @@ def notes_on_file(problem: PlanningProblem, file: TrajectoryFile, *, failed: boo
     notes = []
     if file.interpolation is not None:
         notes.append(f"samples are joined by {file.interpolation}")
-    if file.robot_hash not in (None, robot_hash(problem.robot)):
-        notes.append("the trajectory was made for another robot, payload, limits or motors")
-    elif file.problem_hash not in (None, problem_hash(problem)):
-        notes.append(f"the trajectory was made {_other_origin(problem, str(file.problem_hash))}")
+    if file.ignored:
+        notes.append(f"columns that are not read: {_listed(file.ignored)}")
+    notes += _notes_on_origin(problem, file)
     misreading = _likely_misreading(problem, file.trajectory) if failed else None
     return notes if misreading is None else [*notes, misreading]
+
+
+def _listed(columns: tuple[str, ...]) -> str:
+    named = ", ".join(map(shown, columns[:_COLUMNS_SHOWN]))
+    more = len(columns) - _COLUMNS_SHOWN
+    return f"{named} and {more} more" if more > 0 else named
+
+
+def _notes_on_origin(problem: PlanningProblem, file: TrajectoryFile) -> list[str]:
+    """Return a sentence if a trajectory was not made by this version for the problem."""
+    is_other_robot = file.robot_hash not in (None, robot_hash(problem.robot))
+    if not is_other_robot and file.problem_hash in (None, problem_hash(problem)):
+        return []
+    if differing := differing_parts(problem, file.part_hashes):
+        return [
+            f"the trajectory was made for another problem; what differs: {', '.join(differing)}"
+        ]
+    if is_other_robot:
+        return ["the trajectory was made for another robot, payload, limits or motors"]
+    return [f"the trajectory was made {_other_origin(problem, str(file.problem_hash))}"]
 
 
 def _other_origin(problem: PlanningProblem, stated_hash: str) -> str:

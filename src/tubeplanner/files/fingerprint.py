@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from tubeplanner import __version__
 from tubeplanner.arrays import FloatArray
 from tubeplanner.collision.convex_shape import ConvexShape
 from tubeplanner.collision.obstacle import AttachedSolid, Obstacle
@@ -23,6 +22,7 @@ from tubeplanner.problem.tool_pose import ToolPose
 from tubeplanner.robot.joint_limits import JointLimits
 from tubeplanner.robot.joint_motors import JointMotors
 from tubeplanner.robot.robot_model import RobotModel
+from tubeplanner.tube.tube import Tube
 
 _CONFIGURATIONS, _SEED = 4, 0
 # More digits for problems: `former_fingerprint` tells former hashes by their number of digits.
@@ -46,21 +46,31 @@ def problem_hash(problem: PlanningProblem) -> str:
 
 def question_parts(problem: PlanningProblem) -> list[object]:
     """Return what a problem asks of the tool and of start and goal, apart from collisions."""
-    tube = problem.tube
+    return [*tube_parts(problem.tube, problem.robot.joint_names), *endpoint_parts(problem)]
+
+
+def tube_parts(tube: Tube, joint_names: Sequence[str]) -> list[object]:
+    """Return what a tube asks of the tool and of joints in an order."""
     parts: list[object] = [tube.points, tube.radius, tube.visit]
-    parts += [tube.tool_radius, *tube.ranges_of(problem.robot.joint_names)]
+    parts += [tube.tool_radius, *tube.ranges_of(joint_names)]
     if tube.rotation is not None:
         parts += [tube.rotation.begin, tube.rotation.turn, tube.rotation.bounds]
     parts += _optional_parts(tube)
     # Only where points are asked that earlier versions did not know.
     if len(tube.compulsory_points):
         parts += ["points", tube.compulsory_points]
+    return parts
+
+
+def endpoint_parts(problem: PlanningProblem) -> list[object]:
+    """Return what a problem asks of start and goal."""
+    parts: list[object] = []
     for given in (problem.start, problem.goal):
         parts.append(type(given).__name__)
         if isinstance(given, GoalRegion):
             bounds = given.rotation_tolerance
             parts += [given.position, given.tolerance, bounds]
-        if isinstance(given, ToolPose):
+        elif isinstance(given, ToolPose):
             parts += [given.placement, given.seed]
         else:
             parts.append(given.joints if isinstance(given, Seed) else given)
@@ -69,12 +79,18 @@ def question_parts(problem: PlanningProblem) -> list[object]:
 
 def robot_parts(robot: RobotModel) -> list[object]:
     """Return what a robot does: its tool's poses, its efforts, its limits, its motors."""
-    q, v, a = _sampled(robot)
+    return [*motion_parts(robot), robot.inverse_dynamics(*_sampled(robot)), *limit_parts(robot)]
+
+
+def motion_parts(robot: RobotModel) -> list[object]:
+    """Return how a robot's tool moves."""
+    return [*robot.joint_names, *robot.tool_pose(_sampled(robot)[0])]
+
+
+def limit_parts(robot: RobotModel) -> list[object]:
+    """Return a robot's limits and motors."""
     limits = robot.limits
     return [
-        *robot.joint_names,
-        *robot.tool_pose(q),
-        robot.inverse_dynamics(q, v, a),
         limits.lower_position,
         limits.upper_position,
         limits.velocity,
@@ -139,17 +155,17 @@ def _collision_parts(problem: PlanningProblem) -> list[object]:
     may_touch += [(solid.name, link) for solid in problem.attached for link in solid.touch_links]
     parts: list[object] = ["collision", problem.clearance, problem.self_collision]
     parts += [name for pair in sorted({tuple(sorted(p)) for p in may_touch}) for name in pair]
-    parts += _clearance_parts(problem)
+    parts += clearance_parts(problem)
     parts.append("links")
     for link, contents in sorted(problem.collision.link_contents.items()):
         parts += [link, *_link_poses(robot, link), *_contents_parts(contents)]
-    parts += _solids_parts("obstacles", problem.obstacles)
+    parts += solids_parts("obstacles", problem.obstacles)
     if problem.attached:
         parts += _link_poses(robot, robot.tool_frame)
-    return [*parts, *_solids_parts("attached", problem.attached)]
+    return [*parts, *solids_parts("attached", problem.attached)]
 
 
-def _clearance_parts(problem: PlanningProblem) -> list[object]:
+def clearance_parts(problem: PlanningProblem) -> list[object]:
     """Return clearances of pairs and contacts, where there are any, whatever their order."""
     pairs = {tuple(sorted(names)): value for names, value in problem.pair_clearances.items()}
     parts: list[object] = ["pairs"] if pairs else []
@@ -162,7 +178,7 @@ def _clearance_parts(problem: PlanningProblem) -> list[object]:
     return parts + [part for contact in sorted(contacts) for part in ("contact", *contact)]
 
 
-def _solids_parts(what: str, solids: Sequence[Obstacle | AttachedSolid]) -> list[object]:
+def solids_parts(what: str, solids: Sequence[Obstacle | AttachedSolid]) -> list[object]:
     """Return what solids are called and were made from, whatever their order."""
     by_name = sorted(solids, key=lambda solid: solid.name)
     return [what, *(part for solid in by_name for part in (solid.name, *_solid_parts(solid)))]
@@ -200,22 +216,6 @@ def _sampled(robot: RobotModel) -> FloatArray:
     """Return positions, velocities and accelerations of some states, shape (3, N, n)."""
     shape = (3, _CONFIGURATIONS, robot.joint_count)
     return np.random.default_rng(_SEED).uniform(-1, 1, shape)
-
-
-def origin(problem: PlanningProblem, method: str | None = None) -> dict[str, Any]:
-    """Return the origin that a trajectory file states, as JSON values.
-
-    Args:
-        problem: The planning problem.
-        method: How the trajectory was made; None: not known, and not stated.
-    """
-    return {
-        **({} if method is None else {"method": method}),
-        "tubeplanner_version": __version__,
-        "problem": problem.name,
-        "problem_hash": problem_hash(problem),
-        "robot_hash": robot_hash(problem.robot),
-    }
 
 
 def hash_of(parts: Iterable[object], digits: int) -> str:

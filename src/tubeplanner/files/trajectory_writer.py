@@ -8,7 +8,7 @@ from tubeplanner.constraints.motor_effort import motor_effort
 from tubeplanner.errors import OptionError, OutputError
 from tubeplanner.files.export import trajectory_csv, trajectory_json, trajectory_ros
 from tubeplanner.files.export_samples import samples_for_export
-from tubeplanner.files.fingerprint import origin
+from tubeplanner.files.origin import origin
 from tubeplanner.files.output_files import require_writable, write_files
 from tubeplanner.options import require_between
 from tubeplanner.problem.problem import PlanningProblem

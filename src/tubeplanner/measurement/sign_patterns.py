@@ -113,9 +113,10 @@ def survey_patterns(
     patterns = [dict(zip(names, signs, strict=True)) for signs in product("+-", repeat=len(names))]
     rows = []
     for k in range(problem.tube.segment_count):
+        of_all = f"segment {k + 1} of {problem.tube.segment_count}"
         for number, signs in enumerate(patterns, start=1):
             if progress is not None:
-                progress(Progress(f"segment {k}: sign pattern {number} of {len(patterns)}"))
+                progress(Progress(f"{of_all}, sign pattern {number} of {len(patterns)}"))
             rows.append(_row(problem, k, signs, options))
     return PatternSurvey(tuple(rows), _suggested(rows, patterns))
 

@@ -158,7 +158,9 @@ def _segments(
     best = _traded(around, clock) if way is None else _suited(around, clock, way, kept)
     final = []
     for k, found in enumerate(best):
-        clock.announce(Progress(f"searching for counterexamples in segment {k} of {around.count}"))
+        clock.announce(
+            Progress(f"searching for counterexamples in segment {k + 1} of {around.count}")
+        )
         final.append(around.described(k, around.without_counterexamples(k, found)))
     return tuple(final)
 
@@ -173,7 +175,7 @@ def _suited(
     """
     found = []
     for k, part in enumerate(around.parts(way)):
-        clock.announce(Progress(f"measuring segment {k} of {around.count}"))
+        clock.announce(Progress(f"measuring segment {k + 1} of {around.count}"))
         found.append(around.kept_search(k, part, kept))
     return found
 
@@ -190,7 +192,7 @@ def _traded(around: BranchNeighbourhood, clock: PlanningClock) -> list[SegmentSe
     """
     segments, rough = range(around.count), []
     for k in segments:
-        clock.announce(Progress(f"measuring segment {k} of {around.count}"))
+        clock.announce(Progress(f"measuring segment {k + 1} of {around.count}"))
         rough.append(around.first_search(k))
     for beyond_radius, beyond_range, worth in _TRADES if around.has_trades(rough) else ():
         needs = around.needs_of_trajectory(rough, beyond_radius, beyond_range)

@@ -66,6 +66,15 @@ RotationBoundField: TypeAlias = Annotated[
 ]
 
 
+def _argument(value: object) -> object:
+    """Report what an argument may be, rather than the fault of each alternative."""
+    if not isinstance(value, str | bool | int | float):
+        raise ValueError("it must be a text, a number, true or false")
+    return value
+
+
+XacroValue: TypeAlias = Annotated[Flag | int | float | str, BeforeValidator(_argument)]
+
 PROBLEM_FORMAT: Final = "tubeplanner/problem"
 _MAX_BYTES = 10_000_000
 
@@ -116,6 +125,9 @@ class RobotFields(Section):
 
     urdf: str = Field(description="path relative to this file, package://PKG/..., example:NAME")
     package_dirs: list[str] = Field([], description="extra roots for package:// names")
+    xacro_args: dict[str, XacroValue] = Field(
+        {}, description="arguments of a urdf that ends in .xacro, by name"
+    )
     srdf: str | None = Field(
         None,
         description="file whose disable_collisions lists pairs of links that may touch, and whose "

@@ -157,6 +157,7 @@ def robot_of(problem: ProblemFields, directory: Path) -> RobotModel:
         limits=_given_limits(fields, directory),
         motors=motors_of(fields.motors),
         package_dirs=fields.package_dirs,
+        xacro_args=fields.xacro_args,
         directory=directory,
     )
 

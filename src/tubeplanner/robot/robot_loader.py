@@ -31,6 +31,7 @@ def load_robot(
     limits: GivenLimits | None = None,
     motors: MotorOverrides | None = None,
     package_dirs: Sequence[str | Path] = (),
+    xacro_args: Mapping[str, object] | None = None,
     directory: str | Path = ".",
 ) -> RobotModel:
     """Load the arm that ends at a link of a URDF.
@@ -49,6 +50,7 @@ def load_robot(
             which the later ones hold; default: nothing.
         motors: Motors of the joints, above those of presets among the limits; default: nothing.
         package_dirs: Further folders that hold the packages of `package://` names.
+        xacro_args: Values of the arguments of a URDF that ends in .xacro, by name.
         directory: Where relative paths start.
 
     Raises:
@@ -58,7 +60,7 @@ def load_robot(
         raise RobotError(f"robot.gravity {list(gravity)} must be three finite numbers [m/s^2]")
     directory = Path(directory)
     folders = tuple(directory / folder for folder in package_dirs)
-    description = read_urdf(find_description(urdf, directory, folders))
+    description = read_urdf(find_description(urdf, directory, folders), xacro_args, folders)
     group = planning_group(description, tool_frame, joints)
     layers = [*layers_of(limits or ()), *_layer_of(motors)]
     return RobotModel(

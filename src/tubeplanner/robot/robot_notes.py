@@ -2,15 +2,33 @@
 
 import numpy as np
 
+from tubeplanner.errors import shown
 from tubeplanner.robot.friction_share import friction_share
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.robot.unused_note import unused_note
+
+_MOST_NAMED = 8  # names under a prefix
 
 
 def robot_notes(robot: RobotModel) -> tuple[str, ...]:
     """Return sentences for the user; none if all is well."""
     notes = (unused_note(robot), _friction_note(robot))
-    return tuple(note for note in notes if note is not None)
+    return (*_prefix_notes(robot), *(note for note in notes if note is not None))
+
+
+def _prefix_notes(robot: RobotModel) -> list[str]:
+    """Return a sentence for each prefix that the URDF uses and does not declare."""
+    return [
+        f"the URDF does not declare the prefix '{prefix}'; it is read all the same, and nothing "
+        f"here uses what stands under it: {_named_under(prefix, names)}"
+        for prefix, names in robot.urdf.undeclared.items()
+    ]
+
+
+def _named_under(prefix: str, names: tuple[str, ...]) -> str:
+    named = ", ".join(shown(f"{prefix}:{name}").strip("'") for name in names[:_MOST_NAMED])
+    more = len(names) - _MOST_NAMED
+    return f"{named} and {more} more" if more > 0 else named
 
 
 def _friction_note(robot: RobotModel) -> str | None:

@@ -14,6 +14,7 @@ import numpy as np
 from tubeplanner.documents import DocumentError, read_bytes
 from tubeplanner.errors import RobotError, unknown_name
 from tubeplanner.names import require_name
+from tubeplanner.robot.undeclared_prefixes import declare_prefixes
 from tubeplanner.robot.unused_values import unused_values
 from tubeplanner.robot.urdf_link import require_valid_link
 from tubeplanner.robot.urdf_values import (
@@ -24,6 +25,7 @@ from tubeplanner.robot.urdf_values import (
     require_origin,
     written,
 )
+from tubeplanner.robot.xacro_file import XACRO_ENDING, expanded
 
 MOVABLE_TYPES = ("revolute", "continuous", "prismatic")
 # A planar or floating joint carries a mobile base, which stands still while its arm moves.
@@ -82,7 +84,8 @@ class UrdfDescription:
         name: The robot's name.
         links: Names of all links.
         joints: All joints by name, in the order of the file.
-        xml: The contents of the file.
+        xml: The contents of the file, with declarations for the prefixes that lack one.
+        undeclared: The names under each prefix that the file does not declare.
     """
 
     path: Path
@@ -90,6 +93,7 @@ class UrdfDescription:
     links: tuple[str, ...]
     joints: dict[str, UrdfJoint]
     xml: bytes
+    undeclared: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def chain(self, link: str) -> list[str]:
         """Return the names of the movable joints from the root to a link, in chain order.
@@ -161,23 +165,29 @@ def joint_id(name: str) -> str:
     return f"joint:{name}"
 
 
-def read_urdf(path: Path) -> UrdfDescription:
+def read_urdf(
+    path: Path,
+    xacro_args: Mapping[str, object] | None = None,
+    package_dirs: tuple[Path, ...] = (),
+) -> UrdfDescription:
     """Read a URDF and check its structure.
 
     Args:
-        path: The file.
+        path: The file; one that ends in .xacro is expanded.
+        xacro_args: Values of its arguments, by name.
+        package_dirs: Further folders that hold the packages it names.
 
     Returns:
         The description; its limits are as written, not yet judged.
 
     Raises:
         RobotError: The XML is malformed, a name is doubled or missing, the links are no tree, an
-            inertia or a size is impossible, or a number cannot be read. The message names the file
-            and the element.
+            inertia or a size is impossible, a number cannot be read, or the file cannot be
+            expanded. The message names the file and the element.
     """
-    xml = _read_bytes(path)
+    declared = declare_prefixes(_urdf_of(path, xacro_args or {}, package_dirs))
     try:
-        root = ElementTree.fromstring(xml)
+        root = ElementTree.fromstring(declared.xml)
     except (ElementTree.ParseError, LookupError, ValueError) as error:
         raise RobotError(f"{path} cannot be read as URDF: {error}") from error
     _require_robot(path, root)
@@ -190,7 +200,19 @@ def read_urdf(path: Path) -> UrdfDescription:
         require_valid_link(f"{path}: link '{name}'", element)
     by_name = {joint.name: joint for joint in joints}
     name = require_name(f"{path}: <robot> name", root.get("name") or path.stem, RobotError)
-    return UrdfDescription(path, name, tuple(links), by_name, xml)
+    return UrdfDescription(path, name, tuple(links), by_name, declared.xml, declared.undeclared)
+
+
+def _urdf_of(path: Path, xacro_args: Mapping[str, object], package_dirs: tuple[Path, ...]) -> bytes:
+    """Return what a file holds, expanded if it is xacro's."""
+    xml = _read_bytes(path)
+    if path.suffix == XACRO_ENDING:
+        return expanded(path, xacro_args, package_dirs)
+    if xacro_args:
+        raise RobotError(
+            f"{path}: robot.xacro_args are for a file that ends in {XACRO_ENDING}; leave them out"
+        )
+    return xml
 
 
 def _read_bytes(path: Path) -> bytes:
@@ -211,7 +233,8 @@ def _require_robot(path: Path, root: ElementTree.Element) -> None:
             tag = str(element.tag).removeprefix(_XACRO)
             raise RobotError(
                 f"{path} holds <xacro:{tag}>: it must be expanded first, by "
-                f"xacro {path.name} > {path.name.split('.')[0]}.expanded.urdf"
+                f"xacro {path.name} > {path.name.split('.')[0]}.expanded.urdf; a file named "
+                f"{path.name.split('.')[0]}.urdf.xacro is expanded when it is read"
             )
 
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.errors import OptionError, RobotError
+from tubeplanner.extras import not_installed
 from tubeplanner.robot.body_inertia import BodyInertia
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.simulation.plant import Plant
@@ -37,9 +38,7 @@ def require_mujoco(what: str = "executing trajectories") -> None:
     try:
         import mujoco
     except ImportError:
-        raise OptionError(
-            f"{what} takes MuJoCo 3, which is not installed: pip install 'tubeplanner[simulate]'"
-        ) from None
+        raise OptionError(not_installed("simulate", what, "MuJoCo 3")) from None
     _ = mujoco.MjSpec
 
 

@@ -7,9 +7,9 @@ Our JSON holds the polynomials themselves. The others hold samples, which are jo
 import csv
 import io
 from array import array
-from collections import Counter
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray
 from tubeplanner.documents import DocumentError, parse_json, parse_yaml, read_text
 from tubeplanner.errors import TrajectoryError, shown
-from tubeplanner.names import require_name
+from tubeplanner.trajectory.csv_columns import QUANTITIES, joint_columns
 from tubeplanner.trajectory.hermite_pieces import hermite_pieces
 from tubeplanner.trajectory.joint_trajectory import MIN_DURATION, JointTrajectory
 
@@ -29,9 +29,7 @@ _MAX_BYTES = 200_000_000
 _MAX_POSITION = 1e4  # [rad or m]
 _MAX_SAMPLES = 100_000
 _MAX_NUMBER = 1e18  # what is larger is no reading of any joint or clock, and overflows when joined
-_COLUMNS_SHOWN = 20
-_QUANTITIES = ("position", "velocity", "acceleration")
-_ROS_FIELDS = dict(zip(_QUANTITIES, ("positions", "velocities", "accelerations"), strict=True))
+_ROS_FIELDS = dict(zip(QUANTITIES, ("positions", "velocities", "accelerations"), strict=True))
 _SECONDS = (("sec", "nanosec"), ("secs", "nsecs"))
 # Velocities that differ from the slope of the positions by more than this factor have another unit.
 _MAX_UNIT_RATIO = 10.0
@@ -62,6 +60,8 @@ class TrajectoryFile:
         problem_hash: Of the problem it was made for; None if the file does not say.
         robot_hash: Of the robot it was made for; likewise.
         samples: What its samples say; None if the file holds polynomials.
+        ignored: Columns of a CSV file that are not read.
+        part_hashes: Of the parts of the problem it was made for; empty if the file does not say.
     """
 
     trajectory: JointTrajectory
@@ -69,6 +69,8 @@ class TrajectoryFile:
     problem_hash: str | None = None
     robot_hash: str | None = None
     samples: GivenSamples | None = None
+    ignored: tuple[str, ...] = ()
+    part_hashes: Mapping[str, str] = field(default_factory=dict)
 
 
 def read_trajectory(path: str | Path) -> JointTrajectory:
@@ -80,18 +82,28 @@ def read_trajectory(path: str | Path) -> JointTrajectory:
     return read_trajectory_file(path).trajectory
 
 
-def read_trajectory_file(path: str | Path) -> TrajectoryFile:
+def read_trajectory_file(path: str | Path, joint_names: Collection[str] = ()) -> TrajectoryFile:
     """Read a trajectory file: `.json` (ours), `.csv`, or `.yaml` / `.yml` (ROS).
 
     CSV has a header: `time` and, for every joint, `JOINT.position` and, if at hand for all of them,
     `JOINT.velocity` and `JOINT.acceleration`; further columns are ignored. ROS is a
     trajectory_msgs/JointTrajectory, or a goal that has one as `trajectory`.
 
+    Args:
+        path: The file.
+        joint_names: Joints whose columns in CSV may have other names too, as `joint_columns` says.
+
     Raises:
         TrajectoryError: It cannot be read, is no trajectory file, or contradicts itself.
     """
     path = Path(path)
-    readers = {".json": _read_json, ".csv": _read_csv, ".yaml": _read_ros, ".yml": _read_ros}
+    readers: dict[str, Callable[[str], TrajectoryFile]]
+    readers = {
+        ".json": _read_json,
+        ".csv": partial(_read_csv, joint_names=joint_names),
+        ".yaml": _read_ros,
+        ".yml": _read_ros,
+    }
     read = readers.get(path.suffix.lower(), _read_json)
     try:
         text = read_text(path, _MAX_BYTES)
@@ -135,7 +147,13 @@ def _read_json(text: str) -> TrajectoryFile:
         _require_duration(_numbers(fields, "duration"), trajectory.duration)
     hashes = (fields.get(key) for key in ("problem_hash", "robot_hash"))
     problem_hash, robot_hash = (str(value) if value is not None else None for value in hashes)
-    return TrajectoryFile(trajectory, None, problem_hash, robot_hash)
+    file = TrajectoryFile(trajectory, None, problem_hash, robot_hash)
+    return replace(file, part_hashes=_texts(fields.get("part_hashes")))
+
+
+def _texts(given: object) -> dict[str, str]:
+    pairs = given.items() if isinstance(given, dict) else ()
+    return {str(name): str(value) for name, value in pairs}
 
 
 def _require_duration(given: FloatArray, duration: float) -> None:
@@ -165,52 +183,22 @@ def _numbers(fields: dict[str, Any], key: str) -> FloatArray:
     return array.astype(np.float64)
 
 
-def _read_csv(text: str) -> TrajectoryFile:
+def _read_csv(text: str, joint_names: Collection[str]) -> TrajectoryFile:
     # Rows are taken one by one, and their columns as plain numbers: text takes ten times as much.
     rows = (row for row in csv.reader(io.StringIO(text, newline="")) if row)
     try:
         header = [name.strip() for name in next(rows, [])]
-        joints = _csv_joints(header)
-        tables = _csv_tables(joints, header)
-        wanted = ["time", *(f"{joint}.{what}" for what in tables for joint in joints)]
+        named = joint_columns(header, joint_names)
+        wanted = [named.time, *(name for names in named.tables.values() for name in names)]
         columns = _csv_columns(rows, header, wanted)
     except csv.Error as error:
         raise TrajectoryError(f"is no CSV ({error})") from None
     time, *values = columns
-    n = len(joints)
-    known = {what: np.array(values[n * k : n * k + n]).T for k, what in enumerate(tables)}
-    file = _from_samples(joints, time, known)
-    return replace(file, samples=GivenSamples(float(time[0]), tuple(known)))
-
-
-def _csv_joints(header: list[str]) -> list[str]:
-    joints = [name.removesuffix(".position") for name in header if name.endswith(".position")]
-    if "time" not in header or not joints:
-        raise TrajectoryError(
-            f"needs the columns time and JOINT.position; its columns are "
-            f"{', '.join(map(shown, header[:_COLUMNS_SHOWN])) or 'none'}"
-        )
-    for joint in joints:
-        require_name("the joint of a column", joint, TrajectoryError)
-    for name, count in Counter(header).items():
-        if count > 1:
-            raise TrajectoryError(f"the column {shown(name)} is there {count} times")
-    return joints
-
-
-def _csv_tables(joints: list[str], header: list[str]) -> list[str]:
-    """Return the quantities that all joints have, those that some have being an error."""
-    columns, found = set(header), []
-    for quantity in _QUANTITIES:
-        missing = [joint for joint in joints if f"{joint}.{quantity}" not in columns]
-        if len(missing) == len(joints):
-            break
-        if missing:
-            raise TrajectoryError(
-                f"{quantity} is missing for {', '.join(missing)}; give it for all joints or none"
-            )
-        found.append(quantity)
-    return found
+    n = len(named.joints)
+    known = {what: np.array(values[n * k : n * k + n]).T for k, what in enumerate(named.tables)}
+    file = _from_samples(named.joints, time, known)
+    samples = GivenSamples(float(time[0]), tuple(known))
+    return replace(file, samples=samples, ignored=named.ignored)
 
 
 def _csv_columns(
@@ -266,15 +254,15 @@ def _read_ros(text: str) -> TrajectoryFile:
         raise _too_many_samples()
     names = _names(message)
     tables: dict[str, FloatArray] = {}
-    for quantity, field in _ROS_FIELDS.items():
-        given = [bool(point.get(field)) for point in points]
+    for quantity, key in _ROS_FIELDS.items():
+        given = [bool(point.get(key)) for point in points]
         if not any(given):
             break
         if not all(given):
             raise TrajectoryError(
-                f"point {given.index(False)} has no {field}; give them in all points or none"
+                f"point {given.index(False)} has no {key}; give them in all points or none"
             )
-        tables[quantity] = np.array([_ros_row(names, i, p, field) for i, p in enumerate(points)])
+        tables[quantity] = np.array([_ros_row(names, i, p, key) for i, p in enumerate(points)])
     time = np.array([_ros_time(i, point) for i, point in enumerate(points)])
     file = _from_samples(names, time, tables)
     has_effort = any(bool(point.get("effort")) for point in points)

@@ -12,6 +12,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import OptionError
+from tubeplanner.extras import not_installed
 from tubeplanner.tube_sources.free_space import FreeSpace
 
 _STEP = 0.05  # [rad or m] between configurations tested along an edge
@@ -30,9 +31,7 @@ def require_ompl() -> None:
     try:
         import ompl.base
     except ImportError:
-        raise OptionError(
-            "finding a route takes OMPL 2, which is not installed: pip install 'tubeplanner[route]'"
-        ) from None
+        raise OptionError(not_installed("route", "finding a route", "OMPL 2")) from None
     _ = ompl.base
 
 

@@ -76,7 +76,8 @@ def measured_plan(
     for parted in range(_MAX_PARTINGS + 1):
         whole = in_tube(problem, corners, band, options.max_radius)
         try:
-            return _measured(whole, options, clock, way, kept)
+            with clock.within(f"tube {parted + 1} of at most {_MAX_PARTINGS + 1}"):
+                return _measured(whole, options, clock, way, kept)
         except Infeasible as reason:
             segment = reason.place.segment
             is_blocked = reason.status is PlanStatus.TUBE_BLOCKED and segment is not None

@@ -169,9 +169,10 @@ class _RouteFinder:
         for k, route in enumerate(routes):
             if found and self.clock.used > _SHARE_OF_TIME:
                 break
-            self.clock.enter(f"planning along route {k + 1} of {len(routes)}")
             problem = in_tube(self._problem, route.corners, self._options.band, _RADIUS_TO_COMPARE)
-            result = plan_under(self.clock, problem, "fast")
+            with self.clock.within(f"route {k + 1} of {len(routes)}"):
+                self.clock.enter("planning along it")
+                result = plan_under(self.clock, problem, "fast")
             self._durations.append(result.duration)
             if result.succeeded:
                 found.append(_Compared(route, problem, result))
@@ -181,9 +182,10 @@ class _RouteFinder:
     def _measure(self, compared: list[_Compared]) -> None:
         """Measure a tube around the first of some routes that has the space."""
         reason = None
-        for each in compared:
+        for k, each in enumerate(compared):
             try:
-                self.measured = self._measured(each.route, each.way)
+                with self.clock.within(f"route {k + 1} of at most {len(compared)}"):
+                    self.measured = self._measured(each.route, each.way)
             except Infeasible as why:
                 reason = reason or why
                 continue
@@ -201,9 +203,10 @@ class _RouteFinder:
             Infeasible: There is none.
         """
         reason = None
-        for route in routes:
+        for k, route in enumerate(routes):
             try:
-                return self._measured(route, None)
+                with self.clock.within(f"route {k + 1} of at most {len(routes)}"):
+                    return self._measured(route, None)
             except Infeasible as why:
                 reason = reason or why
         assert reason is not None

@@ -4,7 +4,7 @@ Everything is in the base frame, in m and s. Several trajectories stand side by 
 own arm and tube, and start together.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from itertools import pairwise
@@ -50,7 +50,8 @@ _SWEEP_STEPS = 24
 _EXECUTED_STEPS = 240  # lines of an executed path
 _BESIDE_EXECUTED = 0.3  # of its usual thickness: the planned path among executed ones
 _BALL_POINTS = 150
-_SAMPLED_SHARES = (0.1, 0.5, 0.9)  # of a trajectory: when the arm should not hide the path
+# Of the way through a trajectory: when the arm should not hide the path.
+_SAMPLED_SHARES = (0.1, 0.5, 0.9)
 _GAP = 0.15  # between trajectories side by side, of the width of one
 CARRIED_COLOR = "#B58863"
 SWEPT_COLOR = "#7A6FAF"
@@ -181,19 +182,24 @@ def build_scene(
     problem: PlanningProblem,
     named: Mapping[str, JointTrajectory],
     execution: Execution | None = None,
+    *,
+    notes: Sequence[str] = (),
+    empty_handed: Collection[str] = (),
 ) -> Scene:
     """Return the scene of a problem and some trajectories, by name.
 
     Without a trajectory the arm rests at the start. The execution is that of the one trajectory.
+    Trajectories that are empty-handed are drawn without the problem's carried solids. Notes of the
+    scene begin with those that are given.
 
     Raises:
         TrajectoryError: A trajectory moves other joints than the problem's; it is named.
         RobotError: The robot's geometry is of a kind no URDF has.
     """
-    notes: list[str] = []
+    said = list(notes)
     trajectories = tuple(_shown(problem, *pair) for pair in named.items())
     if not trajectories:
-        trajectories = (_at_rest(problem, notes),)
+        trajectories = (_at_rest(problem, said),)
     parts, notes_of_parts = link_parts(problem.robot, _MAX_FACES // len(trajectories))
     hulls = _hulls(problem, parts)
     tube = tube_surfaces(problem.tube)
@@ -208,7 +214,8 @@ def build_scene(
     fastest = max(float(trajectory.speed.max()) for trajectory in trajectories)
     items: list[Item] = []
     for i, trajectory in enumerate(trajectories):
-        items += _arm(i, parts) + _carried(i, problem)
+        items += _arm(i, parts)
+        items += [] if trajectory.name in empty_handed else _carried(i, problem)
         items += _surroundings(i, problem, tube, size)
         width = 1.0 if execution is None else _BESIDE_EXECUTED
         items += _tool(i, trajectory, problem, width * _thickness(problem, size), fastest)
@@ -226,7 +233,7 @@ def build_scene(
         held,
         *floor_grid(held),
         top,
-        tuple([*notes, *notes_of_parts]),
+        tuple([*said, *notes_of_parts]),
         _executed(problem, named, execution),
     )
 

@@ -10,7 +10,7 @@ import json
 import re
 import tempfile
 import webbrowser
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -99,6 +99,8 @@ def view(
     *trajectories: JointTrajectory,
     names: Sequence[str] | None = None,
     execution: Execution | None = None,
+    notes: Sequence[str] = (),
+    empty_handed: Collection[str] = (),
 ) -> View:
     """Return a view of a problem with trajectories side by side; without any, at its start.
 
@@ -109,6 +111,8 @@ def view(
         trajectories: Of the problem's joints, in any order.
         names: Names of the trajectories; default: numbers.
         execution: Of the one trajectory.
+        notes: Shown on the page before its own.
+        empty_handed: Names of trajectories that are drawn without the problem's carried solids.
 
     Raises:
         OptionError: There are not as many names as trajectories, or two are the same; or there is
@@ -126,7 +130,8 @@ def view(
         )
     if execution is not None and len(trajectories) != 1:
         raise OptionError(f"execution goes with one trajectory, not {len(trajectories)}; give one")
-    return View(build_scene(problem, dict(zip(names, trajectories, strict=True)), execution))
+    named = dict(zip(names, trajectories, strict=True))
+    return View(build_scene(problem, named, execution, notes=notes, empty_handed=empty_handed))
 
 
 def names_of_files(paths: Sequence[Path]) -> list[str]:
