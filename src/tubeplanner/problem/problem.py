@@ -92,6 +92,15 @@ class PlanningProblem:
             )
         self._require_timing()
 
+    def __repr__(self) -> str:
+        robot, ends, solids = self.robot, [self.start, self.goal], len(self.obstacles)
+        kinds = ["open" if q is None else "seed" if isinstance(q, Seed) else "joints" for q in ends]
+        return (
+            f"<PlanningProblem {self.name}: {robot.joint_count} joints of {robot.name} to "
+            f"{robot.tool_frame}, {self.tube.segment_count} segments, {solids} "
+            f"obstacle{'s' * (solids != 1)}, start by {kinds[0]}, goal {kinds[1]}>"
+        )
+
     @property
     def collision(self) -> CollisionChecker:
         """The robot's links and the obstacles, ready to be checked."""

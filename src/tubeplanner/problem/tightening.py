@@ -9,6 +9,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.robot.robot_model import RobotModel
+from tubeplanner.short_repr import short_repr
 from tubeplanner.tube.narrowed_tube import narrowed_tube
 from tubeplanner.tube.tube import Tube
 
@@ -37,6 +38,8 @@ class Tightening:
     rotation: FloatArray
     clearance: float
     position: FloatArray
+
+    __repr__ = short_repr
 
     @classmethod
     def nothing(cls, problem: PlanningProblem) -> "Tightening":

@@ -11,6 +11,7 @@ from tubeplanner.robot.limit_overrides import PER_JOINT, LimitOverrides
 from tubeplanner.robot.motor_overrides import MOTOR_QUANTITIES, MotorOverrides
 from tubeplanner.robot.point_speed import PointSpeed
 from tubeplanner.robot.urdf import Mimic, UrdfDescription
+from tubeplanner.short_repr import short_repr
 
 # What joints bound that follow others.
 _FOLLOWED = ("velocity", "position", "acceleration", "jerk")
@@ -35,6 +36,8 @@ class LimitLayer:
     skips_others: bool = False
     notes: tuple[str, ...] = ()
     motors: MotorOverrides = field(default_factory=MotorOverrides)
+
+    __repr__ = short_repr
 
 
 @dataclass(frozen=True)

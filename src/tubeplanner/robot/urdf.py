@@ -24,6 +24,7 @@ from tubeplanner.robot.urdf_values import (
     require_origin,
     written,
 )
+from tubeplanner.short_repr import short_repr
 
 MOVABLE_TYPES = ("revolute", "continuous", "prismatic")
 # A planar or floating joint carries a mobile base, which stands still while its arm moves.
@@ -90,6 +91,8 @@ class UrdfDescription:
     links: tuple[str, ...]
     joints: dict[str, UrdfJoint]
     xml: bytes
+
+    __repr__ = short_repr
 
     def chain(self, link: str) -> list[str]:
         """Return the names of the movable joints from the root to a link, in chain order.

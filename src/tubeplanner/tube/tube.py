@@ -143,6 +143,11 @@ class Tube:
             values = {field.name: getattr(less, field.name) for field in fields(self)}
             self._keep(*{**values, "notes": _notes(named, kept)}.values())
 
+    def __repr__(self) -> str:
+        length = float(np.linalg.norm(np.diff(self.points, axis=0), axis=1).sum())
+        radii = f"{self.radius.min():g} to {self.radius.max():g} m"
+        return f"<Tube of {self.segment_count} segments, {length:.4g} m long, radii {radii}>"
+
     def _keep(self, *values: object) -> None:
         """Keep values of all fields, in their order."""
         for attribute, value in zip(fields(self), values, strict=True):
