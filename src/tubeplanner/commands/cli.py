@@ -30,6 +30,7 @@ from tubeplanner.commands.console import (
     say,
     shown_progress,
 )
+from tubeplanner.commands.info_command import info
 from tubeplanner.commands.interrupts import hold_interrupts, interrupts_remembered
 from tubeplanner.commands.links_command import links
 from tubeplanner.commands.measure_command import measure
@@ -198,6 +199,7 @@ for command in (
     compare,
     measure,
     links,
+    info,
     teach,
     route,
     view,

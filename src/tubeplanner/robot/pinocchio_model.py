@@ -276,14 +276,18 @@ def _reduced_model(
     q = pin.neutral(full)
     ids = [full.getJointId(joint_id(name)) for name in outside]
     for name, index in zip(outside, ids, strict=True):
-        q[full.joints[index].idx_q] = _locked_value(description, name, group, locked)
+        q[full.joints[index].idx_q] = locked_value(description, name, group, locked)
     return pin.buildReducedModel(full, ids, q)
 
 
-def _locked_value(
+def locked_value(
     description: UrdfDescription, name: str, group: Sequence[str], locked: Mapping[str, float]
 ) -> float:
-    """Return the value of a joint outside the group: given, zero, or what its master makes it."""
+    """Return the value of a joint outside the group: given, zero, or what its master makes it.
+
+    Raises:
+        RobotError: The given value is outside its limits or contradicts its master.
+    """
     mimic = description.joints[name].mimic
     if mimic is None:
         return _free_value(description.joints[name], locked)
