@@ -31,6 +31,7 @@ from tubeplanner.commands.console import (
     shown_progress,
 )
 from tubeplanner.commands.info_command import info
+from tubeplanner.commands.init_command import init
 from tubeplanner.commands.interrupts import hold_interrupts, interrupts_remembered
 from tubeplanner.commands.links_command import links
 from tubeplanner.commands.measure_command import measure
@@ -200,6 +201,7 @@ for command in (
     measure,
     links,
     info,
+    init,
     teach,
     route,
     view,

@@ -28,17 +28,25 @@ _PROBLEM_ENDINGS = (".yaml", ".yml", ".json")
 TOOL_FRAME = click.option(
     "--tool-frame", help="Link that carries the tool [the end of the longest chain]."
 )
+PACKAGE_DIR = click.option(
+    "--package-dir",
+    "package_dirs",
+    multiple=True,
+    help="Further folder that holds packages of package:// names; repeatable.",
+)
 
 
 @click.command()
 @click.argument("robot", metavar="ROBOT|PROBLEM")
 @TOOL_FRAME
+@PACKAGE_DIR
 @click.option("--plot", type=PATH, help="Picture of the arm with its frames named (PNG).")
 @SET
 @AS_JSON
 def info(
     robot: str,
     tool_frame: str | None,
+    package_dirs: tuple[str, ...],
     plot: Path | None,
     changes: dict[str, Any],
     as_json: bool,
@@ -56,10 +64,12 @@ def info(
     with shown_progress() as enter:
         enter("reading robot")
         if is_problem(robot):
+            if package_dirs:
+                raise OptionError("--package-dir is for a URDF; a problem has robot.package_dirs")
             frame = {} if tool_frame is None else {"robot.tool_frame": tool_frame}
             found: RobotInfo | ProblemInfo = _problem_info(robot, changes | frame)
         else:
-            found = _robot_info(robot, tool_frame, changes)
+            found = _robot_info(robot, tool_frame, package_dirs, changes)
         if plot is not None:
             enter("picture")
             _write_picture(found, plot)
@@ -89,12 +99,17 @@ def _problem_info(name: str, changes: Mapping[str, Any]) -> "ProblemInfo":
     return problem_info(name, changes)
 
 
-def _robot_info(name: str, tool_frame: str | None, changes: Mapping[str, Any]) -> "RobotInfo":
+def _robot_info(
+    name: str,
+    tool_frame: str | None,
+    package_dirs: tuple[str, ...],
+    changes: Mapping[str, Any],
+) -> "RobotInfo":
     from tubeplanner.robot.robot_info import robot_info
 
     if changes:
         raise OptionError(f"--set changes a problem file; {name} is a robot")
-    return robot_info(name, tool_frame)
+    return robot_info(name, tool_frame, package_dirs=package_dirs)
 
 
 def _write_picture(found: "RobotInfo | ProblemInfo", path: Path) -> None:

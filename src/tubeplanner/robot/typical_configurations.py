@@ -16,9 +16,9 @@ _NO_GAIN = 1e-6
 def typical_configurations(arm: RobotModel) -> FloatArray:
     """Return configurations (K, n) within limits, the best first.
 
-    Good is where every direction in which the joints can move the tool's position is moved easily,
-    by the least singular value of the Jacobian's first three rows that is not always zero, and no
-    joint is below the base.
+    Good is where every direction in which the joints can move and turn the tool is easy, by the
+    least singular values that are not always zero, of the Jacobian and of its first three rows, and
+    no joint is below the base.
     """
     limits = arm.limits
     endless = np.isinf(limits.lower_position) | np.isinf(limits.upper_position)
@@ -35,10 +35,15 @@ def typical_configurations(arm: RobotModel) -> FloatArray:
 def _goodness(arm: RobotModel, q: FloatArray) -> FloatArray:
     """Return how good configurations are, shape (K,)."""
     tool, jacobian = arm.tool_jacobian(q)
-    gains = np.linalg.svd(jacobian[:, :3], compute_uv=False)
-    rank = int(np.median((gains > _NO_GAIN).sum(axis=1)))
     _, origins = arm.body_poses(q)
     lowest = np.minimum(origins[..., 2].min(axis=1), tool[:, 2])
     ground = min(0.0, float(origins[:, 1, 2].min()))  # the first joint may hang below the base
     share = np.where(lowest < ground - _NO_GAIN, _BELOW_GROUND, 1.0)
-    return np.asarray(gains[:, max(rank, 1) - 1] * share, dtype=np.float64)
+    return share * _least_gain(jacobian[:, :3]) * _least_gain(jacobian)
+
+
+def _least_gain(jacobian: FloatArray) -> FloatArray:
+    """Return the least singular values of matrices (K, rows, n) that are not always zero."""
+    gains = np.linalg.svd(jacobian, compute_uv=False)
+    rank = int(np.median((gains > _NO_GAIN).sum(axis=1)))
+    return np.asarray(gains[:, max(rank, 1) - 1], dtype=np.float64)
