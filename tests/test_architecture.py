@@ -35,6 +35,7 @@ KNOWS = {
         "views.panels",
         "views.plotting",
         "views.reproduction_figures",
+        "views.robot_plot",
         "views.study_plots",
     },
     "meshcat": {"views.viewer"},
@@ -42,6 +43,8 @@ KNOWS = {
     "click": {
         "commands.check_command",
         "commands.console",
+        "commands.info_command",
+        "commands.init_command",
         "commands.links_command",
         "commands.measure_command",
         "commands.reproduce_command",

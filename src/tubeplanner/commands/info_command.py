@@ -1,11 +1,11 @@
 """The command that says what is in a robot or a problem, and what it lacks."""
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-import numpy as np
 
 from tubeplanner.commands.console import (
     AS_JSON,
@@ -128,7 +128,7 @@ def _finite(value: Any) -> Any:
         return {str(key): _finite(each) for key, each in value.items()}
     if isinstance(value, list | tuple):
         return [_finite(each) for each in value]
-    return None if isinstance(value, float) and not np.isfinite(value) else value
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _as_text(found: "RobotInfo | ProblemInfo") -> str:
