@@ -1771,7 +1771,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("for layer in layers][::-1]", "for layer in layers]"),
         ("any(taken[:1])", "any(taken)"),
         ("            _require_motors(where, values, followers)\n", ""),
-        ("is not None]\n    return", "]\n    return"),
+        ("if one.friction_uncertainty is not None", ""),
     ],
     "chain_order": [("key=lambda name: _depth(description, name)", "key=str")],
     "MotorOverrides.__post_init__": [
@@ -1850,7 +1850,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     # --- problem/presets, moveit_limits, problem_reader ---------------------------------------
     "read_preset": [
         ("limits, fields.joints, motors", "limits, motors"),
-        (", motors=motors)", ")"),
+        (", motors=motors", ""),
         ("_require_sources(called, fields)", "pass"),
     ],
     "_require_sources": [
@@ -2706,7 +2706,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("inertia.mass > 0 for inertia in arm.inertias[1:]", "inertia.mass > 0 for inertia in ()"),
     ],
     "_starts": [("if is_held and", "if")],
-    "_relative": [("folder.resolve()", "Path().resolve()")],
+    "_path_from": [("folder.resolve()", "Path().resolve()")],
     "_written": [("value.lower() in _WORDS or", "")],
 }
 

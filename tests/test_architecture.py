@@ -54,7 +54,7 @@ KNOWS = {
         "commands.view_command",
         "commands.cli",
     },
-    "rich": {"commands.report", "commands.console"},
+    "rich": {"commands.report", "commands.console", "commands.info_text"},
     "piqp": {"refinement.linear_program"},
     "toppra": {"baselines.fastest_parameterization"},
     "yaml": {"documents"},

@@ -59,10 +59,10 @@ def _robot_lines(
     starter: StarterProblem, urdf: str, package_dirs: tuple[str, ...], folder: Path
 ) -> list[str]:
     frame = starter.info.tool_frame
-    folders = [_written(_relative(each, folder)) for each in package_dirs]
+    folders = [_written(_path_from(each, folder)) for each in package_dirs]
     return [
         "robot:",
-        f"  urdf: {_written(_relative(urdf, folder))}",
+        f"  urdf: {_written(_path_from(urdf, folder))}",
         *([f"  package_dirs: [{', '.join(folders)}]"] if folders else []),
         f"  tool_frame: {_written(frame)}",
         *_other_frames(starter.info),
@@ -140,7 +140,7 @@ def _cell_lines(starter: StarterProblem) -> list[str]:
     ]
 
 
-def _relative(path: str, folder: Path) -> str:
+def _path_from(path: str, folder: Path) -> str:
     """Return a path in the working folder as one relative to another folder."""
     if path.startswith((EXAMPLE_PREFIX, _PACKAGE_PREFIX)) or Path(path).is_absolute():
         return path
