@@ -2707,7 +2707,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     "_starts": [("if is_held and", "if")],
     "_path_from": [("folder.resolve()", "Path().resolve()")],
-    "_written": [("value.lower() in _WORDS or", "")],
+    "_as_yaml": [("value.lower() in _WORDS or", "")],
 }
 
 MUTANTS = tuple(Mutant(where, *change) for where, changes in _CHANGES.items() for change in changes)

@@ -59,19 +59,19 @@ def _robot_lines(
     starter: StarterProblem, urdf: str, package_dirs: tuple[str, ...], folder: Path
 ) -> list[str]:
     frame = starter.info.tool_frame
-    folders = [_written(_path_from(each, folder)) for each in package_dirs]
+    folders = [_as_yaml(_path_from(each, folder)) for each in package_dirs]
     return [
         "robot:",
-        f"  urdf: {_written(_path_from(urdf, folder))}",
+        f"  urdf: {_as_yaml(_path_from(urdf, folder))}",
         *([f"  package_dirs: [{', '.join(folders)}]"] if folders else []),
-        f"  tool_frame: {_written(frame)}",
+        f"  tool_frame: {_as_yaml(frame)}",
         *_other_frames(starter.info),
         "  ## the tool centre point in tool_frame; it is what stays in the tube [m]",
         "  # tool_offset: {position: [0.0, 0.0, 0.0]}",
         "  ## what the tool carries: mass [kg], centre of mass and solid in tool_frame [m]",
         "  # payload: {mass: 0.1, com: [0.0, 0.0, 0.0]}",
         "  # attached: [{name: part, sphere: 0.01, position: [0.0, 0.0, 0.03], "
-        f"touch_links: [{_written(frame)}]}}]",
+        f"touch_links: [{_as_yaml(frame)}]}}]",
         *_limit_lines(starter),
     ]
 
@@ -150,13 +150,13 @@ def _path_from(path: str, folder: Path) -> str:
 def _row(values: Any) -> str:
     """Return a list or map as YAML has it on one line."""
     if isinstance(values, Mapping):
-        return "{" + ", ".join(f"{_written(k)}: {_row(v)}" for k, v in values.items()) + "}"
+        return "{" + ", ".join(f"{_as_yaml(k)}: {_row(v)}" for k, v in values.items()) + "}"
     if isinstance(values, list | tuple):
         return "[" + ", ".join(_row(value) for value in values) + "]"
-    return _written(values)
+    return _as_yaml(values)
 
 
-def _written(value: Any) -> str:
+def _as_yaml(value: Any) -> str:
     """Return a name or a number as YAML reads it."""
     if isinstance(value, str):
         plain = value.replace("_", "").replace("/", "").replace(".", "").replace(":", "")
