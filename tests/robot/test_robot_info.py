@@ -55,6 +55,7 @@ def test_motors_have_their_sources():
     stated = robot_info("example:z1", motors=MotorOverrides(friction_from_urdf=True))
     assert stated.joints[0].motor["viscous_friction"].value == 1.0
     assert stated.joints[0].motor["viscous_friction"].source == "URDF"
+    assert stated.joints[0].motor["coulomb_friction"].value == 1.0  # one number for both ways
     assert robot_info("example:z1").joints[0].motor == {}
 
 
@@ -78,6 +79,32 @@ def test_followers_and_locked_joints_are_listed(tmp_path):
     assert (lone.follows, lone.position) == (None, 0.3)
     assert len(info.missing) == 2 and "<inertial>" in info.missing[0]
     assert "collision geometry" in info.missing[1]
+
+
+def test_a_follower_that_cuts_one_end_of_a_range_is_named(tmp_path):
+    (tmp_path / "pair.urdf").write_text(
+        FOLLOWER.replace('upper="2" effort="5" velocity="4"', 'upper="1" effort="5" velocity="4"')
+    )
+    info = robot_info(tmp_path / "pair.urdf", "a")
+    assert _limits(info, "position") == [((-0.75, 1.0), "follower follow")]
+
+
+def test_what_stands_in_for_a_missing_limit_is_shown_as_none(tmp_path):
+    info = robot_info("example:double_pendulum")
+    for quantity in ("position", "velocity", "effort", "acceleration"):
+        assert _limits(info, quantity) == [(None, "none")] * 2
+    rail = FOLLOWER.replace('"lone" type="revolute"', '"lone" type="prismatic"')
+    rail = rail.replace('lower="0.3" upper="2"', 'lower="-inf" upper="inf"')
+    (tmp_path / "pair.urdf").write_text(rail)
+    info = robot_info(tmp_path / "pair.urdf", "c")
+    assert _limits(info, "position") == [(None, "none")]
+    assert "position limits of lone" in info.missing[0]
+
+
+def test_masses_are_not_asked_where_efforts_are_free_on_purpose(tmp_path):
+    (tmp_path / "pair.urdf").write_text(FOLLOWER)
+    info = robot_info(tmp_path / "pair.urdf", "a", limits=LimitOverrides(effort=np.inf))
+    assert not any("<inertial>" in each for each in info.missing)
 
 
 def test_meshes_that_are_not_found_are_missing(tmp_path):

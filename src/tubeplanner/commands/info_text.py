@@ -232,5 +232,11 @@ def _conditions(problem: "PlanningProblem", k: int) -> str:
     if tube.tool_speed is not None and np.isfinite(tube.tool_speed[k]):
         parts.append(f"tool speed {tube.tool_speed[k]:g}")
     ranges = tube.joint_ranges[k].items()
-    parts += [f"{name} in {_numbers(bounds)}" for name, bounds in ranges]
+    parts += [f"{name} {_range(*bounds)}" for name, bounds in ranges]
     return "; ".join(parts)
+
+
+def _range(lower: float, upper: float) -> str:
+    if np.isinf(upper):
+        return f">= {lower:.4g}"
+    return f"<= {upper:.4g}" if np.isinf(lower) else f"in [{lower:.4g}, {upper:.4g}]"

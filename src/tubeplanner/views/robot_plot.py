@@ -22,6 +22,7 @@ _AXIS_LENGTH = 0.09  # of the drawn frames, share of the picture's size
 _SAME_PLACE = 0.01  # frames nearer than this share have one label
 _AXIS_COLORS = (LINE_COLORS[1], LINE_COLORS[2], LINE_COLORS[0])  # x, y, z
 _ARM_ALPHA, _REST_ALPHA = 0.35, 0.1
+_ZOOM = 0.93  # leaves room for the axes' labels
 _MAX_LABEL = 44  # [characters]
 _TOP, _BOTTOM = 0.93, 0.12  # of the columns of labels, share of the figure's height
 _LEFT, _RIGHT = 0.02, 0.98
@@ -55,7 +56,7 @@ def plot_robot(robot: RobotModel, q: FloatArray, path: str | Path | None = None)
     figure = new_figure(10, 7.5)
     figure.set_layout_engine("none")  # columns of names stand beside the axes
     figure.suptitle(f"{robot.name}: {robot.joint_count} joints to {robot.tool_frame}", fontsize=13)
-    axis = figure.add_axes((0.14, 0.02, 0.72, 0.93), projection="3d")
+    axis = figure.add_axes((0.14, 0.05, 0.72, 0.89), projection="3d")
     points = [_draw_links(axis, robot, rotation, position)]
     poses = [_pose(robot, link, rotation, position) for link in _chain_links(robot)]
     origins = np.array([pose[:3, 3] for pose in poses])
@@ -144,7 +145,7 @@ def _frame_picture(axis: Any, low: FloatArray, high: FloatArray, direction: Floa
     middle = (low + high) / 2
     low, high = middle - side / 2, middle + side / 2
     axis.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
-    axis.set_box_aspect(side)
+    axis.set_box_aspect(side, zoom=_ZOOM)
     axis.view_init(
         elev=np.degrees(np.arcsin(direction[2])), azim=np.degrees(np.arctan2(*direction[1::-1]))
     )
