@@ -63,7 +63,7 @@ def test_the_text_has_the_same(run, bare):
         assert words in text
     assert "effort from: none" in text
     assert "velocity from: URDF (turn); none (slide)" in text
-    assert "missing before it can be planned" in text
+    assert "missing:\n  velocity limit of slide" in text
 
 
 def test_another_tool_frame_is_chosen(run, bare):

@@ -34,7 +34,7 @@ def robot_text(info: "RobotInfo") -> str:
         *_source_lines(info.joints),
         *_motor_lines(info.joints),
         *_other_joint_lines(info.other_joints),
-        _link_table(info.links),
+        *_link_table(info.links),
         f"mass of all links: {info.mass:.4g} kg",
         *_links_without(info.links),
         *_frame_lines(info),
@@ -125,8 +125,8 @@ def _other_joint_lines(others: Sequence["OtherJoint"]) -> list[str]:
     return lines
 
 
-def _link_table(links: Sequence["LinkInfo"]) -> str:
-    """Return the links that have mass or geometry as a table."""
+def _link_table(links: Sequence["LinkInfo"]) -> list[str]:
+    """Return the links that have mass or geometry as a table; nothing if none has."""
     table = Table(title="links with mass or geometry", title_justify="left")
     table.add_column("link")
     table.add_column("mass [kg]", justify="right")
@@ -137,7 +137,7 @@ def _link_table(links: Sequence["LinkInfo"]) -> str:
             mass = "-" if link.mass is None else f"{link.mass:.4g}"
             kinds = [_kinds(link.collision), _kinds(link.visual)]
             table.add_row(escape(link.name), mass, *kinds)
-    return rendered(table)
+    return [rendered(table)] * bool(table.rows)
 
 
 def _kinds(counts: Mapping[str, int]) -> str:
@@ -169,7 +169,7 @@ def _frame_lines(info: "RobotInfo") -> list[str]:
 def _missing_lines(missing: Sequence[str]) -> list[str]:
     if not missing:
         return ["nothing is missing: it can be planned"]
-    return ["missing before it can be planned:", *(f"  {each}" for each in missing)]
+    return ["missing:", *(f"  {each}" for each in missing)]
 
 
 def _srdf_lines(srdf: "SrdfInfo") -> list[str]:
