@@ -174,6 +174,14 @@ TESTS = {
         "robot/test_followers.py",
         "robot/test_joint_motors.py",
     ),
+    "robot/joint_info": ("robot/test_robot_info.py",),
+    "robot/tool_frames": ("robot/test_robot_info.py",),
+    "robot/link_info": ("commands/test_info_command.py",),
+    "robot/typical_configurations": ("robot/test_robot_info.py",),
+    "problem/problem_info": ("commands/test_info_command.py",),
+    "files/starter_file": ("commands/test_init_command.py",),
+    "tube_sources/placeholder_limits": ("commands/test_init_command.py",),
+    "tube_sources/starter_problem": ("commands/test_init_command.py",),
     "robot/limit_overrides": ("robot/test_joint_limits.py", "robot/test_effort_range.py"),
     "robot/joint_limits": ("robot/test_effort_range.py",),
     "robot/velocity_by_position": ("robot/test_joint_limits.py",),
@@ -1849,7 +1857,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("for layer in layers][::-1]", "for layer in layers]"),
         ("any(taken[:1])", "any(taken)"),
         ("            _require_motors(where, values, followers)\n", ""),
-        ("is not None]\n    return", "]\n    return"),
+        ("if one.friction_uncertainty is not None", ""),
     ],
     "chain_order": [("key=lambda name: _depth(description, name)", "key=str")],
     "MotorOverrides.__post_init__": [
@@ -1928,7 +1936,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     # --- problem/presets, moveit_limits, problem_reader ---------------------------------------
     "read_preset": [
         ("limits, fields.joints, motors", "limits, motors"),
-        (", motors=motors)", ")"),
+        (", motors=motors", ""),
         ("_require_sources(called, fields)", "pass"),
     ],
     "_require_sources": [
@@ -2777,6 +2785,59 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("np.median(values)", "np.median(abs(values))"),
         ("asked[run], run,", "asked[0], run,"),
     ],
+    # --- robot/configurations, short_repr ---------------------------------------------------------
+    "_are_many": [
+        ("shape[1] == joint_count", "True"),
+        ("and values.shape == shape for", "for"),
+    ],
+    "_require_shapes": [
+        ("if values.shape != shape", "if False"),
+        ("shape != (joint_count,) and", ""),
+    ],
+    "_first": [("values.squeeze(axis)", "values.squeeze(0)")],
+    "_brief": [
+        ("value.size > _MOST_NUMBERS", "False"),
+        ("{len(value)} by name", "1 by name"),
+    ],
+    "_is_shown": [('and not field.name.startswith("_")', "")],
+    # --- robot/joint_info, robot_info, tool_frames, typical_configurations ------------------------
+    "_sourced": [
+        ('if factor == 1.0 else f"{source} x {factor:g}"', ""),
+        ("elif _is_tighter(value, own, factor)", "elif False"),
+        ("if source == NOWHERE or", "if"),
+    ],
+    "_is_tighter": [("value[0] > own[0] or", "")],
+    "_has_range": [('joint.type == "prismatic" and endless', "False")],
+    "_motor_value": [("backwards if backwards == forwards else", "")],
+    "_other_joints": [("if name in followers", "if False")],
+    "_missing_masses": [
+        ("effort.value is None and not effort.is_missing for", "False for"),
+        ("if not arm.inertias[body].mass > 0", "if False"),
+    ],
+    "_missing_limits": [("if joint.limits[quantity].is_missing", "")],
+    "_above_fingers": [
+        ("0 < below < total - below", "0 < below"),
+        ("len(branches) > 1 and", ""),
+    ],
+    "_goodness": [("_least_gain(jacobian[:, :3])", "1.0")],
+    "typical_configurations": [
+        ("np.argsort(-_goodness(arm, q)", "np.argsort(_goodness(arm, q)"),
+    ],
+    # --- tube_sources/starter_route, starter_problem, placeholder_limits, files/starter_file ------
+    "starter_routes": [
+        ("rise + 2 * along, 2 * along", "rise + 2 * along, rise + 4 * along"),
+        ("for along in (over, -over)", "for along in (over, over)"),
+        ("if free.shape[1] == 3 else _DIGITS_ON_A_SURFACE", ""),
+    ],
+    "_nearest": [("if size > _STRAIGHT else basis[:, 0]", "if size > 1 else basis[:, 0]")],
+    "_in_steps": [("moved[2:, strongest[-1]]", "moved[2:, strongest[0]]")],
+    "placeholder_limits": [
+        ("if weightless", "if False"),
+        ("inertia.mass > 0 for inertia in arm.inertias[1:]", "inertia.mass > 0 for inertia in ()"),
+    ],
+    "_starts": [("if is_held and", "if")],
+    "_path_from": [("folder.resolve()", "Path().resolve()")],
+    "_as_yaml": [("value.lower() in _WORDS or", "")],
 }
 
 MUTANTS = tuple(Mutant(where, *change) for where, changes in _CHANGES.items() for change in changes)

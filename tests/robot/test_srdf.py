@@ -1,7 +1,7 @@
 import pytest
 
 from tubeplanner import RobotError, parse_problem
-from tubeplanner.robot.srdf import read_allowed_pairs
+from tubeplanner.robot.srdf import read_allowed_pairs, read_group_states
 
 PACKAGE = "package://example-robot-data/robots"
 
@@ -62,3 +62,17 @@ def test_the_pairs_of_a_problems_srdf_are_left_out():
 def test_a_missing_srdf_is_named():
     with pytest.raises(RobotError, match=r"problem: robot description .*none\.srdf does not exist"):
         parse_problem(ur5("none.srdf"))
+
+
+def test_states_are_read(tmp_path):
+    path = tmp_path / "arm.srdf"
+    path.write_text(
+        '<robot name="arm"><group_state name="home" group="g"><joint name="a" value="1.5"/>'
+        '<joint name="ball" value="0 0 0 1"/></group_state></robot>'
+    )
+    assert read_group_states(path) == {"home": {"a": 1.5}}
+    path.write_text(
+        '<robot><group_state name="home"><joint name="a" value="up"/></group_state></robot>'
+    )
+    with pytest.raises(RobotError, match=r"home.*up.*not a number"):
+        read_group_states(path)

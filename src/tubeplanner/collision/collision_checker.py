@@ -106,6 +106,12 @@ class CollisionChecker(BodyShapes):
         self.pairs = np.concatenate([self.obstacle_pairs, self.link_pairs])
         self.left_out = self._left_out(always_touching, self_collision)
 
+    def __repr__(self) -> str:
+        return (
+            f"<CollisionChecker of {self.robot.name}: {len(self.shapes)} shapes, "
+            f"{len(self.obstacle_pairs)} pairs with obstacles, {len(self.link_pairs)} of links>"
+        )
+
     def between(self, first: str, second: str) -> BoolArray:
         """Return which of `pairs` are of two links or obstacles, by name: shape (P,)."""
         owner = np.array([shape.owner for shape in self.shapes])

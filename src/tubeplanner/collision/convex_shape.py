@@ -12,6 +12,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray, read_only
 from tubeplanner.collision.hulls import hull, hull_unless_flat
+from tubeplanner.short_repr import short_repr
 
 # A cylinder becomes a circumscribed prism; 24 sides make it at most 0.9 % too wide.
 _PRISM_SIDES = 24
@@ -44,6 +45,8 @@ class ConvexShape:
     vertices: FloatArray
     radius: float = 0.0
     known_faces: IntArray | None = None
+
+    __repr__ = short_repr
 
     @cached_property
     def center(self) -> FloatArray:

@@ -44,6 +44,9 @@ class Obstacle:
     def __post_init__(self) -> None:
         _require_solid(self.name, self.shapes)
 
+    def __repr__(self) -> str:
+        return f"<Obstacle {self.name}: {_extent(self.shapes)}>"
+
     @classmethod
     def box(cls, name: str, size: Sequence[float], placement: FloatArray) -> "Obstacle":
         """Return a box of full side lengths [m], centred in a placement (4, 4)."""
@@ -115,6 +118,9 @@ class AttachedSolid:
     def __post_init__(self) -> None:
         _require_solid(self.name, self.shapes)
 
+    def __repr__(self) -> str:
+        return f"<AttachedSolid {self.name}: {_extent(self.shapes)}>"
+
 
 def placement_of(
     position: Sequence[float] = (0.0, 0.0, 0.0),
@@ -152,6 +158,15 @@ def placement_of(
 
 _SIZE_COUNTS = {"box": 3, "sphere": 1, "cylinder": 2, "capsule": 2}
 _ORTHONORMAL = 1e-6  # how far a rotation matrix may be from one, by rounding
+
+
+def _extent(shapes: Sequence[ConvexShape]) -> str:
+    """Return of how many shapes a solid is, how large along the axes, and where its centre is."""
+    low = np.min([shape.vertices.min(axis=0) - shape.radius for shape in shapes], axis=0)
+    high = np.max([shape.vertices.max(axis=0) + shape.radius for shape in shapes], axis=0)
+    size = " x ".join(f"{side:.3g}" for side in high - low)
+    centre = ", ".join(f"{x:.3g}" for x in (low + high) / 2 + 0.0)
+    return f"{size} m about [{centre}], {len(shapes)} convex shape{'s' * (len(shapes) > 1)}"
 
 
 def _require_solid(name: object, shapes: object) -> None:

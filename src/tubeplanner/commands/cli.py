@@ -31,6 +31,8 @@ from tubeplanner.commands.console import (
     say_unwritten,
     shown_progress,
 )
+from tubeplanner.commands.info_command import info
+from tubeplanner.commands.init_command import init
 from tubeplanner.commands.interrupts import hold_interrupts, interrupts_remembered
 from tubeplanner.commands.links_command import links
 from tubeplanner.commands.measure_command import measure
@@ -201,6 +203,8 @@ for command in (
     compare,
     measure,
     links,
+    info,
+    init,
     teach,
     route,
     view,

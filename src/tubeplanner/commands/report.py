@@ -142,7 +142,7 @@ def sweep_text(result: "SweepResult") -> str:
         message = f"certified, {row.result.method}" + (f"; {row.note}" if row.note else "")
         times = (f"{row.duration:.4f} s", saved and f"saves {saved}")
         table.add_row(value, *times, f"{row.result.planning_time:.2f} s", message)
-    return _rendered(table)
+    return rendered(table)
 
 
 def field_sweep_text(result: "FieldSweep") -> str:
@@ -172,7 +172,7 @@ def field_sweep_text(result: "FieldSweep") -> str:
         for note in row.notes:
             whose.setdefault(note, []).append(value_text(row.value))
     notes = [f"note ({', '.join(values)}): {note}" for note, values in whose.items()]
-    return "\n".join([_rendered(table), *notes])
+    return "\n".join([rendered(table), *notes])
 
 
 def comparison_text(result: "Comparison") -> str:
@@ -197,7 +197,7 @@ def comparison_text(result: "Comparison") -> str:
         shares = (f"{100 * share:.0f} %" for share in (measured.at_limit, measured.tube_use))
         duration = f"{row.duration:.4f} s"
         table.add_row(row.method, duration, spent, verdict, measured.smoothness, jerk, *shares)
-    return "\n".join([_rendered(table), *(f"{row.method}: {row.message}" for row in result.rows)])
+    return "\n".join([rendered(table), *(f"{row.method}: {row.message}" for row in result.rows)])
 
 
 def _excess(condition: "JudgedCondition") -> str:
@@ -223,7 +223,7 @@ def measurement_text(
             for row in _measured_rows(segment):
                 table.add_row(str(k), *map(escape, row))
             table.add_section()
-        lines.append(_rendered(table))
+        lines.append(rendered(table))
         for k, segment in enumerate(result.segments):
             lines.append(
                 f"segment {k}: tested with {segment.samples} random configurations, no collision "
@@ -250,7 +250,7 @@ def links_text(problem: "PlanningProblem", covers: "Sequence[LinkCover]") -> str
         f"not checked: {' and '.join(pair.links)} ({pair.reason})"
         for pair in problem.collision.left_out
     ]
-    return "\n".join([_rendered(table), *pairs])
+    return "\n".join([rendered(table), *pairs])
 
 
 def patterns_text(problem: "PlanningProblem", survey: "PatternSurvey") -> str:
@@ -263,7 +263,7 @@ def patterns_text(problem: "PlanningProblem", survey: "PatternSurvey") -> str:
         radius = "" if row.radius is None else f"{1000 * row.radius:.0f} mm"
         verdicts = ["yes" if holds else "no" for holds in (row.reachable, row.free)]
         table.add_row(str(row.segment), signs, *verdicts, radius, escape(row.message))
-    return f"{_rendered(table)}\n{survey.message}"
+    return f"{rendered(table)}\n{survey.message}"
 
 
 def _measured_rows(segment: "SegmentMeasurement") -> list[tuple[str, str, str]]:
@@ -323,7 +323,7 @@ def certificate_text(certificate: "Certificate") -> str:
         verdict = "yes" if condition.holds(certificate.tolerance) else "NO"
         place = escape(str(condition.where))
         table.add_row(name, margin, verdict, place, condition.coverage)
-    return _rendered(table)
+    return rendered(table)
 
 
 def other_speeds_line(certificate: "Certificate") -> str:
@@ -353,7 +353,8 @@ def left_out_lines(certificate: "Certificate") -> list[str]:
     return [f"note: not checked, because they touch in every configuration: {named}"] * bool(pairs)
 
 
-def _rendered(table: Table) -> str:
+def rendered(table: Table) -> str:
+    """Return a table as text, as wide as the terminal or a file allows."""
     console = Console(width=None if sys.stdout.isatty() else _WIDTH_OF_A_FILE)
     with console.capture() as capture:
         console.print(table)

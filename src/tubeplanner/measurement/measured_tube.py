@@ -11,6 +11,7 @@ from tubeplanner.errors import OptionError
 from tubeplanner.options import require_between, require_count
 from tubeplanner.outcome import Place, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.short_repr import short_repr
 from tubeplanner.tube.joint_ranges import JointRange
 
 
@@ -94,6 +95,8 @@ class SegmentMeasurement:
     collisions: int
     least_clearance: float | None
 
+    __repr__ = short_repr
+
     def as_dict(self) -> dict[str, Any]:
         """Return the fields as JSON values; sides of ranges without an end are null."""
         ranges = {
@@ -130,6 +133,8 @@ class TubeMeasurement:
     segments: tuple[SegmentMeasurement, ...] = ()
     problem: PlanningProblem | None = None
     measuring_time: float = 0.0
+
+    __repr__ = short_repr
 
     @property
     def succeeded(self) -> bool:

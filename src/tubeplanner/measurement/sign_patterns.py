@@ -21,6 +21,7 @@ from tubeplanner.measurement.pair_clearance import PairClearance
 from tubeplanner.outcome import Infeasible, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem, Seed
 from tubeplanner.progress import Progress, ProgressCallback
+from tubeplanner.short_repr import short_repr
 
 _SEEDS = 24  # configurations, of this many samples, from which to search for a branch
 _SAMPLES = 600
@@ -65,6 +66,8 @@ class PatternSurvey:
 
     rows: tuple[PatternRow, ...]
     suggested: Mapping[str, str] | None
+
+    __repr__ = short_repr
 
     @property
     def message(self) -> str:

@@ -29,6 +29,7 @@ from tubeplanner.verification.refusal import refusal
 from tubeplanner.verification.verification import verify
 from tubeplanner.waypoint_search.branch_and_bound import SearchStatistics
 
+_MAX_MESSAGE = 200  # [characters] in the representation
 # The message names a reference point that the tool passes farther away than this.
 _FAR_IN_RADII = 3.0
 _SAMPLES_PER_PIECE = 20
@@ -87,6 +88,9 @@ class PlanResult:
     survival: Survival | None = None
     _path_minimum: Callable[[], float | None] = _no_trajectory
     _peaks: Callable[[], TrajectoryPeaks | None] = _no_trajectory
+
+    def __repr__(self) -> str:
+        return f"<PlanResult {self.status.value} by {self.method}: {self.message[:_MAX_MESSAGE]}>"
 
     @cached_property
     def path_minimum(self) -> float | None:

@@ -58,6 +58,10 @@ class Planner:
         _require_honoured(problem, self._options)
         self._last: RefinedMotion | None = None
 
+    def __repr__(self) -> str:
+        state = "nothing planned yet" if self._last is None else "a motion remembered"
+        return f"<Planner of {self._problem.name}: {self._options.method}, {state}>"
+
     def plan(self, progress: ProgressCallback | None = None) -> PlanResult:
         """Plan a trajectory afresh and certify it, as `tubeplanner.plan` does.
 

@@ -9,7 +9,13 @@ from tubeplanner.arrays import FloatArray, read_only
 from tubeplanner.collision.obstacle import MAX_SIZE
 from tubeplanner.errors import ProblemError, shown
 from tubeplanner.options import in_figures, is_number
-from tubeplanner.tube.rotational_tube import RotationBound, rotation_bound
+from tubeplanner.tube.rotational_tube import (
+    RotationalTube,
+    RotationBound,
+    rotation_bound,
+    rotational_tube,
+)
+from tubeplanner.tube.tube import Tube
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +53,23 @@ class GoalRegion:
         """Whether the tool may not be turned at will."""
         tolerance = self.rotation_tolerance
         return tolerance is not None and bool(np.isfinite(tolerance).any())
+
+    def rotation(self, tube: Tube) -> RotationalTube | None:
+        """Return a tube's rotational part and, where the rotation is bounded here, one row more.
+
+        That is a segment beyond the last one whose reference is the last orientation. None where
+        all is free.
+        """
+        if not self.bounds_rotation:
+            return tube.rotation
+        assert tube.orientations is not None and tube.rotation_tolerance is not None
+        assert self.rotation_tolerance is not None
+        beyond = 2 * tube.points[-1] - tube.points[-2]
+        return rotational_tube(
+            np.vstack([tube.points, beyond]),
+            np.vstack([tube.orientations, tube.orientations[-1:]]),
+            (*tube.rotation_tolerance, self.rotation_tolerance),
+        )
 
     def margin(self, tool: FloatArray) -> float:
         """Return how far inside the ball a tool (3,) is [m]."""

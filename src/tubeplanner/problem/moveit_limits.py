@@ -68,7 +68,9 @@ def read_limits_file(path: Path) -> LimitLayer:
         limits = _limits_of_joints(fields)
     except RobotError as error:
         raise RobotError(f"{path}: {str(error).removeprefix('robot.')}") from None
-    return LimitLayer(f"{path}: ", limits, skips_others=True, notes=_notes(path, fields))
+    notes = _notes(path, fields)
+    source = f"limits_file {path.name}"
+    return LimitLayer(f"{path}: ", limits, skips_others=True, notes=notes, source=source)
 
 
 def _limits_of_joints(fields: _FileFields) -> LimitOverrides:

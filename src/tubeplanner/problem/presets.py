@@ -66,7 +66,7 @@ def read_preset(name: str | Path, directory: str | Path = ".") -> LimitLayer:
         limits, motors = limits_of(fields.limits), motors_of(fields.motors)
     except RobotError as error:
         raise RobotError(f"{called}: {str(error).removeprefix('robot.')}") from None
-    return LimitLayer(f"{called}: ", limits, fields.joints, motors=motors)
+    return LimitLayer(f"{called}: ", limits, fields.joints, motors=motors, source=called)
 
 
 def _require_sources(called: str, fields: _PresetFields) -> None:

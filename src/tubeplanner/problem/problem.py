@@ -21,7 +21,7 @@ from tubeplanner.problem.robustness import Robustness
 from tubeplanner.problem.tool_pose import ToolPose
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.tube.joined_segments import joined_segments
-from tubeplanner.tube.rotational_tube import RotationalTube, rotational_tube
+from tubeplanner.tube.rotational_tube import RotationalTube
 from tubeplanner.tube.tube import Tube
 
 _LEAST_PERIOD, _MAX_PERIOD = 1e-5, 1.0  # [s]
@@ -106,6 +106,15 @@ class PlanningProblem:
         self._require_pairs()
         self._require_timing()
 
+    def __repr__(self) -> str:
+        robot, ends, solids = self.robot, [self.start, self.goal], len(self.obstacles)
+        kinds = ["open" if q is None else "seed" if isinstance(q, Seed) else "joints" for q in ends]
+        return (
+            f"<PlanningProblem {self.name}: {robot.joint_count} joints of {robot.name} to "
+            f"{robot.tool_frame}, {self.tube.segment_count} segments, {solids} "
+            f"obstacle{'s' * (solids != 1)}, start by {kinds[0]}, goal {kinds[1]}>"
+        )
+
     @property
     def given_goal(self) -> FloatArray | Seed | ToolPose | None:
         """The goal's configuration, its seed or its pose; None if it is open."""
@@ -120,22 +129,8 @@ class PlanningProblem:
 
     @cached_property
     def rotation(self) -> RotationalTube | None:
-        """The tube's rotational part, and where a goal region bounds the rotation, one row more.
-
-        That is a segment beyond the last one whose reference is the last orientation. None where
-        all is free.
-        """
-        tube, goal = self.tube, self.open_goal
-        if goal is None or not goal.bounds_rotation:
-            return tube.rotation
-        assert tube.orientations is not None and tube.rotation_tolerance is not None
-        assert goal.rotation_tolerance is not None
-        beyond = 2 * tube.points[-1] - tube.points[-2]
-        return rotational_tube(
-            np.vstack([tube.points, beyond]),
-            np.vstack([tube.orientations, tube.orientations[-1:]]),
-            (*tube.rotation_tolerance, goal.rotation_tolerance),
-        )
+        """The tube's rotational part, and where the goal bounds the rotation, one row more."""
+        return self.tube.rotation if self.open_goal is None else self.open_goal.rotation(self.tube)
 
     @property
     def collision(self) -> CollisionChecker:

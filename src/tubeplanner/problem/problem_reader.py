@@ -144,22 +144,30 @@ def robot_of(problem: ProblemFields, directory: Path) -> RobotModel:
     Raises:
         RobotError: It cannot be planned with.
     """
-    fields = problem.robot
+    return load_robot(**robot_arguments(problem.robot, directory))
+
+
+def robot_arguments(fields: RobotFields, directory: Path) -> dict[str, Any]:
+    """Return the arguments by which `load_robot` and `robot_info` take the arm of a problem file.
+
+    Raises:
+        RobotError: A number is out of its bounds, or a file of limits is missing or malformed.
+    """
     payload = None if fields.payload is None else Payload(**fields.payload.model_dump())
-    return load_robot(
-        fields.urdf,
-        fields.tool_frame,
-        joints=fields.joints,
-        locked_joints=fields.locked_joints,
-        tool_offset=ToolOffset(**fields.tool_offset.model_dump()),
-        gravity=fields.gravity,
-        payload=payload,
-        limits=_given_limits(fields, directory),
-        motors=motors_of(fields.motors),
-        package_dirs=fields.package_dirs,
-        xacro_args=fields.xacro_args,
-        directory=directory,
-    )
+    return {
+        "urdf": fields.urdf,
+        "tool_frame": fields.tool_frame,
+        "joints": fields.joints,
+        "locked_joints": fields.locked_joints,
+        "tool_offset": ToolOffset(**fields.tool_offset.model_dump()),
+        "gravity": fields.gravity,
+        "payload": payload,
+        "limits": _given_limits(fields, directory),
+        "motors": motors_of(fields.motors),
+        "package_dirs": fields.package_dirs,
+        "xacro_args": fields.xacro_args,
+        "directory": directory,
+    }
 
 
 def _given_limits(fields: RobotFields, directory: Path) -> list[LimitOverrides | LimitLayer]:

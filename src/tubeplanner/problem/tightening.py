@@ -11,6 +11,7 @@ from tubeplanner.problem.goal_region import GoalRegion
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.problem.required_distances import RequiredDistances, in_contact
 from tubeplanner.robot.robot_model import RobotModel
+from tubeplanner.short_repr import short_repr
 from tubeplanner.tube.narrowed_tube import narrowed_tube
 from tubeplanner.tube.tube import Tube
 
@@ -39,6 +40,8 @@ class Tightening:
     rotation: FloatArray
     clearance: float
     position: FloatArray
+
+    __repr__ = short_repr
 
     @classmethod
     def nothing(cls, problem: PlanningProblem) -> "Tightening":

@@ -16,6 +16,7 @@ from tubeplanner.robot.limit_overrides import SCALABLE
 from tubeplanner.robot.point_speed import PointSpeed
 from tubeplanner.robot.urdf import Mimic, UrdfDescription, UrdfJoint
 from tubeplanner.robot.velocity_by_position import VelocityByPosition, velocity_by_position
+from tubeplanner.short_repr import short_repr
 
 # Limits that are given, by quantity and joint name.
 _Given: TypeAlias = Mapping[str, Mapping[str, Any]]
@@ -53,15 +54,17 @@ class JointLimits:
     effort_ranges: tuple[EffortRange, ...] = ()
     notes: tuple[str, ...] = ()
 
+    __repr__ = short_repr
+
     def unlimited(self, quantity: str) -> IntArray:
         """Return which joints nothing limits in a quantity, such as "jerk": int, shape (k,)."""
         return np.flatnonzero(~np.isfinite(getattr(self, quantity)))
 
     def effort_at(self, q: FloatArray, way: float) -> FloatArray:
-        """Return the effort that motors have at configurations (N, n), forwards (1) or not (-1)."""
-        allowed = np.tile(self.effort, (len(q), 1))
+        """Return the effort that motors have at configurations (..., n), forwards or not (-1)."""
+        allowed = np.broadcast_to(self.effort, np.shape(q)).copy()
         for each in self.effort_ranges:
-            allowed[:, each.joint] = each.allowed(q[:, each.joint], way)
+            allowed[..., each.joint] = each.allowed(q[..., each.joint], way)
         return allowed
 
     def clip(self, q: FloatArray) -> FloatArray:

@@ -13,6 +13,7 @@ from tubeplanner.robot.limit_layers import GivenLimits, layers_of, merged_motors
 from tubeplanner.robot.motor_overrides import CURVE
 from tubeplanner.robot.urdf import UrdfDescription
 from tubeplanner.robot.urdf_friction import urdf_friction
+from tubeplanner.short_repr import short_repr
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +45,8 @@ class JointMotors:
     saturation_effort: FloatArray
     no_load_velocity: FloatArray
     friction_uncertainty: float = 0.0
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         for name in self.__dataclass_fields__:

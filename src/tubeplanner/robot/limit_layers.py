@@ -11,6 +11,7 @@ from tubeplanner.robot.limit_overrides import PER_JOINT, LimitOverrides
 from tubeplanner.robot.motor_overrides import MOTOR_QUANTITIES, MotorOverrides
 from tubeplanner.robot.point_speed import PointSpeed
 from tubeplanner.robot.urdf import Mimic, UrdfDescription
+from tubeplanner.short_repr import short_repr
 
 # What joints bound that follow others.
 _FOLLOWED = ("velocity", "position", "acceleration", "jerk")
@@ -27,6 +28,7 @@ class LimitLayer:
         skips_others: Whether joints that are not planned may be among them, which are left out.
         notes: What in the file was not used.
         motors: The motors.
+        source: What `info` calls it, such as "preset fr3".
     """
 
     called: str
@@ -35,6 +37,9 @@ class LimitLayer:
     skips_others: bool = False
     notes: tuple[str, ...] = ()
     motors: MotorOverrides = field(default_factory=MotorOverrides)
+    source: str = "problem file"
+
+    __repr__ = short_repr
 
 
 @dataclass(frozen=True)
@@ -43,6 +48,7 @@ class MergedLimits:
 
     Attributes:
         by_joint: Limits by quantity and joint name; quantities are those of `PER_JOINT`.
+        sources: Of each of these, the layer that gave it.
         scale: Commissioning factors by quantity.
         tool_speed: Of the tool centre point [m/s], inf where there is no limit.
         point_speed: Limits on the speed of points of the arm.
@@ -50,6 +56,7 @@ class MergedLimits:
     """
 
     by_joint: Mapping[str, Mapping[str, Any]]
+    sources: Mapping[str, Mapping[str, str]]
     scale: Mapping[str, float]
     tool_speed: float
     point_speed: tuple[PointSpeed, ...]
@@ -62,11 +69,13 @@ class MergedMotors:
 
     Attributes:
         by_joint: Values by quantity and joint name; quantities are those of `MOTOR_QUANTITIES`.
+        sources: Of each of these, the layer that gave it.
         friction_from_urdf: Whether the URDF's friction is taken where none is given.
         friction_uncertainty: By which share friction may be more or less than that.
     """
 
     by_joint: Mapping[str, Mapping[str, Any]]
+    sources: Mapping[str, Mapping[str, str]]
     friction_from_urdf: bool
     friction_uncertainty: float
 
@@ -110,6 +119,7 @@ def merged_limits(
     """
     chain = chain_order(description, joint_names)
     by_joint: dict[str, dict[str, Any]] = {quantity: {} for quantity in PER_JOINT}
+    sources: dict[str, dict[str, str]] = {quantity: {} for quantity in PER_JOINT}
     for layer in layers:
         _require_fitting(description, layer, chain)
         _require_some(layer, [*joint_names, *followers])
@@ -120,11 +130,13 @@ def merged_limits(
             if not layer.skips_others:
                 _require_known(where, values, known)
             merged |= values
+            sources[quantity] |= dict.fromkeys(values, layer.source)
     above = [layer.limits for layer in layers][::-1]
     speeds = [limits.tool_speed for limits in above if limits.tool_speed is not None]
     points = [limits.point_speed for limits in above if limits.point_speed]
     return MergedLimits(
         by_joint,
+        sources,
         merged_scale(layers),
         float(speeds[0]) if speeds else np.inf,
         tuple(points[0]) if points else (),
@@ -146,6 +158,7 @@ def merged_motors(
     """
     chain = chain_order(description, joint_names)
     by_joint: dict[str, dict[str, Any]] = {quantity: {} for quantity in MOTOR_QUANTITIES}
+    sources: dict[str, dict[str, str]] = {quantity: {} for quantity in MOTOR_QUANTITIES}
     for layer in layers:
         for quantity, merged in by_joint.items():
             where = f"{layer.called}motors.{quantity}"
@@ -153,10 +166,12 @@ def merged_motors(
             _require_motors(where, values, followers)
             _require_known(where, values, joint_names)
             merged |= values
+            sources[quantity] |= dict.fromkeys(values, layer.source)
     motors = [layer.motors for layer in layers][::-1]
     taken = [one.friction_from_urdf for one in motors if one.friction_from_urdf is not None]
     shares = [one.friction_uncertainty for one in motors if one.friction_uncertainty is not None]
-    return MergedMotors(by_joint, any(taken[:1]), float(shares[0]) if shares else 0.0)
+    uncertainty = float(shares[0]) if shares else 0.0
+    return MergedMotors(by_joint, sources, any(taken[:1]), uncertainty)
 
 
 def merged_scale(layers: Sequence[LimitLayer]) -> dict[str, float]:

@@ -11,6 +11,7 @@ from tubeplanner.options import in_figures, is_number
 from tubeplanner.robot.effort_range import require_effort_range
 from tubeplanner.robot.per_joint_values import entries_of, require_per_joint, values_by_name
 from tubeplanner.robot.point_speed import PointSpeed
+from tubeplanner.short_repr import short_repr
 
 SCALABLE = ("effort", "velocity", "acceleration")
 # One number each; a number alone serves for all joints.
@@ -59,6 +60,8 @@ class LimitOverrides:
     effort_rate: NumberPerJoint = field(default_factory=dict)
     velocity_by_position: Mapping[str, Law] | Sequence[Law] = field(default_factory=dict)
     point_speed: Sequence[PointSpeed] = ()
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         _require_speed(self.tool_speed)

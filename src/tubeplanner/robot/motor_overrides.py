@@ -10,6 +10,7 @@ from tubeplanner.errors import RobotError, shown
 from tubeplanner.options import in_figures, is_number
 from tubeplanner.robot.limit_overrides import NumberPerJoint
 from tubeplanner.robot.per_joint_values import entries_of, require_per_joint, values_by_name
+from tubeplanner.short_repr import short_repr
 
 # One value each; a number alone serves for all joints.
 MOTOR_QUANTITIES = (
@@ -51,6 +52,8 @@ class MotorOverrides:
     no_load_velocity: NumberPerJoint = field(default_factory=dict)
     friction_from_urdf: bool | None = None
     friction_uncertainty: float | None = None
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         for quantity in MOTOR_QUANTITIES:

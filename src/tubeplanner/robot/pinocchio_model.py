@@ -185,6 +185,36 @@ def carried_bodies(model: pin.Model) -> BoolArray:
     return moves
 
 
+def effort_derivatives(
+    model: pin.Model, data: pin.Data, states: tuple[FloatArray, FloatArray, FloatArray]
+) -> FloatArray:
+    """Return how the efforts of M joints change with positions, velocities, accelerations.
+
+    Args:
+        model: The robot.
+        data: Of the model; written to.
+        states: Positions, velocities and accelerations, shape (N, M) each.
+
+    Returns:
+        Shape (3, N, effort joint, M).
+    """
+    count = model.nv
+    derivatives = np.empty((3, len(states[0]), count, count))
+    for i, (q, v, a) in enumerate(zip(*states, strict=True)):
+        # The result is a set of views into data, overwritten by the next call: copied here.
+        blocks = pin.computeRNEADerivatives(model, data, q, v, a)
+        derivatives[:, i] = np.reshape(blocks, (3, count, count))
+    return derivatives
+
+
+def joint_axes(model: pin.Model) -> FloatArray:
+    """Return the axes of the joints in the frames of the bodies they move, shape (M, 3)."""
+    data = model.createData()
+    pin.forwardKinematics(model, data, pin.neutral(model))
+    subspaces = [data.joints[joint].S.ravel() for joint in range(1, model.njoints)]
+    return np.array([s[3:] if s[3:].any() else s[:3] for s in subspaces])
+
+
 def lever_arms(model: pin.Model, travel: FloatArray) -> FloatArray:
     """Return upper bounds on the distances from joints' axes to bodies' origins [m].
 
@@ -246,14 +276,18 @@ def _reduced_model(
     q = pin.neutral(full)
     ids = [full.getJointId(joint_id(name)) for name in outside]
     for name, index in zip(outside, ids, strict=True):
-        q[full.joints[index].idx_q] = _locked_value(description, name, group, locked)
+        q[full.joints[index].idx_q] = locked_value(description, name, group, locked)
     return pin.buildReducedModel(full, ids, q)
 
 
-def _locked_value(
+def locked_value(
     description: UrdfDescription, name: str, group: Sequence[str], locked: Mapping[str, float]
 ) -> float:
-    """Return the value of a joint outside the group: given, zero, or what its master makes it."""
+    """Return the value of a joint outside the group: given, zero, or what its master makes it.
+
+    Raises:
+        RobotError: The given value is outside its limits or contradicts its master.
+    """
     mimic = description.joints[name].mimic
     if mimic is None:
         return _free_value(description.joints[name], locked)

@@ -16,6 +16,7 @@ import pinocchio as pin
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray, read_only
 from tubeplanner.robot.body_chain import BodyChain
 from tubeplanner.robot.body_inertia import BodyInertia
+from tubeplanner.robot.configurations import one_or_many
 from tubeplanner.robot.cross_product import cross_product
 from tubeplanner.robot.followers import followers_of
 from tubeplanner.robot.frame_velocities import frame_velocities
@@ -30,6 +31,8 @@ from tubeplanner.robot.pinocchio_model import (
     body_inertias,
     build_model,
     carried_bodies,
+    effort_derivatives,
+    joint_axes,
     lever_arms,
     link_placements,
 )
@@ -41,6 +44,8 @@ _MANY = 64
 
 class RobotModel:
     """An arm of n joints and its bodies; made by `load_robot`.
+
+    What takes configurations (N, n) takes one (n,) too, and returns its arrays without N.
 
     A body is everything that moves as one: body 0 is fixed to the base, body j > 0 is what hangs
     rigidly from one of the n joints, or from one of their followers (joints that mimic them); these
@@ -85,11 +90,8 @@ class RobotModel:
             needs_masses=bool(np.isfinite(bounds).any()),
         )
         self._others, self.payload = (tool_offset, locked_joints), payload
-        self.name = urdf.name
-        self.urdf = urdf
-        self.package_dirs = package_dirs
-        self.joint_names = joint_names
-        self.tool_frame = tool_frame
+        self.name, self.urdf, self.package_dirs = urdf.name, urdf, package_dirs
+        self.joint_names, self.tool_frame = joint_names, tool_frame
         self.gravity = read_only(model.gravity.linear)
         self.limits = limits
         self.link_body, self.link_placement = link_placements(urdf, model)
@@ -112,18 +114,15 @@ class RobotModel:
 
     def __reduce__(self) -> tuple[Any, ...]:
         tool_offset, locked_joints = self._others
+        gravity = tuple(self.gravity.tolist())
         return RobotModel, (
-            self.urdf,
-            self.joint_names,
-            self.tool_frame,
-            tool_offset,
-            self.limits,
-            self.package_dirs,
-            locked_joints,
-            tuple(self.gravity.tolist()),
-            self.payload,
-            self.motors,
+            *(self.urdf, self.joint_names, self.tool_frame, tool_offset, self.limits),
+            *(self.package_dirs, locked_joints, gravity, self.payload, self.motors),
         )
+
+    def __repr__(self) -> str:
+        joints, frame = ", ".join(self.joint_names), self.tool_frame
+        return f"<RobotModel {self.name}: {self.joint_count} joints to {frame} ({joints})>"
 
     def with_limits(self, limits: JointLimits, motors: JointMotors) -> "RobotModel":
         """Return this arm with other limits, of positions no wider, and motors of like rotors."""
@@ -149,6 +148,7 @@ class RobotModel:
         """Return the tool centre point [m]: q of shape (N, n) gives (N, 3)."""
         return self.tool_pose(q)[1]
 
+    @one_or_many()
     def tool_pose(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return rotation (N, 3, 3) and position (N, 3) [m] of the tool centre point."""
         if len(q) >= _MANY:
@@ -170,6 +170,7 @@ class RobotModel:
         """
         return self.tool_pose_jacobian(q)[1:]
 
+    @one_or_many()
     def tool_pose_jacobian(self, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return rotation (N, 3, 3), position (N, 3) [m] and Jacobian (N, 6, n) of that point."""
         if len(q) >= _MANY:
@@ -204,6 +205,7 @@ class RobotModel:
         columns = np.concatenate([linear, np.where(turns, axis, 0.0)], axis=2)
         return turned, tool, self._joints.collected(columns.swapaxes(1, 2))
 
+    @one_or_many()
     def tool_velocity(
         self, q: FloatArray, v: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -221,6 +223,7 @@ class RobotModel:
         velocity, by_q, by_v = frame_velocities(*arm, [self._tool_id], q, v)
         return velocity[0], by_q[0], by_v[0]
 
+    @one_or_many(axis=1)
     def point_velocities(
         self, q: FloatArray, v: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -228,6 +231,7 @@ class RobotModel:
         arm = self._model, self._scratch.data, self._joints
         return frame_velocities(*arm, self._point_ids, q, v)
 
+    @one_or_many()
     def body_poses(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return rotations (N, bodies, 3, 3) and origins (N, bodies, 3) [m] of all bodies."""
         return self.chain.poses(self._joints.positions(q))
@@ -252,6 +256,7 @@ class RobotModel:
         moved: FloatArray = columns * self.carries[body][:, :, None]
         return self._joints.collected(moved.transpose(0, 2, 1))
 
+    @one_or_many()
     def inverse_dynamics(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
         """Return the joint efforts [N m or N] that a trajectory needs (recursive Newton-Euler).
 
@@ -273,23 +278,20 @@ class RobotModel:
         efforts = np.ascontiguousarray(joints.collected(tau.T))
         return efforts + self.motors.viscous_friction * v
 
+    @one_or_many()
     def gravity_effort(self, q: FloatArray) -> FloatArray:
         """Return the joint efforts (N, n) [N m or N] that hold the arm still against gravity."""
         zero = np.zeros_like(q)
         return self.inverse_dynamics(q, zero, zero) if self.gravity.any() else zero
 
+    @one_or_many()
     def inverse_dynamics_derivatives(
         self, q: FloatArray, v: FloatArray, a: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return d tau / d q, d tau / d v and d tau / d a, each (N, effort joint, n)."""
-        model, data = self._model, self._scratch.data
-        joints, count = self._joints, model.nv
-        derivatives = np.empty((3, len(q), count, count))
-        states = zip(joints.positions(q), joints.rates(v), joints.rates(a), strict=True)
-        for i, (q_i, v_i, a_i) in enumerate(states):
-            # The result is a set of views into data, overwritten by the next call: copied here.
-            blocks = pin.computeRNEADerivatives(model, data, q_i, v_i, a_i)
-            derivatives[:, i] = np.reshape(blocks, (3, count, count))
+        joints = self._joints
+        states = joints.positions(q), joints.rates(v), joints.rates(a)
+        derivatives = effort_derivatives(self._model, self._scratch.data, states)
         by_effort = joints.collected(derivatives.swapaxes(2, 3)).swapaxes(2, 3)
         by_group = joints.collected(by_effort)
         by_group[1] += np.diag(self.motors.viscous_friction)
@@ -393,7 +395,4 @@ class RobotModel:
     @cached_property
     def _joint_axes(self) -> FloatArray:
         """Axes of all joints and followers in the frames of the bodies they move, (M, 3)."""
-        data = self._model.createData()
-        pin.forwardKinematics(self._model, data, pin.neutral(self._model))
-        subspaces = [data.joints[joint].S.ravel() for joint in range(1, self.body_count)]
-        return np.array([s[3:] if s[3:].any() else s[:3] for s in subspaces])
+        return joint_axes(self._model)

@@ -58,6 +58,28 @@ def read_group_state(path: Path, name: str, joint_names: Sequence[str]) -> list[
     return [_number(path, name, joint, values[best][joint]) for joint in joint_names]
 
 
+def read_group_states(path: Path) -> dict[str, dict[str, float]]:
+    """Return the positions of joints in every <group_state>, by its name; the last of equal names.
+
+    Joints of several values are left out.
+
+    Args:
+        path: The file.
+
+    Raises:
+        RobotError: As `read_allowed_pairs`, or a value is no number.
+    """
+    return {
+        name: {
+            joint: _number(path, name, joint, text)
+            for joint, text in _texts(path, state).items()
+            if len(text.split()) == 1
+        }
+        for state in _root(path).findall("group_state")
+        for name in [read_name(str(path), state, "name")]
+    }
+
+
 def _root(path: Path) -> ElementTree.Element:
     try:
         root = ElementTree.fromstring(read_bytes(path, _MAX_BYTES))

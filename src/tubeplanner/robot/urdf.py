@@ -7,6 +7,7 @@ names the fault. Limits are read here and only here; what Pinocchio gets is a pl
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -26,11 +27,12 @@ from tubeplanner.robot.urdf_values import (
     written,
 )
 from tubeplanner.robot.xacro_file import XACRO_ENDING, expanded
+from tubeplanner.short_repr import short_repr
 
 MOVABLE_TYPES = ("revolute", "continuous", "prismatic")
 # A planar or floating joint carries a mobile base, which stands still while its arm moves.
-_STANDING_TYPES = ("planar", "floating")
-_JOINT_TYPES = (*MOVABLE_TYPES, "fixed", *_STANDING_TYPES)
+STANDING_TYPES = ("planar", "floating")
+_JOINT_TYPES = (*MOVABLE_TYPES, "fixed", *STANDING_TYPES)
 _XACRO = "{http://www.ros.org/wiki/xacro}"
 _MAX_BYTES = 50_000_000
 # Tags that Pinocchio's kinematic copy does not need; meshes are read by `link_geometry`.
@@ -95,6 +97,8 @@ class UrdfDescription:
     xml: bytes
     undeclared: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
+    __repr__ = short_repr
+
     def chain(self, link: str) -> list[str]:
         """Return the names of the movable joints from the root to a link, in chain order.
 
@@ -115,6 +119,15 @@ class UrdfDescription:
     def movable(self) -> list[str]:
         """Return the names of all joints that can move."""
         return [name for name, joint in self.joints.items() if joint.type in MOVABLE_TYPES]
+
+    def link_element(self, link: str) -> ElementTree.Element:
+        """Return the <link> element of a link."""
+        return self._link_elements[link]
+
+    @cached_property
+    def _link_elements(self) -> dict[str, ElementTree.Element]:
+        root = ElementTree.fromstring(self.xml)
+        return {str(element.get("name")): element for element in root.findall("link")}
 
     def kinematic_xml(self) -> str:
         """Return the XML for Pinocchio: geometry removed, every limit a finite placeholder.
@@ -142,7 +155,7 @@ class UrdfDescription:
         for end in ("parent", "child"):
             for link in element.findall(end):
                 link.set("link", link_id(str(link.get("link"))))
-        if element.get("type") in _STANDING_TYPES:
+        if element.get("type") in STANDING_TYPES:
             element.set("type", "fixed")
         if element.get("type") == "continuous":
             element.set("type", "revolute")

@@ -11,6 +11,7 @@ from tubeplanner.errors import OptionError
 from tubeplanner.options import in_figures, is_number
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.problem.robustness import COMPUTED_TORQUE
+from tubeplanner.short_repr import short_repr
 from tubeplanner.simulation.drives import Drives
 from tubeplanner.simulation.mujoco_model import ArmsTogether, mujoco_arms
 from tubeplanner.simulation.planned_motion import planned_motion
@@ -44,6 +45,8 @@ class Execution:
     velocity: FloatArray
     effort: FloatArray
     is_saturated: BoolArray
+
+    __repr__ = short_repr
 
 
 def executed(

@@ -8,6 +8,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray
 from tubeplanner.outcome import Place
 from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.short_repr import short_repr
 from tubeplanner.simulation.executed_clearance import additional_distances, least_clearances
 from tubeplanner.simulation.executed_tube import Extreme, tube_excursions
 from tubeplanner.simulation.execution import Execution
@@ -56,6 +57,8 @@ class JudgedRun:
     tube_by_segment: FloatArray
     rotation_by_segment: FloatArray
     position_by_joint: FloatArray
+
+    __repr__ = short_repr
 
     @property
     def broken(self) -> tuple[str, ...]:

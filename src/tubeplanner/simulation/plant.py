@@ -11,6 +11,7 @@ from tubeplanner.robot.body_inertia import BodyInertia
 from tubeplanner.robot.joint_motors import JointMotors
 from tubeplanner.robot.pinocchio_model import Payload
 from tubeplanner.robot.robot_model import RobotModel
+from tubeplanner.short_repr import short_repr
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +37,8 @@ class Plant:
     tool: FloatArray
     base: FloatArray
     noise_seed: int
+
+    __repr__ = short_repr
 
     def tool_pose(self, robot: RobotModel, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return orientations (K, 3, 3) and positions (K, 3) [m] of its tool, shifts included.

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from tubeplanner.problem.tightening import Tightening
+from tubeplanner.short_repr import short_repr
 from tubeplanner.simulation.blamed_errors import Blame
 from tubeplanner.simulation.run_verdict import RunVerdict
 
@@ -34,6 +35,8 @@ class Survival:
     verdict_without: RunVerdict | None
     costs: Mapping[str, float]
     blame: Blame | None = None
+
+    __repr__ = short_repr
 
     @property
     def added(self) -> float:

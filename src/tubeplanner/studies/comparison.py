@@ -14,6 +14,7 @@ from tubeplanner.planning.plan_options import METHODS, PlanOptions
 from tubeplanner.planning.planner import plan
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import Progress, StoppedBy
+from tubeplanner.short_repr import short_repr
 from tubeplanner.studies.trajectory_measures import TrajectoryMeasures, trajectory_measures
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.verification.certificate import Certificate
@@ -48,6 +49,8 @@ class ComparisonRow:
     certificate: Certificate | None = None
     measures: TrajectoryMeasures | None = None
     answered_by: str | None = None
+
+    __repr__ = short_repr
 
     @property
     def certified(self) -> bool:
@@ -102,6 +105,8 @@ class Comparison:
     problem: PlanningProblem
     rows: tuple[ComparisonRow, ...]
     stopped_by: StoppedBy | None = None
+
+    __repr__ = short_repr
 
     @property
     def succeeded(self) -> bool:

@@ -26,6 +26,7 @@ from tubeplanner.problem.problem_layers import ProblemLayers
 from tubeplanner.problem.problem_reader import parse_problem
 from tubeplanner.progress import StoppedBy
 from tubeplanner.resources import find_problem
+from tubeplanner.short_repr import short_repr
 from tubeplanner.simulation.run_verdict import RunVerdict
 
 
@@ -44,6 +45,8 @@ class FieldRow:
     result: PlanResult | None
     message: str
     loading_time: float
+
+    __repr__ = short_repr
 
     @property
     def status(self) -> PlanStatus:
@@ -103,6 +106,8 @@ class FieldSweep:
     path: str
     rows: tuple[FieldRow, ...]
     stopped_by: StoppedBy | None = None
+
+    __repr__ = short_repr
 
     @property
     def succeeded(self) -> bool:

@@ -20,6 +20,7 @@ from tubeplanner.planning.planner import plan
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import Progress, StoppedBy
 from tubeplanner.refinement.sensitivities import Sensitivity
+from tubeplanner.short_repr import short_repr
 from tubeplanner.tube.tube import Tube
 
 _SIDES = ("width", "height")  # of boxes, in the order of `Tube.cross_section`
@@ -48,6 +49,8 @@ class SweepRow:
     message: str
     elasticity: float | None = None
     note: str | None = None
+
+    __repr__ = short_repr
 
     @property
     def status(self) -> PlanStatus:
@@ -98,6 +101,8 @@ class SweepResult:
     quantity: str
     rows: tuple[SweepRow, ...]
     stopped_by: StoppedBy | None = None
+
+    __repr__ = short_repr
 
     @property
     def succeeded(self) -> bool:

@@ -10,6 +10,7 @@ from tubeplanner.constraints.path_samples import PathSamples
 from tubeplanner.constraints.speed_limits import largest_use, speed_limits
 from tubeplanner.constraints.tube_membership import current_segments, tube_use
 from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.short_repr import short_repr
 from tubeplanner.trajectory.bernstein import peak_magnitudes
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory, TrajectorySamples
 
@@ -40,6 +41,8 @@ class TrajectoryMeasures:
     peak_jerk_joint: str | None
     at_limit: float
     tube_use: float
+
+    __repr__ = short_repr
 
     def as_dict(self) -> dict[str, Any]:
         """Return the fields as JSON values."""

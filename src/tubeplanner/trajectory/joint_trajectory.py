@@ -94,6 +94,11 @@ class JointTrajectory:
         self._keep("_derivatives", derivatives)
         self._require_bounded()
 
+    def __repr__(self) -> str:
+        names, (rows, pieces, _) = ", ".join(self.joint_names), self.coefficients.shape
+        made_of = f"{pieces} pieces of degree {rows - 1}"
+        return f"<JointTrajectory of {self.duration:.4f} s: {made_of}, joints {names}>"
+
     def __setattr__(self, name: str, value: object) -> None:
         raise AttributeError(
             f"{name} of a trajectory cannot be changed; make another JointTrajectory"

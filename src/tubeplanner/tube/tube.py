@@ -12,11 +12,12 @@ from typing import Any, Literal
 
 import numpy as np
 
-from tubeplanner.arrays import BoolArray, FloatArray, IntArray, read_only
-from tubeplanner.errors import ProblemError, shown, unknown_name
+from tubeplanner.arrays import BoolArray, FloatArray, IntArray
+from tubeplanner.errors import ProblemError, unknown_name
 from tubeplanner.options import in_figures, is_number
 from tubeplanner.tube.box_regions import BoxRegions, box_sections, radii_of_boxes
 from tubeplanner.tube.compulsory_points import PASS_THROUGH, compulsory_points
+from tubeplanner.tube.given_points import MAX_EXTENT, given_points, given_radii
 from tubeplanner.tube.joint_ranges import JointRange, JointSign, joint_ranges, sign_maps
 from tubeplanner.tube.repeated_points import MIN_LENGTH, DistinctPoints, distinct_points
 from tubeplanner.tube.rotational_tube import RotationalTube, RotationBound, given_rotation
@@ -30,7 +31,6 @@ _BY_SEGMENT = (
     *("radius", "joint_signs", "rotation_tolerance", "tool_speed", "cross_section", "clearance"),
 )
 _BLOCK = 100_000  # distances computed at once, which a processor's cache holds
-_MAX_EXTENT = 1e4  # [m]
 VISITS = ("ordered", "any")
 
 
@@ -121,10 +121,10 @@ class Tube:
         Raises:
             ProblemError: A count, a number or a sign is wrong; the message names it.
         """
-        corners = _points(points)
+        corners = given_points(points)
         segments = len(corners) - 1
         sections = box_sections(cross_section, np.diff(corners, axis=0))
-        radii = _radii(radii_of_boxes(radius, sections), segments)
+        radii = given_radii(radii_of_boxes(radius, sections), segments)
         signs = sign_maps(joint_signs or {}, segments)
         ranges = joint_ranges(signs, visit)
         quaternions, bounds, rotation = given_rotation(corners, orientations, rotation_tolerance)
@@ -150,6 +150,11 @@ class Tube:
             values = {field.name: getattr(less, field.name) for field in fields(self)}
             self._keep(*{**values, "notes": _notes(named, kept)}.values())
 
+    def __repr__(self) -> str:
+        length = float(np.linalg.norm(np.diff(self.points, axis=0), axis=1).sum())
+        radii = f"{self.radius.min():g} to {self.radius.max():g} m"
+        return f"<Tube of {self.segment_count} segments, {length:.4g} m long, radii {radii}>"
+
     def _keep(self, *values: object) -> None:
         """Keep values of all fields, in their order."""
         for attribute, value in zip(fields(self), values, strict=True):
@@ -163,7 +168,7 @@ class Tube:
         """
         is_still = np.linalg.norm(end - begin) < MIN_LENGTH
         aside = np.array([0.0, 0.0, 1e3 * MIN_LENGTH * is_still])
-        return cls(np.vstack([begin, end + aside]), _MAX_EXTENT)
+        return cls(np.vstack([begin, end + aside]), MAX_EXTENT)
 
     def with_radius(self, radius: float | Sequence[float] | FloatArray) -> "Tube":
         """Return the tube with another tolerance, or m others [m].
@@ -341,20 +346,6 @@ def _distances(p: FloatArray, start: FloatArray, axis: FloatArray) -> FloatArray
     return distances
 
 
-def _points(points: Sequence[Sequence[float]] | FloatArray) -> FloatArray:
-    try:
-        corners = read_only(points)
-    except (TypeError, ValueError):
-        raise ProblemError(f"tube.points: {shown(points)} is no list of points [x, y, z]") from None
-    if corners.ndim != 2 or corners.shape[0] < 2 or corners.shape[1] != 3:
-        raise ProblemError(
-            f"tube.points has shape {corners.shape}; at least two points [x, y, z] are needed"
-        )
-    if not (abs(corners) <= _MAX_EXTENT).all():
-        raise ProblemError(f"tube.points must be finite numbers within {_MAX_EXTENT:g} m")
-    return corners
-
-
 def _notes(numbers: IntArray, kept: DistinctPoints) -> tuple[str, ...]:
     """Say which points were left out."""
     return tuple(
@@ -376,23 +367,3 @@ def _conditions(
 def _require_named(key: str, value: object, known: Sequence[str]) -> None:
     if value not in known:
         raise ProblemError(f"tube.{key}: {unknown_name('value', str(value), known)}")
-
-
-def _radii(radius: float | Sequence[float] | FloatArray, segments: int) -> FloatArray:
-    try:
-        radii = read_only(radius)
-    except (TypeError, ValueError):
-        raise ProblemError(f"tube.radius {shown(radius)} is no number or list of numbers") from None
-    if radii.ndim == 0:
-        radii = np.full(segments, float(radii))
-    if radii.shape != (segments,):
-        raise ProblemError(
-            f"tube.radius has {radii.size} values for {segments} segments; give one, or one each"
-        )
-    for k, value in enumerate(radii):
-        if not MIN_LENGTH <= value <= _MAX_EXTENT:
-            raise ProblemError(
-                f"tube.radius[{k}] is {value:g} m; it must be from {MIN_LENGTH:g} to "
-                f"{_MAX_EXTENT:g} m"
-            )
-    return read_only(radii)

@@ -5,6 +5,7 @@ from typing import Any
 
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.progress import StoppedBy
+from tubeplanner.short_repr import short_repr
 from tubeplanner.tube_sources.measured_plan import PlannedTube
 
 
@@ -35,6 +36,8 @@ class TubeAnswer:
     compared: tuple[float | None, ...] = ()
     search_time: float = 0.0
     stopped_by: StoppedBy | None = None
+
+    __repr__ = short_repr
 
     @property
     def succeeded(self) -> bool:

@@ -29,6 +29,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray, read_only
 from tubeplanner.errors import ProblemError, unknown_name
+from tubeplanner.short_repr import short_repr
 from tubeplanner.tube.compulsory_points import passing_radius
 from tubeplanner.tube.joint_ranges import JointSign
 from tubeplanner.tube.tube import Tube
@@ -128,6 +129,8 @@ class ZonedPath:
 
     points: FloatArray
     zones: tuple[Zone, ...]
+
+    __repr__ = short_repr
 
 
 def tube_from_zones(

@@ -48,6 +48,14 @@ class Certificate:
             self.other_speeds,
         )
 
+    def __repr__(self) -> str:
+        asked = [name for name, each in self.conditions.items() if each.margin is not None]
+        failed = self.failures()
+        return (
+            f"<Certificate {'fails ' + ', '.join(failed) if failed else 'passed'}: "
+            f"{len(asked)} of {len(self.conditions)} conditions required>"
+        )
+
     @property
     def passed(self) -> bool:
         """Whether every condition holds."""

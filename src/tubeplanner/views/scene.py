@@ -19,6 +19,7 @@ from tubeplanner.outcome import Infeasible
 from tubeplanner.problem.problem import PlanningProblem, Seed
 from tubeplanner.simulation.execution import Execution
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
+from tubeplanner.views.arm_hulls import arm_hulls, carried_surfaces
 from tubeplanner.views.executed_paths import ExecutedPaths, executed_paths
 from tubeplanner.views.execution_curves import tool_runs
 from tubeplanner.views.goal_ball import goal_ball
@@ -32,7 +33,6 @@ from tubeplanner.views.palette import (
 )
 from tubeplanner.views.surface import (
     Surface,
-    coarse_hull_points,
     dashes,
     directions,
     hull_surface,
@@ -201,7 +201,7 @@ def build_scene(
     if not trajectories:
         trajectories = (_at_rest(problem, said),)
     parts, notes_of_parts = link_parts(problem.robot, _MAX_FACES // len(trajectories))
-    hulls = _hulls(problem, parts)
+    hulls = arm_hulls(problem, parts)
     tube = tube_surfaces(problem.tube)
     swept = [_swept(trajectory, hulls) for trajectory in trajectories]
     standing = [points for body, points in hulls if body == 0]
@@ -272,27 +272,6 @@ def _posed(
     return ShownTrajectory(name, time, rotation, position, tool, speed)
 
 
-def _hulls(problem: PlanningProblem, parts: list[LinkPart]) -> list[tuple[int, FloatArray]]:
-    """Return points whose hull holds each link and carried solid nearly, with its body."""
-    points: dict[str, list[FloatArray]] = {}
-    bodies = {part.link: part.body for part in parts}
-    for part in parts:
-        points.setdefault(part.link, []).append(part.surface.vertices)
-    for body, name, surface in _carried_surfaces(problem):
-        bodies[name] = body
-        points.setdefault(name, []).append(surface.vertices)
-    return [(bodies[name], coarse_hull_points(np.vstack(found))) for name, found in points.items()]
-
-
-def _carried_surfaces(problem: PlanningProblem) -> list[tuple[int, str, Surface]]:
-    robot = problem.robot
-    body, placement = robot.link_body[robot.tool_frame], robot.link_placement[robot.tool_frame]
-    return [
-        (body, solid.name, joined(shape_surface(s) for s in solid.shapes).moved(placement))
-        for solid in problem.attached
-    ]
-
-
 def _swept(trajectory: ShownTrajectory, hulls: list[tuple[int, FloatArray]]) -> Surface:
     """Return the space that moving links take: hulls of each in one pose and the next."""
     steps = np.unique(np.linspace(0, len(trajectory.time) - 1, _SWEEP_STEPS).round().astype(int))
@@ -348,7 +327,7 @@ def _carried(trajectory: int, problem: PlanningProblem) -> list[Item]:
     color = rgb(CARRIED_COLOR)
     return [
         Item(Layer.CARRIED, trajectory, name, surface, color, 0.85, body, is_smooth=False)
-        for body, name, surface in _carried_surfaces(problem)
+        for body, name, surface in carried_surfaces(problem)
     ]
 
 

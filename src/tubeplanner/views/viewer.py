@@ -23,6 +23,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import OptionError
 from tubeplanner.files.output_files import write_files
 from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.short_repr import short_repr
 from tubeplanner.simulation.execution import Execution
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.views.executed_paths import ExecutedPaths
@@ -58,6 +59,8 @@ class View:
     """
 
     scene: Scene
+
+    __repr__ = short_repr
 
     @cached_property
     def html(self) -> str:

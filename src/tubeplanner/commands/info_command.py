@@ -1,0 +1,138 @@
+"""The command that says what is in a robot or a problem, and what it lacks."""
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from tubeplanner.commands.console import (
+    AS_JSON,
+    PATH,
+    SET,
+    empty_report,
+    nowhere,
+    print_json,
+    require_ending,
+    say,
+    shown_progress,
+)
+from tubeplanner.errors import OptionError
+
+if TYPE_CHECKING:
+    from tubeplanner.problem.problem_info import ProblemInfo
+    from tubeplanner.robot.robot_info import RobotInfo
+
+_PROBLEM_ENDINGS = (".yaml", ".yml", ".json")
+TOOL_FRAME = click.option(
+    "--tool-frame", help="Link that carries the tool [the end of the longest chain]."
+)
+PACKAGE_DIR = click.option(
+    "--package-dir",
+    "package_dirs",
+    multiple=True,
+    help="Further folder that holds packages of package:// names; repeatable.",
+)
+
+
+@click.command()
+@click.argument("robot", metavar="ROBOT|PROBLEM")
+@TOOL_FRAME
+@PACKAGE_DIR
+@click.option("--plot", type=PATH, help="Picture of the arm with its frames named (PNG).")
+@SET
+@AS_JSON
+def info(
+    robot: str,
+    tool_frame: str | None,
+    package_dirs: tuple[str, ...],
+    plot: Path | None,
+    changes: dict[str, Any],
+    as_json: bool,
+) -> None:
+    """Say what is in ROBOT, a URDF or example:NAME, or in PROBLEM, and what is missing.
+
+    Joints and their limits with where each comes from, motors, links, masses, geometry, frames; of
+    a problem also start, tube, obstacles and payload. Missing limits are no error here.
+    """
+    from tubeplanner.files.output_files import require_writable
+
+    require_ending(plot, "--plot", (".png",))
+    if plot is not None:
+        require_writable([plot], [Path(robot)])
+    with shown_progress() as enter:
+        enter("reading robot")
+        if is_problem(robot):
+            if package_dirs:
+                raise OptionError("--package-dir is for a URDF; a problem has robot.package_dirs")
+            frame = {} if tool_frame is None else {"robot.tool_frame": tool_frame}
+            found: RobotInfo | ProblemInfo = _problem_info(robot, changes | frame)
+        else:
+            found = _robot_info(robot, tool_frame, package_dirs, changes)
+        if plot is not None:
+            enter("picture")
+            _write_picture(found, plot)
+    if as_json:
+        fields = _finite(found.as_dict())
+        message = f"{fields['name']}: {len(fields['missing'])} things missing"
+        report = empty_report("success", message, nowhere())
+        print_json({**report, **fields, "plot": None if plot is None else str(plot)})
+        return
+    say(_as_text(found))
+    if plot is not None:
+        say(f"plot: {plot}")
+
+
+def is_problem(name: str) -> bool:
+    """Return whether a name is that of a problem rather than of a robot."""
+    from tubeplanner.resources import EXAMPLE_PREFIX
+
+    if name.startswith(EXAMPLE_PREFIX):
+        return "/" in name
+    return Path(name).suffix.lower() in _PROBLEM_ENDINGS
+
+
+def _problem_info(name: str, changes: Mapping[str, Any]) -> "ProblemInfo":
+    from tubeplanner.problem.problem_info import problem_info
+
+    return problem_info(name, changes)
+
+
+def _robot_info(
+    name: str,
+    tool_frame: str | None,
+    package_dirs: tuple[str, ...],
+    changes: Mapping[str, Any],
+) -> "RobotInfo":
+    from tubeplanner.robot.robot_info import robot_info
+
+    if changes:
+        raise OptionError(f"--set changes a problem file; {name} is a robot")
+    return robot_info(name, tool_frame, package_dirs=package_dirs)
+
+
+def _write_picture(found: "RobotInfo | ProblemInfo", path: Path) -> None:
+    from tubeplanner.problem.problem_info import ProblemInfo
+    from tubeplanner.tube_sources.shown_configuration import shown_configuration
+    from tubeplanner.views.robot_plot import plot_robot
+
+    problem = found.problem if isinstance(found, ProblemInfo) else None
+    arm = found.robot.arm if isinstance(found, ProblemInfo) else found.arm
+    plot_robot(arm, shown_configuration(arm, problem), path)
+
+
+def _finite(value: Any) -> Any:
+    """Return JSON values, null for what is infinite."""
+    if isinstance(value, Mapping):
+        return {str(key): _finite(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(each) for each in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _as_text(found: "RobotInfo | ProblemInfo") -> str:
+    from tubeplanner.commands.info_text import problem_text, robot_text
+    from tubeplanner.problem.problem_info import ProblemInfo
+
+    return problem_text(found) if isinstance(found, ProblemInfo) else robot_text(found)

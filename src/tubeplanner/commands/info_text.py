@@ -1,0 +1,242 @@
+"""What is in a robot or a problem, as text for a terminal."""
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from rich.markup import escape
+from rich.table import Table
+
+from tubeplanner.commands.report import rendered
+from tubeplanner.problem.problem import Seed
+from tubeplanner.robot.joint_info import LIMITS, JointInfo, SourcedValue
+
+if TYPE_CHECKING:
+    from tubeplanner.problem.problem import PlanningProblem
+    from tubeplanner.problem.problem_info import ProblemInfo, SrdfInfo
+    from tubeplanner.robot.link_info import LinkInfo
+    from tubeplanner.robot.robot_info import OtherJoint, RobotInfo
+
+_TABLED = ("position", "velocity", "effort", "acceleration", "jerk")
+_NAMED_AT_MOST = 12  # joints or links in one line
+
+
+def robot_text(info: "RobotInfo") -> str:
+    """Return what is in a robot as text."""
+    frame = info.tool_frame
+    found = "" if info.tool_frame_is_given else ", the end of the longest chain"
+    lines = [
+        f"{info.name}: {len(info.joints)} joints to {frame}{found}",
+        f"URDF: {info.path}",
+        _joint_table(info.joints),
+        "units: rad and m, N m and N, s",
+        *_source_lines(info.joints),
+        *_motor_lines(info.joints),
+        *_other_joint_lines(info.other_joints),
+        *_link_table(info.links),
+        f"mass of all links: {info.mass:.4g} kg",
+        *_links_without(info.links),
+        *_frame_lines(info),
+        *(f"note: {note}" for note in info.notes),
+        *_missing_lines(info.missing),
+    ]
+    return "\n".join(lines)
+
+
+def problem_text(info: "ProblemInfo") -> str:
+    """Return what is in a problem as text."""
+    lines = [robot_text(info.robot)]
+    if info.srdf is not None:
+        lines += _srdf_lines(info.srdf)
+    if info.problem is not None:
+        lines += _task_lines(info.problem)
+    if info.refused is not None:
+        lines.append(f"the problem does not load: {info.refused}")
+    return "\n".join(lines)
+
+
+def _joint_table(joints: Sequence[JointInfo]) -> str:
+    table = Table(title="joints, in the order of the chain", title_justify="left")
+    for heading in ("joint", "type", "parent"):
+        table.add_column(heading)
+    for heading in _TABLED:
+        table.add_column(heading, justify="right")
+    for joint in joints:
+        limits = [_limit(joint.limits[quantity]) for quantity in _TABLED]
+        table.add_row(escape(joint.name), joint.type, escape(joint.parent), *limits)
+    return rendered(table)
+
+
+def _limit(limit: SourcedValue) -> str:
+    if limit.is_missing:
+        return "-"
+    if limit.value is None:
+        return "endless"
+    if isinstance(limit.value, tuple):
+        return " to ".join(f"{bound:.4g}" for bound in limit.value)
+    return f"{limit.value:.4g}"
+
+
+def _source_lines(joints: Sequence[JointInfo]) -> list[str]:
+    """Return where the limits of each quantity come from."""
+    lines = []
+    for quantity in LIMITS:
+        by_source: dict[str, list[str]] = defaultdict(list)
+        for joint in joints:
+            by_source[joint.limits[quantity].source].append(joint.name)
+        if quantity in _TABLED or list(by_source) != ["none"]:
+            lines.append(f"{quantity} from: {_by_source(by_source)}")
+    return lines
+
+
+def _by_source(names: Mapping[str, Sequence[str]]) -> str:
+    if len(names) == 1:
+        return next(iter(names))
+    return "; ".join(f"{source} ({_listed(own)})" for source, own in names.items())
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = len(names) - _NAMED_AT_MOST
+    shown = ", ".join(names[:_NAMED_AT_MOST])
+    return shown if more <= 0 else f"{shown} and {more} more"
+
+
+def _motor_lines(joints: Sequence[JointInfo]) -> list[str]:
+    return [
+        f"motor of {joint.name}: "
+        + ", ".join(f"{what} {_limit(v)} ({v.source})" for what, v in joint.motor.items())
+        for joint in joints
+        if joint.motor
+    ]
+
+
+def _other_joint_lines(others: Sequence["OtherJoint"]) -> list[str]:
+    """Return the joints that are not planned, those locked at one place in one line."""
+    lines, locked = [], defaultdict(list)
+    for joint in others:
+        if joint.follows is None:
+            locked[joint.position].append(joint.name)
+        else:
+            rule = f"{joint.multiplier:g} times {joint.follows}"
+            offset = f" plus {joint.position:g}" if joint.position else ""
+            lines.append(f"{joint.name} follows: {rule}{offset}")
+    lines += [f"locked at {where:g}: {_listed(names)}" for where, names in locked.items()]
+    return lines
+
+
+def _link_table(links: Sequence["LinkInfo"]) -> list[str]:
+    """Return the links that have mass or geometry as a table; nothing if none has."""
+    table = Table(title="links with mass or geometry", title_justify="left")
+    table.add_column("link")
+    table.add_column("mass [kg]", justify="right")
+    table.add_column("collision geometry")
+    table.add_column("visual geometry")
+    for link in links:
+        if link.mass is not None or link.collision or link.visual:
+            mass = "-" if link.mass is None else f"{link.mass:.4g}"
+            kinds = [_kinds(link.collision), _kinds(link.visual)]
+            table.add_row(escape(link.name), mass, *kinds)
+    return [rendered(table)] * bool(table.rows)
+
+
+def _kinds(counts: Mapping[str, int]) -> str:
+    each = [kind if count == 1 else f"{count} x {kind}" for kind, count in counts.items()]
+    return ", ".join(each) or "-"
+
+
+def _links_without(links: Sequence["LinkInfo"]) -> list[str]:
+    solid = [link for link in links if link.collision or link.visual]
+    weightless = [link.name for link in solid if not link.mass]
+    unchecked = [link.name for link in links if link.mass and not link.collision]
+    lines = [f"with geometry and no mass: {_listed(weightless)}"] if weightless else []
+    if unchecked:
+        lines.append(f"with mass and no collision geometry, never checked: {_listed(unchecked)}")
+    return lines
+
+
+def _frame_lines(info: "RobotInfo") -> list[str]:
+    leaves = [name for name in info.leaf_links if name != info.tool_frame]
+    inner = [link.name for link in info.links if not link.is_leaf and link.name != info.tool_frame]
+    chosen = "given" if info.tool_frame_is_given else "choose another by --tool-frame"
+    return [
+        f"tool_frame: {info.tool_frame} ({chosen})",
+        *([f"other ends of chains: {', '.join(leaves)}"] if leaves else []),
+        *([f"inner links: {', '.join(inner)}"] if inner else []),
+    ]
+
+
+def _missing_lines(missing: Sequence[str]) -> list[str]:
+    if not missing:
+        return ["nothing is missing: it can be planned"]
+    return ["missing:", *(f"  {each}" for each in missing)]
+
+
+def _srdf_lines(srdf: "SrdfInfo") -> list[str]:
+    states = [
+        f"state {name}: " + ", ".join(f"{joint} {q:.4g}" for joint, q in values.items())
+        for name, values in srdf.states.items()
+    ]
+    return [*states, f"SRDF: {len(srdf.disabled_pairs)} pairs of links may touch"]
+
+
+def _task_lines(problem: "PlanningProblem") -> list[str]:
+    """Return start, tube, solids and payload of a problem."""
+    payload = problem.robot.payload
+    lines = [f"problem {problem.name}:", _end_line(problem, "start", problem.start)]
+    lines.append("goal: open" if problem.goal is None else _end_line(problem, "goal", problem.goal))
+    lines.append(_segment_table(problem))
+    lines += [f"obstacle {_bare(solid)}" for solid in problem.obstacles] or ["no obstacles"]
+    lines += [f"attached {_bare(solid)}" for solid in problem.attached]
+    if problem.clearance:
+        lines.append(f"clearance: {problem.clearance:g} m")
+    if payload is not None:
+        lines.append(f"payload: {payload.mass:g} kg at {list(payload.com)} m of the tool frame")
+    return lines
+
+
+def _bare(solid: object) -> str:
+    return repr(solid).strip("<>").split(" ", 1)[1]
+
+
+def _end_line(problem: "PlanningProblem", name: str, end: Any) -> str:
+    if isinstance(end, Seed):
+        return f"{name}: by inverse kinematics from {_numbers(end.joints)}"
+    tool = problem.robot.tool_position(end)
+    return f"{name}: joints {_numbers(end)}, tool centre point at {_numbers(tool)} m"
+
+
+def _numbers(values: Any) -> str:
+    return "[" + ", ".join(f"{value + 0.0:.4g}" for value in values) + "]"
+
+
+def _segment_table(problem: "PlanningProblem") -> str:
+    tube = problem.tube
+    table = Table(title="segments of the tube, in m and rad", title_justify="left")
+    for heading in ("segment", "from", "to", "length", "radius", "what else"):
+        table.add_column(heading, justify="left" if heading == "what else" else "right")
+    for k in range(tube.segment_count):
+        ends = tube.points[k : k + 2]
+        length = float(np.linalg.norm(ends[1] - ends[0]))
+        radius = "box" if tube.is_box[k] else f"{tube.radius[k]:g}"
+        row = [str(tube.segment_number(k)), *map(_numbers, ends), f"{length:.4g}", radius]
+        table.add_row(*row, escape(_conditions(problem, k)))
+    return rendered(table)
+
+
+def _conditions(problem: "PlanningProblem", k: int) -> str:
+    """Return what a segment asks beside its radius."""
+    tube, parts = problem.tube, []
+    if tube.rotation is not None and np.isfinite(tube.rotation.bounds[k]).any():
+        parts.append(f"rotation within {_numbers(tube.rotation.bounds[k])}")
+    if tube.tool_speed is not None and np.isfinite(tube.tool_speed[k]):
+        parts.append(f"tool speed {tube.tool_speed[k]:g}")
+    ranges = tube.joint_ranges[k].items()
+    parts += [f"{name} {_range(*bounds)}" for name, bounds in ranges]
+    return "; ".join(parts)
+
+
+def _range(lower: float, upper: float) -> str:
+    if np.isinf(upper):
+        return f">= {lower:.4g}"
+    return f"<= {upper:.4g}" if np.isinf(lower) else f"in [{lower:.4g}, {upper:.4g}]"

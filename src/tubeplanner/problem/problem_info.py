@@ -1,0 +1,124 @@
+"""What is in a problem file: its robot, whatever limits are missing, and its task if it loads."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tubeplanner.errors import ProblemError, RobotError
+from tubeplanner.problem.problem import PlanningProblem, Seed
+from tubeplanner.problem.problem_fields import read_problem_fields
+from tubeplanner.problem.problem_format import RobotFields
+from tubeplanner.problem.problem_reader import load_problem, robot_arguments
+from tubeplanner.resources import find_description, find_problem
+from tubeplanner.robot.robot_info import RobotInfo, robot_info
+from tubeplanner.robot.srdf import read_allowed_pairs, read_group_states
+
+
+@dataclass(frozen=True)
+class SrdfInfo:
+    """What is in an SRDF.
+
+    Attributes:
+        states: Positions of joints by name of the state [rad or m].
+        disabled_pairs: Pairs of links that may touch.
+    """
+
+    states: Mapping[str, Mapping[str, float]]
+    disabled_pairs: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True)
+class ProblemInfo:
+    """What is in a problem file.
+
+    Attributes:
+        robot: Its robot.
+        srdf: What its SRDF has; None without one.
+        problem: The problem; None if it does not load.
+        refused: Why it does not load; None if it does.
+    """
+
+    robot: RobotInfo
+    srdf: SrdfInfo | None
+    problem: PlanningProblem | None
+    refused: str | None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return all of it as JSON values."""
+        srdf = None
+        if self.srdf is not None:
+            srdf = {"states": self.srdf.states, "disabled_pairs": self.srdf.disabled_pairs}
+        task = None if self.problem is None else _task(self.problem)
+        return {**self.robot.as_dict(), "srdf": srdf, "refused": self.refused, "task": task}
+
+
+def problem_info(name: str | Path, changes: Mapping[str, Any] | None = None) -> ProblemInfo:
+    """Return what is in a problem file.
+
+    Args:
+        name: A path, or `example:ROBOT/NAME`.
+        changes: Other values, by field path.
+
+    Raises:
+        ProblemError: The file cannot be read or contradicts its format.
+        RobotError: Its URDF, its SRDF or a file of limits cannot be read.
+    """
+    path = find_problem(name, Path())
+    fields = read_problem_fields(path, changes)
+    robot = robot_info(**robot_arguments(fields.robot, path.parent))
+    srdf = _srdf_info(fields.robot, path.parent)
+    try:
+        problem = load_problem(name, reads_tube=fields.tube is not None, changes=changes)
+    except (ProblemError, RobotError) as error:
+        return ProblemInfo(robot, srdf, None, str(error))
+    return ProblemInfo(robot, srdf, problem, None)
+
+
+def _srdf_info(fields: RobotFields, folder: Path) -> SrdfInfo | None:
+    if fields.srdf is None:
+        return None
+    roots = tuple(folder / root for root in fields.package_dirs)
+    path = find_description(fields.srdf, folder, roots)
+    return SrdfInfo(read_group_states(path), tuple(read_allowed_pairs(path)))
+
+
+def _task(problem: PlanningProblem) -> dict[str, Any]:
+    """Return start, tube, solids and payload of a problem as JSON values."""
+    tube, payload = problem.tube, problem.robot.payload
+    return {
+        "name": problem.name,
+        "start": _end(problem, problem.start),
+        "goal": None if problem.goal is None else _end(problem, problem.goal),
+        "points": tube.points.tolist(),
+        "segments": [_segment(problem, k) for k in range(tube.segment_count)],
+        "obstacles": [str(obstacle) for obstacle in problem.obstacles],
+        "attached": [str(solid) for solid in problem.attached],
+        "clearance": problem.clearance,
+        "payload": None if payload is None else {"mass": payload.mass, "com": list(payload.com)},
+        "period": problem.period,
+    }
+
+
+def _end(problem: PlanningProblem, end: Any) -> dict[str, Any]:
+    is_seed = isinstance(end, Seed)
+    q = end.joints if is_seed else end
+    tool = None if is_seed else problem.robot.tool_position(q).tolist()
+    return {"kind": "seed" if is_seed else "joints", "joints": q.tolist(), "tool": tool}
+
+
+def _segment(problem: PlanningProblem, k: int) -> dict[str, Any]:
+    """Return one segment of the tube: its size, and what else it asks."""
+    tube = problem.tube
+    bound = None if tube.rotation is None else tube.rotation.bounds[k]
+    speed = np.inf if tube.tool_speed is None else float(tube.tool_speed[k])
+    return {
+        "number": tube.segment_number(k),
+        "length": float(np.linalg.norm(tube.points[k + 1] - tube.points[k])),
+        "radius": None if tube.is_box[k] else float(tube.radius[k]),
+        "rotation_tolerance": None if bound is None else bound.tolist(),
+        "tool_speed": speed,
+        "joint_ranges": tube.joint_ranges[k],
+    }

@@ -1,0 +1,143 @@
+"""`tubeplanner info`: what is in a robot or a problem, where limits come from, what is missing."""
+
+import json
+
+import pytest
+
+from tubeplanner.commands.info_text import problem_text
+from tubeplanner.problem.problem_info import problem_info
+
+BARE = """<robot name="bare"><link name="base"/>
+<joint name="turn" type="revolute"><parent link="base"/><child link="arm"/>
+  <axis xyz="0 0 1"/><limit lower="-1" upper="2" effort="0" velocity="2"/></joint>
+<link name="arm"><inertial><origin xyz="0.2 0 0"/><mass value="1.5"/>
+  <inertia ixx="0.1" iyy="0.2" izz="0.2" ixy="0" ixz="0" iyz="0"/></inertial>
+  <collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision>
+  <collision><geometry><sphere radius="0.1"/></geometry></collision></link>
+<joint name="slide" type="prismatic"><parent link="arm"/><child link="tip"/>
+  <origin xyz="0.3 0 0"/><axis xyz="1 0 0"/></joint>
+<link name="tip"/></robot>"""
+
+
+@pytest.fixture
+def bare(tmp_path):
+    path = tmp_path / "bare.urdf"
+    path.write_text(BARE)
+    return path
+
+
+def _json(run, *arguments):
+    status, text, _ = run("info", *arguments, "--json")
+    assert status == 0
+    return json.loads(text)
+
+
+def test_a_robot_without_limits_is_described(run, bare):
+    found = _json(run, bare)
+    assert (found["name"], found["tool_frame"], found["tool_frame_is_given"]) == (
+        "bare",
+        "tip",
+        False,
+    )
+    turn, slide = found["joints"]
+    assert turn["limits"]["position"] == {"value": [-1.0, 2.0], "source": "URDF"}
+    assert turn["limits"]["velocity"] == {"value": 2.0, "source": "URDF"}
+    assert turn["limits"]["effort"] == {"value": None, "source": "none"}
+    assert slide["limits"]["position"] == {"value": None, "source": "none"}
+    assert turn["limits"]["acceleration"] == {"value": None, "source": "none"}
+    assert found["mass"] == 1.5
+    arm = found["links"][1]
+    assert (arm["collision"], arm["visual"]) == ({"box": 1, "sphere": 1}, {})
+    assert (arm["mass"], arm["is_leaf"]) == (1.5, False)
+    velocity, effort, position, mass = found["missing"]
+    assert "slide (the URDF has none)" in velocity and "turn" not in velocity
+    assert "turn (the URDF has 0), slide" in effort and "robot.limits.effort" in effort
+    assert "slide" in position and "robot.limits.position" in position
+    assert "what slide moves" in mass and "<inertial>" in mass
+
+
+def test_the_text_has_the_same(run, bare):
+    status, text, _ = run("info", bare)
+    assert status == 0
+    for words in ("bare: 2 joints to tip, the end", "-1 to 2", "box, sphere", "1.5 kg"):
+        assert words in text
+    assert "effort from: none" in text
+    assert "velocity from: URDF (turn); none (slide)" in text
+    assert "missing:\n  velocity limit of slide" in text
+
+
+def test_another_tool_frame_is_chosen(run, bare):
+    found = _json(run, bare, "--tool-frame", "arm")
+    assert (found["tool_frame"], found["tool_frame_is_given"]) == ("arm", True)
+    assert [joint["name"] for joint in found["joints"]] == ["turn"]
+    assert found["other_joints"][0]["name"] == "slide"
+    assert found["other_joints"][0]["follows"] is None
+
+
+def test_a_problem_has_start_tube_and_solids(run):
+    found = _json(run, "example:ur5/every_field")
+    task = found["task"]
+    assert found["refused"] is None
+    assert len(task["points"]) == len(task["segments"]) + 1
+    assert task["segments"][0]["radius"] == 0.03
+    assert task["start"]["kind"] == "joints"
+    assert task["start"]["tool"] == pytest.approx([0.45, -0.3, 0.2], abs=1e-3)
+    assert task["payload"]["mass"] == 5.0
+    assert len(task["obstacles"]) == 5
+    text = run("info", "example:ur5/every_field")[1]
+    assert "obstacle wall: 0.6 x 0.05 x 0.25 m" in text
+    assert "elbow_joint >= 0" in text
+
+
+def test_a_problem_that_does_not_load_is_described_and_says_why(run, bare):
+    path = bare.parent / "p.yaml"
+    path.write_text(
+        "robot: {urdf: bare.urdf, tool_frame: tip, limits: {effort: {turn: 7}}}\n"
+        "tube: {points: [[0.3, 0, 0], [0.4, 0, 0]], radius: 0.01}\nstart: {seed: [0, 0]}\n"
+    )
+    found = _json(run, path)
+    assert found["task"] is None
+    assert "joint 'slide' has position limits [0, 0]" in found["refused"]
+    assert found["joints"][0]["limits"]["effort"] == {"value": 7.0, "source": "problem file"}
+    assert "the problem does not load: " in run("info", path)[1]
+
+
+def test_changed_fields_count(run):
+    change = "robot.limits.scale={velocity: 0.5}"
+    found = _json(run, "example:two_link/around_a_post", "--set", change)
+    assert found["task"]["name"] == "two_link/around_a_post"
+    found = _json(run, "example:ur5/over_the_wall", "--set", change)
+    assert found["joints"][0]["limits"]["velocity"] == {"value": 1.575, "source": "URDF x 0.5"}
+
+
+def test_changes_of_a_robot_are_refused(run):
+    status, _, error = run("info", "example:ur5", "--set", "robot.urdf=x")
+    assert status == 2 and "--set changes a problem file" in error
+
+
+def test_states_and_pairs_of_an_srdf_are_listed(bare):
+    (bare.parent / "bare.srdf").write_text(
+        '<robot name="bare"><group_state name="home" group="g"><joint name="turn" value="0.5"/>'
+        '</group_state><disable_collisions link1="base" link2="arm"/></robot>'
+    )
+    path = bare.parent / "p.yaml"
+    path.write_text(
+        "robot: {urdf: bare.urdf, srdf: bare.srdf, tool_frame: tip}\nstart: {seed: [0, 0]}"
+    )
+    info = problem_info(path)
+    assert info.as_dict()["srdf"]["states"] == {"home": {"turn": 0.5}}
+    text = problem_text(info)
+    assert "state home: turn 0.5" in text
+    assert "1 pairs of links may touch" in text
+
+
+def test_the_picture_is_a_png(run, bare):
+    path = bare.parent / "arm.png"
+    assert _json(run, bare, "--plot", path)["plot"] == str(path)
+    assert path.read_bytes().startswith(b"\x89PNG")
+    assert run("info", bare, "--plot", bare.parent / "arm.jpg")[0] == 2
+
+
+@pytest.mark.parametrize("name", ["example:nothing", "nothing.urdf", "nothing.yaml"])
+def test_what_is_not_there_is_refused(run, name):
+    assert run("info", name)[0] == 2

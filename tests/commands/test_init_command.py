@@ -1,0 +1,159 @@
+"""`tubeplanner init`: a first problem that plans as it stands, with comments that can be fields."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cases import SLIDE
+from tubeplanner import load_problem, parse_problem, plan
+from tubeplanner.documents import parse_yaml
+from tubeplanner.errors import ProblemError
+
+SCARA = """<robot name="scara"><link name="base"/>
+<joint name="shoulder" type="revolute"><parent link="base"/><child link="upper arm"/>
+  <origin xyz="0 0 0.2"/><axis xyz="0 0 1"/>
+  <limit lower="-2.5" upper="2.5" effort="0" velocity="0"/></joint>
+<link name="upper arm"><inertial><origin xyz="0.15 0 0"/><mass value="2"/>
+  <inertia ixx="0.01" iyy="0.02" izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="elbow" type="revolute"><parent link="upper arm"/><child link="forearm"/>
+  <origin xyz="0.3 0 0.07"/><axis xyz="0 0 1"/>
+  <limit lower="-2.5" upper="2.5" velocity="2"/></joint>
+<link name="forearm"><inertial><origin xyz="0.12 0 0"/><mass value="1.5"/>
+  <inertia ixx="0.01" iyy="0.02" izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="lift" type="prismatic"><parent link="forearm"/><child link="true"/>
+  <origin xyz="0.25 0 0"/><axis xyz="0 0 1"/><limit lower="-0.2" upper="0"/></joint>
+<link name="true"><inertial><mass value="0.5"/>
+  <inertia ixx="0.001" iyy="0.001" izz="0.001" ixy="0" ixz="0" iyz="0"/></inertial></link>
+</robot>"""
+ROBOTS = {"scara": SCARA, "slide": SLIDE}
+WEIGHTLESS = re.sub(r"<inertial>.*?</inertial>", "", SLIDE, flags=re.DOTALL)
+
+
+@pytest.fixture
+def named(tmp_path):
+    """A function from a name to what `init` is given."""
+
+    def found(name):
+        if name not in ROBOTS:
+            return f"example:{name}"
+        (tmp_path / f"{name}.urdf").write_text(ROBOTS[name])
+        return str(tmp_path / f"{name}.urdf")
+
+    return found
+
+
+def _switched_on(text, chosen=lambda number: True):
+    """Return a problem file with commented-out fields switched on."""
+    lines = text.split("\n")
+    return "\n".join(
+        re.sub(r"^( *)# ", r"\1", line) if chosen(number) else line
+        for number, line in enumerate(lines)
+    )
+
+
+def _commented(text):
+    return [k for k, line in enumerate(text.split("\n")) if re.match(r" *# ", line)]
+
+
+@pytest.mark.parametrize("name", ["two_link", "ur5", "slide", "scara"])
+def test_what_is_printed_plans(run, named, name):
+    status, text, _ = run("init", named(name))
+    assert status == 0
+    assert plan(parse_problem(parse_yaml(text), name=name)).succeeded
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["panda", "xarm7", "ur10", "z1", "kinova", "talos_arm"])
+def test_of_other_robots_too(run, named, name):
+    text = run("init", named(name))[1]
+    assert plan(parse_problem(parse_yaml(text), name=name)).succeeded
+
+
+@pytest.mark.parametrize("name", ["ur5", "scara"])
+def test_every_commented_field_loads_alone_and_all_together(run, named, name):
+    text = run("init", named(name))[1]
+    commented = _commented(text)
+    assert len(commented) >= 9
+    for number in commented:
+        one = _switched_on(text, lambda k, number=number: k == number)
+        assert one != text
+        parse_problem(parse_yaml(one))
+    every = parse_problem(parse_yaml(_switched_on(text)))
+    assert np.isfinite(every.robot.limits.jerk).all()
+    assert (len(every.obstacles), len(every.attached)) == (1, 1)
+    assert every.clearance == 0.01 and every.period == 0.001 and every.goal is not None
+
+
+def test_limits_that_the_urdf_lacks_are_placeholders_to_be_replaced(run, named):
+    text = run("init", named("scara"))[1]
+    fields = parse_yaml(text)["robot"]["limits"]
+    assert set(fields) == {"velocity", "effort"}
+    assert set(fields["velocity"]) == {"shoulder", "lift"}  # the elbow has one
+    assert set(fields["effort"]) == {"shoulder", "elbow", "lift"}
+    assert fields["effort"]["lift"] >= 2 * 0.5 * 9.81  # more than holds the quill
+    assert text.count("REPLACE THEM by the maker's") == 2
+    assert "limits" not in parse_yaml(run("init", named("slide"))[1])["robot"]
+
+
+def test_without_masses_no_effort_is_limited(run, tmp_path):
+    (tmp_path / "light.urdf").write_text(WEIGHTLESS)
+    fields = parse_yaml(run("init", tmp_path / "light.urdf")[1])
+    assert set(fields["robot"]["limits"]["effort"].values()) == {float("inf")}
+
+
+def test_the_start_is_held_free_and_well_inside_limits(run, named):
+    problem = parse_problem(parse_yaml(run("init", named("ur5"))[1]))
+    robot, q = problem.robot, problem.start
+    assert (abs(robot.gravity_effort(q)) < 0.7 * robot.limits.effort).all()
+    span = robot.limits.upper_position - robot.limits.lower_position
+    assert (
+        np.minimum(q - robot.limits.lower_position, robot.limits.upper_position - q) > 0.1 * span
+    ).all()
+    checker = problem.collision
+    assert not checker.any_overlap(*robot.body_poses(q), checker.pairs)
+    assert np.linalg.svd(robot.tool_jacobian(q)[1], compute_uv=False)[-1] > 0.05
+    assert problem.tube.joint_signs[0]["elbow_joint"] == ("+" if q[2] > 0 else "-")
+
+
+def test_paths_are_relative_to_the_file_that_is_written(run, named, tmp_path, monkeypatch):
+    urdf = Path(named("slide"))
+    (tmp_path / "cell").mkdir()
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "cell" / "first.yaml"
+    status, text, _ = run("init", urdf.name, "-o", "cell/first.yaml")
+    assert status == 0 and "problem: cell/first.yaml" in text
+    assert parse_yaml(path.read_text())["robot"]["urdf"] == "../slide.urdf"
+    assert load_problem(path).robot.name == "slide"
+    path.write_text("something else")
+    found = json.loads(run("init", urdf.name, "-o", "cell/first.yaml", "--json")[1])
+    assert found["text"] == path.read_text()
+    assert (found["problem"], found["placeholders"]) == ("cell/first.yaml", [])
+    assert found["duration"] > 0
+
+
+def test_another_tool_frame_is_taken(run, named):
+    text = run("init", named("slide"), "--tool-frame", "boom")[1]
+    fields = parse_yaml(text)
+    assert fields["robot"]["tool_frame"] == "boom"
+    assert set(fields["start"]["joints"]) == {"turn", "extend"}
+
+
+def test_an_arm_too_weak_to_hold_itself_is_refused(run, tmp_path):
+    (tmp_path / "weak.urdf").write_text(
+        SLIDE.replace('effort="20"', 'effort="1e-3"').replace("0 0 -0.1", "0.2 0 0")
+    )
+    status, _, error = run("init", tmp_path / "weak.urdf")
+    assert status == 2
+    assert "gravity takes at most 70% of the effort limits" in error
+
+
+def test_another_ending_is_refused(run, tmp_path):
+    assert run("init", "example:two_link", "-o", tmp_path / "a.json")[0] == 2
+
+
+def test_a_commented_line_that_is_wrong_would_be_noticed():
+    with pytest.raises(ProblemError):
+        parse_problem(parse_yaml(_switched_on("robot: {urdf: a, tool_frame: b}\n# goa: {}\n")))

@@ -1,0 +1,130 @@
+"""Every public class prints one short line with what one wants to know of it."""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+import pytest
+
+import tubeplanner as t
+from tubeplanner.refinement.sensitivities import Sensitivity
+from tubeplanner.short_repr import short_repr
+
+MOST = 500  # [characters]
+# What is printed must name these, where the class has something of its own to say.
+SAYS = {
+    "AttachedSolid": ["part", "0.1 x 0.2 x 0.3 m about [0, 0, 0]"],
+    "Certificate": ["passed", "10 of 19 conditions required"],
+    "JointTrajectory": [" s: ", "pieces of degree", "joint1, joint2"],
+    "Obstacle": ["post", "0.0605 x 0.0605 x 0.3 m about [0.4, 0.22, 0]", "1 convex shape"],
+    "PlanResult": ["success by refinement", "certified trajectory of"],
+    "Planner": ["two_link/around_a_post: refinement", "nothing planned yet"],
+    "PlanningProblem": [
+        *("two_link/around_a_post", "2 joints of two_link to hand", "3 segments"),
+        *("1 obstacle,", "start by seed", "goal open"),
+    ],
+    "RobotModel": ["two_link", "2 joints to hand", "joint1, joint2"],
+    "Tube": ["3 segments", "1 m long", "0.03 to 0.05 m"],
+}
+# Results of long computations: of all fields large arrays.
+FILLED = [
+    *("Comparison", "ComparisonRow", "Execution", "FieldRow", "FieldSweep", "JudgedRun"),
+    *(
+        "PatternSurvey",
+        "Plant",
+        "SegmentMeasurement",
+        "Survival",
+        "SweepResult",
+        "SweepRow",
+        "Tightening",
+    ),
+    *("TrajectoryMeasures", "TubeAnswer", "TubeMeasurement", "View", "ZonedPath"),
+]
+
+
+@pytest.fixture(scope="module")
+def made():
+    """One instance of every public class, by name."""
+    problem = t.load_problem("example:two_link/around_a_post")
+    result = t.plan(problem)
+    box = t.Obstacle.box("part", (0.1, 0.2, 0.3), np.eye(4))
+    limits = t.LimitOverrides(effort={f"joint{k}": 1.0 for k in range(99)})
+    peaks = t.trajectory_peaks(problem.robot, result.trajectory)
+    found = [
+        *(problem, problem.robot, problem.tube, *problem.obstacles, result, result.trajectory),
+        *(result.certificate, result.certificate.conditions["effort"], result.certificate.braking),
+        *(result.certificate.tolerance, result.sensitivities[0], result.status, result.place),
+        *(peaks, peaks.tool_speed, t.Planner(problem), t.AttachedSolid("part", box.shapes)),
+        *(t.Seed(np.zeros(7)), limits, t.MotorOverrides(), t.LimitLayer("a: ", limits)),
+        *(t.PointSpeed("hand", (0, 0, 0), 1.0), t.Payload(1.0), t.ToolOffset(), t.Objective()),
+        *(t.Robustness(), t.PlanOptions(), t.MeasureOptions(), t.TeachOptions(), t.RouteOptions()),
+        *(t.Draw(), t.Progress("planning"), t.SlowerRun("effort", 0.1, 0.5, result.place)),
+        *(t.RunVerdict(9, 1, {"tube": 1}), t.Blame("effort", "", 0.1, 0.1, ())),
+        t.SearchStatistics(*range(8), False),
+    ]
+    named = {type(each).__name__: each for each in found}
+    return named | {name: _filled(getattr(t, name)) for name in FILLED}
+
+
+def _filled(cls):
+    instance = cls.__new__(cls)
+    for field in fields(cls):
+        object.__setattr__(instance, field.name, np.zeros((100, 7)))
+    return instance
+
+
+def _classes():
+    public = {name: getattr(t, name) for name in t.__all__}
+    return [
+        name
+        for name, each in public.items()
+        if isinstance(each, type) and not issubclass(each, Exception)
+    ]
+
+
+@pytest.mark.parametrize("name", _classes())
+def test_a_public_class_prints_a_short_line(made, name):
+    text = repr(made[name])
+    assert len(text) <= MOST
+    assert "\n" not in text
+    assert " object at 0x" not in text
+    assert name in text
+    for words in SAYS.get(name, ()):
+        assert words in text
+
+
+def test_a_failed_certificate_names_what_fails():
+    problem = t.load_problem("example:two_link/around_a_post")
+    trajectory = t.plan(problem).trajectory
+    fast = t.JointTrajectory(
+        trajectory.joint_names,
+        trajectory.breakpoints / 2,
+        trajectory.coefficients * 2.0 ** np.arange(len(trajectory.coefficients))[::-1, None, None],
+    )
+    assert "fails effort" in repr(t.verify(problem, fast))
+
+
+@dataclass(frozen=True)
+class _Thing:
+    array: object = None
+    rows: object = None
+    text: str = ""
+    _hidden: int = 1
+
+    __repr__ = short_repr
+
+
+@pytest.mark.parametrize(
+    ("thing", "text"),
+    [
+        (_Thing(), "_Thing()"),
+        (_Thing(array=np.zeros((3, 4))), "_Thing(array=<array (3, 4)>)"),
+        (_Thing(array=np.array([1.23456, 2])), "_Thing(array=[1.2346, 2.    ])"),
+        (_Thing(rows=(1, 2)), "_Thing(rows=(1, 2))"),
+        (_Thing(rows=[Sensitivity] * 90), "_Thing(rows=<90 type>)"),
+        (_Thing(rows={str(k): k for k in range(90)}), "_Thing(rows=<90 by name>)"),
+        (_Thing(array=_Thing(text="a" * 59)), "_Thing(array=<_Thing>)"),
+        (_Thing(text="a" * 90), f"_Thing(text='{'a' * 59}...)"),
+    ],
+)
+def test_large_values_are_named_by_kind_and_count(thing, text):
+    assert repr(thing) == text
