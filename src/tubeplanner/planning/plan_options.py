@@ -21,18 +21,20 @@ class Quality:
             them, repeatedly; one run per pair, from the most natural start.
         narrow_knots: The same for tubes that the first of these knots are too coarse to follow, and
             for paths of many points, whose segments form chains.
+        other_knots: Where it tries again from a start that led all but to an answer.
         every_start: Whether it tries other starts too, even after a certified trajectory.
     """
 
     knots: tuple[tuple[int, tuple[int, ...]], ...]
     narrow_knots: tuple[tuple[int, tuple[int, ...]], ...]
+    other_knots: tuple[tuple[int, tuple[int, ...]], ...] = ()
     every_start: bool = False
 
 
 _FEW, _FINER = (8, (4,)), (8, (3, 4))
 QUALITIES = {
-    "fast": Quality((_FEW,), (_FEW,)),
-    "balanced": Quality(((18, (4,)),), ((8, (3, 3)),)),
+    "fast": Quality((_FEW,), (_FEW,), (_FINER,)),
+    "balanced": Quality(((18, (4,)),), ((8, (3, 3)),), (_FINER,)),
     "best": Quality(((18, (4,)), _FINER), ((8, (3, 3)), _FINER), every_start=True),
 }
 

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import TypeAlias
 
 import numpy as np
 
@@ -33,6 +34,9 @@ _ENDS_THE_SEARCH = (PlanStatus.SUCCESS, PlanStatus.TUBE_BLOCKED)
 # What chains need to begin with is divided by this all the same.
 _LEAST_DIVISION = 2
 
+# Choices of knots: about how many intervals first, and into how many parts they are divided.
+_Knots: TypeAlias = tuple[tuple[int, tuple[int, ...]], ...]
+
 
 def refined_plan(
     problem: PlanningProblem, branches: KnownBranches, options: PlanOptions, clock: PlanningClock
@@ -52,7 +56,8 @@ def refined_plan(
         nonlocal best
         for inner, known in _inner_problems(problem, branches, clock):
             first: _Found | None = None
-            for start in _starts(inner, known, quality):
+            nearly: list[ReferenceBranch] = []
+            for start in _starts(inner, known, quality, nearly):
                 gave_up = first is not None and first.gave_up
                 if not start.widens and not _is_other(inner, start, gave_up):
                     continue
@@ -63,6 +68,8 @@ def refined_plan(
                 first = first or found
                 if found.result is None:
                     continue
+                if not found.gave_up and not found.result.succeeded:
+                    nearly.append(start.branch)
                 best = replace(
                     _better(best or found.result, found.result), stopped_by=found.result.stopped_by
                 )
@@ -105,11 +112,13 @@ class _Start:
     """Where refinement may start.
 
     Attributes:
+        branch: Along which the spline begins.
         spline: The spline.
         divisions: How often its knot intervals are divided, and into how many parts.
         widens: As in `Refinement`.
     """
 
+    branch: ReferenceBranch
     spline: PhasedSpline
     divisions: tuple[int, ...]
     widens: bool = True
@@ -129,9 +138,16 @@ class _Found:
 
 
 def _starts(
-    problem: PlanningProblem, branches: KnownBranches, quality: Quality
+    problem: PlanningProblem,
+    branches: KnownBranches,
+    quality: Quality,
+    nearly: list[ReferenceBranch],
 ) -> Iterator[_Start]:
-    """Yield where to start; at last the first once more, without widening the tube."""
+    """Yield where to start.
+
+    At last the first once more, without widening the tube, and other knots on those branches that
+    have turned out to lead nearly to an answer, not clear of something by a little.
+    """
     known: list[ReferenceBranch] = []
     first: _Start | None = None
     for search in _branch_searches(problem, branches):
@@ -143,25 +159,32 @@ def _starts(
             return
         if any(branch.is_as(other) for other in known):
             continue
-        for start in _starts_from(problem, branch, quality, only_first=bool(known)):
+        knots = _knots(problem, branch, quality)[: 1 if known else None]
+        for start in _starts_from(problem, branch, knots):
             first = first or start
             yield start
         known.append(branch)
     if first is not None:
         yield replace(first, widens=False)
+    for branch in dict.fromkeys(nearly):
+        yield from _starts_from(problem, branch, quality.other_knots)
 
 
 def _starts_from(
-    problem: PlanningProblem, branch: ReferenceBranch, quality: Quality, *, only_first: bool
+    problem: PlanningProblem, branch: ReferenceBranch, knots: _Knots
 ) -> Iterator[_Start]:
-    """Yield a start from a branch for each of the quality's knots, or for the first of them."""
+    """Yield a start from a branch for each choice of knots."""
+    for intervals, divisions in knots:
+        spline = sufficient_start(problem, branch, intervals)
+        yield _Start(branch, spline, _divisions(spline.grid, intervals, divisions))
+
+
+def _knots(problem: PlanningProblem, branch: ReferenceBranch, quality: Quality) -> _Knots:
+    """Return the quality's choices of knots for a branch."""
     wide = sufficient_start(problem, branch, quality.knots[0][0])
     has_chains = any(len(chain) > 1 for chain in wide.grid.chains)
-    is_narrow = has_chains or _is_widened(problem, _Start(wide, ()))
-    knots = quality.narrow_knots if is_narrow else quality.knots
-    for intervals, divisions in knots[: 1 if only_first else None]:
-        spline = sufficient_start(problem, branch, intervals)
-        yield _Start(spline, _divisions(spline.grid, intervals, divisions))
+    is_narrow = has_chains or _is_widened(problem, wide)
+    return quality.narrow_knots if is_narrow else quality.knots
 
 
 def _is_other(problem: PlanningProblem, last: _Start, gave_up: bool) -> bool:
@@ -173,12 +196,12 @@ def _is_other(problem: PlanningProblem, last: _Start, gave_up: bool) -> bool:
         gave_up: Whether the first one did.
     """
     few_at_first = len(last.divisions) > 1 or not has_enough_knots(last.spline.grid)
-    return _is_widened(problem, last) or (gave_up and few_at_first)
+    return _is_widened(problem, last.spline) or (gave_up and few_at_first)
 
 
-def _is_widened(problem: PlanningProblem, start: _Start) -> bool:
+def _is_widened(problem: PlanningProblem, spline: PhasedSpline) -> bool:
     """Return whether a start's coarse knots get another tube than the problem's."""
-    widened = widened_radius(problem.tube, start.spline.grid)
+    widened = widened_radius(problem.tube, spline.grid)
     return bool((widened > problem.tube.effective_radius).any())
 
 
