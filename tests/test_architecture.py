@@ -61,7 +61,9 @@ KNOWS = {
     "mujoco": {"simulation.mujoco_model"},
     "ompl": {"tube_sources.joint_route"},
     "xacro": {"robot.xacro_file"},
+    "coal": {"collision.penetration"},
     "pydantic": {
+        "problem.clearance_fields",
         "problem.field_types",
         "problem.limit_fields",
         "problem.moveit_limits",

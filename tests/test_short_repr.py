@@ -54,6 +54,7 @@ def made():
         *(result.certificate, result.certificate.conditions["effort"], result.certificate.braking),
         *(result.certificate.tolerance, result.sensitivities[0], result.status, result.place),
         *(peaks, peaks.tool_speed, t.Planner(problem), t.AttachedSolid("part", box.shapes)),
+        *(t.ToolPose(np.eye(4)), t.GoalRegion((0, 0, 1), 0.02), t.Contact(("a", "b"), 0.03)),
         *(t.Seed(np.zeros(7)), limits, t.MotorOverrides(), t.LimitLayer("a: ", limits)),
         *(t.PointSpeed("hand", (0, 0, 0), 1.0), t.Payload(1.0), t.ToolOffset(), t.Objective()),
         *(t.Robustness(), t.PlanOptions(), t.MeasureOptions(), t.TeachOptions(), t.RouteOptions()),

@@ -165,7 +165,8 @@ def test_a_start_in_collision_is_named_as_such(two_link):
     assert result.status is PlanStatus.TUBE_BLOCKED
     assert "into 'block' in the start configuration" in result.message
     links = result.place.links
-    assert f"list [{links[0]}, block] in collision.ignore if they may touch" in result.message
+    remedy = f"list [{links[0]}, block] in contacts if they may be that near there, in collision.ig"
+    assert remedy in result.message
     assert result.place.obstacle == "block"
 
 

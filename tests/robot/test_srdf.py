@@ -74,5 +74,5 @@ def test_states_are_read(tmp_path):
     path.write_text(
         '<robot><group_state name="home"><joint name="a" value="up"/></group_state></robot>'
     )
-    with pytest.raises(RobotError, match=r"home.*up.*not a number"):
+    with pytest.raises(RobotError, match=r"home.*up.*must be a number"):
         read_group_states(path)

@@ -9,7 +9,9 @@ from rich.markup import escape
 from rich.table import Table
 
 from tubeplanner.commands.report import rendered
+from tubeplanner.problem.goal_region import GoalRegion
 from tubeplanner.problem.problem import Seed
+from tubeplanner.problem.tool_pose import ToolPose
 from tubeplanner.robot.joint_info import LIMITS, JointInfo, SourcedValue
 
 if TYPE_CHECKING:
@@ -190,6 +192,11 @@ def _task_lines(problem: "PlanningProblem") -> list[str]:
     lines += [f"attached {_bare(solid)}" for solid in problem.attached]
     if problem.clearance:
         lines.append(f"clearance: {problem.clearance:g} m")
+    for links, clearance in problem.pair_clearances.items():
+        lines.append(f"clearance of {' and '.join(links)}: {clearance:g} m")
+    for contact in problem.contacts:
+        names, ends = " and ".join(contact.links), " and ".join(contact.ends)
+        lines.append(f"contact at {ends}: {names}, within {contact.within:g} m")
     if payload is not None:
         lines.append(f"payload: {payload.mass:g} kg at {list(payload.com)} m of the tool frame")
     return lines
@@ -202,6 +209,10 @@ def _bare(solid: object) -> str:
 def _end_line(problem: "PlanningProblem", name: str, end: Any) -> str:
     if isinstance(end, Seed):
         return f"{name}: by inverse kinematics from {_numbers(end.joints)}"
+    if isinstance(end, ToolPose):
+        return f"{name}: by inverse kinematics, tool centre point at {_numbers(end.position)} m"
+    if isinstance(end, GoalRegion):
+        return f"{name}: the tool within {end.tolerance:g} m of {_numbers(end.position)} m"
     tool = problem.robot.tool_position(end)
     return f"{name}: joints {_numbers(end)}, tool centre point at {_numbers(tool)} m"
 
@@ -231,6 +242,8 @@ def _conditions(problem: "PlanningProblem", k: int) -> str:
         parts.append(f"rotation within {_numbers(tube.rotation.bounds[k])}")
     if tube.tool_speed is not None and np.isfinite(tube.tool_speed[k]):
         parts.append(f"tool speed {tube.tool_speed[k]:g}")
+    if tube.clearance is not None and np.isfinite(tube.clearance[k]):
+        parts.append(f"clearance {tube.clearance[k]:g}")
     ranges = tube.joint_ranges[k].items()
     parts += [f"{name} {_range(*bounds)}" for name, bounds in ranges]
     return "; ".join(parts)

@@ -9,6 +9,7 @@ from tubeplanner.arrays import FloatArray, read_only
 from tubeplanner.collision.obstacle import MAX_SIZE
 from tubeplanner.errors import ProblemError, shown
 from tubeplanner.options import in_figures, is_number
+from tubeplanner.short_repr import short_repr
 from tubeplanner.tube.rotational_tube import (
     RotationalTube,
     RotationBound,
@@ -36,6 +37,8 @@ class GoalRegion:
     position: FloatArray
     tolerance: float = 0.0
     rotation_tolerance: RotationBound | None = None
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "position", _position(self.position))

@@ -38,6 +38,12 @@ class Seed:
     joints: FloatArray
 
 
+def end_kind(end: object) -> str:
+    """Return how a start or goal is given: joints, seed, pose, position, or open."""
+    kinds = {Seed: "seed", ToolPose: "pose", GoalRegion: "position", type(None): "open"}
+    return kinds.get(type(end), "joints")
+
+
 @dataclass(frozen=True, eq=False)
 class PlanningProblem:
     """The problem that `plan` solves.
@@ -107,8 +113,8 @@ class PlanningProblem:
         self._require_timing()
 
     def __repr__(self) -> str:
-        robot, ends, solids = self.robot, [self.start, self.goal], len(self.obstacles)
-        kinds = ["open" if q is None else "seed" if isinstance(q, Seed) else "joints" for q in ends]
+        robot, solids = self.robot, len(self.obstacles)
+        kinds = [end_kind(end) for end in (self.start, self.goal)]
         return (
             f"<PlanningProblem {self.name}: {robot.joint_count} joints of {robot.name} to "
             f"{robot.tool_frame}, {self.tube.segment_count} segments, {solids} "

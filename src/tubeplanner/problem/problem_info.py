@@ -1,17 +1,19 @@
 """What is in a problem file: its robot, whatever limits are missing, and its task if it loads."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from tubeplanner.errors import ProblemError, RobotError
-from tubeplanner.problem.problem import PlanningProblem, Seed
+from tubeplanner.problem.goal_region import GoalRegion
+from tubeplanner.problem.problem import PlanningProblem, Seed, end_kind
 from tubeplanner.problem.problem_fields import read_problem_fields
 from tubeplanner.problem.problem_format import RobotFields
 from tubeplanner.problem.problem_reader import load_problem, robot_arguments
+from tubeplanner.problem.tool_pose import ToolPose
 from tubeplanner.resources import find_description, find_problem
 from tubeplanner.robot.robot_info import RobotInfo, robot_info
 from tubeplanner.robot.srdf import read_allowed_pairs, read_group_states
@@ -97,16 +99,26 @@ def _task(problem: PlanningProblem) -> dict[str, Any]:
         "obstacles": [str(obstacle) for obstacle in problem.obstacles],
         "attached": [str(solid) for solid in problem.attached],
         "clearance": problem.clearance,
+        "pair_clearances": [
+            {"links": list(links), "clearance": clearance}
+            for links, clearance in problem.pair_clearances.items()
+        ],
+        "contacts": [asdict(contact) for contact in problem.contacts],
         "payload": None if payload is None else {"mass": payload.mass, "com": list(payload.com)},
         "period": problem.period,
     }
 
 
 def _end(problem: PlanningProblem, end: Any) -> dict[str, Any]:
-    is_seed = isinstance(end, Seed)
-    q = end.joints if is_seed else end
-    tool = None if is_seed else problem.robot.tool_position(q).tolist()
-    return {"kind": "seed" if is_seed else "joints", "joints": q.tolist(), "tool": tool}
+    """Return how an end is given, its joints or seed, and where the tool is, if they are known."""
+    joints, tool = None, None
+    if isinstance(end, Seed):
+        joints = end.joints.tolist()
+    elif isinstance(end, GoalRegion | ToolPose):
+        tool = end.position.tolist()
+    else:
+        joints, tool = end.tolist(), problem.robot.tool_position(end).tolist()
+    return {"kind": end_kind(end), "joints": joints, "tool": tool}
 
 
 def _segment(problem: PlanningProblem, k: int) -> dict[str, Any]:
@@ -120,5 +132,6 @@ def _segment(problem: PlanningProblem, k: int) -> dict[str, Any]:
         "radius": None if tube.is_box[k] else float(tube.radius[k]),
         "rotation_tolerance": None if bound is None else bound.tolist(),
         "tool_speed": speed,
+        "clearance": None if tube.clearance is None else float(tube.clearance[k]),
         "joint_ranges": tube.joint_ranges[k],
     }

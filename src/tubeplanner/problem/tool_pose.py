@@ -7,6 +7,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray, read_only
 from tubeplanner.collision.obstacle import MAX_SIZE
 from tubeplanner.errors import ProblemError, shown
+from tubeplanner.short_repr import short_repr
 
 _ORTHONORMAL = 1e-6  # how far a rotation matrix may be from one, by rounding
 
@@ -26,6 +27,8 @@ class ToolPose:
 
     placement: FloatArray
     seed: FloatArray | None = None
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         try:

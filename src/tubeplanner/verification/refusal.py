@@ -52,7 +52,10 @@ def require_free(problem: PlanningProblem, name: str, q: FloatArray) -> None:
     when = f"in the {name} configuration"
     remedy = f"choose another {name} or move what is in the way"
     if obstacle is not None:  # it may be what a motion picks up or puts down
-        remedy += f", or list [{links[0]}, {obstacle}] in contacts if they may be that near there"
+        remedy += (
+            f", or list [{links[0]}, {obstacle}] in contacts if they may be that near there, in "
+            "collision.ignore if they may touch"
+        )
     place = Place(links=links, obstacle=obstacle)
     raise _blocked(problem, place, float(margins[worst]), when, remedy)
 
