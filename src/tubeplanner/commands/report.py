@@ -28,10 +28,12 @@ if TYPE_CHECKING:
     from tubeplanner.verification.certificate import Certificate
     from tubeplanner.verification.judged_condition import JudgedCondition
 
-_WIDTH_OF_A_FILE = 160  # [characters]
+_WIDTH_OF_A_FILE, _VERY_WIDE = 160, 10_000  # [characters]
 # Rounding errors of the machine are shown as zero.
 _NOTHING = 1e-10
 _SENSITIVITIES_SHOWN = 3
+# What a comparison measures, and how wide its verdicts are at least [characters].
+_MEASURED, _LEAST_VERDICT = ("smooth", "peak jerk", "at a limit", "tube used"), 22
 
 
 def plan_text(
@@ -176,15 +178,30 @@ def field_sweep_text(result: "FieldSweep") -> str:
 
 
 def comparison_text(result: "Comparison") -> str:
-    """Return a comparison as a table, as wide as the terminal, and the rows' messages."""
+    """Return a comparison as a table, as wide as the terminal, and the rows' messages.
+
+    In a narrow terminal measures are left out, the last ones first.
+    """
+    for count in range(len(_MEASURED), -1, -1):
+        table = _comparison_table(result, count)
+        if _fits(table):
+            break
+    lines = [rendered(table)]
+    if count < len(_MEASURED):
+        names = ", ".join(_MEASURED[count:])
+        lines.append(f"left out, the terminal being narrow: {names}; -o TABLE.csv has all")
+    return "\n".join([*lines, *(f"{row.method}: {row.message}" for row in result.rows)])
+
+
+def _comparison_table(result: "Comparison", count: int) -> Table:
+    """Return a comparison as a table with so many of the measures."""
     table = Table(title=f"{result.problem.name}: methods compared", title_justify="left")
-    table.add_column("method")
+    table.add_column("method", no_wrap=True)
     for heading in ("duration", "planned in"):
-        table.add_column(heading, justify="right")
-    table.add_column("certificate")
-    table.add_column("smooth")
-    for heading in ("peak jerk", "at a limit", "tube used"):
-        table.add_column(heading, justify="right")
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_column("certificate", min_width=_LEAST_VERDICT)
+    for heading in _MEASURED[:count]:
+        table.add_column(heading, justify="right", no_wrap=True)
     for row in result.rows:
         spent = f"{row.planning_time:.2f} s"
         if row.duration is None or row.measures is None:
@@ -195,9 +212,9 @@ def comparison_text(result: "Comparison") -> str:
         verdict = f"FAILS: {failed}" if failed else "passes"
         jerk = "unbounded" if measured.peak_jerk is None else f"{measured.peak_jerk:.2g}"
         shares = (f"{100 * share:.0f} %" for share in (measured.at_limit, measured.tube_use))
-        duration = f"{row.duration:.4f} s"
-        table.add_row(row.method, duration, spent, verdict, measured.smoothness, jerk, *shares)
-    return "\n".join([rendered(table), *(f"{row.method}: {row.message}" for row in result.rows)])
+        cells = [measured.smoothness, jerk, *shares]
+        table.add_row(row.method, f"{row.duration:.4f} s", spent, verdict, *cells[:count])
+    return table
 
 
 def _excess(condition: "JudgedCondition") -> str:
@@ -355,7 +372,16 @@ def left_out_lines(certificate: "Certificate") -> list[str]:
 
 def rendered(table: Table) -> str:
     """Return a table as text, as wide as the terminal or a file allows."""
-    console = Console(width=None if sys.stdout.isatty() else _WIDTH_OF_A_FILE)
+    console = _console()
     with console.capture() as capture:
         console.print(table)
     return capture.get().rstrip("\n")
+
+
+def _fits(table: Table) -> bool:
+    """Return whether a table's columns fit next to each other, those that may not be broken."""
+    return Console(width=_VERY_WIDE).measure(table).minimum <= _console().width
+
+
+def _console() -> Console:
+    return Console(width=None if sys.stdout.isatty() else _WIDTH_OF_A_FILE)
