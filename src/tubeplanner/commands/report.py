@@ -183,23 +183,22 @@ def comparison_text(result: "Comparison") -> str:
     In a narrow terminal measures are left out, the last ones first.
     """
     for count in range(len(_MEASURED), -1, -1):
-        table = _comparison_table(result, count)
-        if _fits(table):
+        if _fits(_comparison_table(result, count, _LEAST_VERDICT)):
             break
-    lines = [rendered(table)]
+    lines = [rendered(_comparison_table(result, count))]
     if count < len(_MEASURED):
         names = ", ".join(_MEASURED[count:])
         lines.append(f"left out, the terminal being narrow: {names}; -o TABLE.csv has all")
     return "\n".join([*lines, *(f"{row.method}: {row.message}" for row in result.rows)])
 
 
-def _comparison_table(result: "Comparison", count: int) -> Table:
-    """Return a comparison as a table with so many of the measures."""
+def _comparison_table(result: "Comparison", count: int, verdicts: int | None = None) -> Table:
+    """Return a comparison as a table with so many of the measures, verdicts so wide if given."""
     table = Table(title=f"{result.problem.name}: methods compared", title_justify="left")
     table.add_column("method", no_wrap=True)
     for heading in ("duration", "planned in"):
         table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("certificate", min_width=_LEAST_VERDICT)
+    table.add_column("certificate", width=verdicts)
     for heading in _MEASURED[:count]:
         table.add_column(heading, justify="right", no_wrap=True)
     for row in result.rows:
@@ -379,8 +378,8 @@ def rendered(table: Table) -> str:
 
 
 def _fits(table: Table) -> bool:
-    """Return whether a table's columns fit next to each other, those that may not be broken."""
-    return Console(width=_VERY_WIDE).measure(table).minimum <= _console().width
+    """Return whether a table's columns fit next to each other without breaking a line more."""
+    return Console(width=_VERY_WIDE).measure(table).maximum <= _console().width
 
 
 def _console() -> Console:
