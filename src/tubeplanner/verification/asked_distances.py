@@ -46,17 +46,17 @@ class AskedDistances:
         rows = self._asked.by_segment
         if self._asked.is_constant:
             return rows[0, pair]
-        first = np.searchsorted(self._end, begin, side="left")
-        last = np.searchsorted(self._begin, end, side="right") - 1
+        first = np.minimum(np.searchsorted(self._end, begin), len(self._end) - 1)
+        last = np.maximum(np.searchsorted(self._begin, end, side="right") - 1, first)
         inside = [(near, _within(times, begin, end)) for near, times in self._near]
-        most = np.zeros(len(pair))
-        for step in range(int((last - first).max(initial=-1)) + 1):
+        most = np.full(len(pair), -np.inf)
+        for step in range(int((last - first).max(initial=0)) + 1):
             segment = self._segment[np.minimum(first + step, last)]
             asked = rows[self._asked.row_of[segment], pair]
             for near, is_inside in inside:
                 less = is_inside & (segment == near.segment) & near.pair[pair]
                 asked = np.where(less, np.minimum(asked, near.distance), asked)
-            most = asked if step == 0 else np.maximum(most, asked)
+            most = np.maximum(most, asked)
         return most
 
 
