@@ -10,6 +10,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.collision.collision_checker import CollisionChecker
 from tubeplanner.collision.separation import ClosestPoints
+from tubeplanner.outcome import MARGIN_TOLERANCE
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.refinement.distances_along import AimedDistances, DistancesAlong
 from tubeplanner.refinement.linear_rows import (
@@ -26,6 +27,8 @@ from tubeplanner.refinement.sampled_spline import SampledSpline, sampled
 _UNIT = 0.05
 # Steps aim at this much more than what is required, unless start or goal have less [m].
 _INNER_MARGIN = INNER_MARGIN * _UNIT
+# Half of what a certificate tolerates, in units: solids that touch at start or goal have no room.
+_ROUNDING = MARGIN_TOLERANCE / 2 / _UNIT
 # Pairs that come closer than this beyond what is required are watched [m].
 _WATCHED = 0.01
 _PER_INTERVAL = 4  # samples looked at
@@ -67,7 +70,7 @@ class LinkConstraints:
         along = self._required(spline)
         required, change = along.of_pairs(spline.grid, self._samples, at.position, self._pair)
         # Where the aimed distance is smaller, the merit function may ignore less of it.
-        strict = MERIT_TOLERANCE * (1 - spare / _INNER_MARGIN)
+        strict = (MERIT_TOLERANCE * (1 - spare / _INNER_MARGIN) - _ROUNDING).clip(min=0)
         aim = AimedDistances(required + spare, change, strict)
         return EvaluatedLinks(self._problem, at, pairs, aim, rotation, position, closest)
 
