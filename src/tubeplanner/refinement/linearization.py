@@ -28,6 +28,11 @@ from tubeplanner.refinement.spline_constraints import Iterate
 
 _MAX_ROUNDS, _MAX_CORRECTIONS = 4, 3
 BROKEN = 1e-4
+# Where elastic rows cost more than this share of their penalty, multipliers say little else: then
+# so many times what they are violated by is allowed, or this much.
+_SHARE_OF_PENALTY, _SPARE_SHARE, _LEAST_SPARE = 0.5, 2.0, 1e-5
+# d ln T^2 by a relative rise of a limit: of a velocity 2 at most. Others are tried with this rise.
+_PLAUSIBLE, _RISE = 2.0, 0.1
 _TOLERANCE = 1e-4  # of a step, absolute and relative
 # Planes with less slack after a step [radii] are given to the next program at once.
 _BINDING = 0.005
@@ -54,12 +59,14 @@ class _Part:
 
     Attributes:
         rows: The rows.
+        is_elastic: 1 for those that may be violated, else 0, shape (R,).
         limit: Numbers of their limits, shape (R,).
         index: Their own numbers, -1 for planes, shape (R,).
         slack: Returns their slack (R,), given that of all rows and by how much vectors are bent.
     """
 
     rows: SparseRows
+    is_elastic: FloatArray
     limit: IntArray
     index: IntArray
     slack: Callable[[FloatArray, Sequence[FloatArray]], FloatArray]
@@ -113,6 +120,10 @@ class Linearization:
     def costs(self, step: Step, count: int, rise: FloatArray) -> FloatArray:
         """Return what each of so many limits costs, shape (count,).
 
+        By multipliers, which hold for the least change. Where the steps that a limit bars from all
+        hardly use it, as next to a start on a tolerance, others bar them at once: where
+        multipliers say more than any limit of a speed can cost, a whole rise is tried.
+
         Args:
             step: The step.
             count: Number of limits.
@@ -127,6 +138,12 @@ class Linearization:
         gained = np.where(index >= 0, rise[index], 1.0)
         costs = np.zeros(count)
         np.add.at(costs, limit[named], np.maximum(step.multipliers * gained, 0.0)[named])
+        for k in np.flatnonzero(costs > _PLAUSIBLE):
+            risen = self._solved(
+                self._rows.slack, self._unbent, extra=_RISE * gained * (limit == k)
+            )
+            if risen is not None:
+                costs[k] = max(step.duration - risen.duration, 0.0) / _RISE
         return costs
 
     def binding(self, step: Step) -> tuple[Planes, ...]:
@@ -155,12 +172,18 @@ class Linearization:
     def solve_exactly(self, tolerance: float) -> Step | None:
         """Return the step to a tolerance, absolute and relative, once it is known what counts.
 
-        Where the solver does not get there, as near as steps are elsewhere.
+        Where the solver does not get there, as near as steps are elsewhere. If something stays
+        violated, by next to nothing, that much is allowed: else multipliers tell the penalty.
         """
         step = self.solve()
         if step is None:
             return None
-        return self._solved(self._rows.slack, self._unbent, tolerance) or step
+        exact = self._solved(self._rows.slack, self._unbent, tolerance) or step
+        if self._elastic_cost(exact) < _SHARE_OF_PENALTY * self.penalty:
+            return exact
+        spare = max(_SPARE_SHARE * exact.elastic, _LEAST_SPARE)
+        extra = spare * self._elastic_rows
+        return self._solved(self._rows.slack, self._unbent, tolerance, extra) or exact
 
     def solve_again(self, step: Step, trial: Iterate, slack: FloatArray) -> Step | None:
         """Return the step that is corrected by what a first step left out: curvature.
@@ -189,19 +212,36 @@ class Linearization:
         return other
 
     def _solved(
-        self, slack: FloatArray, bends: list[FloatArray], tolerance: float = _TOLERANCE
+        self,
+        slack: FloatArray,
+        bends: list[FloatArray],
+        tolerance: float = _TOLERANCE,
+        extra: FloatArray | float = 0.0,
     ) -> Step | None:
-        """Return the step of the program for rows with some slack, vectors being bent."""
+        """Return the step of the program for rows with some slack, vectors being bent.
+
+        The program's rows have extra slack, if it is given.
+        """
         self._has_more = False
         self._program = StepProgram(
             [part.rows for part in self._parts],
-            self._given_slack(slack, bends),
+            self._given_slack(slack, bends) + extra,
             self._bounds,
             self._quadratic,
             self.penalty,
             tolerance,
         )
         return self._program.solve()
+
+    @property
+    def _elastic_rows(self) -> FloatArray:
+        """1 for the program's rows that may be violated, else 0."""
+        return np.concatenate([np.zeros(0), *(part.is_elastic for part in self._parts)])
+
+    def _elastic_cost(self, step: Step) -> float:
+        """Return what all rows that may be violated cost: the penalty, if one of them is."""
+        elastic = self._elastic_rows[: len(step.multipliers)]
+        return float(abs(step.multipliers * elastic).sum())
 
     def _solved_again(self, slack: FloatArray, bends: list[FloatArray]) -> Step | None:
         """Return the step of the last program, if nothing was added, for other slack and bends."""
@@ -235,7 +275,7 @@ class Linearization:
         slack: Callable[[FloatArray, Sequence[FloatArray]], FloatArray],
     ) -> None:
         own = sparse_rows(rows, is_elastic, self._variables.column, len(self._bounds.lower))
-        self._parts.append(_Part(own, rows.limit, rows.index, slack))
+        self._parts.append(_Part(own, is_elastic, rows.limit, rows.index, slack))
         self._has_more = True
 
     def _add_planes(self, vectors: list[FloatArray], elastic: float) -> bool:
