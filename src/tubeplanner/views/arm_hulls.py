@@ -9,7 +9,7 @@ from tubeplanner.views.surface import Surface, coarse_hull_points, joined, shape
 
 
 def arm_hulls(problem: PlanningProblem, parts: list[LinkPart]) -> list[tuple[int, FloatArray]]:
-    """Return the bodies of links and carried solids, and points (V, 3) whose hulls nearly hold them."""
+    """Return bodies of links and carried solids, and points (V, 3) whose hulls nearly hold them."""
     points: dict[str, list[FloatArray]] = {}
     bodies = {part.link: part.body for part in parts}
     for part in parts:
