@@ -63,6 +63,7 @@ KNOWS = {
     "ompl": {"tube_sources.joint_route"},
     "xacro": {"robot.xacro_file"},
     "pydantic": {
+        "problem.clearance_fields",
         "problem.field_types",
         "problem.limit_fields",
         "problem.moveit_limits",

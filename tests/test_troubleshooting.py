@@ -106,6 +106,7 @@ MISTAKES = [
     pick(("[1, 0, 0, 0]]", "[0, 0, 0, 1]]")),
     wall("elbow_joint", "elbow"),
     pick((CONTACTS, "")),
+    pick(("within: 0.03}", "within: 0.03, segments: [-1]}")),
     wall("position: [0.75, 0, -0.02]", "position: [0.75, 0, 0.18]"),
     wall("clearance: 0.01", "clearance: 0.08"),
     robot("attached: [{name: gripper, box: [0.3, 0.1, 0.1], position: [0, 0, -0.02]}]"),

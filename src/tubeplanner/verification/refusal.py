@@ -73,7 +73,7 @@ def _blocked(
         pair = (*links, place.obstacle) if place.obstacle else links
         message = (
             f"'{pair[0]}' and '{pair[1]}' are {-1000 * margin:.1f} mm nearer to each other than "
-            f"they may be {when}; {remedy}, or give the pair less clearance or a contact"
+            f"they may be {when}; {remedy}, or give the pair less clearance"
         )
         return Infeasible(PlanStatus.TUBE_BLOCKED, message, place)
     if place.obstacle is None:
