@@ -22,6 +22,7 @@ TESTS = Path(__file__).parent
 KNOWS = {
     "pinocchio": {"robot.frame_velocities", "robot.pinocchio_model", "robot.robot_model"},
     "fcl": {"collision.mesh_solid", "collision.separation"},
+    "coal": {"collision.penetration"},
     "yourdfpy": {"collision.link_elements"},
     "trimesh": {"collision.mesh_cover", "views.visual_mesh"},
     "matplotlib": {
