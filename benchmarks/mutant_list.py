@@ -825,10 +825,6 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("(segment == self.segment) & ", ""),
     ],
     "RequiredDistances.at": [("np.minimum(required[rows], near.distance)", "near.distance")],
-    "_rows": [
-        ("np.where(np.isfinite(own), own, asked)", "own"),
-        ("rows[:, is_obstacle] += room", "rows += room"),
-    ],
     "_near_ends": [
         ("problem.given_goal is not None", "True"),
         ("tool = problem.robot.tool_position(q[None])[0]", "pass"),
@@ -1565,7 +1561,10 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("abs(control).sum", "control.sum"),
     ],
     "EvaluatedLinks._slack": [("self.closest.distance - self.aim", "self.closest.distance")],
-    "EvaluatedLinks._change": [("self.aim.change - gradient", "self.aim.change + gradient"), (" / _UNIT", "")],
+    "EvaluatedLinks._change": [
+        ("self.aim.change - gradient", "self.aim.change + gradient"),
+        (" / _UNIT", ""),
+    ],
     "INNER_MARGIN": [("0.005", "0.055")],
     "Refinement._on_coarse_knots": [("_GAIN, max_steps", "_GAIN, 4")],
     "SequentialProgram._hardly_move": [
@@ -2093,6 +2092,8 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ('np.searchsorted(inner, begins, "right")', "np.searchsorted(inner, begins)"),
     ],
     "_rows": [
+        ("np.where(np.isfinite(own), own, asked)", "own"),
+        ("rows[:, is_obstacle] += room", "rows += room"),
         ("1 - sign * still", "1.0 + 0 * still"),
         ("sign * speed", "0 * speed"),
         ("sign * acceleration", "acceleration"),

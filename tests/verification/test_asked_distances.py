@@ -120,9 +120,26 @@ def test_only_intervals_that_lie_within_the_ball_have_less_asked(tmp_path):
     begin, end = np.array([[0, 0], [0, leaves - 1e-6], [0.1, leaves + 1e-6], [leaves, 2], [2, 2]]).T
     found = AskedDistances(motion).over(begin, end, np.repeat(column, 5))
     np.testing.assert_allclose(found, [0, 0, 0.01, 0.01, 0.01], atol=1e-9)
-    # Not of another pair.
-    other = np.setdiff1d(np.arange(len(motion.problem.collision.obstacle_pairs)), column)
-    assert (AskedDistances(motion).over(begin[:1], end[:1], other[:1]) == 0.01).all()
+
+
+def test_a_contact_is_of_its_own_pair(tmp_path):
+    pairs = [{"links": ["base", "hand"], "clearance": 0.02}]
+    asked = contacts(within=0.5) | {"clearance": {"default": 0.01, "pairs": pairs}}
+    motion = motion_of(tmp_path, Case(LIFT, [0, 1, 2], asked, 0.0, None))
+    columns = [
+        int(np.flatnonzero(motion.problem.collision.between("hand", other))[0])
+        for other in ("table", "base")
+    ]
+    found = AskedDistances(motion).over(np.zeros(2), np.full(2, 0.1), np.array(columns))
+    np.testing.assert_allclose(found, [0.0, 0.02], atol=1e-9)
+
+
+def test_an_interval_that_begins_at_a_hand_over_has_what_ends_there_asked(tmp_path):
+    motion = motion_of(tmp_path, rising(0.008, 0.0095))
+    hand_over = np.array([motion.visits[0].end])
+    column = np.flatnonzero(motion.problem.collision.between("hand", "table"))
+    found = AskedDistances(motion).over(hand_over, hand_over + 0.1, column)
+    np.testing.assert_allclose(found, 0.0095)
 
 
 def test_margins_at_switching_times_are_those_of_the_segments(tmp_path):
