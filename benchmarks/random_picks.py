@@ -4,9 +4,9 @@
         [--keep FOLDER]
 
 A UR5 or a Panda carries a box from a table over a wall back to the table. Heights, sizes,
-clearances of problem and segments, and how far contacts reach are drawn. Where contact reaches no farther than
-the clearance it must end with, there is no motion: that must be refused. Every other answer is
-judged by `outside_judge.py`. Exit status 1 if one is wrong.
+clearances of problem and segments, and how far contacts reach are drawn. Where contact reaches no
+farther than the clearance it must end with, there is no motion: that must be refused. Every other
+answer is judged by `outside_judge.py`. Exit status 1 if one is wrong.
 """
 
 import argparse
