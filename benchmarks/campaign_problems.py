@@ -15,6 +15,7 @@ from campaign_arms import Unsuitable, random_arm, without_efforts
 from campaign_motors import vary_motors
 from campaign_witness import MAX_RADIUS, RADIUS_FACTOR, Witness, random_witness
 from outside.arm import Arm, placed, solid_geometry
+from outside.distances import read_distances
 from outside.files import BUNDLED, BadInput
 from outside.nearest import Poses, least_margin
 from outside.problem import Problem, TubeFields
@@ -136,8 +137,11 @@ def _arm(robot: dict[str, Any], folder: Path) -> Arm:
         Unsuitable: It has no masses and cannot do without.
     """
     free = np.full(1, np.inf)
-    point = TubeFields(np.zeros((2, 3)), np.ones(1), [{}], None, None, free, True, [], [0, 1])
-    problem = Problem(folder, robot, point, {}, {}, [], 0.0, True, [])
+    ranges: list[dict[str, tuple[float, float]]] = [{}]
+    point = TubeFields(
+        np.zeros((2, 3)), np.ones(1), ranges, None, None, free, np.zeros(1), True, [], [0, 1]
+    )
+    problem = Problem(folder, robot, point, {}, {}, [], read_distances(0.0, [], 1), True, [])
     arm = Arm(problem)
     if not arm.has_masses:
         without_efforts(robot, arm.joint_names)
@@ -248,4 +252,4 @@ def _random_solid(rng: np.random.Generator, name: str) -> dict[str, Any]:
 def _distance(moving: list[Any], poses: Poses, fields: dict[str, Any]) -> float:
     geometry, placement = solid_geometry(fields, Path(), [])
     obstacle = placed(fields["name"], "obstacle", 0, placement, geometry)
-    return least_margin([(solid, obstacle, 0.0) for solid in moving], poses)[0].margin
+    return least_margin([(solid, obstacle) for solid in moving], poses, 0.0)[0].margin

@@ -202,7 +202,14 @@ TESTS = {
     ),
     "verification/enclosed_pose": ("verification/test_enclosure.py",),
     "verification/joint_extremes": ("verification/test_verification.py",),
-    "verification/judged/clearance": ("verification/test_verification.py",),
+    "verification/judged/clearance": (
+        "verification/test_asked_distances.py",
+        "verification/test_verification.py",
+    ),
+    "problem/required_distances": (
+        "problem/test_contact.py",
+        "verification/test_asked_distances.py",
+    ),
     "verification/judged/joint_rates": (
         "verification/test_verification.py",
         "verification/judged/test_velocity_by_position.py",
@@ -338,7 +345,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     # --- verification/closest_approach --------------------------------------------------------
     "closest_approach": [
-        ("min(search.lower_bound, search.distance)", "search.distance"),
+        ("min(search.lower_bound, search.margin)", "search.margin"),
     ],
     "_Rows.halves": [
         ("node[1::2] += 1", "node[1::2] += 0"),
@@ -353,14 +360,13 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ),
     ],
     "_Search._settled_above": [
-        ("max(_RESOLUTION, _RELATIVE_RESOLUTION * gap)", "_RESOLUTION"),
-        ("_RELATIVE_RESOLUTION * gap", "0.2 * gap"),
-        ("self.distance - self._required", "self.distance"),
+        ("max(_RESOLUTION, _RELATIVE_RESOLUTION * abs(self.margin))", "_RESOLUTION"),
+        ("_RELATIVE_RESOLUTION * abs(self.margin)", "0.2 * abs(self.margin)"),
     ],
     "_Search._lower_bounds": [
-        ("spheres[interval, rows.pair] - travelled", "spheres[interval, rows.pair]"),
-        ("bound - travelled[near]", "bound"),
-        ("distance - travelled[batch]", "distance"),
+        ("spheres[interval, rows.pair] - less", "spheres[interval, rows.pair]"),
+        ("bound - less[near]", "bound"),
+        ("distance - less[batch]", "distance"),
         ("travel[interval])", "travel[interval]) / 2"),
         ("time[interval[batch]], rows.pair[batch]", "time[interval[batch]], 0 * rows.pair[batch]"),
     ],
@@ -373,7 +379,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ),
     ],
     "_Search._remember": [
-        ("distance.argmin()", "distance.argmax()"),
+        ("margin.argmin()", "margin.argmax()"),
         ("float(time[least])", "0.0"),
     ],
     # --- verification/tube_visits -------------------------------------------------------------
@@ -791,13 +797,44 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("total = jumps.sum(axis=0)", "total = jumps.max(axis=0)"),
         ("jumps[:, worst].argmax() + 1", "jumps[:, worst].argmax()"),
     ],
-    "judge_obstacles": [("motion.problem.clearance", "0.0")],
-    "judge_self_collision": [("collision.link_pairs", "collision.obstacle_pairs")],
+    "judge_obstacles": [("np.arange(len(checker.obstacle_pairs))", "np.arange(1)")],
+    "judge_self_collision": [("len(checker.obstacle_pairs), len", "0, len")],
     "_judge_clearance": [
-        ("nearest.lower_bound - required", "nearest.distance - required"),
-        ("nearest.lower_bound - required", "nearest.lower_bound"),
-        ("nearest.distance - required", "nearest.distance"),
+        (
+            "bracketed(nearest.lower_bound, nearest.margin",
+            "bracketed(nearest.margin, nearest.margin",
+        ),
+        ("AskedDistances(motion).over", "lambda b, e, pair: np.zeros(len(pair))"),
     ],
+    "ClearanceMargin.at": [("left[:, k] = self._left(", "_ = self._left(")],
+    "ClearanceMargin._at": [("distance[row, column] = closest.distance", "_ = closest.distance")],
+    "clearance_margin": [("None if margin.is_constant else margin", "None")],
+    # --- verification/asked_distances, problem/contact, required_distances, clearance_fields ------
+    "AskedDistances.over": [
+        ('begin, side="left"', 'begin, side="right"'),
+        ("np.maximum(most, asked)", "np.minimum(most, asked)"),
+        ("np.minimum(asked, near.distance)", "near.distance"),
+        (" & near.pair[pair]", ""),
+        ("(segment == near.segment)", "True"),
+    ],
+    "_within": [("end <= times.end", "begin <= times.end")],
+    "_parts_near": [(".max(axis=0) + error <= near.within", ".min(axis=0) + error <= near.within")],
+    "_merged": [("gap = parts[1:, 0] - parts[:-1, 1] >", "gap = parts[1:, 0] - parts[:-1, 1] >=")],
+    "NearEnd.holds": [
+        ("away <= self.within", "away < self.within"),
+        ("(segment == self.segment) & ", ""),
+    ],
+    "RequiredDistances.at": [("np.minimum(required[rows], near.distance)", "near.distance")],
+    "_near_ends": [
+        ("problem.given_goal is not None", "True"),
+        ("tool = problem.robot.tool_position(q[None])[0]", "pass"),
+    ],
+    "required_everywhere": [(".max(axis=0)", ".min(axis=0)")],
+    "Contact.__post_init__": [("(self.ends,) if isinstance(self.ends, str) else ", "")],
+    "require_checked": [("if not checker.between(*names).any()", "if False")],
+    "clearances_of": [('"pair_clearances": pairs', '"pair_clearances": {}')],
+    "segment_clearances": [("fields.segments if", "None if")],
+    "_ends": [("[-1, segments - 1]", "[-1]"), ("segment != 0 and", "")],
     # --- verification, what conditions share --------------------------------------------------
     "range_margin": [
         ("((1.0, upper), (-1.0, -lower))", "((1.0, upper),)"),
@@ -821,10 +858,6 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("np.where(first, rates[0], rates[1])", "rates[0]"),
         ("first != second", "first | second"),
         ("first != second", "first & ~second"),
-    ],
-    "CollisionChecker.required": [
-        ("[clearance, 0.0]", "[0.0, 0.0]"),
-        ("[clearance, 0.0]", "[clearance, clearance]"),
     ],
     "BodyShapes.separations": [('"pij,pi->pj", frames', '"pij,pj->pi", frames')],
     "BodyShapes.separations_along": [
@@ -886,8 +919,6 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     "PlacedShapes.separations": [
         (" - self._radii[pairs].sum(axis=1)", ""),
-        ("~overlap & (best <= length - _LOOSE)", "length < 0"),
-        ("~overlap & ", "", "only slower: any direction gives a bound"),
     ],
     "PlacedShapes._apart": [
         ("direction, -direction", "direction, direction"),
@@ -1197,7 +1228,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         # of simulation/executed_clearance
         ("np.nonzero(bound < nearest", "np.nonzero(bound < 0.5 * nearest"),
         ("closer[lowest] = np.inf", "closer[:] = np.inf"),
-        ("np.maximum(closer, along)", "closer"),
+        ("np.maximum(closer, along - asked[rows, columns])", "closer"),
         ("float(time[nearest.row])", "float(time[nearest.column])"),
         ("pairs[nearest.column]", "pairs[nearest.row]"),
     ],
@@ -1363,7 +1394,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("point_speed=k", "point_speed=0"),
         # of simulation/judged_runs
         ("plant.tool_pose(problem.robot, q)", "problem.robot.tool_pose(q)"),
-        ("q, plant.base)", "q, 0 * plant.base)"),
+        ("q, plant.base, more)", "q, 0 * plant.base, more)"),
         ("limits.lower_position - q", "q - limits.lower_position"),
         ("away.argmax()", "away.argmin()"),
         ("q - limits.upper_position", "q - limits.lower_position"),
@@ -1530,7 +1561,10 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("abs(control).sum", "control.sum"),
     ],
     "EvaluatedLinks._slack": [("self.closest.distance - self.aim", "self.closest.distance")],
-    "EvaluatedLinks._change": [("{0: -gradient", "{0: gradient"), (" / _UNIT", "")],
+    "EvaluatedLinks._change": [
+        ("self.aim.change - gradient", "self.aim.change + gradient"),
+        (" / _UNIT", ""),
+    ],
     "INNER_MARGIN": [("0.005", "0.055")],
     "Refinement._on_coarse_knots": [("_GAIN, max_steps", "_GAIN, 4")],
     "SequentialProgram._hardly_move": [
@@ -2058,6 +2092,8 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ('np.searchsorted(inner, begins, "right")', "np.searchsorted(inner, begins)"),
     ],
     "_rows": [
+        ("np.where(np.isfinite(own), own, asked)", "own"),
+        ("rows[:, is_obstacle] += room", "rows += room"),
         ("1 - sign * still", "1.0 + 0 * still"),
         ("sign * speed", "0 * speed"),
         ("sign * acceleration", "acceleration"),
@@ -2184,7 +2220,6 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
             "limits.upper_position - ends]).min(axis=1)",
             "limits.upper_position - ends]).max(axis=1)",
         ),
-        (" - problem.clearance", ""),
         ("radius=radius.clip(min=0)", "radius=radius"),
         ("rotation=rotation.clip(min=0)", "rotation=rotation"),
         ("room - _ROUNDING).clip(min=0)", "room - _ROUNDING)"),
@@ -2192,7 +2227,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("min(asked.clearance, spare)", "asked.clearance"),
     ],
     "tightened_problem": [
-        ("problem.clearance + kept_back.clearance", "kept_back.clearance"),
+        ("farther_apart(kept_back.clearance)", "farther_apart(0.0)"),
         ("kept_back.radius, kept_back.rotation", "kept_back.rotation, kept_back.radius"),
     ],
     "_limited": [
@@ -2207,11 +2242,10 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ),
         ("share * motors.saturation_effort", "motors.saturation_effort"),
     ],
-    "_least_distance": [
-        ("return min(", "return max("),
-        ("checker.obstacle_pairs).min()", "checker.obstacle_pairs).max()"),
-        ("return np.inf", "return 0.0"),
-        ("*pose, checker.obstacle_pairs", "*pose, checker.link_pairs"),
+    "_spare_distance": [
+        (" - asked[:, :count]", ""),
+        ("[:, counts]", ""),
+        (".min(initial=np.inf)", ".max(initial=-np.inf)"),
     ],
     # --- robot/robot_model, with other limits -----------------------------------------------------
     "RobotModel.with_limits": [
@@ -2723,8 +2757,12 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     # --- simulation/executed_clearance ----------------------------------------------------------
     "least_clearances": [
-        ("_shifted(position, base), checker.obstacle_pairs", "position, checker.obstacle_pairs"),
-        ("position, checker.link_pairs", "_shifted(position, base), checker.link_pairs"),
+        ("(rotation, shifted), checker", "(rotation, position), checker"),
+        ("(rotation, position), checker", "(rotation, shifted), checker"),
+    ],
+    "additional_distances": [
+        (" -= problem.clearance", " -= 0.0"),
+        ("= -np.inf", "= 0.0"),
     ],
     "_shifted": [
         ("shifted[:, 1:] += base", "shifted += base"),
@@ -2733,7 +2771,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "_Nearest.measure": [
         ('"pij,pi->pj", frames', '"pij,pj->pi", frames'),
         ("int(row[best]), int(column[best])", "int(row[0]), int(column[0])"),
-        ("found.distance.argmin()", "found.distance.argmax()"),
+        ("margin.argmin()", "margin.argmax()"),
     ],
     "_Nearest.undecided": [("self.distance - _ROUNDING", "0.5 * self.distance")],
     "_lowest": [("[bound, columns]", "[-bound, columns]")],

@@ -24,12 +24,15 @@ from outside.goal import judge_turn
 from outside.limits import judge_ends, judge_limits
 from outside.nearest import Nearest, Poses, least_margin
 from outside.problem import Problem, read_problem
+from outside.required import Required
 from outside.trajectory import Samples, Trajectory, read_trajectory
 from outside.tube import CONDITIONS, Least, judge_points, judge_tube
 from outside.verdict import RELATIVE, Condition, margin_of
+from outside.visits import Visits
 
 SAMPLES = 5000
 PARTS = 20  # into which steps are divided where links come nearest
+REPORTED = tuple(name for name in CONDITIONS if name != "clearance")  # by pairs of solids instead
 # [m], [rad] and relative. A trajectory is certified to 1e-6; distances by coal are good to about as
 # much, and a fault that matters is larger than a hundredth of a millimetre.
 TOLERANCE = 1e-5
@@ -67,17 +70,24 @@ class Judge:
         trajectory = trajectory.ordered(self.arm.joint_names)
         samples = trajectory.samples(SAMPLES)
         found = judge_limits(self.arm, trajectory, samples)
-        found |= self._tube(trajectory, samples)
+        checked = self.clearance.obstacle_pairs, self.clearance.link_pairs
+        required = Required(self.problem, self.arm, *checked, trajectory)
+        in_tube, visits = self._tube(trajectory, samples, required)
+        found |= in_tube
         found |= judge_ends(self.problem, self.arm, trajectory)
         turn = judge_turn(self.problem, self.arm, trajectory)
         found["rotation"] = min(found["rotation"], turn, key=margin_of)
-        return found | self._clearance(trajectory, samples)
+        return found | self._clearance(trajectory, samples, required, visits)
 
-    def _tube(self, trajectory: Trajectory, samples: Samples) -> dict[str, Condition]:
-        least = judge_tube(self.problem.tube, self.arm, trajectory, samples)
-        found = {name: self._tube_condition(name, least[name]) for name in CONDITIONS}
-        passed = judge_points(self.problem.tube, self.arm, trajectory, samples)
-        return found | {"points": self._tube_condition("points", passed)}
+    def _tube(
+        self, trajectory: Trajectory, samples: Samples, required: Required
+    ) -> tuple[dict[str, Condition], Visits]:
+        given = self.problem.tube, self.arm, trajectory, samples
+        clearance = required.margin if required.changes else None
+        least, visits = judge_tube(*given, clearance)
+        found = {name: self._tube_condition(name, least[name]) for name in REPORTED}
+        passed = judge_points(*given, clearance)
+        return found | {"points": self._tube_condition("points", passed)}, visits
 
     def _tube_condition(self, name: str, least: Least) -> Condition:
         joint = least.joint
@@ -95,24 +105,34 @@ class Judge:
             where += f", joint {self.arm.joint_names[joint]}"
         return Condition(least.margin, unit, least.time, where)
 
-    def _clearance(self, trajectory: Trajectory, samples: Samples) -> dict[str, Condition]:
+    def _clearance(
+        self, trajectory: Trajectory, samples: Samples, required: Required, visits: Visits
+    ) -> dict[str, Condition]:
+        """Return the conditions on distances, at the visits' own samples if segments differ."""
+        samples = visits.samples if required.changes else samples
         poses = Poses(*self.arm.poses(trajectory.at(samples)))
-        found = {}
-        kinds = {"obstacles": self.clearance.obstacle_pairs}
-        kinds["self_collision"] = self.clearance.link_pairs
-        for name, pairs in kinds.items():
-            nearest, near = least_margin(pairs, poses)
+        asked = self._asked(samples, required, visits)
+        found, count = {}, len(self.clearance.obstacle_pairs)
+        kinds = {"obstacles": slice(count), "self_collision": slice(count, None)}
+        for name, own in kinds.items():
+            pairs = required.pairs[own]
+            nearest, near = least_margin(pairs, poses, asked[:, own])
             finer = samples.between(np.concatenate([near - 1, near]), PARTS)
             where = samples
             if name == "obstacles":
                 nearest = min(nearest, self.clearance.inside(poses, 0), key=lambda one: one.margin)
             if len(finer):
-                closer, _ = least_margin(pairs, Poses(*self.arm.poses(trajectory.at(finer))))
+                there = Poses(*self.arm.poses(trajectory.at(finer)))
+                asked_there = self._asked(finer, required, visits)[:, own]
+                closer, _ = least_margin(pairs, there, asked_there)
                 nearest, where = min(
                     (nearest, where), (closer, finer), key=lambda one: one[0].margin
                 )
             found[name] = _clearance_condition(nearest, where)
         return found
+
+    def _asked(self, samples: Samples, required: Required, visits: Visits) -> np.ndarray:
+        return required.at(samples, visits.current(samples, len(self.problem.tube.radius)))
 
 
 def obstacles_of(problem: Problem) -> list[Solid]:

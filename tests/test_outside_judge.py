@@ -19,7 +19,7 @@ from outside.files import BadInput, find_urdf
 from outside.nearest import Poses, least_margin, signed_distance
 from outside.problem import _bounds, read_problem
 from outside.trajectory import Trajectory, read_trajectory
-from outside.tube import _ordered_visits
+from outside.visits import ordered_visits
 from outside_judge import Judge, main, passes
 from tubeplanner import JointTrajectory, Tube, load_problem, load_robot, parse_problem, verify
 from tubeplanner.errors import RobotError
@@ -818,7 +818,7 @@ def test_visits_that_pass_points_are_the_best_there_are(seed):
         passed = [m[ends[k - 1] : ends[k + 1] + 1].max() for k, m in inside.items()]
         return min([*kept, *passed])
 
-    rows, segments = _ordered_visits(least, inside)
+    rows, segments = ordered_visits(least, inside)
     found = [int(rows[segments == k][0]) for k in (1, 2, 3)]
     choices = combinations_with_replacement(range(7), 3)
     assert worst(found) == max(worst(choice) for choice in choices)
@@ -960,13 +960,13 @@ def test_the_least_distance_is_that_of_all_samples(stored, tmp_path):
     poses = Poses(*judge.arm.poses(trajectory.at(trajectory.samples(25))))
     for pairs in (judge.clearance.link_pairs, judge.clearance.obstacle_pairs):
         rows = range(len(poses.position))
-        every = min(signed_distance(pair, poses, row) - pair[2] for pair in pairs for row in rows)
-        assert least_margin(pairs, poses)[0].margin == pytest.approx(every, abs=1e-9)
+        every = min(signed_distance(pair, poses, row) for pair in pairs for row in rows)
+        assert least_margin(pairs, poses, 0.0)[0].margin == pytest.approx(every, abs=1e-9)
 
 
 def test_the_way_in_order_takes_the_best_switching_times():
     inside = np.array([[9.0, -9, -9], [2, 1, -9], [5, 3, 4], [-9, 6, 4], [-9, -9, 7]])
-    rows, segments = _ordered_visits(inside)
+    rows, segments = ordered_visits(inside)
     assert list(zip(rows, segments, strict=True))[-1] == (4, 2)
     assert inside[rows, segments].min() == 2  # at the second sample
     assert (np.diff(segments) >= 0).all()

@@ -7,7 +7,7 @@ import numpy as np
 
 from outside.arm import Arm, Solid
 from outside.inside import is_inside
-from outside.nearest import Nearest, Pair, Poses, place
+from outside.nearest import Nearest, Pair, Poses, owners_of, place
 from outside.problem import Problem
 
 TOUCH_SAMPLES = 400  # random configurations; who touches in all of them is taken to touch always
@@ -30,21 +30,21 @@ class Clearance:
             ignored |= {frozenset((solid["name"], link)) for link in solid.get("touch_links") or []}
         kept = [solid for solid in arm.solids if arm.moved_by[solid.joint].any()]
         self.obstacle_pairs: list[Pair] = [
-            (solid, obstacle, problem.clearance)
+            (solid, obstacle)
             for solid in kept
             for obstacle in obstacles
             if frozenset((solid.owner, obstacle.owner)) not in ignored
         ]
         pairs = combinations(arm.solids, 2) if problem.checks_links else ()
         candidates = [
-            (first, second, 0.0)
+            (first, second)
             for first, second in pairs
             if self._must_stay_apart(first, second)
             and frozenset((first.owner, second.owner)) not in ignored
         ]
         self.always_touching = self._always_touching(candidates)
         self.link_pairs: list[Pair] = [
-            pair for pair in candidates if _owners(pair) not in self.always_touching
+            pair for pair in candidates if owners_of(pair) not in self.always_touching
         ]
 
     def inside(self, poses: Poses, row: int) -> Nearest:
@@ -52,7 +52,7 @@ class Clearance:
 
         Triangles have no inside for coal, and a trajectory that begins inside need not cross them.
         """
-        for first, second, _ in self.obstacle_pairs:
+        for first, second in self.obstacle_pairs:
             places = [place(solid, poses, row) for solid in (first, second)]
             if is_inside((first, *places[0]), (second, *places[1])):
                 return Nearest(-min(first.radius, second.radius), row, (first.owner, second.owner))
@@ -70,25 +70,21 @@ class Clearance:
     def _always_touching(self, pairs: list[Pair]) -> set[frozenset[str]]:
         q = self._arm.random(np.random.default_rng(TOUCH_SEED), TOUCH_SAMPLES)
         poses = Poses(*self._arm.poses(q))
-        touching = {_owners(pair) for pair in pairs if pair[1].kind == pair[0].kind == "link"}
+        touching = {owners_of(pair) for pair in pairs if pair[1].kind == pair[0].kind == "link"}
         for row in range(TOUCH_SAMPLES):
             hit: set[frozenset[str]] = set()
             for pair in pairs:
-                if _owners(pair) in touching - hit and self._collide(pair, poses, row):
-                    hit.add(_owners(pair))
+                if owners_of(pair) in touching - hit and self._collide(pair, poses, row):
+                    hit.add(owners_of(pair))
             touching = hit
             if not touching:
                 break
         return touching
 
     def _collide(self, pair: Pair, poses: Poses, row: int) -> bool:
-        first, second, _ = pair
+        first, second = pair
         places = [coal.Transform3s(*place(solid, poses, row)) for solid in (first, second)]
         result = coal.CollisionResult()
         request = coal.CollisionRequest()
         coal.collide(first.geometry, places[0], second.geometry, places[1], request, result)
         return bool(result.isCollision())
-
-
-def _owners(pair: Pair) -> frozenset[str]:
-    return frozenset((pair[0].owner, pair[1].owner))

@@ -20,7 +20,7 @@ DEEP = -1e-3  # [m]: who penetrates by more need not be measured any closer
 MAX_NEAR = 100  # samples whose neighbourhood is looked at again, the nearest ones
 MAX_CONTACTS = 200  # pairs of triangles that are asked how deep they are in each other
 
-Pair = tuple[Solid, Solid, float]  # the last is the distance that is asked for [m]
+Pair = tuple[Solid, Solid]
 
 
 @dataclass(frozen=True)
@@ -61,21 +61,59 @@ class Poses:
         return self._relative[first, second]
 
 
-def least_margin(pairs: list[Pair], poses: Poses) -> tuple[Nearest, np.ndarray]:
+def least_margin(
+    pairs: list[Pair], poses: Poses, asked: np.ndarray | float
+) -> tuple[Nearest, np.ndarray]:
     """Return the least margin over N configurations in the order of a trajectory.
+
+    Args:
+        pairs: P pairs.
+        poses: Of N configurations.
+        asked: How far apart they must be, shape (N, P), or one distance for all [m].
 
     Returns:
         It, and the configurations in which a margin below `NEAR` was met, the nearest first.
     """
+    asked = np.broadcast_to(asked, (len(poses.position), len(pairs)))
     best: Nearest = Nearest()
     met: dict[int, float] = {}
-    spheres = [(float(_sphere_margin(pair, poses).min()), k) for k, pair in enumerate(pairs)]
-    for bound, k in sorted(spheres):
+    margins = [
+        _sphere_distance(pair, poses) - row for pair, row in zip(pairs, asked.T, strict=True)
+    ]
+    for bound, k in sorted((float(margin.min()), k) for k, margin in enumerate(margins)):
         if bound >= best.margin or best.margin < DEEP:
             break
-        best = _least_of(pairs[k], poses, best, met)
+        best = _least_of(pairs[k], poses, asked[:, k], best, met)
     near = sorted((margin, row) for row, margin in met.items() if margin < NEAR)
     return best, np.array([row for _, row in near[:MAX_NEAR]], dtype=int)
+
+
+def near_distances(pair: Pair, poses: Poses, below: np.ndarray) -> np.ndarray:
+    """Return signed distances where they may be below some (N,), else infinite, shape (N,) [m].
+
+    Stretches of configurations that are surely farther apart are left out.
+    """
+    spheres, displacement = _sphere_distance(pair, poses), _displacement(pair, poses)
+    found = np.full(len(below), math.inf)
+    stretches = [(0, len(below) - 1)]
+    while stretches:
+        low, high = stretches.pop()
+        inside = slice(low, high + 1)
+        if (spheres[inside] >= below[inside]).all():
+            continue
+        for row in {low, high}:
+            if found[row] == math.inf:
+                found[row] = signed_distance(pair, poses, row)
+        moved = displacement[high] - displacement[low]
+        if high - low > 1 and (found[low] + found[high] - moved) / 2 < below[inside].max():
+            middle = (low + high) // 2
+            stretches += [(low, middle), (middle, high)]
+    return found
+
+
+def owners_of(pair: Pair) -> frozenset[str]:
+    """Return the names of a pair."""
+    return frozenset((pair[0].owner, pair[1].owner))
 
 
 def signed_distance(pair: Pair, poses: Poses, row: int) -> float:
@@ -83,7 +121,7 @@ def signed_distance(pair: Pair, poses: Poses, row: int) -> float:
 
     How deep triangles are in each other is that of the deepest two: no more than it is.
     """
-    first, second, _ = pair
+    first, second = pair
     places = [coal.Transform3s(*place(solid, poses, row)) for solid in (first, second)]
     where = first.geometry, places[0], second.geometry, places[1]
     request = coal.DistanceRequest()
@@ -104,39 +142,42 @@ def place(solid: Solid, poses: Poses, row: int) -> tuple[np.ndarray, np.ndarray]
     return rotation @ solid.placement.rotation, poses.position[row, solid.joint] + offset
 
 
-def _least_of(pair: Pair, poses: Poses, best: Nearest, met: dict[int, float]) -> Nearest:
-    """Return the least margin of a pair if it is less than the best, else the best.
+def _least_of(
+    pair: Pair, poses: Poses, asked: np.ndarray, best: Nearest, met: dict[int, float]
+) -> Nearest:
+    """Return the least margin of a pair, of which (N,) is asked, if it is less than the best's.
 
     Stretches of samples are halved, the one with the lowest bound first.
     """
-    spheres, displacement = _sphere_margin(pair, poses), _displacement(pair, poses)
+    spheres, displacement = _sphere_distance(pair, poses) - asked, _displacement(pair, poses)
+    distance: dict[int, float] = {}
 
     def measured(row: int) -> Nearest:
-        margin = signed_distance(pair, poses, row) - pair[2]
+        distance[row] = signed_distance(pair, poses, row)
+        margin = distance[row] - float(asked[row])
         met[row] = min(margin, met.get(row, math.inf))
         return Nearest(margin, row, (pair[0].owner, pair[1].owner))
 
-    def bound(low: Nearest, high: Nearest) -> float:
-        by_spheres = float(spheres[low.row : high.row + 1].min())
-        return max(
-            (low.margin + high.margin - (displacement[high.row] - displacement[low.row])) / 2,
-            by_spheres,
-        )
+    def bound(low: int, high: int) -> float:
+        inside = slice(low, high + 1)
+        moved = displacement[high] - displacement[low]
+        by_ends = (distance[low] + distance[high] - moved) / 2 - asked[inside].max()
+        return float(max(by_ends, spheres[inside].min()))
 
-    first, last = measured(0), measured(len(displacement) - 1)
-    best = min(best, first, last, key=_margin)
-    heap = [(bound(first, last), 0, first, last)]
+    last = len(displacement) - 1
+    best = min(best, measured(0), measured(last), key=_margin)
+    heap = [(bound(0, last), 0, last)]
     while heap and best.margin >= DEEP:
-        lowest, _, low, high = heapq.heappop(heap)
+        lowest, low, high = heapq.heappop(heap)
         if lowest >= best.margin:
             break
-        if high.row - low.row < 2:
+        if high - low < 2:
             continue
-        middle = measured((low.row + high.row) // 2)
-        best = min(best, middle, key=_margin)
+        middle = (low + high) // 2
+        best = min(best, measured(middle), key=_margin)
         for part in ((low, middle), (middle, high)):
             if bound(*part) < best.margin:
-                heapq.heappush(heap, (bound(*part), part[0].row, *part))
+                heapq.heappush(heap, (bound(*part), *part))
     return best
 
 
@@ -144,11 +185,12 @@ def _margin(nearest: Nearest) -> float:
     return nearest.margin
 
 
-def _sphere_margin(pair: Pair, poses: Poses) -> np.ndarray:
-    """Return lower bounds on a pair's margins, from bounding spheres, shape (N,) [m]."""
-    first, second, asked = pair
+def _sphere_distance(pair: Pair, poses: Poses) -> np.ndarray:
+    """Return lower bounds on a pair's distances, from bounding spheres, shape (N,) [m]."""
+    first, second = pair
     gap = np.linalg.norm(_centre(pair, poses) - first.centre, axis=1)
-    return gap - first.radius - second.radius - asked
+    distance: np.ndarray = gap - first.radius - second.radius
+    return distance
 
 
 def _centre(pair: Pair, poses: Poses) -> np.ndarray:

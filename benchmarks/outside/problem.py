@@ -11,6 +11,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from outside.box import Section, radii, read_sections
+from outside.distances import Distances, read_distances
 from outside.files import BadInput
 from outside.line import distinct, joined, passing
 from outside.points import read_points
@@ -28,6 +29,7 @@ ROBOT |= {"xacro_args"}  # of an .xacro file, which the judge does not read
 TUBE = {"points", "radius", "tool_radius", "joint_signs", "orientations", "rotation_tolerance"}
 TUBE |= {"tool_speed", "visit", "pass_through_points", "cross_section"}
 TOP = {"format", "version", "robot", "tube", "start", "goal", "obstacles", "clearance", "collision"}
+TOP |= {"contacts"}
 BALL = {"position", "tolerance", "rotation_tolerance"}
 SIGNS = {"+": (0.0, math.inf), "-": (-math.inf, 0.0), "0": (-math.inf, math.inf)}
 SIGNS_BY_NUMBER = {1: "+", -1: "-", 0: "0"}
@@ -46,6 +48,7 @@ class TubeFields:
         bounds: On the components and the length of log(R_ref^T R), shape (m, 4) [rad], or None.
         speed: What the tool's speed must not exceed in each segment, infinite where it is free:
             shape (m,) [m/s]. The robot's own limit is not in it.
+        clearance: Of links from obstacles in each segment, shape (m,) [m].
         is_ordered: Whether segments are visited one after the other.
         passing: Indices of inner points that must be passed within the smaller radius beside them.
         numbers: What the file calls the points: those on straight lines and repeated ones are left
@@ -61,6 +64,7 @@ class TubeFields:
     orientations: np.ndarray | None
     bounds: np.ndarray | None
     speed: np.ndarray
+    clearance: np.ndarray
     is_ordered: bool
     passing: list[int]
     numbers: list[int]
@@ -78,6 +82,7 @@ class TubeFields:
             None if self.orientations is None else self.orientations[kept],
             None if self.bounds is None else self.bounds[segments],
             self.speed[segments],
+            self.clearance[segments],
             self.is_ordered,
             [],
             [self.numbers[k] for k in kept],
@@ -93,6 +98,7 @@ class TubeFields:
             and (self.sections is None or self.sections[one] == self.sections[other])
             and self.ranges[one] == self.ranges[other]
             and self.speed[one] == self.speed[other]
+            and self.clearance[one] == self.clearance[other]
             and (bounds is None or (bounds[one] == bounds[other]).all())
         )
 
@@ -108,7 +114,7 @@ class Problem:
         start: Its section `start`: `joints` or `seed`.
         goal: Likewise, or the keys of a ball, or empty.
         obstacles: Solids in the base frame, keys checked.
-        clearance: Least distance of links to obstacles [m].
+        distances: What is asked of distances between solids.
         checks_links: Whether links are held against each other.
         ignored: Pairs of names that may touch.
     """
@@ -119,7 +125,7 @@ class Problem:
     start: dict[str, Any]
     goal: dict[str, Any]
     obstacles: list[dict[str, Any]]
-    clearance: float
+    distances: Distances
     checks_links: bool
     ignored: list[tuple[str, str]]
 
@@ -176,16 +182,17 @@ def _problem(fields: Any, folder: Path) -> Problem:
     for end in ("start", "goal"):
         known = {"joints", "seed"} | (BALL if end == "goal" else set())
         _require_known(fields.get(end) or {}, known, f"{end}.")
-    if not isinstance(fields.get("clearance", 0.0), int | float):
-        raise BadInput("clearance: only one number is known")
+    tube = _with_points(fields["tube"], folder)
+    asked = (fields.get("clearance", 0.0), fields.get("contacts"))
+    distances = read_distances(*asked, len(tube["points"]) - 1)
     return Problem(
         folder,
         robot,
-        _tube(_with_points(fields["tube"], folder)),
+        _tube(tube, distances.segments),
         fields["start"],
         fields.get("goal") or {},
         fields.get("obstacles") or [],
-        float(fields.get("clearance", 0.0)),
+        distances,
         bool(collision.get("self", True)),
         [(first, second) for first, second in collision.get("ignore") or []],
     )
@@ -209,7 +216,7 @@ def _with_points(fields: Any, folder: Path) -> Any:
     return fields | read
 
 
-def _tube(fields: Any) -> TubeFields:
+def _tube(fields: Any, clearance: np.ndarray) -> TubeFields:
     _require_known(fields, TUBE, "tube.")
     points = np.array(fields["points"], dtype=float)
     if points.ndim != 2 or points.shape[1] != 3 or len(points) < 2:
@@ -236,6 +243,7 @@ def _tube(fields: Any) -> TubeFields:
         None if orientations is None else np.array(orientations, dtype=float),
         None if tolerance is None else _bounds(tolerance, count),
         _speeds(fields.get("tool_speed"), count),
+        clearance,
         visit == "ordered",
         [],
         list(range(count + 1)),

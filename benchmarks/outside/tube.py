@@ -2,8 +2,8 @@
 
 Of all visits of the segments in order, those are taken whose least margin is greatest. The
 margin of an instant in a segment is the least of that of the capsule or box [m], of the joints'
-signs or ranges [rad, m], of the rotation tolerance [rad] and of the tool's speed (relative); at a
-switching time both segments' count.
+signs or ranges [rad, m], of the rotation tolerance [rad], of the tool's speed (relative) and of the
+links' clearance [m], if that is not the same in all; at a switching time both segments' count.
 """
 
 import math
@@ -17,8 +17,9 @@ from outside.arm import Arm
 from outside.box import box_margin
 from outside.problem import TubeFields
 from outside.trajectory import Samples, Trajectory
+from outside.visits import Visits, ordered_visits, union_visits
 
-CONDITIONS = ("tube", "joint_signs", "rotation", "tool_speed")
+CONDITIONS = ("tube", "joint_signs", "rotation", "tool_speed", "clearance")
 NEAR = 1e-3  # [m, rad, relative]: steps beside a smaller margin are looked at again, divided
 PARTS = 20  # into so many
 MAX_LOOKS_BETWEEN = 4
@@ -26,6 +27,8 @@ MAX_ROUNDS = 40  # of dividing the steps where the least margin is; each gains a
 MAX_WORST = 20  # samples with the same least margin: a tool may go on at its limit
 SETTLED = 1e-9  # [m, rad, relative] by which a round must change the least margin
 BROKEN = -1e-6  # [m, rad, relative]: below it no visits keep all conditions
+
+MarginAt = Callable[[Samples], np.ndarray]  # of N samples in m segments, (N, m)
 
 
 @dataclass(frozen=True)
@@ -60,6 +63,7 @@ class _Margins:
     joint_signs: np.ndarray
     rotation: np.ndarray
     tool_speed: np.ndarray
+    clearance: np.ndarray
     joint: np.ndarray
 
     @property
@@ -69,9 +73,13 @@ class _Margins:
 
 
 def judge_tube(
-    tube: TubeFields, arm: Arm, trajectory: Trajectory, samples: Samples
-) -> dict[str, Least]:
-    """Return the least margins of `CONDITIONS` on the best visits of the segments.
+    tube: TubeFields,
+    arm: Arm,
+    trajectory: Trajectory,
+    samples: Samples,
+    clearance: MarginAt | None = None,
+) -> tuple[dict[str, Least], Visits]:
+    """Return the least margins of `CONDITIONS` on the best visits of the segments, and these.
 
     Where none keep all of them, they are the best for the first of them that can be kept, so
     that the blame falls on the one that cannot.
@@ -81,29 +89,35 @@ def judge_tube(
         arm: Whose trajectory it is.
         trajectory: Of the arm's joints.
         samples: Where to begin looking; steps are divided where margins are small.
+        clearance: What the links' clearance is in all segments, if not the same in all.
     """
-    found = {}
     for count in range(len(CONDITIONS), 0, -1):
-        found = _on_best_visits(tube, arm, trajectory, samples, CONDITIONS[:count])
-        if min(found[name].margin for name in CONDITIONS[:count]) >= BROKEN:
+        counted = CONDITIONS[:count]
+        found, visits = _on_best_visits(tube, arm, trajectory, samples, counted, clearance)
+        if min(found[name].margin for name in counted) >= BROKEN:
             break
-    return found
+    return found, visits
 
 
 def _on_best_visits(
-    tube: TubeFields, arm: Arm, trajectory: Trajectory, samples: Samples, counted: tuple[str, ...]
-) -> dict[str, Least]:
-    """Return the least margins of all conditions on the best visits for some of them."""
+    tube: TubeFields,
+    arm: Arm,
+    trajectory: Trajectory,
+    samples: Samples,
+    counted: tuple[str, ...],
+    clearance: MarginAt | None,
+) -> tuple[dict[str, Least], Visits]:
+    """Return the least margins of all conditions on the best visits for some, and these."""
 
     def margins_at(where: Samples, segments: np.ndarray | None = None) -> _Margins:
-        return _margins(tube, arm, trajectory, where, counted, segments)
+        return _margins(tube, arm, trajectory, where, counted, clearance, segments)
 
-    choose = _ordered_visits if tube.is_ordered else _union_visits
+    choose = ordered_visits if tube.is_ordered else union_visits
     margins, found = margins_at(samples), dict.fromkeys(CONDITIONS, Least())
     for _ in range(MAX_LOOKS_BETWEEN):
         samples, margins = _settled(choose, samples, margins, margins_at)
         rows, segments = choose(margins.least)
-        found = _least_on(margins, samples, rows, segments)
+        visits, found = Visits(samples, rows, segments), _least_on(margins, samples, rows, segments)
         between = _between(samples, rows, segments, margins, margins_at)
         worst, least = (min((e[n] for n in counted), key=_margin) for e in (between, found))
         found = {name: min(found[name], between[name], key=_margin) for name in CONDITIONS}
@@ -112,7 +126,7 @@ def _on_best_visits(
         at = int(np.searchsorted(samples.time, worst.time))
         new = samples.between(np.array([at - 2, at - 1, at]), PARTS)
         samples, margins = _with(samples, margins, new, margins_at(new))
-    return found
+    return found, visits
 
 
 def _settled(
@@ -199,6 +213,7 @@ def _margins(
     trajectory: Trajectory,
     samples: Samples,
     counted: tuple[str, ...],
+    clearance: MarginAt | None,
     segments: np.ndarray | None = None,
 ) -> _Margins:
     """Return the margins of N samples in all segments, (N, m), or in one per sample, (N, 1)."""
@@ -211,6 +226,10 @@ def _margins(
     shape = (len(q), count if segments is None else 1)
     free = np.full((len(CONDITIONS), *shape), math.inf)
     found = _Margins(counted, *free, np.zeros(shape, dtype=int))
+    if clearance is not None:
+        every = clearance(samples)
+        own = every if segments is None else every[np.arange(len(q)), segments][:, None]
+        found.clearance[:] = own
     for k in range(count):
         rows = np.arange(len(q)) if segments is None else np.flatnonzero(segments == k)
         column = k if segments is None else 0
@@ -232,7 +251,13 @@ def _margins(
     return found
 
 
-def judge_points(tube: TubeFields, arm: Arm, trajectory: Trajectory, samples: Samples) -> Least:
+def judge_points(
+    tube: TubeFields,
+    arm: Arm,
+    trajectory: Trajectory,
+    samples: Samples,
+    clearance: MarginAt | None = None,
+) -> Least:
     """Return the least margin of all points that must be passed, each at its best instant.
 
     An instant counts while one of the two segments beside the point is the current one. Other
@@ -248,7 +273,7 @@ def judge_points(tube: TubeFields, arm: Arm, trajectory: Trajectory, samples: Sa
             k: min(tube.radius[k - 1 : k + 1]) - np.linalg.norm(tool - tube.points[k], axis=1)
             for k in tube.passing
         }
-        least = _margins(tube, arm, trajectory, where, CONDITIONS).least
+        least = _margins(tube, arm, trajectory, where, CONDITIONS, clearance).least
         if not tube.is_ordered:
             beside = {k: np.maximum(least[:, k - 1], least[:, k]) for k in inside}
             inside = {k: np.minimum(margin, beside[k]) for k, margin in inside.items()}
@@ -272,7 +297,7 @@ def judge_points(tube: TubeFields, arm: Arm, trajectory: Trajectory, samples: Sa
 
 def _windows(least: np.ndarray, inside: dict[int, np.ndarray]) -> dict[int, tuple[int, int]]:
     """Return the first and the last sample in the two segments beside each point."""
-    ways = [_ordered_visits(least), _ordered_visits(least, inside)]
+    ways = [ordered_visits(least), ordered_visits(least, inside)]
     windows = []
     for rows, segments in ways:
         beside = {k: rows[(segments == k - 1) | (segments == k)] for k in inside}
@@ -280,74 +305,6 @@ def _windows(least: np.ndarray, inside: dict[int, np.ndarray]) -> dict[int, tupl
     missed = any(inside[k][a : b + 1].max() < 0 for k, (a, b) in windows[0].items())
     usual, other = (float(least[visits].min()) for visits in ways)
     return windows[1] if missed and other >= min(usual, BROKEN) else windows[0]
-
-
-def _ordered_visits(
-    least: np.ndarray, inside: dict[int, np.ndarray] | None = None
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return samples and segments of the ordered visits whose least margin is greatest.
-
-    A state is a segment and whether the points at its two ends have been passed, if they must be.
-    value[state][k] is the best least margin of visits that are in it at sample k. They came from
-    the sample before in the same state, or at this sample from the segment before, or by passing a
-    point.
-    """
-    inside, count = inside or {}, least.shape[1]
-    value: dict[State, list[float]] = {}
-    for state in _states(count, inside):
-        gates = [(value[source], gate) for source, gate in _before(state, inside)]
-        entries = [math.inf] + [-math.inf] * (len(least) - 1)
-        if gates:
-            both = [np.minimum(row, np.inf if gate is None else gate) for row, gate in gates]
-            entries = np.max(both, axis=0).tolist()
-        row, last = [], -math.inf
-        for margin, entry in zip(least[:, state[0]].tolist(), entries, strict=True):
-            last = min(margin, max(last, entry))
-            row.append(last)
-        value[state] = row
-    k, state = len(least) - 1, (count - 1, True, True)
-    visits = [(k, state[0])]
-    while k > 0 or _before(state, inside):
-        stays = value[state][k - 1] if k > 0 else -math.inf
-        entered = [
-            (min(value[source][k], math.inf if gate is None else gate[k]), source)
-            for source, gate in _before(state, inside)
-        ]
-        enters, source = max(entered, key=lambda one: one[0], default=(-math.inf, state))
-        k, state = (k - 1, state) if k > 0 and stays >= enters else (k, source)
-        visits.append((k, state[0]))
-    rows, segments = np.array(visits[::-1]).T
-    return rows, segments
-
-
-State = tuple[int, bool, bool]
-
-
-def _states(count: int, inside: dict[int, np.ndarray]) -> list[State]:
-    """Return all states, each after those that lead to it."""
-    return [
-        (s, first, last)
-        for s in range(count)
-        for first in ((False, True) if s in inside else (True,))
-        for last in ((False, True) if s + 1 in inside else (True,))
-    ]
-
-
-def _before(state: State, inside: dict[int, np.ndarray]) -> list[tuple[State, np.ndarray | None]]:
-    """Return the states that lead to one, and the margin of what is passed on the way."""
-    s, first, last = state
-    found: list[tuple[State, np.ndarray | None]] = []
-    if s > 0 and last == (s + 1 not in inside):  # what lies ahead is passed later
-        found.append(((s - 1, True, first), None))
-    if first and s in inside:
-        found.append(((s, False, last), inside[s]))
-    if last and s + 1 in inside:
-        found.append(((s, first, False), inside[s + 1]))
-    return found
-
-
-def _union_visits(least: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    return np.arange(len(least)), least.argmax(axis=1)
 
 
 def _least_on(

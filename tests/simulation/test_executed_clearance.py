@@ -3,9 +3,19 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from cases import anywhere, changed, one_joint
+from lifting_arm import CASES, HALF, lifting
 from stored_trajectories import REFINEMENT, stored_trajectory
 from tubeplanner import Obstacle, load_problem, load_robot, placement_of
-from tubeplanner.simulation.executed_clearance import least_clearances, obstacle_distances
+from tubeplanner.problem.robustness import Robustness
+from tubeplanner.simulation.executed_clearance import (
+    additional_distances,
+    least_clearances,
+    obstacle_distances,
+)
+from tubeplanner.simulation.execution import executed
+from tubeplanner.simulation.judged_runs import judged_runs
+from tubeplanner.simulation.plant import Draw, drawn_plants
+from tubeplanner.verification.verification import judged_visits
 
 NO_SHIFT = np.zeros(3)
 BALL = """<robot name="ball"><link name="base"/><link name="arm">
@@ -140,3 +150,63 @@ def test_over_time_they_are_the_least_of_all_pairs(wall, shift):
     problem, _, q = wall
     expected = measured(problem, q, problem.collision.obstacle_pairs, shift).min(axis=1)
     assert obstacle_distances(problem, q, shift) == pytest.approx(expected, abs=1e-9)
+
+
+def planned(folder, name, count=401):
+    """Return problem, motion, times, configurations and the column of cube and table."""
+    problem, motion = lifting(folder, CASES[name])
+    time = np.linspace(0, motion.duration, count)
+    column = int(np.flatnonzero(problem.collision.between("hand", "table"))[0])
+    return problem, motion, time, motion.position(time), column
+
+
+def test_pairs_in_contact_are_not_judged_near_the_ends(tmp_path):
+    """The base stands 2 mm too low: on the table that is no collision, elsewhere it counts."""
+    problem, motion, time, q, column = planned(tmp_path, "a lift")
+    more = additional_distances(problem, motion, time)
+    near = (np.linalg.norm(q[:, None] - q[[0, -1]], axis=2) <= 0.03).any(axis=1)
+    np.testing.assert_array_equal(more[near, column], -np.inf)
+    np.testing.assert_array_equal(more[~near, column], 0.0)
+    np.testing.assert_array_equal(np.delete(more, column, axis=1), 0.0)
+    low = np.array([0.0, 0.0, -0.002])
+    obstacles, _ = least_clearances(problem, time, q, low, more)
+    assert obstacles.value == pytest.approx((q[~near, 1] - HALF - 0.002).min(), abs=1e-9)
+    everywhere, _ = least_clearances(problem, time, q, low)
+    assert everywhere.value == pytest.approx(-0.002, abs=1e-6)
+
+
+def test_where_no_pair_is_judged_at_all_there_is_no_least_clearance(tmp_path):
+    """All of the motion is within the contact's distance."""
+    problem, _, time, q, _ = planned(tmp_path, "a lift")
+    more = np.full((len(time), len(problem.collision.pairs)), -np.inf)
+    assert least_clearances(problem, time, q, NO_SHIFT, more) == (None, None)
+
+
+def test_a_segments_clearance_is_asked_while_the_plan_is_in_it(tmp_path):
+    problem, motion, time, _, column = planned(tmp_path, "by segment")
+    more = additional_distances(problem, motion, time)[:, column]
+    first, second = judged_visits(problem, motion)
+    np.testing.assert_allclose(more[time < first.end], 0.008)
+    np.testing.assert_allclose(more[time > second.begin], 0.017)
+    assert first.end == second.begin
+
+
+def test_what_pairs_of_links_must_keep_counts_from_nothing(tmp_path):
+    problem, motion = lifting(tmp_path, CASES["one for all"])
+    assert additional_distances(problem, motion, np.zeros(3)) is None
+    asked = changed(problem, pair_clearances={("base", "hand"): 0.02, ("hand", "table"): 0.003})
+    more = additional_distances(asked, motion, np.zeros(3))
+    links = asked.collision.between("base", "hand")
+    np.testing.assert_allclose(more[:, links], 0.02)
+    np.testing.assert_allclose(more[:, asked.collision.between("hand", "table")], -0.005)
+
+
+@pytest.mark.parametrize(
+    ("name", "broken"),
+    [("by segment", False), ("swapped", True), ("a lift", False), ("a lift without contact", True)],
+)
+def test_a_run_survives_if_it_keeps_what_its_segments_ask(tmp_path, name, broken):
+    problem, motion = lifting(tmp_path, CASES[name])
+    plants = drawn_plants(problem.robot, Robustness.exact(), Draw(1))
+    (run,) = judged_runs(problem, motion, executed(problem, motion, plants))
+    assert ("obstacles" in run.broken) == broken

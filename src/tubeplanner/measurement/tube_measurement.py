@@ -107,7 +107,15 @@ def measured_tube(
     measured = problem.with_tube(replace(tube, radius=radii, joint_signs=ranges))
     shown_radii = ", ".join(f"{1000 * segment.radius:.1f}" for segment in found)
     message = f"no collision found within radii of {shown_radii} mm and the joint ranges"
+    message += _left_out(problem)
     return TubeMeasurement(PlanStatus.SUCCESS, message, Place(), segments, measured, clock.elapsed)
+
+
+def _left_out(problem: PlanningProblem) -> str:
+    """Return what a message adds on pairs in contact, of which a measured tube claims nothing."""
+    names = (" and ".join(f"'{name}'" for name in each.links) for each in problem.contacts)
+    pairs = ", ".join(dict.fromkeys(names))
+    return f"; not measured, since they may be in contact: {pairs}" if pairs else ""
 
 
 def _segments_of_some_branch(

@@ -139,6 +139,8 @@ def _least(
         )
         closer = np.maximum(closer, along - asked[rows, columns])
         rows, columns, closer = nearest.undecided(rows, columns, closer)
+    if nearest.distance == np.inf:  # whatever may be in contact is so all along
+        return None
     links, obstacle = checker.owners(pairs[nearest.column])
     where = Place(time=float(time[nearest.row]), links=links, obstacle=obstacle)
     return Extreme(nearest.distance, where)
