@@ -62,7 +62,6 @@ KNOWS = {
     "mujoco": {"simulation.mujoco_model"},
     "ompl": {"tube_sources.joint_route"},
     "xacro": {"robot.xacro_file"},
-    "coal": {"collision.penetration"},
     "pydantic": {
         "problem.clearance_fields",
         "problem.field_types",
