@@ -99,6 +99,20 @@ class BodyShapes:
         frames = rotation[bodies[:, 1]]
         return found.distance, np.einsum("pij,pi->pj", frames, found.direction)
 
+    def separations_at(
+        self, rotation: FloatArray, position: FloatArray, pairs: IntArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return what `separations` does, each pair in its own configuration.
+
+        Args:
+            rotation: Shape (P, bodies, 3, 3).
+            position: Shape (P, bodies, 3) [m].
+            pairs: Shape (P, 2).
+        """
+        found = self.closest_points(rotation, position, pairs)
+        frames = rotation[np.arange(len(pairs)), self._bodies[pairs[:, 1]]]
+        return found.distance, np.einsum("pij,pi->pj", frames, found.direction)
+
     def closest_points(
         self, rotation: FloatArray, position: FloatArray, pairs: IntArray
     ) -> ClosestPoints:

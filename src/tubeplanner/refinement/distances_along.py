@@ -13,10 +13,13 @@ from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.problem.required_distances import NearEnd, RequiredDistances
 from tubeplanner.refinement.phased_spline import KnotGrid, Samples, segments_of_pieces
 
-# What is required rises with this power of the distance from the end, and is all there at this
+# What is required rises with the square of the distance from the end, and is all there at this
 # share of the way: between samples a path cuts the corner that is there. Higher powers cost less
-# time than .1 % where solids leave each other at a small angle, but steps do not find their way.
-_STEEPNESS, _RISEN_AT = 2, 0.93
+# time, by .1 % where solids leave each other at a small angle, but steps do not find their way.
+_RISEN_AT = 0.93
+# They leave each other at once, by this share of the mean slope: motions along each other are not
+# certain to stay clear between samples.
+_LEAVING = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,9 +119,11 @@ def _risen_share(near: NearEnd, tool: FloatArray) -> tuple[FloatArray, FloatArra
     From 0 at the end to 1, shape (N,), and its derivative by the tool, shape (N, 3) [1/m].
     """
     away, length = tool - near.tool, _RISEN_AT * near.within
-    share = np.linalg.norm(away, axis=1) / length
-    slope = np.where(share < 1, _STEEPNESS * share ** (_STEEPNESS - 2) / length**2, 0.0)
-    return share.clip(max=1) ** _STEEPNESS, slope[:, None] * away
+    distance = np.linalg.norm(away, axis=1)
+    share = (distance / length).clip(max=1)
+    slope = np.where(share < 1, 2 * share + _LEAVING * (1 - 2 * share), 0.0) / length
+    onward = away / np.where(distance > 0, distance, 1.0)[:, None]
+    return share**2 + _LEAVING * share * (1 - share), slope[:, None] * onward
 
 
 def _segments(grid: KnotGrid, samples: Samples) -> tuple[IntArray, IntArray]:

@@ -12,6 +12,8 @@ from tubeplanner.collision.collision_checker import CollisionChecker
 from tubeplanner.collision.separation import ClosestPoints
 from tubeplanner.outcome import MARGIN_TOLERANCE
 from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.problem.required_distances import in_contact
+from tubeplanner.refinement.corner_distances import CORNERS, of_corners
 from tubeplanner.refinement.distances_along import AimedDistances, DistancesAlong
 from tubeplanner.refinement.linear_rows import (
     INNER_MARGIN,
@@ -55,6 +57,8 @@ class LinkConstraints:
         self._pairs = checker.pairs
         self._samples = Samples(np.zeros(0, int), np.zeros(0), np.zeros(0, int))
         self._pair = np.zeros(0, dtype=np.int64)
+        self._corner = np.zeros(0, dtype=np.int64)
+        self._in_contact = in_contact(problem)
         self._spare = np.full(len(self._pairs), np.nan)
         self._approach = checker.motion_weights(self._pairs)
         self._seen: tuple[FloatArray, FloatArray] | None = None
@@ -65,14 +69,16 @@ class LinkConstraints:
         at = sampled(spline, self._samples)
         rotation, position = self._problem.robot.body_poses(at.position)
         pairs = self._pairs[self._pair]
-        closest = self._checker.closest_points(rotation, position, pairs)
+        poses = rotation, position
+        closest = self._checker.closest_points(*poses, pairs)
+        closest = of_corners(self._checker, poses, pairs, closest, self._corner)
         spare = self._spare[self._pair]
         along = self._required(spline)
         required, change = along.of_pairs(spline.grid, self._samples, at.position, self._pair)
         # Where the aimed distance is smaller, the merit function may ignore less of it.
         strict = (MERIT_TOLERANCE * (1 - spare / _INNER_MARGIN) - _ROUNDING).clip(min=0)
         aim = AimedDistances(required + spare, change, strict)
-        return EvaluatedLinks(self._problem, at, pairs, aim, rotation, position, closest)
+        return EvaluatedLinks(self._problem, at, pairs, aim, *poses, closest)
 
     def on_other_knots(self, spline: PhasedSpline, other: PhasedSpline) -> "LinkConstraints":
         """Return the same for a spline on other knots, watched where they were."""
@@ -127,8 +133,13 @@ class LinkConstraints:
         )
         fresh = np.flatnonzero(~same.any(axis=1))
         self._set_spare(spline, np.unique(pair[fresh]))
-        self._samples = self._samples.and_also(samples.where(fresh))
-        self._pair = np.concatenate([self._pair, pair[fresh]])
+        # Solids in contact may lie on each other: several corners count.
+        rows = np.repeat(fresh, np.where(self._in_contact[pair[fresh]], CORNERS, 1))
+        number = np.arange(len(rows)) - np.searchsorted(rows, rows)
+        corner = np.where(self._in_contact[pair[rows]], number, -1)
+        self._samples = self._samples.and_also(samples.where(rows))
+        self._pair = np.concatenate([self._pair, pair[rows]])
+        self._corner = np.concatenate([self._corner, corner])
         too_close = clearance[fresh] < self._spare[pair[fresh]]
         return bool(too_close.any())
 

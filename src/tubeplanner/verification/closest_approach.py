@@ -183,12 +183,10 @@ class _Search:
             batch = batch[lower[batch] < self._settled_above()]
             if len(batch) == 0:
                 break
-            distance = np.empty(len(batch))
-            for i in np.unique(interval[batch]):
-                here = np.flatnonzero(interval[batch] == i)
-                distance[here], direction[batch[here]] = self._checker.separations(
-                    rotation[i], position[i], self._pairs[rows.pair[batch[here]]]
-                )
+            at = interval[batch]
+            distance, direction[batch] = self._checker.separations_at(
+                rotation[at], position[at], self._pairs[rows.pair[batch]]
+            )
             self._remember(distance, time[interval[batch]], rows.pair[batch])
             lower[batch] = np.maximum(lower[batch], distance - less[batch])
         return lower, direction
