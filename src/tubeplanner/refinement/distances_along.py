@@ -19,7 +19,7 @@ from tubeplanner.refinement.phased_spline import KnotGrid, Samples, segments_of_
 _RISEN_AT = 0.93
 # They leave each other at once, by this share of the mean slope: motions along each other are not
 # certain to stay clear between samples.
-_LEAVING = 0.1
+_LEAVING = 0.3
 
 
 @dataclass(frozen=True, eq=False)
