@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
+from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.robot.robot_model import RobotModel
 
 
@@ -43,3 +44,13 @@ def outside_bounds(
         f"'{robot.joint_names[joint]}' would be at {value:.4g}, outside "
         f"[{lower[joint]:g}, {upper[joint]:g}]",
     )
+
+
+def bounded_by(problem: PlanningProblem, segments: tuple[int, ...], outside: OutsideBounds) -> str:
+    """Return whether position limits or joint signs of segments bound a joint outside them."""
+    limits, joint, rows = problem.robot.limits, outside.joint, list(segments)
+    if outside.is_above:
+        is_limit = problem.joint_upper[rows, joint].min() == limits.upper_position[joint]
+    else:
+        is_limit = problem.joint_lower[rows, joint].max() == limits.lower_position[joint]
+    return "position limits" if is_limit else "joint signs"

@@ -13,7 +13,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray
 from tubeplanner.branches.inverse_kinematics import PositionSolution, solve_position
 from tubeplanner.branches.joint_middle import middle_of
-from tubeplanner.branches.outside_bounds import outside_bounds
+from tubeplanner.branches.outside_bounds import bounded_by, outside_bounds
 from tubeplanner.branches.pose_configurations import spread_seeds
 from tubeplanner.branches.pose_within_tolerance import solve_within_tolerance
 from tubeplanner.branches.segment_walk import explain_turn
@@ -284,10 +284,6 @@ def _require_free(at: _Configurations, q: FloatArray) -> None:
 
 def _least_outside(at: _Configurations, *, turned: bool) -> tuple[str, str]:
     """Return what bounds the joint that would leave its bounds the least, and where it would be."""
-    limits, (lower, upper) = at.problem.robot.limits, at.bounds
-    outside = outside_bounds(at.problem.robot, at.unbounded(turned=turned), lower, upper)
-    joint = outside.joint
-    is_limit = lower[joint] == limits.lower_position[joint]
-    if outside.is_above:
-        is_limit = upper[joint] == limits.upper_position[joint]
-    return "position limits" if is_limit else "joint signs", outside.words
+    found = at.unbounded(turned=turned)
+    outside = outside_bounds(at.problem.robot, found, *at.bounds)
+    return bounded_by(at.problem, at.spot.segments, outside), outside.words
