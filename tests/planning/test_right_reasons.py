@@ -77,7 +77,7 @@ def test_nothing_blocks_what_can_be_planned(possible):
         ("far middle", FAR, "out of the arm's reach; move the reference point 2", 2),
         ("joint limit", FAR, "position limits are in the way, 'panda_joint4'", 3),
         ("joint signs", FAR, "joint signs are in the way, 'panda_joint4'", 3),
-        ("heavy", HEAVY, "joint 'panda_joint2' needs 10", None),
+        ("heavy", HEAVY, "joint 'panda_joint2' needs", None),
         ("goal in an obstacle", BLOCKED, "into 'block' (clearance 10 mm) in the goal", None),
         ("limit and orientation", FAR, "position limits are in the way of the orientation", 3),
         ("signs and orientation", FAR, "joint signs are in the way of the orientation", 3),
@@ -97,7 +97,7 @@ def test_what_blocks_is_named_before_the_rotation_tolerance(name, status, named,
     [
         ("signs and orientation", FAR, "joint signs are in the way of the orientation"),
         ("joint signs", FAR, "start from its seed: joint signs are in the way of the orientation"),
-        pytest.param("heavy", HEAVY, "joint 'panda_joint2' needs 10", marks=pytest.mark.slow),
+        pytest.param("heavy", HEAVY, "joint 'panda_joint2' needs", marks=pytest.mark.slow),
         pytest.param("goal in an obstacle", BLOCKED, "'block'", marks=pytest.mark.slow),
     ],
 )
