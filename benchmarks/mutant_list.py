@@ -1561,7 +1561,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "blocked_spot": [("[*_POSITION_CHECKS, _not_free]", "[]")],
     "_first_reason": [("if reason is not None:", "if False:")],
     "_turned_out_of_bounds": [("turned=True) is not None", "turned=False) is not None")],
-    "_Configurations.is_there": [("<= MARGIN_TOLERANCE", "<= 1.0")],
+    "_Configurations.is_there": [("self.spot.allowed + _REACHED", "10.0")],
     "_Configurations.is_free": [("depth <= self", "depth >= self")],
     "path_spots": [("if k < last", "if k <= last")],
     "_inside": [("/ 2]", "]")],
