@@ -130,6 +130,10 @@ TESTS = {
         "planning/test_planner_motors.py",
         "refinement/test_spline_constraints_motors.py",
     ),
+    "planning/blocked_spot": ("planning/test_right_reasons.py",),
+    "planning/path_spots": ("planning/test_right_reasons.py",),
+    "branches/outside_bounds": ("planning/test_right_reasons.py",),
+    "branches/pose_within_tolerance": ("planning/test_right_reasons.py",),
     "planning/gain_note": ("planning/test_second_stage_plan_energy.py",),
     "planning/followed_plan": (
         "planning/test_second_stage_plan_energy.py",
@@ -1587,6 +1591,19 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("outcome.predicted - outcome.linear", "outcome.predicted - outcome.gain"),
         ("max(_MORE * self.damping, enough)", "_MORE * self.damping"),
     ],
+    # --- planning: blocked_spot, path_spots -----------------------------------------------------
+    "blocked_spot": [("[*_POSITION_CHECKS, _not_free]", "[]")],
+    "_first_reason": [("if reason is not None:", "if False:")],
+    "_turned_out_of_bounds": [("turned=True) is not None", "turned=False) is not None")],
+    "_Configurations.is_there": [("self.spot.allowed + _REACHED", "10.0")],
+    "_Configurations.is_free": [("depth <= self", "depth >= self")],
+    "path_spots": [("if k < last", "if k <= last")],
+    "_inside": [("/ 2]", "]")],
+    "_corner": [(".min())", ".max())")],
+    # --- branches: outside_bounds, pose_within_tolerance ----------------------------------------
+    "outside_bounds": [(".argmin()", ".argmax()")],
+    "bounded_by": [("is_limit else", "not is_limit else")],
+    "_Lacks.of": [("_ANGLE_WEIGHT * beyond,", "0 * beyond,")],
     # --- planning/narrowed_plan ----------------------------------------------------------------
     "narrowed_plan": [
         ("problem.tube.scaled(share)", "problem.tube"),

@@ -113,7 +113,12 @@ def _blocked_cases() -> tuple[RefusalCase, ...]:
 def _other_cases() -> tuple[RefusalCase, ...]:
     kept = {"elbow_joint": "+", "shoulder_pan_joint": [-1.2, -0.2]}
     weak = {"limits": {"effort": {"shoulder_lift_joint": 25.0}}}
+    to_one_side, wrist = {"shoulder_pan_joint": [-1.2, 0.0]}, {"wrist_1_joint": [-2.3, -1.5]}
+    far = [[0.45, -0.3, 0.2], [0.45, -0.3, 0.525], [0.78, 0.5, 0.525], [0.45, 0.3, 0.2]]
     return (
         RefusalCase("joint signs", _WALL, _FAR, {"tube": {"joint_signs": kept}}),
         RefusalCase("heavy on the way", _WALL, _HEAVY, {"robot": weak}),
+        RefusalCase("joint limit", _TRAY, _FAR, {"robot": {"limits": {"position": to_one_side}}}),
+        RefusalCase("limit of the wrist", _TRAY, _FAR, {"robot": {"limits": {"position": wrist}}}),
+        RefusalCase("middle out of reach", _TRAY, _FAR, {"tube": {"points": far}}),
     )

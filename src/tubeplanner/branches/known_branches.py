@@ -94,8 +94,8 @@ class KnownBranches:
         self, name: str, stage: str, search: Callable[[], ReferenceBranch]
     ) -> ReferenceBranch:
         self.require_ends()
-        self._clock.enter(stage)
         if name not in self._found:
+            self._clock.enter(stage)
             try:
                 self._found[name] = search()
             except Infeasible as reason:

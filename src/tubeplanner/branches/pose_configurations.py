@@ -5,6 +5,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray
 from tubeplanner.branches.inverse_kinematics import WantedRotation, solve_position
 from tubeplanner.branches.joint_middle import half_ranges, middle_of
+from tubeplanner.branches.outside_bounds import outside_bounds
 from tubeplanner.constraints.held_configuration import require_held
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem
@@ -113,7 +114,7 @@ def _reason(problem: PlanningProblem, pose: ToolPose, segment: int) -> str:
     others = reaching(robot, pose, seeds, *wide)
     if len(others):
         number = problem.tube.segment_number(segment, pose.position)
-        where = _outside(robot, others, lower, upper)
+        where = outside_bounds(robot, others, lower, upper).words
         return (
             f"no configuration with the joint signs of segment {number} has the tool at the pose; "
             f"on another branch {where}; change tube.joint_signs or the pose"
@@ -121,19 +122,9 @@ def _reason(problem: PlanningProblem, pose: ToolPose, segment: int) -> str:
     free = np.full(robot.joint_count, np.inf)
     others = reaching(robot, pose, seeds, -free, free)
     if len(others):
-        return f"position limits are in the way of the pose: {_outside(robot, others, *wide)}"
+        where = outside_bounds(robot, others, *wide).words
+        return f"position limits are in the way of the pose: {where}"
     return _out_of_reach(robot, pose, seeds)
-
-
-def _outside(robot: RobotModel, found: FloatArray, lower: FloatArray, upper: FloatArray) -> str:
-    """Return which joint is outside its bounds, in the configuration that is so the least."""
-    beyond = np.maximum(np.maximum(lower - found, found - upper), 0.0)
-    best = int(beyond.max(axis=1).argmin())
-    joint = int(beyond[best].argmax())
-    return (
-        f"'{robot.joint_names[joint]}' would be at {found[best, joint]:.4g}, outside "
-        f"[{lower[joint]:g}, {upper[joint]:g}]"
-    )
 
 
 def _out_of_reach(robot: RobotModel, pose: ToolPose, seeds: FloatArray) -> str:

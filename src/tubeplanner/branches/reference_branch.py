@@ -13,7 +13,8 @@ from enum import StrEnum
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.branches.inverse_kinematics import solve_position
+from tubeplanner.branches.inverse_kinematics import PositionSolution, solve_position
+from tubeplanner.branches.outside_bounds import bounded_by, outside_bounds
 from tubeplanner.branches.pose_configurations import pose_configurations
 from tubeplanner.branches.reference_turn import wanted_at
 from tubeplanner.branches.segment_walk import (
@@ -173,12 +174,37 @@ def end_configuration(
     elif problem.tube.rotation is not None:
         rotation, tool = problem.robot.tool_pose(solution.q[None])
         if problem.tube.rotation.margin(rotation, tool, segment)[0] < 0:
-            reason = explain_turn(problem, segment, turned_off(solution))
+            reason = _explain_turned_end(problem, target, seed, segment, solution)
     if reason is not None:
         place = Place(segment=problem.tube.segment_number(segment, target)).at(target)
         end = "start" if point == 0 else "goal"
         raise Infeasible(PlanStatus.UNREACHABLE, f"{end} from its seed: {reason}", place)
     return solution.q
+
+
+def _explain_turned_end(
+    problem: PlanningProblem,
+    target: FloatArray,
+    seed: FloatArray,
+    segment: int,
+    solution: PositionSolution,
+) -> str:
+    """Return why a seed leads to a point (3,) but not to the orientation asked there."""
+    robot, tube = problem.robot, problem.tube.rotation
+    free = np.full(robot.joint_count, np.inf)
+    wanted = wanted_at(problem, target, segment)
+    other = solve_position(robot, target, seed, -free, free, rotation=wanted)
+    rotation, tool = robot.tool_pose(other.q[None])
+    lower, upper = problem.joint_lower[segment], problem.joint_upper[segment]
+    is_outside = ((other.q < lower) | (other.q > upper)).any()
+    is_turned = tube is not None and tube.margin(rotation, tool, segment)[0] >= 0
+    if other.error > _SEED_TOLERANCE or not is_turned or not is_outside:
+        return explain_turn(problem, segment, turned_off(solution))
+    outside = outside_bounds(robot, other.q[None], lower, upper)
+    return (
+        f"{bounded_by(problem, (segment,), outside)} are in the way of the orientation asked, "
+        f"{outside.words}; change them, the seed or tube.orientations"
+    )
 
 
 def _route(problem: PlanningProblem, start: FloatArray, goal: FloatArray | None) -> FloatArray:

@@ -30,34 +30,45 @@ def refusal(problem: PlanningProblem, certificate: Certificate) -> Infeasible | 
     return Infeasible(PlanStatus.CERTIFICATE_FAILED, message, place)
 
 
-def require_free(problem: PlanningProblem, name: str, q: FloatArray) -> None:
+def require_free(
+    problem: PlanningProblem, name: str, q: FloatArray, required: FloatArray | None = None
+) -> None:
     """Check that a configuration (n,) is not itself in collision or too near to an obstacle.
 
     Args:
         problem: The planning problem.
-        name: What the configuration is called: start or goal.
+        name: What the configuration is called: start, goal or another place.
         q: Shape (n,).
+        required: What is required of all pairs there, shape (P,) [m]; None: as at start or goal.
 
     Raises:
         Infeasible: Status tube_blocked.
     """
-    checker = problem.collision
-    rotation, position = problem.robot.body_poses(q[None])
-    distance = checker.distances(rotation[0], position[0], checker.pairs)
-    margins = distance - _required_at_end(problem, name, q)
+    required = _required_at_end(problem, name, q) if required is None else required
+    margins = clear_by(problem, q, required)
     if not (margins < -Tolerance().absolute).any():
         return
+    checker = problem.collision
     worst = int(margins.argmin())
     links, obstacle = checker.owners(checker.pairs[worst])
-    when = f"in the {name} configuration"
-    remedy = f"choose another {name} or move what is in the way"
-    if obstacle is not None:  # it may be what a motion picks up or puts down
+    is_end = name in ("start", "goal")
+    when = f"in the {name} configuration" if is_end else f"at {name}"
+    remedy = f"choose another {name} or move what is in the way" if is_end else _REMEDY
+    if is_end and obstacle is not None:  # it may be what a motion picks up or puts down
         remedy += (
             f", or list [{links[0]}, {obstacle}] in contacts if they may be that near there, in "
             "collision.ignore if they may touch"
         )
     place = Place(links=links, obstacle=obstacle)
     raise _blocked(problem, place, float(margins[worst]), when, remedy)
+
+
+def clear_by(problem: PlanningProblem, q: FloatArray, required: FloatArray) -> FloatArray:
+    """Return how much farther apart than required (P,) all pairs are in a configuration (n,)."""
+    checker = problem.collision
+    rotation, position = problem.robot.body_poses(q[None])
+    distance: FloatArray = checker.distances(rotation[0], position[0], checker.pairs)
+    return distance - required
 
 
 def _required_at_end(problem: PlanningProblem, name: str, q: FloatArray) -> FloatArray:
