@@ -810,12 +810,27 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ),
         ("AskedDistances(motion).over", "lambda b, e, pair: np.zeros(len(pair))"),
     ],
+    "of_corners": [
+        ("distance[row] += more", "pass"),
+        ("corners[chosen] - apart * towards", "corners[chosen]"),
+        ("if more > _NEAR:", "if False:"),
+    ],
+    "_risen_share": [
+        ("share**2 + _LEAVING", "share + _LEAVING"),
+        ("(distance / length).clip(max=1)", "(distance / length)"),
+        ("* (1 - 2 * share)", "* (1 - share)"),
+    ],
+    "DistancesAlong.of_pairs": [("here &= risen < required", "pass")],
+    "_segments": [("np.where(samples.share == 1, 1, 0)", "0")],
+    "penetration": [("sign * placed.shape.normals", "placed.shape.normals")],
+    "Linearization.costs": [("if risen is not None:", "if False:")],
+    "_across": [("corner - apart * normal", "corner + apart * normal")],
     "ClearanceMargin.at": [("left[:, k] = self._left(", "_ = self._left(")],
     "ClearanceMargin._at": [("distance[row, column] = closest.distance", "_ = closest.distance")],
     "clearance_margin": [("None if margin.is_constant else margin", "None")],
     # --- verification/asked_distances, problem/contact, required_distances, clearance_fields ------
     "AskedDistances.over": [
-        ('begin, side="left"', 'begin, side="right"'),
+        ("(self._end, begin)", '(self._end, begin, side="right")'),
         ("np.maximum(most, asked)", "np.minimum(most, asked)"),
         ("np.minimum(asked, near.distance)", "near.distance"),
         (" & near.pair[pair]", ""),
@@ -922,6 +937,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("(centers + position[row])", "centers", "only stricter: any direction gives a bound"),
     ],
     "PlacedShapes.separations": [
+        ("_, gap[row], near[row], far[row] = found", "pass"),
         (" - self._radii[pairs].sum(axis=1)", ""),
     ],
     "PlacedShapes._apart": [
@@ -2054,7 +2070,6 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("(q - middle)", "(q - q)"),
     ],
     "reaching": [("solution.rotation_error) <= _REACHED", "0.0) <= _REACHED")],
-    "_outside": [("beyond.max(axis=1).argmin()", "beyond.max(axis=1).argmax()")],
     "middle_of": [("np.clip(0.0, lower, upper)", "0.0")],
     "half_ranges": [("np.isfinite(half)", "np.isnan(half)")],
     "_continuing": [("if _is_continued(replace(problem, goal=q)):", "if True:")],

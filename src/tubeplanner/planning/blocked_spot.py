@@ -19,7 +19,7 @@ from tubeplanner.branches.pose_within_tolerance import solve_within_tolerance
 from tubeplanner.branches.segment_walk import explain_turn
 from tubeplanner.constraints.held_configuration import require_held
 from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible, Place, PlanStatus
-from tubeplanner.planning.path_spots import Spot, goal_spot, path_spots
+from tubeplanner.planning.path_spots import Spot, path_spots
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.problem.required_distances import RequiredDistances
 from tubeplanner.verification.refusal import clear_by, require_free
@@ -53,21 +53,6 @@ def blocked_spot(
     if problem.rotation is not None:
         checks += _TURNED_CHECKS
     return _first_reason(problem, start, path_spots(problem, end), checks, checkpoint)
-
-
-def blocked_goal(
-    problem: PlanningProblem, start: FloatArray, checkpoint: Callable[[], None]
-) -> Infeasible | None:
-    """Return why no configuration has the tool at an open goal, obstacles left aside.
-
-    Args:
-        problem: The planning problem.
-        start: Its start configuration, shape (n,).
-        checkpoint: Called before every condition; it may raise to end the work.
-    """
-    goals = [] if problem.open_goal is None else [goal_spot(problem)]
-    checks = [*_POSITION_CHECKS, *([] if problem.rotation is None else _TURNING_CHECKS)]
-    return _first_reason(problem, start, goals, checks, checkpoint)
 
 
 def _first_reason(
@@ -259,8 +244,10 @@ def _turned_not_free(at: _Configurations) -> Infeasible | None:
 
 
 _POSITION_CHECKS: tuple[_Check, ...] = (_out_of_reach, _out_of_bounds, _not_held)
-_TURNING_CHECKS: tuple[_Check, ...] = (_turned_away, _turned_out_of_bounds)
-_TURNED_CHECKS: tuple[_Check, ...] = (*_TURNING_CHECKS, _turned_not_held, _turned_not_free)
+_TURNED_CHECKS: tuple[_Check, ...] = (
+    *(_turned_away, _turned_out_of_bounds),
+    *(_turned_not_held, _turned_not_free),
+)
 
 
 def _without(

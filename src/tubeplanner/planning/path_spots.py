@@ -50,7 +50,7 @@ def path_spots(problem: PlanningProblem, end: Place) -> list[Spot]:
     last = problem.tube.segment_count - 1
     points = [_corner(problem, k) for k in segments if k < last]
     if problem.open_goal is not None:
-        points.append(goal_spot(problem))
+        points.append(_goal_spot(problem))
     return points + [spot for k in segments for spot in _inside(problem, k, end)]
 
 
@@ -89,7 +89,7 @@ def _corner(problem: PlanningProblem, segment: int) -> Spot:
     return Spot(f"reference point {number}", both, tool, allowed, place, both)
 
 
-def goal_spot(problem: PlanningProblem) -> Spot:
+def _goal_spot(problem: PlanningProblem) -> Spot:
     """Return the open goal of a problem."""
     tube, goal = problem.tube, problem.open_goal
     assert goal is not None

@@ -20,7 +20,7 @@ from tubeplanner.planning.plan_options import (
 )
 from tubeplanner.planning.plan_result import PlanResult, stopped_result
 from tubeplanner.planning.refined_plan import refined_plan
-from tubeplanner.planning.right_reason import require_goal, right_reason
+from tubeplanner.planning.right_reason import right_reason
 from tubeplanner.planning.robust_plan import robust_plan
 from tubeplanner.planning.searched_plan import searched_plan
 from tubeplanner.planning.stopping_plan import StoppingPlan, stopping_plan
@@ -200,7 +200,6 @@ def _planned(
     branches = KnownBranches(problem, clock)
     try:
         require_possible(problem, branches)
-        require_goal(problem, branches, clock)
     except Infeasible as reason:
         return PlanResult(reason.status, str(reason), reason.place, options.method)
     if options.method == SUH_BISHOP:

@@ -3,32 +3,14 @@
 from dataclasses import replace
 
 from tubeplanner.branches.known_branches import KnownBranches
-from tubeplanner.branches.reference_branch import redundancy_rules
 from tubeplanner.outcome import Infeasible, PlanStatus
-from tubeplanner.planning.blocked_spot import blocked_goal, blocked_spot
+from tubeplanner.planning.blocked_spot import blocked_spot
 from tubeplanner.planning.plan_result import PlanResult
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, TimeLimitReached
 
 # A branch, or a certificate, that ends planning so may not have met what really blocks.
 _SYMPTOMS = (PlanStatus.UNREACHABLE, PlanStatus.NO_TRAJECTORY, PlanStatus.CERTIFICATE_FAILED)
-
-
-def require_goal(problem: PlanningProblem, branches: KnownBranches, clock: PlanningClock) -> None:
-    """Check, where no branch leads to an open goal, that some configuration does.
-
-    Raises:
-        Infeasible: None has the tool there, or motors hold none of them.
-        TimeLimitReached: Before that was known.
-    """
-    if problem.open_goal is None or problem.tube.visit != "ordered":
-        return
-    try:
-        branches.by_rule(redundancy_rules(problem)[0])
-    except Infeasible:
-        reason = blocked_goal(problem, branches.require_ends()[0], clock.check)
-        if reason is not None:
-            raise reason from None
 
 
 def right_reason(
