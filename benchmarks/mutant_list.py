@@ -821,7 +821,6 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("* (1 - 2 * share)", "* (1 - share)"),
     ],
     "DistancesAlong.of_pairs": [("here &= risen < required", "pass")],
-    "_segments": [("np.where(samples.share == 1, 1, 0)", "0")],
     "penetration": [("sign * placed.shape.normals", "placed.shape.normals")],
     "Linearization.costs": [("if risen is not None:", "if False:")],
     "_across": [("corner - apart * normal", "corner + apart * normal")],
@@ -2762,6 +2761,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ('merged[np.argsort(merged[:, 0], kind="stable")]', "merged"),
     ],
     "_segments": [
+        ("np.where(samples.share == 1, 1, 0)", "0"),
         ("margin.argmax(axis=1)", "margin.argmin(axis=1)"),
         ('samples, side="left"', 'samples, side="right"'),
         ('samples, side="right"', 'samples, side="left"'),
