@@ -1,6 +1,8 @@
 """The command `simulate`: execute a trajectory with arms that differ from the model."""
 
 from dataclasses import dataclass, replace
+from itertools import count
+from math import ceil
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -111,9 +113,12 @@ def simulate(
         asked = replace(loaded.robustness or Robustness(), **given)
         enter(f"{runs} runs")
         plants = drawn_plants(loaded.robot, asked, draw)
-        execution = executed(loaded, read, plants, asked.controller, asked.control_period)
-        enter("tolerances and clearance")
-        judged = judged_runs(loaded, read, execution)
+        control = (asked.controller, asked.control_period)
+        periods = ceil(read.duration / asked.control_period)
+        moving = _counted(enter, f"{runs} runs, control period", periods)
+        execution = executed(loaded, read, plants, *control, moving)
+        judging = _counted(enter, "tolerances and clearance, run", runs)
+        judged = judged_runs(loaded, read, execution, judging)
         if pictures.paths:
             enter("pictures")
             pictures.write(loaded, read, execution, judged)
@@ -125,6 +130,12 @@ def simulate(
         say(*_lines(judged), *said, *(f"{kind}: {path}" for kind, path in pictures.paths), sep="\n")
         if not pictures.paths:
             say_unwritten("--plot", "--html")
+
+
+def _counted(enter: "Callable[[object], None]", stage: str, most: int) -> "Callable[[], None]":
+    """Return what enters a stage with how often it was called, of so many times."""
+    done = count(1)
+    return lambda: enter(f"{stage} {min(next(done), most)} of {most}")
 
 
 @dataclass(frozen=True)
