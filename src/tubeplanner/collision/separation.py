@@ -27,6 +27,8 @@ _NO_LENGTH = 1e-12  # [m]
 # A bound this far below FCL's distance [m] is improved, in at most so many steps.
 _LOOSE = 1e-5
 _MAX_IMPROVEMENTS = 40
+# Of shapes that are this close, bounds are improved that are so far below [m].
+_CLOSE, _LOOSE_WHERE_CLOSE = 1e-3, 1e-7
 _REQUEST = fcl.DistanceRequest(enable_nearest_points=True)
 _PAIRS_AT_ONCE = 256  # as many as keep their vertices in the processor's cache
 
@@ -90,8 +92,9 @@ class PlacedShapes:
             apart, direction = self._improved(pairs[row], rotation[row], position[row], gap[row])
             if apart > best[row]:
                 best[row], along[row] = apart, direction
-        # Of shapes that touch, the way from point to point may lead anywhere.
-        for row in np.flatnonzero(~overlap & (best <= length - _LOOSE)):
+        # Of shapes that all but touch, the way from point to point may lead anywhere.
+        allowed = np.where(length < _CLOSE, _LOOSE_WHERE_CLOSE, _LOOSE)
+        for row in np.flatnonzero(~overlap & (best <= length - allowed)):
             found = self._penetration(pairs[row], rotation[row], position[row])
             if found.apart > best[row]:
                 best[row], along[row], near[row], far[row] = found
