@@ -29,7 +29,7 @@ def motion_notes(problem: PlanningProblem, name: str, file: TrajectoryFile) -> l
     notes = [f"fails: {failures}" if failures else "passes every condition"]
     notes += notes_on_file(problem, file, failed=not certificate.passed)
     if has_other_part(problem, file):
-        notes.append("it is drawn with empty hand, as it carried something else")
+        notes.append("it is drawn with an empty hand, as it carried something else")
     return [f"{name}: {note}" for note in notes]
 
 
