@@ -817,11 +817,16 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     "_risen_share": [
         ("share**2 + _LEAVING", "share + _LEAVING"),
-        ("(distance / length).clip(max=1)", "(distance / length)"),
         ("* (1 - 2 * share)", "* (1 - share)"),
     ],
     "DistancesAlong.of_pairs": [("here &= risen < required", "pass")],
-    "penetration": [("sign * placed.shape.normals", "placed.shape.normals")],
+    "penetration": [
+        (
+            "sign * placed.shape.normals",
+            "placed.shape.normals",
+            "Coal's direction is as good there",
+        ),
+    ],
     "Linearization.costs": [("if risen is not None:", "if False:")],
     "_across": [("corner - apart * normal", "corner + apart * normal")],
     "ClearanceMargin.at": [("left[:, k] = self._left(", "_ = self._left(")],
@@ -833,11 +838,17 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("np.maximum(most, asked)", "np.minimum(most, asked)"),
         ("np.minimum(asked, near.distance)", "near.distance"),
         (" & near.pair[pair]", ""),
-        ("(segment == near.segment)", "True"),
+        ("(segment == near.segment)", "True", "times near an end are in its segment"),
     ],
     "_within": [("end <= times.end", "begin <= times.end")],
     "_parts_near": [(".max(axis=0) + error <= near.within", ".min(axis=0) + error <= near.within")],
-    "_merged": [("gap = parts[1:, 0] - parts[:-1, 1] >", "gap = parts[1:, 0] - parts[:-1, 1] >=")],
+    "_merged": [
+        (
+            "gap = parts[1:, 0] - parts[:-1, 1] >",
+            "gap = parts[1:, 0] - parts[:-1, 1] >=",
+            "a gap of exactly that",
+        )
+    ],
     "NearEnd.holds": [
         ("away <= self.within", "away < self.within"),
         ("(segment == self.segment) & ", ""),

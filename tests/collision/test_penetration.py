@@ -74,3 +74,15 @@ def test_the_points_lie_on_the_faces_across_from_each_other():
     corners = box(PART).vertices @ rotation.T + position
     np.testing.assert_allclose(found.second[0], corners[corners[:, 2].argmin()], atol=1e-5)
     np.testing.assert_allclose(found.first[0][:2], found.second[0][:2], atol=1e-5)
+
+
+@pytest.mark.parametrize("gap", [0.0, -1e-9, -1e-6])
+def test_an_edge_on_a_face_that_no_other_is_parallel_to(gap):
+    """The normal of the second shape's face alone is exact."""
+    corners = [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0], [0.2, 0.1, -1]]
+    wedge = convex_hull(np.array(corners, dtype=float))
+    turned = Rotation.from_euler("y", 45, True).as_matrix()
+    height = np.sqrt(2) * 0.05 + gap
+    found = separation(box((0.1, 0.8, 0.1)), wedge, turned.T, turned.T @ [0, 0, -height])
+    assert gap - 1e-9 <= found.distance[0] <= gap + 1e-12
+    np.testing.assert_allclose(turned @ found.direction[0], [0, 0, -1], atol=1e-9)

@@ -68,3 +68,32 @@ def test_where_the_same_is_asked_throughout_nothing_changes_with_the_joints(prob
     required, change = along(made).of_pairs(GRID, samples, np.tile(START, (3, 1)), np.arange(3))
     np.testing.assert_array_equal(change, 0.0)
     np.testing.assert_array_equal(required, RequiredDistances(made, START, GOAL).by_segment[0, :3])
+
+
+@pytest.mark.parametrize("ends", [("start",), ("goal",), ("start", "goal")])
+def test_what_changes_with_the_joints_is_what_is_required(ends, two_link):
+    """Of both ends of one segment the one counts that requires less."""
+    tool = two_link.tool_position(np.array([START, GOAL]))
+    ball = Obstacle.sphere("ball", 0.05, placement_of([0.0, 2.2, 0.0]))
+    made = PlanningProblem(
+        two_link,
+        Tube(tool, 0.3),
+        START,
+        GOAL,
+        obstacles=[ball],
+        clearance=3.0,
+        contacts=[Contact(NAMES, 0.9, ends)],
+    )
+    grid, column = knot_grid(np.array([0.0, 1.0]), 8), made.collision.between(*NAMES).argmax()
+    q = START + np.linspace(0.02, 0.98, 25)[:, None] * (GOAL - START)
+    samples = Samples(np.zeros(25, int), np.full(25, 0.5), np.ones(25, int))
+
+    def required(x):
+        return along(made).of_pairs(grid, samples, x, np.full(25, column))
+
+    found, change = required(q)
+    np.testing.assert_allclose(found, along(made).at(grid, samples, q)[:, column])
+    for joint in range(2):
+        step = 1e-6 * np.eye(2)[joint]
+        slope = (required(q + step)[0] - required(q - step)[0]) / 2e-6
+        np.testing.assert_allclose(change[:, joint], slope, atol=1e-5)

@@ -114,14 +114,15 @@ class DistancesAlong:
 
 
 def _risen_share(near: NearEnd, tool: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return which share of what is required in addition farther away is required of tools (N, 3).
+    """Return which share of what is more required farther away is required of tools (N, 3).
 
-    From 0 at the end to 1, shape (N,), and its derivative by the tool, shape (N, 3) [1/m].
+    From 0 at the end to 1, and more where all of it is required, shape (N,), and its derivative by
+    the tool, shape (N, 3) [1/m].
     """
     away, length = tool - near.tool, _RISEN_AT * near.within
     distance = np.linalg.norm(away, axis=1)
-    share = (distance / length).clip(max=1)
-    slope = np.where(share < 1, 2 * share + _LEAVING * (1 - 2 * share), 0.0) / length
+    share = distance / length
+    slope = (2 * share + _LEAVING * (1 - 2 * share)) / length
     onward = away / np.where(distance > 0, distance, 1.0)[:, None]
     return share**2 + _LEAVING * share * (1 - share), slope[:, None] * onward
 
