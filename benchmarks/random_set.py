@@ -92,7 +92,7 @@ def certified_duration(
 ) -> float | None:
     """Return what refinement reaches from one start [s]; None if that is not certified."""
     start = starting_spline(problem, branch, intervals)
-    parts = max(1, round((MAX_INTERVALS / start.shape.interval_count) ** 0.5))
+    parts = max(1, round((MAX_INTERVALS / start.grid.interval_count) ** 0.5))
     refinement = Refinement(problem, start, (parts, parts) if parts > 1 else ())
     try:
         refinement.run()
