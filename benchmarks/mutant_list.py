@@ -159,6 +159,7 @@ TESTS = {
         "refinement/test_sequential_program.py",
         "planning/test_planner_best_known.py",
     ),
+    "refinement/linearization": ("refinement/test_sensitivities.py",),
     "refinement/sequential_program": (
         "refinement/test_sensitivities.py",
         "planning/test_planner_best_known.py",

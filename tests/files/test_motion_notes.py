@@ -1,7 +1,9 @@
 """What is said of a motion under the problem it was made for, and under another."""
 
 import json
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from tubeplanner import JointTrajectory, load_problem
@@ -79,3 +81,26 @@ def test_other_joints_are_refused_with_the_motions_name(stored, file):
     strange = JointTrajectory(list("abcdef"), motion.breakpoints, motion.coefficients)
     with pytest.raises(TrajectoryError, match=r"^t: "):
         motion_notes(stored(NAME)[0], "t", TrajectoryFile(strange))
+
+
+def test_a_file_of_ours_is_held_to_what_plans_are(stored, file):
+    """One part in 20,000 faster: samples made elsewhere may be that far off, polynomials not."""
+    problem, trajectory = stored(NAME)
+    share = 1 - 5e-5
+    powers = np.arange(len(trajectory.coefficients))[::-1, None, None]
+    fast = JointTrajectory(
+        trajectory.joint_names,
+        trajectory.breakpoints * share,
+        trajectory.coefficients / share**powers,
+    )
+    assert motion_notes(problem, "t", replace(file, trajectory=fast))[0].startswith("t: fails")
+
+
+def test_samples_may_be_rounded(stored, file):
+    problem, trajectory = stored(NAME)
+    coefficients = trajectory.coefficients.copy()
+    coefficients[-1] += 1e-5
+    rounded = JointTrajectory(trajectory.joint_names, trajectory.breakpoints, coefficients)
+    for interpolation, said in ((None, "t: fails: start"), ("cubic", "t: passes")):
+        one = replace(file, trajectory=rounded, interpolation=interpolation)
+        assert motion_notes(problem, "t", one)[0].startswith(said)

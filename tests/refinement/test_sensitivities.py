@@ -330,3 +330,24 @@ def test_widths_and_heights_have_the_prices_that_planning_again_finds():
         assert own == pytest.approx(quotient, rel=0.1, abs=1e-3), (kind, segment)
     assert found["width", 0] < -0.01
     assert found["height", 1] < -0.01
+
+
+@pytest.mark.parametrize(
+    ("angle", "axis", "whole"), [(0.05236, 0, True), (0.0524, 1, False), (0.0524, 0, True)]
+)
+def test_a_start_on_its_rotation_tolerance_has_sane_prices(angle, axis, whole):
+    """Where a path can hardly leave, steps hardly use the tolerance: multipliers said minutes."""
+    problem = load_problem("example:ur5/level_tray")
+    turn = problem.robot.tool_pose(problem.start)[0]
+    off = Rotation.from_rotvec(-angle * np.eye(3)[axis])
+    orientations = problem.tube.orientations.copy()
+    orientations[slice(None) if whole else 0] = (Rotation.from_matrix(turn) * off).as_quat()
+    tube = replace(
+        problem.tube,
+        orientations=orientations,
+        rotation_tolerance=[(angle, angle, np.inf)] * problem.tube.segment_count,
+    )
+    result = plan(replace(problem, tube=tube), SHORTEST)
+    assert result.succeeded
+    assert 0.02 < result.sensitivities[0].saved < 0.1
+    assert result.sensitivities[0].limit == "velocity"
