@@ -291,6 +291,23 @@ def test_an_error_of_our_own_is_one_line_and_not_a_verdict(run_json, monkeypatch
     assert "ZeroDivisionError: oops" in fields["message"]
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+@pytest.mark.parametrize("words", [("robots",), ("info", PROBLEM), ("info", PROBLEM, "--json")])
+def test_a_full_disk_under_standard_output_is_no_error_of_ours(words):
+    code = "import sys; from tubeplanner.commands.cli import main; sys.exit(main(sys.argv[1:]))"
+    with Path("/dev/full").open("w") as full:
+        ended = subprocess.run(
+            [sys.executable, "-c", code, *words],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    assert ended.returncode != 0
+    assert "standard output cannot be written: No space left on device" in ended.stderr
+    assert "internal error" not in ended.stderr
+
+
 def test_obstacles_that_nothing_can_meet_are_pointed_out(run, tmp_path):
     """asr_twodof has no collision geometry at all."""
     path = tmp_path / "problem.json"

@@ -6,6 +6,7 @@ Exit status: 0 success; 1 infeasible, or a check that failed; 2 bad input or usa
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from errno import ENOSPC
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -75,6 +76,10 @@ def main(arguments: Sequence[str]) -> int:
         message = "interrupted before there was an answer"
         return fail("interrupted", message, as_json, INTERRUPTED)
     except Exception as error:  # the last resort: a user gets one line, never a traceback
+        if isinstance(error, OSError) and error.errno == ENOSPC:
+            # Files name themselves: it is standard output, which a report does not fit into either.
+            message = f"standard output cannot be written: {error.strerror}; make room"
+            return fail("bad_input", message, as_json=False, code=BAD_INPUT)
         kind = type(error).__name__
         message = f"internal error, please report it with the problem file: {kind}: {error}"
         return fail("bad_input", message, as_json, BAD_INPUT)
