@@ -37,6 +37,7 @@ class Place:
         position: Of the tool, base frame [m].
         point: Index of the tube's reference point, from 0.
         point_speed: Index of the limit on a point's speed, from 0; `links` names the point's link.
+        move: Name of the move of a cycle; the segment is its own.
     """
 
     time: float | None = None
@@ -47,6 +48,7 @@ class Place:
     position: tuple[float, float, float] | None = None
     point: int | None = None
     point_speed: int | None = None
+    move: str | None = None
 
     def at(self, tool: Iterable[float]) -> "Place":
         """Return the place with the tool at a point (3,) [m], base frame."""
@@ -65,6 +67,8 @@ class Place:
             parts.append(f"to '{self.obstacle}'")
         if self.joint is not None:
             parts.append(self.joint)
+        if self.move is not None:
+            parts.append(f"move '{self.move}'")
         if self.segment is not None:
             parts.append(f"segment {self.segment}")
         if self.point is not None:

@@ -105,18 +105,21 @@ def _keys(model: type[BaseModel]) -> list[str]:
 
 
 def _model_at(root: type[BaseModel], path: _Path) -> type[BaseModel]:
-    """Return the innermost model that a path leads into."""
-    model = root
+    """Return the innermost model that a path leads into; of several, the one that it names."""
+    model, alternatives = root, [root]
     for step in path:
+        named = [each for each in alternatives if each.__name__ == step]
+        model = named[0] if named else model
         for name, field in model.model_fields.items():
             if step in (name, field.alias):
-                model = _model_in(field.annotation) or model
+                alternatives = _models_in(field.annotation)
+                model = alternatives[0] if alternatives else model
+                break
     return model
 
 
-def _model_in(annotation: Any) -> type[BaseModel] | None:
-    """Return the model that an annotation is, or is a list or an alternative of."""
+def _models_in(annotation: Any) -> list[type[BaseModel]]:
+    """Return the models that an annotation is, or is a list or an alternative of."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation
-    found = (_model_in(argument) for argument in get_args(annotation))
-    return next((model for model in found if model is not None), None)
+        return [annotation]
+    return [model for argument in get_args(annotation) for model in _models_in(argument)]

@@ -6,6 +6,7 @@ from typing import Any
 
 from tubeplanner.errors import ProblemError
 from tubeplanner.problem.field_paths import changed_fields
+from tubeplanner.problem.field_types import Section
 from tubeplanner.problem.problem_format import ProblemFields, check_problem_fields
 from tubeplanner.problem.problem_layers import INCLUDE, ProblemLayers
 from tubeplanner.problem.schema_place import SchemaPlace
@@ -37,8 +38,15 @@ def checked_layers(
     return check_problem_fields(data, layers.sources[-1], layers.source_of)
 
 
-def changed_problem(data: Any, changes: Mapping[str, Any] | None) -> Any:
+def changed_problem(
+    data: Any, changes: Mapping[str, Any] | None, model: type[Section] = ProblemFields
+) -> Any:
     """Return what a problem file and its included ones hold, with other values at field paths.
+
+    Args:
+        data: What they hold.
+        changes: Other values, by field path.
+        model: Of the file.
 
     Raises:
         ProblemError: As `changed_fields`; or included files would be others.
@@ -49,4 +57,4 @@ def changed_problem(data: Any, changes: Mapping[str, Any] | None) -> Any:
                 f"{path}: values are changed after files are included; change {INCLUDE} in the "
                 "file, or set the fields themselves"
             )
-    return changed_fields(data, changes or {}, SchemaPlace.of(ProblemFields))
+    return changed_fields(data, changes or {}, SchemaPlace.of(model))

@@ -11,7 +11,6 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
-    ValidationError,
     ValidationInfo,
     field_validator,
 )
@@ -19,6 +18,7 @@ from pydantic_core import PydanticCustomError
 
 from tubeplanner.documents import DocumentError, parse_json, parse_yaml, read_text
 from tubeplanner.errors import ProblemError
+from tubeplanner.problem.checked_fields import check_fields
 from tubeplanner.problem.clearance_fields import Clearance, ContactFields
 from tubeplanner.problem.field_types import (
     Finite,
@@ -32,7 +32,6 @@ from tubeplanner.problem.field_types import (
 )
 from tubeplanner.problem.limit_fields import LimitFields, MotorFields
 from tubeplanner.problem.pose_fields import PoseFields
-from tubeplanner.problem.problem_faults import fault_steps, first_fault
 from tubeplanner.problem.robustness import Robustness
 
 JointValues: TypeAlias = list[Finite] | dict[str, Finite]
@@ -97,10 +96,9 @@ class PayloadFields(Section):
     )
 
 
-class ObstacleFields(Section):
-    """One solid; exactly one of box, sphere, cylinder, capsule, mesh."""
+class ShapeFields(Section):
+    """A solid without a name; exactly one of box, sphere, cylinder, capsule, mesh."""
 
-    name: str = Field(description="unique; what messages call it")
     box: Vector | None = Field(None, description="full side lengths [m]")
     sphere: Finite | None = Field(None, description="radius [m]")
     cylinder: tuple[Finite, Finite] | None = Field(None, description="radius, length along z [m]")
@@ -112,6 +110,12 @@ class ObstacleFields(Section):
     position: Vector = Field((0.0, 0.0, 0.0), description="of its centre, or the mesh's origin [m]")
     rpy: Vector | None = Field(None, description="fixed x, y, z as in URDF [rad]")
     quaternion: Quaternion | None = Field(None, description="x y z w, instead of rpy")
+
+
+class ObstacleFields(ShapeFields):
+    """One solid; exactly one of box, sphere, cylinder, capsule, mesh."""
+
+    name: str = Field(description="unique; what messages call it")
 
 
 class AttachedFields(ObstacleFields):
@@ -371,14 +375,9 @@ def check_problem_fields(
     Raises:
         ProblemError: A key is unknown, a value has the wrong type. The message names the field.
     """
-    if not isinstance(data, dict):
-        raise ProblemError(f"{source}: a problem is a map with robot, tube and start")
-    try:
-        return ProblemFields.model_validate(data)
-    except ValidationError as error:
-        fault = first_fault(data, error, ProblemFields)
-        called = source if source_of is None else source_of(data, fault_steps(data, error))
-        raise ProblemError(f"{called}: {fault}") from None
+    return check_fields(
+        ProblemFields, data, "a problem is a map with robot, tube and start", source, source_of
+    )
 
 
 def read_document(path: Path, what: str = "problem file") -> object:

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.collision.obstacle import AttachedSolid, Obstacle, placement_of
 from tubeplanner.errors import ProblemError, RobotError
 from tubeplanner.problem.clearance_fields import (
     clearances_of,
@@ -25,11 +24,9 @@ from tubeplanner.problem.presets import read_preset
 from tubeplanner.problem.problem import PlanningProblem, Seed
 from tubeplanner.problem.problem_fields import checked_layers, read_problem_fields
 from tubeplanner.problem.problem_format import (
-    AttachedFields,
     EndpointFields,
     JointValues,
     ObjectiveFields,
-    ObstacleFields,
     ProblemFields,
     RobotFields,
     RobustnessFields,
@@ -37,8 +34,9 @@ from tubeplanner.problem.problem_format import (
 )
 from tubeplanner.problem.problem_layers import ProblemLayers
 from tubeplanner.problem.robustness import Robustness
+from tubeplanner.problem.solid_fields import attached_of, obstacle_of
 from tubeplanner.problem.tool_pose import ToolPose
-from tubeplanner.resources import find_description, find_limits_file, find_mesh, find_problem
+from tubeplanner.resources import find_description, find_limits_file, find_problem
 from tubeplanner.robot.limit_layers import LimitLayer
 from tubeplanner.robot.limit_overrides import LimitOverrides
 from tubeplanner.robot.pinocchio_model import Payload, ToolOffset
@@ -71,8 +69,10 @@ def load_problem(
     """
     path = find_problem(name, Path(directory))
     called = f"{path.resolve().parent.name}/{path.stem}"
-    tube_of = _tube if reads_tube else _tube_anywhere
-    return _build(read_problem_fields(path, changes), path.parent, called, str(path), tube_of)
+    tube_of = None if reads_tube else _tube_anywhere
+    return build_problem(
+        read_problem_fields(path, changes), path.parent, called, str(path), tube_of
+    )
 
 
 def parse_problem(
@@ -96,32 +96,46 @@ def parse_problem(
         ProblemError: As `load_problem`.
         RobotError: As `load_problem`.
     """
-    tube_of = _tube if reads_tube else _tube_anywhere
+    tube_of = None if reads_tube else _tube_anywhere
     layers = ProblemLayers.of(data, Path(directory), name)
-    return _build(checked_layers(layers, changes), Path(directory), name, name, tube_of)
+    return build_problem(checked_layers(layers, changes), Path(directory), name, name, tube_of)
 
 
-def _build(
+def build_problem(
     fields: ProblemFields,
     directory: Path,
     name: str,
     source: str,
-    tube_of: Callable[[ProblemFields, RobotModel, Path], Tube],
+    tube_of: Callable[[ProblemFields, RobotModel, Path], Tube] | None = None,
 ) -> PlanningProblem:
+    """Build a problem of the fields of its file, with its collision geometry.
+
+    Args:
+        fields: What the file holds.
+        directory: Where its relative paths start.
+        name: What messages and plots call it.
+        source: What messages about its fields begin with.
+        tube_of: Makes the tube; None: it is the file's.
+
+    Raises:
+        ProblemError: As `load_problem`.
+        RobotError: As `load_problem`.
+    """
     try:
         robot = robot_of(fields, directory)
-        tube = tube_of(fields, robot, directory)
-        segments = int(tube.numbers[-1]) if tube_of is _tube else None
+        tube = (tube_of or _tube)(fields, robot, directory)
+        segments = int(tube.numbers[-1]) if tube_of is None else None
         problem = PlanningProblem(
             robot=robot,
             tube=tube,
             start=_end("start", fields.start, fields, robot, directory),
             goal=_end("goal", fields.goal, fields, robot, directory),
             obstacles=tuple(
-                _obstacle(obstacle, directory, robot.package_dirs) for obstacle in fields.obstacles
+                obstacle_of(obstacle, directory, robot.package_dirs)
+                for obstacle in fields.obstacles
             ),
             attached=tuple(
-                _attached(solid, directory, robot.package_dirs) for solid in fields.robot.attached
+                attached_of(solid, directory, robot.package_dirs) for solid in fields.robot.attached
             ),
             **clearances_of(fields.clearance),
             contacts=contacts_of(fields.contacts, segments),
@@ -305,34 +319,3 @@ def _srdf(fields: ProblemFields, directory: Path) -> Path | None:
         return None
     folders = tuple(directory / folder for folder in fields.robot.package_dirs)
     return find_description(fields.robot.srdf, directory, folders)
-
-
-def _attached(fields: AttachedFields, directory: Path, folders: tuple[Path, ...]) -> AttachedSolid:
-    solid = _obstacle(fields, directory, folders)
-    return AttachedSolid(solid.name, solid.shapes, tuple(fields.touch_links), solid.contents)
-
-
-def _obstacle(fields: ObstacleFields, directory: Path, folders: tuple[Path, ...]) -> Obstacle:
-    kinds = ("box", "sphere", "cylinder", "capsule", "mesh")
-    given = [kind for kind in kinds if getattr(fields, kind) is not None]
-    if len(given) != 1:
-        raise ProblemError(
-            f"obstacles: '{fields.name}' must have exactly one of {', '.join(kinds)}; "
-            f"it has {', '.join(given) or 'none'}"
-        )
-    try:
-        placement = placement_of(fields.position, fields.rpy, fields.quaternion)
-    except ProblemError as error:
-        raise ProblemError(f"obstacles: '{fields.name}': {error}") from None
-    if fields.mesh is not None:
-        try:
-            path = find_mesh(fields.mesh, directory / "the problem file", folders)
-            return Obstacle.mesh(fields.name, path, placement, fields.scale)
-        except RobotError as error:
-            raise ProblemError(f"obstacles: '{fields.name}': {error}") from None
-    if fields.scale != 1.0:
-        raise ProblemError(f"obstacles: '{fields.name}': scale belongs to a mesh alone; remove it")
-    sizes = getattr(fields, given[0])
-    if given[0] in ("cylinder", "capsule"):
-        return getattr(Obstacle, given[0])(fields.name, *sizes, placement)
-    return getattr(Obstacle, given[0])(fields.name, sizes, placement)

@@ -62,6 +62,17 @@ class Payload:
         xx, yy, zz, xy, xz, yz = self.inertia
         return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
+    def plus(self, other: "Payload") -> "Payload":
+        """Return what both weigh together."""
+        both = self._body.plus(other._body)
+        x, y, z = both.com.tolist()
+        (xx, xy, xz), (_, yy, yz), (_, _, zz) = both.inertia.tolist()
+        return Payload(both.mass, (x, y, z), (xx, yy, zz, xy, xz, yz))
+
+    @property
+    def _body(self) -> BodyInertia:
+        return BodyInertia(self.mass, np.array(self.com), self.inertia_matrix())
+
 
 @dataclass(frozen=True)
 class ToolOffset:

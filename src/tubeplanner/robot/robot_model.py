@@ -130,6 +130,12 @@ class RobotModel:
         vars(limited).update(vars(self), limits=limits, motors=motors)
         return limited
 
+    def with_payload(self, payload: Payload | None) -> "RobotModel":
+        """Return this arm with another payload."""
+        make, given = self.__reduce__()
+        arm: RobotModel = make(*given[:-2], payload, given[-1])
+        return arm
+
     def moves_as(self, other: "RobotModel") -> bool:
         """Return whether another model is this arm, with whatever limits."""
         return self._model is other._model

@@ -1,0 +1,176 @@
+"""A cycle: moves of the arm one after the other, and what happens at rest between them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.collision.obstacle import AttachedSolid, Obstacle
+from tubeplanner.cycle.cell import Cell
+from tubeplanner.cycle.cycle_faults import require_consistent
+from tubeplanner.cycle.leg import Leg, Rest, legs_of
+from tubeplanner.cycle.steps import Attach, Goal, Step
+from tubeplanner.cycle.usual_contacts import usual_contacts
+from tubeplanner.errors import ProblemError, RobotError, shown
+from tubeplanner.problem.contact import Names
+from tubeplanner.problem.problem import PlanningProblem, Seed
+from tubeplanner.problem.tool_pose import ToolPose
+from tubeplanner.robot.robot_model import RobotModel
+
+
+@dataclass(frozen=True, eq=False)
+class Cycle:
+    """Moves of an arm, one after the other, and what happens at rest between them.
+
+    What the arm moves without stopping is a leg; between legs are seams, the first before leg 0 and
+    the last after them all.
+
+    Attributes:
+        start: Where the first move begins, as of a `PlanningProblem`.
+        steps: Moves, events, and what the tool takes and lets go.
+        obstacles: Solids in the base frame, at first.
+        attached: Solids in the tool frame, carried along from first to last.
+        closed: Whether the arm ends in the configuration in which it began.
+        self_collision: Whether links are checked against each other.
+        period: A controller's [s], as of a `PlanningProblem`.
+        name: What messages and plots call it.
+        legs: What the arm moves without stopping.
+        after: What happens after the last leg.
+
+    Raises:
+        ProblemError: On construction, if a step contradicts those before it, or a move itself; the
+            message names the step.
+        RobotError: Likewise.
+    """
+
+    start: FloatArray | Seed | ToolPose
+    steps: Sequence[Step]
+    obstacles: Sequence[Obstacle] = ()
+    attached: Sequence[AttachedSolid] = ()
+    closed: bool = False
+    self_collision: bool = True
+    period: float | None = None
+    name: str = "cycle"
+    legs: tuple[Leg, ...] = field(init=False)
+    after: Rest = field(init=False)
+
+    def __post_init__(self) -> None:
+        for group in ("steps", "obstacles", "attached"):
+            object.__setattr__(self, group, tuple(getattr(self, group)))
+        require_consistent(self.steps, self.obstacles, self.attached, closed=self.closed)
+        legs, after = legs_of(self.steps)
+        object.__setattr__(self, "legs", legs)
+        object.__setattr__(self, "after", after)
+        self._require_possible()
+
+    def __repr__(self) -> str:
+        moves = sum(len(leg.moves) for leg in self.legs)
+        robot = self.robot
+        return (
+            f"<Cycle {self.name}: {moves} moves of {robot.name} to {robot.tool_frame} in "
+            f"{len(self.legs)} legs, {'closed' if self.closed else 'open'}>"
+        )
+
+    @staticmethod
+    def require(cycle: object) -> None:
+        """Raise ProblemError unless something is a cycle."""
+        if not isinstance(cycle, Cycle):
+            raise ProblemError(f"the cycle is {shown(cycle)}; give a Cycle, as load_cycle returns")
+
+    @property
+    def robot(self) -> RobotModel:
+        """The arm as it begins."""
+        return self.legs[0].robot
+
+    def cells(self, seams: Sequence[FloatArray]) -> list[Cell]:
+        """Return the cell as it is in every leg whose beginning is known.
+
+        Args:
+            seams: Configurations (n,) of the first seams, at least one.
+        """
+        cell, found = Cell(tuple(self.obstacles), tuple(self.attached)), []
+        for leg, q in zip(self.legs, seams, strict=False):
+            cell = replace(cell, handed_over=())
+            for step in leg.before.steps:
+                cell = cell.after(step, leg.robot, q)
+            found.append(cell)
+        return found
+
+    def problem(self, k: int, seams: Sequence[FloatArray], goal: Goal = None) -> PlanningProblem:
+        """Return the planning problem of a leg, the cell as it is then.
+
+        Args:
+            k: Which leg.
+            seams: Configurations (n,) of all seams up to where it begins.
+            goal: Where it ends, instead of where its move says; None: there.
+
+        Raises:
+            ProblemError: As a `PlanningProblem`; the message names the move.
+        """
+        return self._problem(k, self.cells(seams)[k], seams[k], goal)
+
+    def problems(self, seams: Sequence[FloatArray]) -> tuple[PlanningProblem, ...]:
+        """Return the planning problems of all legs between configurations of all seams.
+
+        Args:
+            seams: One more configuration (n,) than legs.
+
+        Raises:
+            ProblemError: As `problem`.
+        """
+        cells = self.cells(seams)
+        ends = pairwise(seams)
+        return tuple(self._problem(k, cells[k], *pair) for k, pair in enumerate(ends))
+
+    def rest_at(self, seam: int) -> Rest:
+        """Return what happens at a seam."""
+        return self.after if seam == len(self.legs) else self.legs[seam].before
+
+    def _problem(
+        self, k: int, cell: Cell, start: FloatArray | Seed | ToolPose, goal: Goal
+    ) -> PlanningProblem:
+        leg, move = self.legs[k], self.legs[k].joined
+        try:
+            problem = PlanningProblem(
+                leg.robot,
+                move.tube,
+                start,
+                move.goal if goal is None else goal,
+                cell.obstacles,
+                cell.attached,
+                move.clearance,
+                self._present(move.pair_clearances, cell),
+                [c for c in move.contacts if self._is_present(c.links, cell)],
+                self.self_collision,
+                [pair for pair in move.ignore_collisions if self._is_present(pair, cell)],
+                move.objective,
+                self.period,
+                name=f"{self.name}, {leg.name}",
+            )
+            contacts = usual_contacts(problem, cell.handed_over, self.rest_at(k + 1).handed_over)
+            return replace(problem, contacts=(*problem.contacts, *contacts))
+        except (ProblemError, RobotError) as error:
+            raise type(error)(f"move '{leg.name}': {error}") from None
+
+    def _present(self, pairs: Mapping[Names, float], cell: Cell) -> dict[Names, float]:
+        return {pair: value for pair, value in pairs.items() if self._is_present(pair, cell)}
+
+    def _is_present(self, pair: Sequence[str], cell: Cell) -> bool:
+        """Return whether both of a pair are there, of what comes and goes."""
+        there = {each.name for each in cell.obstacles} | {each.name for each in cell.attached}
+        comes_and_goes = {step.name for step in self.steps if isinstance(step, Attach)}
+        return all(name in there for name in pair if name in comes_and_goes)
+
+    def _require_possible(self) -> None:
+        """Raise unless every move can be a planning problem, wherever it begins."""
+        somewhere = anywhere(self.robot)
+        cells = self.cells([somewhere] * len(self.legs))
+        for k, cell in enumerate(cells):
+            self._problem(k, cell, self.start if k == 0 else Seed(somewhere), None)
+
+
+def anywhere(robot: RobotModel) -> FloatArray:
+    """Return a configuration inside the limits, shape (n,), where it does not matter which."""
+    return robot.limits.clip(np.zeros(robot.joint_count))

@@ -1,0 +1,149 @@
+"""The motion of a whole cycle: one trajectory, and marks where its steps begin."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.cycle.cycle import Cycle
+from tubeplanner.cycle.steps import Attach, Detach, Event, Move, Step
+from tubeplanner.errors import TrajectoryError
+from tubeplanner.trajectory.joint_trajectory import JointTrajectory
+from tubeplanner.trajectory.marks import ATTACH, DETACH, EVENT, MOVE, Mark
+from tubeplanner.trajectory.parts import joined, part_of, resting
+
+_KINDS = {Move: MOVE, Event: EVENT, Attach: ATTACH, Detach: DETACH}
+
+
+@dataclass(frozen=True, eq=False)
+class LegMotion:
+    """The motion of one leg.
+
+    Attributes:
+        trajectory: Of the leg alone, from time zero.
+        passed: When its moves after the first begin [s].
+    """
+
+    trajectory: JointTrajectory
+    passed: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class CycleMotion:
+    """A trajectory of all legs and rests of a cycle.
+
+    Attributes:
+        cycle: What it is a motion of.
+        trajectory: The whole.
+        marks: One for each step, in order.
+
+    Raises:
+        TrajectoryError: On construction, if the marks are not those of the cycle's steps, or a move
+            takes no time; or joints are others than the cycle's.
+    """
+
+    cycle: Cycle
+    trajectory: JointTrajectory
+    marks: tuple[Mark, ...]
+
+    def __post_init__(self) -> None:
+        reordered = self.trajectory.reordered(self.cycle.robot.joint_names)
+        object.__setattr__(self, "trajectory", reordered)
+        wanted = [(_KINDS[type(step)], step.name) for step in self.cycle.steps]
+        found = [(mark.kind, mark.name) for mark in self.marks]
+        if found != wanted:
+            raise TrajectoryError(f"marks are {_listed(found)}; the cycle has {_listed(wanted)}")
+        for leg, (begin, end) in zip(self.cycle.legs, self.leg_times, strict=True):
+            if not begin < end <= self.trajectory.duration:
+                raise TrajectoryError(
+                    f"marks: move '{leg.name}' is from {begin:g} to {end:g} s of a trajectory of "
+                    f"{self.trajectory.duration:g} s"
+                )
+
+    @property
+    def leg_times(self) -> list[tuple[float, float]]:
+        """When each leg begins and ends [s]."""
+        found, k = [], 0
+        times = [*(mark.time for mark in self.marks), self.trajectory.duration]
+        for leg in self.cycle.legs:
+            k += len(leg.before.steps)
+            begin, k = times[k], k + len(leg.moves)
+            found.append((begin, times[k]))
+        return found
+
+    @property
+    def move_times(self) -> dict[str, tuple[float, float]]:
+        """When each move begins and ends [s], by its name."""
+        times = [*(mark.time for mark in self.marks), self.trajectory.duration]
+        spans = zip(self.marks, pairwise(times), strict=True)
+        return {mark.name: span for mark, span in spans if mark.kind == MOVE}
+
+    @property
+    def seams(self) -> list[FloatArray]:
+        """Configurations (n,) where legs begin, and where the last one ends."""
+        times = self.leg_times
+        instants = [*(begin for begin, _ in times), times[-1][1]]
+        return [self.trajectory.position(time) for time in instants]
+
+    @property
+    def legs(self) -> list[JointTrajectory]:
+        """The motion of each leg, from time zero."""
+        return [part_of(self.trajectory, *times) for times in self.leg_times]
+
+    def leg_at(self, time: float) -> int:
+        """Return which leg runs at a time [s], or did last; the first one before it."""
+        begun = [k for k, (begin, _) in enumerate(self.leg_times) if begin <= time]
+        return begun[-1] if begun else 0
+
+
+def cycle_motion(cycle: Cycle, legs: Sequence[LegMotion]) -> CycleMotion:
+    """Return the motion that runs all legs, at rest between them as long as events take.
+
+    Args:
+        cycle: The cycle.
+        legs: The motion of each leg.
+    """
+    builder = _Builder(cycle)
+    for leg, motion in zip(cycle.legs, legs, strict=True):
+        builder.rest(leg.before.steps, motion.trajectory.position(0.0))
+        builder.run(leg.moves, motion)
+    last = legs[-1].trajectory
+    builder.rest(cycle.after.steps, last.position(last.duration))
+    names = cycle.robot.joint_names
+    return CycleMotion(cycle, joined(names, builder.parts), tuple(builder.marks))
+
+
+class _Builder:
+    """Puts legs and rests one after the other."""
+
+    def __init__(self, cycle: Cycle) -> None:
+        self._names = cycle.robot.joint_names
+        self._time = 0.0
+        self.parts: list[JointTrajectory] = []
+        self.marks: list[Mark] = []
+
+    def rest(self, steps: Sequence[Step], q: FloatArray) -> None:
+        """Stay in a configuration (n,) while steps happen."""
+        for step in steps:
+            setting = step.setting if isinstance(step, Event) else None
+            self._mark(step, self._time, setting)
+            if isinstance(step, Event) and step.dwell > 0:
+                self._add(resting(self._names, q, step.dwell))
+
+    def run(self, moves: Sequence[Move], motion: LegMotion) -> None:
+        """Run the moves of a leg."""
+        begins = (0.0, *motion.passed)
+        for move, begin in zip(moves, begins, strict=True):
+            self._mark(move, self._time + begin)
+        self._add(motion.trajectory)
+
+    def _add(self, part: JointTrajectory) -> None:
+        self.parts.append(part)
+        self._time = float(self._time + part.breakpoints[-1])
+
+    def _mark(self, step: Step, time: float, setting: object = None) -> None:
+        self.marks.append(Mark(time, _KINDS[type(step)], step.name, setting))
+
+
+def _listed(steps: Sequence[tuple[str, str]]) -> str:
+    return ", ".join(" ".join(step) for step in steps) or "none"

@@ -1,0 +1,67 @@
+"""What may be near to what where something is taken or let go, unless a cycle says otherwise."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from tubeplanner.arrays import BoolArray, FloatArray
+from tubeplanner.problem.contact import GOAL, START, Contact
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.problem.required_distances import required_everywhere
+
+WITHIN = 0.03  # [m]
+
+
+def usual_contacts(
+    problem: PlanningProblem, begins_with: Sequence[str], ends_with: Sequence[str]
+) -> tuple[Contact, ...]:
+    """Return contacts of what changes hands, for pairs that are given none at that end.
+
+    Something carried may be as near to obstacles, and links to something that stands, as they are
+    where the motion begins or ends. Where it ends in an open configuration, links that move with
+    the tool may be, and any obstacle.
+
+    Args:
+        problem: A motion.
+        begins_with: What was taken or let go before it.
+        ends_with: What is taken or let go after it.
+    """
+    found = []
+    for end, names in ((START, begins_with), (GOAL, ends_with)):
+        q = problem.start if end == START else problem.given_goal
+        known = {frozenset(each.links) for each in problem.contacts if end in each.ends}
+        for name in names:
+            pairs = _near(problem, name, q if isinstance(q, np.ndarray) else None)
+            fresh = [pair for pair in pairs if frozenset(pair) not in known]
+            found += [Contact(pair, WITHIN, (end,)) for pair in fresh]
+    return tuple(found)
+
+
+def _near(problem: PlanningProblem, name: str, q: FloatArray | None) -> list[tuple[str, str]]:
+    """Return the names of pairs with obstacles that something is in, and that may be near.
+
+    Args:
+        problem: The motion.
+        name: The solid.
+        q: The configuration there, shape (n,); None: it is open.
+    """
+    checker = problem.collision
+    count = len(checker.obstacle_pairs)
+    owners = np.array([shape.owner for shape in checker.shapes])[checker.obstacle_pairs]
+    owners = owners.reshape(-1, 2)
+    own = (owners == name).any(axis=1)
+    if q is None:
+        own &= _of_tool(problem)
+    elif own.any():
+        rotation, position = problem.robot.body_poses(q[None])
+        distances = checker.distances(rotation[0], position[0], checker.obstacle_pairs[own])
+        own[own] = distances < required_everywhere(problem)[:count][own]
+    return [(str(first), str(second)) for first, second in dict.fromkeys(map(tuple, owners[own]))]
+
+
+def _of_tool(problem: PlanningProblem) -> BoolArray:
+    """Return which pairs with obstacles are of what moves with the tool, shape (P,)."""
+    robot, checker = problem.robot, problem.collision
+    body = np.array([shape.body for shape in checker.shapes])
+    is_tool: BoolArray = body[checker.obstacle_pairs[:, 0]] == robot.link_body[robot.tool_frame]
+    return is_tool

@@ -1,0 +1,1 @@
+"""Planning whole cycles: move after move, then all together."""

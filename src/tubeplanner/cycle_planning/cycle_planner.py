@@ -1,0 +1,117 @@
+"""From a cycle to a certified motion of all of it, or to the reason why there is none."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+
+from tubeplanner.cycle.cycle import Cycle
+from tubeplanner.cycle.cycle_motion import CycleMotion, LegMotion, cycle_motion
+from tubeplanner.cycle_planning.cycle_result import (
+    CycleResult,
+    at_move,
+    cycle_sensitivities,
+)
+from tubeplanner.cycle_planning.greedy_plan import greedy_plan
+from tubeplanner.cycle_planning.leg_plan import BlockedLeg, LegPlan
+from tubeplanner.cycle_planning.shared_plan import shared_plan
+from tubeplanner.outcome import Place, PlanStatus
+from tubeplanner.planning.followed_plan import followed_plan
+from tubeplanner.planning.plan_options import PlanOptions
+from tubeplanner.progress import PlanningClock, ProgressCallback, StoppedBy, until_stopped
+from tubeplanner.verification.cycle_verification import verify_cycle
+from tubeplanner.verification.verification import judged_visits
+
+
+def plan_cycle(
+    cycle: Cycle,
+    options: PlanOptions | None = None,
+    progress: ProgressCallback | None = None,
+    *,
+    shares_configurations: bool = True,
+) -> CycleResult:
+    """Plan the motion of a whole cycle and certify it.
+
+    Moves are planned alone, in order, each from where the last one ended. Then the configurations
+    in which moves end of which only the hand's position is given, and in which the next begin, are
+    chosen so that the sum of durations is least.
+
+    Args:
+        cycle: The cycle.
+        options: How to plan every move; the time limit is that of the whole.
+        progress: As of `plan`.
+        shares_configurations: False: moves stay as they were planned alone.
+
+    Returns:
+        A result whose status is success only if the certificate passed; else its message and place
+        name the move and say what is in the way.
+
+    Raises:
+        ProblemError: The cycle is none, or a move cannot begin where the one before ended.
+        KeyboardInterrupt: Ctrl-C before all moves were certified.
+    """
+    Cycle.require(cycle)
+    options = options or PlanOptions()
+    clock = PlanningClock(options.time_limit, progress)
+    try:
+        greedy = greedy_plan(cycle, options, clock)
+    except BlockedLeg as blocked:
+        return _blocked(cycle, blocked, options, clock)
+    plans, stopped_by = greedy, _stop_of(greedy)
+    if shares_configurations and stopped_by is None:
+        shared, stopped_by = until_stopped(partial(shared_plan, cycle, greedy, clock))
+        plans = shared or greedy
+    plans = [_followed(cycle, k, plan, options, clock) for k, plan in enumerate(plans)]
+    return _certified(cycle, plans, greedy, options, clock, stopped_by or _stop_of(plans))
+
+
+def _followed(
+    cycle: Cycle, k: int, plan: LegPlan, options: PlanOptions, clock: PlanningClock
+) -> LegPlan:
+    """Return the motion of a leg that is written, between the ends of its shortest one."""
+    with clock.within(f"move '{cycle.legs[k].name}'"):
+        problem = replace(plan.problem, start=plan.begin, goal=plan.end)
+        fixed = plan.between(problem)
+        result = followed_plan(problem, fixed.result, options.slack, clock)
+    return LegPlan(problem, result)
+
+
+def _certified(
+    cycle: Cycle,
+    plans: Sequence[LegPlan],
+    greedy: Sequence[LegPlan],
+    options: PlanOptions,
+    clock: PlanningClock,
+    stopped_by: StoppedBy | None,
+) -> CycleResult:
+    """Return the result of all legs together, judged as one motion."""
+    for k, plan in enumerate(plans):
+        if not plan.result.succeeded:
+            return _blocked(cycle, BlockedLeg(k, plan.result), options, clock)
+    motion = cycle_motion(cycle, [_leg_motion(*each) for each in zip(cycle.legs, plans)])
+    begin = clock.elapsed
+    certificate = verify_cycle(cycle, motion)
+    rests = motion.trajectory.duration - sum(plan.duration for plan in plans)
+    result = CycleResult(
+        PlanStatus.SUCCESS,
+        _message(cycle, motion),
+        Place(),
+        options.method,
+        motion,
+        certificate,
+        tuple(plans),
+        greedy_duration=rests + sum(plan.duration for plan in greedy),
+        planning_time=clock.elapsed,
+        certificate_time=clock.elapsed - begin,
+        stopped_by=stopped_by,
+        sensitivities=cycle_sensitivities(cycle, plans),
+        notes=_notes(cycle, plans),
+    )
+    if certificate.passed:
+        return result
+    worst = certificate.failures()[0]
+    return replace(
+        result,
+        status=PlanStatus.CERTIFICATE_FAILED,
+        message=f"the certificate of the whole fails: {certificate.describe(worst)}",
+        motion=None,
+    )

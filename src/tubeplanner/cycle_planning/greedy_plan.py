@@ -1,0 +1,104 @@
+"""Moves planned alone, one after the other, each from where the last one ended."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.branches.reference_branch import end_configuration
+from tubeplanner.cycle.cycle import Cycle, anywhere
+from tubeplanner.cycle_planning.leg_plan import BlockedLeg, LegPlan
+from tubeplanner.errors import ProblemError
+from tubeplanner.outcome import Infeasible, Place, PlanStatus
+from tubeplanner.planning.plan_options import PlanOptions
+from tubeplanner.planning.plan_result import PlanResult, stopped_result
+from tubeplanner.planning.planner import Planner
+from tubeplanner.problem.goal_region import GoalRegion
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.progress import PlanningClock
+
+
+def greedy_plan(cycle: Cycle, options: PlanOptions, clock: PlanningClock) -> list[LegPlan]:
+    """Return the shortest motion of every leg from where the one before ended.
+
+    Args:
+        cycle: The cycle.
+        options: How to plan each of them.
+        clock: The planning's.
+
+    Raises:
+        BlockedLeg: One has no answer from there.
+    """
+    seams = [first_configuration(cycle)]
+    plans: list[LegPlan] = []
+    for k in range(len(cycle.legs)):
+        problem = leg_problem(cycle, k, seams)
+        plans.append(planned_leg(cycle, k, problem, options, clock))
+        seams.append(plans[-1].end)
+    return plans
+
+
+def first_configuration(cycle: Cycle) -> FloatArray:
+    """Return the configuration (n,) in which a cycle begins: of a closed one its last goal, if any.
+
+    Raises:
+        BlockedLeg: The first leg's start, or the last one's goal, is not reached.
+    """
+    if isinstance(cycle.start, np.ndarray):
+        return cycle.start
+    last = len(cycle.legs) - 1
+    somewhere = [anywhere(cycle.robot)] * (last + 1)
+    leg, given, point = 0, cycle.start, 0
+    goal = cycle.legs[last].joined.goal
+    if cycle.closed and goal is not None and not isinstance(goal, GoalRegion):
+        leg, given, point = last, goal, -1
+    try:
+        return end_configuration(cycle.problem(leg, somewhere), given, point)
+    except Infeasible as reason:
+        raise BlockedLeg(leg, refused(reason)) from None
+
+
+def leg_problem(cycle: Cycle, k: int, seams: list[FloatArray]) -> PlanningProblem:
+    """Return a leg's problem from where those before end; the last one's of a closed cycle closes.
+
+    Args:
+        cycle: The cycle.
+        k: Which leg.
+        seams: Configurations (n,) of all seams up to where it begins.
+
+    Raises:
+        BlockedLeg: It has no place for its start or goal.
+    """
+    closes = cycle.closed and k == len(cycle.legs) - 1
+    try:
+        return cycle.problem(k, seams, seams[0] if closes else None)
+    except ProblemError as error:
+        raise BlockedLeg(k, refused(Infeasible(PlanStatus.UNREACHABLE, str(error), Place()))) from None
+
+
+def planned_leg(
+    cycle: Cycle, k: int, problem: PlanningProblem, options: PlanOptions, clock: PlanningClock
+) -> LegPlan:
+    """Return the shortest motion of a leg.
+
+    Of what is left of the time limit it gets as much as each of those after it.
+
+    Raises:
+        BlockedLeg: It has none; or KeyboardInterrupt, before anything was certified.
+    """
+    left = len(cycle.legs) - k
+    limit = clock.remaining / left if np.isfinite(clock.remaining) else None
+    part = f"move {k + 1} of {len(cycle.legs)}, '{cycle.legs[k].name}'"
+    if limit is not None and limit <= 0:
+        raise BlockedLeg(k, stopped_result(clock, "time_limit", options.method))
+    with clock.within(part):
+        alone = replace(options, slack=0.0, time_limit=limit)
+        result = Planner(problem, alone).plan(clock.announce)
+    if not result.succeeded:
+        raise BlockedLeg(k, result)
+    return LegPlan(problem, result)
+
+
+def refused(reason: Infeasible) -> PlanResult:
+    """Return the result that there is no answer, for a reason."""
+    return PlanResult(reason.status, str(reason), reason.place, "")
