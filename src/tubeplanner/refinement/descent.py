@@ -89,7 +89,7 @@ class Improved:
     iterates: tuple[Iterate, ...]
     trust: TrustRegion
     penalty: float
-    has_ended: bool
+    has_ended: bool = False
 
     @property
     def iterate(self) -> Iterate:
