@@ -22,8 +22,9 @@ from tubeplanner import (
     plan,
 )
 from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
+from tubeplanner.refinement.descent import FIRST_PENALTY
 from tubeplanner.refinement.refinement import Refinement
-from tubeplanner.refinement.sequential_program import FIRST_PENALTY, SequentialProgram
+from tubeplanner.refinement.sequential_program import SequentialProgram
 from tubeplanner.refinement.spline_start import starting_spline
 from tubeplanner.refinement.trust_region import TrustRegion
 

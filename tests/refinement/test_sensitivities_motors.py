@@ -6,8 +6,9 @@ import pytest
 from cases import with_motors
 from tubeplanner import LimitOverrides, PlanningProblem, Seed, Tube, load_robot
 from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
+from tubeplanner.refinement.descent import FIRST_PENALTY
 from tubeplanner.refinement.refinement import Refinement
-from tubeplanner.refinement.sequential_program import FIRST_PENALTY, SequentialProgram
+from tubeplanner.refinement.sequential_program import SequentialProgram
 from tubeplanner.refinement.spline_start import starting_spline
 from tubeplanner.refinement.trust_region import TrustRegion
 

@@ -4,7 +4,8 @@ import pytest
 
 from tubeplanner import load_problem
 from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
-from tubeplanner.refinement.sequential_program import FIRST_PENALTY, SequentialProgram
+from tubeplanner.refinement.descent import FIRST_PENALTY
+from tubeplanner.refinement.sequential_program import SequentialProgram
 from tubeplanner.refinement.spline_start import starting_spline
 from tubeplanner.refinement.trust_region import TrustRegion
 

@@ -1,7 +1,8 @@
 """Which control points of a spline an optimiser may move, and how far.
 
 Those at rest at both ends are fixed. If the goal is open, its control points move as one, and the
-tool keeps its position there, or stays in the goal's ball.
+tool keeps its position there, or stays in the goal's ball. If the start is where another motion
+ends, its control points move as one too.
 """
 
 import numpy as np
@@ -31,9 +32,14 @@ class ControlVariables:
         upper: Likewise.
     """
 
-    def __init__(self, problem: PlanningProblem, grid: KnotGrid) -> None:
-        """Take the problem's joint ranges and its goal, given or open."""
-        self._problem, self._grid = problem, grid
+    def __init__(
+        self, problem: PlanningProblem, grid: KnotGrid, *, start_moves: bool = False
+    ) -> None:
+        """Take the problem's joint ranges and its goal, given or open, and whether its start moves.
+
+        What the start must keep is up to the motion that ends there.
+        """
+        self._problem, self._grid, self._start_moves = problem, grid, start_moves
         self._goal = problem.open_goal
         self._goal_moves = self._goal is not None and (
             self._goal.tolerance > 0 or _is_redundant(problem)
@@ -73,25 +79,58 @@ class ControlVariables:
         points[moving] = inside[self.column[moving]]
         return points
 
-    def moved(self, control_points: FloatArray, step: FloatArray) -> FloatArray | None:
+    @property
+    def goal_moves(self) -> bool:
+        """Whether the goal is open and leaves joints something to choose."""
+        return self._goal_moves
+
+    def tie(self, following: "ControlVariables") -> None:
+        """Give the goal, and the start of a motion that begins there, the same bounds."""
+        self.lower[-1] = following.lower[0] = np.maximum(self.lower[-1], following.lower[0])
+        self.upper[-1] = following.upper[0] = np.minimum(self.upper[-1], following.upper[0])
+
+    def moved(
+        self, control_points: FloatArray, step: FloatArray, start: FloatArray | None = None
+    ) -> FloatArray | None:
         """Return control points (K, n) after a step (F, n), the tool still at an open goal.
+
+        Args:
+            control_points: Before, shape (K, n).
+            step: Of the variables, shape (F, n).
+            start: The configuration where the start, if it moves, is to be then, shape (n,).
 
         Returns:
             None if the tool cannot be kept there.
         """
         points = control_points + self.change(step)
-        if not self._goal_moves or self._goal is None:
-            return points
-        robot = self._problem.robot
-        target = self._goal.nearest(robot.tool_position(points[-1:])[0], 1 - INNER_MARGIN)
-        goal = solve_position(robot, target, points[-1], self.lower[-1], self.upper[-1])
+        # Spread over the whole motion: at an end alone, on its short knot intervals, the little
+        # that is missing would be a leap of the jerk.
+        if start is not None:
+            points += (1 - self._share_of_goal)[:, None] * (start - points[0])
+            points[:REST_POINTS] = start
+        if not self._goal_moves:
+            return points if start is None else self.within_bounds(points)
+        goal = self.goal_after(control_points, step)
+        if goal is None:
+            return None
+        points += self._share_of_goal[:, None] * (goal - points[-1])
+        points[-REST_POINTS:] = goal
+        return self.within_bounds(points)
+
+    def goal_after(self, control_points: FloatArray, step: FloatArray) -> FloatArray | None:
+        """Return the configuration (n,) at a goal that moves, after a step; arguments as `moved`.
+
+        Returns:
+            None if the tool cannot be kept there.
+        """
+        assert self._goal is not None
+        robot, near = self._problem.robot, control_points[-1] + step[-1]
+        target = self._goal.nearest(robot.tool_position(near[None])[0], 1 - INNER_MARGIN)
+        goal = solve_position(robot, target, near, self.lower[-1], self.upper[-1])
         if goal.error > _TOOL_TOLERANCE:
             return None
-        # Spread over the whole motion: at the goal alone, on its short knot intervals, the little
-        # that is missing would be a leap of the jerk.
-        points += self._share_of_goal[:, None] * (goal.q - points[-1])
-        points[-REST_POINTS:] = goal.q
-        return self.within_bounds(points)
+        q: FloatArray = np.clip(goal.q, self.lower[-1], self.upper[-1])
+        return q
 
     def move(self, at: SampledSpline) -> BoolArray:
         """Return whether a step can change the position at samples of a spline, shape (N,)."""
@@ -112,10 +151,9 @@ class ControlVariables:
         return directions[gain > _MIN_GAIN]
 
     def _columns(self, count: int) -> IntArray:
-        column = np.arange(count) - REST_POINTS
-        column[:REST_POINTS] = column[-REST_POINTS:] = FIXED
-        if self._goal_moves:
-            column[-REST_POINTS:] = count - 2 * REST_POINTS
+        column = np.arange(count) - REST_POINTS + self._start_moves
+        column[:REST_POINTS] = 0 if self._start_moves else FIXED
+        column[-REST_POINTS:] = column[-REST_POINTS - 1] + 1 if self._goal_moves else FIXED
         return column
 
     def _control_bounds(self) -> tuple[FloatArray, FloatArray]:

@@ -36,6 +36,10 @@ class Quadratic:
         """Return a multiple of its curvature and gradient."""
         return replace(self, hessian=self.hessian * factor, gradient=self.gradient * factor)
 
+    def weighted(self, weight: float) -> "Quadratic":
+        """Return a multiple of the cost."""
+        return replace(self.times(weight), duration=self.duration * weight)
+
 
 @dataclass(frozen=True, eq=False)
 class Bounds:
@@ -92,51 +96,106 @@ class SparseRows:
     count: IntArray
 
 
+@dataclass(frozen=True, eq=False)
+class Block:
+    """What a program asks of one leg, over all that may change there: z, eta, elastic.
+
+    Attributes:
+        rows: The constraints, R of them in all, from `sparse_rows`.
+        slack: Theirs, shape (R,).
+        bounds: Where the step must stay.
+        quadratic: The step's cost.
+        penalty: Weight of the elastic variable.
+    """
+
+    rows: Sequence[SparseRows]
+    slack: FloatArray
+    bounds: Bounds
+    quadratic: Quadratic
+    penalty: float
+
+    @property
+    def linear(self) -> FloatArray:
+        """The cost's gradient, shape (V,)."""
+        own = self.quadratic
+        return np.concatenate([own.gradient, [own.duration, self.penalty]])
+
+    @property
+    def lower(self) -> FloatArray:
+        """The least of all that may change, shape (V,)."""
+        own = self.bounds
+        return np.concatenate([own.lower.ravel(), -own.switching, [own.duration[0], 0.0]])
+
+    @property
+    def upper(self) -> FloatArray:
+        """The largest of all that may change, shape (V,)."""
+        own = self.bounds
+        return np.concatenate([own.upper.ravel(), own.switching, [own.duration[1], np.inf]])
+
+    @property
+    def widths(self) -> FloatArray:
+        """The largest changes of the phases, if switching times may move, shape (m,) or (0,)."""
+        return self.bounds.widths if len(self.bounds.switching) else np.zeros(0)
+
+    @property
+    def width_changes(self) -> SparseRows:
+        """How the phases change."""
+        return _width_changes(len(self.bounds.switching), self.bounds.lower.size)
+
+    @property
+    def held(self) -> SparseRows:
+        """What must not move."""
+        count, n = self.bounds.held.shape
+        size = self.bounds.lower.size
+        column = np.tile(np.arange(size - n, size), count)
+        return SparseRows(self.bounds.held.ravel(), column, np.full(count, n))
+
+    def step(self, x: FloatArray, multipliers: FloatArray) -> Step:
+        """Return the step that values of all that may change (V,) stand for."""
+        shape = self.bounds.lower.shape
+        size = self.bounds.lower.size
+        return Step(x[:size].reshape(shape), x[size:-2], float(x[-2]), float(x[-1]), multipliers)
+
+
 class StepProgram:
     """A linear program with a little curvature, and its solver.
 
-    It minimises duration * eta + penalty * elastic + gradient . z + x . hessian . x / 2 under the
-    rows, z being configurations and switching times, x all that may change: z, eta, elastic.
+    It minimises the sum over legs of duration * eta + penalty * elastic + gradient . z +
+    x . hessian . x / 2 under the rows, z being a leg's configurations and switching times, x all
+    that may change there: z, eta, elastic. Legs may share variables.
     """
 
     def __init__(
-        self,
-        rows: Sequence[SparseRows],
-        slack: FloatArray,
-        bounds: Bounds,
-        quadratic: Quadratic,
-        penalty: float,
-        tolerance: float,
+        self, blocks: Sequence[Block], columns: Sequence[IntArray], tolerance: float
     ) -> None:
         """Set it up.
 
         Args:
-            rows: The constraints, R of them in all, from `sparse_rows`.
-            slack: Theirs, shape (R,).
-            bounds: Where the step must stay.
-            quadratic: The step's cost.
-            penalty: Weight of the elastic variable.
+            blocks: What it asks of each leg.
+            columns: Which of the program's variables each leg's V are, shape (V,).
             tolerance: Of the solution, absolute and relative.
         """
-        self._free = bounds.lower.shape
-        switches = len(bounds.switching)
-        self._widths = bounds.widths if switches else np.zeros(0)
-        self._hessian = quadratic.hessian
-        self._linear = np.concatenate([quadratic.gradient, [quadratic.duration, penalty]])
-        self._lower = np.concatenate(
-            [bounds.lower.ravel(), -bounds.switching, [bounds.duration[0], 0.0]]
-        )
-        self._upper = np.concatenate(
-            [bounds.upper.ravel(), bounds.switching, [bounds.duration[1], np.inf]]
-        )
-        changes = _width_changes(switches, bounds.lower.size)
-        self._matrix = _matrix([*rows, changes], len(self._linear))
-        self._slack, self._tolerance = slack, tolerance
-        self._held = self._equalities(bounds)
+        self._blocks, self._columns, self._tolerance = blocks, columns, tolerance
+        self._size = 1 + max(int(own.max()) for own in columns)
+        self._hessian = self._summed_hessians()
+        self._linear = np.zeros(self._size)
+        self._lower, self._upper = np.full((2, self._size), np.inf)
+        self._lower *= -1
+        for block, own in zip(blocks, columns, strict=True):
+            np.add.at(self._linear, own, block.linear)
+            np.maximum.at(self._lower, own, block.lower)
+            np.minimum.at(self._upper, own, block.upper)
+        self._widths = np.concatenate([block.widths for block in blocks])
+        parts = [(rows, k) for k, block in enumerate(blocks) for rows in block.rows]
+        parts += [(block.width_changes, k) for k, block in enumerate(blocks)]
+        self._matrix = self._over_all(parts)
+        self._slack = np.concatenate([block.slack for block in blocks])
+        held = self._over_all([(block.held, k) for k, block in enumerate(blocks)])
+        self._held = held if held.shape[0] else None
         self._solver: piqp.SparseSolver | None = None
 
-    def solve(self) -> Step | None:
-        """Return the step, or None if no solver finds one."""
+    def solve(self) -> tuple[Step, ...] | None:
+        """Return the step of every leg, or None if no solver finds one."""
         for kind in _SOLVERS:
             solver = piqp.SparseSolver()
             settings = solver.settings
@@ -155,44 +214,45 @@ class StepProgram:
                 self._lower,
                 self._upper,
             )
-            step = self._solution(solver)
-            if step is not None:
+            steps = self._solution(solver)
+            if steps is not None:
                 self._solver = solver
-                return step
+                return steps
         return None
 
-    def solve_again(self, slack: FloatArray) -> Step | None:
-        """Return the step with other slack for the rows, once there was a solution."""
+    def solve_again(self, slack: Sequence[FloatArray]) -> tuple[Step, ...] | None:
+        """Return the steps with other slack for the legs' rows, once there was a solution."""
         if self._solver is None:
             return None
-        self._solver.update(h_u=self._most(slack))
+        self._solver.update(h_u=self._most(np.concatenate(slack)))
         return self._solution(self._solver)
 
     def _most(self, slack: FloatArray) -> FloatArray:
         return np.concatenate([slack, self._widths])
 
-    def _equalities(self, bounds: Bounds) -> sparse.csc_matrix | None:
-        count, n = bounds.held.shape
-        if count == 0:
-            return None
-        column = np.tile(np.arange(bounds.lower.size - n, bounds.lower.size), count)
-        rows = SparseRows(bounds.held.ravel(), column, np.full(count, n))
-        return _matrix([rows], len(self._linear))
+    def _summed_hessians(self) -> sparse.csc_matrix:
+        parts = [block.quadratic.hessian.tocoo() for block in self._blocks]
+        placed = list(zip(parts, self._columns, strict=True))
+        value = np.concatenate([part.data for part in parts])
+        row = np.concatenate([own[part.row] for part, own in placed])
+        column = np.concatenate([own[part.col] for part, own in placed])
+        return sparse.coo_matrix((value, (row, column)), (self._size, self._size)).tocsc()
 
-    def _solution(self, solver: piqp.SparseSolver) -> Step | None:
+    def _over_all(self, parts: Sequence[tuple[SparseRows, int]]) -> sparse.csc_matrix:
+        """Return the matrix of several sets of rows, each of a leg."""
+        placed = [replace(rows, column=self._columns[leg][rows.column]) for rows, leg in parts]
+        return _matrix(placed, self._size)
+
+    def _solution(self, solver: piqp.SparseSolver) -> tuple[Step, ...] | None:
         status = solver.solve()
         x = np.array(solver.result.x)
         if status != piqp.PIQP_SOLVED or len(x) != len(self._lower) or not np.isfinite(x).all():
             return None
         x = np.clip(x, self._lower, self._upper)
-        free, n = self._free
-        return Step(
-            x[: free * n].reshape(free, n),
-            x[free * n : -2],
-            float(x[-2]),
-            float(x[-1]),
-            np.array(solver.result.z_u)[: len(self._slack)],
-        )
+        ends = np.cumsum([len(block.slack) for block in self._blocks])
+        multipliers = np.split(np.array(solver.result.z_u)[: ends[-1]], ends[:-1])
+        legs = zip(self._blocks, self._columns, multipliers, strict=True)
+        return tuple(block.step(x[own], each) for block, own, each in legs)
 
 
 def sparse_rows(rows: Rows, is_elastic: FloatArray, column: IntArray, free: int) -> SparseRows:

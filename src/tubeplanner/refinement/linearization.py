@@ -1,4 +1,4 @@
-"""The constraints at a trajectory, to first order, and the steps that keep them.
+"""The constraints at a leg's trajectory, to first order: what the program of a step is given.
 
 Rows that are far away and tangent planes of regions are added where a step turns out to break
 them, so that what a step predicts is inside the convex set that the regions are, not inside a few
@@ -14,26 +14,20 @@ import numpy as np
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.refinement.control_variables import ControlVariables
 from tubeplanner.refinement.linear_program import (
+    Block,
     Bounds,
     Quadratic,
     SparseRows,
     Step,
-    StepProgram,
     sparse_rows,
 )
 from tubeplanner.refinement.linear_rows import Rows
 from tubeplanner.refinement.phased_spline import DEGREE
 from tubeplanner.refinement.region_constraints import Planes
+from tubeplanner.refinement.shared_columns import LegShape
 from tubeplanner.refinement.spline_constraints import Iterate
 
-_MAX_ROUNDS, _MAX_CORRECTIONS = 4, 3
 BROKEN = 1e-4
-# Where elastic rows cost more than this share of their penalty, multipliers say little else: then
-# so many times what they are violated by is allowed, or this much.
-_SHARE_OF_PENALTY, _SPARE_SHARE, _LEAST_SPARE = 0.5, 2.0, 1e-5
-# d ln T^2 by a relative rise of a limit: of a velocity 2 at most. Others are tried with this rise.
-_PLAUSIBLE, _RISE = 2.0, 0.1
-_TOLERANCE = 1e-4  # of a step, absolute and relative
 # Planes with less slack after a step [radii] are given to the next program at once.
 _BINDING = 0.005
 
@@ -72,8 +66,21 @@ class _Part:
     slack: Callable[[FloatArray, Sequence[FloatArray]], FloatArray]
 
 
+@dataclass(frozen=True, eq=False)
+class Slack:
+    """What slack a program's rows have.
+
+    Attributes:
+        rows: Of all rows, shape (R,).
+        bends: By how much the vectors of every kind of regions are bent.
+    """
+
+    rows: FloatArray
+    bends: list[FloatArray]
+
+
 class Linearization:
-    """The constraints at a trajectory to first order.
+    """The constraints at a leg's trajectory to first order.
 
     Attributes:
         penalty: Weight of the elastic constraints.
@@ -105,9 +112,8 @@ class Linearization:
         self._near, self._active = given.rows, given.rows.copy()
         self._planes, self._ignored = given.planes, given.ignored
         self._quadratic, self.penalty = quadratic, penalty
-        self._program: StepProgram | None = None
         self._parts: list[_Part] = []
-        self._has_more = True  # than the last program had
+        self._has_more = True  # than the last block had
         self._give(np.flatnonzero(given.rows))
         for kind, planes in enumerate(given.planes):
             self._give_planes(kind, planes)
@@ -117,34 +123,52 @@ class Linearization:
         """Numbers of the rows that were not near but turned out to be broken."""
         return self._rows.index[self._active & ~self._near]
 
-    def costs(self, step: Step, count: int, rise: FloatArray) -> FloatArray:
-        """Return what each of so many limits costs, shape (count,).
+    def weighted(self, weight: float) -> "Linearization":
+        """Let all costs count by a weight from now on; return the same linearization."""
+        self._quadratic, self.penalty = self._quadratic.weighted(weight), self.penalty * weight
+        return self
 
-        By multipliers, which hold for the least change. Where the steps that a limit bars from all
-        hardly use it, as next to a start on a tolerance, others bar them at once: where
-        multipliers say more than any limit of a speed can cost, a whole rise is tried.
+    @property
+    def shape(self) -> LegShape:
+        """How much may change."""
+        configurations, joints = self._bounds.lower.shape
+        return LegShape(configurations, joints, len(self._bounds.switching))
 
-        Args:
-            step: The step.
-            count: Number of limits.
-            rise: What slack a relative rise of its limit adds to each row, by the rows' numbers;
-                to planes it adds all.
-        """
+    @property
+    def has_more(self) -> bool:
+        """Whether there are rows that the last block had not."""
+        return self._has_more
+
+    @property
+    def plain(self) -> Slack:
+        """The slack at the trajectory."""
+        bends = [np.zeros_like(regions.vector) for regions in self._current.regions]
+        return Slack(self._rows.slack, bends)
+
+    def block(self, slack: Slack, extra: FloatArray | float = 0.0) -> Block:
+        """Return what a program is given, with a slack; its rows may have some more."""
+        self._has_more = False
+        rows = [part.rows for part in self._parts]
+        given = self.given_slack(slack) + extra
+        return Block(rows, given, self._bounds, self._quadratic, self.penalty)
+
+    def given_slack(self, slack: Slack) -> FloatArray:
+        """Return the slack of a program's rows."""
+        found = [part.slack(slack.rows, slack.bends) for part in self._parts]
+        return np.concatenate([np.zeros(0), *found])
+
+    @property
+    def elastic_rows(self) -> FloatArray:
+        """1 for a program's rows that may be violated, else 0."""
+        return np.concatenate([np.zeros(0), *(part.is_elastic for part in self._parts)])
+
+    def limits(self) -> tuple[IntArray, IntArray]:
+        """Return the limits of a program's rows, and their own numbers, -1 for planes."""
         limit, index = (
-            np.concatenate([getattr(part, name) for part in self._parts])[: len(step.multipliers)]
+            np.concatenate([getattr(part, name) for part in self._parts])
             for name in ("limit", "index")
         )
-        named = limit >= 0
-        gained = np.where(index >= 0, rise[index], 1.0)
-        costs = np.zeros(count)
-        np.add.at(costs, limit[named], np.maximum(step.multipliers * gained, 0.0)[named])
-        for k in np.flatnonzero(costs > _PLAUSIBLE):
-            risen = self._solved(
-                self._rows.slack, self._unbent, extra=_RISE * gained * (limit == k)
-            )
-            if risen is not None:
-                costs[k] = max(step.duration - risen.duration, 0.0) / _RISE
-        return costs
+        return limit, index
 
     def binding(self, step: Step) -> tuple[Planes, ...]:
         """Return the planes, of every kind of regions, that a step ends at."""
@@ -155,38 +179,16 @@ class Linearization:
             )
         )
 
-    def solve(self) -> Step | None:
-        """Return the step, or None if there is none."""
-        bends, step = self._unbent, None
-        for _ in range(_MAX_ROUNDS):
-            better = self._solved(self._rows.slack, bends)
-            if better is None:  # what there was before leaves something to the correction
-                break
-            step = better
-            broken = np.flatnonzero((self._slack_after(step) < -BROKEN) & ~self._active)
-            self._give(broken)
-            if not self._add_planes(self._after(step), step.elastic) and len(broken) == 0:
-                break
-        return step
+    def absorb(self, step: Step) -> bool:
+        """Add rows and planes that a step breaks; return whether there are some."""
+        broken = np.flatnonzero((self._slack_after(step) < -BROKEN) & ~self._active)
+        self._give(broken)
+        return self._add_planes(self._after(step), step.elastic) or len(broken) > 0
 
-    def solve_exactly(self, tolerance: float) -> Step | None:
-        """Return the step to a tolerance, absolute and relative, once it is known what counts.
+    def corrected(self, step: Step, trial: Iterate, slack: FloatArray) -> Slack:
+        """Return the slack that makes up for what a first step left out: curvature.
 
-        Where the solver does not get there, as near as steps are elsewhere. If something stays
-        violated, by next to nothing, that much is allowed: else multipliers tell the penalty.
-        """
-        step = self.solve()
-        if step is None:
-            return None
-        exact = self._solved(self._rows.slack, self._unbent, tolerance) or step
-        if self._elastic_cost(exact) < _SHARE_OF_PENALTY * self.penalty:
-            return exact
-        spare = max(_SPARE_SHARE * exact.elastic, _LEAST_SPARE)
-        extra = spare * self._elastic_rows
-        return self._solved(self._rows.slack, self._unbent, tolerance, extra) or exact
-
-    def solve_again(self, step: Step, trial: Iterate, slack: FloatArray) -> Step | None:
-        """Return the step that is corrected by what a first step left out: curvature.
+        Planes are added where that step led outside.
 
         Args:
             step: The first step.
@@ -195,64 +197,23 @@ class Linearization:
         """
         rows = self._rows
         left = self._slack_after(step) - self._is_elastic * step.elastic
-        slack = rows.slack + slack[rows.index] - left
         bends = [
             there.vector - vector
             for there, vector in zip(trial.regions, self._after(step), strict=True)
         ]
         self._add_planes([regions.vector for regions in trial.regions], step.elastic)
-        other = self._solved_again(slack, bends)
-        for _ in range(_MAX_CORRECTIONS - 1):
-            if other is None:
-                break
-            after = zip(self._after(other), bends, strict=True)
-            if not self._add_planes([vector + bend for vector, bend in after], step.elastic):
-                break
-            other = self._solved(slack, bends)
-        return other
+        return Slack(rows.slack + slack[rows.index] - left, bends)
 
-    def _solved(
-        self,
-        slack: FloatArray,
-        bends: list[FloatArray],
-        tolerance: float = _TOLERANCE,
-        extra: FloatArray | float = 0.0,
-    ) -> Step | None:
-        """Return the step of the program for rows with some slack, vectors being bent.
+    def absorb_bent(self, step: Step, slack: Slack, elastic: float) -> bool:
+        """Add planes that a corrected step breaks; return whether there are some.
 
-        The program's rows have extra slack, if it is given.
+        Args:
+            step: That step.
+            slack: What it was corrected by.
+            elastic: How far outside vectors may be.
         """
-        self._has_more = False
-        self._program = StepProgram(
-            [part.rows for part in self._parts],
-            self._given_slack(slack, bends) + extra,
-            self._bounds,
-            self._quadratic,
-            self.penalty,
-            tolerance,
-        )
-        return self._program.solve()
-
-    @property
-    def _elastic_rows(self) -> FloatArray:
-        """1 for the program's rows that may be violated, else 0."""
-        return np.concatenate([np.zeros(0), *(part.is_elastic for part in self._parts)])
-
-    def _elastic_cost(self, step: Step) -> float:
-        """Return what all rows that may be violated cost: the penalty, if one of them is."""
-        elastic = self._elastic_rows[: len(step.multipliers)]
-        return float(abs(step.multipliers * elastic).sum())
-
-    def _solved_again(self, slack: FloatArray, bends: list[FloatArray]) -> Step | None:
-        """Return the step of the last program, if nothing was added, for other slack and bends."""
-        if self._program is None or self._has_more:
-            return self._solved(slack, bends)
-        return self._program.solve_again(self._given_slack(slack, bends))
-
-    def _given_slack(self, slack: FloatArray, bends: list[FloatArray]) -> FloatArray:
-        """Return the slack of the program's rows."""
-        found = [part.slack(slack, bends) for part in self._parts]
-        return np.concatenate([np.zeros(0), *found])
+        after = zip(self._after(step), slack.bends, strict=True)
+        return self._add_planes([vector + bend for vector, bend in after], elastic)
 
     def _give(self, which: IntArray) -> None:
         """Give rows to the next program."""
@@ -288,10 +249,6 @@ class Linearization:
             found.append(fresh)
         self._planes = tuple(starmap(Planes.and_also, zip(self._planes, found, strict=True)))
         return any(len(planes) for planes in found)
-
-    @property
-    def _unbent(self) -> list[FloatArray]:
-        return [np.zeros_like(regions.vector) for regions in self._current.regions]
 
     def _after(self, step: Step) -> list[FloatArray]:
         """Return the regions' vectors after a step, to first order."""

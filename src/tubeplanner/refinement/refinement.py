@@ -16,10 +16,11 @@ from tubeplanner.arrays import IntArray
 from tubeplanner.constraints.speed_limit import LimitKey
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.refinement.descent import FIRST_PENALTY, Improved
 from tubeplanner.refinement.linear_rows import MERIT_TOLERANCE
 from tubeplanner.refinement.link_constraints import LinkConstraints
 from tubeplanner.refinement.phased_spline import KnotGrid, PhasedSpline, segments_of_pieces
-from tubeplanner.refinement.sequential_program import FIRST_PENALTY, Improved, SequentialProgram
+from tubeplanner.refinement.sequential_program import SequentialProgram
 from tubeplanner.refinement.spline_constraints import BLENDED, WIDELY_BLENDED, Iterate
 from tubeplanner.refinement.spline_start import subdivided
 from tubeplanner.refinement.trust_region import TrustRegion
@@ -236,7 +237,7 @@ class Refinement:
         best, dodges = None, 0
         if self._program.constraints.blend(BLENDED):
             again = self._program.iterate(found.iterate.spline)
-            found = replace(found, iterate=again, has_ended=False)
+            found = replace(found, iterates=(again,), has_ended=False)
         for _ in range(_MAX_ROUNDS):
             dense, has_more = self._program.constraints.look_between_samples(found.iterate)
             inside = dense.excess <= MERIT_TOLERANCE

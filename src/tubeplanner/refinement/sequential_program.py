@@ -1,4 +1,4 @@
-"""Shortening a trajectory on one knot grid by sequential linear programs with a trust region.
+"""Shortening a trajectory on one knot grid: what the descent asks of one leg.
 
 The unknowns are the control points, the switching times and the squared duration. After every step
 the duration is made exact by time scaling, so that each iterate keeps all limits at its samples;
@@ -6,70 +6,37 @@ tube and clearances are elastic.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import starmap
 
 import numpy as np
 
-from tubeplanner.arrays import BoolArray, FloatArray, IntArray
+from tubeplanner.arrays import BoolArray, FloatArray
 from tubeplanner.constraints.speed_limit import LimitKey
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.refinement.control_variables import FIXED, ControlVariables
+from tubeplanner.refinement.descent import MAX_PENALTY, Descent, Improved, Remembered
 from tubeplanner.refinement.goal_constraints import goal_keys
+from tubeplanner.refinement.limit_costs import limit_costs
 from tubeplanner.refinement.linear_program import Bounds, Step
 from tubeplanner.refinement.linear_rows import INNER_MARGIN, MERIT_TOLERANCE, Rows, StepSize
-from tubeplanner.refinement.linearization import BROKEN, Given, Linearization
+from tubeplanner.refinement.linearization import Given, Linearization
 from tubeplanner.refinement.link_constraints import LinkConstraints
 from tubeplanner.refinement.phased_spline import DEGREE, KnotGrid, PhasedSpline
 from tubeplanner.refinement.region_constraints import EvaluatedRegions, Planes
 from tubeplanner.refinement.spline_constraints import Iterate, SplineConstraints
 from tubeplanner.refinement.step_cost import StepCost
 from tubeplanner.refinement.step_objective import ShortestDuration, StepObjective
-from tubeplanner.refinement.trust_region import Outcome, TrustRegion
+from tubeplanner.refinement.trust_region import TrustRegion
 
 # Rows are given to the solver if they are this near, or a part of the trust region away.
 _NEAR, _NEAR_SHARE = 0.03, 0.03
-# Steps that gain less than this share of the prediction get a second-order correction.
-_GOOD_RATIO = 0.3
-# Those that gain less than this share in the end are not made.
-_WORTH_A_MOVE = 0.02
-# A step that should lose this share of T^2 obeys planes of two segments that contradict each other.
-_CONTRADICTION = 5e-4
-FIRST_PENALTY, _MAX_PENALTY = 3.0, 1e4
 _LARGEST_DURATION_STEP = 1.0
 # Phases change by at most this share of their width, and of the trust region.
 _MAX_WIDTH_SHARE, _WIDTH_SHARE = 0.3, 8.0
-# For the multipliers: a small trust region, hardly any quadratic part, an exact solution.
+# For the multipliers: a small trust region, hardly any quadratic part.
 _MULTIPLIER_TRUST = TrustRegion(0.02, 0.0)
-_MULTIPLIER_SMOOTHING, _MULTIPLIER_TOLERANCE = 1e-3, 1e-6
-
-
-@dataclass(frozen=True, eq=False)
-class Improved:
-    """Where an improvement ended.
-
-    Attributes:
-        iterate: The shortest trajectory.
-        trust: The next step's trust region.
-        penalty: Weight of the elastic constraints.
-        has_ended: Whether it ended by itself, not after the steps that it was given.
-    """
-
-    iterate: Iterate
-    trust: TrustRegion
-    penalty: float
-    has_ended: bool
-
-
-@dataclass(frozen=True, eq=False)
-class _Remembered:
-    """What the last step's program needed beyond what was near: numbers of rows, and planes."""
-
-    rows: IntArray
-    planes: tuple[Planes, ...]
-
-
-_NOTHING = _Remembered(np.zeros(0, dtype=np.int64), ())
+_MULTIPLIER_SMOOTHING = 1e-3
 
 
 class SequentialProgram:
@@ -78,6 +45,7 @@ class SequentialProgram:
     Attributes:
         constraints: The constraints of the splines.
         grid: The splines' knots.
+        variables: What may change.
     """
 
     def __init__(
@@ -88,6 +56,8 @@ class SequentialProgram:
         radius: FloatArray | None = None,
         objective: StepObjective | None = None,
         room: FloatArray | None = None,
+        *,
+        start_moves: bool = False,
     ) -> None:
         """Prepare it.
 
@@ -98,6 +68,7 @@ class SequentialProgram:
             radius: Of the tube's segments, if not their own, shape (m,) [m].
             objective: What steps are to gain; None: a shorter duration.
             room: The share of the tube's regions that stays unused, shape (m,); None: none.
+            start_moves: Whether the start is tied to where another leg ends.
         """
         self._objective: StepObjective = objective or ShortestDuration()
         radius = problem.tube.effective_radius if radius is None else radius
@@ -106,12 +77,12 @@ class SequentialProgram:
             problem, grid, links, radius, self._objective.run_in, room
         )
         self._problem, self.grid = problem, grid
-        self._variables = ControlVariables(problem, grid)
-        self._cost = StepCost(self._variables, grid, problem.robot.joint_count)
+        self.variables = ControlVariables(problem, grid, start_moves=start_moves)
+        self._cost = StepCost(self.variables, grid, problem.robot.joint_count)
 
     def iterate(self, spline: PhasedSpline) -> Iterate:
         """Return a trajectory with its cost, its control points moved into the joints' bounds."""
-        points = self._variables.within_bounds(spline.control_points)
+        points = self.variables.within_bounds(spline.control_points)
         return self.constraints.at(PhasedSpline(self.grid, spline.switching_times, points))
 
     def improved(
@@ -134,43 +105,15 @@ class SequentialProgram:
             max_steps: So many steps end it too.
             checkpoint: Called with every iterate; it may raise to end the work.
         """
-        small_gains, remembered = 0, _NOTHING
-        for _ in range(max_steps):
-            linear = self._linearized(current, trust, penalty, remembered)
-            step = linear.solve()
-            if step is None:
-                trust = trust.smaller()
-                continue
-            remembered = _Remembered(linear.added, linear.binding(step))
-            trial = self._moved(current, step)
-            if trial is None:
-                trust = trust.smaller()
-                continue
-            predicted, gain = self._gains(current, trial, step, penalty)
-            if predicted < -_CONTRADICTION:
-                trust = trust.smaller()
-                continue
-            first_gain = gain
-            if gain < _GOOD_RATIO * predicted:
-                trial, gain = self._corrected(current, linear, step, trial, gain)
-            outcome = Outcome(
-                predicted,
-                first_gain,
-                gain,
-                float(abs(step.control).max(initial=0.0)),
-                self._cost.squared_rates(step.control),
-            )
-            self._objective.after(step)
-            if step.elastic > BROKEN:
-                penalty = min(4 * penalty, _MAX_PENALTY)
-            if outcome.ratio > _WORTH_A_MOVE:
-                current = trial
-                small_gains = small_gains + 1 if gain < min_gain else 0
-            checkpoint(current)
-            trust = trust.after(outcome)
-            if predicted < min_gain or small_gains == 2 or trust.has_collapsed:
-                return Improved(current, trust, penalty, has_ended=True)
-        return Improved(current, trust, penalty, has_ended=False)
+        descent = Descent((self,), (False,))
+        return descent.improved(
+            (current,),
+            trust,
+            penalty,
+            min_gain=min_gain,
+            max_steps=max_steps,
+            checkpoint=lambda iterates: checkpoint(*iterates),
+        )
 
     def elasticities(self, current: Iterate) -> dict[LimitKey, float]:
         """Return d ln T / d ln p of a spline as short as it can be made, for every limit p.
@@ -196,20 +139,19 @@ class SequentialProgram:
             current,
             (rows, is_elastic),
             Given(given, _near_planes(current, still), still),
-            self._variables,
+            self.variables,
             bounds,
             self._cost.quadratic(current.spline.control_points).times(_MULTIPLIER_SMOOTHING),
-            _MAX_PENALTY,
+            MAX_PENALTY,
         )
-        step = linear.solve_exactly(_MULTIPLIER_TOLERANCE)
-        if step is None or step.elastic > BROKEN:  # then multipliers tell the penalty alone
-            return {}
         keys = self.constraints.keys
-        cost = linear.costs(step, len(keys), self.constraints.rise(current)) / 2
+        costs = limit_costs(linear, len(keys), self.constraints.rise(current))
+        if costs is None:
+            return {}
         # Rows of the tube are in radii, those of the limits in limits: the narrowing scales along.
         of_speed = {key for limit in current.limits for key in limit.limit.keys}
         share = [1.0 if key in of_speed else 1 - INNER_MARGIN for key in keys]
-        return dict(zip(keys, -cost * np.array(share), strict=True))
+        return dict(zip(keys, -costs / 2 * np.array(share), strict=True))
 
     def _hardly_move(self, regions: EvaluatedRegions, size: StepSize) -> BoolArray:
         """Return which samples a step moves by less than what the merit function ignores, (N,)."""
@@ -217,15 +159,22 @@ class SequentialProgram:
         reach = np.full(len(regions.vector), np.inf)
         reach[planes.sample] = 0.0
         np.maximum.at(reach, planes.sample, self._reach(regions.rows(planes), size))
-        return (reach < MERIT_TOLERANCE) | ~self._variables.move(regions.at)
+        return (reach < MERIT_TOLERANCE) | ~self.variables.move(regions.at)
 
     def _reach(self, rows: Rows, size: StepSize) -> FloatArray:
         """Return how far a step of the variables can move each row, shape (R,)."""
-        is_free = self._variables.column[rows.first[:, None] + np.arange(DEGREE + 1)] != FIXED
+        is_free = self.variables.column[rows.first[:, None] + np.arange(DEGREE + 1)] != FIXED
         return replace(rows, control=rows.control * is_free[:, :, None]).reach(size)
 
-    def _moved(self, current: Iterate, step: Step) -> Iterate | None:
-        points = self._variables.moved(current.spline.control_points, step.control)
+    def goal_after(self, current: Iterate, step: Step) -> FloatArray | None:
+        """Return the configuration (n,) at a goal that moves; None if the tool leaves it."""
+        return self.variables.goal_after(current.spline.control_points, step.control)
+
+    def moved(
+        self, current: Iterate, step: Step, start: FloatArray | None = None
+    ) -> Iterate | None:
+        """Return where a step leads, a start that moves to a configuration; None if nowhere."""
+        points = self.variables.moved(current.spline.control_points, step.control, start)
         if points is None:
             return None
         switching_times = current.spline.switching_times.copy()
@@ -233,10 +182,10 @@ class SequentialProgram:
             switching_times[1:-1] += step.switching
         return self.constraints.at(PhasedSpline(self.grid, switching_times, points))
 
-    def _gains(
+    def gains(
         self, current: Iterate, trial: Iterate, step: Step, penalty: float
     ) -> tuple[float, float]:
-        """Return what a step should have gained, and what it did."""
+        """Return what a step should have gained, and what it did, in shares of T^2."""
         before, expected, found = (
             max(excess - self._objective.ignored_excess, 0.0)
             for excess in (current.excess, step.elastic, trial.excess)
@@ -245,26 +194,22 @@ class SequentialProgram:
         gain = self._objective.gain(current, trial)
         return predicted + penalty * (before - expected), gain + penalty * (before - found)
 
-    def _corrected(
-        self, current: Iterate, linear: Linearization, step: Step, trial: Iterate, gain: float
-    ) -> tuple[Iterate, float]:
-        """Return a trial, or a better one corrected for the constraints' curvature.
+    def slack(self, current: Iterate, trial: Iterate, step: Step) -> FloatArray:
+        """Return the slack of a linearization's rows after a step, by their numbers."""
+        return self.constraints.slack(current, trial, 1 + step.duration)
 
-        (Second-order correction: Nocedal & Wright, "Numerical Optimization", 2006, section 18.3.)
-        """
-        slack = self.constraints.slack(current, trial, 1 + step.duration)
-        other = linear.solve_again(step, trial, slack)
-        if other is None:
-            return trial, gain
-        second = self._moved(current, other)
-        if second is None:
-            return trial, gain
-        _, second_gain = self._gains(current, second, other, linear.penalty)
-        return (second, second_gain) if second_gain > gain else (trial, gain)
+    def squared_rates(self, step: Step) -> float:
+        """Return the squared rates of a step, as `StepCost.squared_rates`."""
+        return self._cost.squared_rates(step.control)
 
-    def _linearized(
-        self, current: Iterate, trust: TrustRegion, penalty: float, remembered: _Remembered
+    def after(self, step: Step) -> None:
+        """Take note of a step that the program found."""
+        self._objective.after(step)
+
+    def linearized(
+        self, current: Iterate, trust: TrustRegion, penalty: float, remembered: Remembered
     ) -> Linearization:
+        """Return the constraints and the cost of a step to first order."""
         bounds = self._bounds(current, trust)
         size = StepSize(trust.radius, bounds.switching)
         rows, is_elastic = self.constraints.rows(current, size)
@@ -277,11 +222,11 @@ class SequentialProgram:
             current,
             (rows, is_elastic),
             Given(near | np.isin(rows.index, remembered.rows), planes, none),
-            self._variables,
+            self.variables,
             bounds,
             self._objective.cost(
                 current,
-                self._variables,
+                self.variables,
                 self._cost.quadratic(current.spline.control_points, trust.damping),
             ),
             penalty,
@@ -294,11 +239,11 @@ class SequentialProgram:
         switching = np.minimum(np.cumsum(widths)[:-1], np.cumsum(widths[::-1])[-2::-1])
         switching = switching[: self.grid.switch_count]
         points = current.spline.control_points
-        now, joints = self._variables.of(points), points.shape[1]
-        held = self._variables.held(points)
+        now, joints = self.variables.of(points), points.shape[1]
+        held = self.variables.held(points)
         return Bounds(
-            np.clip(self._variables.lower - now, -trust.radius, 0.0),
-            np.clip(self._variables.upper - now, 0.0, trust.radius),
+            np.clip(self.variables.lower - now, -trust.radius, 0.0),
+            np.clip(self.variables.upper - now, 0.0, trust.radius),
             switching,
             widths,
             (self._objective.least_duration_step, _LARGEST_DURATION_STEP),

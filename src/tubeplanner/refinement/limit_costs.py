@@ -1,0 +1,75 @@
+"""What each limit costs, by the multipliers of a leg's linear program.
+
+They hold for the least change. Where the steps that a limit bars from all hardly use it, as next to
+a start on a tolerance, others bar them at once: where multipliers say more than any limit of a
+speed can cost, a whole rise is tried.
+"""
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray
+from tubeplanner.refinement.linear_program import Step, StepProgram
+from tubeplanner.refinement.linearization import BROKEN, Linearization
+from tubeplanner.refinement.shared_columns import shared_columns
+from tubeplanner.refinement.step_search import STEP_TOLERANCE, StepSearch
+
+# Where elastic rows cost more than this share of their penalty, multipliers say little else: then
+# so many times what they are violated by is allowed, or this much.
+_SHARE_OF_PENALTY, _SPARE_SHARE, _LEAST_SPARE = 0.5, 2.0, 1e-5
+# d ln T^2 by a relative rise of a limit: of a velocity 2 at most. Others are tried with this rise.
+_PLAUSIBLE, _RISE = 2.0, 0.1
+_TOLERANCE = 1e-6  # of the solution, absolute and relative
+
+
+def limit_costs(linear: Linearization, count: int, rise: FloatArray) -> FloatArray | None:
+    """Return what each of so many limits costs, shape (count,), in shares of T^2.
+
+    Args:
+        linear: The constraints to first order.
+        count: Number of limits.
+        rise: What slack a relative rise of its limit adds to each row, by the rows' numbers; to
+            planes it adds all.
+
+    Returns:
+        None where multipliers tell the penalty alone: something stays violated.
+    """
+    step = _exact_step(linear)
+    if step is None or step.elastic > BROKEN:
+        return None
+    limit, index = linear.limits()
+    gained = np.where(index >= 0, rise[index], 1.0)
+    known = slice(len(step.multipliers))  # what was added since is no part of the program
+    costs, named = np.zeros(count), limit[known] >= 0
+    np.add.at(costs, limit[known][named], np.maximum(step.multipliers * gained[known], 0.0)[named])
+    for k in np.flatnonzero(costs > _PLAUSIBLE):
+        risen = _solved(linear, STEP_TOLERANCE, _RISE * gained * (limit == k))
+        if risen is not None:
+            costs[k] = max(step.duration - risen.duration, 0.0) / _RISE
+    return costs
+
+
+def _exact_step(linear: Linearization) -> Step | None:
+    """Return the step to the finer tolerance, once it is known what counts.
+
+    Where the solver does not get there, as near as steps are elsewhere. If something stays
+    violated, by next to nothing, that much is allowed: else multipliers tell the penalty.
+    """
+    steps = StepSearch([linear], shared_columns([linear.shape], [False])).solve()
+    if steps is None:
+        return None
+    exact = _solved(linear, _TOLERANCE) or steps[0]
+    elastic = linear.elastic_rows
+    cost = float(abs(exact.multipliers * elastic[: len(exact.multipliers)]).sum())
+    if cost < _SHARE_OF_PENALTY * linear.penalty:
+        return exact
+    spare = max(_SPARE_SHARE * exact.elastic, _LEAST_SPARE)
+    return _solved(linear, _TOLERANCE, spare * elastic) or exact
+
+
+def _solved(
+    linear: Linearization, tolerance: float, extra: FloatArray | float = 0.0
+) -> Step | None:
+    """Return the step of the program whose rows have some more slack."""
+    columns = shared_columns([linear.shape], [False])
+    steps = StepProgram([linear.block(linear.plain, extra)], columns, tolerance).solve()
+    return None if steps is None else steps[0]

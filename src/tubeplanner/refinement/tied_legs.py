@@ -1,0 +1,146 @@
+"""Motions that follow each other, improved together where one ends as the next begins.
+
+Planned one after the other, each ends where that is best for itself. Here the configurations
+between them are chosen for the least sum of durations: all legs are one program, whose legs share
+them. The sum changes only with the square of what they are off by, so that coarser knots than those
+of the motions tell them well enough.
+"""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from tubeplanner.refinement.control_variables import ControlVariables
+from tubeplanner.refinement.descent import FIRST_PENALTY, Descent, Improved
+from tubeplanner.refinement.linear_rows import MERIT_TOLERANCE
+from tubeplanner.refinement.phased_spline import PhasedSpline
+from tubeplanner.refinement.refined_motion import RefinedMotion
+from tubeplanner.refinement.sequential_program import SequentialProgram
+from tubeplanner.refinement.spline_constraints import BLENDED, Iterate
+from tubeplanner.refinement.spline_start import knot_grid, on_knots, subdivided
+from tubeplanner.refinement.trust_region import TrustRegion
+
+# Of how many knot intervals one is made, in turn, until the legs keep to their tubes.
+_JOINED = (3, 1)
+_FIRST_TRUST, _LATER_TRUST = 0.1, 0.02  # [rad or m]
+_GAIN = 1e-3
+_FIRST_STEPS, _STEPS_PER_ROUND, _MAX_ROUNDS = 20, 4, 3
+
+
+class TiedLegs:
+    """Legs whose common ends are open."""
+
+    def __init__(
+        self,
+        motions: Sequence[RefinedMotion],
+        is_tied: Sequence[bool],
+        *,
+        is_closed: bool = False,
+        checkpoint: Callable[[float], None] = lambda duration: None,
+    ) -> None:
+        """Prepare them.
+
+        Args:
+            motions: The legs, each beginning where the one before ends.
+            is_tied: Whether that is open between each leg and the next, one less than legs. Where
+                a leg's goal leaves nothing to choose, it stays.
+            is_closed: Whether it is open too where the last leg ends and the first begins.
+            checkpoint: Called with the sum of durations [s] after every step; it may raise to end
+                the work.
+        """
+        self._motions, self._is_wanted = tuple(motions), (*is_tied, is_closed)
+        self._checkpoint = checkpoint
+        self._found: tuple[Iterate, ...] = ()
+
+    @property
+    def durations(self) -> tuple[float, ...]:
+        """The duration of every leg [s], on the knots that were enough; none before `run`."""
+        return tuple(iterate.duration for iterate in self._found)
+
+    def run(self) -> tuple[PhasedSpline, ...] | None:
+        """Return the legs' splines with the least sum of durations, about; tied ends agree exactly.
+
+        Returns:
+            None if they did not keep to their tubes on any knots.
+        """
+        for parts in _JOINED:
+            splines = [_coarsened(motion.spline, parts) for motion in self._motions]
+            self._found = self._on_knots(splines)
+            if all(_is_inside(iterate) for iterate in self._found):
+                return tuple(subdivided(iterate.spline, parts) for iterate in self._found)
+        return None
+
+    def _on_knots(self, splines: Sequence[PhasedSpline]) -> tuple[Iterate, ...]:
+        """Return where the legs are improved to, on the knots of splines."""
+        is_tied, programs = self._programs(splines)
+        descent = Descent(programs, is_tied)
+        for program, spline in zip(programs, splines, strict=True):
+            program.constraints.blend(BLENDED)
+            program.constraints.look_for_links(spline)
+        begun = Improved(_iterates(programs, splines), TrustRegion(_FIRST_TRUST), FIRST_PENALTY)
+        if not np.isfinite(_total(begun.iterates)):
+            return begun.iterates
+        found = self._improved(descent, begun, _FIRST_STEPS)
+        for _ in range(_MAX_ROUNDS):
+            each = zip(programs, found.iterates, strict=True)
+            # All of them: each adds the samples that it lacks.
+            lacks = [program.constraints.look_between_samples(own)[1] for program, own in each]
+            if found.has_ended and not any(lacks):
+                break
+            again = _iterates(programs, [iterate.spline for iterate in found.iterates])
+            trust = TrustRegion(_LATER_TRUST, found.trust.damping)
+            found = self._improved(descent, Improved(again, trust, found.penalty), _STEPS_PER_ROUND)
+        return found.iterates
+
+    def _programs(
+        self, splines: Sequence[PhasedSpline]
+    ) -> tuple[tuple[bool, ...], tuple[SequentialProgram, ...]]:
+        """Return which legs end where the next begins, wherever that is, and the legs' programs."""
+        legs = list(zip(self._motions, splines, self._is_wanted, strict=True))
+        is_tied = tuple(
+            wanted and ControlVariables(motion.problem, spline.grid).goal_moves
+            for motion, spline, wanted in legs
+        )
+        programs = tuple(
+            SequentialProgram(motion.problem, spline.grid, start_moves=is_tied[k - 1])
+            for k, (motion, spline, _) in enumerate(legs)
+        )
+        for k, program in enumerate(programs):
+            if is_tied[k]:
+                program.variables.tie(programs[(k + 1) % len(programs)].variables)
+        return is_tied, programs
+
+    def _improved(self, descent: Descent, begun: Improved, max_steps: int) -> Improved:
+        return descent.improved(
+            begun.iterates,
+            begun.trust,
+            begun.penalty,
+            min_gain=_GAIN,
+            max_steps=max_steps,
+            checkpoint=lambda iterates: self._checkpoint(_total(iterates)),
+        )
+
+
+def _coarsened(spline: PhasedSpline, parts: int) -> PhasedSpline:
+    """Return a spline on knots of which one interval stands for several."""
+    if parts == 1:
+        return spline
+    times, grid = spline.switching_times, spline.grid
+    coarse = knot_grid(times, round(grid.interval_count / parts), grid.chains)
+    return on_knots(spline, coarse, times)
+
+
+def _iterates(
+    programs: Sequence[SequentialProgram], splines: Sequence[PhasedSpline]
+) -> tuple[Iterate, ...]:
+    each = zip(programs, splines, strict=True)
+    return tuple(program.iterate(spline) for program, spline in each)
+
+
+def _total(iterates: Sequence[Iterate]) -> float:
+    return sum(iterate.duration for iterate in iterates)
+
+
+def _is_inside(iterate: Iterate) -> bool:
+    """Return whether a motion keeps to its tube, in a duration at all."""
+    return iterate.excess <= MERIT_TOLERANCE and np.isfinite(iterate.duration)
