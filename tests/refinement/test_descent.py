@@ -4,24 +4,29 @@ import numpy as np
 import pytest
 
 from tubeplanner import GoalRegion, PlanningProblem, PlanOptions, Seed, Tube, load_robot, plan
+from tubeplanner.refinement import descent
 from tubeplanner.refinement.descent import FIRST_PENALTY, Descent
 from tubeplanner.refinement.sequential_program import SequentialProgram
-from tubeplanner.refinement.trust_region import TrustRegion
+from tubeplanner.refinement.trust_region import Outcome, TrustRegion
 
 POINTS = np.array([[0.3, -0.5, 0.0], [0.5, 0.2, 0.0], [0.1, 0.6, 0.0]])
 
 
-@pytest.fixture(scope="module")
-def motions():
-    """Two legs of a two-link arm planned one after the other, the end between them in a ball."""
+def planned(points):
+    """Return legs of a two-link arm planned one after the other, each to a ball at a point."""
     robot, start, found = load_robot("example:two_link", "hand"), Seed([0.0, -1.0]), []
-    for k in range(2):
-        goal = GoalRegion(POINTS[k + 1], 0.05)
-        problem = PlanningProblem(robot, Tube(POINTS[k : k + 2], 0.08), start, goal)
+    for ends in zip(points[:-1], points[1:], strict=True):
+        problem = PlanningProblem(robot, Tube(ends, 0.08), start, GoalRegion(ends[1], 0.05))
         result = plan(problem, PlanOptions(quality="fast", slack=0.0))
         start = result.motion.spline.control_points[-1]
         found.append(result.motion)
     return found
+
+
+@pytest.fixture(scope="module")
+def motions():
+    """Two legs, the end between them in a ball."""
+    return planned(POINTS)
 
 
 def improved(motions, is_tied, radius, steps=1, announced=lambda iterates: None):
@@ -65,16 +70,26 @@ def test_tied_ends_agree_after_every_step(motions):
     assert abs(ends[-1] - motions[0].spline.control_points[-1]).max() > 0.01
 
 
-def test_legs_that_are_not_tied_take_the_steps_they_take_alone(motions):
-    """What one leg weighs among all changes none of its steps."""
-    _, both = improved(motions, (False, False), 0.005)
-    for k, motion in enumerate(motions):
-        _, alone = improved([motion], (False,), 0.005)
-        np.testing.assert_allclose(
-            both.iterates[k].spline.control_points,
-            alone.iterate.spline.control_points,
-            atol=3e-4,
-        )
+def test_what_legs_gain_counts_by_their_durations(monkeypatch):
+    """Seconds count, not shares: twice the share by which the sum is less, as T^2 is what counts.
+
+    The second leg is short: most of its duration is gained, and some of the first one's lost.
+    """
+    outcomes, sums = [], []
+
+    def noted(*given):
+        outcomes.append(Outcome(*given))
+        return outcomes[-1]
+
+    legs = planned(np.array([*POINTS[:2], [0.46, 0.32, 0.0]]))
+    monkeypatch.setattr(descent, "Outcome", noted)
+    begun, _ = improved(
+        legs, (True, False), 0.01, steps=4, announced=lambda found: sums.append(total(found))
+    )
+    shares = -np.diff([total(begun), *sums]) / [total(begun), *sums[:-1]]
+    found = np.array([outcome.gain for outcome in outcomes])
+    assert (shares > 0.003).sum() >= 2
+    np.testing.assert_allclose(found[shares > 0.003], 2 * shares[shares > 0.003], rtol=0.4)
 
 
 def test_a_single_iterate_is_that_of_a_single_leg(motions):
