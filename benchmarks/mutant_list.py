@@ -834,10 +834,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
             "Coal's direction is as good there",
         ),
     ],
-    "limit_costs": [
-        ("if risen is not None:", "if False:"),
-        ("step is None or step.elastic > BROKEN", "step is None"),
-    ],
+    "limit_costs": [("if risen is not None:", "if False:")],
     "_across": [("corner - apart * normal", "corner + apart * normal")],
     "ClearanceMargin.at": [("left[:, k] = self._left(", "_ = self._left(")],
     "ClearanceMargin._at": [("distance[row, column] = closest.distance", "_ = closest.distance")],
@@ -1649,10 +1646,9 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "ControlVariables._columns": [("0 if self._start_moves else FIXED", "FIXED")],
     "TiedLegs._programs": [
         ("start_moves=is_tied[k - 1]", "start_moves=is_tied[k]"),
-        ("if is_tied[k]:", "if False:"),
         ("wanted and ControlVariables", "ControlVariables"),
     ],
-    "_parts": [("intervals // _FEWEST", "joined")],
+    "_joined": [("intervals // _FEWEST", "most")],
     # --- refinement/refinement ----------------------------------------------------------------
     "_dodged": [("again.links.excess.max(initial=0.0) > _DODGED", "False")],
     # --- refinement/trust_region --------------------------------------------------------------

@@ -1,5 +1,7 @@
 """Steps of several legs at once: what they promise, and what they share."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -15,8 +17,8 @@ POINTS = np.array([[0.3, -0.5, 0.0], [0.5, 0.2, 0.0], [0.1, 0.6, 0.0]])
 def planned(points):
     """Return legs of a two-link arm planned one after the other, each to a ball at a point."""
     robot, start, found = load_robot("example:two_link", "hand"), Seed([0.0, -1.0]), []
-    for ends in zip(points[:-1], points[1:], strict=True):
-        problem = PlanningProblem(robot, Tube(ends, 0.08), start, GoalRegion(ends[1], 0.05))
+    for ends in pairwise(points):
+        problem = PlanningProblem(robot, Tube(list(ends), 0.08), start, GoalRegion(ends[1], 0.05))
         result = plan(problem, PlanOptions(quality="fast", slack=0.0))
         start = result.motion.spline.control_points[-1]
         found.append(result.motion)

@@ -16,11 +16,12 @@ from tubeplanner.refinement.shared_columns import LegShape, shared_columns
 FAR, TOLERANCE = 0.1, 1e-8
 
 
-def leg(slope, weight=1.0, which=1, held=None, bounds=(-FAR, FAR)):
+def leg(slope, weight=1.0, which=1, held=None, bounds=(-FAR, FAR), gradient=0.0):
     """Return a leg of two configurations of one joint: eta >= slope * one of them."""
     lower, upper = np.full((2, 1), bounds[0]), np.full((2, 1), bounds[1])
     rows = SparseRows(np.array([slope, -1.0]), np.array([which, 2]), np.array([2]))
-    quadratic = Quadratic(sparse.csc_matrix(1e-6 * np.eye(4)), np.zeros(2)).weighted(weight)
+    hessian = sparse.csc_matrix(1e-6 * np.eye(4))
+    quadratic = Quadratic(hessian, np.full(2, gradient)).weighted(weight)
     return Block(
         [rows],
         np.zeros(1),
@@ -69,10 +70,21 @@ def test_legs_that_share_nothing_take_their_own_steps():
     assert steps[1].control[0, 0] == pytest.approx(-FAR, abs=1e-5)
 
 
-def test_a_shared_configuration_keeps_both_bounds():
-    blocks = [leg(-1.0, 0.6), leg(1.0, 0.4, which=0, bounds=(-0.01, 0.03))]
+@pytest.mark.parametrize(
+    ("one", "other"), [((-FAR, FAR), (-0.01, 0.03)), ((-0.01, 0.03), (-FAR, FAR))]
+)
+@pytest.mark.parametrize(("slope", "end"), [(1.0, 0.03), (2.0, -0.01)])
+def test_a_shared_configuration_keeps_both_bounds(one, other, slope, end):
+    blocks = [leg(-1.0, 0.6, bounds=one), leg(slope, 0.4, which=0, bounds=other)]
     _, steps = solved(blocks, [True, False])
-    assert steps[0].control[1, 0] == pytest.approx(0.03, abs=1e-5)
+    assert steps[0].control[1, 0] == pytest.approx(end, abs=1e-5)
+
+
+def test_a_shared_configuration_costs_both_what_it_costs_each():
+    """One would have it go one way, the other half as much the other way."""
+    blocks = [leg(0.0, gradient=-1.0), leg(0.0, which=0, gradient=0.5)]
+    _, steps = solved(blocks, [True, False])
+    assert steps[1].control[0, 0] == pytest.approx(FAR, abs=1e-5)
 
 
 def test_what_is_held_does_not_move():

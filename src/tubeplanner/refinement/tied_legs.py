@@ -66,7 +66,7 @@ class TiedLegs:
             None if they did not keep to their tubes on any knots.
         """
         counts = [motion.spline.grid.interval_count for motion in self._motions]
-        choices = [tuple(_parts(count, joined) for count in counts) for joined in _JOINED]
+        choices = [tuple(_joined(count, most) for count in counts) for most in _JOINED]
         for parts in dict.fromkeys(choices):
             legs = zip(self._motions, parts, strict=True)
             self._found = self._on_knots([_coarsened(leg.spline, own) for leg, own in legs])
@@ -126,9 +126,9 @@ class TiedLegs:
         )
 
 
-def _parts(intervals: int, joined: int) -> int:
-    """Return of how many of so many knot intervals one is made."""
-    return max(min(joined, intervals // _FEWEST), 1)
+def _joined(intervals: int, most: int) -> int:
+    """Return of how many of so many knot intervals one is made, at most a number."""
+    return max(min(most, intervals // _FEWEST), 1)
 
 
 def _coarsened(spline: PhasedSpline, parts: int) -> PhasedSpline:
