@@ -22,7 +22,7 @@ def ending_for(move: Move, after: Move) -> Move:
     if not isinstance(goal, GoalRegion):
         goal = GoalRegion(tube.points[-1])
     if tube.orientations is None:
-        free = [[np.inf] * 3] * tube.segment_count
+        free = ((np.inf, np.inf, np.inf),) * tube.segment_count
         everywhere = np.tile(turned[:1], (len(tube.points), 1))
         tube = replace(tube, orientations=everywhere, rotation_tolerance=free)
     elif min(np.linalg.norm(tube.orientations[-1] - s * turned[0]) for s in (1, -1)) > _SAME_TURN:
