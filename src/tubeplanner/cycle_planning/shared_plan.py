@@ -15,6 +15,7 @@ from tubeplanner.planning.plan_options import PlanOptions
 from tubeplanner.planning.planner import Planner
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, Progress
+from tubeplanner.refinement.phased_spline import PhasedSpline
 from tubeplanner.refinement.refined_motion import RefinedMotion
 from tubeplanner.refinement.tied_legs import TiedLegs
 
@@ -54,12 +55,7 @@ def shared_plan(
         return None
     for _ in range(_ROUNDS):
         clock.enter(_STAGE)
-        splines = TiedLegs(
-            known,
-            is_open[:-1],
-            is_closed=cycle.closed and is_open[last],
-            checkpoint=_checkpoint(clock),
-        ).run()
+        splines = _tied(known, is_open, clock, closed=cycle.closed)
         if splines is None:
             return None
         ends = [spline.control_points[[0, -1]] for spline in splines]
@@ -80,6 +76,51 @@ def shared_plan(
             plans = _planned(problems, known, options, clock)
             return plans if plans is not None and _total(plans) < _total(greedy) else None
     return None
+
+
+def _tied(
+    motions: Sequence[RefinedMotion], is_open: Sequence[bool], clock: PlanningClock, *, closed: bool
+) -> list[PhasedSpline] | None:
+    """Return the splines of legs, those with open ends improved together; None if they cannot be.
+
+    Args:
+        motions: Of all legs.
+        is_open: Whether each ends openly.
+        clock: The planning's.
+        closed: Whether the first follows the last.
+    """
+    splines = [motion.spline for motion in motions]
+    for chain in _chains(is_open, closed=closed):
+        found = TiedLegs(
+            [motions[k] for k in chain],
+            [is_open[k] for k in chain[:-1]],
+            is_closed=closed and all(is_open),
+            checkpoint=_checkpoint(clock),
+        ).run()
+        if found is None:
+            return None
+        for k, spline in zip(chain, found, strict=True):
+            splines[k] = spline
+    return splines
+
+
+def _chains(is_open: Sequence[bool], *, closed: bool) -> list[list[int]]:
+    """Return the legs that open ends join, in the order in which they run.
+
+    Args:
+        is_open: Whether each leg ends openly.
+        closed: Whether the first follows the last.
+    """
+    count = len(is_open)
+    # So that the ring is cut where an end is given, if one is.
+    first = next((k + 1 for k in range(count) if not is_open[k]), 0) if closed else 0
+    chains: list[list[int]] = [[]]
+    for leg in range(first, first + count):
+        k = leg % count
+        chains[-1].append(k)
+        if not is_open[k]:
+            chains.append([])
+    return [chain for chain in chains if any(is_open[k] for k in chain)]
 
 
 def _presses(motion: RefinedMotion, is_open: bool) -> bool:
