@@ -168,7 +168,7 @@ def test_a_start_that_moves_gets_to_where_it_is_to_be(with_start):
     points, step = spline.control_points, np.zeros(variables.lower.shape)
     step[0] = np.random.default_rng(5).uniform(-0.02, 0.02, len(step[0]))
     # Near zero, where what is added to far larger angles is rounded.
-    start = np.random.default_rng(6).uniform(-0.01, 0.01, len(step[0]))
+    start = np.random.default_rng(6).uniform(0.001, 0.01, len(step[0]))
     moved = variables.moved(points, step, start)
     np.testing.assert_array_equal(moved[:3], np.tile(start, (3, 1)))
     np.testing.assert_allclose(moved[-3:], points[-3:], atol=1e-9)
