@@ -7,7 +7,7 @@ configurations; both also with a stop after every move; and beside them TOPP-RA'
 solved, along the tool's straight lines with a stop at every point, between the same configurations.
 All at slack 0. Prints one table: seconds in motion, gains, and the processor time of sharing as a
 multiple of that of the moves alone. `--grid` also compares a cycle of the two-link arm with a grid
-over all configurations in which its moves may end. Exit status 1 if sharing is slower than the moves
+over all configurations in which its moves may end. Exit status 1 if sharing is slower than moves
 alone, takes more than twice their time, or misses the grid by more than 0.5 %.
 """
 

@@ -136,7 +136,8 @@ def planned_leg(
     Of what is left of the time limit it gets as much as each of those after it.
 
     Raises:
-        BlockedLeg: It has none; or KeyboardInterrupt, before anything was certified.
+        BlockedLeg: It has none.
+        KeyboardInterrupt: Ctrl-C before every leg had one.
     """
     left = len(cycle.legs) - k
     limit = clock.remaining / left if np.isfinite(clock.remaining) else None
@@ -148,6 +149,8 @@ def planned_leg(
         result = Planner(problem, alone).plan(clock.announce)
     if not result.succeeded:
         raise BlockedLeg(k, result)
+    if result.stopped_by == "interrupt" and left > 1:  # those after it have nothing
+        raise KeyboardInterrupt
     return LegPlan(problem, result)
 
 
