@@ -17,10 +17,11 @@ def cycle_curves(cycle: Cycle, motion: CycleMotion) -> list[TrajectoryCurves]:
 
     Each has the arm as it is then, with what it carries.
     """
-    problems, times = cycle.problems(motion.seams), motion.leg_times
+    # Curves do not depend on start and cell; problems that have them would refuse bad motions.
+    problems = [cycle.problem_from_anywhere(k) for k in range(len(cycle.legs))]
     legs = [
         _later(trajectory_curves(*pair), begin)
-        for pair, (begin, _) in zip(zip(problems, motion.legs, strict=True), times, strict=True)
+        for *pair, (begin, _) in zip(problems, motion.legs, motion.leg_times, strict=True)
     ]
     found: list[TrajectoryCurves] = []
     for k, leg in enumerate(legs):

@@ -55,7 +55,7 @@ def plot_cycle(cycle: Cycle, motion: CycleMotion, path: str | Path | None = None
         The figure.
 
     Raises:
-        ProblemError: The cycle is none, or a move begins where its problem has no place.
+        ProblemError: The cycle is none.
         OutputError: The file could not be written.
     """
     Cycle.require(cycle)

@@ -1,15 +1,13 @@
 """What happens when in the motion of a cycle, as bands and ticks of a time line."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
 
 from tubeplanner.cycle.cycle_motion import CycleMotion
-from tubeplanner.trajectory.marks import EVENT, MOVE, Mark
+from tubeplanner.cycle.step_text import step_text
+from tubeplanner.cycle.steps import Move
 from tubeplanner.views.palette import segment_color
-
-_MAX_SETTING = 24  # characters; a setting may be anything that a file holds
 
 
 @dataclass(frozen=True)
@@ -73,23 +71,19 @@ def cycle_timeline(motion: CycleMotion) -> Timeline:
     """Return the time line of a motion."""
     spans = motion.move_times.items()
     bands = [Band(name, *times, segment_color(k)) for k, (name, times) in enumerate(spans)]
-    return Timeline(tuple(bands), tuple(_stops(motion.marks, motion.trajectory.duration)))
+    return Timeline(tuple(bands), tuple(_stops(motion)))
 
 
-def _stops(marks: Sequence[Mark], duration: float) -> list[Stop]:
-    runs = [(kind, list(run)) for kind, run in groupby(marks, lambda mark: mark.kind == MOVE)]
-    ends = [run[0].time for _, run in runs[1:]] + [duration]
+def _stops(motion: CycleMotion) -> list[Stop]:
+    steps = zip(motion.cycle.steps, motion.marks, strict=True)
+    runs = [list(run) for _, run in groupby(steps, lambda each: isinstance(each[0], Move))]
+    ends = [run[0][1].time for run in runs[1:]] + [motion.trajectory.duration]
     return [
-        Stop(run[0].time, end, tuple((mark.time, _called(mark)) for mark in run))
-        for (is_move, run), end in zip(runs, ends, strict=True)
-        if not is_move
+        Stop(
+            run[0][1].time,
+            end,
+            tuple((mark.time, step_text(step)) for step, mark in run if not isinstance(step, Move)),
+        )
+        for run, end in zip(runs, ends, strict=True)
+        if not isinstance(run[0][0], Move)
     ]
-
-
-def _called(mark: Mark) -> str:
-    """Return what is said of a step at rest."""
-    if mark.kind != EVENT:
-        return f"{mark.kind} {mark.name}"
-    setting = "" if mark.setting is None else str(mark.setting)
-    short = setting if len(setting) <= _MAX_SETTING else f"{setting[:_MAX_SETTING]}..."
-    return f"{mark.name} {short}".strip()
