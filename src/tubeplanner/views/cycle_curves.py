@@ -17,11 +17,10 @@ def cycle_curves(cycle: Cycle, motion: CycleMotion) -> list[TrajectoryCurves]:
 
     Each has the arm as it is then, with what it carries.
     """
-    # Curves do not depend on start and cell; problems that have them would refuse bad motions.
-    problems = [cycle.problem_from_anywhere(k) for k in range(len(cycle.legs))]
     legs = [
-        _later(trajectory_curves(*pair), begin)
-        for *pair, (begin, _) in zip(problems, motion.legs, motion.leg_times, strict=True)
+        # Curves do not depend on start and cell; problems that have them would refuse bad motions.
+        _later(trajectory_curves(cycle.problem_from_anywhere(k), leg), begin)
+        for k, (leg, (begin, _)) in enumerate(zip(motion.legs, motion.leg_times, strict=True))
     ]
     found: list[TrajectoryCurves] = []
     for k, leg in enumerate(legs):
