@@ -2919,6 +2919,11 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     "_starts": [("if is_held and", "if")],
     "_path_from": [("folder.resolve()", "Path().resolve()")],
+    # --- resources: problems and cycles -----------------------------------------------------------
+    "bundled_problems": [(" if not _is_cycle(path)", "")],
+    "bundled_cycles": [(" if _is_cycle(path)", "")],
+    "_bundled_files": [(" if p.parent.name != _PRESETS", "")],
+    "_is_cycle": [(".splitlines()", "")],
     "_as_yaml": [("value.lower() in _WORDS or", "")],
 }
 

@@ -14,6 +14,7 @@ from tubeplanner.errors import ProblemError, RobotError, unknown_name
 EXAMPLE_PREFIX = "example:"
 _PACKAGE_PREFIX = "package://"
 _PRESETS = "presets"  # the bundled folder that holds limits and motors alone
+_OF_A_CYCLE = "format: tubeplanner/cycle"  # the line that bundled cycles have and problems have not
 PRESET_ENDINGS = (".yaml", ".yml", ".json")
 
 # The robots of example-robot-data, below its folder `robots`, by the names of its former loaders
@@ -108,10 +109,12 @@ def bundled_robots() -> dict[str, Path]:
 
 def bundled_problems() -> dict[str, Path]:
     """Return every bundled problem file by its name `ROBOT/NAME`."""
-    paths = sorted(bundled_folder().glob("*/*.yaml"))
-    return {
-        f"{path.parent.name}/{path.stem}": path for path in paths if path.parent.name != _PRESETS
-    }
+    return {name: path for name, path in _bundled_files() if not _is_cycle(path)}
+
+
+def bundled_cycles() -> dict[str, Path]:
+    """Return every bundled cycle file by its name `ROBOT/NAME`."""
+    return {name: path for name, path in _bundled_files() if _is_cycle(path)}
 
 
 def bundled_presets() -> dict[str, Path]:
@@ -126,22 +129,22 @@ def example_robot_names() -> list[str]:
 
 
 def find_problem(name: str | Path, directory: Path) -> Path:
-    """Return the path of a problem file.
+    """Return the path of a problem or cycle file.
 
     Args:
         name: A path, relative to `directory` or absolute, or `example:ROBOT/NAME`.
         directory: Where relative paths start.
 
     Raises:
-        ProblemError: The file or the bundled problem does not exist.
+        ProblemError: The file or the bundled problem or cycle does not exist.
     """
     text = str(name)
     if text.startswith(EXAMPLE_PREFIX):
-        problems = bundled_problems()
+        bundled = dict(_bundled_files())
         key = text.removeprefix(EXAMPLE_PREFIX)
-        if key not in problems:
-            raise ProblemError(unknown_name("bundled problem", key, problems))
-        return problems[key]
+        if key not in bundled:
+            raise ProblemError(unknown_name("bundled problem", key, bundled))
+        return bundled[key]
     path = directory / text
     if not _exists(path):
         raise ProblemError(f"problem file {path} does not exist")
@@ -250,6 +253,16 @@ def find_package(package: str, file: Path, package_dirs: tuple[Path, ...] = ()) 
     for folder in (*declared, *found):
         return folder.resolve()
     raise RobotError(_not_found(f"package '{package}'", package, roots))
+
+
+def _bundled_files() -> list[tuple[str, Path]]:
+    """Return every bundled problem and cycle file after its name `ROBOT/NAME`."""
+    paths = sorted(bundled_folder().glob("*/*.yaml"))
+    return [(f"{p.parent.name}/{p.stem}", p) for p in paths if p.parent.name != _PRESETS]
+
+
+def _is_cycle(path: Path) -> bool:
+    return _OF_A_CYCLE in path.read_text(encoding="utf-8").splitlines()
 
 
 def _exists(path: Path) -> bool:

@@ -167,22 +167,26 @@ def plan(
 @cli.command()
 @AS_JSON
 def robots(as_json: bool) -> None:
-    """List the robots and problems that `example:` finds, and presets of limits and motors."""
+    """List what `example:` finds, robots, problems, cycles, and presets of limits and motors."""
     from tubeplanner.resources import (
+        bundled_cycles,
         bundled_presets,
         bundled_problems,
         bundled_robots,
         example_robot_names,
     )
 
-    problems, presets = list(bundled_problems()), bundled_presets()
+    problems, cycles = list(bundled_problems()), list(bundled_cycles())
+    presets = bundled_presets()
     if as_json:
-        fields = {"robots": example_robot_names(), "problems": problems}
+        fields = {"robots": example_robot_names(), "problems": problems, "cycles": cycles}
         fields["presets"] = list(presets)
         print_json({**empty_report("success", "names for example:", nowhere()), **fields})
         return
     say("Problems (example:ROBOT/NAME):")
     say(*(f"  example:{name}" for name in problems), sep="\n")
+    say("Cycles (example:ROBOT/NAME):")
+    say(*(f"  example:{name}" for name in cycles), sep="\n")
     say("Robots (robot.urdf: example:NAME), from this package and from example-robot-data:")
     bundled = bundled_robots()
     for name in example_robot_names():
