@@ -54,12 +54,12 @@ def test_bundled_cycles_are_listed_apart_and_found_by_name():
     assert not set(bundled_cycles()) & set(bundled_problems())
     path = find_problem(f"example:{name}", Path("nowhere"))
     assert path == bundled_folder() / "ur5" / "through_the_door.yaml"
-    assert not [name for name in bundled_cycles() if name.startswith("presets/")]
 
 
 def test_a_problem_that_speaks_of_cycles_is_none(tmp_path, monkeypatch):
     write(tmp_path / "arm" / "problem.yaml", "# not format: tubeplanner/cycle\n")
     write(tmp_path / "arm" / "cycle.yaml", "# a cell\nformat: tubeplanner/cycle\n")
+    write(tmp_path / "presets" / "limits.yaml", "format: tubeplanner/preset\n")
     monkeypatch.setattr(resources, "bundled_folder", lambda: tmp_path)
     assert list(bundled_problems()) == ["arm/problem"]
     assert list(bundled_cycles()) == ["arm/cycle"]
