@@ -57,6 +57,22 @@ from .constraints.time_scaling import scaling_factor as scaling_factor
 from .waypoint_search.waypoint_interpolation import sequential_quartics as sequential_quartics
 from .waypoint_search.waypoint_interpolation import quartic_spline as quartic_spline
 
+# Cycle
+from .cycle.cycle_reader import load_cycle as load_cycle
+from .cycle.cycle_reader import parse_cycle as parse_cycle
+from .cycle.cycle import Cycle as Cycle
+from .cycle.steps import Move as Move
+from .cycle.steps import Event as Event
+from .cycle.steps import Attach as Attach
+from .cycle.steps import Detach as Detach
+from .cycle_planning.cycle_planner import plan_cycle as plan_cycle
+from .cycle_planning.cycle_result import CycleResult as CycleResult  # returned
+from .cycle_planning.cycle_result import CycleSensitivity as CycleSensitivity  # returned
+from .cycle.cycle_motion import CycleMotion as CycleMotion
+from .trajectory.marks import Mark as Mark
+from .verification.cycle_verification import verify_cycle as verify_cycle
+from .verification.cycle_certificate import CycleCertificate as CycleCertificate  # returned
+
 # Tubes from what you have
 from .measurement.tube_measurement import measure_tube as measure_tube
 from .measurement.measured_tube import MeasureOptions as MeasureOptions

@@ -63,7 +63,8 @@ class Cycle:
         legs, after = legs_of(self.steps)
         object.__setattr__(self, "legs", legs)
         object.__setattr__(self, "after", after)
-        self._require_possible()
+        for k in range(len(legs)):
+            self.problem_from_anywhere(k)
 
     def __repr__(self) -> str:
         moves = sum(len(leg.moves) for leg in self.legs)
@@ -124,6 +125,19 @@ class Cycle:
         ends = pairwise(seams)
         return tuple(self._problem(k, cells[k], *pair) for k, pair in enumerate(ends))
 
+    def problem_from_anywhere(self, k: int) -> PlanningProblem:
+        """Return the planning problem of a leg before it is known where it begins.
+
+        The first begins where the cycle does; others at a seed, and what was taken or let go
+        before them is anywhere.
+
+        Raises:
+            ProblemError: As `problem`.
+        """
+        somewhere = anywhere(self.robot)
+        cell = self.cells([somewhere] * (k + 1))[k]
+        return self._problem(k, cell, self.start if k == 0 else Seed(somewhere), None)
+
     def rest_at(self, seam: int) -> Rest:
         """Return what happens at a seam."""
         return self.after if seam == len(self.legs) else self.legs[seam].before
@@ -162,13 +176,6 @@ class Cycle:
         there = {each.name for each in cell.obstacles} | {each.name for each in cell.attached}
         comes_and_goes = {step.name for step in self.steps if isinstance(step, Attach)}
         return all(name in there for name in pair if name in comes_and_goes)
-
-    def _require_possible(self) -> None:
-        """Raise unless every move can be a planning problem, wherever it begins."""
-        somewhere = anywhere(self.robot)
-        cells = self.cells([somewhere] * len(self.legs))
-        for k, cell in enumerate(cells):
-            self._problem(k, cell, self.start if k == 0 else Seed(somewhere), None)
 
 
 def anywhere(robot: RobotModel) -> FloatArray:

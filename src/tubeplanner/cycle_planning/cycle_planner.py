@@ -5,13 +5,14 @@ from dataclasses import replace
 from functools import partial
 
 from tubeplanner.cycle.cycle import Cycle
-from tubeplanner.cycle.cycle_motion import CycleMotion, LegMotion, cycle_motion
+from tubeplanner.cycle.cycle_motion import CycleMotion, cycle_motion
 from tubeplanner.cycle_planning.cycle_result import (
     CycleResult,
     at_move,
     cycle_sensitivities,
 )
 from tubeplanner.cycle_planning.greedy_plan import greedy_plan
+from tubeplanner.cycle_planning.leg_motion import leg_motion
 from tubeplanner.cycle_planning.leg_plan import BlockedLeg, LegPlan
 from tubeplanner.cycle_planning.shared_plan import shared_plan
 from tubeplanner.outcome import Place, PlanStatus
@@ -19,7 +20,6 @@ from tubeplanner.planning.followed_plan import followed_plan
 from tubeplanner.planning.plan_options import PlanOptions
 from tubeplanner.progress import PlanningClock, ProgressCallback, StoppedBy, until_stopped
 from tubeplanner.verification.cycle_verification import verify_cycle
-from tubeplanner.verification.verification import judged_visits
 
 
 def plan_cycle(
@@ -58,7 +58,7 @@ def plan_cycle(
         return _blocked(cycle, blocked, options, clock)
     plans, stopped_by = greedy, _stop_of(greedy)
     if shares_configurations and stopped_by is None:
-        shared, stopped_by = until_stopped(partial(shared_plan, cycle, greedy, clock))
+        shared, stopped_by = until_stopped(partial(shared_plan, cycle, greedy, options, clock))
         plans = shared or greedy
     plans = [_followed(cycle, k, plan, options, clock) for k, plan in enumerate(plans)]
     return _certified(cycle, plans, greedy, options, clock, stopped_by or _stop_of(plans))
@@ -87,7 +87,8 @@ def _certified(
     for k, plan in enumerate(plans):
         if not plan.result.succeeded:
             return _blocked(cycle, BlockedLeg(k, plan.result), options, clock)
-    motion = cycle_motion(cycle, [_leg_motion(*each) for each in zip(cycle.legs, plans)])
+    each = zip(cycle.legs, plans, strict=True)
+    motion = cycle_motion(cycle, [leg_motion(leg, plan) for leg, plan in each])
     begin = clock.elapsed
     certificate = verify_cycle(cycle, motion)
     rests = motion.trajectory.duration - sum(plan.duration for plan in plans)
@@ -114,4 +115,59 @@ def _certified(
         status=PlanStatus.CERTIFICATE_FAILED,
         message=f"the certificate of the whole fails: {certificate.describe(worst)}",
         motion=None,
+    )
+
+
+def _blocked(
+    cycle: Cycle, blocked: BlockedLeg, options: PlanOptions, clock: PlanningClock
+) -> CycleResult:
+    """Return the result that a leg has no answer.
+
+    Raises:
+        KeyboardInterrupt: It was Ctrl-C that ended it.
+    """
+    result, leg = blocked.result, cycle.legs[blocked.leg]
+    if result.status is PlanStatus.INTERRUPTED:
+        raise KeyboardInterrupt
+    where = f"move {blocked.leg + 1} of {len(cycle.legs)}, '{leg.name}'"
+    if len(leg.moves) > 1:
+        where += " (segments are counted over all of them)"
+    return CycleResult(
+        result.status,
+        f"{where}: {result.message}",
+        at_move(result.place, cycle, blocked.leg),
+        options.method,
+        planning_time=clock.elapsed,
+        stopped_by=result.stopped_by,
+        notes=result.notes,
+    )
+
+
+def _stop_of(plans: Sequence[LegPlan]) -> StoppedBy | None:
+    """Return what stopped the planning of any leg early."""
+    return next((each for plan in plans if (each := plan.result.stopped_by) is not None), None)
+
+
+def _message(cycle: Cycle, motion: CycleMotion) -> str:
+    moving = sum(end - begin for begin, end in motion.leg_times)
+    whole = motion.trajectory.duration
+    moves = sum(len(leg.moves) for leg in cycle.legs)
+    return (
+        f"certified cycle of {whole:.4f} s: {moves} moves in {moving:.4f} s, "
+        f"{whole - moving:.4g} s at rest"
+    )
+
+
+def _notes(cycle: Cycle, plans: Sequence[LegPlan]) -> tuple[str, ...]:
+    """Return what is worth knowing of the legs, once where it is the same of all."""
+    legs = [leg.name for leg in cycle.legs]
+    said: dict[str, list[str]] = {}
+    for name, plan in zip(legs, plans, strict=True):
+        problem = plan.problem
+        notes = (*problem.robot.limits.notes, *problem.tube.notes, *plan.result.notes)
+        for note in notes:
+            said.setdefault(note, []).append(name)
+    return tuple(
+        note if len(names) == len(legs) else f"move {', '.join(names)}: {note}"
+        for note, names in said.items()
     )

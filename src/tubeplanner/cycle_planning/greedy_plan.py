@@ -6,7 +6,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.branches.reference_branch import end_configuration
-from tubeplanner.cycle.cycle import Cycle, anywhere
+from tubeplanner.cycle.cycle import Cycle
 from tubeplanner.cycle_planning.leg_plan import BlockedLeg, LegPlan
 from tubeplanner.errors import ProblemError
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
@@ -14,7 +14,8 @@ from tubeplanner.planning.plan_options import PlanOptions
 from tubeplanner.planning.plan_result import PlanResult, stopped_result
 from tubeplanner.planning.planner import Planner
 from tubeplanner.problem.goal_region import GoalRegion
-from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.problem.problem import PlanningProblem, Seed
+from tubeplanner.problem.tool_pose import ToolPose
 from tubeplanner.progress import PlanningClock
 
 
@@ -47,13 +48,13 @@ def first_configuration(cycle: Cycle) -> FloatArray:
     if isinstance(cycle.start, np.ndarray):
         return cycle.start
     last = len(cycle.legs) - 1
-    somewhere = [anywhere(cycle.robot)] * (last + 1)
-    leg, given, point = 0, cycle.start, 0
+    leg, point = 0, 0
+    given: FloatArray | Seed | ToolPose = cycle.start
     goal = cycle.legs[last].joined.goal
     if cycle.closed and goal is not None and not isinstance(goal, GoalRegion):
         leg, given, point = last, goal, -1
     try:
-        return end_configuration(cycle.problem(leg, somewhere), given, point)
+        return end_configuration(cycle.problem_from_anywhere(leg), given, point)
     except Infeasible as reason:
         raise BlockedLeg(leg, refused(reason)) from None
 
@@ -73,7 +74,9 @@ def leg_problem(cycle: Cycle, k: int, seams: list[FloatArray]) -> PlanningProble
     try:
         return cycle.problem(k, seams, seams[0] if closes else None)
     except ProblemError as error:
-        raise BlockedLeg(k, refused(Infeasible(PlanStatus.UNREACHABLE, str(error), Place()))) from None
+        raise BlockedLeg(
+            k, refused(Infeasible(PlanStatus.UNREACHABLE, str(error), Place()))
+        ) from None
 
 
 def planned_leg(

@@ -25,6 +25,10 @@ from tubeplanner.verification.judged_condition import (
 )
 from tubeplanner.verification.verification import verify
 
+# Where something is put down in a configuration that is left open, it may be this deep in what it
+# stands on [m]: it is tilted by what the tool is, here against where it was taken.
+_PRESSED = 1e-5
+
 
 def verify_cycle(
     cycle: Cycle, motion: CycleMotion, tolerance: Tolerance | None = None
@@ -70,8 +74,9 @@ def _judged_leg(cycle: Cycle, motion: CycleMotion, k: int, tolerance: Tolerance)
     """
     begin, end = motion.leg_times[k]
     problem = cycle.problem(k, motion.seams[: k + 1])
-    if k == 0:
-        problem = replace(problem, start=cycle.start)
+    pressed = [replace(contact, apart=contact.apart - _PRESSED) for contact in problem.contacts]
+    start = cycle.start if k == 0 else problem.start
+    problem = replace(problem, start=start, contacts=pressed)
     judged = verify(problem, part_of(motion.trajectory, begin, end), tolerance)
     conditions = {
         name: replace(each, where=_in_cycle(cycle.legs[k], each.where, begin))

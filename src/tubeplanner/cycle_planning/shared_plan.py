@@ -1,0 +1,119 @@
+"""The configurations in which moves end and the next begin, for the least sum of durations."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from tubeplanner.cycle.cycle import Cycle
+from tubeplanner.cycle.steps import Goal
+from tubeplanner.cycle_planning.leg_plan import LegPlan
+from tubeplanner.errors import ProblemError
+from tubeplanner.planning.continued_plan import continued_plan
+from tubeplanner.planning.plan_options import PlanOptions
+from tubeplanner.planning.planner import Planner
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.progress import PlanningClock, Progress
+from tubeplanner.refinement.refined_motion import RefinedMotion
+from tubeplanner.refinement.tied_legs import TiedLegs
+
+_STAGE = "shared configurations"
+# Where a part is taken and put down in other configurations, it stands and hangs otherwise: where
+# that leaves a leg without an answer, they are chosen once more, with the part as it is then.
+_ROUNDS = 2
+
+
+def shared_plan(
+    cycle: Cycle, greedy: Sequence[LegPlan], options: PlanOptions, clock: PlanningClock
+) -> list[LegPlan] | None:
+    """Return the shortest motions of all legs between ends that suit all of them.
+
+    Args:
+        cycle: The cycle.
+        greedy: Each leg's from where the one before ended.
+        options: How to plan a leg afresh, where that is necessary.
+        clock: The planning's.
+
+    Returns:
+        None if nothing shorter is found than what there is.
+
+    Raises:
+        TimeLimitReached: Before it was known; likewise KeyboardInterrupt.
+    """
+    last = len(greedy) - 1
+    is_tied = [leg.joined.ends_openly for leg in cycle.legs]
+    is_tied[last] &= cycle.closed and not isinstance(cycle.start, np.ndarray)
+    motions = [_opened(plan, cycle.legs[k].joined.goal) for k, plan in enumerate(greedy)]
+    known = [motion for motion in motions if motion is not None]
+    if not any(is_tied) or len(known) < len(greedy):
+        return None
+    for _ in range(_ROUNDS):
+        clock.enter(_STAGE)
+        splines = TiedLegs(
+            known, is_tied[:-1], is_closed=is_tied[last], checkpoint=_checkpoint(clock)
+        ).run()
+        if splines is None:
+            return None
+        ends = [spline.control_points[[0, -1]] for spline in splines]
+        try:
+            problems = cycle.problems([ends[0][0], *(end for _, end in ends)])
+        except ProblemError:  # no place for an end after all
+            return None
+        known = [
+            replace(motion, problem=replace(problem.joined, goal=leg.joined.goal), spline=spline)
+            for motion, problem, leg, spline in zip(
+                known, problems, cycle.legs, splines, strict=True
+            )
+        ]
+        plans = _planned(problems, known, options, clock)
+        if plans is not None:
+            return plans if _total(plans) < _total(greedy) else None
+    return None
+
+
+def _opened(plan: LegPlan, goal: Goal) -> RefinedMotion | None:
+    """Return a leg's motion as one of a problem whose goal is that of its move."""
+    motion = plan.result.motion
+    if motion is None:
+        return None
+    return replace(motion, problem=replace(motion.problem, goal=goal))
+
+
+def _planned(
+    problems: Sequence[PlanningProblem],
+    motions: Sequence[RefinedMotion],
+    options: PlanOptions,
+    clock: PlanningClock,
+) -> list[LegPlan] | None:
+    """Return the shortest motions of legs between their ends; None if one has none.
+
+    Args:
+        problems: The legs'.
+        motions: From which to begin.
+        options: How to plan a leg afresh, if that leads nowhere.
+        clock: The planning's.
+    """
+    plans = []
+    for problem, motion in zip(problems, motions, strict=True):
+        with clock.within(f"{_STAGE}, {problem.name}"):
+            result = continued_plan(problem.joined, motion, clock)
+            if result is None or not result.succeeded:
+                result = Planner(problem, replace(options, slack=0.0)).plan(clock.announce)
+        if not result.succeeded:
+            return None
+        plans.append(LegPlan(problem, result))
+    return plans
+
+
+def _checkpoint(clock: PlanningClock) -> Callable[[float], None]:
+    """Return what is called with the sum of durations after every step."""
+
+    def checkpoint(duration: float) -> None:
+        clock.announce(Progress(_STAGE, best_duration=duration))
+        clock.check()
+
+    return checkpoint
+
+
+def _total(plans: Sequence[LegPlan]) -> float:
+    return sum(plan.duration for plan in plans)
