@@ -2919,6 +2919,13 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     "_starts": [("if is_held and", "if")],
     "_path_from": [("folder.resolve()", "Path().resolve()")],
+    # --- cycle_planning/shared_plan ---------------------------------------------------------------
+    "shared_plan": [
+        (
+            "_opened(plan, leg.joined.goal) if tied else",
+            "_opened(plan, leg.joined.goal) if True else",
+        )
+    ],
     # --- resources: problems and cycles -----------------------------------------------------------
     "bundled_problems": [(" if not _is_cycle(path)", "")],
     "bundled_cycles": [(" if _is_cycle(path)", "")],

@@ -43,7 +43,10 @@ def shared_plan(
     last = len(greedy) - 1
     is_tied = [leg.joined.ends_openly for leg in cycle.legs]
     is_tied[last] &= cycle.closed and not isinstance(cycle.start, np.ndarray)
-    motions = [_opened(plan, cycle.legs[k].joined.goal) for k, plan in enumerate(greedy)]
+    motions = [
+        _opened(plan, leg.joined.goal) if tied else plan.result.motion
+        for leg, plan, tied in zip(cycle.legs, greedy, is_tied, strict=True)
+    ]
     known = [motion for motion in motions if motion is not None]
     if not any(is_tied) or len(known) < len(greedy):
         return None
@@ -60,10 +63,8 @@ def shared_plan(
         except ProblemError:  # no place for an end after all
             return None
         known = [
-            replace(motion, problem=replace(problem.joined, goal=leg.joined.goal), spline=spline)
-            for motion, problem, leg, spline in zip(
-                known, problems, cycle.legs, splines, strict=True
-            )
+            replace(motion, problem=replace(each.joined, goal=motion.problem.goal), spline=spline)
+            for motion, each, spline in zip(known, problems, splines, strict=True)
         ]
         plans = _planned(problems, known, options, clock)
         if plans is not None:
