@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from tubeplanner.branches.pose_configurations import is_free
 from tubeplanner.cycle.cycle import Cycle
 from tubeplanner.cycle.steps import Goal
 from tubeplanner.cycle_planning.leg_plan import LegPlan
@@ -18,9 +19,9 @@ from tubeplanner.refinement.refined_motion import RefinedMotion
 from tubeplanner.refinement.tied_legs import TiedLegs
 
 _STAGE = "shared configurations"
-# Where a part is taken and put down in other configurations, it stands and hangs otherwise: where
-# that leaves a leg without an answer, they are chosen once more, with the part as it is then.
-_ROUNDS = 2
+# Where a part is taken and put down in other configurations, it hangs and stands otherwise: where
+# it is then put down a little too deep, that configuration alone is chosen once more.
+_ROUNDS = 4
 
 
 def shared_plan(
@@ -62,14 +63,27 @@ def shared_plan(
             problems = cycle.problems([ends[0][0], *(end for _, end in ends)])
         except ProblemError:  # no place for an end after all
             return None
-        known = [
-            replace(motion, problem=replace(each.joined, goal=motion.problem.goal), spline=spline)
-            for motion, each, spline in zip(known, problems, splines, strict=True)
+        opened = [
+            replace(motion, problem=replace(problem.joined, goal=leg.joined.goal), spline=spline)
+            for motion, problem, leg, spline in zip(
+                known, problems, cycle.legs, splines, strict=True
+            )
         ]
-        plans = _planned(problems, known, options, clock)
-        if plans is not None:
-            return plans if _total(plans) < _total(greedy) else None
+        is_tied = [_presses(*each) for each in zip(opened, is_tied, strict=True)]
+        known = [
+            motion if is_open else replace(motion, problem=problem.joined)
+            for motion, problem, is_open in zip(opened, problems, is_tied, strict=True)
+        ]
+        if not any(is_tied):
+            plans = _planned(problems, known, options, clock)
+            return plans if plans is not None and _total(plans) < _total(greedy) else None
     return None
+
+
+def _presses(motion: RefinedMotion, is_tied: bool) -> bool:
+    """Return whether a leg's end was chosen, and what is put down there is in what it stands on."""
+    end = motion.spline.control_points[-1]
+    return is_tied and not is_free(motion.problem, "goal", end)
 
 
 def _opened(plan: LegPlan, goal: Goal) -> RefinedMotion | None:

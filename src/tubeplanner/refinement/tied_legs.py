@@ -24,6 +24,8 @@ from tubeplanner.refinement.trust_region import TrustRegion
 _JOINED = (3, 1)
 _FIRST_TRUST, _LATER_TRUST = 0.1, 0.02  # [rad or m]
 _GAIN = 1e-3
+# Each leg is refined once more: what it violates by as little as this is mended then.
+_INSIDE = 2.0
 _FIRST_STEPS, _STEPS_PER_ROUND, _MAX_ROUNDS = 20, 4, 3
 
 
@@ -74,9 +76,11 @@ class TiedLegs:
         """Return where the legs are improved to, on the knots of splines."""
         is_tied, programs = self._programs(splines)
         descent = Descent(programs, is_tied)
-        for program, spline in zip(programs, splines, strict=True):
+        for program, spline, ends_openly in zip(programs, splines, is_tied, strict=True):
             program.constraints.blend(BLENDED)
             program.constraints.look_for_links(spline)
+            if ends_openly:  # where links may touch
+                program.constraints.add_samples(spline, 1.0)
         begun = Improved(_iterates(programs, splines), TrustRegion(_FIRST_TRUST), FIRST_PENALTY)
         if not np.isfinite(_total(begun.iterates)):
             return begun.iterates
@@ -143,4 +147,4 @@ def _total(iterates: Sequence[Iterate]) -> float:
 
 def _is_inside(iterate: Iterate) -> bool:
     """Return whether a motion keeps to its tube, in a duration at all."""
-    return iterate.excess <= MERIT_TOLERANCE and np.isfinite(iterate.duration)
+    return iterate.excess <= _INSIDE * MERIT_TOLERANCE and np.isfinite(iterate.duration)

@@ -25,10 +25,6 @@ from tubeplanner.verification.judged_condition import (
 )
 from tubeplanner.verification.verification import verify
 
-# Where something is put down in a configuration that is left open, it may be this deep in what it
-# stands on [m]: it is tilted by what the tool is, here against where it was taken.
-_PRESSED = 1e-5
-
 
 def verify_cycle(
     cycle: Cycle, motion: CycleMotion, tolerance: Tolerance | None = None
@@ -74,9 +70,8 @@ def _judged_leg(cycle: Cycle, motion: CycleMotion, k: int, tolerance: Tolerance)
     """
     begin, end = motion.leg_times[k]
     problem = cycle.problem(k, motion.seams[: k + 1])
-    pressed = [replace(contact, apart=contact.apart - _PRESSED) for contact in problem.contacts]
-    start = cycle.start if k == 0 else problem.start
-    problem = replace(problem, start=start, contacts=pressed)
+    if k == 0:
+        problem = replace(problem, start=cycle.start)
     judged = verify(problem, part_of(motion.trajectory, begin, end), tolerance)
     conditions = {
         name: replace(each, where=_in_cycle(cycle.legs[k], each.where, begin))
@@ -106,7 +101,7 @@ def _judged_seams(
         yield (
             " - ".join(name),
             {
-                "continuity": _judged_stay(motion, begin, end),
+                "continuity": _judged_stay(motion, k, begin, end),
                 "effort": _judged_hold(cycle.rest_at(k), motion.trajectory.position(end), end),
             },
         )
@@ -114,20 +109,24 @@ def _judged_seams(
         yield "closed", {"continuity": _judged_return(cycle, motion)}
 
 
-def _judged_stay(motion: CycleMotion, begin: float, end: float) -> JudgedCondition:
-    """Judge how far joints move between two times [s] between which they must not."""
-    place = Place(time=begin)
-    if begin == end:
-        return not_required("rad", "the arm does not dwell here")
-    part = part_of(motion.trajectory, begin, end)
-    powers = np.arange(len(part.coefficients))[::-1, None, None]
-    travel = abs(part.coefficients) * np.diff(part.breakpoints)[:, None] ** powers
-    offset = abs(part.coefficients[-1] - part.coefficients[-1, 0])
-    moved = travel[:-1].sum(axis=0) + offset
-    joint = motion.trajectory.joint_names[int(moved.max(axis=0).argmax())]
-    return JudgedCondition(
-        0.0 - float(moved.max()), "rad", replace(place, joint=joint), FOR_ALL_TIMES
-    )
+def _judged_stay(motion: CycleMotion, k: int, begin: float, end: float) -> JudgedCondition:
+    """Judge how far joints move at seam k, between two times [s], where they must not.
+
+    From where the leg before ends to where the leg after begins.
+    """
+    legs, names = motion.legs, motion.trajectory.joint_names
+    rest = part_of(motion.trajectory, begin, end) if end > begin else None
+    ends = [] if k == 0 else [legs[k - 1].position(legs[k - 1].duration)]
+    ends += [] if k == len(legs) else [legs[k].position(0.0)]
+    held = ends[0] if rest is None else rest.position(0.0)
+    moved = np.max([abs(q - held) for q in ends], axis=0)
+    if rest is not None:
+        powers = np.arange(len(rest.coefficients))[::-1, None, None]
+        travel = abs(rest.coefficients) * np.diff(rest.breakpoints)[:, None] ** powers
+        within = travel[:-1].sum(axis=0) + abs(rest.coefficients[-1] - held)
+        moved = np.maximum(moved, within.max(axis=0))
+    place = Place(time=begin, joint=names[int(moved.argmax())])
+    return JudgedCondition(0.0 - float(moved.max()), "rad", place, FOR_ALL_TIMES)
 
 
 def _judged_hold(rest: Rest, q: FloatArray, time: float) -> JudgedCondition:
