@@ -1,4 +1,4 @@
-"""The bundled cycles are planned whole; `test_shared_plan_closed.py` has a quick one beside them."""
+"""The bundled cycles, planned whole; `test_shared_plan_closed.py` is the quick test beside it."""
 
 import pytest
 
