@@ -60,7 +60,7 @@ class Cycle:
         for group in ("steps", "obstacles", "attached"):
             object.__setattr__(self, group, tuple(getattr(self, group)))
         require_consistent(self.steps, self.obstacles, self.attached, closed=self.closed)
-        legs, after = legs_of(self.steps)
+        legs, after = legs_of(self.steps, closed=self.closed)
         object.__setattr__(self, "legs", legs)
         object.__setattr__(self, "after", after)
         for k in range(len(legs)):

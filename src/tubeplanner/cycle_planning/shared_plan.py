@@ -42,19 +42,23 @@ def shared_plan(
         TimeLimitReached: Before it was known; likewise KeyboardInterrupt.
     """
     last = len(greedy) - 1
-    is_tied = [leg.joined.ends_openly for leg in cycle.legs]
-    is_tied[last] &= cycle.closed and not isinstance(cycle.start, np.ndarray)
-    motions = [
-        _opened(plan, leg.joined.goal) if tied else plan.result.motion
-        for leg, plan, tied in zip(cycle.legs, greedy, is_tied, strict=True)
+    is_open = [leg.joined.ends_openly for leg in cycle.legs]
+    is_open[last] &= not (cycle.closed and isinstance(cycle.start, np.ndarray))
+    goals = [
+        leg.joined.goal if opens else plan.end
+        for leg, plan, opens in zip(cycle.legs, greedy, is_open, strict=True)
     ]
+    motions = [_opened(*each) for each in zip(greedy, goals, strict=True)]
     known = [motion for motion in motions if motion is not None]
-    if not any(is_tied) or len(known) < len(greedy):
+    if last == 0 or not any(is_open) or len(known) < len(greedy):
         return None
     for _ in range(_ROUNDS):
         clock.enter(_STAGE)
         splines = TiedLegs(
-            known, is_tied[:-1], is_closed=is_tied[last], checkpoint=_checkpoint(clock)
+            known,
+            is_open[:-1],
+            is_closed=cycle.closed and is_open[last],
+            checkpoint=_checkpoint(clock),
         ).run()
         if splines is None:
             return None
@@ -64,26 +68,24 @@ def shared_plan(
         except ProblemError:  # no place for an end after all
             return None
         opened = [
-            replace(motion, problem=replace(problem.joined, goal=leg.joined.goal), spline=spline)
-            for motion, problem, leg, spline in zip(
-                known, problems, cycle.legs, splines, strict=True
-            )
+            replace(motion, problem=replace(problem.joined, goal=goal), spline=spline)
+            for motion, problem, goal, spline in zip(known, problems, goals, splines, strict=True)
         ]
-        is_tied = [_presses(*each) for each in zip(opened, is_tied, strict=True)]
+        is_open = [_presses(*each) for each in zip(opened, is_open, strict=True)]
         known = [
-            motion if is_open else replace(motion, problem=problem.joined)
-            for motion, problem, is_open in zip(opened, problems, is_tied, strict=True)
+            motion if opens else replace(motion, problem=problem.joined)
+            for motion, problem, opens in zip(opened, problems, is_open, strict=True)
         ]
-        if not any(is_tied):
+        if not any(is_open):
             plans = _planned(problems, known, options, clock)
             return plans if plans is not None and _total(plans) < _total(greedy) else None
     return None
 
 
-def _presses(motion: RefinedMotion, is_tied: bool) -> bool:
+def _presses(motion: RefinedMotion, is_open: bool) -> bool:
     """Return whether a leg's end was chosen, and what is put down there is in what it stands on."""
     end = motion.spline.control_points[-1]
-    return is_tied and not is_free(motion.problem, "goal", end)
+    return is_open and not is_free(motion.problem, "goal", end)
 
 
 def _opened(plan: LegPlan, goal: Goal) -> RefinedMotion | None:
