@@ -70,7 +70,7 @@ def moving(result: CycleResult) -> float:
 
 
 def stopping(cycle: Cycle, result: CycleResult) -> float:
-    """Return how long TOPP-RA's scheme takes between the seams of an answer [s]; nan if it fails."""
+    """Return how long TOPP-RA's scheme takes between an answer's seams [s]; nan if it fails."""
     total = 0.0
     for problem in cycle.problems(result.motion.seams):
         try:
@@ -127,7 +127,7 @@ class Grid:
 
     def _configurations(self, k: int, middle: np.ndarray, steps: np.ndarray) -> list[np.ndarray]:
         goal = self.cycle.legs[k].joined.goal
-        places = [middle + [*step, 0.0] for step in steps]
+        places = [middle + np.append(step, 0.0) for step in steps]
         inside = [p for p in places if np.linalg.norm(p - goal.position) <= goal.tolerance]
         return [self._solved(p) for p in inside]
 

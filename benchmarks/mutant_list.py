@@ -2961,6 +2961,13 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     "_starts": [("if is_held and", "if")],
     "_path_from": [("folder.resolve()", "Path().resolve()")],
+    # --- cycle_planning/shared_plan ---------------------------------------------------------------
+    "shared_plan": [("leg.joined.goal if opens else plan.end", "leg.joined.goal")],
+    # --- resources: problems and cycles -----------------------------------------------------------
+    "bundled_problems": [(" if not _is_cycle(path)", "")],
+    "bundled_cycles": [(" if _is_cycle(path)", "")],
+    "_bundled_files": [(" if p.parent.name != _PRESETS", "")],
+    "_is_cycle": [(".splitlines()", "")],
     "_as_yaml": [("value.lower() in _WORDS or", "")],
 }
 
