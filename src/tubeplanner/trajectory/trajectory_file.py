@@ -21,6 +21,7 @@ from tubeplanner.errors import TrajectoryError, shown
 from tubeplanner.trajectory.csv_columns import QUANTITIES, joint_columns
 from tubeplanner.trajectory.hermite_pieces import hermite_pieces
 from tubeplanner.trajectory.joint_trajectory import MIN_DURATION, JointTrajectory
+from tubeplanner.trajectory.marks import Mark, marks_of
 
 TRAJECTORY_FORMAT = "tubeplanner/trajectory"
 TRAJECTORY_VERSION = 1
@@ -62,6 +63,7 @@ class TrajectoryFile:
         samples: What its samples say; None if the file holds polynomials.
         ignored: Columns of a CSV file that are not read.
         part_hashes: Of the parts of the problem it was made for; empty if the file does not say.
+        marks: What happens during it, and when; empty if the file does not say.
     """
 
     trajectory: JointTrajectory
@@ -71,6 +73,7 @@ class TrajectoryFile:
     samples: GivenSamples | None = None
     ignored: tuple[str, ...] = ()
     part_hashes: Mapping[str, str] = field(default_factory=dict)
+    marks: tuple[Mark, ...] = ()
 
 
 def read_trajectory(path: str | Path) -> JointTrajectory:
@@ -148,7 +151,8 @@ def _read_json(text: str) -> TrajectoryFile:
     hashes = (fields.get(key) for key in ("problem_hash", "robot_hash"))
     problem_hash, robot_hash = (str(value) if value is not None else None for value in hashes)
     file = TrajectoryFile(trajectory, None, problem_hash, robot_hash)
-    return replace(file, part_hashes=_texts(fields.get("part_hashes")))
+    marks = marks_of(fields.get("marks", []))
+    return replace(file, part_hashes=_texts(fields.get("part_hashes")), marks=marks)
 
 
 def _texts(given: object) -> dict[str, str]:
