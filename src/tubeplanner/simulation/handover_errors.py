@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -30,6 +31,18 @@ class HandoverErrors:
     speed: FloatArray
 
     __repr__ = short_repr
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the mark, and the worst and the median of each quantity, as JSON values."""
+        found = {name: getattr(self, name) for name in ("distance", "angle", "speed")}
+        return self.mark.as_dict() | {
+            name: {
+                "worst": float(values.max()),
+                "run": int(values.argmax()),
+                "median": float(np.median(values)),
+            }
+            for name, values in found.items()
+        }
 
 
 def handover_errors(motion: CycleMotion, execution: Execution) -> Iterator[HandoverErrors]:

@@ -22,12 +22,12 @@ class JudgedCycle:
     """The executed motions of a cycle, at every control period.
 
     Attributes:
-        legs: By the names of their moves: every run of each leg, times and places in the cycle.
+        legs: Every run of each leg, by the names of its moves; times and places in the cycle.
         runs: Every run of the whole.
         handovers: Where the tools are when something changes hands.
     """
 
-    legs: dict[str, list[JudgedRun]]
+    legs: dict[tuple[str, ...], list[JudgedRun]]
     runs: list[JudgedRun]
     handovers: list[HandoverErrors]
 
@@ -50,7 +50,10 @@ def judged_cycle(
     Raises:
         ProblemError: A leg begins or ends where its problem has no place.
     """
-    legs = {each.leg.name: _judged(each, checkpoint) for each in executed_legs(motion, execution)}
+    legs = {
+        tuple(move.name for move in each.leg.moves): _judged(each, checkpoint)
+        for each in executed_legs(motion, execution)
+    }
     saturated = execution.is_saturated.any(axis=2).mean(axis=1)
     runs = [
         replace(_worst(run), saturated=float(share))
