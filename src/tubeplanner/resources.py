@@ -6,6 +6,7 @@ distribution example-robot-data.
 
 import importlib.metadata
 import os
+import re
 from functools import cache
 from pathlib import Path
 
@@ -15,6 +16,8 @@ EXAMPLE_PREFIX = "example:"
 _PACKAGE_PREFIX = "package://"
 _PRESETS = "presets"  # the bundled folder that holds limits and motors alone
 PRESET_ENDINGS = (".yaml", ".yml", ".json")
+# How a bundled cycle says what it is; every other file is a problem.
+_CYCLE = re.compile(r"^format: *tubeplanner/cycle\b", re.M)
 
 # The robots of example-robot-data, below its folder `robots`, by the names of its former loaders
 # package. The distribution has data only, so the table is kept here. It covers releases 5.0 and
@@ -108,10 +111,12 @@ def bundled_robots() -> dict[str, Path]:
 
 def bundled_problems() -> dict[str, Path]:
     """Return every bundled problem file by its name `ROBOT/NAME`."""
-    paths = sorted(bundled_folder().glob("*/*.yaml"))
-    return {
-        f"{path.parent.name}/{path.stem}": path for path in paths if path.parent.name != _PRESETS
-    }
+    return {name: path for name, path in _bundled_files().items() if not _is_cycle(path)}
+
+
+def bundled_cycles() -> dict[str, Path]:
+    """Return every bundled cycle file by its name `ROBOT/NAME`."""
+    return {name: path for name, path in _bundled_files().items() if _is_cycle(path)}
 
 
 def bundled_presets() -> dict[str, Path]:
@@ -126,22 +131,22 @@ def example_robot_names() -> list[str]:
 
 
 def find_problem(name: str | Path, directory: Path) -> Path:
-    """Return the path of a problem file.
+    """Return the path of a problem file or a cycle file.
 
     Args:
         name: A path, relative to `directory` or absolute, or `example:ROBOT/NAME`.
         directory: Where relative paths start.
 
     Raises:
-        ProblemError: The file or the bundled problem does not exist.
+        ProblemError: The file, or the bundled problem or cycle, does not exist.
     """
     text = str(name)
     if text.startswith(EXAMPLE_PREFIX):
-        problems = bundled_problems()
+        files = _bundled_files()
         key = text.removeprefix(EXAMPLE_PREFIX)
-        if key not in problems:
-            raise ProblemError(unknown_name("bundled problem", key, problems))
-        return problems[key]
+        if key not in files:
+            raise ProblemError(unknown_name("bundled problem", key, files))
+        return files[key]
     path = directory / text
     if not _exists(path):
         raise ProblemError(f"problem file {path} does not exist")
@@ -250,6 +255,18 @@ def find_package(package: str, file: Path, package_dirs: tuple[Path, ...] = ()) 
     for folder in (*declared, *found):
         return folder.resolve()
     raise RobotError(_not_found(f"package '{package}'", package, roots))
+
+
+def _bundled_files() -> dict[str, Path]:
+    """Return every bundled problem file and cycle file by its name."""
+    paths = sorted(bundled_folder().glob("*/*.yaml"))
+    return {
+        f"{path.parent.name}/{path.stem}": path for path in paths if path.parent.name != _PRESETS
+    }
+
+
+def _is_cycle(path: Path) -> bool:
+    return _CYCLE.search(path.read_text("utf-8")) is not None
 
 
 def _exists(path: Path) -> bool:

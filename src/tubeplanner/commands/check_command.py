@@ -13,11 +13,12 @@ from tubeplanner.commands.console import (
     SET,
     SUCCESS,
     empty_report,
-    load_timed,
+    load_either_timed,
     print_json,
     say,
     shown_progress,
 )
+from tubeplanner.commands.cycle_check import CheckedCycle, checked_cycle
 from tubeplanner.errors import OptionError
 
 if TYPE_CHECKING:
@@ -48,16 +49,22 @@ def check(
     changes: dict[str, Any],
     as_json: bool,
 ) -> int:
-    """Judge the TRAJECTORY file against PROBLEM."""
+    """Judge the TRAJECTORY file against PROBLEM, or against a whole cycle."""
+    from tubeplanner.cycle.cycle import Cycle
     from tubeplanner.trajectory.trajectory_file import read_trajectory_file
     from tubeplanner.verification.judged_condition import FOREIGN_TOLERANCE, Tolerance
     from tubeplanner.verification.verification import verify
 
     asked = _tolerance(tolerance)
     with shown_progress() as enter:
-        loaded, loading_time = load_timed(problem, enter, changes)
+        loaded, loading_time = load_either_timed(problem, enter, changes)
         read = read_trajectory_file(trajectory, loaded.robot.joint_names)
         limits = asked or (Tolerance() if read.interpolation is None else FOREIGN_TOLERANCE)
+        if isinstance(loaded, Cycle):
+            _refuse_controller(controller)
+            enter("certificate")
+            checked = checked_cycle(loaded, trajectory, read, limits)
+            return _say_checked(trajectory, checked, loading_time, as_json)
         verdict = _verdict(controller, loaded, read)
         enter("certificate")
         begin = time.perf_counter()
@@ -71,6 +78,24 @@ def check(
         _print(loaded, read, certificate, verdict)
         say(f"{trajectory} ({read.trajectory.duration:.4f} s) {message}.")
     return SUCCESS if certificate.passed and _accepted(verdict) else INFEASIBLE
+
+
+def _refuse_controller(controller: str | None) -> None:
+    if controller is not None:
+        raise OptionError(
+            f"--for {controller} judges the motion of a problem; of a cycle leave it out, and "
+            "check moves as problems of their own"
+        )
+
+
+def _say_checked(path: Path, checked: CheckedCycle, loading_time: float, as_json: bool) -> int:
+    """Print the judgement of a cycle's motion; return the exit status."""
+    if as_json:
+        print_json({**checked.as_dict(), "loading_time": loading_time})
+    else:
+        say(checked.text())
+        say(f"{path} ({checked.motion.trajectory.duration:.4f} s) {checked.message}.")
+    return SUCCESS if checked.certificate.passed else INFEASIBLE
 
 
 def _verdict(
@@ -154,7 +179,7 @@ def _print(
     from tubeplanner.constraints.trajectory_peaks import trajectory_peaks
 
     peaks = trajectory_peaks(problem.robot, read.trajectory)
-    say(*peaks_lines(problem, peaks), certificate_text(certificate), sep="\n")
+    say(*peaks_lines(problem.robot, peaks), certificate_text(certificate), sep="\n")
     say(other_speeds_line(certificate))
     lines = [f"note: {note}" for note in _notes(problem, read, certificate)]
     lines += [] if verdict is None else verdict.lines()

@@ -5,10 +5,9 @@ Exit status: 0 success; 1 infeasible, or a check that failed; 2 bad input or usa
 
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from errno import ENOSPC
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -25,7 +24,7 @@ from tubeplanner.commands.console import (
     SUCCESS,
     empty_report,
     fail,
-    load_timed,
+    load_either_timed,
     nowhere,
     print_json,
     say,
@@ -37,18 +36,15 @@ from tubeplanner.commands.init_command import init
 from tubeplanner.commands.interrupts import hold_interrupts, interrupts_remembered
 from tubeplanner.commands.links_command import links
 from tubeplanner.commands.measure_command import measure
+from tubeplanner.commands.plan_outputs import PlanOutputs
+from tubeplanner.commands.planned import planned
 from tubeplanner.commands.reproduce_command import reproduce
 from tubeplanner.commands.simulate_command import simulate
 from tubeplanner.commands.study_commands import compare, sweep
 from tubeplanner.commands.study_commands import plot as draw
 from tubeplanner.commands.tube_commands import route, teach
-from tubeplanner.commands.view_command import require_page, view
-from tubeplanner.errors import OptionError, TubePlannerError
-
-if TYPE_CHECKING:
-    from tubeplanner.files.trajectory_writer import TrajectoryFiles
-    from tubeplanner.problem.problem import PlanningProblem
-    from tubeplanner.trajectory.joint_trajectory import JointTrajectory
+from tubeplanner.commands.view_command import view
+from tubeplanner.errors import TubePlannerError
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -90,7 +86,8 @@ def main(arguments: Sequence[str]) -> int:
 def cli() -> None:
     """Plan a smooth, certified trajectory of a robot arm whose tool stays in a tube.
 
-    PROBLEM is a problem file (YAML or JSON) or example:ROBOT/NAME for a bundled one.
+    PROBLEM is a problem file (YAML or JSON) or example:ROBOT/NAME for a bundled one; plan, check,
+    info, view, plot and simulate take cycle files too.
     """
 
 
@@ -127,62 +124,63 @@ def plan(
     changes: dict[str, Any],
     as_json: bool,
 ) -> int:
-    """Plan PROBLEM, certify the answer, and write the requested files.
+    """Plan PROBLEM, or a whole cycle, certify the answer, and write the requested files.
 
     Writes nothing unless the certificate passes.
     """
     from tubeplanner.files.trajectory_writer import TrajectoryFiles
     from tubeplanner.planning.plan_options import METHODS, PlanOptions
-    from tubeplanner.planning.planner import plan as plan_problem
 
     options = PlanOptions(method or METHODS[0], quality, time_limit=time_limit, slack=slack)
-    outputs = _Outputs(TrajectoryFiles(output, csv, ros, rate), plot, html)
+    outputs = PlanOutputs(TrajectoryFiles(output, csv, ros, rate), plot, html)
     outputs.require_usable(problem)
     interrupted = False
     with shown_progress() as enter:
-        loaded, loading_time = load_timed(problem, enter, changes)
+        loaded, loading_time = load_either_timed(problem, enter, changes)
         outputs.require_usable(problem, loaded.robot.urdf.path)
         outputs.require_names(loaded.robot.joint_names)
-        result = plan_problem(loaded, options, enter)
-        if result.trajectory is not None:
+        answer = planned(loaded, options, enter, with_minimum=time_left)
+        succeeded = answer.result.succeeded
+        if succeeded:
             held = hold_interrupts()
-            written_notes = outputs.write(loaded, result.method, result.trajectory)
-            result = replace(result, notes=(*result.notes, *written_notes))
+            answer = answer.written(outputs)
             interrupted = bool(held)
     if as_json:
-        stopped_by = "interrupt" if interrupted else result.stopped_by
-        fields = {**result.as_dict(), "loading_time": loading_time, "stopped_by": stopped_by}
-        print_json({**fields, "path_minimum": result.path_minimum if time_left else None})
+        fields = {**answer.as_dict(), "loading_time": loading_time}
+        print_json(fields | ({"stopped_by": "interrupt"} if interrupted else {}))
     else:
-        from tubeplanner.commands.report import plan_text
-
-        say(plan_text(loaded, result, loading_time, with_minimum=time_left))
-        for kind, path in outputs.paths() if result.succeeded else ():
+        say(answer.text(loading_time))
+        for kind, path in outputs.paths() if succeeded else ():
             say(f"{kind}: {path}")
-        if result.succeeded and not outputs.paths():
+        if succeeded and not outputs.paths():
             say_unwritten("-o T.json", "--csv", "--ros", "--plot", "--html")
-    return SUCCESS if result.succeeded else INFEASIBLE
+    return SUCCESS if succeeded else INFEASIBLE
 
 
 @cli.command()
 @AS_JSON
 def robots(as_json: bool) -> None:
-    """List the robots and problems that `example:` finds, and presets of limits and motors."""
+    """List the robots, problems and cycles that `example:` finds, and presets of limits."""
     from tubeplanner.resources import (
+        bundled_cycles,
         bundled_presets,
         bundled_problems,
         bundled_robots,
         example_robot_names,
     )
 
-    problems, presets = list(bundled_problems()), bundled_presets()
+    problems, cycles = list(bundled_problems()), list(bundled_cycles())
+    presets = bundled_presets()
     if as_json:
-        fields = {"robots": example_robot_names(), "problems": problems}
+        fields = {"robots": example_robot_names(), "problems": problems, "cycles": cycles}
         fields["presets"] = list(presets)
         print_json({**empty_report("success", "names for example:", nowhere()), **fields})
         return
     say("Problems (example:ROBOT/NAME):")
     say(*(f"  example:{name}" for name in problems), sep="\n")
+    if cycles:
+        say("Cycles (example:ROBOT/NAME):")
+        say(*(f"  example:{name}" for name in cycles), sep="\n")
     say("Robots (robot.urdf: example:NAME), from this package and from example-robot-data:")
     bundled = bundled_robots()
     for name in example_robot_names():
@@ -192,12 +190,14 @@ def robots(as_json: bool) -> None:
 
 
 @cli.command()
+@click.option("--cycle", is_flag=True, help="That of cycle files.")
 @click.option("--json", is_flag=True, help="For symmetry: the schema is always JSON.")
-def schema(json: bool) -> None:
-    """Print the JSON schema of the problem file."""
+def schema(cycle: bool, json: bool) -> None:
+    """Print the JSON schema of the problem file, or of the cycle file."""
+    from tubeplanner.cycle.cycle_format import cycle_schema
     from tubeplanner.problem.problem_format import problem_schema
 
-    print_json(problem_schema(), indent=2)
+    print_json(cycle_schema() if cycle else problem_schema(), indent=2)
 
 
 for command in (
@@ -216,60 +216,3 @@ for command in (
     reproduce,
 ):
     cli.add_command(command)
-
-
-@dataclass(frozen=True)
-class _Outputs:
-    """The output files of a plan."""
-
-    files: "TrajectoryFiles"
-    plot: Path | None
-    html: Path | None
-
-    def paths(self) -> list[tuple[str, Path]]:
-        """Return the requested files: kind and path."""
-        asked = {
-            "trajectory": self.files.json,
-            "CSV": self.files.csv,
-            "ROS": self.files.ros,
-            "plot": self.plot,
-            "view": self.html,
-        }
-        return [(kind, path) for kind, path in asked.items() if path is not None]
-
-    def require_usable(self, *inputs: str | Path) -> None:
-        """Raise if a file could not be written, before any work is done."""
-        from tubeplanner.files.output_files import require_writable
-
-        if self.plot is not None and self.plot.suffix.lower() != ".png":
-            raise OptionError(
-                f"--plot {self.plot}: a PNG is written; name a file that ends in .png"
-            )
-        require_page(self.html)
-        require_writable([path for _, path in self.paths()], [Path(path) for path in inputs])
-
-    def require_names(self, joint_names: Sequence[str]) -> None:
-        """Raise if a file cannot hold the names of the joints, before any work is done."""
-        from tubeplanner.files.export import require_no_formula
-
-        if self.files.csv is not None:
-            require_no_formula(joint_names)
-
-    def write(
-        self, problem: "PlanningProblem", method: str, trajectory: "JointTrajectory"
-    ) -> tuple[str, ...]:
-        """Write all files, or none of them; return notes about them."""
-        from tubeplanner.files.output_files import write_files
-
-        contents, notes = self.files.contents(trajectory, problem, method)
-        if self.plot:
-            from tubeplanner.views.figure_files import figure_png
-            from tubeplanner.views.plotting import plot_trajectory
-
-            contents[self.plot] = figure_png(plot_trajectory(problem, trajectory))
-        if self.html:
-            from tubeplanner.views.viewer import view as view_scene
-
-            contents[self.html] = view_scene(problem, trajectory, names=[method]).html.encode()
-        write_files(contents)
-        return notes

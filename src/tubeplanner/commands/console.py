@@ -14,6 +14,7 @@ from tubeplanner.commands.interrupts import hold_interrupts, interrupts_remember
 from tubeplanner.errors import OptionError
 
 if TYPE_CHECKING:
+    from tubeplanner.cycle.cycle import Cycle
     from tubeplanner.problem.problem import PlanningProblem
 
 SUCCESS, INFEASIBLE, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
@@ -78,6 +79,18 @@ def load_timed(
 
     problem = load_problem(name, reads_tube=reads_tube, changes=changes)
     return problem, time.perf_counter() - begin
+
+
+def load_either_timed(
+    name: str, enter: Callable[[object], None], changes: Mapping[str, Any]
+) -> "tuple[PlanningProblem | Cycle, float]":
+    """Return a problem or a cycle as `load_timed` does, whichever the file is."""
+    begin = time.perf_counter()
+    enter("loading robot and collision geometry")
+    from tubeplanner.cycle.problem_or_cycle import load_problem_or_cycle
+
+    loaded = load_problem_or_cycle(name, changes=changes)
+    return loaded, time.perf_counter() - begin
 
 
 @contextmanager

@@ -21,12 +21,13 @@ if TYPE_CHECKING:
     from tubeplanner.measurement.sign_patterns import PatternSurvey
     from tubeplanner.planning.plan_result import PlanResult
     from tubeplanner.problem.problem import PlanningProblem
+    from tubeplanner.robot.robot_model import RobotModel
     from tubeplanner.studies.comparison import Comparison
     from tubeplanner.studies.field_sweep import FieldSweep
     from tubeplanner.studies.tolerance_sweep import SweepResult
     from tubeplanner.tube_sources.tube_answer import TubeAnswer
     from tubeplanner.verification.certificate import Certificate
-    from tubeplanner.verification.judged_condition import JudgedCondition
+    from tubeplanner.verification.judged_condition import JudgedCondition, Tolerance
 
 _WIDTH_OF_A_FILE, _VERY_WIDE = 160, 10_000  # [characters]
 # Rounding errors of the machine are shown as zero.
@@ -54,7 +55,7 @@ def plan_text(
     robot = problem.robot
     lines = [
         f"{problem.name}: {robot.name}, {robot.joint_count} joints to {robot.tool_frame}",
-        *([] if result.peaks is None else peaks_lines(problem, result.peaks)),
+        *([] if result.peaks is None else peaks_lines(robot, result.peaks)),
         f"loaded in {loading_time:.2f} s, planned in {result.planning_time:.2f} s "
         f"(certificate {result.certificate_time:.2f} s), method {result.method}",
     ]
@@ -103,14 +104,14 @@ def _minimum_lines(problem: "PlanningProblem", result: "PlanResult") -> list[str
     ]
 
 
-def peaks_lines(problem: "PlanningProblem", peaks: "TrajectoryPeaks") -> list[str]:
+def peaks_lines(robot: "RobotModel", peaks: "TrajectoryPeaks") -> list[str]:
     """Return a trajectory's peaks, and which limits to give where nothing bounds them.
 
     Args:
-        problem: The planning problem.
+        robot: The arm.
         peaks: Of a trajectory.
     """
-    robot, lines = problem.robot, [f"peaks: {peaks}"]
+    lines = [f"peaks: {peaks}"]
     free = {quantity: robot.limits.unlimited(quantity) for quantity in ("acceleration", "jerk")}
     named = [quantity for quantity, joints in free.items() if len(joints) > 0]
     if named:
@@ -330,16 +331,19 @@ def certificate_text(certificate: "Certificate") -> str:
     for heading in ("condition", "margin", "holds", "where", "coverage"):
         table.add_column(heading, justify="right" if heading == "margin" else "left")
     for name, condition in certificate.conditions.items():
-        if condition.margin is None:
-            table.add_row(name, "", "not required", "", condition.coverage)
-            continue
-        shown = 0.0 if abs(condition.margin) < _NOTHING else condition.margin
-        percent = condition.unit == RELATIVE
-        margin = f"{100 * shown:.3g} %" if percent else f"{shown:.3g} {condition.unit}"
-        verdict = "yes" if condition.holds(certificate.tolerance) else "NO"
-        place = escape(str(condition.where))
-        table.add_row(name, margin, verdict, place, condition.coverage)
+        table.add_row(name, *condition_cells(condition, certificate.tolerance))
     return rendered(table)
+
+
+def condition_cells(condition: "JudgedCondition", tolerance: "Tolerance") -> tuple[str, ...]:
+    """Return margin, verdict, place and coverage of a condition as cells of a table."""
+    if condition.margin is None:
+        return "", "not required", "", condition.coverage
+    shown = 0.0 if abs(condition.margin) < _NOTHING else condition.margin
+    percent = condition.unit == RELATIVE
+    margin = f"{100 * shown:.3g} %" if percent else f"{shown:.3g} {condition.unit}"
+    verdict = "yes" if condition.holds(tolerance) else "NO"
+    return margin, verdict, escape(str(condition.where)), condition.coverage
 
 
 def other_speeds_line(certificate: "Certificate") -> str:

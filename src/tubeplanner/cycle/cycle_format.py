@@ -1,7 +1,7 @@
 """The cycle file's shape: fields, units, defaults. Other tools read it, so names never change."""
 
 from collections.abc import Callable, Sequence
-from typing import Annotated, Any, Final, Literal, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import BeforeValidator, ConfigDict, Discriminator, Field, Tag
 
@@ -19,8 +19,6 @@ from tubeplanner.problem.problem_format import (
     ShapeFields,
     TubeFields,
 )
-
-CYCLE_FORMAT: Final = "tubeplanner/cycle"
 
 
 class MoveCollisionFields(Section):

@@ -14,6 +14,7 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from tubeplanner.arrays import FloatArray
 from tubeplanner.errors import ProblemError
 from tubeplanner.files.own_fields import change_own
+from tubeplanner.problem.document_kind import require_problem
 from tubeplanner.problem.field_types import Section
 from tubeplanner.problem.merged_fields import merged_fields
 from tubeplanner.problem.path_fields import move_paths
@@ -43,11 +44,12 @@ def read_fields(path: Path, changes: Mapping[str, Any] | None = None) -> Any:
         changes: Other values, by field path.
 
     Raises:
-        ProblemError: It cannot be read, holds no map, or a path leads nowhere.
+        ProblemError: It cannot be read, holds no map or a cycle, or a path leads nowhere.
     """
     plain = read_document(path)  # says what is wrong with it
     if not isinstance(plain, dict):
         raise ProblemError(f"{path}: a problem is a map with robot, tube and start")
+    require_problem(plain, str(path))
     fields = plain if path.suffix == ".json" else _yaml().load(path.read_text("utf-8-sig"))
     changes = changes or {}
     rows = {key: _in_a_row(v) if isinstance(v, list | dict) else v for key, v in changes.items()}

@@ -74,20 +74,18 @@ class TrajectoryFiles:
             texts[self.ros] = trajectory_ros(names, samples, *notes)
         return {path: text.encode() for path, text in texts.items()}, notes
 
+    def sample_rate(self, period: float | None) -> float:
+        """Return the rate of the samples [Hz], for a controller's period [s] or none."""
+        return self.rate or (_RATE if period is None else 1 / period)
+
     def _samples(
         self, trajectory: JointTrajectory, problem: PlanningProblem | None
     ) -> tuple[TrajectorySamples, tuple[str, ...]]:
-        rate = self.rate or _usual_rate(problem)
+        rate = self.sample_rate(None if problem is None else problem.period)
         if problem is None:
             return trajectory.sample(rate), ()
         sampled = samples_for_export(problem, trajectory, rate)
         return sampled.samples, () if sampled.note is None else (sampled.note,)
-
-
-def _usual_rate(problem: PlanningProblem | None) -> float:
-    """Return a rate [Hz] for a problem's samples."""
-    period = None if problem is None else problem.period
-    return _RATE if period is None else 1 / period
 
 
 def write_trajectory(

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from tubeplanner.errors import ProblemError
+from tubeplanner.problem.document_kind import require_problem
 from tubeplanner.problem.field_paths import changed_fields
 from tubeplanner.problem.field_types import Section
 from tubeplanner.problem.problem_format import ProblemFields, check_problem_fields
@@ -20,8 +21,8 @@ def read_problem_fields(path: Path, changes: Mapping[str, Any] | None = None) ->
         changes: Other values, by field path.
 
     Raises:
-        ProblemError: A file cannot be read, a key is unknown or doubled, a value has the wrong
-            type. The message names the file and the field.
+        ProblemError: A file cannot be read or is a cycle, a key is unknown or doubled, a value has
+            the wrong type. The message names the file and the field.
     """
     return checked_layers(ProblemLayers.read(path), changes)
 
@@ -34,6 +35,7 @@ def checked_layers(
     Raises:
         ProblemError: As `read_problem_fields`.
     """
+    require_problem(layers.documents[-1], layers.sources[-1])
     data = changed_problem(layers.merged, changes)
     return check_problem_fields(data, layers.sources[-1], layers.source_of)
 

@@ -63,7 +63,7 @@ class TrajectoryFile:
         samples: What its samples say; None if the file holds polynomials.
         ignored: Columns of a CSV file that are not read.
         part_hashes: Of the parts of the problem it was made for; empty if the file does not say.
-        marks: What happens during it, and when; empty if the file does not say.
+        marks: What happens during it, in the order of time; empty but for the motion of a cycle.
     """
 
     trajectory: JointTrajectory
@@ -151,8 +151,17 @@ def _read_json(text: str) -> TrajectoryFile:
     hashes = (fields.get(key) for key in ("problem_hash", "robot_hash"))
     problem_hash, robot_hash = (str(value) if value is not None else None for value in hashes)
     file = TrajectoryFile(trajectory, None, problem_hash, robot_hash)
-    marks = marks_of(fields.get("marks", []))
+    marks = _marks(fields.get("marks", []), trajectory.duration)
     return replace(file, part_hashes=_texts(fields.get("part_hashes")), marks=marks)
+
+
+def _marks(given: object, duration: float) -> tuple[Mark, ...]:
+    marks = marks_of(given)
+    if marks and marks[-1].time > duration + _DURATION_TOLERANCE:
+        raise TrajectoryError(
+            f"marks[{len(marks) - 1}].time is {marks[-1].time:g} s, after the end at {duration:g} s"
+        )
+    return marks
 
 
 def _texts(given: object) -> dict[str, str]:

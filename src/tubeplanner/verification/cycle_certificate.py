@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from tubeplanner.outcome import Place
 from tubeplanner.verification.certificate import Certificate
 from tubeplanner.verification.judged_condition import RELATIVE, JudgedCondition, Tolerance
 
@@ -55,6 +56,14 @@ class CycleCertificate:
         condition = self.seams[where][name]
         unit = "" if condition.unit == RELATIVE else f" {condition.unit}"
         return f"{where}: {name}: margin {condition.margin:.3g}{unit} ({condition.coverage})"
+
+    def place(self, failure: str) -> Place:
+        """Return where something does not hold, as `failures` calls it; it names the move."""
+        where, name = failure.rsplit(": ", 1)
+        if where in self.refused:
+            return Place(move=where)
+        conditions = self.moves[where].conditions if where in self.moves else self.seams[where]
+        return conditions[name].where
 
     def as_dict(self) -> dict[str, Any]:
         """Return the certificate as JSON values."""
