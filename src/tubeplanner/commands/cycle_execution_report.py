@@ -36,12 +36,12 @@ def cycle_execution_lines(judged: JudgedCycle) -> list[str]:
     First the whole, then the worst of every move, and of the tool where something changes hands.
     """
     *quantities, verdict = execution_lines(judged.runs)
-    lines = [*quantities, _row("move, the worst of it", ["failed", *_QUANTITIES, _LIMIT])]
+    lines = [*quantities, "", _row("move, the worst of it", ["failed", *_QUANTITIES, _LIMIT])]
     lines += [_row(", ".join(names), _move_cells(runs)) for names, runs in judged.legs.items()]
     if judged.handovers:
-        lines.append(_row("the tool when something changes hands", _HANDOVERS))
+        lines += ["", _row("the tool when something changes hands", _HANDOVERS)]
         lines += [_row(str(each.mark), _handover_cells(each)) for each in judged.handovers]
-    return [*lines, verdict]
+    return [*lines, "", verdict]
 
 
 def _move_cells(runs: Sequence[JudgedRun]) -> list[str]:

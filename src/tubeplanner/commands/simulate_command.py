@@ -22,14 +22,19 @@ from tubeplanner.commands.console import (
 from tubeplanner.commands.view_command import require_page
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from matplotlib.figure import Figure
 
     from tubeplanner.cycle.cycle import Cycle
+    from tubeplanner.cycle.cycle_motion import CycleMotion
     from tubeplanner.problem.problem import PlanningProblem
     from tubeplanner.problem.robustness import Robustness
+    from tubeplanner.simulation.execution import Execution
+    from tubeplanner.simulation.judged_cycle import JudgedCycle
+    from tubeplanner.simulation.judged_runs import JudgedRun
     from tubeplanner.simulation.plant import Draw
+    from tubeplanner.trajectory.joint_trajectory import JointTrajectory
     from tubeplanner.trajectory.trajectory_file import TrajectoryFile
     from tubeplanner.views.viewer import View
 

@@ -88,10 +88,7 @@ def obstacle_band(
     joints = [_planned(problem, trajectory, time), *(q[::step] for q in execution.position)]
     bases = [np.zeros(3), *(plant.base for plant in execution.plants)]
     found = np.array(
-        [
-            obstacle_distances(problem, q, base, more)
-            for q, base in zip(joints, bases, strict=True)
-        ]
+        [obstacle_distances(problem, q, base, more) for q, base in zip(joints, bases, strict=True)]
     )
     found[np.isinf(found)] = np.nan  # not drawn
     return Band(time, found[0], found[1:])
