@@ -170,8 +170,8 @@ def test_trajectories_stand_side_by_side(stored):
     assert scene.duration == slow.duration
     commands = recorded_commands(scene)
     placed = {c["path"]: c["matrix"] for c in commands if c["type"] == "set_transform"}
-    assert placed["/meshcat/arm/1"][12:15] == pytest.approx(scene.offset)
-    assert np.count_nonzero(scene.offset) == 1
+    assert placed["/meshcat/arm/1"][12:15] == pytest.approx(scene.frame.offset)
+    assert np.count_nonzero(scene.frame.offset) == 1
     assert [label["text"][:4] for label in panel_data(scene)["labels"]] == ["fast", "slow"]
     assert len(shown.html) < 4 * MEGABYTE
 

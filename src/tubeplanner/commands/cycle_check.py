@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tubeplanner.commands.console import empty_report
-from tubeplanner.errors import TrajectoryError
 
 if TYPE_CHECKING:
     from tubeplanner.cycle.cycle import Cycle
@@ -80,20 +79,12 @@ def checked_cycle(
     Raises:
         TrajectoryError: It has no marks, or others than the cycle's steps, or other joints.
     """
-    from tubeplanner.cycle.cycle_motion import CycleMotion
+    from tubeplanner.cycle.motion_of_file import motion_of_file
     from tubeplanner.files.cycle_notes import notes_on_cycle_file
     from tubeplanner.robot.robot_notes import robot_notes
     from tubeplanner.verification.cycle_verification import verify_cycle
 
-    if not file.marks:
-        raise TrajectoryError(
-            f"{path} has no marks, which say when the moves of a cycle begin and what the tool "
-            "takes and lets go; CSV and ROS files have none: check the JSON that plan -o writes"
-        )
-    try:
-        motion = CycleMotion(cycle, file.trajectory, file.marks)
-    except TrajectoryError as error:
-        raise TrajectoryError(f"{path}: {error}") from None
+    motion = motion_of_file(cycle, path, file)
     begin = time.perf_counter()
     certificate = verify_cycle(cycle, motion, tolerance)
     spent = time.perf_counter() - begin

@@ -21,6 +21,7 @@ from tubeplanner.commands.console import (
 from tubeplanner.errors import OptionError
 
 if TYPE_CHECKING:
+    from tubeplanner.cycle.cycle_info import CycleInfo
     from tubeplanner.problem.problem_info import ProblemInfo
     from tubeplanner.robot.robot_info import RobotInfo
 
@@ -54,7 +55,8 @@ def info(
     """Say what is in ROBOT, a URDF or example:NAME, or in PROBLEM, and what is missing.
 
     Joints and their limits with where each comes from, motors, links, masses, geometry, frames; of
-    a problem also start, tube, obstacles and payload. Missing limits are no error here.
+    a problem also start, tube, obstacles and payload, of a cycle moves, rests and what is carried.
+    Missing limits are no error here.
     """
     from tubeplanner.files.output_files import require_writable
 
@@ -67,7 +69,7 @@ def info(
             if package_dirs:
                 raise OptionError("--package-dir is for a URDF; a problem has robot.package_dirs")
             frame = {} if tool_frame is None else {"robot.tool_frame": tool_frame}
-            found: RobotInfo | ProblemInfo = _problem_info(robot, changes | frame)
+            found: RobotInfo | ProblemInfo | CycleInfo = _problem_info(robot, changes | frame)
         else:
             found = _robot_info(robot, tool_frame, package_dirs, changes)
         if plot is not None:
@@ -93,10 +95,12 @@ def is_problem(name: str) -> bool:
     return Path(name).suffix.lower() in _PROBLEM_ENDINGS
 
 
-def _problem_info(name: str, changes: Mapping[str, Any]) -> "ProblemInfo":
+def _problem_info(name: str, changes: Mapping[str, Any]) -> "ProblemInfo | CycleInfo":
+    from tubeplanner.cycle.cycle_info import cycle_info
+    from tubeplanner.cycle.problem_or_cycle import is_cycle_file
     from tubeplanner.problem.problem_info import problem_info
 
-    return problem_info(name, changes)
+    return (cycle_info if is_cycle_file(name) else problem_info)(name, changes)
 
 
 def _robot_info(
@@ -112,13 +116,13 @@ def _robot_info(
     return robot_info(name, tool_frame, package_dirs=package_dirs)
 
 
-def _write_picture(found: "RobotInfo | ProblemInfo", path: Path) -> None:
-    from tubeplanner.problem.problem_info import ProblemInfo
+def _write_picture(found: "RobotInfo | ProblemInfo | CycleInfo", path: Path) -> None:
+    from tubeplanner.robot.robot_info import RobotInfo
     from tubeplanner.tube_sources.shown_configuration import shown_configuration
     from tubeplanner.views.robot_plot import plot_robot
 
-    problem = found.problem if isinstance(found, ProblemInfo) else None
-    arm = found.robot.arm if isinstance(found, ProblemInfo) else found.arm
+    problem = None if isinstance(found, RobotInfo) else found.problem
+    arm = found.arm if isinstance(found, RobotInfo) else found.robot.arm
     plot_robot(arm, shown_configuration(arm, problem), path)
 
 
@@ -131,8 +135,12 @@ def _finite(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _as_text(found: "RobotInfo | ProblemInfo") -> str:
+def _as_text(found: "RobotInfo | ProblemInfo | CycleInfo") -> str:
+    from tubeplanner.commands.cycle_info_text import cycle_text
     from tubeplanner.commands.info_text import problem_text, robot_text
+    from tubeplanner.cycle.cycle_info import CycleInfo
     from tubeplanner.problem.problem_info import ProblemInfo
 
+    if isinstance(found, CycleInfo):
+        return cycle_text(found)
     return problem_text(found) if isinstance(found, ProblemInfo) else robot_text(found)

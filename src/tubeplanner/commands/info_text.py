@@ -50,7 +50,7 @@ def problem_text(info: "ProblemInfo") -> str:
     """Return what is in a problem as text."""
     lines = [robot_text(info.robot)]
     if info.srdf is not None:
-        lines += _srdf_lines(info.srdf)
+        lines += srdf_lines(info.srdf)
     if info.problem is not None:
         lines += _task_lines(info.problem)
     if info.refused is not None:
@@ -174,7 +174,8 @@ def _missing_lines(missing: Sequence[str]) -> list[str]:
     return ["missing:", *(f"  {each}" for each in missing)]
 
 
-def _srdf_lines(srdf: "SrdfInfo") -> list[str]:
+def srdf_lines(srdf: "SrdfInfo") -> list[str]:
+    """Return what an SRDF has."""
     states = [
         f"state {name}: " + ", ".join(f"{joint} {q:.4g}" for joint, q in values.items())
         for name, values in srdf.states.items()
@@ -185,11 +186,11 @@ def _srdf_lines(srdf: "SrdfInfo") -> list[str]:
 def _task_lines(problem: "PlanningProblem") -> list[str]:
     """Return start, tube, solids and payload of a problem."""
     payload = problem.robot.payload
-    lines = [f"problem {problem.name}:", _end_line(problem, "start", problem.start)]
-    lines.append("goal: open" if problem.goal is None else _end_line(problem, "goal", problem.goal))
+    lines = [f"problem {problem.name}:", end_line(problem, "start", problem.start)]
+    lines.append("goal: open" if problem.goal is None else end_line(problem, "goal", problem.goal))
     lines.append(_segment_table(problem))
-    lines += [f"obstacle {_bare(solid)}" for solid in problem.obstacles] or ["no obstacles"]
-    lines += [f"attached {_bare(solid)}" for solid in problem.attached]
+    lines += [f"obstacle {bare(solid)}" for solid in problem.obstacles] or ["no obstacles"]
+    lines += [f"attached {bare(solid)}" for solid in problem.attached]
     if problem.clearance:
         lines.append(f"clearance: {problem.clearance:g} m")
     for links, clearance in problem.pair_clearances.items():
@@ -202,11 +203,13 @@ def _task_lines(problem: "PlanningProblem") -> list[str]:
     return lines
 
 
-def _bare(solid: object) -> str:
+def bare(solid: object) -> str:
+    """Return how a solid shows itself, without its type."""
     return repr(solid).strip("<>").split(" ", 1)[1]
 
 
-def _end_line(problem: "PlanningProblem", name: str, end: Any) -> str:
+def end_line(problem: "PlanningProblem", name: str, end: Any) -> str:
+    """Return how an end of a problem's motion is given, behind what it is called."""
     if isinstance(end, Seed):
         return f"{name}: by inverse kinematics from {_numbers(end.joints)}"
     if isinstance(end, ToolPose):

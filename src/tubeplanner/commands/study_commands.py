@@ -15,6 +15,7 @@ from tubeplanner.commands.console import (
     SLACK,
     SUCCESS,
     empty_report,
+    load_either_timed,
     load_timed,
     nowhere,
     print_json,
@@ -26,10 +27,13 @@ from tubeplanner.commands.console import (
 from tubeplanner.errors import OptionError
 
 if TYPE_CHECKING:
+    from tubeplanner.cycle.cycle import Cycle
     from tubeplanner.planning.plan_options import PlanOptions
+    from tubeplanner.problem.problem import PlanningProblem
     from tubeplanner.studies.comparison import Comparison
     from tubeplanner.studies.field_sweep import FieldSweep
     from tubeplanner.studies.tolerance_sweep import SweepResult
+    from tubeplanner.trajectory.trajectory_file import TrajectoryFile
 
 _INTERRUPTED = "; interrupted, the others were not tried"
 
@@ -43,25 +47,22 @@ _INTERRUPTED = "; interrupted, the others were not tried"
 def plot(
     problem: str, trajectory: Path, output: Path | None, changes: dict[str, Any], as_json: bool
 ) -> int:
-    """Draw the TRAJECTORY file against the limits and the tube of PROBLEM.
+    """Draw the TRAJECTORY file against the limits and the tube of PROBLEM, or those of a cycle.
 
     Without -o the figure goes next to the trajectory, under its name with the ending .png.
     """
-    from tubeplanner.files.file_notes import notes_on_file
     from tubeplanner.files.output_files import require_writable
     from tubeplanner.trajectory.trajectory_file import read_trajectory_file
-    from tubeplanner.views.plotting import plot_trajectory
 
     target = output or trajectory.with_suffix(".png")
     require_ending(target, "-o", (".png",))
     require_writable([target], [trajectory, Path(problem)])
     with shown_progress() as enter:
-        loaded, loading_time = load_timed(problem, enter, changes)
+        loaded, loading_time = load_either_timed(problem, enter, changes)
         require_writable([target], [loaded.robot.urdf.path])
         read = read_trajectory_file(trajectory, loaded.robot.joint_names)
         enter("drawing")
-        plot_trajectory(loaded, read.trajectory, target)
-    notes = notes_on_file(loaded, read, failed=False)
+        notes = _draw(loaded, trajectory, read, target)
     duration = read.trajectory.duration
     if as_json:
         report = empty_report("success", "drawn, not judged", nowhere())
@@ -71,6 +72,24 @@ def plot(
         say(*(f"note: {note}" for note in notes), sep="\n", end="\n" if notes else "")
         say(f"plot: {target} ({duration:.4f} s)")
     return SUCCESS
+
+
+def _draw(
+    loaded: "PlanningProblem | Cycle", path: Path, read: "TrajectoryFile", target: Path
+) -> list[str]:
+    """Write the figure of a trajectory file; return what else is to be known of the file."""
+    from tubeplanner.cycle.cycle import Cycle
+    from tubeplanner.cycle.motion_of_file import motion_of_file
+    from tubeplanner.files.cycle_notes import notes_on_cycle_file
+    from tubeplanner.files.file_notes import notes_on_file
+    from tubeplanner.views.cycle_plot import plot_cycle
+    from tubeplanner.views.plotting import plot_trajectory
+
+    if isinstance(loaded, Cycle):
+        plot_cycle(loaded, motion_of_file(loaded, path, read), target)
+        return notes_on_cycle_file(loaded, read)
+    plot_trajectory(loaded, read.trajectory, target)
+    return notes_on_file(loaded, read, failed=False)
 
 
 @click.command()

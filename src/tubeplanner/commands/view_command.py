@@ -1,4 +1,4 @@
-"""The command that shows a problem and its trajectories in 3D."""
+"""The command that shows a problem or a cycle and its trajectories in 3D."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -11,7 +11,7 @@ from tubeplanner.commands.console import (
     PATH,
     SET,
     empty_report,
-    load_timed,
+    load_either_timed,
     nowhere,
     print_json,
     say,
@@ -20,6 +20,7 @@ from tubeplanner.commands.console import (
 from tubeplanner.errors import OptionError
 
 if TYPE_CHECKING:
+    from tubeplanner.cycle.cycle import Cycle
     from tubeplanner.problem.problem import PlanningProblem
     from tubeplanner.views.viewer import View
 
@@ -37,18 +38,23 @@ def view(
     changes: dict[str, Any],
     as_json: bool,
 ) -> None:
-    """Show PROBLEM and TRAJECTORY files, side by side, in 3D.
+    """Show PROBLEM, or a cycle, and TRAJECTORY files, side by side, in 3D.
 
     Notes say whether each motion passes under PROBLEM, and what differs if it was made for another.
+    Of a cycle all moves are on one time line, with what happens between them.
     """
+    from tubeplanner.cycle.cycle import Cycle
     from tubeplanner.files.output_files import require_writable
 
     require_page(html)
     if html is not None:
         require_writable([html], [Path(problem), *trajectories])
     with shown_progress() as enter:
-        loaded, _ = load_timed(problem, enter, changes)
-        shown = _shown(loaded, trajectories, enter)
+        loaded, _ = load_either_timed(problem, enter, changes)
+        if isinstance(loaded, Cycle):
+            shown = _shown_cycle(loaded, trajectories, enter)
+        else:
+            shown = _shown(loaded, trajectories, enter)
         path, opened = (html, True) if html is not None else shown.open()
         if html is not None:
             shown.save(html)
@@ -84,6 +90,26 @@ def _shown(
     other = [name for name, file in named.items() if has_other_part(problem, file)]
     motions = (file.trajectory for file in files)
     return view(problem, *motions, names=list(named), notes=notes, empty_handed=other)
+
+
+def _shown_cycle(
+    cycle: "Cycle", paths: tuple[Path, ...], enter: Callable[[object], None]
+) -> "View":
+    """Return the view of a cycle and its motions of files, each judged."""
+    from tubeplanner.cycle.motion_of_file import motion_of_file
+    from tubeplanner.files.cycle_motion_notes import cycle_motion_notes
+    from tubeplanner.trajectory.trajectory_file import read_trajectory_file
+    from tubeplanner.views.cycle_view import view_cycle
+    from tubeplanner.views.viewer import names_of_files
+
+    files = [read_trajectory_file(path, cycle.robot.joint_names) for path in paths]
+    motions = [motion_of_file(cycle, *pair) for pair in zip(paths, files, strict=True)]
+    names, notes = names_of_files(paths), []
+    for k, each in enumerate(zip(motions, names, files, strict=True)):
+        enter(f"certificate {k + 1} of {len(files)}")
+        notes += cycle_motion_notes(*each)
+    enter("scene")
+    return view_cycle(cycle, motions, names, notes)
 
 
 def require_page(path: Path | None) -> None:

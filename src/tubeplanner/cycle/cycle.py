@@ -59,7 +59,9 @@ class Cycle:
     def __post_init__(self) -> None:
         for group in ("steps", "obstacles", "attached"):
             object.__setattr__(self, group, tuple(getattr(self, group)))
-        require_consistent(self.steps, self.obstacles, self.attached, closed=self.closed)
+        require_consistent(
+            self.steps, self.obstacles, self.attached, closed=self.closed, period=self.period
+        )
         legs, after = legs_of(self.steps)
         object.__setattr__(self, "legs", legs)
         object.__setattr__(self, "after", after)

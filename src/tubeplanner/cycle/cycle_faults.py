@@ -2,14 +2,17 @@
 
 from collections.abc import Sequence
 from itertools import pairwise
+from math import ceil, floor
 
 import numpy as np
 
 from tubeplanner.collision.obstacle import AttachedSolid, Obstacle
 from tubeplanner.cycle.steps import Attach, Detach, Event, Move, Step
 from tubeplanner.errors import ProblemError, shown, unknown_name
+from tubeplanner.options import in_figures, is_number
 from tubeplanner.outcome import MARGIN_TOLERANCE
 from tubeplanner.problem.goal_region import GoalRegion
+from tubeplanner.problem.objective import is_multiple
 from tubeplanner.problem.tool_pose import ToolPose
 
 
@@ -19,6 +22,7 @@ def require_consistent(
     attached: Sequence[AttachedSolid],
     *,
     closed: bool,
+    period: float | None = None,
 ) -> None:
     """Raise ProblemError, which names the step, if steps contradict each other.
 
@@ -27,6 +31,7 @@ def require_consistent(
         obstacles: That stand there at first.
         attached: What is carried all along.
         closed: Whether the cycle ends as it began.
+        period: A controller's [s], of which dwells are multiples; None: of none.
     """
     for k, step in enumerate(steps):
         if not isinstance(step, Move | Event | Attach | Detach):
@@ -39,6 +44,7 @@ def require_consistent(
     for before, move in pairwise(moves):
         _require_one_arm(before, move)
         _require_meeting(before, move)
+    _require_dwells(steps, period)
     held = _Held({obstacle.name for obstacle in obstacles}, {solid.name for solid in attached})
     for step in steps:
         held.require(step)
@@ -47,6 +53,19 @@ def require_consistent(
             f"closed: '{held.taken[0]}' is still attached where the cycle ends and would be once "
             "more where it begins; detach it, or leave closed out"
         )
+
+
+def _require_dwells(steps: Sequence[Step], period: float | None) -> None:
+    """Raise unless every dwell is a multiple of the period, if there is a sensible one."""
+    if period is None or not is_number(period) or not period > 0:
+        return  # the moves' problems say what is wrong with it
+    for step in steps:
+        if isinstance(step, Event) and not is_multiple(step.dwell, period):
+            below, above = (round_to(step.dwell / period) * period for round_to in (floor, ceil))
+            raise ProblemError(
+                f"event '{step.name}': dwell is {in_figures(step.dwell)} s, no multiple of the "
+                f"period, {period:g} s; give {below:.9g} or {above:.9g}"
+            )
 
 
 def _require_one_arm(before: Move, move: Move) -> None:

@@ -31,6 +31,10 @@ class SrdfInfo:
     states: Mapping[str, Mapping[str, float]]
     disabled_pairs: tuple[tuple[str, str], ...]
 
+    def as_dict(self) -> dict[str, Any]:
+        """Return all of it as JSON values."""
+        return {"states": self.states, "disabled_pairs": self.disabled_pairs}
+
 
 @dataclass(frozen=True)
 class ProblemInfo:
@@ -50,9 +54,7 @@ class ProblemInfo:
 
     def as_dict(self) -> dict[str, Any]:
         """Return all of it as JSON values."""
-        srdf = None
-        if self.srdf is not None:
-            srdf = {"states": self.srdf.states, "disabled_pairs": self.srdf.disabled_pairs}
+        srdf = None if self.srdf is None else self.srdf.as_dict()
         task = None if self.problem is None else _task(self.problem)
         return {**self.robot.as_dict(), "srdf": srdf, "refused": self.refused, "task": task}
 
@@ -71,7 +73,7 @@ def problem_info(name: str | Path, changes: Mapping[str, Any] | None = None) -> 
     path = find_problem(name, Path())
     fields = read_problem_fields(path, changes)
     robot = robot_info(**robot_arguments(fields.robot, path.parent))
-    srdf = _srdf_info(fields.robot, path.parent)
+    srdf = srdf_info(fields.robot, path.parent)
     try:
         problem = load_problem(name, reads_tube=fields.tube is not None, changes=changes)
     except (ProblemError, RobotError) as error:
@@ -79,7 +81,12 @@ def problem_info(name: str | Path, changes: Mapping[str, Any] | None = None) -> 
     return ProblemInfo(robot, srdf, problem, None)
 
 
-def _srdf_info(fields: RobotFields, folder: Path) -> SrdfInfo | None:
+def srdf_info(fields: RobotFields, folder: Path) -> SrdfInfo | None:
+    """Return what the SRDF of a robot's fields has, its path relative to a folder; None: no SRDF.
+
+    Raises:
+        RobotError: It cannot be read.
+    """
     if fields.srdf is None:
         return None
     roots = tuple(folder / root for root in fields.package_dirs)

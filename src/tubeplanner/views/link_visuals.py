@@ -12,6 +12,8 @@ from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.views.surface import Surface, joined, shape_surface
 from tubeplanner.views.visual_mesh import Color, read_visual_mesh, simplified
 
+# Triangles of all arms of a page together: what makes a file that can be mailed.
+MAX_FACES = 60_000
 _PLAIN: Color = (0.72, 0.74, 0.77)
 
 

@@ -1,78 +1,98 @@
 """What the panel of a page says: titles, durations, layers with their colours, notes."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.views.executed_paths import ExecutedPaths
 from tubeplanner.views.goal_ball import goal_ball
 from tubeplanner.views.palette import (
+    CARRIED_COLOR,
     EXECUTED_COLOR,
     OBSTACLE_COLOR,
     REFERENCE_COLOR,
     SPEED_COLORS,
+    SWEPT_COLOR,
     WARNING_COLOR,
     segment_color,
 )
 from tubeplanner.views.panels import size_of
-from tubeplanner.views.scene import CARRIED_COLOR, SWEPT_COLOR, Layer, Scene
+from tubeplanner.views.problem_scene import ProblemScene
+from tubeplanner.views.scene import Layer, Scene, ShownTrajectory
 
 _MAX_SEGMENTS_NAMED = 6
 
 
-def panel_data(scene: Scene) -> dict[str, Any]:
-    """Return the text of the page's overlay and how it frames the scene, as JSON values."""
-    problem, many = scene.problem, len(scene.trajectories) > 1
-    trajectories = [
-        {
-            "name": trajectory.name,
-            "lasts": f"{1000 * trajectory.duration:.0f} ms",
-            "top": f"{trajectory.speed.max():.2f} m/s",
-            "duration": trajectory.duration,
-            "speed": [round(float(speed), 4) for speed in trajectory.speed],
-        }
-        for trajectory in scene.trajectories
-    ]
+def panel_data(scene: ProblemScene) -> dict[str, Any]:
+    """Return the text of a problem's page and how it frames the scene, as JSON values."""
+    layers = [_layer_data(layer, scene) for layer in scene.layers]
+    return page_data(scene, arm_words(scene.problem.robot), layers)
+
+
+def arm_words(robot: RobotModel) -> str:
+    """Return what a page says of an arm."""
+    return f"{robot.name}, {robot.joint_count} joints"
+
+
+def page_data(scene: Scene, about: str, layers: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return the text of a page's overlay and how it frames the scene, as JSON values.
+
+    Args:
+        scene: What is shown.
+        about: What is said below its name.
+        layers: As `layer_data` returns them.
+    """
+    many = len(scene.trajectories) > 1
+    trajectories = [_trajectory_data(trajectory) for trajectory in scene.trajectories]
+    frame = scene.frame
     labels = [
         {
             "text": f"{trajectory['name']}: {trajectory['lasts']}",
-            "point": (scene.top + i * scene.offset).tolist(),
+            "point": (frame.top + i * frame.offset).tolist(),
         }
         for i, trajectory in enumerate(trajectories)
     ]
     moving = "" if scene.duration > 0 else "The arm at its start; no trajectory is shown. "
     return {
-        "title": problem.name,
-        "robot": f"{problem.robot.name}, {problem.robot.joint_count} joints",
-        "hint": f"{moving}Grid: {scene.floor_step:g} m. Drag to turn, scroll to zoom, right button "
+        "title": scene.name,
+        "about": about,
+        "hint": f"{moving}Grid: {frame.floor_step:g} m. Drag to turn, scroll to zoom, right button "
         "to shift.",
         "duration": scene.duration,
         "trajectories": trajectories,
+        "timelines": [],
         "labels": labels if many else None,
-        "layers": [_layer_data(layer, scene) for layer in scene.layers],
+        "layers": layers,
         "notes": list(scene.notes),
-        "direction": scene.direction.tolist(),
-        "outline": scene.outline.round(5).tolist(),
+        "direction": frame.direction.tolist(),
+        "outline": frame.outline.round(5).tolist(),
     }
 
 
-def _layer_data(layer: Layer, scene: Scene) -> dict[str, Any]:
-    """Return a layer's name, label, colours and whether it is shown at first."""
+def _trajectory_data(trajectory: ShownTrajectory) -> dict[str, Any]:
+    """Return name, duration and speeds of a trajectory, these at equal steps of time."""
+    even = np.linspace(0.0, trajectory.duration, len(trajectory.time))
+    speed = np.interp(even, trajectory.time, trajectory.speed)
+    return {
+        "name": trajectory.name,
+        "lasts": f"{1000 * trajectory.duration:.0f} ms",
+        "top": f"{trajectory.speed.max():.2f} m/s",
+        "duration": trajectory.duration,
+        "speed": [round(float(each), 4) for each in speed],
+    }
+
+
+def _layer_data(layer: Layer, scene: ProblemScene) -> dict[str, Any]:
     problem = scene.problem
     words = {
-        Layer.ARM: "Arm",
-        Layer.CARRIED: _listed("Carried", [solid.name for solid in problem.attached]),
+        Layer.CARRIED: listed("Carried", [solid.name for solid in problem.attached]),
         Layer.TUBE: "Tube: the tool must stay inside",
-        Layer.REFERENCE: "Reference path" + ", goal's ball" * len(goal_ball(problem)),
-        Layer.TOOL: "Path of the tool, by its speed" if scene.duration > 0 else "Tool",
+        Layer.REFERENCE: "Reference path" + ", goal's ball" * len(goal_ball(problem.goal)),
         Layer.EXECUTED: _executed_label(scene.executed),
-        Layer.OBSTACLES: _listed("Obstacles", [obstacle.name for obstacle in problem.obstacles]),
-        Layer.SWEPT: "Space the links sweep (hulls)",
-    }
-    plain = {
-        Layer.CARRIED: CARRIED_COLOR,
-        Layer.OBSTACLES: OBSTACLE_COLOR,
-        Layer.SWEPT: SWEPT_COLOR,
+        Layer.OBSTACLES: listed("Obstacles", [obstacle.name for obstacle in problem.obstacles]),
     }
     entries = {
         Layer.TUBE: _segment_entries(problem),
@@ -81,12 +101,38 @@ def _layer_data(layer: Layer, scene: Scene) -> dict[str, Any]:
             {"color": WARNING_COLOR, "text": "outside"},
         ],
     }
-    if layer in plain:
-        entries[layer] = [{"color": plain[layer], "text": ""}]
+    return layer_data(layer, scene, words, entries)
+
+
+def layer_data(
+    layer: Layer,
+    scene: Scene,
+    words: Mapping[Layer, str],
+    entries: Mapping[Layer, list[dict[str, str]]],
+) -> dict[str, Any]:
+    """Return a layer's name, label, colours and whether it is shown at first.
+
+    Args:
+        layer: Which one.
+        scene: What is shown.
+        words: Labels of layers that do not always have the same.
+        entries: Colours of layers that have several, and what each means.
+    """
+    usual = {
+        Layer.ARM: "Arm",
+        Layer.TOOL: "Path of the tool, by its speed" if scene.duration > 0 else "Tool",
+        Layer.SWEPT: "Space the links sweep (hulls)",
+    }
+    plain = {
+        Layer.CARRIED: CARRIED_COLOR,
+        Layer.OBSTACLES: OBSTACLE_COLOR,
+        Layer.SWEPT: SWEPT_COLOR,
+    }
+    only = [{"color": plain[layer], "text": ""}] if layer in plain else []
     fields: dict[str, Any] = {
         "name": str(layer),
-        "label": words[layer],
-        "entries": entries.get(layer, []),
+        "label": words[layer] if layer in words else usual[layer],
+        "entries": entries.get(layer, only),
         "visible": layer is not Layer.SWEPT,
     }
     if layer is Layer.REFERENCE:
@@ -105,7 +151,8 @@ def _executed_label(executed: ExecutedPaths | None) -> str:
     return f"Executed paths of the tool: {some}{executed.total} runs"
 
 
-def _listed(kind: str, names: Sequence[str]) -> str:
+def listed(kind: str, names: Sequence[str]) -> str:
+    """Return what a layer of a kind is called: with the names of what is in it."""
     return f"{kind}: {', '.join(names)}"
 
 

@@ -8,6 +8,8 @@ from tubeplanner.arrays import FloatArray
 LINE_COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 SEGMENT_COLORS = ("#56B4E9", "#E69F00", "#009E73", "#CC79A7")
 OBSTACLE_COLOR = "#777777"
+CARRIED_COLOR = "#B58863"
+SWEPT_COLOR = "#7A6FAF"
 REFERENCE_COLOR = "#444444"
 EXECUTED_COLOR, WARNING_COLOR = "#0072B2", "#D55E00"
 # From slow to fast: dark to light, so that it also reads without any colour (viridis).

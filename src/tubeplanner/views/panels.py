@@ -127,7 +127,7 @@ def draw_positions(axis: "Axes", curves: TrajectoryCurves) -> None:
     """Draw positions and, in each joint's colour, those of their bounds that are near."""
     problem, samples = curves.problem, curves.samples
     for j, name in enumerate(problem.robot.joint_names):
-        axis.plot(samples.time, samples.position[:, j], label=name, **line_style(j))
+        axis.plot(samples.time, samples.position[:, j], label=_once(axis, name), **line_style(j))
     low, high = samples.position.min(), samples.position.max()
     padding = _MARGIN * max(high - low, 1e-3)
     axis.set_ylim(low - padding, high + padding)
@@ -200,7 +200,8 @@ def draw_speed(axis: "Axes", curves: TrajectoryCurves) -> None:
     limit = curves.speed_limit
     shown = limit[np.isfinite(limit) & (limit < 2 * curves.speed.max())]
     axis.plot(curves.samples.time, np.where(np.isin(limit, shown), limit, np.nan), **LIMIT)
-    axis.set_ylim(0.0, 1.1 * max(curves.speed.max(), shown.max(initial=0.0)))
+    # At rest there is no speed that would set the scale.
+    axis.set_ylim(0.0, 1.1 * max(curves.speed.max(), shown.max(initial=0.0)) or 1e-3)
     axis.set_ylabel("tool speed [m/s]")
 
 
@@ -208,7 +209,8 @@ def draw_points(axis: "Axes", curves: TrajectoryCurves) -> None:
     """Draw the speeds of points of the arm against their limits."""
     limited = curves.problem.robot.limits.point_speed
     for k, (point, share) in enumerate(zip(limited, curves.points.T, strict=True)):
-        axis.plot(curves.samples.time, 100 * share, label=f"{k}: {point.link}", **line_style(k))
+        label = _once(axis, f"{k}: {point.link}")
+        axis.plot(curves.samples.time, 100 * share, label=label, **line_style(k))
     axis.axhline(100.0, **LIMIT)
     axis.set_ylim(0.0, 130.0)
     axis.set_ylabel("speed of points [% of limit]")
@@ -219,11 +221,12 @@ def draw_tube_use(axis: "Axes", curves: TrajectoryCurves) -> None:
     """Draw the distance to the tool's segment as a share of its radius or box; rotation too."""
     has_boxes = curves.problem.tube.cross_section is not None
     label = "distance / radius or half side" if has_boxes else "distance / radius"
-    axis.plot(curves.samples.time, 100 * curves.tube_use, label=label, **_MAIN)
+    axis.plot(curves.samples.time, 100 * curves.tube_use, label=_once(axis, label), **_MAIN)
     if curves.rotation_use is not None:
         style = line_style(3)
         turned = 100 * curves.rotation_use
-        axis.plot(curves.samples.time, turned, label="turned / rotation tolerance", **style)
+        label = _once(axis, "turned / rotation tolerance")
+        axis.plot(curves.samples.time, turned, label=label, **style)
     axis.axhline(100.0, **LIMIT)
     axis.set_ylim(0.0, 130.0)
     axis.set_ylabel("use of the tube [% of tolerance]")
@@ -332,6 +335,11 @@ def _draw_velocity_by_position(axis: "Axes", curves: TrajectoryCurves) -> None:
         shown = np.where(allowed < most[joint], way * allowed / unit[joint], np.nan)
         color = LINE_COLORS[joint % len(LINE_COLORS)]
         axis.plot(samples.time, shown, **{**LIMIT, "color": color})
+
+
+def _once(axis: "Axes", label: str) -> str:
+    """Return a label, or one that no legend shows where a line has it: panels may be drawn on."""
+    return "_" if label in (line.get_label() for line in axis.lines) else label
 
 
 def _unit(problem: PlanningProblem, turning: str, sliding: str) -> str:

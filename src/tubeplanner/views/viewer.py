@@ -10,7 +10,7 @@ import json
 import re
 import tempfile
 import webbrowser
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -29,7 +29,8 @@ from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.views.executed_paths import ExecutedPaths
 from tubeplanner.views.page_panel import panel_data
 from tubeplanner.views.palette import EXECUTED_COLOR, WARNING_COLOR, rgb
-from tubeplanner.views.scene import Item, Layer, Scene, build_scene
+from tubeplanner.views.problem_scene import build_scene
+from tubeplanner.views.scene import Item, Layer, Scene
 
 _TEMPLATE = Path(__file__).with_name("view_page.html")
 _FRAME_HEIGHT = 560  # of the frame in a notebook [px]
@@ -52,20 +53,22 @@ _IDENTIFIERS = ("uuid", "geometry", "material")  # of an object, or of what it r
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A view of a problem and its trajectories; notebooks display it.
+    """A view of a problem, or a cycle, and its trajectories; notebooks display it.
 
     Attributes:
         scene: What is shown.
+        panel: What the page says of it, as JSON values.
     """
 
     scene: Scene
+    panel: Mapping[str, Any]
 
     __repr__ = short_repr
 
     @cached_property
     def html(self) -> str:
         """The complete page; it can be mailed and opened without a network."""
-        return _page(self.scene)
+        return _page(self.scene, self.panel)
 
     def save(self, path: str | Path) -> None:
         """Write the page to a file, whole or not at all.
@@ -84,7 +87,7 @@ class View:
         Raises:
             OutputError: The file could not be written.
         """
-        name = re.sub(r"[^\w.-]+", "_", self.scene.problem.name)
+        name = re.sub(r"[^\w.-]+", "_", self.scene.name)
         path = Path(tempfile.mkdtemp(prefix="tubeplanner-")) / f"{name}.html"
         self.save(path)
         try:
@@ -126,15 +129,20 @@ def view(
     if names is None:
         many = len(trajectories) > 1
         names = [f"trajectory {i + 1}" if many else "trajectory" for i in range(len(trajectories))]
-    if len(names) != len(trajectories) or len(set(names)) != len(names):
-        raise OptionError(
-            f"names {list(names)}: one each, all different, is needed for {len(trajectories)} "
-            "trajectories"
-        )
+    require_names(names, len(trajectories))
     if execution is not None and len(trajectories) != 1:
         raise OptionError(f"execution goes with one trajectory, not {len(trajectories)}; give one")
     named = dict(zip(names, trajectories, strict=True))
-    return View(build_scene(problem, named, execution, notes=notes, empty_handed=empty_handed))
+    scene = build_scene(problem, named, execution, notes=notes, empty_handed=empty_handed)
+    return View(scene, panel_data(scene))
+
+
+def require_names(names: Sequence[str], count: int) -> None:
+    """Raise OptionError unless there are as many names as trajectories, all different."""
+    if len(names) != count or len(set(names)) != len(names):
+        raise OptionError(
+            f"names {list(names)}: one each, all different, is needed for {count} trajectories"
+        )
 
 
 def names_of_files(paths: Sequence[Path]) -> list[str]:
@@ -179,15 +187,15 @@ def recorded_commands(scene: Scene) -> list[dict[str, Any]]:
     root["/Background"].set_property("bottom_color", [0.87, 0.90, 0.94])
     root["/Axes"].set_property("visible", False)
     root["/Grid"].set_property("visible", False)
-    _add_lines(root["floor"], scene.floor, _FLOOR_COLOR)
-    _add_lights(root, scene.direction)
+    _add_lines(root["floor"], scene.frame.floor, _FLOOR_COLOR)
+    _add_lights(root, scene.frame.direction)
     for item in scene.items:
         _add_item(root, item)
     if scene.executed is not None:
         _add_executed(root, scene.executed)
     for i in range(len(scene.trajectories)):
         placement = np.eye(4)
-        placement[:3, 3] = i * scene.offset
+        placement[:3, 3] = i * scene.frame.offset
         for layer in scene.layers:
             root[f"{layer}/{i}"].set_transform(placement)
     _animate(root, scene)
@@ -281,14 +289,19 @@ def _animate(root: Any, scene: Scene) -> None:
     for layer, i, body in carried:
         path, trajectory = _body_path(layer, i, body), scene.trajectories[i]
         root[path].set_transform(trajectory.placement(0, body))
+        present = trajectory.present.get(body)
+        if present is not None:
+            root[path].set_property("visible", bool(present[0]))
         for step, time in enumerate(trajectory.time):
-            frame = animation.at_frame(root, float(time))
-            frame[path].set_transform(trajectory.placement(step, body))
+            frame = animation.at_frame(root, float(time))[path]
+            frame.set_transform(trajectory.placement(step, body))
+            if present is not None:
+                frame.set_property("visible", "boolean", bool(present[step]))
     if scene.duration > 0:
         root.set_animation(animation, play=False)
 
 
-def _page(scene: Scene) -> str:
+def _page(scene: Scene, panel: Mapping[str, Any]) -> str:
     """Return the page: template, viewer, commands and what the panel says."""
     import meshcat
     import umsgpack
@@ -300,9 +313,9 @@ def _page(scene: Scene) -> str:
     engine = Path(meshcat.__file__).parent / "viewer" / "dist" / "main.min.js"
     licence = engine.with_name("main.min.js.LICENSE.txt")
     parts = {
-        "title": html.escape(scene.problem.name),
+        "title": html.escape(scene.name),
         "licence": licence.read_text(encoding="utf-8").replace("<", "&lt;"),
-        "data": json.dumps(panel_data(scene), allow_nan=False).replace("<", "\\u003c"),
+        "data": json.dumps(panel, allow_nan=False).replace("<", "\\u003c"),
         "scene": base64.b64encode(gzip.compress(commands, mtime=0)).decode(),
         "engine": engine.read_text(encoding="utf-8").replace("</script", "<\\/script"),
     }

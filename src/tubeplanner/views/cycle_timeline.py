@@ -1,0 +1,89 @@
+"""What happens when in the motion of a cycle, as bands and ticks of a time line."""
+
+from dataclasses import dataclass
+from itertools import groupby
+from typing import Any
+
+from tubeplanner.cycle.cycle_motion import CycleMotion
+from tubeplanner.cycle.step_text import step_text
+from tubeplanner.cycle.steps import Move
+from tubeplanner.views.palette import segment_color
+
+
+@dataclass(frozen=True)
+class Band:
+    """A move on a time line.
+
+    Attributes:
+        name: Of the move.
+        begin: [s].
+        end: [s].
+        color: That of its tube.
+    """
+
+    name: str
+    begin: float
+    end: float
+    color: str
+
+
+@dataclass(frozen=True)
+class Stop:
+    """A rest on a time line.
+
+    Attributes:
+        begin: [s].
+        end: [s]; the same as begin if all that happens takes no time.
+        ticks: When each thing begins that happens [s], and what it is.
+    """
+
+    begin: float
+    end: float
+    ticks: tuple[tuple[float, str], ...]
+
+    @property
+    def text(self) -> str:
+        """All that happens, on one line."""
+        return ", ".join(text for _, text in self.ticks)
+
+
+@dataclass(frozen=True)
+class Timeline:
+    """What happens when.
+
+    Attributes:
+        bands: Moves.
+        stops: Rests at which something happens.
+    """
+
+    bands: tuple[Band, ...]
+    stops: tuple[Stop, ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the time line as JSON values."""
+        return {
+            "moves": [vars(band) for band in self.bands],
+            "rests": [{**vars(stop), "text": stop.text} for stop in self.stops],
+        }
+
+
+def cycle_timeline(motion: CycleMotion) -> Timeline:
+    """Return the time line of a motion."""
+    spans = motion.move_times.items()
+    bands = [Band(name, *times, segment_color(k)) for k, (name, times) in enumerate(spans)]
+    return Timeline(tuple(bands), tuple(_stops(motion)))
+
+
+def _stops(motion: CycleMotion) -> list[Stop]:
+    steps = zip(motion.cycle.steps, motion.marks, strict=True)
+    runs = [list(run) for _, run in groupby(steps, lambda each: isinstance(each[0], Move))]
+    ends = [run[0][1].time for run in runs[1:]] + [motion.trajectory.duration]
+    return [
+        Stop(
+            run[0][1].time,
+            end,
+            tuple((mark.time, step_text(step)) for step, mark in run if not isinstance(step, Move)),
+        )
+        for run, end in zip(runs, ends, strict=True)
+        if not isinstance(run[0][0], Move)
+    ]
