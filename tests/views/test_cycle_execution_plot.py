@@ -34,7 +34,7 @@ def plan(axis):
 
 
 def test_every_tolerance_has_a_panel_over_the_whole_cycle(drawn):
-    motion, execution, figure, path = drawn
+    _, execution, figure, path = drawn
     found = panels(figure)
     assert "inside the rotation tolerance [mrad]" not in found
     assert path.read_bytes().startswith(b"\x89PNG")
@@ -49,7 +49,7 @@ def test_every_tolerance_has_a_panel_over_the_whole_cycle(drawn):
 
 
 def test_margins_are_those_of_the_move_that_runs(drawn):
-    _, execution, figure, _ = drawn
+    _, _, figure, _ = drawn
     time, inside = plan(panels(figure)["inside the tube [mm]"])
     at_ends = inside[np.isclose(time, TAKEN, atol=0.004) & ~np.isnan(inside)]
     np.testing.assert_allclose(at_ends, 200.0, atol=1e-6)  # the tool at its end, and beginning

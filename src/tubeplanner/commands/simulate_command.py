@@ -110,10 +110,10 @@ def simulate(
         file = read_trajectory_file(trajectory, loaded.robot.joint_names)
         if isinstance(loaded, Cycle):
             asked = Robustness(**given)
-            seen = _Simulation(file, asked, draw, pictures, enter).of_cycle(loaded)
+            seen = _Simulation(trajectory, file, asked, draw, pictures, enter).of_cycle(loaded)
         else:
             asked = replace(loaded.robustness or Robustness(), **given)
-            seen = _Simulation(file, asked, draw, pictures, enter).of_motion(loaded)
+            seen = _Simulation(trajectory, file, asked, draw, pictures, enter).of_motion(loaded)
     if as_json:
         more = {"duration": file.trajectory.duration, "loading_time": loading_time}
         print_json(seen.report | more | {"notes": seen.notes} | pictures.as_dict())
@@ -182,6 +182,7 @@ class _Seen:
 class _Simulation:
     """Executes, judges and draws what a trajectory file holds."""
 
+    path: Path
     file: "TrajectoryFile"
     errors: "Robustness"
     draw: "Draw"
@@ -212,12 +213,12 @@ class _Simulation:
             cycle_execution_lines,
             cycle_execution_report,
         )
-        from tubeplanner.cycle.cycle_motion import CycleMotion
+        from tubeplanner.cycle.motion_of_file import motion_of_file
         from tubeplanner.files.cycle_notes import notes_on_cycle_file
         from tubeplanner.simulation.cycle_execution import executed_cycle
         from tubeplanner.simulation.judged_cycle import judged_cycle
 
-        motion = CycleMotion(cycle, self.file.trajectory, self.file.marks)
+        motion = motion_of_file(cycle, self.path, self.file)
         notes = notes_on_cycle_file(cycle, self.file)
         self.enter(f"{self.draw.runs} runs")
         execution = executed_cycle(motion, self.errors, self.draw, self._moving())
@@ -278,6 +279,7 @@ class _CyclePictures:
 
     def page(self) -> "View":
         """Return the page."""
-        from tubeplanner.views.viewer import view_cycle
+        from tubeplanner.views.cycle_view import view_cycle
 
-        return view_cycle(self.motion, execution=self.execution)
+        cycle = self.motion.cycle
+        return view_cycle(cycle, [self.motion], ["plan"], execution=self.execution)

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from textwrap import fill
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -71,7 +71,7 @@ def _over_time(motion: CycleMotion, execution: Execution) -> list[Callable[["Axe
     legs = executed_legs(motion, execution)
     tools = [tool_runs(leg.problem, leg.trajectory, leg.execution) for leg in legs]
     draws: list[Callable[[Axes], None]] = []
-    margins = {
+    margins: dict[str, list[Band | None]] = {
         "inside the tube [mm]": [tool.tube for tool in tools],
         "inside the rotation\ntolerance [mrad]": [tool.rotation for tool in tools],
         "farther from obstacles\nthan asked [mm]": [_beyond_clearance(leg) for leg in legs],
@@ -120,7 +120,7 @@ def _mark_steps(axis: "Axes", motion: CycleMotion, until: float, *, labels: bool
         axis.axvline(mark.time, color="#444444", linewidth=0.8, linestyle=":")
         if labels:
             said = f"{mark.kind} {mark.name}"
-            look = {"rotation": 90, "va": "top", "ha": "right", "fontsize": 7}
+            look: dict[str, Any] = {"rotation": 90, "va": "top", "ha": "right", "fontsize": 7}
             axis.text(mark.time, 0.98, said, transform=place, **look)
     axis.set_xlim(0.0, until)
     axis.grid(alpha=0.25)
