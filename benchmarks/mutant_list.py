@@ -2594,9 +2594,9 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         (".plus(payload.scaled(share))", ".plus(payload)"),
         ("payload.scaled(-1.0)", "payload"),
     ],
-    "_payload": [
+    "payload_body": [
         (".placed(robot.link_placement[robot.tool_frame])", ""),
-        ("given.inertia_matrix()", "0 * given.inertia_matrix()"),
+        ("payload.inertia_matrix()", "0 * payload.inertia_matrix()"),
     ],
     "_drawn_motors": [
         ("limits.effort, limits.velocity, out", "limits.velocity, limits.effort, out"),
@@ -2642,6 +2642,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("_ROUNDING * self._limits.effort", "0.0"),
         ("np.clip(asked, least, most)", "np.minimum(asked, most)"),
     ],
+    "Drives.become": [("robot.limits, robot.motors", "self._limits, robot.motors")],
     "Drives.stepped": [
         ("len(self._sent) - 1 - self._delay", "self._delay"),
         ("np.arange(len(asked))]", "0]"),
@@ -2747,29 +2748,42 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("= step, gravity", "= step / 2, gravity"),
         ("mjtIntegrator.mjINT_RK4", "mjtIntegrator.mjINT_EULER"),
     ],
+    # --- simulation/stage -----------------------------------------------------------------------
+    "first_instant": [("begin - _SAME_INSTANT", "begin + _SAME_INSTANT")],
+    "last_instant": [
+        ("end + _SAME_INSTANT", "end - _SAME_INSTANT"),
+        (', side="right")) - 1', "))"),
+    ],
     # --- simulation/execution -------------------------------------------------------------------
-    "executed": [
+    "executed_stages": [
         ("np.ceil(", "np.floor("),
         ("trajectory.duration + AFTERWARDS", "trajectory.duration"),
-        ("trajectory.reordered(robot.joint_names)", "trajectory"),
-        ("plan.start.position[:1]", "plan.start.position[-1:]"),
-        ("robot.gravity_effort(start)[0]", "0 * start[0]"),
-        ("time, control_period)", "time, step)"),
-        ("mujoco_arms(robot, plants, step)", "mujoco_arms(robot, plants, control_period)"),
+        ("trajectory.reordered(stages[0].robot.joint_names)", "trajectory"),
+        ("trajectory.position(time[:1])", "trajectory.position(time[-1:])"),
+        ("time[first:stop], control_period)", "time[first:stop], step)"),
+        ("time[first:stop]", "time[: stop - first]"),
+        ("run.become(stage)", "pass"),
+        ("time[:1]), step)", "time[:1]), control_period)"),
         ("<= _MAX_PERIOD", "< np.inf"),
-        ("if len(plants) == 0", "if False"),
+        ("len(stage.plants) == 0", "False"),
     ],
-    "_run": [
+    "_lasting": [("if first < stop", "")],
+    "_begun": [("stage.robot.gravity_effort(start)[0]", "0 * start[0]")],
+    "_Run.become": [
+        ("self._arms.become(mujoco_arms(stage.robot, stage.plants, self._step))", "pass"),
+        ("self._drives.become(stage.robot)", "pass"),
+    ],
+    "_Run.through": [
         ("noise[:, k + 1] - noise[:, k]", "0 * noise[:, k]"),
         ("noise[:, k + 1] - noise[:, k]", "noise[:, k]"),
         ("q + noise[:, k + 1]", "q + noise[:, k]"),
         ("q + noise[:, k + 1]", "q"),
         ("/ (time[1] - time[0])", "/ (time[1] - time[0]) / _STEPS"),
-        ("drives.stepped(effort[:, k])", "drives.stepped(asked)"),
+        ("drives.stepped(made.effort[:, k])", "drives.stepped(asked)"),
         ("drives.bounded(asked, q, v)", "drives.bounded(asked, q, 0 * v)"),
         ("< _LOST).all(axis=1)", "< _LOST).any(axis=1)"),
         ("range(_STEPS)", "range(_STEPS - 1)"),
-        ("position[:, k] = q =", "position[:, k - 1] = q ="),
+        ("made.position[:, k] = q =", "made.position[:, k - 1] = q ="),
     ],
     "_noise": [
         ("plant.noise_seed", "plants[0].noise_seed"),

@@ -1,7 +1,7 @@
 """What the arm moves without stopping: a move, and those after it that pass through."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -10,6 +10,7 @@ from tubeplanner.cycle.joined_moves import joined_moves
 from tubeplanner.cycle.open_ends import ending_for
 from tubeplanner.cycle.steps import Attach, Detach, Event, Move, Step
 from tubeplanner.errors import ProblemError
+from tubeplanner.outcome import Place
 from tubeplanner.robot.pinocchio_model import Payload
 from tubeplanner.robot.robot_model import RobotModel
 
@@ -65,6 +66,15 @@ class Leg:
         """Return the move of a segment of the joined tube, and which one of its own it is."""
         k = int(np.searchsorted(self.first_segments, segment, side="right")) - 1
         return self.moves[k], segment - self.first_segments[k]
+
+    def in_cycle(self, where: Place, begin: float) -> Place:
+        """Return a place in the leg, whose times begin at one of the cycle [s], as one in that."""
+        move, segment = self.name, where.segment
+        if segment is not None:
+            found, segment = self.move_of(segment)
+            move = found.name
+        time = None if where.time is None else begin + where.time
+        return replace(where, time=time, move=move, segment=segment)
 
 
 def legs_of(steps: Sequence[Step], *, closed: bool = False) -> tuple[tuple[Leg, ...], Rest]:

@@ -9,7 +9,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray
 from tubeplanner.cycle.cycle import Cycle
 from tubeplanner.cycle.cycle_motion import CycleMotion
-from tubeplanner.cycle.leg import Leg, Rest
+from tubeplanner.cycle.leg import Rest
 from tubeplanner.errors import ProblemError, TrajectoryError, shown
 from tubeplanner.outcome import Place
 from tubeplanner.robot.robot_model import RobotModel
@@ -74,20 +74,10 @@ def _judged_leg(cycle: Cycle, motion: CycleMotion, k: int, tolerance: Tolerance)
         problem = replace(problem, start=cycle.start)
     judged = verify(problem, part_of(motion.trajectory, begin, end), tolerance)
     conditions = {
-        name: replace(each, where=_in_cycle(cycle.legs[k], each.where, begin))
+        name: replace(each, where=cycle.legs[k].in_cycle(each.where, begin))
         for name, each in judged.conditions.items()
     }
     return replace(judged, conditions=conditions)
-
-
-def _in_cycle(leg: Leg, where: Place, begin: float) -> Place:
-    """Return a place in a leg that begins at a time, as one in the cycle."""
-    move, segment = leg.name, where.segment
-    if segment is not None:
-        found, segment = leg.move_of(segment)
-        move = found.name
-    time = None if where.time is None else begin + where.time
-    return replace(where, time=time, move=move, segment=segment)
 
 
 def _judged_seams(
