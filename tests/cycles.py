@@ -1,5 +1,7 @@
 """Cycles that tests of several folders use: of the two-link arm, which moves in a plane."""
 
+from itertools import pairwise
+
 import numpy as np
 
 from cases import rest_to_rest
@@ -40,7 +42,7 @@ def tube_between(robot, start, goal, radius=0.2, **more):
 
 def move(robot, name, start, goal, /, **more):
     """Return a move between the tool's places in two configurations."""
-    given = {key: more.pop(key) for key in list(more) if key in ("radius", "clearance_by_segment")}
+    given = {"radius": more.pop("radius")} if "radius" in more else {}
     return Move(name, robot, tube_between(robot, start, goal, **given), **more)
 
 
@@ -62,10 +64,7 @@ def pick_and_place(robot=None, *, payload=None, dwell=DWELL, closed=True, **more
 def slow_motion(cycle, seams=(HOME, PICK, PLACE, HOME), duration=2.0):
     """Return a slow motion of a cycle: each leg a line in joint space between two seams."""
     names = cycle.robot.joint_names
-    legs = [
-        LegMotion(rest_to_rest(names, begin, end, duration))
-        for begin, end in zip(seams[:-1], seams[1:], strict=True)
-    ]
+    legs = [LegMotion(rest_to_rest(names, begin, end, duration)) for begin, end in pairwise(seams)]
     return cycle_motion(cycle, legs)
 
 

@@ -46,9 +46,7 @@ def test_what_is_let_go_elsewhere_stands_where_the_tool_is_then():
 def test_what_is_let_go_where_it_was_taken_stands_as_before(kind):
     back = left(taken(KINDS[kind], TILTED), TILTED)
     np.testing.assert_allclose(corners(back), corners(KINDS[kind]), atol=1e-12)
-    np.testing.assert_allclose(
-        back.contents.placement, KINDS[kind].contents.placement, atol=1e-12
-    )
+    np.testing.assert_allclose(back.contents.placement, KINDS[kind].contents.placement, atol=1e-12)
 
 
 @pytest.mark.parametrize("kind", KINDS)

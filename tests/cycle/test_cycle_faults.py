@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cycles import HOME, PICK, PLACE, ball, move, planar_arm, weight
+from cycles import HOME, PICK, ball, move, planar_arm, weight
 from tubeplanner import (
     Attach,
     AttachedSolid,
@@ -53,7 +53,10 @@ def test_a_name_may_be_attached_again_once_it_was_let_go():
         ([GO, LET_GO, BACK], "detach 'part': unknown attached name 'part'; there is: none"),
         ([TAKE, GO, Detach("prat")], r"detach 'prat': .*did you mean 'part'\?\); there is: part"),
         ([TAKE, GO, LET_GO, LET_GO], "detach 'part': unknown attached name 'part'; there is: none"),
-        ([GO, Attach("prat"), BACK], "attach 'prat': unknown obstacle 'prat' .*; or give shape, pa"),
+        (
+            [GO, Attach("prat"), BACK],
+            "attach 'prat': unknown obstacle 'prat' .*; or give shape, pa",
+        ),
         ([GO, Attach("part", None, SOLID)], "attach 'part': shape is given, and there is an obst"),
         (
             [TAKE, GO, Detach("part", leaves_obstacle=False), TAKE, BACK],
@@ -107,12 +110,16 @@ def outside(goal, by):
 def test_a_move_begins_where_the_one_before_ends(goal):
     """Its tube holds that place, up to its radius."""
     Cycle(HOME, outside(goal, -1e-4))
-    with pytest.raises(ProblemError, match=r"move 'back': tube.points\[0\] is .* m, but move 'go' "):
+    with pytest.raises(
+        ProblemError, match=r"move 'back': tube.points\[0\] is .* m, but move 'go' "
+    ):
         Cycle(HOME, outside(goal, 1e-3))
 
 
 def test_where_a_move_may_end_anywhere_in_a_ball_the_next_may_begin_there():
     steps = outside(lambda end: GoalRegion(end, 0.01), 1e-3)
     Cycle(HOME, steps)
-    with pytest.raises(ProblemError, match="0.02 m outside the first segment; begin where it ends"):
+    with pytest.raises(
+        ProblemError, match=r"0.02 m outside the first segment; begin where it ends"
+    ):
         Cycle(HOME, outside(lambda end: GoalRegion(end, 0.01), 0.02))

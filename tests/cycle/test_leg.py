@@ -72,7 +72,9 @@ def test_the_arm_feels_what_it_carries_when_it_carries_it():
 def test_what_is_attached_adds_to_the_robots_own_payload():
     own, added = weight(0.8, (0.05, 0.0, 0.0)), weight(1.5, (0.1, 0.0, 0.0))
     loaded = planar_arm(GRAVITY, payload=own)
-    legs, _ = legs_of([move(loaded, "go", HOME, PICK), Attach("a", added), replace(ON, robot=loaded)])
+    legs, _ = legs_of(
+        [move(loaded, "go", HOME, PICK), Attach("a", added), replace(ON, robot=loaded)]
+    )
     expected = load_robot("example:two_link", "hand", gravity=GRAVITY, payload=own.plus(added))
     np.testing.assert_allclose(
         gravity_efforts([legs[1].robot]), gravity_efforts([expected]), atol=1e-12

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from cycles import HOME, PICK, ball, move, planar_arm, weight
-from tubeplanner import AttachedSolid, Attach, Event, GoalRegion, ProblemError, Seed, ToolPose
+from tubeplanner import Attach, AttachedSolid, Event, GoalRegion, ProblemError, Seed, ToolPose
 
 
 @pytest.mark.parametrize("dwell", [-0.1, np.nan, np.inf, 1e6, "1", True, None])
 def test_an_event_takes_a_time(dwell):
-    with pytest.raises(ProblemError, match="event 'gripper': dwell is .*; 0 to 100000 s are acc"):
+    with pytest.raises(ProblemError, match=r"event 'gripper': dwell is .*; 0 to 100000 s are acc"):
         Event("gripper", "open", dwell)
 
 

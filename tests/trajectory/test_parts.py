@@ -59,7 +59,7 @@ def test_a_part_keeps_what_jumps_out_of_itself():
 
 @pytest.mark.parametrize("span", [(-0.1, 1.0), (0.5, 1.4), (0.6, 0.5), (0.5, 0.5), (np.nan, 1.0)])
 def test_what_lies_outside_is_no_part(span):
-    with pytest.raises(TrajectoryError, match="is no part of a trajectory of 1.3 s"):
+    with pytest.raises(TrajectoryError, match=r"is no part of a trajectory of 1.3 s"):
         part_of(trajectory(), *span)
 
 

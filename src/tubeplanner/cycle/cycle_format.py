@@ -38,7 +38,9 @@ class MoveFields(Section):
         None, description="where it ends; left out: in whichever configuration is best"
     )
     limits: LimitFields | None = Field(None, description="above the robot's limits")
-    clearance: Clearance | None = Field(None, description="in place of the cycle's, or of parts")
+    clearance: Clearance | None = Field(
+        None, description="in place of the cycle's [m]; of a map, field by field"
+    )
     contacts: list[ContactFields] = Field(
         [], description="solids that may be nearer where the move begins or ends"
     )

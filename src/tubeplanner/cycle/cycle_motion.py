@@ -57,8 +57,8 @@ class CycleMotion:
             if not 0 <= begin <= end or (mark.kind == MOVE and begin == end):
                 raise TrajectoryError(
                     f"marks: {mark.kind} '{mark.name}' is from {begin:g} to {end:g} s of a "
-                    f"trajectory of {self.trajectory.duration:g} s; give times in order, from zero, "
-                    "and every move some"
+                    f"trajectory of {self.trajectory.duration:g} s; give times in order, from "
+                    "zero, and every move some"
                 )
 
     @property

@@ -37,8 +37,8 @@ def verify_cycle(
     """Judge the motion of a cycle.
 
     Every leg is judged as the motion of its planning problem, the cell as the motion itself leaves
-    it. Where it rests, it must stay where it is for as long as events take, and the motors must hold
-    the arm with and without what is taken or let go.
+    it. Where it rests, it must stay where it is for as long as events take, and the motors must
+    hold the arm with and without what is taken or let go.
 
     Args:
         cycle: The cycle.
