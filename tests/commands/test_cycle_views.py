@@ -1,0 +1,102 @@
+"""The commands view and plot with cycle files."""
+
+import json
+import re
+
+import pytest
+
+from cases import SLIDE, rest_to_rest
+from tubeplanner.commands.cli import main
+from tubeplanner.cycle.cycle_motion import LegMotion, cycle_motion
+from tubeplanner.cycle.cycle_reader import load_cycle
+from tubeplanner.files.cycle_writer import cycle_contents
+from tubeplanner.files.trajectory_writer import TrajectoryFiles
+
+START, END = [0.0, 0.0, 0.0], [0.4, 0.1, 0.2]
+SLOW, FAST = 4.0, 0.1  # [s] of a move; motors can do the first
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A cycle, and a motion of it that passes and one that does not."""
+    folder = tmp_path_factory.mktemp("cell")
+    (folder / "slide.urdf").write_text(SLIDE)
+    points = [[0.6, 0, 0.5], [0.65, 0.28, 0.5]]
+    moves = [
+        {"name": "out", "tube": {"points": points, "radius": 0.4}, "goal": {"joints": END}},
+        {"event": "grip", "dwell": 0.1},
+        {"attach": "part", "payload": {"mass": 1.0}},
+        {"name": "home", "tube": {"points": points[::-1], "radius": 0.4}, "goal": {"joints": START}},
+    ]
+    part = {"name": "part", "box": [0.05, 0.05, 0.05], "position": [0.6, 0.6, 0.1]}
+    fields = {
+        "format": "tubeplanner/cycle",
+        "robot": {"urdf": "slide.urdf", "tool_frame": "tip"},
+        "start": {"joints": START},
+        "obstacles": [part],
+        "collision": {"self": False},
+        "moves": moves,
+    }
+    (folder / "cycle.yaml").write_text(json.dumps(fields))
+    cycle = load_cycle(folder / "cycle.yaml")
+    for name, duration in (("slow", SLOW), ("fast", FAST)):
+        ends = ((START, END), (END, START))
+        legs = [rest_to_rest(cycle.robot.joint_names, *pair, duration) for pair in ends]
+        motion = cycle_motion(cycle, [LegMotion(leg) for leg in legs])
+        path = folder / f"{name}.json"
+        contents, _ = cycle_contents(TrajectoryFiles(path), motion, "by hand")
+        path.write_bytes(contents[path])
+    return folder
+
+
+def test_a_page_has_the_motions_of_files_and_their_verdicts(folder, capsys):
+    page = folder / "page.html"
+    names = [str(folder / name) for name in ("cycle.yaml", "slow.json", "fast.json")]
+    assert main(["view", *names, "--html", str(page)]) == 0
+    told = capsys.readouterr().out
+    assert "note: slow.json: passes every condition" in told
+    assert re.search(r"note: fast.json: fails: .*out: effort", told)
+    data = re.search(r'id="data">(.*?)</script>', page.read_text(), re.S).group(1)
+    panel = json.loads(data)
+    assert [each["name"] for each in panel["trajectories"]] == ["slow.json", "fast.json"]
+    assert len(panel["timelines"]) == 2
+
+
+def test_a_motion_made_for_another_cycle_is_said_so(folder, capsys):
+    page = folder / "page.html"
+    narrower = ["--set", "moves.home.tube.radius=0.39", "--html", str(page)]
+    files = [str(folder / "cycle.yaml"), str(folder / "slow.json")]
+    assert main(["view", *files, *narrower, "--json"]) == 0
+    notes = json.loads(capsys.readouterr().out)["notes"]
+    assert [note for note in notes if "what differs: tube of move 'home'" in note]
+    assert main(["plot", *files, "--set", "moves.home.tube.radius=0.39"]) == 0
+    assert "note: the trajectory was made for another cycle" in capsys.readouterr().out
+
+
+def test_a_cell_is_shown_before_anything_is_planned(folder, capsys):
+    page = folder / "page.html"
+    assert main(["view", str(folder / "cycle.yaml"), "--html", str(page)]) == 0
+    assert "closed cycle" not in page.read_text()
+    assert "The arm at its start" in page.read_text()
+
+
+def test_a_figure_is_drawn_also_of_what_fails(folder, capsys):
+    for name in ("slow", "fast"):
+        assert main(["plot", str(folder / "cycle.yaml"), str(folder / f"{name}.json")]) == 0
+        assert (folder / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("command", ["view", "plot"])
+def test_a_file_without_marks_is_refused(command, folder, capsys):
+    fields = json.loads((folder / "slow.json").read_text())
+    del fields["marks"]
+    bare = folder / "bare.json"
+    bare.write_text(json.dumps(fields))
+    assert main([command, str(folder / "cycle.yaml"), str(bare)]) == 2
+    assert "bare.json has no marks" in capsys.readouterr().err
+    fields["marks"] = [{"time": 0.0, "move": "other"}]
+    bare.write_text(json.dumps(fields))
+    assert main([command, str(folder / "cycle.yaml"), str(bare)]) == 2
+    assert re.search(
+        r"bare.json: marks are move other; the cycle has move out", capsys.readouterr().err
+    )

@@ -1,0 +1,95 @@
+"""The figure of a cycle: limits of the moves, loads, rests and names."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from shown_cycle import CARRIED, GRIP, LEFT, RELEASE, TAKEN, motion_of, shown_cycle
+from tubeplanner import ProblemError
+from tubeplanner.cycle.steps import Event
+from tubeplanner.views.cycle_curves import cycle_curves
+from tubeplanner.views.cycle_plot import plot_cycle
+
+
+@pytest.fixture(scope="module")
+def cycle(tmp_path_factory):
+    return shown_cycle(tmp_path_factory.mktemp("arm"))
+
+
+@pytest.fixture(scope="module")
+def motion(cycle):
+    return motion_of(cycle)
+
+
+@pytest.fixture(scope="module")
+def axes(cycle, motion):
+    return plot_cycle(cycle, motion).axes
+
+
+def test_curves_follow_each_other_without_gaps(cycle, motion):
+    runs = cycle_curves(cycle, motion)
+    times = [(run.samples.time[0], run.samples.time[-1]) for run in runs]
+    rest, second = 1 + GRIP, 2 + GRIP
+    expected = [(0, 1), (1, rest), (rest, second), (second, second + RELEASE)]
+    np.testing.assert_allclose(times, [*expected, (second + RELEASE, 3 + GRIP + RELEASE)])
+    for before, after in zip(runs[:-1], runs[1:], strict=True):
+        np.testing.assert_allclose(before.samples.position[-1], after.samples.position[0])
+        np.testing.assert_allclose(before.tool[-1], after.tool[0])
+
+
+def test_efforts_are_those_of_what_is_carried(cycle, motion):
+    """The part is carried while the gripper opens, and not yet while it closes."""
+    _, closing, carrying, opening, back = cycle_curves(cycle, motion)
+    loaded = cycle.robot.with_payload(CARRIED)
+    np.testing.assert_allclose(closing.effort[0], cycle.robot.gravity_effort(TAKEN))
+    np.testing.assert_allclose(opening.effort[0], loaded.gravity_effort(LEFT))
+    np.testing.assert_allclose(carrying.effort[0], loaded.gravity_effort(TAKEN), atol=1e-9)
+    np.testing.assert_allclose(back.effort[0], cycle.robot.gravity_effort(LEFT), atol=1e-9)
+    assert abs(closing.effort[0] - carrying.effort[0]).max() > 5
+    assert not closing.samples.velocity.any()
+
+
+def test_a_rest_at_the_end_is_drawn(cycle, motion):
+    longer = replace(cycle, steps=[*cycle.steps, Event("cool", dwell=0.5)])
+    last = cycle_curves(longer, motion_of(longer))[-1]
+    np.testing.assert_allclose(last.samples.time, motion.trajectory.duration + np.array([0, 0.5]))
+    np.testing.assert_allclose(last.samples.position[0], motion.seams[-1])
+
+
+def test_every_panel_has_all_of_the_cycle(axes, cycle, motion):
+    position, velocity, effort, speed, space, use = axes
+    labels = [text.get_text() for text in position.get_legend().get_texts()]
+    assert labels == list(cycle.robot.joint_names)
+    for axis in (position, velocity, effort, speed, use):
+        assert axis.get_xlim() == (0, pytest.approx(motion.trajectory.duration))
+        curves = [line for line in axis.lines if len(line.get_xdata()) > 2]
+        last = max(np.max(line.get_xdata()) for line in curves)
+        assert last == pytest.approx(motion.trajectory.duration)
+        drawn = np.concatenate([line.get_ydata() for line in curves])
+        low, high = axis.get_ylim()
+        assert low <= np.nanmin(drawn)
+        assert np.nanmax(drawn) < high or axis is use
+    names = [text.get_text() for text in space.get_legend().get_texts()]
+    assert names[:4] == ["reach", "carry", "on", "back"]
+
+
+def test_moves_and_what_happens_at_rest_are_named(axes):
+    position, _, _, speed, _, _ = axes
+    assert [text.get_text() for text in position.texts] == ["reach", "carry", "on", "back"]
+    told = [text.get_text() for text in speed.texts[4:]]
+    assert told == [
+        "grip 'close' (0.1 s)",
+        "attach part, attach cap",
+        "grip 'open' (0.2 s)",
+        "detach part, detach cap",
+    ]
+    assert speed.get_ylim()[0] == 0
+
+
+def test_a_figure_is_saved(cycle, motion, tmp_path):
+    path = tmp_path / "figure.png"
+    plot_cycle(cycle, motion, path)
+    assert path.read_bytes().startswith(b"\x89PNG")
+    with pytest.raises(ProblemError, match="give a Cycle"):
+        plot_cycle("cycle", motion)

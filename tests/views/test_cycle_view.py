@@ -1,0 +1,162 @@
+"""The page of a cycle: what is recorded for the viewer, what panel and time line say."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from shown_cycle import GRIP, RELEASE, motion_of, shown_cycle
+from tubeplanner import OptionError, ProblemError
+from tubeplanner.views.cycle_timeline import cycle_timeline
+from tubeplanner.views.cycle_view import view_cycle
+from tubeplanner.views.palette import SEGMENT_COLORS
+from tubeplanner.views.viewer import recorded_commands
+
+MOVES = ["reach", "carry", "on", "back"]
+
+
+@pytest.fixture(scope="module")
+def cycle(tmp_path_factory):
+    return shown_cycle(tmp_path_factory.mktemp("arm"))
+
+
+@pytest.fixture(scope="module")
+def motion(cycle):
+    return motion_of(cycle)
+
+
+@pytest.fixture(scope="module")
+def page(cycle, motion):
+    return view_cycle(cycle, [motion], ["motion.json"])
+
+
+def tracks_of(scene):
+    """Return the tracks of the animation by path: times and values by property."""
+    (animation,) = (c for c in recorded_commands(scene) if c["type"] == "set_animation")
+    return {
+        each["path"]: {
+            track["name"].strip("."): (
+                np.array([key["time"] for key in track["keys"]]),
+                np.array([key["value"] for key in track["keys"]]),
+            )
+            for track in each["clip"]["tracks"]
+        }
+        for each in animation["animations"]
+    }
+
+
+def objects_of(scene):
+    return [c["path"] for c in recorded_commands(scene) if c["type"] == "set_object"]
+
+
+def test_every_move_has_a_tube_in_its_own_colour(page):
+    materials = {
+        command["path"]: command["object"]["materials"][0]
+        for command in recorded_commands(page.scene)
+        if command["type"] == "set_object" and "/tube/" in command["path"]
+    }
+    assert [materials[f"/meshcat/tube/0/body_0/move_{k}"]["color"] for k in range(4)] == [
+        int(color[1:], 16) for color in SEGMENT_COLORS
+    ]
+
+
+def test_a_part_moves_by_itself_and_what_stands_does_not(page):
+    paths = objects_of(page.scene)
+    assert "/meshcat/obstacles/0/body_0/post" in paths
+    assert not [path for path in paths if path.startswith("/meshcat/obstacles") and "part" in path]
+    (path,) = [path for path in paths if "/part/" in path]
+    assert path.startswith("/meshcat/carried/0/body_")
+    time, position = tracks_of(page.scene)[path.rsplit("/", 2)[0]]["position"]
+    assert abs(position[time <= 1 + GRIP]).max() < 1e-12
+    assert np.ptp(position[time >= 2 + GRIP + RELEASE], axis=0).max() == 0
+    assert abs(position[-1]).max() > 0.1
+
+
+def test_what_comes_and_goes_is_hidden_before_and_after(page):
+    (path,) = [path for path in objects_of(page.scene) if "/cap/" in path]
+    tracks = tracks_of(page.scene)[path.rsplit("/", 2)[0]]
+    time, seen = tracks["visible"]
+    np.testing.assert_array_equal(seen, (time >= 1 + GRIP) & (time < 2 + GRIP + RELEASE))
+    at_first = [c for c in recorded_commands(page.scene) if c["type"] == "set_property"]
+    shown = {c["path"]: c["value"] for c in at_first if c["property"] == "visible"}
+    assert shown[path.rsplit("/", 2)[0]] is False
+
+
+def test_frames_have_every_mark_among_them(page, motion):
+    time = page.scene.trajectories[0].time
+    assert {mark.time for mark in motion.marks} <= set(time.tolist())
+    assert (np.diff(time) > 0).all()
+    assert (np.diff(time) < 1 / 199).all()
+
+
+def test_many_moves_do_not_make_more_frames_than_can_be_mailed(cycle):
+    slow = view_cycle(cycle, [motion_of(cycle, 30.0)]).scene.trajectories[0]
+    assert 1000 < len(slow.time) < 1300
+
+
+def test_the_time_line_has_moves_and_what_happens_at_rest(motion):
+    timeline = cycle_timeline(motion)
+    assert [band.name for band in timeline.bands] == MOVES
+    ends = [(band.begin, band.end) for band in timeline.bands]
+    rest, second = 1 + GRIP, 2 + GRIP + RELEASE
+    middle = rest + 0.5
+    expected = [(0, 1), (rest, middle), (middle, rest + 1), (second, second + 1)]
+    np.testing.assert_allclose(ends, expected)
+    taken, left = timeline.stops
+    assert (taken.begin, taken.end) == pytest.approx((1, rest))
+    assert taken.text == "grip 'close' (0.1 s), attach part, attach cap"
+    assert [time for time, _ in left.ticks] == pytest.approx([rest + 1, second, second])
+
+
+def test_the_panel_says_what_is_seen(page):
+    panel = page.panel
+    assert panel["about"].endswith("closed cycle of 4 moves")
+    layers = {layer["name"]: layer for layer in panel["layers"]}
+    assert layers["carried"]["label"] == "Carried: part, cap"
+    assert layers["obstacles"]["label"] == "Obstacles: post"
+    texts = [entry["text"] for entry in layers["tube"]["entries"]]
+    assert texts == [
+        "reach: 200 mm, 1000 ms",
+        "carry: 250 mm, 500 ms",
+        "on: 300 mm, 500 ms",
+        "back: 200 mm, 1000 ms",
+    ]
+    (line,) = panel["timelines"]
+    assert [move["color"] for move in line["moves"]] == list(SEGMENT_COLORS)
+    assert json.loads(json.dumps(panel)) == json.loads(
+        re.search(r'id="data">(.*?)</script>', page.html, re.S).group(1)
+    )
+
+
+def test_motions_stand_side_by_side_with_a_line_each(cycle, motion):
+    both = view_cycle(cycle, [motion, motion_of(cycle, 2.0)], ["fast", "slow"])
+    assert [t["name"] for t in both.panel["trajectories"]] == ["fast", "slow"]
+    assert [line["moves"][-1]["end"] for line in both.panel["timelines"]] == pytest.approx(
+        [3.3, 6.3]
+    )
+    assert both.panel["layers"][2]["entries"][0]["text"] == "reach: 200 mm"
+
+
+def test_a_speed_is_told_at_equal_steps_of_time(page):
+    (told,) = page.panel["trajectories"]
+    shown = page.scene.trajectories[0]
+    fastest = shown.time[shown.speed.argmax()]
+    even = np.linspace(0, told["duration"], len(told["speed"]))
+    assert even[np.argmax(told["speed"])] == pytest.approx(fastest, abs=0.01)
+
+
+def test_without_a_motion_the_arm_is_at_its_start(cycle):
+    page = view_cycle(cycle)
+    assert page.scene.duration == 0
+    assert page.panel["timelines"] == []
+    assert "at its start" in page.panel["hint"]
+    assert [path for path in objects_of(page.scene) if "/part/" in path]
+    assert not [path for path in objects_of(page.scene) if "/cap/" in path]
+
+
+def test_what_is_no_cycle_and_names_that_do_not_fit_are_refused(cycle, motion):
+    with pytest.raises(ProblemError, match="give a Cycle"):
+        view_cycle("cycle")
+    with pytest.raises(OptionError, match="one each, all different"):
+        view_cycle(cycle, [motion, motion], ["a", "a"])
