@@ -2922,7 +2922,6 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "differing_cycle_parts": [("if len(names) == len(cycle.legs) else names", "")],
     "_step_parts": [
         ("step.dwell", "0"),
-        ("step.leaves_obstacle", "True"),
         ('"closed" if cycle.closed else', ""),
     ],
     "notes_on_cycle_file": [
