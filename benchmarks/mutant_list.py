@@ -184,6 +184,7 @@ TESTS = {
     "robot/link_info": ("commands/test_info_command.py",),
     "robot/typical_configurations": ("robot/test_robot_info.py",),
     "problem/problem_info": ("commands/test_info_command.py",),
+    "commands/cycle_report": ("commands/test_cycle_check.py",),
     "commands/plan_outputs": ("commands/test_planned.py",),
     "files/starter_file": ("commands/test_init_command.py",),
     "tube_sources/placeholder_limits": ("commands/test_init_command.py",),
