@@ -197,6 +197,8 @@ TESTS = {
     "robot/link_info": ("commands/test_info_command.py",),
     "robot/typical_configurations": ("robot/test_robot_info.py",),
     "problem/problem_info": ("commands/test_info_command.py",),
+    "commands/cycle_report": ("commands/test_cycle_check.py",),
+    "commands/plan_outputs": ("commands/test_planned.py",),
     "files/starter_file": ("commands/test_init_command.py",),
     "tube_sources/placeholder_limits": ("commands/test_init_command.py",),
     "tube_sources/starter_problem": ("commands/test_init_command.py",),
@@ -1797,7 +1799,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("shortest.stopped_by is not None", "False"),
     ],
     "_in_whole_periods": [("if longer.succeeded:", "if True:")],
-    "_usual_rate": [("1 / period", "0.5 / period")],
+    "TrajectoryFiles.sample_rate": [("1 / period", "0.5 / period")],
     "second_stage_plan": [
         ("or not no_longer(after.duration, longest)", ""),
         ("shortest=shortest.trajectory", "shortest=None"),
@@ -2968,6 +2970,54 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "typical_configurations": [
         ("np.argsort(-_goodness(arm, q)", "np.argsort(_goodness(arm, q)"),
     ],
+    # --- cycles in files and on the command line -----------------------------------------------
+    "is_cycle": [('or "moves" in document', "")],
+    "require_problem": [("is_cycle(document)", "False")],
+    "load_problem_or_cycle": [("if is_cycle_file(name, directory) else load_problem", "")],
+    "step_text": [("if step.dwell else", "if False else"), ("shown(step.setting)", "step.setting")],
+    "_require_dwells": [
+        ("not is_multiple(step.dwell, period)", "False"),
+        ("(floor, ceil)", "(floor, floor)"),
+    ],
+    "_marks": [("marks[-1].time > duration + _DURATION_TOLERANCE", "False")],
+    "_is_cycle": [("is not None", "is None")],
+    "cycle_hash": [("*_step_parts(cycle), ", "")],
+    "cycle_part_hashes": [("_STEPS: hash_of(_step_parts(cycle), _PART_DIGITS)", "")],
+    "differing_cycle_parts": [("if len(names) == len(cycle.legs) else names", "")],
+    "_step_parts": [
+        ("step.dwell", "0"),
+        ('"closed" if cycle.closed else', ""),
+    ],
+    "notes_on_cycle_file": [
+        ("not is_other_robot and ", ""),
+        ("(None, cycle_hash(cycle))", "(cycle_hash(cycle),)"),
+    ],
+    "CycleSamples.notes": [("if not np.allclose", "if np.allclose")],
+    "CycleSamples.begins": [("time += cycle.rest_at(k).duration", "pass")],
+    "CycleSamples.whole": [("each[:-1] for each", "each for each"), ("begin + samples", "samples")],
+    "CycleSamples._parts": [
+        ("cycle.legs[k].robot", "cycle.robot"),
+        ("yield from self._dwells(cycle.after, seams[-1])", "pass"),
+        (".before, seams[k]", ".before, seams[0]"),
+    ],
+    "CycleSamples._dwells": [("rest.arms[1:]", "rest.arms[-1:] * len(rest.steps)")],
+    "_ros_documents": [
+        ("if k == last", "if False"),
+        ('"---\\n".join', '"".join'),
+        ("leg.before)", "cycle.after)"),
+    ],
+    "cycle_contents": [("marks=marks, ", "")],
+    "CycleCertificate.place": [("if where in self.refused", "if False")],
+    "CheckedCycle.message": [
+        ('told.setdefault(reason.partition(": ")[2], reason)', "told[reason] = reason")
+    ],
+    "_dearest": [("key=lambda each: each.saved", "key=lambda each: -each.saved")],
+    "_gain_lines": [("alone - shortest > _LEAST_GAIN", "True"), ("if each.saved > 0", "")],
+    "_told": [("return failing or [min(", "return [min("), ("[min(", "[max(")],
+    "_timetable": [
+        ("begin, end = motion.move_times[move.name]", "begin, _ = motion.move_times[move.name]")
+    ],
+    "_goal": [("if closes else", "if False else")],
     # --- tube_sources/starter_route, starter_problem, placeholder_limits, files/starter_file ------
     "starter_routes": [
         ("rise + 2 * along, 2 * along", "rise + 2 * along, rise + 4 * along"),

@@ -31,6 +31,8 @@ obstacles:
 clearance: 0.01
 """
 PICK = re.search(r"```yaml\n(.*?)```", (PAGES / "contacts.md").read_text(), re.S).group(1)
+CYCLE = re.search(r"```yaml\n(.*?)```", (PAGES / "cycles.md").read_text(), re.S).group(1)
+WEIGHT = re.search(r"part, payload: .*", CYCLE).group(0)
 CONTACTS = "contacts:\n  - {links: [part, table], within: 0.03}\n"
 XACRO = 'name="rail_arm" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:include filename='
 SOLID = '<cylinder radius="0.03" length="0.02"/>'
@@ -66,6 +68,10 @@ def robot(field):
 
 def pick(*changes):
     return {"problem.yaml": changed(PICK, *changes)}
+
+
+def cycle(*changes):
+    return {"cycle.yaml": changed(CYCLE, *changes)}
 
 
 def slow(files):
@@ -118,6 +124,10 @@ MISTAKES = [
     slow(wall('"+"}', '"+", shoulder_pan_joint: "-"}')),
     robot("payload: {mass: 30, com: [0, 0, 0.05]}"),
     slow(wall("clearance: 0.01", "objective: {duration: 0.3}")),
+    cycle(("points: [[0.45, 0.3, 0.1]", "points: [[0.45, 0.2, 0.1]")),
+    cycle((WEIGHT, "prt}")),
+    cycle(("  - {detach: part}\n", "")),
+    cycle(("closed: true", "closed: true\nperiod: 0.004")),
 ]
 
 

@@ -80,3 +80,11 @@ def test_what_a_controller_makes_of_a_cycle_is_not_asked(run, folder):
     status, _, said = run(*words)
     assert status == 2
     assert "--for jtc judges the motion of a problem" in said
+
+
+def test_a_condition_that_several_moves_fail_has_a_row_for_each(run, folder):
+    narrow = ("--set", "moves.over.tube.radius=0.001", "--set", "moves.back.tube.radius=0.001")
+    _, text, _ = run("check", folder / "small.yaml", folder / "t.json", *narrow)
+    failing = [line for line in text.splitlines() if line.startswith("│ tube ") and "NO" in line]
+    assert ["'over'" in line for line in failing] == [True, False]
+    assert "'back'" in failing[1]

@@ -56,3 +56,9 @@ def test_conditions_are_told_where_they_are_tightest(result):
     }
     row = next(line for line in text_of(result).splitlines() if line.startswith("│ tube"))
     assert f"{min(margins.values()):.3g} m" in row
+
+
+def test_a_move_is_told_the_limit_that_it_pays_most_for(result):
+    row = next(line for line in text_of(result).splitlines() if " over " in line)
+    dearest = max(result.legs[0].result.sensitivities, key=lambda each: each.saved)
+    assert str(dearest) in row

@@ -33,3 +33,10 @@ def test_without_hashes_of_parts_it_is_known_that_it_differs(file):
     assert note == "the trajectory was made for another cycle with this robot"
     (note,) = notes_on_cycle_file(small_cycle(robot__limits__acceleration=500.0), alone)
     assert note.startswith("the trajectory was made for another robot, payload")
+
+
+def test_another_robot_is_told_without_a_hash_of_the_cycle(file):
+    (note,) = notes_on_cycle_file(
+        small_cycle(), TrajectoryFile(file.trajectory, None, None, "0" * 16)
+    )
+    assert note.startswith("the trajectory was made for another robot, payload")

@@ -30,6 +30,11 @@ class Rest:
     arms: tuple[RobotModel, ...]
 
     @property
+    def duration(self) -> float:
+        """How long it takes [s]: as long as events dwell."""
+        return sum(step.dwell for step in self.steps if isinstance(step, Event))
+
+    @property
     def handed_over(self) -> tuple[str, ...]:
         """Names of what is taken or let go."""
         return tuple(step.name for step in self.steps if not isinstance(step, Event))

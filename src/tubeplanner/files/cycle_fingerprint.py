@@ -7,7 +7,7 @@ happens between them.
 from collections.abc import Mapping
 
 from tubeplanner.cycle.cycle import Cycle
-from tubeplanner.cycle.steps import Detach, Event
+from tubeplanner.cycle.steps import Event
 from tubeplanner.files.fingerprint import hash_of, problem_hash
 from tubeplanner.files.part_hashes import part_hashes
 
@@ -56,6 +56,4 @@ def _step_parts(cycle: Cycle) -> list[object]:
         parts += [type(step).__name__, step.name]
         if isinstance(step, Event):
             parts.append(step.dwell)
-        if isinstance(step, Detach):
-            parts.append(step.leaves_obstacle)
     return parts

@@ -31,7 +31,7 @@ class CycleSamples:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """How samples differ from the motion, once where it is the same of all legs."""
+        """How samples differ from the motion, and when moves begin if that is later."""
         notes = [
             f"move '{leg.name}': {sampled.note}"
             for leg, sampled in zip(self.motion.cycle.legs, self.legs, strict=True)
@@ -49,7 +49,7 @@ class CycleSamples:
         """When each leg begins, all of them one after the other [s]."""
         cycle, time, found = self.motion.cycle, 0.0, []
         for k, sampled in enumerate(self.legs):
-            time += dwell(cycle.rest_at(k))
+            time += cycle.rest_at(k).duration
             found.append(time)
             time += float(sampled.samples.time[-1])
         return found
@@ -100,8 +100,3 @@ def cycle_samples(motion: CycleMotion, rate: float) -> CycleSamples:
     problems = motion.cycle.problems(motion.seams)
     legs = zip(problems, motion.legs, strict=True)
     return CycleSamples(motion, tuple(samples_for_export(*leg, rate) for leg in legs), rate)
-
-
-def dwell(rest: Rest) -> float:
-    """Return how long a rest takes [s]."""
-    return sum(step.dwell for step in rest.steps if isinstance(step, Event))
