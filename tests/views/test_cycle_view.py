@@ -120,7 +120,7 @@ def test_the_panel_says_what_is_seen(page):
         "reach: 200 mm, 1000 ms",
         "carry: 250 mm, 500 ms",
         "on: 300 mm, 500 ms",
-        "back: 200 mm, 1000 ms",
+        "back: 200 to 300 mm, 1000 ms",
     ]
     (line,) = panel["timelines"]
     assert [move["color"] for move in line["moves"]] == list(SEGMENT_COLORS)
