@@ -171,6 +171,12 @@ TESTS = {
         "planning/test_planner_best_known.py",
     ),
     "refinement/linearization": ("refinement/test_sensitivities.py",),
+    "refinement/limit_costs": ("refinement/test_sensitivities.py",),
+    "refinement/step_search": (
+        "refinement/test_sequential_program.py",
+        "refinement/test_descent.py",
+    ),
+    "refinement/descent": ("refinement/test_sequential_program.py",),
     "refinement/sequential_program": (
         "refinement/test_sensitivities.py",
         "planning/test_planner_best_known.py",
@@ -839,7 +845,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
             "Coal's direction is as good there",
         ),
     ],
-    "Linearization.costs": [("if risen is not None:", "if False:")],
+    "limit_costs": [("if risen is not None:", "if False:")],
     "_across": [("corner - apart * normal", "corner + apart * normal")],
     "ClearanceMargin.at": [("left[:, k] = self._left(", "_ = self._left(")],
     "ClearanceMargin._at": [("distance[row, column] = closest.distance", "_ = closest.distance")],
@@ -1614,10 +1620,46 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("reach < MERIT_TOLERANCE", "reach < 10.0"),
     ],
     "SequentialProgram._reach": [("rows.control * is_free[:, :, None]", "0 * rows.control")],
-    "SequentialProgram.improved": [
-        ("gain < _GOOD_RATIO * predicted", "False"),
-        ("trust.after(outcome)", "replace(trust.after(outcome), radius=trust.radius)"),
+    # --- refinement: descent, shared_columns, tied_legs, control_variables ----------------------
+    "Descent.improved": [
+        ("trust.after(outcome)", "TrustRegion(trust.radius, trust.after(outcome).damping)"),
     ],
+    "Descent._tried": [("gain < _GOOD_RATIO * predicted", "False")],
+    "_Linearized.__init__": [
+        ("durations / durations.sum()", "0 * durations + 1 / len(durations)"),
+    ],
+    "_Linearized.moved": [
+        ("starts[(k + 1) % len(each)] = goal", "starts[(k + 1) % len(each)] = None"),
+        ("(k + 1) % len(each)", "k"),
+    ],
+    "shared_columns": [
+        ("k > 0 and is_tied[k - 1]", "is_tied[k]"),
+        ("if is_tied[-1]:", "if False:"),
+        ("others + len(legs) + k", "others + len(legs)"),
+    ],
+    "_closed": [("closed[0][0] = closed[-1][-1]", "closed[-1][-1]")],
+    "StepProgram.__init__": [
+        ("np.add.at(self._linear, own, block.linear)", "self._linear[own] = block.linear"),
+        ("np.maximum.at(self._lower, own, block.lower)", "self._lower[own] = block.lower"),
+        ("np.minimum.at(self._upper, own, block.upper)", "self._upper[own] = block.upper"),
+    ],
+    "Block.held": [("np.arange(size - n, size)", "np.arange(n)")],
+    "StepSearch.solve": [("for _ in range(_MAX_ROUNDS)", "for _ in range(1)")],
+    "ControlVariables.moved": [
+        ("points += (1 - self._share_of_goal)", "points += 0 * self._share_of_goal"),
+        ("points += self._share_of_goal", "points += 0 * self._share_of_goal"),
+        ("points[:REST_POINTS] = start", "pass"),
+    ],
+    "ControlVariables.tie": [
+        ("np.maximum(self.lower[-1], following.lower[0])", "self.lower[-1]"),
+        ("np.minimum(self.upper[-1], following.upper[0])", "following.upper[0]"),
+    ],
+    "ControlVariables._columns": [("0 if self._start_moves else FIXED", "FIXED")],
+    "TiedLegs._programs": [
+        ("start_moves=is_tied[k - 1]", "start_moves=is_tied[k]"),
+        ("wanted and ControlVariables", "ControlVariables"),
+    ],
+    "_joined": [("intervals // _FEWEST", "most")],
     # --- refinement/refinement ----------------------------------------------------------------
     "_dodged": [("again.links.excess.max(initial=0.0) > _DODGED", "False")],
     # --- refinement/trust_region --------------------------------------------------------------
@@ -2563,9 +2605,9 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         (".plus(payload.scaled(share))", ".plus(payload)"),
         ("payload.scaled(-1.0)", "payload"),
     ],
-    "_payload": [
+    "payload_body": [
         (".placed(robot.link_placement[robot.tool_frame])", ""),
-        ("given.inertia_matrix()", "0 * given.inertia_matrix()"),
+        ("payload.inertia_matrix()", "0 * payload.inertia_matrix()"),
     ],
     "_drawn_motors": [
         ("limits.effort, limits.velocity, out", "limits.velocity, limits.effort, out"),
@@ -2611,6 +2653,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("_ROUNDING * self._limits.effort", "0.0"),
         ("np.clip(asked, least, most)", "np.minimum(asked, most)"),
     ],
+    "Drives.become": [("robot.limits, robot.motors", "self._limits, robot.motors")],
     "Drives.stepped": [
         ("len(self._sent) - 1 - self._delay", "self._delay"),
         ("np.arange(len(asked))]", "0]"),
@@ -2716,29 +2759,42 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("= step, gravity", "= step / 2, gravity"),
         ("mjtIntegrator.mjINT_RK4", "mjtIntegrator.mjINT_EULER"),
     ],
+    # --- simulation/stage -----------------------------------------------------------------------
+    "first_instant": [("begin - _SAME_INSTANT", "begin + _SAME_INSTANT")],
+    "last_instant": [
+        ("end + _SAME_INSTANT", "end - _SAME_INSTANT"),
+        (', side="right")) - 1', "))"),
+    ],
     # --- simulation/execution -------------------------------------------------------------------
-    "executed": [
+    "executed_stages": [
         ("np.ceil(", "np.floor("),
         ("trajectory.duration + AFTERWARDS", "trajectory.duration"),
-        ("trajectory.reordered(robot.joint_names)", "trajectory"),
-        ("plan.start.position[:1]", "plan.start.position[-1:]"),
-        ("robot.gravity_effort(start)[0]", "0 * start[0]"),
-        ("time, control_period)", "time, step)"),
-        ("mujoco_arms(robot, plants, step)", "mujoco_arms(robot, plants, control_period)"),
+        ("trajectory.reordered(stages[0].robot.joint_names)", "trajectory"),
+        ("trajectory.position(time[:1])", "trajectory.position(time[-1:])"),
+        ("time[first:stop], control_period)", "time[first:stop], step)"),
+        ("time[first:stop]", "time[: stop - first]"),
+        ("run.become(stage)", "pass"),
+        ("time[:1]), step)", "time[:1]), control_period)"),
         ("<= _MAX_PERIOD", "< np.inf"),
-        ("if len(plants) == 0", "if False"),
+        ("len(stage.plants) == 0", "False"),
     ],
-    "_run": [
+    "_lasting": [("if first < stop", "")],
+    "_begun": [("stage.robot.gravity_effort(start)[0]", "0 * start[0]")],
+    "_Run.become": [
+        ("self._arms.become(mujoco_arms(stage.robot, stage.plants, self._step))", "pass"),
+        ("self._drives.become(stage.robot)", "pass"),
+    ],
+    "_Run.through": [
         ("noise[:, k + 1] - noise[:, k]", "0 * noise[:, k]"),
         ("noise[:, k + 1] - noise[:, k]", "noise[:, k]"),
         ("q + noise[:, k + 1]", "q + noise[:, k]"),
         ("q + noise[:, k + 1]", "q"),
         ("/ (time[1] - time[0])", "/ (time[1] - time[0]) / _STEPS"),
-        ("drives.stepped(effort[:, k])", "drives.stepped(asked)"),
+        ("drives.stepped(made.effort[:, k])", "drives.stepped(asked)"),
         ("drives.bounded(asked, q, v)", "drives.bounded(asked, q, 0 * v)"),
         ("< _LOST).all(axis=1)", "< _LOST).any(axis=1)"),
         ("range(_STEPS)", "range(_STEPS - 1)"),
-        ("position[:, k] = q =", "position[:, k - 1] = q ="),
+        ("made.position[:, k] = q =", "made.position[:, k - 1] = q ="),
     ],
     "_noise": [
         ("plant.noise_seed", "plants[0].noise_seed"),
@@ -2930,6 +2986,13 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     "_starts": [("if is_held and", "if")],
     "_path_from": [("folder.resolve()", "Path().resolve()")],
+    # --- cycle_planning/shared_plan ---------------------------------------------------------------
+    "shared_plan": [("leg.joined.goal if opens else plan.end", "leg.joined.goal")],
+    # --- resources: problems and cycles -----------------------------------------------------------
+    "bundled_problems": [(" if not _is_cycle(path)", "")],
+    "bundled_cycles": [(" if _is_cycle(path)", "")],
+    "_bundled_files": [(" if p.parent.name != _PRESETS", "")],
+    "_is_cycle": [(".splitlines()", "")],
     "_as_yaml": [("value.lower() in _WORDS or", "")],
     # --- views/moved_parts, cycle_timeline, cycle_scene, cycle_panel, cycle_curves, cycle_plot ----
     "MovedPart.carry": [("tool[first:] @ grip", "tool[first:]")],

@@ -17,12 +17,14 @@ from tubeplanner.documents import (
     read_bytes,
     read_text,
 )
-from tubeplanner.resources import bundled_problems
+from tubeplanner.resources import bundled_cycles, bundled_problems
+
+BUNDLED = bundled_problems() | bundled_cycles()
 
 
-@pytest.mark.parametrize("name", sorted(bundled_problems()))
-def test_bundled_problems_mean_what_another_reader_takes_them_for(name):
-    text = bundled_problems()[name].read_text()
+@pytest.mark.parametrize("name", sorted(BUNDLED))
+def test_bundled_files_mean_what_another_reader_takes_them_for(name):
+    text = BUNDLED[name].read_text()
     assert parse_yaml(text) == YAML(typ="safe", pure=True).load(text)
 
 

@@ -9,6 +9,7 @@ import pytest
 from tubeplanner import resources
 from tubeplanner.errors import ProblemError, RobotError
 from tubeplanner.resources import (
+    bundled_cycles,
     bundled_folder,
     bundled_presets,
     bundled_problems,
@@ -45,6 +46,23 @@ def test_every_example_name_leads_to_a_urdf_on_this_machine(name):
 def test_bundled_robots_and_problems_are_listed_by_name():
     assert bundled_robots()["two_link"] == bundled_folder() / "two_link" / "two_link.urdf"
     assert {"ur5/over_the_wall", "two_link/around_a_post"} <= set(bundled_problems())
+
+
+def test_bundled_cycles_are_listed_apart_and_found_by_name():
+    name = "ur5/through_the_door"
+    assert name in bundled_cycles()
+    assert not set(bundled_cycles()) & set(bundled_problems())
+    path = find_problem(f"example:{name}", Path("nowhere"))
+    assert path == bundled_folder() / "ur5" / "through_the_door.yaml"
+
+
+def test_a_problem_that_speaks_of_cycles_is_none(tmp_path, monkeypatch):
+    write(tmp_path / "arm" / "problem.yaml", "# not format: tubeplanner/cycle\n")
+    write(tmp_path / "arm" / "cycle.yaml", "# a cell\nformat: tubeplanner/cycle\n")
+    write(tmp_path / "presets" / "limits.yaml", "format: tubeplanner/preset\n")
+    monkeypatch.setattr(resources, "bundled_folder", lambda: tmp_path)
+    assert list(bundled_problems()) == ["arm/problem"]
+    assert list(bundled_cycles()) == ["arm/cycle"]
 
 
 def test_a_bundled_preset_is_found_by_name_and_hides_a_file_of_that_name(tmp_path):

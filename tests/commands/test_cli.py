@@ -343,7 +343,10 @@ def test_robots_and_schema_are_listed(run, run_json):
     assert "  fr3  " in out
     assert str(bundled_presets()["fr3"]) in out
     listed = run_json("robots")[1]
+    assert "example:ur5/through_the_door" in out
     assert "panda/between_shelves" in listed["problems"]
+    assert "ur5/through_the_door" not in listed["problems"]
+    assert "ur5/through_the_door" in listed["cycles"]
     assert "presets/fr3" not in listed["problems"]
     assert listed["presets"] == ["fer", "fr3", "fr3_friction", "ur10_friction"]
     schema = json.loads(run("schema")[1])

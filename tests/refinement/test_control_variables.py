@@ -140,3 +140,63 @@ def test_an_open_goal_without_redundant_joints_stays_where_it_is():
     variables = ControlVariables(problem, spline.grid)
     assert (variables.column[-3:] == FIXED).all()
     assert len(variables.held(spline.control_points)) == 0
+
+
+@pytest.fixture(scope="module")
+def with_start():
+    """The same problem's variables whose start moves, beside those whose start is fixed."""
+    problem = load_problem("example:ur5/over_the_wall")
+    branch = reference_branch(problem, redundancy_rules(problem)[0])
+    spline = starting_spline(problem, branch, 12)
+    alone = ControlVariables(problem, spline.grid)
+    return spline, alone, ControlVariables(problem, spline.grid, start_moves=True)
+
+
+def test_a_start_that_moves_is_one_variable_before_all_others(with_start):
+    spline, alone, variables = with_start
+    assert variables.column[:3].tolist() == [0, 0, 0]
+    np.testing.assert_array_equal(variables.column[3:], alone.column[3:] + 1)
+    assert len(variables.lower) == len(alone.lower) + 1
+    points = spline.control_points
+    np.testing.assert_array_equal(variables.of(points), [points[0], *alone.of(points)])
+    step = np.random.default_rng(3).normal(size=variables.lower.shape)
+    np.testing.assert_array_equal(variables.change(step)[:3], np.tile(step[0], (3, 1)))
+
+
+def test_a_start_that_moves_gets_to_where_it_is_to_be(with_start):
+    spline, _, variables = with_start
+    points, step = spline.control_points, np.zeros(variables.lower.shape)
+    step[0] = np.random.default_rng(5).uniform(-0.02, 0.02, len(step[0]))
+    # Near zero, where what is added to far larger angles is rounded.
+    start = np.random.default_rng(6).uniform(0.001, 0.01, len(step[0]))
+    moved = variables.moved(points, step, start)
+    np.testing.assert_array_equal(moved[:3], np.tile(start, (3, 1)))
+    np.testing.assert_allclose(moved[-3:], points[-3:], atol=1e-9)
+    # What the start lacked is spread over the motion, ever less of it.
+    share = (moved - points - variables.change(step))[:, 0] / (start - points[0] - step[0])[0]
+    assert (np.diff(share) < 1e-9).all()
+    np.testing.assert_allclose(share + share[::-1], 1.0, atol=1e-9)
+
+
+def test_a_goal_after_a_step_is_where_all_of_it_leads(with_start):
+    spline, alone, _ = with_start
+    step = 0.05 * np.random.default_rng(4).normal(size=alone.lower.shape)
+    goal = alone.goal_after(spline.control_points, step)
+    moved = alone.moved(spline.control_points, step)
+    np.testing.assert_array_equal(moved[-3:], np.tile(goal, (3, 1)))
+
+
+def test_tied_ends_have_the_bounds_of_both(with_start):
+    spline, _, _ = with_start
+    problem = load_problem("example:ur5/over_the_wall")
+    before = ControlVariables(problem, spline.grid)
+    after = ControlVariables(problem, spline.grid, start_moves=True)
+    before.lower[-1], before.upper[-1] = [-1, -3, -1, -3, -1, -1], 2.0
+    after.lower[0], after.upper[0] = -2.0, [1, 3, 1, 3, 1, 1]
+    before.tie(after)
+    for lower, upper in (
+        (before.lower[-1], before.upper[-1]),
+        (after.lower[0], after.upper[0]),
+    ):
+        assert lower.tolist() == [-1, -2, -1, -2, -1, -1]
+        assert upper.tolist() == [1, 2, 1, 2, 1, 1]

@@ -160,7 +160,7 @@ def plan(
 @cli.command()
 @AS_JSON
 def robots(as_json: bool) -> None:
-    """List the robots, problems and cycles that `example:` finds, and presets of limits."""
+    """List what `example:` finds, robots, problems, cycles, and presets of limits and motors."""
     from tubeplanner.resources import (
         bundled_cycles,
         bundled_presets,
@@ -178,9 +178,8 @@ def robots(as_json: bool) -> None:
         return
     say("Problems (example:ROBOT/NAME):")
     say(*(f"  example:{name}" for name in problems), sep="\n")
-    if cycles:
-        say("Cycles (example:ROBOT/NAME):")
-        say(*(f"  example:{name}" for name in cycles), sep="\n")
+    say("Cycles (example:ROBOT/NAME):")
+    say(*(f"  example:{name}" for name in cycles), sep="\n")
     say("Robots (robot.urdf: example:NAME), from this package and from example-robot-data:")
     bundled = bundled_robots()
     for name in example_robot_names():

@@ -12,8 +12,7 @@ from tubeplanner.commands.console import (
     AS_JSON,
     PATH,
     SET,
-    empty_report,
-    load_timed,
+    load_either_timed,
     print_json,
     require_ending,
     say,
@@ -25,10 +24,19 @@ from tubeplanner.commands.view_command import require_page
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from matplotlib.figure import Figure
+
+    from tubeplanner.cycle.cycle import Cycle
+    from tubeplanner.cycle.cycle_motion import CycleMotion
     from tubeplanner.problem.problem import PlanningProblem
+    from tubeplanner.problem.robustness import Robustness
     from tubeplanner.simulation.execution import Execution
+    from tubeplanner.simulation.judged_cycle import JudgedCycle
     from tubeplanner.simulation.judged_runs import JudgedRun
+    from tubeplanner.simulation.plant import Draw
     from tubeplanner.trajectory.joint_trajectory import JointTrajectory
+    from tubeplanner.trajectory.trajectory_file import TrajectoryFile
+    from tubeplanner.views.viewer import View
 
 _ERRORS = {
     "mass": "Relative error of masses.",
@@ -43,17 +51,10 @@ _ERRORS = {
     "base": "Of the robot's base [m].",
     "control_period": "Of the control [s].",
 }
-_NAMES = {
-    "tube": "beyond the tube [m]",
-    "rotation": "beyond the rotation tolerance [rad]",
-    "points": "beyond compulsory points [m]",
-    "tracking": "a joint from the plan [rad or m]",
-    "tool_tracking": "the tool from the plan [m]",
-    "position": "beyond position limits [rad or m]",
-    "velocity": "velocity, share of its limit",
-    "obstacles": "distance from obstacles [m]",
-    "self_collision": "distance between links [m]",
-}
+_PLANNED = (
+    "what is taken or let go stands where the planned motion has it, and lies in the hand as "
+    "planned; by how much the tool is off then is listed"
+)
 
 
 def _error_options(command: "Callable[..., Any]") -> "Callable[..., Any]":
@@ -90,12 +91,10 @@ def simulate(
     What is seen in some runs is not proved for others. An error that is not given is that of
     PROBLEM's robustness, or the usual one. Exit status 0 also if runs fail.
     """
-    from tubeplanner.files.file_notes import notes_on_file
+    from tubeplanner.cycle.cycle import Cycle
     from tubeplanner.problem.robustness import Robustness
-    from tubeplanner.simulation.execution import executed
-    from tubeplanner.simulation.judged_runs import judged_runs
     from tubeplanner.simulation.mujoco_model import require_mujoco
-    from tubeplanner.simulation.plant import Draw, drawn_plants
+    from tubeplanner.simulation.plant import Draw
     from tubeplanner.trajectory.trajectory_file import read_trajectory_file
 
     pictures = _Pictures(plot, html)
@@ -106,28 +105,21 @@ def simulate(
     _ = Robustness(**given)  # wrong ones are refused before anything is loaded
     draw = Draw(runs, seed)
     with shown_progress() as enter:
-        loaded, loading_time = load_timed(problem, enter, changes)
+        loaded, loading_time = load_either_timed(problem, enter, changes)
         pictures.require_usable(problem, trajectory, loaded.robot.urdf.path)
         file = read_trajectory_file(trajectory, loaded.robot.joint_names)
-        read, notes = file.trajectory, notes_on_file(loaded, file, failed=False)
-        asked = replace(loaded.robustness or Robustness(), **given)
-        enter(f"{runs} runs")
-        plants = drawn_plants(loaded.robot, asked, draw)
-        control = (asked.controller, asked.control_period)
-        periods = ceil(read.duration / asked.control_period)
-        moving = _counted(enter, f"{runs} runs, control period", periods)
-        execution = executed(loaded, read, plants, *control, moving)
-        judging = _counted(enter, "tolerances and clearance, run", runs)
-        judged = judged_runs(loaded, read, execution, judging)
-        if pictures.paths:
-            enter("pictures")
-            pictures.write(loaded, read, execution, judged)
+        if isinstance(loaded, Cycle):
+            asked = Robustness(**given)
+            seen = _Simulation(trajectory, file, asked, draw, pictures, enter).of_cycle(loaded)
+        else:
+            asked = replace(loaded.robustness or Robustness(), **given)
+            seen = _Simulation(trajectory, file, asked, draw, pictures, enter).of_motion(loaded)
     if as_json:
-        more = {"duration": read.duration, "loading_time": loading_time, "notes": notes}
-        print_json(_report(judged) | more | pictures.as_dict())
+        more = {"duration": file.trajectory.duration, "loading_time": loading_time}
+        print_json(seen.report | more | {"notes": seen.notes} | pictures.as_dict())
     else:
-        said = [f"note: {note}" for note in notes]
-        say(*_lines(judged), *said, *(f"{kind}: {path}" for kind, path in pictures.paths), sep="\n")
+        said = [f"note: {note}" for note in seen.notes]
+        say(*seen.lines, *said, *(f"{kind}: {path}" for kind, path in pictures.paths), sep="\n")
         if not pictures.paths:
             say_unwritten("--plot", "--html")
 
@@ -163,56 +155,131 @@ class _Pictures:
         require_page(self.html)
         require_writable([path for _, path in self.paths], [Path(path) for path in inputs])
 
-    def write(
-        self,
-        problem: "PlanningProblem",
-        trajectory: "JointTrajectory",
-        execution: "Execution",
-        judged: "Sequence[JudgedRun]",
-    ) -> None:
-        """Write all files, or none of them."""
+    def write(self, figure: "Callable[[], Figure]", page: "Callable[[], View]") -> None:
+        """Make and write all files, or none of them."""
         from tubeplanner.files.output_files import write_files
 
         contents: dict[Path, bytes] = {}
         if self.plot is not None:
-            from tubeplanner.views.execution_plot import plot_execution
             from tubeplanner.views.figure_files import figure_png
 
-            contents[self.plot] = figure_png(plot_execution(problem, trajectory, execution, judged))
+            contents[self.plot] = figure_png(figure())
         if self.html is not None:
-            from tubeplanner.views.viewer import view
-
-            page = view(problem, trajectory, names=["plan"], execution=execution)
-            contents[self.html] = page.html.encode()
+            contents[self.html] = page().html.encode()
         write_files(contents)
 
 
-def _report(judged: "Sequence[JudgedRun]") -> dict[str, Any]:
-    """Return the JSON object, times still absent."""
-    from tubeplanner.simulation.run_summary import summaries
-    from tubeplanner.simulation.run_verdict import run_verdict
+@dataclass(frozen=True)
+class _Seen:
+    """What is told of a simulation: a JSON object, times still absent, lines, and notes."""
 
-    found, verdict = summaries(judged), run_verdict(judged)
-    worst = found["tube"]
-    assert worst is not None
-    return {
-        **empty_report("success", str(verdict), worst.worst.place.as_dict()),
-        "verdict": verdict.as_dict(),
-        "saturated": [run.saturated for run in judged],
-        "excursions": [run.tube.value for run in judged],
-        "seen": {name: None if one is None else one.as_dict() for name, one in found.items()},
-    }
+    report: dict[str, Any]
+    lines: list[str]
+    notes: list[str]
 
 
-def _lines(judged: "Sequence[JudgedRun]") -> list[str]:
-    from tubeplanner.simulation.run_summary import summaries
-    from tubeplanner.simulation.run_verdict import run_verdict
+@dataclass(frozen=True)
+class _Simulation:
+    """Executes, judges and draws what a trajectory file holds."""
 
-    lines = [f"{'seen in ' + str(len(judged)) + ' runs':38}{'worst':>12}{'median':>12}  where"]
-    for name, summary in summaries(judged).items():
-        if summary is not None:
-            worst = f"{summary.worst.value:12.4g}{summary.median:12.4g}"
-            lines.append(f"{_NAMES[name]:38}{worst}  run {summary.run}, {summary.worst.place}")
-    saturated = [100 * run.saturated for run in judged]
-    share = f"{max(saturated):12.3g}{sorted(saturated)[len(saturated) // 2]:12.3g}"
-    return [*lines, f"{'time with a motor at its limit [%]':38}{share}", f"{run_verdict(judged)}"]
+    path: Path
+    file: "TrajectoryFile"
+    errors: "Robustness"
+    draw: "Draw"
+    pictures: _Pictures
+    enter: "Callable[[object], None]"
+
+    def of_motion(self, problem: "PlanningProblem") -> _Seen:
+        """Simulate the motion of a problem."""
+        from tubeplanner.commands.execution_report import execution_lines, execution_report
+        from tubeplanner.files.file_notes import notes_on_file
+        from tubeplanner.simulation.execution import executed
+        from tubeplanner.simulation.judged_runs import judged_runs
+        from tubeplanner.simulation.plant import drawn_plants
+
+        motion, errors = self.file.trajectory, self.errors
+        notes = notes_on_file(problem, self.file, failed=False)
+        self.enter(f"{self.draw.runs} runs")
+        plants = drawn_plants(problem.robot, errors, self.draw)
+        control = (errors.controller, errors.control_period)
+        execution = executed(problem, motion, plants, *control, self._moving())
+        judged = judged_runs(problem, motion, execution, self._judging(1))
+        self._draw(_MotionPictures(problem, motion, execution, judged))
+        return _Seen(execution_report(judged), execution_lines(judged), notes)
+
+    def of_cycle(self, cycle: "Cycle") -> _Seen:
+        """Simulate the motion of a cycle."""
+        from tubeplanner.commands.cycle_execution_report import (
+            cycle_execution_lines,
+            cycle_execution_report,
+        )
+        from tubeplanner.cycle.motion_of_file import motion_of_file
+        from tubeplanner.files.cycle_notes import notes_on_cycle_file
+        from tubeplanner.simulation.cycle_execution import executed_cycle
+        from tubeplanner.simulation.judged_cycle import judged_cycle
+
+        motion = motion_of_file(cycle, self.path, self.file)
+        notes = notes_on_cycle_file(cycle, self.file)
+        self.enter(f"{self.draw.runs} runs")
+        execution = executed_cycle(motion, self.errors, self.draw, self._moving())
+        judged = judged_cycle(motion, execution, self._judging(len(cycle.legs)))
+        self._draw(_CyclePictures(motion, execution, judged))
+        lines, report = cycle_execution_lines(judged), cycle_execution_report(judged)
+        return _Seen(report, lines, notes + [_PLANNED] * bool(judged.handovers))
+
+    def _moving(self) -> "Callable[[], None]":
+        periods = ceil(self.file.trajectory.duration / self.errors.control_period)
+        return _counted(self.enter, f"{self.draw.runs} runs, control period", periods)
+
+    def _judging(self, legs: int) -> "Callable[[], None]":
+        most = self.draw.runs * legs
+        return _counted(self.enter, "tolerances and clearance, run", most)
+
+    def _draw(self, drawn: "_MotionPictures | _CyclePictures") -> None:
+        if self.pictures.paths:
+            self.enter("pictures")
+            self.pictures.write(drawn.figure, drawn.page)
+
+
+@dataclass(frozen=True)
+class _MotionPictures:
+    """What there is to draw of an executed motion."""
+
+    problem: "PlanningProblem"
+    motion: "JointTrajectory"
+    execution: "Execution"
+    judged: "Sequence[JudgedRun]"
+
+    def figure(self) -> "Figure":
+        """Return the figure."""
+        from tubeplanner.views.execution_plot import plot_execution
+
+        return plot_execution(self.problem, self.motion, self.execution, self.judged)
+
+    def page(self) -> "View":
+        """Return the page."""
+        from tubeplanner.views.viewer import view
+
+        return view(self.problem, self.motion, names=["plan"], execution=self.execution)
+
+
+@dataclass(frozen=True)
+class _CyclePictures:
+    """What there is to draw of an executed cycle."""
+
+    motion: "CycleMotion"
+    execution: "Execution"
+    judged: "JudgedCycle"
+
+    def figure(self) -> "Figure":
+        """Return the figure."""
+        from tubeplanner.views.cycle_execution_plot import plot_cycle_execution
+
+        return plot_cycle_execution(self.motion, self.execution, self.judged)
+
+    def page(self) -> "View":
+        """Return the page."""
+        from tubeplanner.views.cycle_view import view_cycle
+
+        cycle = self.motion.cycle
+        return view_cycle(cycle, [self.motion], ["plan"], execution=self.execution)

@@ -62,7 +62,7 @@ class Cycle:
         require_consistent(
             self.steps, self.obstacles, self.attached, closed=self.closed, period=self.period
         )
-        legs, after = legs_of(self.steps)
+        legs, after = legs_of(self.steps, closed=self.closed)
         object.__setattr__(self, "legs", legs)
         object.__setattr__(self, "after", after)
         for k in range(len(legs)):

@@ -1,14 +1,16 @@
 """What the arm moves without stopping: a move, and those after it that pass through."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
 
 from tubeplanner.cycle.joined_moves import joined_moves
+from tubeplanner.cycle.open_ends import ending_for
 from tubeplanner.cycle.steps import Attach, Detach, Event, Move, Step
 from tubeplanner.errors import ProblemError
+from tubeplanner.outcome import Place
 from tubeplanner.robot.pinocchio_model import Payload
 from tubeplanner.robot.robot_model import RobotModel
 
@@ -65,9 +67,22 @@ class Leg:
         k = int(np.searchsorted(self.first_segments, segment, side="right")) - 1
         return self.moves[k], segment - self.first_segments[k]
 
+    def in_cycle(self, where: Place, begin: float) -> Place:
+        """Return a place in the leg, whose times begin at one of the cycle [s], as one in that."""
+        move, segment = self.name, where.segment
+        if segment is not None:
+            found, segment = self.move_of(segment)
+            move = found.name
+        time = None if where.time is None else begin + where.time
+        return replace(where, time=time, move=move, segment=segment)
 
-def legs_of(steps: Sequence[Step]) -> tuple[tuple[Leg, ...], Rest]:
+
+def legs_of(steps: Sequence[Step], *, closed: bool = False) -> tuple[tuple[Leg, ...], Rest]:
     """Return the legs that steps make, and the rest after the last.
+
+    Args:
+        steps: Of a cycle.
+        closed: Whether the first follows the last.
 
     Raises:
         ProblemError: There is no move, one passes through where the arm rests, or moves do not
@@ -76,11 +91,14 @@ def legs_of(steps: Sequence[Step]) -> tuple[tuple[Leg, ...], Rest]:
     runs, rests = _runs(steps)
     if not runs:
         raise ProblemError("a cycle has at least one move; give one with a name and a tube")
-    loads, legs, move = _Loads(), [], runs[0][0]
-    for run, at_rest in zip(runs, rests[:-1], strict=True):
-        rest, move = loads.rest(at_rest, run[0]), run[0]
-        legs.append(Leg(tuple(run), rest, joined_moves(run), rest.arms[-1]))
-    return tuple(legs), loads.rest(rests[-1], move)
+    loads, legs = _Loads(), []
+    for k, (run, at_rest) in enumerate(zip(runs, rests[:-1], strict=True)):
+        rest, joined = loads.rest(at_rest, run[0]), joined_moves(run)
+        after = runs[(k + 1) % len(runs)][0] if k + 1 < len(runs) or closed else None
+        if after is not None:
+            joined = ending_for(joined, after)
+        legs.append(Leg(tuple(run), rest, joined, rest.arms[-1]))
+    return tuple(legs), loads.rest(rests[-1], runs[-1][0])
 
 
 def _runs(steps: Sequence[Step]) -> tuple[list[list[Move]], list[list[RestStep]]]:

@@ -56,10 +56,27 @@ def plan_cycle(
         greedy = greedy_plan(cycle, options, clock)
     except BlockedLeg as blocked:
         return _blocked(cycle, blocked, options, clock)
-    plans, stopped_by = greedy, _stop_of(greedy)
+    shared, stopped_by = None, _stop_of(greedy)
     if shares_configurations and stopped_by is None:
         shared, stopped_by = until_stopped(partial(shared_plan, cycle, greedy, options, clock))
-        plans = shared or greedy
+    answer = partial(_answer, cycle, greedy, options, clock, stopped_by)
+    result = answer(shared or greedy)
+    return result if result.succeeded or shared is None else answer(greedy)
+
+
+def _answer(
+    cycle: Cycle,
+    greedy: Sequence[LegPlan],
+    options: PlanOptions,
+    clock: PlanningClock,
+    stopped_by: StoppedBy | None,
+    plans: Sequence[LegPlan],
+) -> CycleResult:
+    """Return the result of the shortest motions of all legs, as they are written."""
+    if stopped_by is not None:  # then they stay as they are, but for whole periods
+        plans = [
+            replace(plan, result=replace(plan.result, stopped_by=stopped_by)) for plan in plans
+        ]
     plans = [_followed(cycle, k, plan, options, clock) for k, plan in enumerate(plans)]
     return _certified(cycle, plans, greedy, options, clock, stopped_by or _stop_of(plans))
 

@@ -1,6 +1,8 @@
 """Moves planned alone, one after the other, each from where the last one ended."""
 
+from contextlib import suppress
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 
@@ -8,6 +10,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.branches.reference_branch import end_configuration
 from tubeplanner.cycle.cycle import Cycle
 from tubeplanner.cycle_planning.leg_plan import BlockedLeg, LegPlan
+from tubeplanner.cycle_planning.other_ends import other_ends
 from tubeplanner.errors import ProblemError
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.planning.plan_options import PlanOptions
@@ -17,6 +20,10 @@ from tubeplanner.problem.goal_region import GoalRegion
 from tubeplanner.problem.problem import PlanningProblem, Seed
 from tubeplanner.problem.tool_pose import ToolPose
 from tubeplanner.progress import PlanningClock
+
+# Other configurations in which a leg may end, where the next has no answer.
+_MOST_TRIED = 6
+_STOPPED = (PlanStatus.TIME_LIMIT, PlanStatus.INTERRUPTED)
 
 
 def greedy_plan(cycle: Cycle, options: PlanOptions, clock: PlanningClock) -> list[LegPlan]:
@@ -33,10 +40,52 @@ def greedy_plan(cycle: Cycle, options: PlanOptions, clock: PlanningClock) -> lis
     seams = [first_configuration(cycle)]
     plans: list[LegPlan] = []
     for k in range(len(cycle.legs)):
-        problem = leg_problem(cycle, k, seams)
-        plans.append(planned_leg(cycle, k, problem, options, clock))
+        try:
+            plans.append(_planned_from(cycle, k, seams, options, clock))
+        except BlockedLeg as blocked:
+            if k == 0 or not cycle.legs[k - 1].joined.ends_openly or not _says_why(blocked):
+                raise
+            plans[-1:] = _planned_around(cycle, k, seams, options, clock, blocked)
+            seams[-1] = plans[-2].end
         seams.append(plans[-1].end)
     return plans
+
+
+def _planned_from(
+    cycle: Cycle, k: int, seams: list[FloatArray], options: PlanOptions, clock: PlanningClock
+) -> LegPlan:
+    """Return the shortest motion of leg k from where those before end."""
+    return planned_leg(cycle, k, leg_problem(cycle, k, seams), options, clock)
+
+
+def _planned_around(
+    cycle: Cycle,
+    k: int,
+    seams: list[FloatArray],
+    options: PlanOptions,
+    clock: PlanningClock,
+    blocked: BlockedLeg,
+) -> list[LegPlan]:
+    """Return motions of leg k and of the one before it, which ends in another configuration.
+
+    Raises:
+        BlockedLeg: As it was, if there are none.
+    """
+    tried = 0
+    for q in islice(other_ends(cycle, k, seams), _MOST_TRIED):
+        tried += 1
+        with suppress(BlockedLeg):
+            problem = cycle.problem(k - 1, seams[:-1], q)
+            before = planned_leg(cycle, k - 1, problem, options, clock)
+            return [before, _planned_from(cycle, k, [*seams[:-1], q], options, clock)]
+    result = blocked.result
+    message = f"{result.message}; {tried} other configurations at its start led nowhere either"
+    raise BlockedLeg(k, replace(result, message=message)) from None
+
+
+def _says_why(blocked: BlockedLeg) -> bool:
+    """Return whether a leg is blocked, rather than planning stopped."""
+    return blocked.result.stopped_by is None and blocked.result.status not in _STOPPED
 
 
 def first_configuration(cycle: Cycle) -> FloatArray:
@@ -87,7 +136,8 @@ def planned_leg(
     Of what is left of the time limit it gets as much as each of those after it.
 
     Raises:
-        BlockedLeg: It has none; or KeyboardInterrupt, before anything was certified.
+        BlockedLeg: It has none.
+        KeyboardInterrupt: Ctrl-C before every leg had one.
     """
     left = len(cycle.legs) - k
     limit = clock.remaining / left if np.isfinite(clock.remaining) else None
@@ -99,6 +149,8 @@ def planned_leg(
         result = Planner(problem, alone).plan(clock.announce)
     if not result.succeeded:
         raise BlockedLeg(k, result)
+    if result.stopped_by == "interrupt" and left > 1:  # those after it have nothing
+        raise KeyboardInterrupt
     return LegPlan(problem, result)
 
 

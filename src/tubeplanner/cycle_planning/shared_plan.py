@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from tubeplanner.branches.pose_configurations import is_free
 from tubeplanner.cycle.cycle import Cycle
 from tubeplanner.cycle.steps import Goal
 from tubeplanner.cycle_planning.leg_plan import LegPlan
@@ -14,13 +15,14 @@ from tubeplanner.planning.plan_options import PlanOptions
 from tubeplanner.planning.planner import Planner
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, Progress
+from tubeplanner.refinement.phased_spline import PhasedSpline
 from tubeplanner.refinement.refined_motion import RefinedMotion
 from tubeplanner.refinement.tied_legs import TiedLegs
 
 _STAGE = "shared configurations"
-# Where a part is taken and put down in other configurations, it stands and hangs otherwise: where
-# that leaves a leg without an answer, they are chosen once more, with the part as it is then.
-_ROUNDS = 2
+# Where a part is taken and put down in other configurations, it hangs and stands otherwise: where
+# it is then put down a little too deep, that configuration alone is chosen once more.
+_ROUNDS = 4
 
 
 def shared_plan(
@@ -41,17 +43,19 @@ def shared_plan(
         TimeLimitReached: Before it was known; likewise KeyboardInterrupt.
     """
     last = len(greedy) - 1
-    is_tied = [leg.joined.ends_openly for leg in cycle.legs]
-    is_tied[last] &= cycle.closed and not isinstance(cycle.start, np.ndarray)
-    motions = [_opened(plan, cycle.legs[k].joined.goal) for k, plan in enumerate(greedy)]
+    is_open = [leg.joined.ends_openly for leg in cycle.legs]
+    is_open[last] &= not (cycle.closed and isinstance(cycle.start, np.ndarray))
+    goals = [
+        leg.joined.goal if opens else plan.end
+        for leg, plan, opens in zip(cycle.legs, greedy, is_open, strict=True)
+    ]
+    motions = [_opened(*each) for each in zip(greedy, goals, strict=True)]
     known = [motion for motion in motions if motion is not None]
-    if not any(is_tied) or len(known) < len(greedy):
+    if last == 0 or not any(is_open) or len(known) < len(greedy):
         return None
     for _ in range(_ROUNDS):
         clock.enter(_STAGE)
-        splines = TiedLegs(
-            known, is_tied[:-1], is_closed=is_tied[last], checkpoint=_checkpoint(clock)
-        ).run()
+        splines = _tied(known, is_open, clock, closed=cycle.closed)
         if splines is None:
             return None
         ends = [spline.control_points[[0, -1]] for spline in splines]
@@ -59,16 +63,70 @@ def shared_plan(
             problems = cycle.problems([ends[0][0], *(end for _, end in ends)])
         except ProblemError:  # no place for an end after all
             return None
-        known = [
-            replace(motion, problem=replace(problem.joined, goal=leg.joined.goal), spline=spline)
-            for motion, problem, leg, spline in zip(
-                known, problems, cycle.legs, splines, strict=True
-            )
+        opened = [
+            replace(motion, problem=replace(problem.joined, goal=goal), spline=spline)
+            for motion, problem, goal, spline in zip(known, problems, goals, splines, strict=True)
         ]
-        plans = _planned(problems, known, options, clock)
-        if plans is not None:
-            return plans if _total(plans) < _total(greedy) else None
+        is_open = [_presses(*each) for each in zip(opened, is_open, strict=True)]
+        known = [
+            motion if opens else replace(motion, problem=problem.joined)
+            for motion, problem, opens in zip(opened, problems, is_open, strict=True)
+        ]
+        if not any(is_open):
+            plans = _planned(problems, known, options, clock)
+            return plans if plans is not None and _total(plans) < _total(greedy) else None
     return None
+
+
+def _tied(
+    motions: Sequence[RefinedMotion], is_open: Sequence[bool], clock: PlanningClock, *, closed: bool
+) -> list[PhasedSpline] | None:
+    """Return the splines of legs, those with open ends improved together; None if they cannot be.
+
+    Args:
+        motions: Of all legs.
+        is_open: Whether each ends openly.
+        clock: The planning's.
+        closed: Whether the first follows the last.
+    """
+    splines = [motion.spline for motion in motions]
+    for chain in _chains(is_open, closed=closed):
+        found = TiedLegs(
+            [motions[k] for k in chain],
+            [is_open[k] for k in chain[:-1]],
+            is_closed=closed and all(is_open),
+            checkpoint=_checkpoint(clock),
+        ).run()
+        if found is None:
+            return None
+        for k, spline in zip(chain, found, strict=True):
+            splines[k] = spline
+    return splines
+
+
+def _chains(is_open: Sequence[bool], *, closed: bool) -> list[list[int]]:
+    """Return the legs that open ends join, in the order in which they run.
+
+    Args:
+        is_open: Whether each leg ends openly.
+        closed: Whether the first follows the last.
+    """
+    count = len(is_open)
+    # So that the ring is cut where an end is given, if one is.
+    first = next((k + 1 for k in range(count) if not is_open[k]), 0) if closed else 0
+    chains: list[list[int]] = [[]]
+    for leg in range(first, first + count):
+        k = leg % count
+        chains[-1].append(k)
+        if not is_open[k]:
+            chains.append([])
+    return [chain for chain in chains if any(is_open[k] for k in chain)]
+
+
+def _presses(motion: RefinedMotion, is_open: bool) -> bool:
+    """Return whether a leg's end was chosen, and what is put down there is in what it stands on."""
+    end = motion.spline.control_points[-1]
+    return is_open and not is_free(motion.problem, "goal", end)
 
 
 def _opened(plan: LegPlan, goal: Goal) -> RefinedMotion | None:

@@ -21,23 +21,20 @@ class Contact:
 
     While the tool is within a distance of where it is there, in the tube's first or last segment,
     they must be as far apart as they are at that end, or as their clearance asks, if that is less.
-    At a goal that is left open they must not overlap, unless a distance says otherwise.
+    At a goal that is left open they must not overlap.
 
     Attributes:
         links: Names of links, attached solids or obstacles.
         within: Distance of the tool from its place at that end [m].
         ends: "start", "goal" or both.
-        apart: How far apart they must be at a goal that is left open [m]; negative: how deep one may
-            be in the other.
 
     Raises:
-        ProblemError: On construction, if a distance is not positive or an end is unknown.
+        ProblemError: On construction, if the distance is not positive or an end is unknown.
     """
 
     links: Names
     within: float
     ends: tuple[str, ...] = ENDS
-    apart: float = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "links", _names("contacts", self.links))

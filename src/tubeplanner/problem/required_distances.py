@@ -139,7 +139,7 @@ def _near_ends(
             tool = problem.tube.points[-1]
             if q is not None:
                 tool = problem.robot.tool_position(q[None])[0]
-            distance = _distance(problem, pair, q) if is_given and q is not None else contact.apart
+            distance = _distance(problem, pair, q) if is_given and q is not None else 0.0
             found.append(NearEnd(segment, tool, contact.within, pair, distance))
     return found
 

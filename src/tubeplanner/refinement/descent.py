@@ -220,17 +220,12 @@ class Descent:
         for _ in range(max_steps):
             linear = _Linearized(self._legs, self._is_tied, currents, trust, penalty, remembered)
             steps = linear.solve()
-            if steps is None:
-                trust = trust.smaller()
-                continue
-            remembered = linear.remembered(steps)
-            tried = self._tried(linear, steps)
-            if tried is None:
+            remembered = remembered if steps is None else linear.remembered(steps)
+            tried = None if steps is None else self._tried(linear, steps)
+            if steps is None or tried is None:
                 trust = trust.smaller()
                 continue
             trials, outcome = tried
-            for leg, step in zip(self._legs, steps, strict=True):
-                leg.after(step)
             if any(step.elastic > BROKEN for step in steps):
                 penalty = min(4 * penalty, MAX_PENALTY)
             if outcome.ratio > _WORTH_A_MOVE:
@@ -255,6 +250,8 @@ class Descent:
         gain = first_gain
         if gain < _GOOD_RATIO * predicted:
             trials, gain = linear.corrected(steps, trials, gain)
+        for leg, step in zip(self._legs, steps, strict=True):
+            leg.after(step)
         sizes = [float(abs(step.control).max(initial=0.0)) for step in steps]
         rates = linear.squared_rates(steps)
         return trials, Outcome(predicted, first_gain, gain, max(sizes), rates)

@@ -190,8 +190,8 @@ class StepProgram:
         parts += [(block.width_changes, k) for k, block in enumerate(blocks)]
         self._matrix = self._over_all(parts)
         self._slack = np.concatenate([block.slack for block in blocks])
-        held = self._over_all([(block.held, k) for k, block in enumerate(blocks)])
-        self._held = held if held.shape[0] else None
+        held = [(block.held, k) for k, block in enumerate(blocks) if len(block.bounds.held)]
+        self._held = self._over_all(held) if held else None
         self._solver: piqp.SparseSolver | None = None
 
     def solve(self) -> tuple[Step, ...] | None:
@@ -231,6 +231,9 @@ class StepProgram:
         return np.concatenate([slack, self._widths])
 
     def _summed_hessians(self) -> sparse.csc_matrix:
+        """Return the sum of the legs' curvatures, over all that may change."""
+        if np.array_equal(self._columns[0], np.arange(self._size)):  # a leg alone, as it is
+            return self._blocks[0].quadratic.hessian
         parts = [block.quadratic.hessian.tocoo() for block in self._blocks]
         placed = list(zip(parts, self._columns, strict=True))
         value = np.concatenate([part.data for part in parts])

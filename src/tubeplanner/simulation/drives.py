@@ -35,6 +35,10 @@ class Drives:
         # What is on its way, the newest last: (steps, R, n).
         self._sent = np.tile(self._given, (int(self._delay.max()) + 1, 1, 1))
 
+    def become(self, robot: RobotModel) -> None:
+        """Go on with another arm's limits; what is on its way stays."""
+        self._limits, self._motors = robot.limits, robot.motors
+
     def bounded(
         self, asked: FloatArray, q: FloatArray, v: FloatArray
     ) -> tuple[FloatArray, BoolArray]:

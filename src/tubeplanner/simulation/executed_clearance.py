@@ -83,25 +83,31 @@ def additional_distances(
     return more
 
 
-def obstacle_distances(problem: PlanningProblem, q: FloatArray, base: FloatArray) -> FloatArray:
+def obstacle_distances(
+    problem: PlanningProblem, q: FloatArray, base: FloatArray, more: FloatArray | None = None
+) -> FloatArray:
     """Return the least distance of links from obstacles at each of K samples, shape (K,) [m].
 
     Args:
         problem: With a pair of link and obstacle that is judged, at least.
         q: Positions of the joints, shape (K, n).
         base: As for `least_clearances`.
+        more: Likewise; where it takes all pairs away the distance is inf.
     """
     rotation, position = problem.robot.body_poses(q)
     position, checker = _shifted(position, base), problem.collision
     pairs = checker.obstacle_pairs
-    bound = checker.sphere_distances(rotation, position, pairs)
-    lowest = pairs[bound.argmin(axis=1)]
-    least: FloatArray = checker.closest_points(rotation, position, lowest).distance
+    asked = np.zeros((len(q), len(pairs))) if more is None else more[:, : len(pairs)]
+    bound = checker.sphere_distances(rotation, position, pairs) - asked
+    first = bound.argmin(axis=1)
+    found = checker.closest_points(rotation, position, pairs[first])
+    least: FloatArray = found.distance - asked[np.arange(len(q)), first]
     row, column = np.nonzero(bound < least[:, None])
-    nearer = checker.box_distances(rotation, position, row, pairs[column]) < least[row]
+    boxes = checker.box_distances(rotation, position, row, pairs[column])
+    nearer = boxes - asked[row, column] < least[row]
     row, column = row[nearer], column[nearer]
     others = checker.closest_points(rotation[row], position[row], pairs[column])
-    np.minimum.at(least, row, others.distance)
+    np.minimum.at(least, row, others.distance - asked[row, column])
     return least
 
 

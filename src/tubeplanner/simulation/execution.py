@@ -16,6 +16,7 @@ from tubeplanner.simulation.drives import Drives
 from tubeplanner.simulation.mujoco_model import ArmsTogether, mujoco_arms
 from tubeplanner.simulation.planned_motion import planned_motion
 from tubeplanner.simulation.plant import Plant
+from tubeplanner.simulation.stage import Stage, last_instant
 from tubeplanner.simulation.tracking_controllers import TrackingController, controller_maker
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
@@ -76,50 +77,121 @@ def executed(
         RobotError: Joints of the robot follow others.
         TrajectoryError: The trajectory moves other joints than the problem's.
     """
-    robot, step = problem.robot, control_period / _STEPS if is_number(control_period) else np.nan
+    stages = [Stage(0.0, problem.robot, plants)]
+    return executed_stages(stages, trajectory, controller, control_period, checkpoint)
+
+
+def executed_stages(
+    stages: Sequence[Stage],
+    trajectory: JointTrajectory,
+    controller: str = COMPUTED_TORQUE,
+    control_period: float = 0.001,
+    checkpoint: Callable[[], None] = lambda: None,
+) -> Execution:
+    """Return what `executed` does, of arms that become others on their way.
+
+    A stage begins with the control period in which its time lies; of stages that begin in one, the
+    last. Positions, velocities, and what is on its way to the motors stay.
+
+    Args:
+        stages: One after the other, the first from zero on; its plants are those of the execution.
+        trajectory: As for `executed`.
+        controller: As for `executed`; it knows what the stages' robots carry.
+        control_period: As for `executed`.
+        checkpoint: As for `executed`.
+
+    Raises:
+        OptionError: As `executed`.
+        RobotError: As `executed`.
+        TrajectoryError: As `executed`.
+    """
+    step = control_period / _STEPS if is_number(control_period) else np.nan
     if not _LEAST_PERIOD <= step * _STEPS <= _MAX_PERIOD:
         raise OptionError(
             f"control_period is {in_figures(control_period)} s; give a number from "
             f"{_LEAST_PERIOD:g} to {_MAX_PERIOD:g} s"
         )
-    if len(plants) == 0:
+    if any(len(stage.plants) == 0 for stage in stages):
         raise OptionError("plants is empty; give at least one, as drawn_plants returns")
     make = controller_maker(controller)
-    trajectory = trajectory.reordered(robot.joint_names)
-    arms = mujoco_arms(robot, plants, step)
+    trajectory = trajectory.reordered(stages[0].robot.joint_names)
     periods = int(np.ceil((trajectory.duration + AFTERWARDS) / control_period))
     time = np.arange(periods + 1, dtype=np.float64) * float(control_period)
-    plan = planned_motion(robot, trajectory, time, control_period)
-    start = plan.start.position[:1]
+    lasting = _lasting(stages, time)
+    run = _begun(lasting[0][0], time, trajectory.position(time[:1]), step)
+    with closing(run):
+        for stage, first, stop in lasting:
+            if first > 0:
+                run.become(stage)
+            plan = planned_motion(stage.robot, trajectory, time[first:stop], control_period)
+            run.through(range(first, stop), make(stage.robot, plan), checkpoint)
+    return run.execution
+
+
+def _lasting(stages: Sequence[Stage], time: FloatArray) -> list[tuple[Stage, int, int]]:
+    """Return stages that last, each with its first control period and the one after its last."""
+    begins = [last_instant(time, stage.begin) for stage in stages]
+    ends = [*begins[1:], len(time)]
+    found = zip(stages, begins, ends, strict=True)
+    return [(stage, first, stop) for stage, first, stop in found if first < stop]
+
+
+def _begun(stage: Stage, time: FloatArray, start: FloatArray, step: float) -> "_Run":
+    """Return a run at rest in a configuration (1, n), integration steps [s] being so long."""
+    arms = mujoco_arms(stage.robot, stage.plants, step)
     for arm in arms:
-        arm.place(start[0], np.zeros(robot.joint_count))
-    drives = Drives(robot, plants, robot.gravity_effort(start)[0], step)
-    with closing(ArmsTogether(arms)) as together:
-        return _run(together, plants, time, make(robot, plan), drives, checkpoint)
+        arm.place(start[0], np.zeros(stage.robot.joint_count))
+    held = stage.robot.gravity_effort(start)[0]
+    drives = Drives(stage.robot, stage.plants, held, step)
+    return _Run(stage.plants, time, ArmsTogether(arms), drives, step)
 
 
-def _run(
-    arms: ArmsTogether,
-    plants: Sequence[Plant],
-    time: FloatArray,
-    controller: TrackingController,
-    drives: Drives,
-    checkpoint: Callable[[], None],
-) -> Execution:
-    noise = _noise(plants, len(time) + 1, arms.position.shape[1])
-    shape = noise[:, 1:].shape
-    position, velocity, effort = np.empty((3, *shape))
-    is_saturated = np.zeros(shape, dtype=bool)
-    for k in range(len(time)):
-        checkpoint()
-        position[:, k] = q = arms.position
-        velocity[:, k] = v = arms.velocity
-        jitter = (noise[:, k + 1] - noise[:, k]) / (time[1] - time[0])
-        asked = controller.effort(k, q + noise[:, k + 1], v + jitter)
-        effort[:, k], is_saturated[:, k] = drives.bounded(asked, q, v)
-        given = np.array([drives.stepped(effort[:, k]) for _ in range(_STEPS)])
-        arms.move(given, np.flatnonzero((abs(v) < _LOST).all(axis=1)))
-    return Execution(plants, time, position, velocity, effort, is_saturated)
+class _Run:
+    """What R arms do, from control period to control period.
+
+    Attributes:
+        execution: All of it, once all periods are over.
+    """
+
+    def __init__(
+        self,
+        plants: Sequence[Plant],
+        time: FloatArray,
+        arms: ArmsTogether,
+        drives: Drives,
+        step: float,
+    ) -> None:
+        self._arms, self._drives, self._step = arms, drives, step
+        self._noise = _noise(plants, len(time) + 1, arms.position.shape[1])
+        shape = self._noise[:, 1:].shape
+        position, velocity, effort = np.empty((3, *shape))
+        is_saturated = np.zeros(shape, dtype=bool)
+        self.execution = Execution(plants, time, position, velocity, effort, is_saturated)
+
+    def close(self) -> None:
+        """End the arms' threads."""
+        self._arms.close()
+
+    def become(self, stage: Stage) -> None:
+        """Go on with a stage."""
+        self._arms.become(mujoco_arms(stage.robot, stage.plants, self._step))
+        self._drives.become(stage.robot)
+
+    def through(
+        self, periods: range, controller: TrackingController, checkpoint: Callable[[], None]
+    ) -> None:
+        """Go through control periods, of which the controller knows the plan."""
+        made, noise, drives = self.execution, self._noise, self._drives
+        time = made.time
+        for k in periods:
+            checkpoint()
+            made.position[:, k] = q = self._arms.position
+            made.velocity[:, k] = v = self._arms.velocity
+            jitter = (noise[:, k + 1] - noise[:, k]) / (time[1] - time[0])
+            asked = controller.effort(k - periods.start, q + noise[:, k + 1], v + jitter)
+            made.effort[:, k], made.is_saturated[:, k] = drives.bounded(asked, q, v)
+            given = np.array([drives.stepped(made.effort[:, k]) for _ in range(_STEPS)])
+            self._arms.move(given, np.flatnonzero((abs(v) < _LOST).all(axis=1)))
 
 
 def _noise(plants: Sequence[Plant], instants: int, joints: int) -> FloatArray:

@@ -134,6 +134,10 @@ class ArmsTogether:
         self._work_space = [MjData(arms[0].model) for _ in range(threads)]
         self._pool = Rollout(nthread=threads if threads > 1 else 0)
 
+    def become(self, arms: Sequence[MujocoArm]) -> None:
+        """Go on as other arms of the same kinematics, where these are and as fast."""
+        self._models, self._bias = [arm.model for arm in arms], np.array([arm.bias for arm in arms])
+
     def close(self) -> None:
         """End the threads."""
         self._pool.close()

@@ -101,7 +101,8 @@ def _drawn(robot: RobotModel, errors: Robustness, random: np.random.Generator) -
 def _drawn_bodies(
     robot: RobotModel, errors: Robustness, random: np.random.Generator
 ) -> tuple[BodyInertia, ...]:
-    payload, carrier = _payload(robot), robot.link_body[robot.tool_frame]
+    payload = payload_body(robot, robot.payload or Payload(0.0))
+    carrier = robot.link_body[robot.tool_frame]
     drawn = [robot.inertias[0]]
     for body, inertia in enumerate(robot.inertias[1:], start=1):
         own = inertia.plus(payload.scaled(-1.0)) if body == carrier else inertia
@@ -112,10 +113,9 @@ def _drawn_bodies(
     return tuple(drawn)
 
 
-def _payload(robot: RobotModel) -> BodyInertia:
-    """Return the payload in the frame of the body that carries it."""
-    given = robot.payload or Payload(0.0)
-    own = BodyInertia(given.mass, np.array(given.com), given.inertia_matrix())
+def payload_body(robot: RobotModel, payload: Payload) -> BodyInertia:
+    """Return a payload in the frame of the body that carries it."""
+    own = BodyInertia(payload.mass, np.array(payload.com), payload.inertia_matrix())
     return own.placed(robot.link_placement[robot.tool_frame])
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from tubeplanner.arrays import FloatArray
 from tubeplanner.cycle.cycle import Cycle
 from tubeplanner.cycle.cycle_motion import CycleMotion
-from tubeplanner.cycle.leg import Leg, Rest
+from tubeplanner.cycle.leg import Rest
 from tubeplanner.errors import ProblemError, TrajectoryError, shown
 from tubeplanner.outcome import Place
 from tubeplanner.robot.robot_model import RobotModel
@@ -24,10 +24,6 @@ from tubeplanner.verification.judged_condition import (
     not_required,
 )
 from tubeplanner.verification.verification import verify
-
-# Where something is put down in a configuration that is left open, it may be this deep in what it
-# stands on [m]: it is tilted by what the tool is, here against where it was taken.
-_PRESSED = 1e-5
 
 
 def verify_cycle(
@@ -74,25 +70,14 @@ def _judged_leg(cycle: Cycle, motion: CycleMotion, k: int, tolerance: Tolerance)
     """
     begin, end = motion.leg_times[k]
     problem = cycle.problem(k, motion.seams[: k + 1])
-    pressed = [replace(contact, apart=contact.apart - _PRESSED) for contact in problem.contacts]
-    start = cycle.start if k == 0 else problem.start
-    problem = replace(problem, start=start, contacts=pressed)
+    if k == 0:
+        problem = replace(problem, start=cycle.start)
     judged = verify(problem, part_of(motion.trajectory, begin, end), tolerance)
     conditions = {
-        name: replace(each, where=_in_cycle(cycle.legs[k], each.where, begin))
+        name: replace(each, where=cycle.legs[k].in_cycle(each.where, begin))
         for name, each in judged.conditions.items()
     }
     return replace(judged, conditions=conditions)
-
-
-def _in_cycle(leg: Leg, where: Place, begin: float) -> Place:
-    """Return a place in a leg that begins at a time, as one in the cycle."""
-    move, segment = leg.name, where.segment
-    if segment is not None:
-        found, segment = leg.move_of(segment)
-        move = found.name
-    time = None if where.time is None else begin + where.time
-    return replace(where, time=time, move=move, segment=segment)
 
 
 def _judged_seams(
@@ -106,7 +91,7 @@ def _judged_seams(
         yield (
             " - ".join(name),
             {
-                "continuity": _judged_stay(motion, begin, end),
+                "continuity": _judged_stay(motion, k, begin, end),
                 "effort": _judged_hold(cycle.rest_at(k), motion.trajectory.position(end), end),
             },
         )
@@ -114,20 +99,24 @@ def _judged_seams(
         yield "closed", {"continuity": _judged_return(cycle, motion)}
 
 
-def _judged_stay(motion: CycleMotion, begin: float, end: float) -> JudgedCondition:
-    """Judge how far joints move between two times [s] between which they must not."""
-    place = Place(time=begin)
-    if begin == end:
-        return not_required("rad", "the arm does not dwell here")
-    part = part_of(motion.trajectory, begin, end)
-    powers = np.arange(len(part.coefficients))[::-1, None, None]
-    travel = abs(part.coefficients) * np.diff(part.breakpoints)[:, None] ** powers
-    offset = abs(part.coefficients[-1] - part.coefficients[-1, 0])
-    moved = travel[:-1].sum(axis=0) + offset
-    joint = motion.trajectory.joint_names[int(moved.max(axis=0).argmax())]
-    return JudgedCondition(
-        0.0 - float(moved.max()), "rad", replace(place, joint=joint), FOR_ALL_TIMES
-    )
+def _judged_stay(motion: CycleMotion, k: int, begin: float, end: float) -> JudgedCondition:
+    """Judge how far joints move at seam k, between two times [s], where they must not.
+
+    From where the leg before ends to where the leg after begins.
+    """
+    legs, names = motion.legs, motion.trajectory.joint_names
+    rest = part_of(motion.trajectory, begin, end) if end > begin else None
+    ends = [] if k == 0 else [legs[k - 1].position(legs[k - 1].duration)]
+    ends += [] if k == len(legs) else [legs[k].position(0.0)]
+    held = ends[0] if rest is None else rest.position(0.0)
+    moved = np.max([abs(q - held) for q in ends], axis=0)
+    if rest is not None:
+        powers = np.arange(len(rest.coefficients))[::-1, None, None]
+        travel = abs(rest.coefficients) * np.diff(rest.breakpoints)[:, None] ** powers
+        within = travel[:-1].sum(axis=0) + abs(rest.coefficients[-1] - held)
+        moved = np.maximum(moved, within.max(axis=0))
+    place = Place(time=begin, joint=names[int(moved.argmax())])
+    return JudgedCondition(0.0 - float(moved.max()), "rad", place, FOR_ALL_TIMES)
 
 
 def _judged_hold(rest: Rest, q: FloatArray, time: float) -> JudgedCondition:

@@ -11,7 +11,10 @@ from tubeplanner.cycle.cycle import Cycle
 from tubeplanner.cycle.cycle_motion import CycleMotion
 from tubeplanner.cycle.steps import Attach
 from tubeplanner.robot.robot_model import RobotModel
+from tubeplanner.simulation.execution import Execution
 from tubeplanner.views.arm_hulls import arm_hulls, carried_surfaces
+from tubeplanner.views.cycle_executed_paths import cycle_executed_paths
+from tubeplanner.views.executed_paths import BESIDE_EXECUTED, ExecutedPaths
 from tubeplanner.views.goal_ball import goal_ball
 from tubeplanner.views.link_visuals import MAX_FACES, LinkPart, link_parts
 from tubeplanner.views.moved_parts import MovedPart, moved_parts
@@ -50,12 +53,16 @@ class CycleScene(Scene):
 
 
 def build_cycle_scene(
-    cycle: Cycle, named: Mapping[str, CycleMotion], notes: Sequence[str] = ()
+    cycle: Cycle,
+    named: Mapping[str, CycleMotion],
+    notes: Sequence[str] = (),
+    execution: Execution | None = None,
 ) -> CycleScene:
     """Return the scene of a cycle and some of its motions, by name.
 
-    Without a motion the arm rests at the start. Parts that are taken or let go are bodies of their
-    own, after the arm's. Notes of the scene begin with those that are given.
+    Without a motion the arm rests at the start. The execution is that of the one motion. Parts that
+    are taken or let go are bodies of their own, after the arm's. Notes of the scene begin with
+    those that are given.
 
     Raises:
         RobotError: The robot's geometry is of a kind no URDF has.
@@ -71,16 +78,26 @@ def build_cycle_scene(
     ]
     trajectories = tuple(_with_parts(*pair) for pair in zip(shown, parts, strict=True))
     links, notes_of_links = link_parts(robot, MAX_FACES // len(trajectories))
-    drawing = _Drawing(cycle, links, trajectories, parts)
+    drawing = _Drawing(cycle, links, trajectories, parts, is_executed=execution is not None)
     return CycleScene(
         name=cycle.name,
         trajectories=trajectories,
         items=tuple(item for i in range(len(trajectories)) for item in drawing.items(i)),
         frame=scene_frame(drawing.points, drawing.direction, len(trajectories)),
         notes=(*said, *notes_of_links),
+        executed=_executed(named, execution),
         cycle=cycle,
         motions=tuple(named.values()),
     )
+
+
+def _executed(
+    named: Mapping[str, CycleMotion], execution: Execution | None
+) -> ExecutedPaths | None:
+    if execution is None:
+        return None
+    (motion,) = named.values()
+    return cycle_executed_paths(motion, execution)
 
 
 def _shown(robot: RobotModel, name: str, motion: CycleMotion) -> ShownTrajectory:
@@ -130,6 +147,8 @@ class _Drawing:
         links: list[LinkPart],
         trajectories: Sequence[ShownTrajectory],
         parts: Sequence[Sequence[MovedPart]],
+        *,
+        is_executed: bool,
     ) -> None:
         self._robot, self._links, self._trajectories = cycle.robot, links, trajectories
         self._parts = parts
@@ -149,6 +168,7 @@ class _Drawing:
         self.direction = direction_of(trajectories[0], lines, self._standing, hulls)
         size = float(np.ptp(np.vstack(self.points), axis=0).max())
         self._thickness = line_thickness([move.tube for move in self._moves], size)
+        self._path_width = self._thickness * (BESIDE_EXECUTED if is_executed else 1.0)
         self._fastest = max(float(each.speed.max()) for each in trajectories)
 
     def items(self, i: int) -> list[Item]:
@@ -161,7 +181,7 @@ class _Drawing:
             *carried_items(i, [*self._carried, *bodies]),
             *self._tube_items(i),
             *obstacle_items(i, self._standing),
-            *tool_items(i, trajectory, self._robot, self._thickness, self._fastest),
+            *tool_items(i, trajectory, self._robot, self._path_width, self._fastest),
             *swept_item(i, trajectory, self._swept[i]),
         ]
 

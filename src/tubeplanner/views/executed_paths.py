@@ -8,6 +8,8 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.views.execution_curves import ToolRuns
 
 _MAX_PATHS = 200
+EXECUTED_STEPS = 240  # lines of an executed path
+BESIDE_EXECUTED = 0.3  # of its usual thickness: the planned path among executed ones
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.simulation.executed_clearance import obstacle_distances
+from tubeplanner.simulation.executed_clearance import additional_distances, obstacle_distances
 from tubeplanner.simulation.executed_tube import TubeMargins, tube_margins
 from tubeplanner.simulation.execution import Execution
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
@@ -76,17 +76,22 @@ def tool_runs(
 def obstacle_band(
     problem: PlanningProblem, trajectory: JointTrajectory, execution: Execution
 ) -> Band | None:
-    """Return how far links are from obstacles [m], at fewer instants; None if none is judged."""
+    """Return how far links are from obstacles [m], at fewer instants; None if none is judged.
+
+    Less what their pair or segment asks beyond `clearance`; NaN while all may be in contact.
+    """
     if len(problem.collision.obstacle_pairs) == 0:
         return None
     step = -(-len(execution.time) // _DISTANCES)
     time = execution.time[::step]
-    plan = obstacle_distances(problem, _planned(problem, trajectory, time), np.zeros(3))
-    runs = [
-        obstacle_distances(problem, q[::step], plant.base)
-        for plant, q in zip(execution.plants, execution.position, strict=True)
-    ]
-    return Band(time, plan, np.array(runs))
+    more = additional_distances(problem, trajectory.reordered(problem.robot.joint_names), time)
+    joints = [_planned(problem, trajectory, time), *(q[::step] for q in execution.position)]
+    bases = [np.zeros(3), *(plant.base for plant in execution.plants)]
+    found = np.array(
+        [obstacle_distances(problem, q, base, more) for q, base in zip(joints, bases, strict=True)]
+    )
+    found[np.isinf(found)] = np.nan  # not drawn
+    return Band(time, found[0], found[1:])
 
 
 def _planned(problem: PlanningProblem, trajectory: JointTrajectory, time: FloatArray) -> FloatArray:

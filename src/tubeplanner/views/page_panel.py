@@ -24,6 +24,15 @@ from tubeplanner.views.problem_scene import ProblemScene
 from tubeplanner.views.scene import Layer, Scene, ShownTrajectory
 
 _MAX_SEGMENTS_NAMED = 6
+_USUAL_ENTRIES = {
+    Layer.CARRIED: [{"color": CARRIED_COLOR, "text": ""}],
+    Layer.OBSTACLES: [{"color": OBSTACLE_COLOR, "text": ""}],
+    Layer.SWEPT: [{"color": SWEPT_COLOR, "text": ""}],
+    Layer.EXECUTED: [
+        {"color": EXECUTED_COLOR, "text": "in the tube"},
+        {"color": WARNING_COLOR, "text": "outside"},
+    ],
+}
 
 
 def panel_data(scene: ProblemScene) -> dict[str, Any]:
@@ -91,17 +100,9 @@ def _layer_data(layer: Layer, scene: ProblemScene) -> dict[str, Any]:
         Layer.CARRIED: listed("Carried", [solid.name for solid in problem.attached]),
         Layer.TUBE: "Tube: the tool must stay inside",
         Layer.REFERENCE: "Reference path" + ", goal's ball" * len(goal_ball(problem.goal)),
-        Layer.EXECUTED: _executed_label(scene.executed),
         Layer.OBSTACLES: listed("Obstacles", [obstacle.name for obstacle in problem.obstacles]),
     }
-    entries = {
-        Layer.TUBE: _segment_entries(problem),
-        Layer.EXECUTED: [
-            {"color": EXECUTED_COLOR, "text": "in the tube"},
-            {"color": WARNING_COLOR, "text": "outside"},
-        ],
-    }
-    return layer_data(layer, scene, words, entries)
+    return layer_data(layer, scene, words, {Layer.TUBE: _segment_entries(problem)})
 
 
 def layer_data(
@@ -122,17 +123,12 @@ def layer_data(
         Layer.ARM: "Arm",
         Layer.TOOL: "Path of the tool, by its speed" if scene.duration > 0 else "Tool",
         Layer.SWEPT: "Space the links sweep (hulls)",
+        Layer.EXECUTED: _executed_label(scene.executed),
     }
-    plain = {
-        Layer.CARRIED: CARRIED_COLOR,
-        Layer.OBSTACLES: OBSTACLE_COLOR,
-        Layer.SWEPT: SWEPT_COLOR,
-    }
-    only = [{"color": plain[layer], "text": ""}] if layer in plain else []
     fields: dict[str, Any] = {
         "name": str(layer),
         "label": words[layer] if layer in words else usual[layer],
-        "entries": entries.get(layer, only),
+        "entries": entries.get(layer, _USUAL_ENTRIES.get(layer, [])),
         "visible": layer is not Layer.SWEPT,
     }
     if layer is Layer.REFERENCE:

@@ -10,7 +10,12 @@ from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.simulation.execution import Execution
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.views.arm_hulls import arm_hulls, carried_surfaces
-from tubeplanner.views.executed_paths import ExecutedPaths, executed_paths
+from tubeplanner.views.executed_paths import (
+    BESIDE_EXECUTED,
+    EXECUTED_STEPS,
+    ExecutedPaths,
+    executed_paths,
+)
 from tubeplanner.views.execution_curves import tool_runs
 from tubeplanner.views.goal_ball import goal_ball
 from tubeplanner.views.link_visuals import MAX_FACES, link_parts
@@ -31,8 +36,6 @@ from tubeplanner.views.shown_poses import direction_of, poses_along, poses_at_re
 from tubeplanner.views.surface import Surface, tube_surfaces
 
 _FRAMES_PER_SECOND, _MIN_FRAMES, _MAX_FRAMES = 200, 80, 240
-_EXECUTED_STEPS = 240  # lines of an executed path
-_BESIDE_EXECUTED = 0.3  # of its usual thickness: the planned path among executed ones
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -78,7 +81,7 @@ def build_scene(
     direction = direction_of(trajectories[0], [problem.tube.points], problem.obstacles, hulls)
     thickness = line_thickness([problem.tube], float(np.ptp(np.vstack(points), axis=0).max()))
     fastest = max(float(trajectory.speed.max()) for trajectory in trajectories)
-    width = thickness if execution is None else _BESIDE_EXECUTED * thickness
+    width = thickness if execution is None else BESIDE_EXECUTED * thickness
     items: list[Item] = []
     for i, trajectory in enumerate(trajectories):
         items += arm_items(i, parts)
@@ -128,4 +131,4 @@ def _executed(
     if execution is None:
         return None
     (trajectory,) = named.values()
-    return executed_paths(tool_runs(problem, trajectory, execution), _EXECUTED_STEPS)
+    return executed_paths(tool_runs(problem, trajectory, execution), EXECUTED_STEPS)

@@ -1,0 +1,102 @@
+"""Steps of several legs at once: what they promise, and what they share."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from tubeplanner import GoalRegion, PlanningProblem, PlanOptions, Seed, Tube, load_robot, plan
+from tubeplanner.refinement import descent
+from tubeplanner.refinement.descent import FIRST_PENALTY, Descent
+from tubeplanner.refinement.sequential_program import SequentialProgram
+from tubeplanner.refinement.trust_region import Outcome, TrustRegion
+
+POINTS = np.array([[0.3, -0.5, 0.0], [0.5, 0.2, 0.0], [0.1, 0.6, 0.0]])
+
+
+def planned(points):
+    """Return legs of a two-link arm planned one after the other, each to a ball at a point."""
+    robot, start, found = load_robot("example:two_link", "hand"), Seed([0.0, -1.0]), []
+    for ends in pairwise(points):
+        problem = PlanningProblem(robot, Tube(list(ends), 0.08), start, GoalRegion(ends[1], 0.05))
+        result = plan(problem, PlanOptions(quality="fast", slack=0.0))
+        start = result.motion.spline.control_points[-1]
+        found.append(result.motion)
+    return found
+
+
+@pytest.fixture(scope="module")
+def motions():
+    """Two legs, the end between them in a ball."""
+    return planned(POINTS)
+
+
+def improved(motions, is_tied, radius, steps=1, announced=lambda iterates: None):
+    programs = [
+        SequentialProgram(motion.problem, motion.spline.grid, start_moves=is_tied[k - 1])
+        for k, motion in enumerate(motions)
+    ]
+    begun = tuple(
+        program.iterate(motion.spline) for program, motion in zip(programs, motions, strict=True)
+    )
+    found = Descent(programs, is_tied).improved(
+        begun,
+        TrustRegion(radius),
+        FIRST_PENALTY,
+        min_gain=1e-7,
+        max_steps=steps,
+        checkpoint=announced,
+    )
+    return begun, found
+
+
+def total(iterates):
+    return sum(iterate.duration for iterate in iterates)
+
+
+def test_tied_legs_gain_where_legs_alone_have_nothing_left(motions):
+    """Both are as short as they get, each from its start: what is left is where they meet."""
+    begun, alone = improved(motions, (False, False), 0.02, steps=4)
+    assert total(alone.iterates) > 0.998 * total(begun)
+    _, tied = improved(motions, (True, False), 0.02, steps=4)
+    assert total(tied.iterates) < 0.993 * total(begun)
+
+
+def test_tied_ends_agree_after_every_step(motions):
+    iterates = []
+    improved(motions, (True, False), 0.05, steps=5, announced=iterates.append)
+    assert len(iterates) == 5
+    ends = np.array([one.spline.control_points[-3:] for one, _ in iterates])
+    starts = np.array([other.spline.control_points[:3] for _, other in iterates])
+    np.testing.assert_array_equal(ends, starts)
+    assert abs(ends[-1] - motions[0].spline.control_points[-1]).max() > 0.01
+
+
+def test_what_legs_gain_counts_by_their_durations(monkeypatch):
+    """Seconds count, not shares: twice the share by which the sum is less, as T^2 is what counts.
+
+    The second leg is short: most of its duration is gained, and some of the first one's lost.
+    """
+    outcomes, sums = [], []
+
+    def noted(*given):
+        outcomes.append(Outcome(*given))
+        return outcomes[-1]
+
+    legs = planned(np.array([*POINTS[:2], [0.46, 0.32, 0.0]]))
+    monkeypatch.setattr(descent, "Outcome", noted)
+    begun, _ = improved(
+        legs, (True, False), 0.01, steps=4, announced=lambda found: sums.append(total(found))
+    )
+    shares = -np.diff([total(begun), *sums]) / [total(begun), *sums[:-1]]
+    found = np.array([outcome.gain for outcome in outcomes])
+    assert (shares > 0.003).sum() >= 2
+    np.testing.assert_allclose(found[shares > 0.003], 2 * shares[shares > 0.003], rtol=0.4)
+
+
+def test_a_single_iterate_is_that_of_a_single_leg(motions):
+    _, found = improved(motions[:1], (False,), 0.005)
+    assert found.iterate is found.iterates[0]
+    _, both = improved(motions, (False, False), 0.005)
+    with pytest.raises(ValueError, match="too many values"):
+        _ = both.iterate

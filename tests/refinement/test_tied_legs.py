@@ -1,0 +1,150 @@
+"""Legs whose common ends are open: where they end, and what that is worth."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tubeplanner import GoalRegion, PlanningProblem, PlanOptions, Seed, Tube, load_robot, plan
+from tubeplanner.refinement.tied_legs import TiedLegs
+
+FAST = PlanOptions(quality="fast", slack=0.0)
+# Where the hand of a two-link arm starts, and ends each leg, within a tolerance.
+POINTS = np.array([[0.3, -0.5, 0.0], [0.5, 0.2, 0.0], [0.1, 0.6, 0.0], [-0.4, 0.3, 0.0]])
+TOLERANCE, RADIUS = 0.05, 0.08
+
+
+@pytest.fixture(scope="module")
+def robot():
+    return load_robot("example:two_link", "hand")
+
+
+def leg(robot, k, start, goal):
+    return PlanningProblem(robot, Tube(POINTS[k : k + 2], RADIUS), start, goal)
+
+
+@pytest.fixture(scope="module")
+def planned(robot):
+    """Three legs planned one after the other: problems and results."""
+    start, problems, results = Seed([0.0, -1.0]), [], []
+    for k in range(3):
+        problems.append(leg(robot, k, start, GoalRegion(POINTS[k + 1], TOLERANCE)))
+        results.append(plan(problems[-1], FAST))
+        start = results[-1].trajectory.position(results[-1].duration)
+    return problems, results
+
+
+def motions(planned):
+    return [result.motion for result in planned[1]]
+
+
+def fixed(planned, ends):
+    """Return the sum of durations of the legs planned alone between configurations."""
+    total = 0.0
+    for k, problem in enumerate(planned[0]):
+        start = problem.start if k == 0 else ends[k - 1]
+        goal = problem.goal if k == 2 else ends[k]
+        total += plan(replace(problem, start=start, goal=goal), FAST).duration
+    return total
+
+
+@pytest.fixture(scope="module")
+def tied(planned):
+    legs = TiedLegs(motions(planned), [True, True])
+    return legs, legs.run()
+
+
+def test_tied_ends_agree_exactly_and_the_arm_is_at_rest_there(planned, tied):
+    for one, other in zip(tied[1][:-1], tied[1][1:], strict=True):
+        q = one.control_points[-1]
+        np.testing.assert_array_equal(one.control_points[-3:], [q, q, q])
+        np.testing.assert_array_equal(other.control_points[:3], [q, q, q])
+    before = motions(planned)[0].spline.control_points[0]
+    np.testing.assert_array_equal(tied[1][0].control_points[0], before)
+
+
+def test_the_hand_stays_within_the_goals_tolerance(robot, tied):
+    ends = np.array([spline.control_points[-1] for spline in tied[1]])
+    away = np.linalg.norm(robot.tool_position(ends) - POINTS[1:], axis=1)
+    assert (away <= TOLERANCE).all()
+    assert away.max() > 0.9 * TOLERANCE
+
+
+def test_legs_planned_between_tied_ends_take_less_than_one_after_the_other(planned, tied):
+    ends = [spline.control_points[-1] for spline in tied[1]]
+    alone = sum(result.duration for result in planned[1])
+    total = fixed(planned, ends)
+    assert total < 0.99 * alone
+    # On its coarser knots the program knew the sum nearly.
+    assert sum(tied[0].durations) == pytest.approx(total, rel=0.06)
+
+
+def test_no_ends_near_tied_ones_are_much_better(robot, planned, tied):
+    """Every end moved in its ball, on its own: none leads to a smaller sum, but for noise."""
+    ends = [spline.control_points[-1] for spline in tied[1]]
+    total = fixed(planned, ends)
+    for k in (0, 1):
+        jacobian = robot.tool_jacobian(ends[k][None])[1][0, :2]
+        for direction in ([0.02, 0], [-0.02, 0], [0, 0.02], [0, -0.02]):
+            moved = list(ends)
+            moved[k] = ends[k] + np.linalg.solve(jacobian, direction)
+            away = robot.tool_position(moved[k][None])[0] - POINTS[k + 1]
+            if np.linalg.norm(away) <= TOLERANCE:
+                assert fixed(planned, moved) > 0.998 * total
+
+
+def test_an_end_that_is_not_tied_stays(planned):
+    splines = TiedLegs(motions(planned), [True, False]).run()
+    np.testing.assert_array_equal(
+        splines[2].control_points[0], motions(planned)[2].spline.control_points[0]
+    )
+    np.testing.assert_array_equal(splines[0].control_points[-1], splines[1].control_points[0])
+
+
+def test_a_closed_cycle_begins_where_it_ends(robot, planned):
+    """A leg back to the first point; where the cycle closes is chosen as well."""
+    results = planned[1]
+    last = results[-1].trajectory.position(results[-1].duration)
+    goal = results[0].trajectory.position(0.0)
+    back = plan(PlanningProblem(robot, Tube(POINTS[[3, 0]], 0.7), last, goal), FAST).motion
+    back = replace(back, problem=replace(back.problem, goal=GoalRegion(POINTS[0], TOLERANCE)))
+    legs = TiedLegs([*motions(planned), back], [True] * 3, is_closed=True)
+    splines = legs.run()
+    first, last = splines[0].control_points[:3], splines[-1].control_points[-3:]
+    np.testing.assert_array_equal(first, np.tile(last[-1], (3, 1)))
+    assert np.ptp(last, axis=0).max() == 0
+    moved = robot.tool_position(first[:1])[0] - POINTS[0]
+    assert 0.001 < np.linalg.norm(moved) <= TOLERANCE
+    assert abs(first[0] - goal).max() > 0.01
+    open_legs = TiedLegs([*motions(planned), back], [True] * 3)
+    open_legs.run()
+    assert sum(legs.durations) < sum(open_legs.durations) + 1e-3
+
+
+def test_a_goal_that_leaves_nothing_to_choose_stays(robot, planned):
+    """Two joints in a plane at a point."""
+    problem = leg(robot, 0, Seed([0.0, -1.0]), None)
+    first = plan(problem, FAST)
+    q = first.trajectory.position(first.duration)
+    second = plan(leg(robot, 1, q, GoalRegion(POINTS[2], TOLERANCE)), FAST)
+    splines = TiedLegs([first.motion, second.motion], [True]).run()
+    for spline, result in zip(splines, (first, second), strict=True):
+        before = result.motion.spline.control_points
+        np.testing.assert_array_equal(spline.control_points[0], before[0])
+    np.testing.assert_allclose(splines[0].control_points[-1], q, atol=1e-15)
+
+
+def test_every_step_is_announced_with_the_sum(planned):
+    sums = []
+    TiedLegs(motions(planned), [True, True], checkpoint=sums.append).run()
+    alone = sum(result.duration for result in planned[1])
+    assert len(sums) > 2
+    assert sums[-1] == pytest.approx(alone, rel=0.05)
+
+
+def test_a_checkpoint_may_end_the_work(planned):
+    def stop(duration):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        TiedLegs(motions(planned), [True, True], checkpoint=stop).run()
