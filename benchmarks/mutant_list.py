@@ -3029,13 +3029,13 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("np.interp(even, trajectory.time, trajectory.speed)", "trajectory.speed")
     ],
     "_later": [("curves.samples.time + begin", "curves.samples.time")],
-    "_rests": [
+    "_rest_curves": [
         ("rest.arms[1:]", "rest.arms[:-1]"),
         ("len(leg.before.steps) + len(leg.moves)", "len(leg.before.steps) + 1"),
         ("if seam == len(cycle.legs)", "if False"),
         ("if end > begin:", "if True:"),
     ],
-    "_held": [
+    "_held_curves": [
         ("[[sample, sample]]", "[[0, 0]]"),
         ("arm.gravity_effort(given.position[rows])", "beside.effort[rows]"),
     ],

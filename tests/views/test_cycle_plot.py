@@ -1,6 +1,7 @@
 """The figure of a cycle: limits of the moves, loads, rests and names."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -33,7 +34,7 @@ def test_curves_follow_each_other_without_gaps(cycle, motion):
     rest, second = 1 + GRIP, 2 + GRIP
     expected = [(0, 1), (1, rest), (rest, second), (second, second + RELEASE)]
     np.testing.assert_allclose(times, [*expected, (second + RELEASE, 3 + GRIP + RELEASE)])
-    for before, after in zip(runs[:-1], runs[1:], strict=True):
+    for before, after in pairwise(runs):
         np.testing.assert_allclose(before.samples.position[-1], after.samples.position[0])
         np.testing.assert_allclose(before.tool[-1], after.tool[0])
 

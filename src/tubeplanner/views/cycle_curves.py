@@ -24,8 +24,8 @@ def cycle_curves(cycle: Cycle, motion: CycleMotion) -> list[TrajectoryCurves]:
     ]
     found: list[TrajectoryCurves] = []
     for k, leg in enumerate(legs):
-        found += [*_rests(cycle, motion, k, leg, 0), leg]
-    return [*found, *_rests(cycle, motion, len(legs), legs[-1], -1)]
+        found += [*_rest_curves(cycle, motion, k, leg, 0), leg]
+    return [*found, *_rest_curves(cycle, motion, len(legs), legs[-1], -1)]
 
 
 def _later(curves: TrajectoryCurves, begin: float) -> TrajectoryCurves:
@@ -33,7 +33,7 @@ def _later(curves: TrajectoryCurves, begin: float) -> TrajectoryCurves:
     return replace(curves, samples=replace(curves.samples, time=curves.samples.time + begin))
 
 
-def _rests(
+def _rest_curves(
     cycle: Cycle, motion: CycleMotion, seam: int, beside: TrajectoryCurves, sample: int
 ) -> Iterator[TrajectoryCurves]:
     """Yield the curves of what takes time at a seam.
@@ -52,10 +52,10 @@ def _rests(
         times.append(motion.trajectory.duration)
     for (begin, end), arm in zip(pairwise(times), rest.arms[1:], strict=True):
         if end > begin:
-            yield _held(beside, sample, arm, (begin, end))
+            yield _held_curves(beside, sample, arm, (begin, end))
 
 
-def _held(
+def _held_curves(
     beside: TrajectoryCurves, sample: int, arm: RobotModel, span: tuple[float, float]
 ) -> TrajectoryCurves:
     """Return what is at a sample, at rest for a span of time [s]: motors hold the arm."""
