@@ -3030,7 +3030,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     "_later": [("curves.samples.time + begin", "curves.samples.time")],
     "_rest_curves": [
-        ("rest.arms[1:]", "rest.arms[:-1]"),
+        ("rest.arms[1:]", "rest.arms[:1] * len(rest.steps)"),
         ("len(leg.before.steps) + len(leg.moves)", "len(leg.before.steps) + 1"),
         ("if seam == len(cycle.legs)", "if False"),
         ("if end > begin:", "if True:"),

@@ -51,6 +51,15 @@ def test_efforts_are_those_of_what_is_carried(cycle, motion):
     assert not closing.samples.velocity.any()
 
 
+def test_a_dwell_is_loaded_once_something_is_taken(cycle):
+    steps = [*cycle.steps[:4], Event("settle", dwell=0.3), *cycle.steps[4:]]
+    settled = replace(cycle, steps=steps)
+    _, closing, settling, *_ = cycle_curves(settled, motion_of(settled))
+    np.testing.assert_allclose(closing.effort[0], cycle.robot.gravity_effort(TAKEN))
+    loaded = cycle.robot.with_payload(CARRIED)
+    np.testing.assert_allclose(settling.effort, [loaded.gravity_effort(TAKEN)] * 2)
+
+
 def test_a_rest_at_the_end_is_drawn(cycle, motion):
     longer = replace(cycle, steps=[*cycle.steps, Event("cool", dwell=0.5)])
     last = cycle_curves(longer, motion_of(longer))[-1]

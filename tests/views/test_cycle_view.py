@@ -83,8 +83,9 @@ def test_what_comes_and_goes_is_hidden_before_and_after(page):
     assert shown[path.rsplit("/", 2)[0]] is False
 
 
-def test_frames_have_every_mark_among_them(page, motion):
-    time = page.scene.trajectories[0].time
+def test_frames_have_every_mark_among_them(cycle):
+    motion = motion_of(cycle, 0.9371)
+    time = view_cycle(cycle, [motion]).scene.trajectories[0].time
     assert {mark.time for mark in motion.marks} <= set(time.tolist())
     assert (np.diff(time) > 0).all()
     assert (np.diff(time) < 1 / 199).all()
