@@ -97,8 +97,8 @@ TESTS = {
     "views/cycle_scene": ("views/test_cycle_view.py",),
     "views/cycle_timeline": ("views/test_cycle_view.py",),
     "views/page_panel": ("views/test_viewer.py", "views/test_cycle_view.py"),
-    "cycle/motion_of_file": ("commands/test_cycle_views.py",),
-    "files/cycle_motion_notes": ("commands/test_cycle_views.py",),
+    "cycle/motion_of_file": ("commands/test_view_command_cycles.py",),
+    "files/cycle_motion_notes": ("commands/test_view_command_cycles.py",),
     "constraints/speed_limits": (
         "constraints/test_time_scaling.py",
         "constraints/test_unused_speed.py",
