@@ -25,6 +25,13 @@ class Mutant(NamedTuple):
 
 # Tests of a module beside its own, tests/<folder>/test_<module>.py and test_<module>_*.py.
 TESTS = {
+    **{
+        f"cycle_planning/{name}": ("cycle_planning/test_cycle_planner.py",)
+        for name in (
+            *("cycle_result", "greedy_plan", "leg_motion", "leg_plan", "other_ends"),
+            *("shared_plan",),
+        )
+    },
     "collision/collision_checker": ("verification/test_closest_approach.py",),
     "collision/body_shapes": (
         "collision/test_collision_checker.py",
@@ -2986,13 +2993,44 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     "_starts": [("if is_held and", "if")],
     "_path_from": [("folder.resolve()", "Path().resolve()")],
-    # --- cycle_planning/shared_plan ---------------------------------------------------------------
-    "shared_plan": [("leg.joined.goal if opens else plan.end", "leg.joined.goal")],
+    # --- cycle_planning ---------------------------------------------------------------------------
+    "shared_plan": [
+        ("leg.joined.goal if opens else plan.end", "leg.joined.goal"),
+        ("is_open[last] &= not (cycle.closed and", "is_open[last] &= not ("),
+        ("_total(plans) < _total(greedy)", "_total(plans) > _total(greedy)"),
+        ("motion if opens else replace(motion, problem=problem.joined)", "motion"),
+    ],
+    "_presses": [("is_open and not is_free", "is_open and is_free")],
+    "_tied": [("is_closed=closed and all(is_open)", "is_closed=False")],
+    "_chains": [
+        ("k + 1 for k in range(count)", "k for k in range(count)"),
+        ("if not is_open[k]:\n            chains", "if is_open[k]:\n            chains"),
+    ],
+    "greedy_plan": [
+        ("seams[-1] = plans[-2].end", "pass"),
+        ("not cycle.legs[k - 1].joined.ends_openly", "cycle.legs[k - 1].joined.ends_openly"),
+    ],
+    "leg_problem": [("cycle.closed and k ==", "cycle.closed and k !=")],
+    "planned_leg": [
+        ("slack=0.0, time_limit=limit", "slack=0.0"),
+        ("slack=0.0, time_limit=limit", "time_limit=limit"),
+        (" and left > 1", " and left > 9"),
+    ],
+    "first_configuration": [("leg, given, point = last, goal, -1", "pass")],
+    "cycle_sensitivities": [
+        ("saved.get(key, 0.0) + each.saved", "each.saved"),
+        ("-each.saved", "each.saved"),
+    ],
+    "CycleResult.shortest_duration": [("self.duration - sum(spared)", "self.duration")],
+    "at_move": [("move=move.name, segment=segment", "move=move.name")],
+    "plan_cycle": [
+        ("shares_configurations and stopped_by is None", "stopped_by is None"),
+    ],
+    "leg_motion": [("leg.first_segments[1:]", "leg.first_segments[:-1]")],
     # --- resources: problems and cycles -----------------------------------------------------------
     "bundled_problems": [(" if not _is_cycle(path)", "")],
     "bundled_cycles": [(" if _is_cycle(path)", "")],
-    "_bundled_files": [(" if p.parent.name != _PRESETS", "")],
-    "_is_cycle": [(".splitlines()", "")],
+    "_is_cycle": [(" is not None", " is None")],
     "_as_yaml": [("value.lower() in _WORDS or", "")],
     # --- views/moved_parts, cycle_timeline, cycle_scene, cycle_panel, cycle_curves, cycle_plot ----
     "MovedPart.carry": [("tool[first:] @ grip", "tool[first:]")],

@@ -20,7 +20,12 @@ FOLDERS = sorted({path.parent for path in MODULES} - {PACKAGE})
 TESTS = Path(__file__).parent
 # Who may know which library.
 KNOWS = {
-    "pinocchio": {"robot.frame_velocities", "robot.pinocchio_model", "robot.robot_model"},
+    "pinocchio": {
+        "robot.frame_jacobian",
+        "robot.frame_velocities",
+        "robot.pinocchio_model",
+        "robot.robot_model",
+    },
     "fcl": {"collision.mesh_solid", "collision.separation"},
     "coal": {"collision.penetration"},
     "yourdfpy": {"collision.link_elements"},
@@ -69,6 +74,8 @@ KNOWS = {
     "ompl": {"tube_sources.joint_route"},
     "xacro": {"robot.xacro_file"},
     "pydantic": {
+        "cycle.cycle_format",
+        "problem.checked_fields",
         "problem.clearance_fields",
         "problem.field_types",
         "problem.limit_fields",

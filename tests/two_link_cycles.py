@@ -6,7 +6,12 @@ from typing import Any
 from tubeplanner import Cycle, parse_cycle
 
 # Between points that the arm reaches with its elbow bent to one side.
-_PLACES = {"a": [0.45, -0.3, 0.0], "b": [0.45, 0.1, 0.0], "c": [0.2, 0.25, 0.0], "d": [0.2, 0.55, 0.0]}
+_PLACES = {
+    "a": [0.45, -0.3, 0.0],
+    "b": [0.45, 0.1, 0.0],
+    "c": [0.2, 0.25, 0.0],
+    "d": [0.2, 0.55, 0.0],
+}
 
 
 def move(name: str, way: str, *, tolerance: float | None = None, **more: Any) -> dict[str, Any]:
@@ -33,5 +38,7 @@ def cycle_of(*steps: dict[str, Any], **more: Any) -> Cycle:
 def three_moves() -> Cycle:
     """Return three moves, of which two end in balls."""
     return cycle_of(
-        move("first", "ab", tolerance=0.05), move("second", "bc", tolerance=0.05), move("third", "cd")
+        move("first", "ab", tolerance=0.05),
+        move("second", "bc", tolerance=0.05),
+        move("third", "cd"),
     )

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from two_link_cycles import cycle_of, move, three_moves
 
 from tubeplanner import (
     CycleResult,
@@ -16,6 +15,7 @@ from tubeplanner import (
     plan_cycle,
     verify,
 )
+from two_link_cycles import cycle_of, move, three_moves
 
 SHORTEST = PlanOptions(slack=0.0, quality="fast")
 

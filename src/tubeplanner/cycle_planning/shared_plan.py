@@ -81,7 +81,7 @@ def shared_plan(
 def _tied(
     motions: Sequence[RefinedMotion], is_open: Sequence[bool], clock: PlanningClock, *, closed: bool
 ) -> list[PhasedSpline] | None:
-    """Return the splines of legs, those with open ends improved together; None if they cannot be.
+    """Return the splines of legs, those with open ends improved together; None if none can be.
 
     Args:
         motions: Of all legs.
@@ -97,11 +97,10 @@ def _tied(
             is_closed=closed and all(is_open),
             checkpoint=_checkpoint(clock),
         ).run()
-        if found is None:
-            return None
-        for k, spline in zip(chain, found, strict=True):
+        for k, spline in zip(chain, found or (), strict=found is not None):
             splines[k] = spline
-    return splines
+    is_same = all(spline is motion.spline for spline, motion in zip(splines, motions, strict=True))
+    return None if is_same else splines
 
 
 def _chains(is_open: Sequence[bool], *, closed: bool) -> list[list[int]]:

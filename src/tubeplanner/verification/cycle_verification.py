@@ -10,6 +10,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.cycle.cycle import Cycle
 from tubeplanner.cycle.cycle_motion import CycleMotion
 from tubeplanner.cycle.leg import Rest
+from tubeplanner.cycle.steps import Event
 from tubeplanner.errors import ProblemError, TrajectoryError, shown
 from tubeplanner.outcome import Place
 from tubeplanner.robot.robot_model import RobotModel
@@ -32,8 +33,8 @@ def verify_cycle(
     """Judge the motion of a cycle.
 
     Every leg is judged as the motion of its planning problem, the cell as the motion itself leaves
-    it. Where it rests, it must stay where it is, and the motors must hold the arm with and without
-    what is taken or let go.
+    it. Where it rests, it must stay where it is for as long as events take, and the motors must
+    hold the arm with and without what is taken or let go.
 
     Args:
         cycle: The cycle.
@@ -92,6 +93,7 @@ def _judged_seams(
             " - ".join(name),
             {
                 "continuity": _judged_stay(motion, k, begin, end),
+                "dwell": _judged_dwell(motion, k),
                 "effort": _judged_hold(cycle.rest_at(k), motion.trajectory.position(end), end),
             },
         )
@@ -99,24 +101,41 @@ def _judged_seams(
         yield "closed", {"continuity": _judged_return(cycle, motion)}
 
 
-def _judged_stay(motion: CycleMotion, k: int, begin: float, end: float) -> JudgedCondition:
-    """Judge how far joints move at seam k, between two times [s], where they must not.
-
-    From where the leg before ends to where the leg after begins.
-    """
-    legs, names = motion.legs, motion.trajectory.joint_names
-    rest = part_of(motion.trajectory, begin, end) if end > begin else None
-    ends = [] if k == 0 else [legs[k - 1].position(legs[k - 1].duration)]
-    ends += [] if k == len(legs) else [legs[k].position(0.0)]
-    held = ends[0] if rest is None else rest.position(0.0)
-    moved = np.max([abs(q - held) for q in ends], axis=0)
-    if rest is not None:
-        powers = np.arange(len(rest.coefficients))[::-1, None, None]
-        travel = abs(rest.coefficients) * np.diff(rest.breakpoints)[:, None] ** powers
-        within = travel[:-1].sum(axis=0) + abs(rest.coefficients[-1] - held)
-        moved = np.maximum(moved, within.max(axis=0))
-    place = Place(time=begin, joint=names[int(moved.argmax())])
+def _judged_stay(motion: CycleMotion, seam: int, begin: float, end: float) -> JudgedCondition:
+    """Judge how far joints move at a seam, between two times [s], where they must not at all."""
+    legs = motion.legs
+    stops = [leg.position(leg.duration) for leg in legs[:seam][-1:]]
+    starts = [leg.position(0.0) for leg in legs[seam : seam + 1]]
+    travelled = [np.zeros_like(q) for q in (*stops, *starts)]
+    if begin < end:
+        part = part_of(motion.trajectory, begin, end)
+        powers = np.arange(len(part.coefficients))[::-1, None, None]
+        travel = abs(part.coefficients) * np.diff(part.breakpoints)[:, None] ** powers
+        travelled[len(stops) : len(stops)] = travel[:-1].sum(axis=0)
+        starts = [*part.coefficients[-1], *starts]
+    if len(travelled) < 2:
+        return not_required("rad", "the arm does not dwell here")
+    places = np.array([*stops, *starts])
+    moved = abs(places - places[0]) + travelled
+    joint = motion.trajectory.joint_names[int(moved.max(axis=0).argmax())]
+    place = Place(time=begin, joint=joint)
     return JudgedCondition(0.0 - float(moved.max()), "rad", place, FOR_ALL_TIMES)
+
+
+def _judged_dwell(motion: CycleMotion, seam: int) -> JudgedCondition:
+    """Judge whether the arm rests at a seam for as long as each event takes."""
+    cycle = motion.cycle
+    first = sum(len(leg.before.steps) + len(leg.moves) for leg in cycle.legs[:seam])
+    spans = motion.step_times[first:]
+    spare = [
+        (end - begin - step.dwell, begin)
+        for step, (begin, end) in zip(cycle.rest_at(seam).steps, spans, strict=False)
+        if isinstance(step, Event) and step.dwell > 0
+    ]
+    if not spare:
+        return not_required("s", "no event takes time here")
+    margin, begin = min(spare)
+    return JudgedCondition(margin, "s", Place(time=begin), "every event against its dwell")
 
 
 def _judged_hold(rest: Rest, q: FloatArray, time: float) -> JudgedCondition:
