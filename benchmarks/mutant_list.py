@@ -94,7 +94,18 @@ TESTS = {
         "baselines/test_path_rows.py",
         "baselines/test_tool_path.py",
     ),
-    "views/panels": ("views/test_motor_panels.py", "views/test_plotting.py"),
+    "views/panels": (
+        "views/test_motor_panels.py",
+        "views/test_plotting.py",
+        "views/test_cycle_plot.py",
+    ),
+    "views/cycle_curves": ("views/test_cycle_plot.py",),
+    "views/cycle_panel": ("views/test_cycle_view.py",),
+    "views/cycle_scene": ("views/test_cycle_view.py",),
+    "views/cycle_timeline": ("views/test_cycle_view.py",),
+    "views/page_panel": ("views/test_viewer.py", "views/test_cycle_view.py"),
+    "cycle/motion_of_file": ("commands/test_view_command_cycles.py",),
+    "files/cycle_motion_notes": ("commands/test_view_command_cycles.py",),
     "constraints/speed_limits": (
         "constraints/test_time_scaling.py",
         "constraints/test_unused_speed.py",
@@ -3071,6 +3082,55 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "bundled_cycles": [(" if _is_cycle(path)", "")],
     "_is_cycle": [(" is not None", " is None")],
     "_as_yaml": [("value.lower() in _WORDS or", "")],
+    # --- views/moved_parts, cycle_timeline, cycle_scene, cycle_panel, cycle_curves, cycle_plot ----
+    "MovedPart.carry": [("tool[first:] @ grip", "tool[first:]")],
+    "MovedPart.put_down": [
+        ("= self.poses[first]", "= np.eye(4)"),
+        ("= stays", "= True"),
+    ],
+    "MovedPart.seen_at": [("None if self.present[step] else 0", "None")],
+    "moved_parts": [
+        ("if obstacle.name in handed_over", ""),
+        ("if not step.leaves_obstacle:", "if True:"),
+    ],
+    "_new_part": [
+        ("part.poses[:] = tool[first]", "pass"),
+        ("part.present[:first] = False", "pass"),
+    ],
+    "_stops": [
+        (
+            "ends = [run[0][1].time for run in runs[1:]]",
+            "ends = [run[-1][1].time for run in runs[1:]]",
+        ),
+    ],
+    "_shown": [
+        ("*(mark.time for mark in motion.marks), ", ""),
+        ("min(max(_FRAMES_PER_SECOND, fewest), most)", "_FRAMES_PER_SECOND"),
+    ],
+    "_with_parts": [
+        ("part.poses[:, None, :3, 3] for part", "0 * part.poses[:, None, :3, 3] for part")
+    ],
+    "_Drawing.__init__": [("if each.name not in handed_over", "")],
+    "_move_entries": [("if len(scene.motions) == 1 else {}", "")],
+    "_sizes": [('if low == high else f"{low} to {high} mm"', "")],
+    "_trajectory_data": [
+        ("np.interp(even, trajectory.time, trajectory.speed)", "trajectory.speed")
+    ],
+    "_later": [("curves.samples.time + begin", "curves.samples.time")],
+    "_rest_curves": [
+        ("rest.arms[1:]", "rest.arms[:1] * len(rest.steps)"),
+        ("len(leg.before.steps) + len(leg.moves)", "len(leg.before.steps) + 1"),
+        ("if seam == len(cycle.legs)", "if False"),
+        ("if end > begin:", "if True:"),
+    ],
+    "_held_curves": [
+        ("[[sample, sample]]", "[[0, 0]]"),
+        ("arm.gravity_effort(given.position[rows])", "beside.effort[rows]"),
+    ],
+    "_draw_runs": [("max(high for _, high in seen)", "min(high for _, high in seen)")],
+    "_once": [('"_" if label in', '"_" if "" in')],
+    "motion_of_file": [("if not file.marks:", "if False:"), ("{path}: {error}", "{error}")],
+    "cycle_motion_notes": [("if failures else", "if False else")],
 }
 
 MUTANTS = tuple(Mutant(where, *change) for where, changes in _CHANGES.items() for change in changes)

@@ -4,6 +4,8 @@ The arm is `cases.SLIDE`. A part is taken, carried through a point without a sto
 cap comes and goes with it. Nothing of it is certified: views judge nothing.
 """
 
+from itertools import pairwise
+
 import numpy as np
 
 from cases import SLIDE, rest_to_rest
@@ -17,7 +19,7 @@ from tubeplanner.robot.pinocchio_model import Payload
 START, TAKEN, LEFT = np.array([[0.0, 0.0, 0.0], [0.4, 0.1, 0.2], [-0.3, 0.2, 0.1]])
 CARRIED = Payload(2.0, (0.3, 0.0, 0.0))
 GRIP, RELEASE = 0.1, 0.2  # [s]
-RADII = 0.2, 0.25, 0.3, 0.2  # [m], of the tubes in turn
+RADII = 0.2, 0.25, 0.3, [0.2, 0.3]  # [m], of the tubes in turn
 
 
 def at(*position):
@@ -34,7 +36,9 @@ def shown_cycle(folder):
     robot = load_robot(path, "tip")
     stops = np.array([START, TAKEN, (TAKEN + LEFT) / 2, LEFT, START])
     tools = robot.tool_position(stops)
-    tubes = [Tube(tools[k : k + 2], RADII[k]) for k in range(4)]
+    lines = [[*pair] for pair in pairwise(tools)]
+    lines[3].insert(1, (tools[3] + tools[4]) / 2)
+    tubes = [Tube(*pair) for pair in zip(lines, RADII, strict=True)]
     part = Obstacle.box("part", (0.1, 0.1, 0.1), at(0.6, 0.4, 0.05))
     post = Obstacle.box("post", (0.1, 0.1, 0.6), at(-0.6, 0.0, 0.3))
     cap = AttachedSolid("cap", Obstacle.box("cap", (0.05, 0.05, 0.05), at(0.2, 0, 0)).shapes)

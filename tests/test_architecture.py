@@ -32,6 +32,7 @@ KNOWS = {
     "trimesh": {"collision.mesh_cover", "views.visual_mesh"},
     "matplotlib": {
         "views.comparison_plot",
+        "views.cycle_plot",
         "views.executed_planes",
         "views.execution_panels",
         "views.execution_plot",
@@ -42,6 +43,7 @@ KNOWS = {
         "views.plotting",
         "views.reproduction_figures",
         "views.robot_plot",
+        "views.space_panel",
         "views.study_plots",
     },
     "meshcat": {"views.viewer"},

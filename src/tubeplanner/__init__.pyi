@@ -126,6 +126,8 @@ from .views.comparison_plot import plot_comparison as plot_comparison
 from .views.execution_plot import plot_execution as plot_execution
 from .views.viewer import view as view
 from .views.viewer import View as View  # returned
+from .views.cycle_view import view_cycle as view_cycle
+from .views.cycle_plot import plot_cycle as plot_cycle
 
 # Errors
 # Bad input raises; a task that cannot be done is an answer with a status.

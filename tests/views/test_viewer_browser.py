@@ -13,8 +13,10 @@ import pytest
 from PIL import Image
 
 from cases import followed, slow_but
+from shown_cycle import motion_of, shown_cycle
 from tubeplanner import view
-from tubeplanner.views.palette import SEGMENT_COLORS, WARNING_COLOR, rgb
+from tubeplanner.views.cycle_view import view_cycle
+from tubeplanner.views.palette import CARRIED_COLOR, SEGMENT_COLORS, WARNING_COLOR, rgb
 
 PROBLEMS = ("ur5/over_the_wall", "panda/between_shelves", "two_link/around_a_post")
 FLAGS = (
@@ -111,6 +113,24 @@ def test_a_problem_alone_has_no_controls(show):
     text = show(view(load_problem("example:two_link/around_a_post")), "--dump-dom")
     assert re.search(r'id="controls" hidden', text)
     assert "at its start" in text
+
+
+def test_the_present_step_of_a_cycle_is_marked_and_parts_come_and_go(show, picture, tmp_path):
+    """A cap, 2 % of all that is brown, is there only while it is carried."""
+    cycle = shown_cycle(tmp_path)
+    page = view_cycle(cycle, [motion_of(cycle)])
+    for time, present, told in ((1.3, ["carry"], "carry"), (2.2, [], "grip 'open' (0.2 s)")):
+        text = show(page, "--dump-dom", fragment=f"#t={time}")
+        assert re.findall(r'class="band present"[^>]*>([^<]*)<', text) == present
+        assert f"{1000 * time:.0f} ms</b> of 3300 ms, <b>{told}</b>, tool at" in text
+    assert text.count('class="mark"') == 6
+    before, during, after = (picture(page, time) for time in (1.0, 1.2, 3.0))
+    brown = [
+        (abs(image[:560, 270:] - 255 * rgb(CARRIED_COLOR)).max(axis=2) < 60).sum()
+        for image in (before, during, after)
+    ]
+    assert brown[1] > 1.2 * max(brown[0], brown[2])
+    assert min(brown) > 50
 
 
 def test_executed_paths_are_seen_where_they_leave_the_tube(picture, show, stored):

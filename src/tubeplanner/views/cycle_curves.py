@@ -8,6 +8,8 @@ import numpy as np
 
 from tubeplanner.cycle.cycle import Cycle
 from tubeplanner.cycle.cycle_motion import CycleMotion
+from tubeplanner.errors import ProblemError
+from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.views.panels import TrajectoryCurves, trajectory_curves
 
@@ -18,14 +20,24 @@ def cycle_curves(cycle: Cycle, motion: CycleMotion) -> list[TrajectoryCurves]:
     Each has the arm as it is then, with what it carries.
     """
     legs = [
-        # Curves do not depend on start and cell; problems that have them would refuse bad motions.
-        _later(trajectory_curves(cycle.problem_from_anywhere(k), leg), begin)
+        _later(trajectory_curves(_problem(cycle, motion, k), leg), begin)
         for k, (leg, (begin, _)) in enumerate(zip(motion.legs, motion.leg_times, strict=True))
     ]
     found: list[TrajectoryCurves] = []
     for k, leg in enumerate(legs):
-        found += [*_rests(cycle, motion, k, leg, 0), leg]
-    return [*found, *_rests(cycle, motion, len(legs), legs[-1], -1)]
+        found += [*_rest_curves(cycle, motion, k, leg, 0), leg]
+    return [*found, *_rest_curves(cycle, motion, len(legs), legs[-1], -1)]
+
+
+def _problem(cycle: Cycle, motion: CycleMotion, k: int) -> PlanningProblem:
+    """Return the problem of a leg as the judge has it, which tells what segment counts when.
+
+    What begins where its problem has no place fails, and is drawn all the same.
+    """
+    try:
+        return cycle.problem(k, motion.seams[: k + 1])
+    except ProblemError:
+        return cycle.problem_from_anywhere(k)
 
 
 def _later(curves: TrajectoryCurves, begin: float) -> TrajectoryCurves:
@@ -33,7 +45,7 @@ def _later(curves: TrajectoryCurves, begin: float) -> TrajectoryCurves:
     return replace(curves, samples=replace(curves.samples, time=curves.samples.time + begin))
 
 
-def _rests(
+def _rest_curves(
     cycle: Cycle, motion: CycleMotion, seam: int, beside: TrajectoryCurves, sample: int
 ) -> Iterator[TrajectoryCurves]:
     """Yield the curves of what takes time at a seam.
@@ -52,10 +64,10 @@ def _rests(
         times.append(motion.trajectory.duration)
     for (begin, end), arm in zip(pairwise(times), rest.arms[1:], strict=True):
         if end > begin:
-            yield _held(beside, sample, arm, (begin, end))
+            yield _held_curves(beside, sample, arm, (begin, end))
 
 
-def _held(
+def _held_curves(
     beside: TrajectoryCurves, sample: int, arm: RobotModel, span: tuple[float, float]
 ) -> TrajectoryCurves:
     """Return what is at a sample, at rest for a span of time [s]: motors hold the arm."""

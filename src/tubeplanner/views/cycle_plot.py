@@ -36,7 +36,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _STOP_COLOR = "#888888"
-_LETTER = 0.0115  # of the panel: what a letter of a name is wide
+_LETTER = 0.009  # of the panel: what a letter of a name is wide
+_FEWEST_LETTERS = 5
+_LINE = 0.02  # of the panel: what a line of text is high
 
 
 def plot_cycle(cycle: Cycle, motion: CycleMotion, path: str | Path | None = None) -> "Figure":
@@ -97,11 +99,11 @@ def _mark_moves(axis: "Axes", timeline: Timeline, duration: float, *, names: boo
     """Shade a panel over time by moves, name them if asked, and mark what happens at rest."""
     for band in timeline.bands:
         axis.axvspan(band.begin, band.end, color=band.color, alpha=0.10, linewidth=0, zorder=0)
-        share = (band.end - band.begin) / duration
-        if names and len(band.name) * _LETTER <= share:
+        if names:
             place = axis.get_xaxis_transform()
-            middle = (band.begin + band.end) / 2
-            axis.text(middle, 1.01, band.name, transform=place, ha="center", fontsize=7)
+            middle, share = (band.begin + band.end) / 2, (band.end - band.begin) / duration
+            name = shown_name(band.name, int(share / _LETTER))
+            axis.text(middle, 1.01, name, transform=place, ha="center", fontsize=7)
     for stop in timeline.stops:
         axis.axvspan(stop.begin, stop.end, color=_STOP_COLOR, alpha=0.25, linewidth=0, zorder=0)
         for time, _ in stop.ticks:
@@ -113,12 +115,14 @@ def _mark_moves(axis: "Axes", timeline: Timeline, duration: float, *, names: boo
 
 def _name_steps(axis: "Axes", timeline: Timeline, duration: float) -> None:
     """Name what happens at rest in a panel whose lines are at zero then."""
+    before = -duration
     for stop in timeline.stops:
         for time, ticks in groupby(stop.ticks, lambda tick: tick[0]):
             is_last = time > 0.97 * duration  # its name goes before it
+            before = time if is_last else max(time, before + _LINE * duration)
             axis.annotate(
                 ", ".join(text for _, text in ticks),
-                (time, 0.97),
+                (before, 0.97),
                 (-2 if is_last else 2, 0),
                 xycoords=axis.get_xaxis_transform(),
                 textcoords="offset points",
@@ -127,6 +131,13 @@ def _name_steps(axis: "Axes", timeline: Timeline, duration: float) -> None:
                 ha="right" if is_last else "left",
                 va="top",
             )
+
+
+def shown_name(name: str, letters: int) -> str:
+    """Return a name in at most so many letters: whole, cut, or nothing if little is left."""
+    if len(name) <= letters:
+        return name
+    return f"{name[: letters - 2]}..." if letters >= _FEWEST_LETTERS else ""
 
 
 def _draw_space(

@@ -26,7 +26,11 @@ def folder(tmp_path_factory):
         {"name": "out", "tube": {"points": points, "radius": 0.4}, "goal": {"joints": END}},
         {"event": "grip", "dwell": 0.1},
         {"attach": "part", "payload": {"mass": 1.0}},
-        {"name": "home", "tube": {"points": points[::-1], "radius": 0.4}, "goal": {"joints": START}},
+        {
+            "name": "home",
+            "tube": {"points": points[::-1], "radius": 0.4},
+            "goal": {"joints": START},
+        },
     ]
     part = {"name": "part", "box": [0.05, 0.05, 0.05], "position": [0.6, 0.6, 0.1]}
     fields = {
