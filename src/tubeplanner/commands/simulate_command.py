@@ -88,8 +88,9 @@ def simulate(
 ) -> None:
     """Execute the TRAJECTORY file with arms that differ from PROBLEM's model, in MuJoCo.
 
-    What is seen in some runs is not proved for others. An error that is not given is that of
-    PROBLEM's robustness, or the usual one. Exit status 0 also if runs fail.
+    PROBLEM may be a cycle, which is executed whole. What is seen in some runs is not proved for
+    others. An error that is not given is that of PROBLEM's robustness, or the usual one. Exit
+    status 0 also if runs fail.
     """
     from tubeplanner.cycle.cycle import Cycle
     from tubeplanner.problem.robustness import Robustness
