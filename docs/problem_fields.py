@@ -21,12 +21,14 @@ def problem_fields(schema: dict[str, Any]) -> str:
         schema: The JSON schema of the problem file.
     """
     paths: dict[str, list[str]] = {}
-    _find_sections(schema, schema, "", paths)
-    inner = [_section(schema["$defs"][name], " · ".join(paths[name]), paths) for name in paths]
-    return "\n\n".join([_section(schema, "Top level", paths), *inner])
+    find_sections(schema, schema, "", paths)
+    inner = [
+        written_section(schema["$defs"][name], " · ".join(paths[name]), paths) for name in paths
+    ]
+    return "\n\n".join([written_section(schema, "Top level", paths), *inner])
 
 
-def _find_sections(
+def find_sections(
     schema: dict[str, Any], section: dict[str, Any], path: str, paths: dict[str, list[str]]
 ) -> None:
     """Note under which paths each section is written, in reading order."""
@@ -35,10 +37,17 @@ def _find_sections(
         for reference in dict.fromkeys(references):  # a field may take one, or a list of them
             inner = f"{path}.{name}".removeprefix(".")
             paths.setdefault(reference, []).append(inner)
-            _find_sections(schema, schema["$defs"][reference], inner, paths)
+            find_sections(schema, schema["$defs"][reference], inner, paths)
 
 
-def _section(section: dict[str, Any], title: str, paths: dict[str, list[str]]) -> str:
+def written_section(section: dict[str, Any], title: str, paths: dict[str, list[str]]) -> str:
+    """Return a heading, a sentence and a table.
+
+    Args:
+        section: The schema of the section.
+        title: Its heading, of which the first word is its label.
+        paths: Under which paths sections are written, by their names in the schema.
+    """
     label = f"(field-{title.split(' ')[0].lower()})="
     rows = ["| Field | Type | Unit | Default | Meaning |", "|---|---|---|---|---|"]
     required = section.get("required", []) + section.get("then", {}).get("required", [])
@@ -66,8 +75,9 @@ def _type(field: dict[str, Any], paths: dict[str, list[str]]) -> str:
     if "$ref" in field:
         path = paths[field["$ref"].rpartition("/")[2]][0]
         return f"[section](#field-{path})"
-    if "anyOf" in field:
-        kinds = [_type(kind, paths) for kind in field["anyOf"] if kind.get("type") != "null"]
+    alternatives = field.get("anyOf", field.get("oneOf"))
+    if alternatives is not None:
+        kinds = [_type(kind, paths) for kind in alternatives if kind.get("type") != "null"]
         many = (f"list of {kinds[0]}", f"list of ({kinds[0]})")
         return ", or ".join("list of these" if kind in many else kind for kind in kinds)
     if "enum" in field:

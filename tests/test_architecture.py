@@ -20,7 +20,12 @@ FOLDERS = sorted({path.parent for path in MODULES} - {PACKAGE})
 TESTS = Path(__file__).parent
 # Who may know which library.
 KNOWS = {
-    "pinocchio": {"robot.frame_velocities", "robot.pinocchio_model", "robot.robot_model"},
+    "pinocchio": {
+        "robot.frame_jacobian",
+        "robot.frame_velocities",
+        "robot.pinocchio_model",
+        "robot.robot_model",
+    },
     "fcl": {"collision.mesh_solid", "collision.separation"},
     "coal": {"collision.penetration"},
     "yourdfpy": {"collision.link_elements"},
@@ -55,7 +60,13 @@ KNOWS = {
         "commands.view_command",
         "commands.cli",
     },
-    "rich": {"commands.report", "commands.console", "commands.info_text"},
+    "rich": {
+        "commands.report",
+        "commands.console",
+        "commands.cycle_info_text",
+        "commands.cycle_report",
+        "commands.info_text",
+    },
     "piqp": {"refinement.linear_program"},
     "toppra": {"baselines.fastest_parameterization"},
     "yaml": {"documents"},
@@ -63,6 +74,8 @@ KNOWS = {
     "ompl": {"tube_sources.joint_route"},
     "xacro": {"robot.xacro_file"},
     "pydantic": {
+        "cycle.cycle_format",
+        "problem.checked_fields",
         "problem.clearance_fields",
         "problem.field_types",
         "problem.limit_fields",

@@ -12,8 +12,9 @@ import pytest
 from ruamel.yaml import YAML
 
 import tubeplanner
-from tubeplanner import read_preset
+from tubeplanner import load_cycle, read_preset
 from tubeplanner.commands.cli import cli, main
+from tubeplanner.cycle.cycle_format import cycle_schema
 from tubeplanner.problem.problem_format import check_problem_fields, problem_schema
 
 ROOT = Path(__file__).parents[1]
@@ -95,6 +96,10 @@ def keep_problem(block):
     if fields.get("format") == "tubeplanner/preset":
         Path("preset.yaml").write_text(block)
         read_preset("preset.yaml")
+        return
+    if fields.get("format") == "tubeplanner/cycle":
+        Path("cycle.yaml").write_text(block)
+        load_cycle("cycle.yaml")
         return
     whole = {name: {**REST.get(name, {}), **value} for name, value in sections(fields).items()}
     check_problem_fields({**REST, **fields, **whole}, "the page")
@@ -227,3 +232,27 @@ def test_every_field_of_the_problem_file_is_documented(monkeypatch):
     assert "\n| `gravity` | [3 numbers] | m/s² | `[0.0, 0.0, -9.81]` | base frame |" in page
     assert "| [section](#field-robot.tool_offset) |" in page
     assert "\n(field-robot.tool_offset)=\n" in page
+
+
+def test_every_field_of_the_cycle_file_is_documented(monkeypatch):
+    monkeypatch.syspath_prepend(DOCS)
+    from cycle_fields import cycle_fields
+    from problem_fields import problem_fields
+
+    schema, shared = cycle_schema(), problem_schema()
+    page, problem_page = cycle_fields(schema, shared), problem_fields(shared)
+    own = [schema["$defs"][name] for name in schema["$defs"] if name not in shared["$defs"]]
+    assert {"MoveFields", "AttachFields"} <= set(schema["$defs"])
+    for section in (schema, *own):
+        assert section["description"] in page
+        assert all(page.count(f"\n| `{name}` | ") for name in section["properties"])
+    kinds = ", or ".join(f"[section](#field-{kind})" for kind in KINDS)
+    assert f"\n| `moves` | list of ({kinds}) |  | required | " in page
+    assert "\n| `dwell` | number | s | `0.0` | how long the arm stays |" in page
+    targets = set(re.findall(r"\(#(field-[\w.]+)\)", page))
+    labels = re.findall(r"^\((field-[\w.]+)\)=$", page + "\n" + problem_page, re.M)
+    assert targets <= set(labels)
+    assert len(labels) == len(set(labels))
+
+
+KINDS = ("move", "event", "attach", "detach")

@@ -9,6 +9,7 @@ import pytest
 from tubeplanner import resources
 from tubeplanner.errors import ProblemError, RobotError
 from tubeplanner.resources import (
+    bundled_cycles,
     bundled_folder,
     bundled_presets,
     bundled_problems,
@@ -45,6 +46,18 @@ def test_every_example_name_leads_to_a_urdf_on_this_machine(name):
 def test_bundled_robots_and_problems_are_listed_by_name():
     assert bundled_robots()["two_link"] == bundled_folder() / "two_link" / "two_link.urdf"
     assert {"ur5/over_the_wall", "two_link/around_a_post"} <= set(bundled_problems())
+
+
+def test_bundled_cycles_are_no_problems_and_found_by_name(tmp_path, monkeypatch):
+    (tmp_path / "arm").mkdir()
+    cycle, problem = tmp_path / "arm" / "cycle.yaml", tmp_path / "arm" / "problem.yaml"
+    cycle.write_text("# moves\nformat: tubeplanner/cycle\nversion: 1\n")
+    problem.write_text("# not of the format: tubeplanner/cycle\nformat: tubeplanner/problem\n")
+    monkeypatch.setattr(resources, "bundled_folder", lambda: tmp_path)
+    assert bundled_cycles() == {"arm/cycle": cycle}
+    assert bundled_problems() == {"arm/problem": problem}
+    assert resources.find_problem("example:arm/cycle", Path()) == cycle
+    assert resources.find_problem("example:arm/problem", Path()) == problem
 
 
 def test_a_bundled_preset_is_found_by_name_and_hides_a_file_of_that_name(tmp_path):

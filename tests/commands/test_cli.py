@@ -253,28 +253,28 @@ def test_an_interrupt_while_a_certified_answer_is_written_loses_nothing(
 
 def test_an_interrupt_that_a_library_swallows_still_counts(run_json, monkeypatch):
     """trimesh catches everything while it imports; here, loading does."""
-    from tubeplanner.problem import problem_reader
+    from tubeplanner.cycle import problem_or_cycle
 
-    load = problem_reader.load_problem
+    load = problem_or_cycle.load_problem
 
-    def swallowing_load(name, **options):
+    def swallowing_load(*names, **options):
         with contextlib.suppress(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
-        return load(name, **options)
+        return load(*names, **options)
 
-    monkeypatch.setattr(problem_reader, "load_problem", swallowing_load)
+    monkeypatch.setattr(problem_or_cycle, "load_problem", swallowing_load)
     status, fields = run_json("plan", PROBLEM)
     assert status == 130
     assert fields["status"] == "interrupted"
 
 
 def test_what_an_interrupt_breaks_in_a_library_is_no_error(run_json, monkeypatch):
-    def breaking_load(name, **options):
+    def breaking_load(*names, **options):
         with contextlib.suppress(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
         raise TypeError("a half imported library")
 
-    monkeypatch.setattr("tubeplanner.problem.problem_reader.load_problem", breaking_load)
+    monkeypatch.setattr("tubeplanner.cycle.problem_or_cycle.load_problem", breaking_load)
     status, fields = run_json("plan", PROBLEM)
     assert status == 130
     assert fields["status"] == "interrupted"

@@ -34,7 +34,11 @@ class CheckedCycle:
     @property
     def message(self) -> str:
         """What is said of the trajectory, without the full stop."""
-        reasons = "; ".join(map(self.certificate.describe, self.certificate.failures()))
+        told: dict[str, str] = {}
+        for failure in self.certificate.failures():
+            reason = self.certificate.describe(failure)
+            told.setdefault(reason.partition(": ")[2], reason)  # moves without a stop fail together
+        reasons = "; ".join(told.values())
         return f"fails: {reasons}" if reasons else "passes every condition"
 
     def as_dict(self) -> dict[str, Any]:

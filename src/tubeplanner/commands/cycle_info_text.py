@@ -34,8 +34,9 @@ def _cycle_lines(cycle: "Cycle") -> list[str]:
     ends = "ends where it begins" if cycle.closed else "ends where its last move does"
     moves = sum(len(leg.moves) for leg in cycle.legs)
     first = cycle.problem_from_anywhere(0)
+    legs = f"{len(cycle.legs)} legs (each without a stop)"
     return [
-        f"cycle {cycle.name}: {moves} moves in {len(cycle.legs)} legs (each without a stop); {ends}",
+        f"cycle {cycle.name}: {moves} moves in {legs}; {ends}",
         end_line(first, "start", cycle.start),
         _step_table(cycle),
         *([f"obstacle {bare(solid)}" for solid in cycle.obstacles] or ["no obstacles"]),

@@ -165,6 +165,7 @@ class Cycle:
                 self.period,
                 name=f"{self.name}, {leg.name}",
             )
+            _ = problem.collision  # built here: its faults are the move's
             contacts = usual_contacts(problem, cell.handed_over, self.rest_at(k + 1).handed_over)
             return replace(problem, contacts=(*problem.contacts, *contacts))
         except (ProblemError, RobotError) as error:

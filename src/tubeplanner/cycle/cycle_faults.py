@@ -117,7 +117,9 @@ class _Held:
 
     def _attach(self, step: Attach) -> None:
         here, name = f"attach '{step.name}'", step.name
-        if name in self._has_shape or name in self._carried:
+        if name in self._carried:
+            raise ProblemError(f"{here}: the robot carries it all along; choose another name")
+        if name in self._has_shape:
             raise ProblemError(f"{here}: it is attached already; detach it before")
         if name in self._standing and step.solid is not None:
             raise ProblemError(
@@ -133,6 +135,10 @@ class _Held:
         self._standing.discard(name)
 
     def _detach(self, step: Detach) -> None:
+        if step.name in self._carried:
+            raise ProblemError(
+                f"detach '{step.name}': the robot carries it all along; attach it in a step instead"
+            )
         if step.name not in self._has_shape:
             held = unknown_name("attached name", step.name, self._has_shape)
             raise ProblemError(f"detach '{step.name}': {held}")

@@ -36,7 +36,9 @@ class MoveFields(Section):
         None, description="where it ends; left out: in whichever configuration is best"
     )
     limits: LimitFields | None = Field(None, description="above the robot's limits")
-    clearance: Clearance | None = Field(None, description="in place of the cycle's, or of parts")
+    clearance: Clearance | None = Field(
+        None, description="in place of the cycle's [m]; of a map, field by field"
+    )
     contacts: list[ContactFields] = Field(
         [], description="solids that may be nearer where the move begins or ends"
     )
@@ -82,12 +84,13 @@ class DetachFields(Section):
 _STEPS = {"event": EventFields, "attach": AttachFields, "detach": DetachFields}
 
 
-def _step_kind(step: Any) -> str:
-    """Return which step something is meant to be."""
+def _step_kind(step: Any) -> str | None:
+    """Return which step something is meant to be; None: there is no telling."""
     if isinstance(step, Section):
         return type(step).__name__
     keys = step if isinstance(step, dict) else {}
-    return next((model.__name__ for key, model in _STEPS.items() if key in keys), "MoveFields")
+    named = [model.__name__ for key, model in _STEPS.items() if key in keys]
+    return next(iter(named), "MoveFields" if keys.keys() & MoveFields.model_fields.keys() else None)
 
 
 StepFields: TypeAlias = Annotated[
@@ -95,7 +98,11 @@ StepFields: TypeAlias = Annotated[
     | Annotated[EventFields, Tag("EventFields")]
     | Annotated[AttachFields, Tag("AttachFields")]
     | Annotated[DetachFields, Tag("DetachFields")],
-    Discriminator(_step_kind),
+    Discriminator(
+        _step_kind,
+        custom_error_type="step",
+        custom_error_message="it must be a map with name (of a move), event, attach or detach",
+    ),
 ]
 
 

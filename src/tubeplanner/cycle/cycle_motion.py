@@ -38,8 +38,8 @@ class CycleMotion:
         marks: One for each step, in order.
 
     Raises:
-        TrajectoryError: On construction, if the marks are not those of the cycle's steps, or a move
-            takes no time; or joints are others than the cycle's.
+        TrajectoryError: On construction, if the marks are not those of the cycle's steps, their
+            times are not in order, or a move takes no time; or joints are others than the cycle's.
     """
 
     cycle: Cycle
@@ -53,12 +53,18 @@ class CycleMotion:
         found = [(mark.kind, mark.name) for mark in self.marks]
         if found != wanted:
             raise TrajectoryError(f"marks are {_listed(found)}; the cycle has {_listed(wanted)}")
-        for leg, (begin, end) in zip(self.cycle.legs, self.leg_times, strict=True):
-            if not begin < end <= self.trajectory.duration:
+        for mark, (begin, end) in zip(self.marks, self.step_times, strict=True):
+            if not 0 <= begin <= end or (mark.kind == MOVE and begin == end):
                 raise TrajectoryError(
-                    f"marks: move '{leg.name}' is from {begin:g} to {end:g} s of a trajectory of "
-                    f"{self.trajectory.duration:g} s"
+                    f"marks: {mark.kind} '{mark.name}' is from {begin:g} to {end:g} s of a "
+                    f"trajectory of {self.trajectory.duration:g} s; give times in order, from "
+                    "zero, and every move some"
                 )
+
+    @property
+    def step_times(self) -> list[tuple[float, float]]:
+        """When each step of the cycle begins, and when the next one does [s]."""
+        return list(pairwise([*(mark.time for mark in self.marks), self.trajectory.duration]))
 
     @property
     def leg_times(self) -> list[tuple[float, float]]:
@@ -74,8 +80,7 @@ class CycleMotion:
     @property
     def move_times(self) -> dict[str, tuple[float, float]]:
         """When each move begins and ends [s], by its name."""
-        times = [*(mark.time for mark in self.marks), self.trajectory.duration]
-        spans = zip(self.marks, pairwise(times), strict=True)
+        spans = zip(self.marks, self.step_times, strict=True)
         return {mark.name: span for mark, span in spans if mark.kind == MOVE}
 
     @property

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from tubeplanner.collision.obstacle import AttachedSolid
 from tubeplanner.cycle.cycle import Cycle, anywhere
 from tubeplanner.cycle.cycle_format import (
     AttachFields,
@@ -16,6 +17,7 @@ from tubeplanner.cycle.cycle_format import (
 )
 from tubeplanner.cycle.steps import Attach, Detach, Event, Move, Step
 from tubeplanner.errors import ProblemError, RobotError
+from tubeplanner.names import require_name
 from tubeplanner.problem.clearance_fields import clearances_of, contacts_of
 from tubeplanner.problem.merged_fields import merged_fields
 from tubeplanner.problem.problem import PlanningProblem
@@ -90,8 +92,8 @@ def _build(
         return Cycle(
             start=first.start,
             steps=[
-                move or _rest_step(step, directory, first.robot)
-                for move, step in zip(steps, fields.moves, strict=True)
+                move or _rest_step(k, step, directory, first.robot)
+                for k, (move, step) in enumerate(zip(steps, fields.moves, strict=True))
             ],
             obstacles=first.obstacles,
             attached=first.attached,
@@ -114,6 +116,7 @@ class _MoveReader:
 
     def move(self, k: int, fields: MoveFields) -> Move:
         """Return move k of the file, which has these fields."""
+        require_name(f"{self._source}: moves[{k}].name", fields.name, ProblemError)
         own = self._data["moves"][k]
         merged = self._merged(own)
         source = f"{self._source}: move '{fields.name}'"
@@ -167,17 +170,32 @@ def _above(data: Mapping[str, Any], own: Mapping[str, Any], key: str) -> dict[st
     return {key: merged_fields(given[0], given[-1])} if given else {}
 
 
-def _rest_step(step: Any, directory: Path, robot: RobotModel) -> Step:
-    if isinstance(step, EventFields):
-        return Event(step.event, step.set, step.dwell)
-    if isinstance(step, DetachFields):
-        return Detach(step.detach, step.leave_as_obstacle)
-    assert isinstance(step, AttachFields)
-    payload = None if step.payload is None else Payload(**step.payload.model_dump())
-    if step.shape is None:
-        return Attach(step.attach, payload)
-    fields = AttachedFields(name=step.attach, **step.shape.model_dump())
+def _rest_step(k: int, step: Any, directory: Path, robot: RobotModel) -> Step:
+    """Return step k of the file, which is no move."""
     try:
-        return Attach(step.attach, payload, attached_of(fields, directory, robot.package_dirs))
-    except ProblemError as error:
-        raise ProblemError(f"attach '{step.attach}': {error}") from None
+        if isinstance(step, EventFields):
+            return Event(step.event, step.set, step.dwell)
+        if isinstance(step, DetachFields):
+            return Detach(step.detach, step.leave_as_obstacle)
+        assert isinstance(step, AttachFields)
+        return Attach(step.attach, _payload(step), _solid(step, directory, robot))
+    except (ProblemError, RobotError) as error:
+        raise type(error)(f"moves[{k}]: {error}") from None
+
+
+def _payload(step: AttachFields) -> Payload | None:
+    if step.payload is None:
+        return None
+    try:
+        return Payload(**step.payload.model_dump())
+    except RobotError as error:
+        # It is called as that of the whole robot is.
+        raise RobotError(f"attach '{step.attach}': {str(error).removeprefix('robot.')}") from None
+
+
+def _solid(step: AttachFields, directory: Path, robot: RobotModel) -> AttachedSolid | None:
+    if step.shape is None:
+        return None
+    fields = AttachedFields(name=step.attach, **step.shape.model_dump())
+    field = f"attach '{step.attach}': shape"
+    return attached_of(fields, directory, robot.package_dirs, field)

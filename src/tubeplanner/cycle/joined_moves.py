@@ -82,6 +82,8 @@ def _joined_tube(first: Move, second: Move) -> Tube:
         "tool_speed": _filled([tube.tool_speed for tube in tubes], counts),
         "clearance": _clearances((first, second)),
         "cross_section": _sections(tubes),
+        # Points that were left out keep their numbers, by which segments are told apart.
+        "numbers": [*first.tube.numbers, *(first.tube.numbers[-1] + second.tube.numbers[1:])],
     }
     return Tube(
         np.vstack([first.tube.points, second.tube.points[1:]]),

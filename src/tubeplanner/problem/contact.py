@@ -27,8 +27,8 @@ class Contact:
         links: Names of links, attached solids or obstacles.
         within: Distance of the tool from its place at that end [m].
         ends: "start", "goal" or both.
-        apart: How far apart they must be at a goal that is left open [m]; negative: how deep one may
-            be in the other.
+        apart: How far apart they must be at a goal that is left open [m]; negative: how deep one
+            may be in the other.
 
     Raises:
         ProblemError: On construction, if a distance is not positive or an end is unknown.

@@ -119,8 +119,8 @@ class _Walk:
             return names.index(key)
         if key in numbers:
             return int(key)
-        if all(isinstance(name, str) for name in names):
-            raise self._fault(unknown_name("name", key, names))  # type: ignore[arg-type]
+        if known := [name for name in names if isinstance(name, str)]:
+            raise self._fault(unknown_name("name", key, known))
         raise self._fault(
             f"{walked} has no item {shown(key)}; there are {len(items)}, from 0 to {len(items) - 1}"
         )

@@ -54,7 +54,8 @@ class Payload:
             raise RobotError(f"robot.payload: com {self.com} must be three finite numbers")
         if np.shape(self.inertia) != (6,) or not np.isfinite(self.inertia).all():
             raise RobotError(f"robot.payload: inertia {self.inertia} must be six finite numbers")
-        if np.linalg.eigvalsh(self.inertia_matrix()).min() < -1e-12:
+        least = np.linalg.eigvalsh(self.inertia_matrix()).min()
+        if least < -1e-12 * max(1.0, float(np.abs(self.inertia).max())):
             raise RobotError(f"robot.payload: inertia {self.inertia} is not positive semidefinite")
 
     def inertia_matrix(self) -> FloatArray:

@@ -19,6 +19,7 @@ from tubeplanner.robot.body_inertia import BodyInertia
 from tubeplanner.robot.configurations import one_or_many
 from tubeplanner.robot.cross_product import cross_product
 from tubeplanner.robot.followers import followers_of
+from tubeplanner.robot.frame_jacobian import frame_jacobian
 from tubeplanner.robot.frame_velocities import frame_velocities
 from tubeplanner.robot.joint_limits import JointLimits
 from tubeplanner.robot.joint_motors import JointMotors
@@ -181,17 +182,8 @@ class RobotModel:
         """Return rotation (N, 3, 3), position (N, 3) [m] and Jacobian (N, 6, n) of that point."""
         if len(q) >= _MANY:
             return self._tool_jacobian_of_many(q)
-        model, data, tool_id = self._model, self._scratch.data, self._tool_id
-        rotation, position = np.empty((len(q), 3, 3)), np.empty((len(q), 3))
-        shape = (6, self._model.nv)
-        jacobian = np.empty((len(q), *shape))
-        placement = data.oMf[tool_id]
-        for i, q_i in enumerate(self._joints.positions(q)):
-            columns = pin.computeFrameJacobian(model, data, q_i, tool_id, pin.LOCAL_WORLD_ALIGNED)
-            jacobian[i] = columns.reshape(shape)  # one column comes back flat
-            pin.updateFramePlacement(model, data, tool_id)
-            rotation[i], position[i] = placement.rotation, placement.translation
-        return rotation, position, self._joints.collected(jacobian)
+        arm = self._model, self._scratch.data, self._joints
+        return frame_jacobian(*arm, self._tool_id, q)
 
     def _tool_in(self, rotation: FloatArray, position: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return `tool_pose` from `body_poses`."""

@@ -6,6 +6,7 @@ from math import comb
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
+from tubeplanner.errors import TrajectoryError
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
 
@@ -15,6 +16,10 @@ def part_of(trajectory: JointTrajectory, begin: float, end: float) -> JointTraje
     Raises:
         TrajectoryError: They are not in order, or lie outside of it.
     """
+    if not 0 <= begin < end <= trajectory.duration:
+        raise TrajectoryError(
+            f"from {begin:g} to {end:g} s is no part of a trajectory of {trajectory.duration:g} s"
+        )
     times, coefficients = trajectory.breakpoints, trajectory.coefficients
     first = max(int(np.searchsorted(times, begin, side="right")) - 1, 0)
     stop = max(int(np.searchsorted(times, end, side="left")), first + 1)

@@ -101,7 +101,8 @@ def _parts_near(tool: Enclosure, visits: list[Visit], near: NearEnd) -> FloatArr
         shares = np.column_stack([start, start + width])[inside]
         whole = tool.start[interval[inside], None], tool.width[interval[inside], None]
         found.append(whole[0] + whole[1] * shares)
-        split = ~inside & ~outside & (width > _MIN_WIDTH)
+        # Halves of what spreads less than is known of the tool would tell no more.
+        split = ~inside & ~outside & (width > _MIN_WIDTH) & (spread > error)
         interval = np.repeat(interval[split], 2)
         start, width = halves(start[split], width[split])
     return np.concatenate(found)

@@ -10,6 +10,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.cycle.cycle import Cycle
 from tubeplanner.cycle.cycle_motion import CycleMotion
 from tubeplanner.cycle.leg import Rest
+from tubeplanner.cycle.steps import Event
 from tubeplanner.errors import ProblemError, TrajectoryError, shown
 from tubeplanner.outcome import Place
 from tubeplanner.robot.robot_model import RobotModel
@@ -36,8 +37,8 @@ def verify_cycle(
     """Judge the motion of a cycle.
 
     Every leg is judged as the motion of its planning problem, the cell as the motion itself leaves
-    it. Where it rests, it must stay where it is, and the motors must hold the arm with and without
-    what is taken or let go.
+    it. Where it rests, it must stay where it is for as long as events take, and the motors must
+    hold the arm with and without what is taken or let go.
 
     Args:
         cycle: The cycle.
@@ -96,7 +97,8 @@ def _judged_seams(
         yield (
             " - ".join(name),
             {
-                "continuity": _judged_stay(motion, begin, end),
+                "continuity": _judged_stay(motion, k, begin, end),
+                "dwell": _judged_dwell(motion, k),
                 "effort": _judged_hold(cycle.rest_at(k), motion.trajectory.position(end), end),
             },
         )
@@ -104,20 +106,41 @@ def _judged_seams(
         yield "closed", {"continuity": _judged_return(cycle, motion)}
 
 
-def _judged_stay(motion: CycleMotion, begin: float, end: float) -> JudgedCondition:
-    """Judge how far joints move between two times [s] between which they must not."""
-    place = Place(time=begin)
-    if begin == end:
+def _judged_stay(motion: CycleMotion, seam: int, begin: float, end: float) -> JudgedCondition:
+    """Judge how far joints move at a seam, between two times [s], where they must not at all."""
+    legs = motion.legs
+    stops = [leg.position(leg.duration) for leg in legs[:seam][-1:]]
+    starts = [leg.position(0.0) for leg in legs[seam : seam + 1]]
+    travelled = [np.zeros_like(q) for q in (*stops, *starts)]
+    if begin < end:
+        part = part_of(motion.trajectory, begin, end)
+        powers = np.arange(len(part.coefficients))[::-1, None, None]
+        travel = abs(part.coefficients) * np.diff(part.breakpoints)[:, None] ** powers
+        travelled[len(stops) : len(stops)] = travel[:-1].sum(axis=0)
+        starts = [*part.coefficients[-1], *starts]
+    if len(travelled) < 2:
         return not_required("rad", "the arm does not dwell here")
-    part = part_of(motion.trajectory, begin, end)
-    powers = np.arange(len(part.coefficients))[::-1, None, None]
-    travel = abs(part.coefficients) * np.diff(part.breakpoints)[:, None] ** powers
-    offset = abs(part.coefficients[-1] - part.coefficients[-1, 0])
-    moved = travel[:-1].sum(axis=0) + offset
+    places = np.array([*stops, *starts])
+    moved = abs(places - places[0]) + travelled
     joint = motion.trajectory.joint_names[int(moved.max(axis=0).argmax())]
-    return JudgedCondition(
-        0.0 - float(moved.max()), "rad", replace(place, joint=joint), FOR_ALL_TIMES
-    )
+    place = Place(time=begin, joint=joint)
+    return JudgedCondition(0.0 - float(moved.max()), "rad", place, FOR_ALL_TIMES)
+
+
+def _judged_dwell(motion: CycleMotion, seam: int) -> JudgedCondition:
+    """Judge whether the arm rests at a seam for as long as each event takes."""
+    cycle = motion.cycle
+    first = sum(len(leg.before.steps) + len(leg.moves) for leg in cycle.legs[:seam])
+    spans = motion.step_times[first:]
+    spare = [
+        (end - begin - step.dwell, begin)
+        for step, (begin, end) in zip(cycle.rest_at(seam).steps, spans, strict=False)
+        if isinstance(step, Event) and step.dwell > 0
+    ]
+    if not spare:
+        return not_required("s", "no event takes time here")
+    margin, begin = min(spare)
+    return JudgedCondition(margin, "s", Place(time=begin), "every event against its dwell")
 
 
 def _judged_hold(rest: Rest, q: FloatArray, time: float) -> JudgedCondition:

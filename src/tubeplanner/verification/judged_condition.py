@@ -17,7 +17,7 @@ class Tolerance:
     """How far below zero a margin may lie.
 
     Attributes:
-        absolute: For margins in m and rad, >= 0.
+        absolute: For margins in m, rad and s, >= 0.
         relative: For relative margins, >= 0.
     """
 
@@ -46,7 +46,7 @@ class JudgedCondition:
     Attributes:
         margin: Distance to a violation: negative where violated, None where the condition does not
             apply.
-        unit: "m", "rad" or "relative".
+        unit: "m", "rad" or "relative"; "s" where a cycle rests.
         where: Where the margin is smallest.
         coverage: "for all t", and whether that is undecided because bounds stayed apart; or why
             there is no margin; or what was compared.

@@ -1,0 +1,106 @@
+"""The motion of a whole cycle: when its steps happen, and what its legs are."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cases import rest_to_rest
+from cycles import DWELL, HOME, PICK, PLACE, move, pick_and_place, planar_arm, slow_motion
+from tubeplanner import Cycle, CycleMotion, Event, JointTrajectory, Mark, TrajectoryError
+from tubeplanner.cycle.cycle_motion import LegMotion, cycle_motion
+
+CYCLE = pick_and_place()
+MOTION = slow_motion(CYCLE)
+TIMES = [0.0, 2.0, 2.0 + DWELL, 2.0 + DWELL, 4.0 + DWELL, 4.0 + 2 * DWELL, 4.0 + 2 * DWELL]
+
+
+def remarked(times=None, names=None):
+    """Return the motion with marks at other times, or of other names."""
+    marks = list(MOTION.marks)
+    for k, time in (times or {}).items():
+        marks[k] = replace(marks[k], time=time)
+    for k, name in (names or {}).items():
+        marks[k] = replace(marks[k], name=name)
+    return CycleMotion(CYCLE, MOTION.trajectory, tuple(marks))
+
+
+def test_every_step_has_a_mark_when_it_begins():
+    assert [mark.time for mark in MOTION.marks] == pytest.approx(TIMES)
+    kinds = ["move", "event", "attach", "move", "event", "detach", "move"]
+    assert [mark.kind for mark in MOTION.marks] == kinds
+    assert MOTION.marks[1] == Mark(2.0, "event", "gripper", "close")
+    assert MOTION.trajectory.duration == pytest.approx(6.0 + 2 * DWELL)
+
+
+def test_the_arm_stays_where_it_is_while_events_take_time():
+    for begin, q in ((2.0, PICK), (4.0 + DWELL, PLACE)):
+        time = np.linspace(begin, begin + DWELL, 20)
+        np.testing.assert_allclose(MOTION.trajectory.position(time), [q] * 20, atol=1e-12)
+
+
+def test_legs_are_what_they_were_made_of():
+    for (begin, end), leg, ends in zip(
+        MOTION.leg_times, MOTION.legs, [(HOME, PICK), (PICK, PLACE), (PLACE, HOME)], strict=True
+    ):
+        assert end - begin == pytest.approx(2.0)
+        expected = rest_to_rest(CYCLE.robot.joint_names, *ends, 2.0)
+        np.testing.assert_allclose(leg.coefficients, expected.coefficients)
+    np.testing.assert_allclose(MOTION.seams, [HOME, PICK, PLACE, HOME], atol=1e-12)
+
+
+def test_moves_are_known_by_name_and_legs_by_time():
+    assert MOTION.move_times["to_place"] == pytest.approx((2.0 + DWELL, 4.0 + DWELL))
+    assert list(MOTION.move_times) == ["to_pick", "to_place", "back"]
+    instants = [-1.0, 0.0, 1.9, 2.1, 2.3, 4.3, 5.0, 99.0]
+    assert [MOTION.leg_at(time) for time in instants] == [0, 0, 0, 0, 1, 1, 2, 2]
+
+
+def test_moves_that_pass_through_have_a_mark_within_their_leg():
+    robot = planar_arm()
+    on = replace(move(robot, "on", PICK, PLACE), passes_through=True)
+    steps = [Event("begin", None, 0.1), move(robot, "go", HOME, PICK), on, Event("end", None, 0.2)]
+    leg = LegMotion(rest_to_rest(robot.joint_names, HOME, PLACE, 2.0), (0.75,))
+    motion = cycle_motion(Cycle(HOME, steps), [leg])
+    assert motion.leg_times == [pytest.approx((0.1, 2.1))]
+    assert motion.move_times == {
+        "go": pytest.approx((0.1, 0.85)),
+        "on": pytest.approx((0.85, 2.1)),
+    }
+    assert motion.trajectory.duration == pytest.approx(2.3)
+    np.testing.assert_allclose(motion.seams, [HOME, PLACE])
+
+
+def test_joints_are_put_into_the_cycles_order():
+    swapped = JointTrajectory(
+        MOTION.trajectory.joint_names[::-1],
+        MOTION.trajectory.breakpoints,
+        MOTION.trajectory.coefficients[:, :, ::-1],
+    )
+    motion = CycleMotion(CYCLE, swapped, MOTION.marks)
+    assert motion.trajectory.joint_names == CYCLE.robot.joint_names
+    np.testing.assert_allclose(motion.seams, MOTION.seams)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"names": {3: "to_plce"}}, "marks are move to_pick, .*; the cycle has move to_pick, "),
+        ({"times": {2: 1.9}}, "marks: event 'gripper' is from 2 to 1.9 s of a trajectory of 6.5"),
+        ({"times": {2: 2.3}}, "marks: attach 'part' is from 2.3 to 2.25 s of a trajectory"),
+        ({"times": {0: -0.1}}, "marks: move 'to_pick' is from -0.1 to 2 s of a trajectory"),
+        ({"times": {6: 7.0}}, "marks: move 'back' is from 7 to 6.5 s of a trajectory of 6.5 s"),
+        ({"times": {6: 6.5}}, "marks: move 'back' is from 6.5 to 6.5 s"),
+        ({"times": {1: 0.0}}, "marks: move 'to_pick' is from 0 to 0 s .* and every move some"),
+        ({"times": {3: np.nan}}, "marks: attach 'part' is from 2.25 to nan s"),
+    ],
+)
+def test_marks_of_something_else_are_refused(change, message):
+    remarked()
+    with pytest.raises(TrajectoryError, match=message):
+        remarked(**change)
+
+
+def test_marks_of_fewer_steps_are_refused():
+    with pytest.raises(TrajectoryError, match="marks are none; the cycle has move to_pick"):
+        CycleMotion(CYCLE, MOTION.trajectory, ())

@@ -1,0 +1,102 @@
+"""What may be near where something changes hands: by default, and as the cycle says."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cycles import HOME, PICK, PLACE, ball, move, planar_arm
+from tubeplanner import Attach, Contact, Cycle, Detach, Obstacle, placement_of
+from tubeplanner.cycle.usual_contacts import WITHIN
+
+ARM = planar_arm()
+
+
+def table(q, below, name="table"):
+    """Return a slab whose top is so far under the ball where the hand is in a configuration."""
+    middle = ARM.tool_position(q) + np.array([0, 0, 0.1 - 0.02 - below - 0.005])
+    return Obstacle.box(name, [0.05, 0.05, 0.01], placement_of(middle))
+
+
+def cycle(*obstacles, clearance=0.01, contacts=(), goal=None):
+    steps = [
+        move(ARM, "to_pick", HOME, PICK, clearance=clearance, goal=goal),
+        Attach("part"),
+        move(
+            ARM, "to_place", PICK, PLACE, clearance=clearance, contacts=contacts, goal=goal_of(goal)
+        ),
+        Detach("part"),
+        move(ARM, "back", PLACE, HOME, clearance=clearance),
+    ]
+    return Cycle(HOME, steps, [ball(ARM), *obstacles])
+
+
+def goal_of(goal):
+    return None if goal is None else PLACE
+
+
+def contacts(made, k, **more):
+    seams = [HOME, PICK, PLACE]
+    problem = made.problem(k, seams, **more)
+    return {(frozenset(each.links), each.ends, each.within) for each in problem.contacts}
+
+
+def pair(other, end):
+    return frozenset(("part", other)), (end,), WITHIN
+
+
+def test_what_is_taken_may_be_as_near_to_what_it_lies_on_as_it_is():
+    made = cycle(table(PICK, 0.002), table(PLACE, 0.2, "far"))
+    assert pair("table", "start") in contacts(made, 1, goal=PLACE)
+    assert contacts(made, 1, goal=PLACE) == {pair("table", "start")}
+
+
+def test_what_is_let_go_may_come_near_to_what_it_will_lie_on():
+    made = cycle(table(PLACE, 0.002), table(PICK, 0.2, "far"))
+    assert contacts(made, 1, goal=PLACE) == {pair("table", "goal")}
+
+
+def test_what_is_as_far_as_the_clearance_asks_gets_no_contact():
+    assert contacts(cycle(table(PICK, 0.011)), 1, goal=PLACE) == set()
+    assert contacts(cycle(table(PICK, 0.009)), 1, goal=PLACE) == {pair("table", "start")}
+
+
+def test_where_it_will_be_let_go_is_not_known_any_obstacle_may_be_near():
+    made = cycle(table(PICK, 0.2, "far"), table(PLACE, 0.2, "farther"))
+    assert contacts(made, 1) == {pair("far", "goal"), pair("farther", "goal")}
+
+
+def test_the_hand_may_come_near_to_what_it_will_take_other_links_not():
+    """Where that is open: links that move with the tool; where it is known: what is near."""
+    owners = {shape.owner for shape in cycle().problem(0, [HOME]).collision.shapes}
+    of_tool = {name for name in owners if ARM.link_body.get(name) == ARM.link_body["hand"]}
+    assert {"link1", "part"} & (owners - of_tool)
+    assert contacts(cycle(), 0) == {pair(name, "goal") for name in of_tool}
+    assert contacts(cycle(goal=PICK, clearance=0.01), 0) == set()  # it is 0.04 m from the part
+    assert contacts(cycle(goal=PICK, clearance=0.09), 0) == {pair(name, "goal") for name in of_tool}
+
+
+def test_what_was_let_go_may_be_as_near_to_the_hand_as_it_is():
+    found = contacts(cycle(clearance=0.09), 2)
+    assert found
+    assert {ends for _, ends, _ in found} == {("start",)}
+    assert contacts(cycle(clearance=0.01), 2) == set()
+
+
+def test_a_contact_that_is_given_comes_instead():
+    own = Contact(("table", "part"), 0.07, ("start",))
+    made = cycle(table(PICK, 0.002), contacts=[own])
+    found = contacts(made, 1)
+    assert (frozenset(own.links), ("start",), 0.07) in found
+    assert pair("table", "start") not in found
+    assert pair("table", "goal") in found  # at the other end it is the usual one
+
+
+@pytest.mark.parametrize("steps", [(), (Detach("part"),)])
+def test_what_does_not_change_hands_there_gets_no_contact(steps):
+    """Only what is taken or let go at a seam is near to anything there."""
+    made = cycle(table(PLACE, 0.002))
+    kept = [each for each in made.steps if not isinstance(each, Detach)][:-1]
+    changed = replace(made, steps=[*kept, *steps])
+    found = contacts(changed, 1, goal=PLACE)
+    assert (pair("table", "goal") in found) == bool(steps)
