@@ -2716,8 +2716,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     # --- simulation/cycle_stages ----------------------------------------------------------------
     "cycle_stages": [
-        ("not _is_same(stages[-1], stage)", "stages[-1].robot is not stage.robot"),
-        ("not _is_same(stages[-1], stage)", "stages[-1].plants is not stage.plants"),
+        ("stages[-1].robot is not stage.robot", "True"),
         ("if load not in loaded", "if not loaded"),
         ("share[run] for", "share[0] for"),
     ],
