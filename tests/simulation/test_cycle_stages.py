@@ -111,10 +111,11 @@ def test_friction_that_nobody_gave_is_that_of_the_widest_limits(tmp_path):
 def test_events_change_nothing(tmp_path):
     reach, carry, _ = moves_of(slide(tmp_path))
     steps = [Event("wait", dwell=DWELL), Attach("part", PART), reach]
-    steps += [Event("part", dwell=DWELL), carry]  # called as the part is
+    steps += [Event("part", dwell=DWELL), Attach("other", PART), carry]  # called as the part is
     stages = stages_of(Cycle(SEAMS[0], steps), Draw(1))
-    assert [stage.begin for stage in stages] == pytest.approx([0.0, DWELL])
-    assert stages[1].plants[0].bodies[TIP].mass == pytest.approx(3.0)
+    taken = DWELL + DURATION + DWELL
+    assert [stage.begin for stage in stages] == pytest.approx([0.0, DWELL, taken])
+    np.testing.assert_allclose([tip_masses(stage)[0] for stage in stages], [1.0, 3.0, 5.0])
 
 
 def test_of_two_parts_the_other_stays(tmp_path):
