@@ -192,7 +192,7 @@ TESTS = {
     "robot/velocity_by_position": ("robot/test_joint_limits.py",),
     "robot/robot_model": ("collision/test_collision_checker.py", "robot/test_followers.py"),
     "simulation/execution": ("simulation/test_cycle_execution.py",),
-    "commands/cycle_execution_report": ("commands/test_simulate_cycle.py",),
+    "commands/cycle_execution_report": ("commands/test_simulate_command_cycle.py",),
     "simulation/judged_runs": ("simulation/test_run_summary.py",),
     "simulation/run_verdict": ("simulation/test_run_summary.py",),
     "trajectory/bernstein": ("verification/test_enclosure.py",),
