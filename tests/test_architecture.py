@@ -34,6 +34,7 @@ KNOWS = {
         "views.comparison_plot",
         "views.executed_planes",
         "views.execution_panels",
+        "views.cycle_execution_plot",
         "views.execution_plot",
         "views.field_plot",
         "views.figure_files",

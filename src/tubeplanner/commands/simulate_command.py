@@ -24,8 +24,6 @@ from tubeplanner.commands.view_command import require_page
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from matplotlib.figure import Figure
-
     from tubeplanner.cycle.cycle import Cycle
     from tubeplanner.cycle.cycle_motion import CycleMotion
     from tubeplanner.problem.problem import PlanningProblem
@@ -156,7 +154,7 @@ class _Pictures:
         require_page(self.html)
         require_writable([path for _, path in self.paths], [Path(path) for path in inputs])
 
-    def write(self, figure: "Callable[[], Figure]", page: "Callable[[], View]") -> None:
+    def write(self, figure: "Callable[[], Any]", page: "Callable[[], View]") -> None:
         """Make and write all files, or none of them."""
         from tubeplanner.files.output_files import write_files
 
@@ -251,7 +249,7 @@ class _MotionPictures:
     execution: "Execution"
     judged: "Sequence[JudgedRun]"
 
-    def figure(self) -> "Figure":
+    def figure(self) -> Any:
         """Return the figure."""
         from tubeplanner.views.execution_plot import plot_execution
 
@@ -272,7 +270,7 @@ class _CyclePictures:
     execution: "Execution"
     judged: "JudgedCycle"
 
-    def figure(self) -> "Figure":
+    def figure(self) -> Any:
         """Return the figure."""
         from tubeplanner.views.cycle_execution_plot import plot_cycle_execution
 
