@@ -217,6 +217,8 @@ TESTS = {
     "robot/joint_limits": ("robot/test_effort_range.py",),
     "robot/velocity_by_position": ("robot/test_joint_limits.py",),
     "robot/robot_model": ("collision/test_collision_checker.py", "robot/test_followers.py"),
+    "simulation/execution": ("simulation/test_cycle_execution.py",),
+    "commands/cycle_execution_report": ("commands/test_simulate_command_cycle.py",),
     "simulation/judged_runs": ("simulation/test_run_summary.py",),
     "simulation/run_verdict": ("simulation/test_run_summary.py",),
     "trajectory/bernstein": ("verification/test_enclosure.py",),
@@ -1668,7 +1670,11 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("start_moves=is_tied[k - 1]", "start_moves=is_tied[k]"),
         ("wanted and ControlVariables", "ControlVariables"),
     ],
-    "_joined": [("intervals // _FEWEST", "most")],
+    "_joined": [
+        ("intervals // _FEWEST", "most"),
+        ("begin + np.append", "np.append"),
+        ("np.append(band.plan, np.nan)", "np.append(band.plan, 0)"),
+    ],
     # --- refinement/refinement ----------------------------------------------------------------
     "_dodged": [("again.links.excess.max(initial=0.0) > _DODGED", "False")],
     # --- refinement/trust_region --------------------------------------------------------------
@@ -2774,6 +2780,84 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("end + _SAME_INSTANT", "end - _SAME_INSTANT"),
         (', side="right")) - 1', "))"),
     ],
+    # --- simulation/cycle_stages ----------------------------------------------------------------
+    "cycle_stages": [
+        ("stages[-1].robot is not stage.robot", "True"),
+        ("if load not in loaded", "if not loaded"),
+        ("share[run] for", "share[0] for"),
+    ],
+    "_arms": [
+        ("if mark.kind != MOVE", ""),
+        ("rest.arms[0], payloads", "rest.arms[-1], payloads"),
+    ],
+    "_after": [
+        ("if name != step.name", "if False"),
+        ("isinstance(step, Detach)", "step.name in payloads"),
+    ],
+    "_plain_arm": [("np.max(", "np.min("), ('("effort", "velocity")', '("velocity",)')],
+    "_payload_shares": [
+        (", number]", "]"),
+        (", start=1", ", start=0"),
+        ("uniform(-1, 1)", "uniform(0, 1)"),
+        ("errors.payload", "errors.mass"),
+    ],
+    "_carrying": [(".scaled(shares[name])", "")],
+    # --- simulation/cycle_execution -------------------------------------------------------------
+    "executed_cycle": [
+        ("draw or Draw()", "Draw()"),
+        ("(errors.controller, errors.control_period)", "(Robustness().controller, 0.001)"),
+    ],
+    # --- simulation/executed_legs ---------------------------------------------------------------
+    "executed_legs": [
+        ("last_instant(time, end) + 1", "first_instant(time, end) + 2"),
+        ("first_instant(time, begin)", "last_instant(time, begin)"),
+        ("motion.cycle.problems(motion.seams)", "3 * [motion.cycle.problem(0, motion.seams)]"),
+    ],
+    "_spans": [
+        ("(ATTACH, DETACH)", "(ATTACH,)"),
+        ("min(at, default", "max(at, default"),
+        ("max(at, default", "min(at, default"),
+    ],
+    "_between": [("execution.time[while_it] - begin", "execution.time[while_it]")],
+    # --- simulation/handover_errors -------------------------------------------------------------
+    "handover_errors": [
+        ("last_instant(execution", "1 + last_instant(execution"),
+        ("turned[0].T @", ""),
+        ("plant.tool_pose(robot, one[None])", "robot.tool_pose(one[None])"),
+    ],
+    "_angle": [("np.sqrt(8)", "np.sqrt(2)"), ("rotation - rotation.T", "rotation")],
+    "HandoverErrors.as_dict": [
+        ("values.max()", "values.min()"),
+        ("values.argmax()", "values.argmin()"),
+        ("np.median(", "np.mean("),
+    ],
+    # --- simulation/judged_cycle ----------------------------------------------------------------
+    "judged_cycle": [
+        ("saturated=float(share)", "saturated=_whole(run).saturated"),
+        ("list(handover_errors(motion, execution))", "[]"),
+    ],
+    "_whole": [
+        ("min(near, key=_spare", "max(near, key=_spare"),
+        ("clearance=nearest.clearance", "clearance=legs[0].clearance"),
+    ],
+    "_most": [("return max(", "return min(")],
+    "_spare": [("- leg.clearance", "")],
+    # --- commands/cycle_execution_report --------------------------------------------------------
+    "cycle_execution_report": [("for name in names}", "for name in names[:0]}")],
+    "cycle_execution_lines": [
+        (
+            "for names, runs in judged.legs.items()]",
+            "for names, runs in [*judged.legs.items()][:2]]",
+        ),
+        ("for each in judged.handovers]", "for each in judged.handovers[:1]]"),
+    ],
+    # --- views/cycle_execution_plot, cycle_executed_paths -----------------------------------------
+    "_beyond_clearance": [("band.plan - asked", "band.plan + 10 * asked - 1")],
+    "_mark_steps": [("if mark.kind == MOVE", "if False")],
+    "cycle_executed_paths": [
+        ("each.runs for each", "abs(each.runs) for each"),
+    ],
+    "obstacle_band": [("base, more)", "base)")],
     # --- simulation/execution -------------------------------------------------------------------
     "executed_stages": [
         ("np.ceil(", "np.floor("),
@@ -2788,6 +2872,15 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("len(stage.plants) == 0", "False"),
     ],
     "_lasting": [("if first < stop", "")],
+    "ArmsTogether.become": [
+        ("[arm.model for arm in arms], np", "self._models, np"),
+        ("np.array([arm.bias for arm in arms])", "self._bias"),
+    ],
+    "obstacle_distances": [
+        ("pairs) - asked", "pairs)"),
+        ("others.distance - asked[row, column]", "others.distance"),
+        ("boxes - asked[row, column]", "boxes"),
+    ],
     "_begun": [("stage.robot.gravity_effort(start)[0]", "0 * start[0]")],
     "_Run.become": [
         ("self._arms.become(mujoco_arms(stage.robot, stage.plants, self._step))", "pass"),

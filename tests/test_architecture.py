@@ -35,6 +35,7 @@ KNOWS = {
         "views.cycle_plot",
         "views.executed_planes",
         "views.execution_panels",
+        "views.cycle_execution_plot",
         "views.execution_plot",
         "views.field_plot",
         "views.figure_files",

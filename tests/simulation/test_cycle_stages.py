@@ -111,7 +111,24 @@ def test_friction_that_nobody_gave_is_that_of_the_widest_limits(tmp_path):
 def test_events_change_nothing(tmp_path):
     reach, carry, _ = moves_of(slide(tmp_path))
     steps = [Event("wait", dwell=DWELL), Attach("part", PART), reach]
-    steps += [Event("part", dwell=DWELL), carry]  # called as the part is
+    steps += [Event("part", dwell=DWELL), Attach("other", PART), carry]  # called as the part is
     stages = stages_of(Cycle(SEAMS[0], steps), Draw(1))
-    assert [stage.begin for stage in stages] == pytest.approx([0.0, DWELL])
-    assert stages[1].plants[0].bodies[TIP].mass == pytest.approx(3.0)
+    taken = DWELL + DURATION + DWELL
+    assert [stage.begin for stage in stages] == pytest.approx([0.0, DWELL, taken])
+    np.testing.assert_allclose([tip_masses(stage)[0] for stage in stages], [1.0, 3.0, 5.0])
+
+
+def test_of_two_parts_the_other_stays(tmp_path):
+    reach, carry, _ = moves_of(slide(tmp_path))
+    heavy = replace(PART, mass=4.0)
+    steps = [Attach("part", PART), Attach("other", heavy), reach, Detach("part"), carry]
+    stages = stages_of(Cycle(SEAMS[0], steps), Draw(1))
+    masses = [tip_masses(stage)[0] for stage in stages]
+    np.testing.assert_allclose(masses, [1.0, 3.0, 7.0, 5.0])
+
+
+def test_what_a_part_weighs_says_nothing_of_the_arm(tmp_path):
+    stages = stages_of(picking(tmp_path), mass=0.1, payload=0.1)
+    loads = tip_masses(stages[1]) - tip_masses(stages[0])
+    arms = np.array([[body.mass for body in plant.bodies[1:]] for plant in stages[0].plants])
+    assert abs(np.corrcoef(np.vstack([loads, arms.T])) - np.eye(4)).max() < 0.2

@@ -79,3 +79,15 @@ def test_and_to_what_there_is_each_way_at_a_position(tmp_path):
     at = EffortRange(0, np.array([0.0, 1.0]), np.array([2.0, 4.0]), np.array([6.0, 8.0]))
     motor = drives(with_motors(one_joint(tmp_path), effort_ranges=[at]))
     assert bounds(motor, q=0.5) == [7.0, -3.0]
+
+
+def test_motors_go_on_with_other_limits_and_what_is_on_its_way(tmp_path):
+    motor = drives(one_joint(tmp_path, effort=5.0), held=7.0, delay=STEP)
+    assert answers(motor, [1.0]).tolist() == [7.0]
+    stronger = with_motors(
+        one_joint(tmp_path, effort=9.0), saturation_effort=8.0, no_load_velocity=4.0
+    )
+    motor.become(stronger)
+    assert bounds(motor) == [8.0, -8.0]
+    assert bounds(motor, v=-4.0) == [9.0, 0.0]
+    assert answers(motor, [2.0, 3.0]).tolist() == [1.0, 2.0]

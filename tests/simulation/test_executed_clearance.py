@@ -152,6 +152,18 @@ def test_over_time_they_are_the_least_of_all_pairs(wall, shift):
     assert obstacle_distances(problem, q, shift) == pytest.approx(expected, abs=1e-9)
 
 
+def test_over_time_what_pairs_ask_is_taken_off(wall):
+    problem, _, q = wall
+    pairs = problem.collision.obstacle_pairs
+    more = np.random.default_rng(2).uniform(-0.3, 0.3, (len(q), len(problem.collision.pairs)))
+    more[:, ::3] = -np.inf
+    more[7] = -np.inf
+    expected = (measured(problem, q, pairs, NO_SHIFT) - more[:, : len(pairs)]).min(axis=1)
+    assert expected[7] == np.inf
+    found = obstacle_distances(problem, q, NO_SHIFT, more)
+    np.testing.assert_allclose(found, expected, atol=1e-9)
+
+
 def planned(folder, name, count=401):
     """Return problem, motion, times, configurations and the column of cube and table."""
     problem, motion = lifting(folder, CASES[name])

@@ -17,7 +17,7 @@ from tubeplanner.cycle.cycle import Cycle
 from tubeplanner.cycle.steps import Attach, Detach, Event
 from tubeplanner.simulation.executed_legs import executed_legs
 
-PERIOD = 0.004
+PERIOD = 0.007
 TAKEN = DURATION + DWELL
 LEFT = TAKEN + DWELL + DURATION + DWELL
 

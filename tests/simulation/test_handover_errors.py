@@ -61,11 +61,11 @@ def test_the_arm_is_seen_before_it_goes_on(motion):
 
 def test_the_worst_and_the_median_are_told(motion):
     execution = followed_cycle(motion, 3)
-    for run, off in enumerate((0.003, 0.001, 0.002)):
+    for run, off in enumerate((0.004, 0.001, 0.002)):
         execution.position[run, :, 1] += off
     fields = json.loads(json.dumps(next(handover_errors(motion, execution)).as_dict()))
     assert fields["attach"] == "part"
     assert fields["time"] == pytest.approx(TAKEN)
-    assert fields["distance"]["worst"] == pytest.approx(0.003)
+    assert fields["distance"]["worst"] == pytest.approx(0.004)
     assert fields["distance"]["run"] == 0
     assert fields["distance"]["median"] == pytest.approx(0.002)

@@ -112,16 +112,17 @@ def test_obstacles_are_those_that_stand_there_then(case):
 def test_of_the_whole_the_least_room_beside_what_is_asked_is_told(case):
     motion, execution = case
     judged = judged_cycle(motion, execution)
+    found = {names[0]: judged.legs[names][0].obstacles.value for names in (REACH, BACK)}
+    near, far = sorted(found, key=found.get)
+    asked = found[far] - found[near] + 0.02
     cautious = [
-        replace(step, clearance=0.05) if getattr(step, "name", "") == "back" else step
-        for step in motion.cycle.steps
+        replace(step, clearance=asked) if step.name == far else step for step in motion.cycle.steps
     ]
-    again = judged_cycle(motion_of(replace(motion.cycle, steps=cautious)), execution)
-    rooms = {name: runs[0].obstacles for name, runs in judged.legs.items()}
-    assert again.runs[0].clearance in (0.0, 0.05)
-    nearest = min((rooms[REACH].value, 0.0, REACH), (rooms[BACK].value - 0.05, 0.05, BACK))
-    assert again.runs[0].clearance == nearest[1]
-    assert again.runs[0].obstacles.value == pytest.approx(rooms[nearest[2]].value)
+    (run, _) = judged_cycle(motion_of(replace(motion.cycle, steps=cautious)), execution).runs
+    assert judged.runs[0].obstacles.place.move == near
+    assert run.obstacles.place.move == far
+    assert run.obstacles.value == pytest.approx(found[far])
+    assert run.clearance == asked
 
 
 def test_motors_at_their_limit_count_from_first_to_last(case):

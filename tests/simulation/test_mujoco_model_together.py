@@ -82,3 +82,22 @@ def test_only_those_move_that_are_to(tmp_path):
     for own in effort[0, :, 3]:
         arms[3].step(own)
     np.testing.assert_array_equal(moved.position[3], arms[3].position)
+
+
+def test_they_go_on_as_others_where_they_are(slide):
+    """Half of the way each; alone the state is carried over by hand."""
+    others = with_motors(slide, backwards_friction=0.0, forwards_friction=0.0, armature=0.5)
+    runs, effort = 3, np.ones((1, 3, 3))
+    first, second = (
+        mujoco_arms(robot, drawn_plants(robot, Robustness(), Draw(runs, seed)), STEP)
+        for robot, seed in ((slide, 0), (others, 1))
+    )
+    with closing(ArmsTogether(first)) as moved:
+        moved.move(effort, np.arange(runs))
+        moved.become(second)
+        for arm, *state in zip(second, moved.position, moved.velocity, strict=True):
+            arm.place(*state)
+            arm.step(effort[0, 0])
+        moved.move(effort, np.arange(runs))
+        np.testing.assert_array_equal(moved.position, [arm.position for arm in second])
+        np.testing.assert_array_equal(moved.velocity, [arm.velocity for arm in second])

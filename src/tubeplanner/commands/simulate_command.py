@@ -24,8 +24,6 @@ from tubeplanner.commands.view_command import require_page
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from matplotlib.figure import Figure
-
     from tubeplanner.cycle.cycle import Cycle
     from tubeplanner.cycle.cycle_motion import CycleMotion
     from tubeplanner.problem.problem import PlanningProblem
@@ -88,8 +86,9 @@ def simulate(
 ) -> None:
     """Execute the TRAJECTORY file with arms that differ from PROBLEM's model, in MuJoCo.
 
-    What is seen in some runs is not proved for others. An error that is not given is that of
-    PROBLEM's robustness, or the usual one. Exit status 0 also if runs fail.
+    PROBLEM may be a cycle, which is executed whole. What is seen in some runs is not proved for
+    others. An error that is not given is that of PROBLEM's robustness, or the usual one. Exit
+    status 0 also if runs fail.
     """
     from tubeplanner.cycle.cycle import Cycle
     from tubeplanner.problem.robustness import Robustness
@@ -155,7 +154,7 @@ class _Pictures:
         require_page(self.html)
         require_writable([path for _, path in self.paths], [Path(path) for path in inputs])
 
-    def write(self, figure: "Callable[[], Figure]", page: "Callable[[], View]") -> None:
+    def write(self, figure: "Callable[[], Any]", page: "Callable[[], View]") -> None:
         """Make and write all files, or none of them."""
         from tubeplanner.files.output_files import write_files
 
@@ -250,7 +249,7 @@ class _MotionPictures:
     execution: "Execution"
     judged: "Sequence[JudgedRun]"
 
-    def figure(self) -> "Figure":
+    def figure(self) -> Any:
         """Return the figure."""
         from tubeplanner.views.execution_plot import plot_execution
 
@@ -271,7 +270,7 @@ class _CyclePictures:
     execution: "Execution"
     judged: "JudgedCycle"
 
-    def figure(self) -> "Figure":
+    def figure(self) -> Any:
         """Return the figure."""
         from tubeplanner.views.cycle_execution_plot import plot_cycle_execution
 

@@ -42,13 +42,9 @@ def cycle_stages(motion: CycleMotion, errors: Robustness, draw: Draw) -> list[St
                 _carrying(plants[run], robot, arm.payloads, factors[run]) for run in runs
             ]
         stage = Stage(arm.begin, arm.robot, loaded[load])
-        if not stages or not _is_same(stages[-1], stage):
+        if not stages or stages[-1].robot is not stage.robot:
             stages.append(stage)
     return stages
-
-
-def _is_same(first: Stage, second: Stage) -> bool:
-    return first.robot is second.robot and first.plants is second.plants
 
 
 @dataclass(frozen=True, eq=False)

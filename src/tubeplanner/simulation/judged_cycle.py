@@ -56,7 +56,7 @@ def judged_cycle(
     }
     saturated = execution.is_saturated.any(axis=2).mean(axis=1)
     runs = [
-        replace(_worst(run), saturated=float(share))
+        replace(_whole(run), saturated=float(share))
         for run, share in zip(zip(*legs.values(), strict=True), saturated, strict=True)
     ]
     return JudgedCycle(legs, runs, list(handover_errors(motion, execution)))
@@ -77,12 +77,12 @@ def _in_cycle(run: JudgedRun, leg: ExecutedLeg) -> JudgedRun:
     return replace(run, **placed)
 
 
-def _worst(legs: Sequence[JudgedRun]) -> JudgedRun:
+def _whole(legs: Sequence[JudgedRun]) -> JudgedRun:
     """Return a run of the whole: of every quantity the worst of all legs."""
     worst: dict[str, Any] = {name: _most(legs, name) for name in _LARGEST}
     # The distance that is least beside what its own move asks.
     near = [leg for leg in legs if leg.obstacles is not None]
-    nearest = min(near, key=_room, default=legs[0])
+    nearest = min(near, key=_spare, default=legs[0])
     folded = [leg.self_collision for leg in legs if leg.self_collision is not None]
     return replace(
         legs[0],
@@ -106,6 +106,6 @@ def _most(legs: Sequence[JudgedRun], name: str) -> Extreme | None:
     )
 
 
-def _room(leg: JudgedRun) -> float:
+def _spare(leg: JudgedRun) -> float:
     assert leg.obstacles is not None
     return leg.obstacles.value - leg.clearance
