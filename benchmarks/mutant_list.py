@@ -3084,7 +3084,6 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("(floor, ceil)", "(floor, floor)"),
     ],
     "_marks": [("marks[-1].time > duration + _DURATION_TOLERANCE", "False")],
-    "_is_cycle": [("is not None", "is None")],
     "cycle_hash": [("*_step_parts(cycle), ", "")],
     "cycle_part_hashes": [("_STEPS: hash_of(_step_parts(cycle), _PART_DIGITS)", "")],
     "differing_cycle_parts": [("if len(names) == len(cycle.legs) else names", "")],

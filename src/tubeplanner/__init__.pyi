@@ -69,6 +69,8 @@ from .cycle_planning.cycle_planner import plan_cycle as plan_cycle
 from .cycle_planning.cycle_result import CycleResult as CycleResult  # returned
 from .cycle_planning.cycle_result import CycleSensitivity as CycleSensitivity  # returned
 from .cycle.cycle_motion import CycleMotion as CycleMotion
+from .cycle.motion_of_file import read_cycle_motion as read_cycle_motion
+from .files.cycle_writer import write_cycle_motion as write_cycle_motion
 from .trajectory.marks import Mark as Mark
 from .verification.cycle_verification import verify_cycle as verify_cycle
 from .verification.cycle_certificate import CycleCertificate as CycleCertificate  # returned

@@ -32,7 +32,7 @@ def test_moves_and_rests_follow_each_other_without_a_gap(result):
 def test_what_configurations_in_common_save_is_told_where_it_is_something(result):
     shortest = result.shortest_duration
     gained = replace(result, greedy_duration=shortest + 0.05)
-    assert "configurations between moves chosen together save 50 ms: " in text_of(gained)
+    assert "configurations between moves chosen together save 0.0500 s: " in text_of(gained)
     assert "chosen together" not in text_of(replace(result, greedy_duration=shortest))
 
 

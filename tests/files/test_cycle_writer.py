@@ -9,7 +9,14 @@ import pytest
 import yaml
 
 from small_cycle import planned_cycle
-from tubeplanner import CycleMotion, verify, verify_cycle
+from tubeplanner import (
+    CycleMotion,
+    OutputError,
+    read_cycle_motion,
+    verify,
+    verify_cycle,
+    write_cycle_motion,
+)
 from tubeplanner.files.cycle_fingerprint import cycle_hash
 from tubeplanner.files.cycle_writer import cycle_contents
 from tubeplanner.files.trajectory_writer import TrajectoryFiles
@@ -81,3 +88,19 @@ def test_ros_has_a_message_for_every_leg_with_comments(written, tmp_path):
 def test_only_what_is_asked_for_is_made():
     contents, notes = cycle_contents(TrajectoryFiles(), planned_cycle().motion, "refinement")
     assert (contents, notes) == ({}, ())
+
+
+def test_a_motion_is_written_and_read_by_name(tmp_path):
+    motion = planned_cycle().motion
+    assert write_cycle_motion(tmp_path / "t.json", motion) == ()
+    again = read_cycle_motion(tmp_path / "t.json", motion.cycle)
+    assert again.marks == motion.marks
+    np.testing.assert_array_equal(again.trajectory.coefficients, motion.trajectory.coefficients)
+    notes = write_cycle_motion(tmp_path / "t.csv", motion, rate=200)
+    rows = (tmp_path / "t.csv").read_text().splitlines()
+    assert rows[0].startswith("time,")
+    assert float(rows[2].split(",")[0]) == pytest.approx(1 / 200)
+    assert any("later than in the trajectory" in note for note in notes)
+    with pytest.raises(OutputError, match=r"there is: \.json"):
+        write_cycle_motion(tmp_path / "t.txt", motion)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["t.csv", "t.json"]

@@ -127,9 +127,9 @@ def _gain_lines(result: "CycleResult") -> list[str]:
     shortest, alone = result.shortest_duration, result.greedy_duration
     if shortest is not None and alone is not None and alone - shortest > _LEAST_GAIN:
         lines.append(
-            f"configurations between moves chosen together save {1000 * (alone - shortest):.3g} "
-            f"ms: moves planned alone, one after the other, take {alone:.4f} s at the shortest, "
-            f"these {shortest:.4f} s"
+            f"configurations between moves chosen together save {alone - shortest:.4f} s: moves "
+            f"planned alone, one after the other, take {alone:.4f} s at the shortest, these "
+            f"{shortest:.4f} s"
         )
     return lines
 
@@ -150,12 +150,13 @@ def _certificate_text(certificate: "CycleCertificate") -> str:
     for name in CONDITION_NAMES if judged else ():
         for condition in _told([each.conditions[name] for each in judged], certificate):
             moves.add_row(name, *condition_cells(condition, certificate.tolerance))
-    seams = _condition_table("Seams: where the arm is at rest")
-    for seam, conditions in certificate.seams.items():
-        for name, condition in conditions.items():
-            if condition.margin is not None:
-                cells = condition_cells(condition, certificate.tolerance)
-                seams.add_row(escape(f"{seam}: {name}"), *cells)
+    seams = _condition_table("Seams, where the arm is at rest: each condition where it is tightest")
+    of_seams = [(n, c, seam) for seam, own in certificate.seams.items() for n, c in own.items()]
+    for name in dict.fromkeys(name for name, _, _ in of_seams):
+        named = {id(c): seam for n, c, seam in of_seams if n == name}
+        for condition in _told([c for n, c, _ in of_seams if n == name], certificate):
+            cells = condition_cells(condition, certificate.tolerance)
+            seams.add_row(escape(f"{name}: {named[id(condition)]}"), *cells)
     return "\n".join(rendered(table) for table in (moves, seams))
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -65,8 +66,7 @@ class Cycle:
         legs, after = legs_of(self.steps, closed=self.closed)
         object.__setattr__(self, "legs", legs)
         object.__setattr__(self, "after", after)
-        for k in range(len(legs)):
-            self.problem_from_anywhere(k)
+        _ = self._from_anywhere
 
     def __repr__(self) -> str:
         moves = sum(len(leg.moves) for leg in self.legs)
@@ -136,9 +136,25 @@ class Cycle:
         Raises:
             ProblemError: As `problem`.
         """
+        return self._from_anywhere[k]
+
+    @cached_property
+    def _from_anywhere(self) -> tuple[PlanningProblem, ...]:
         somewhere = anywhere(self.robot)
-        cell = self.cells([somewhere] * (k + 1))[k]
-        return self._problem(k, cell, self.start if k == 0 else Seed(somewhere), None)
+        starts = [self.start, *[Seed(somewhere)] * (len(self.legs) - 1)]
+        cells = self.cells([somewhere] * len(self.legs))
+        each = enumerate(zip(cells, starts, strict=True))
+        return tuple(self._problem(k, cell, start, None) for k, (cell, start) in each)
+
+    def called(self, k: int) -> str:
+        """Return what messages call a leg: its moves' names, and which of all moves these are."""
+        leg, before = self.legs[k], sum(len(each.moves) for each in self.legs[:k])
+        count = sum(len(each.moves) for each in self.legs)
+        names = ", ".join(f"'{move.name}'" for move in leg.moves)
+        which = str(before + 1)
+        if len(leg.moves) > 1:
+            return f"moves {which} to {before + len(leg.moves)} of {count}, {names}"
+        return f"move {which} of {count}, {names}"
 
     def rest_at(self, seam: int) -> Rest:
         """Return what happens at a seam."""

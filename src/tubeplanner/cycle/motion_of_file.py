@@ -5,7 +5,22 @@ from pathlib import Path
 from tubeplanner.cycle.cycle import Cycle
 from tubeplanner.cycle.cycle_motion import CycleMotion
 from tubeplanner.errors import TrajectoryError
-from tubeplanner.trajectory.trajectory_file import TrajectoryFile
+from tubeplanner.trajectory.trajectory_file import TrajectoryFile, read_trajectory_file
+
+
+def read_cycle_motion(path: str | Path, cycle: Cycle) -> CycleMotion:
+    """Read the motion of a cycle from a trajectory file that has marks.
+
+    Args:
+        path: The file, JSON as `write_cycle_motion` or `plan -o` writes it.
+        cycle: What it is a motion of.
+
+    Raises:
+        TrajectoryError: It cannot be read; or as `motion_of_file`.
+    """
+    Cycle.require(cycle)
+    file = read_trajectory_file(path, cycle.robot.joint_names)
+    return motion_of_file(cycle, Path(path), file)
 
 
 def motion_of_file(cycle: Cycle, path: Path, file: TrajectoryFile) -> CycleMotion:

@@ -115,7 +115,7 @@ class CycleSensitivity:
         place = self.joint or f"move '{self.move}'"
         if self.segment is not None:
             place = f"segment {self.segment} of {place}"
-        return f"{self.limit} of {place}: {1000 * self.saved:.2g} ms"
+        return f"{self.limit} of {place}: {1000 * self.saved:.3g} ms"
 
 
 def cycle_sensitivities(cycle: Cycle, plans: Sequence[LegPlan]) -> tuple[CycleSensitivity, ...]:

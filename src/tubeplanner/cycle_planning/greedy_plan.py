@@ -133,20 +133,21 @@ def planned_leg(
 ) -> LegPlan:
     """Return the shortest motion of a leg.
 
-    Of what is left of the time limit it gets as much as each of those after it.
+    Of what is left of the time limit it gets twice as much as would be left to each of the others.
 
     Raises:
         BlockedLeg: It has none.
         KeyboardInterrupt: Ctrl-C before every leg had one.
     """
     left = len(cycle.legs) - k
-    limit = clock.remaining / left if np.isfinite(clock.remaining) else None
-    part = f"move {k + 1} of {len(cycle.legs)}, '{cycle.legs[k].name}'"
+    limit = 2 * clock.remaining / (left + 1) if np.isfinite(clock.remaining) else None
     if limit is not None and limit <= 0:
         raise BlockedLeg(k, stopped_result(clock, "time_limit", options.method))
-    with clock.within(part):
+    with clock.within(cycle.called(k)):
         alone = replace(options, slack=0.0, time_limit=limit)
         result = Planner(problem, alone).plan(clock.announce)
+    if not result.succeeded and result.stopped_by == "time_limit":
+        result = stopped_result(clock, "time_limit", options.method)
     if not result.succeeded:
         raise BlockedLeg(k, result)
     if result.stopped_by == "interrupt" and left > 1:  # those after it have nothing

@@ -10,11 +10,38 @@ from tubeplanner.files.cycle_fingerprint import cycle_hash, cycle_part_hashes
 from tubeplanner.files.cycle_samples import CycleSamples, cycle_samples
 from tubeplanner.files.export import trajectory_csv, trajectory_json, trajectory_ros
 from tubeplanner.files.fingerprint import robot_hash
-from tubeplanner.files.trajectory_writer import TrajectoryFiles
+from tubeplanner.files.output_files import require_writable, write_files
+from tubeplanner.files.trajectory_writer import TrajectoryFiles, files_at
+
+
+def write_cycle_motion(
+    path: str | Path, motion: CycleMotion, rate: float | None = None
+) -> tuple[str, ...]:
+    """Write the motion of a cycle to a file; its ending chooses the format.
+
+    Args:
+        path: `.json` (with marks, for `read_cycle_motion`), `.csv`, or `.yaml` (ROS, one message
+            for every stretch without a stop); replaced as a whole or not at all.
+        motion: As in the result of `plan_cycle`.
+        rate: Of samples [Hz]; None: one every period of the cycle's controller, or 500.
+
+    Returns:
+        Notes about the samples.
+
+    Raises:
+        OutputError: It cannot be written, or the ending is unknown.
+        OptionError: The rate is not positive and finite.
+        TrajectoryError: The rate makes too many samples.
+    """
+    files = files_at(path, rate)
+    require_writable([Path(path)])
+    contents, notes = cycle_contents(files, motion, None)
+    write_files(contents)
+    return notes
 
 
 def cycle_contents(
-    files: TrajectoryFiles, motion: CycleMotion, method: str
+    files: TrajectoryFiles, motion: CycleMotion, method: str | None
 ) -> tuple[dict[Path, bytes], tuple[str, ...]]:
     """Return what belongs into the files of a cycle's motion, and notes about it.
 
@@ -24,7 +51,7 @@ def cycle_contents(
     Args:
         files: Which ones.
         motion: A certified answer.
-        method: How it was made, for the JSON.
+        method: How it was made, for the JSON; None: not known.
 
     Raises:
         TrajectoryError: The rate makes too many samples.
@@ -46,10 +73,10 @@ def cycle_contents(
     return {path: text.encode() for path, text in texts.items()}, notes
 
 
-def _origin(motion: CycleMotion, method: str) -> dict[str, Any]:
+def _origin(motion: CycleMotion, method: str | None) -> dict[str, Any]:
     cycle = motion.cycle
     return {
-        "method": method,
+        **({} if method is None else {"method": method}),
         "tubeplanner_version": __version__,
         "problem": cycle.name,
         "problem_hash": cycle_hash(cycle),

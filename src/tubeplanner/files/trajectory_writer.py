@@ -88,6 +88,21 @@ class TrajectoryFiles:
         return sampled.samples, () if sampled.note is None else (sampled.note,)
 
 
+def files_at(path: str | Path, rate: float | None = None) -> TrajectoryFiles:
+    """Return the one file at a path, in the format that its ending chooses.
+
+    Raises:
+        OutputError: There is no such format.
+        OptionError: As `TrajectoryFiles`.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in _FORMATS:
+        raise OutputError(
+            f"output {path}: the suffix chooses the format; there is: {', '.join(_FORMATS)}"
+        )
+    return TrajectoryFiles(**{_FORMATS[path.suffix.lower()]: path}, rate=rate)
+
+
 def write_trajectory(
     path: str | Path,
     trajectory: JointTrajectory,
@@ -99,12 +114,7 @@ def write_trajectory(
     Returns:
         Notes about the samples.
     """
-    path = Path(path)
-    if path.suffix.lower() not in _FORMATS:
-        raise OutputError(
-            f"output {path}: the suffix chooses the format; there is: {', '.join(_FORMATS)}"
-        )
-    files = TrajectoryFiles(**{_FORMATS[path.suffix.lower()]: path}, rate=rate)
+    path, files = Path(path), files_at(path, rate)
     require_writable([path])
     if problem is not None:
         if not isinstance(problem, PlanningProblem):

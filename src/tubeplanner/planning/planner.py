@@ -31,6 +31,8 @@ from tubeplanner.refinement.refined_motion import RefinedMotion
 from tubeplanner.simulation.mujoco_model import require_mujoco, require_no_followers
 from tubeplanner.verification.refusal import require_free
 
+_CONTINUED = "planned from the last motion, not afresh"
+
 
 class Planner:
     """Plans a problem, and plans it again after it has changed a little.
@@ -208,7 +210,8 @@ def _planned(
         return _searched(problem, stopping_plan(problem, branches, clock), options, clock)
     continued = None if last is None else continued_plan(problem, last, clock)
     if continued is not None:
-        return continued
+        notes = (*continued.notes, _CONTINUED) if continued.succeeded else continued.notes
+        return replace(continued, notes=notes)
     # Under a time limit, stopping at corners comes first, in case nothing else is found in time.
     limited = options.time_limit is not None
     corners = stopping_plan(problem, branches, clock) if limited else None
