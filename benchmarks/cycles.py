@@ -19,7 +19,16 @@ from typing import Any
 
 import numpy as np
 
-from tubeplanner import Cycle, CycleResult, Move, PlanOptions, load_cycle, parse_cycle, plan_cycle
+from tubeplanner import (
+    Cycle,
+    CycleResult,
+    Move,
+    PlanOptions,
+    load_cycle,
+    parse_cycle,
+    plan,
+    plan_cycle,
+)
 from tubeplanner.baselines.baselines import judged_baseline
 from tubeplanner.cycle_planning.greedy_plan import BlockedLeg, planned_leg
 from tubeplanner.outcome import Infeasible
@@ -69,16 +78,22 @@ def moving(result: CycleResult) -> float:
     return sum(leg.duration for leg in result.legs) if result.succeeded else np.nan
 
 
-def stopping(cycle: Cycle, result: CycleResult) -> float:
-    """Return how long TOPP-RA's scheme takes between an answer's seams [s]; nan if it fails."""
-    total = 0.0
+def stopping(cycle: Cycle, result: CycleResult) -> str:
+    """Return how long TOPP-RA's scheme takes between an answer's seams [s].
+
+    Along a leg's straight lines where it finds no speed, stopping at corners may turn the tool
+    otherwise: so many legs follow after a +; one that this does not run either makes it a dash.
+    """
+    total, others = 0.0, 0
     for problem in cycle.problems(result.motion.seams):
         try:
-            judged = judged_baseline(problem, "bang-bang")[0]
+            total += judged_baseline(problem, "bang-bang")[0].trajectory.duration
         except Infeasible:
-            return np.nan
-        total += judged.trajectory.duration
-    return total
+            corners = plan(problem, PlanOptions(method="stop-at-corners", slack=0.0))
+            if corners.duration is None:
+                return "-"
+            total, others = total + corners.duration, others + 1
+    return f"{total:.4f}" + (f" (+{others})" if others else "")
 
 
 def row(name: str) -> tuple[str, bool]:
@@ -91,11 +106,11 @@ def row(name: str) -> tuple[str, bool]:
     stops = with_stops(cycle)
     stops_alone = moving(timed(stops, shares=False)[0])
     stops_shared, _ = timed(stops, shares=True)
-    baseline = stopping(stops, stops_shared) if stops_shared.succeeded else np.nan
+    baseline = stopping(stops, stops_shared) if stops_shared.succeeded else "-"
     gain = 1 - moving(shared) / moving(alone)
     ratio = shared_time / alone_time
     cells = (
-        *(name, f"{len(cycle.legs)}", f"{baseline:.4f}", f"{stops_alone:.4f}"),
+        *(name, f"{len(cycle.legs)}", baseline, f"{stops_alone:.4f}"),
         *(f"{moving(stops_shared):.4f}", f"{moving(alone):.4f}", f"{moving(shared):.4f}"),
         *(f"{100 * gain:.2f} %", f"{alone_time:.1f}", f"{ratio:.2f}"),
     )

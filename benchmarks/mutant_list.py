@@ -3135,6 +3135,12 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     "_starts": [("if is_held and", "if")],
     "_path_from": [("folder.resolve()", "Path().resolve()")],
+    "contact_notes": [
+        ("if depth > _DEEP", "if depth > 1.0"),
+        ("times[end == START]", "0.0"),
+        ("depth > _DEEP", "depth > -_DEEP"),
+        ("(end, frozenset(contact.links))", "frozenset(contact.links)"),
+    ],
     # --- cycle_planning ---------------------------------------------------------------------------
     "shared_plan": [
         ("leg.joined.goal if opens else plan.end", "leg.joined.goal"),

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import tubeplanner as t
+from small_cycle import planned_cycle
 from tubeplanner.refinement.sensitivities import Sensitivity
 from tubeplanner.short_repr import short_repr
 
@@ -14,6 +15,10 @@ MOST = 500  # [characters]
 SAYS = {
     "AttachedSolid": ["part", "0.1 x 0.2 x 0.3 m about [0, 0, 0]"],
     "Certificate": ["passed", "10 of 19 conditions required"],
+    "Cycle": ["small: 4 moves of two_link to hand in 3 legs, closed"],
+    "CycleCertificate": ["passed", "4 moves"],
+    "CycleMotion": ["of small: ", "3 legs, 9 marks"],
+    "CycleResult": ["success by refinement", "certified cycle of"],
     "JointTrajectory": [" s: ", "pieces of degree", "joint1, joint2"],
     "Obstacle": ["post", "0.0605 x 0.0605 x 0.3 m about [0.4, 0.22, 0]", "1 convex shape"],
     "PlanResult": ["success by refinement", "certified trajectory of"],
@@ -28,6 +33,7 @@ SAYS = {
 # Results of long computations: of all fields large arrays.
 FILLED = [
     *("Comparison", "ComparisonRow", "Execution", "FieldRow", "FieldSweep", "JudgedRun"),
+    *("HandoverErrors", "JudgedCycle"),
     *(
         "PatternSurvey",
         "Plant",
@@ -61,9 +67,21 @@ def made():
         *(t.Draw(), t.Progress("planning"), t.SlowerRun("effort", 0.1, 0.5, result.place)),
         *(t.RunVerdict(9, 1, {"tube": 1}), t.Blame("effort", "", 0.1, 0.1, ())),
         t.SearchStatistics(*range(8), False),
+        *_of_cycles(),
     ]
     named = {type(each).__name__: each for each in found}
     return named | {name: _filled(getattr(t, name)) for name in FILLED}
+
+
+def _of_cycles():
+    """Return a cycle, its steps and what planning makes of it."""
+    result = planned_cycle()
+    cycle, motion = result.motion.cycle, result.motion
+    steps = {type(step): step for step in cycle.steps}
+    return [
+        *(cycle, *steps.values(), result, motion, result.certificate),
+        *(motion.marks[0], result.sensitivities[0]),
+    ]
 
 
 def _filled(cls):

@@ -113,6 +113,10 @@ from .simulation.execution import executed as executed
 from .simulation.execution import Execution as Execution  # returned
 from .simulation.judged_runs import judged_runs as judged_runs
 from .simulation.judged_runs import JudgedRun as JudgedRun  # returned
+from .simulation.cycle_execution import executed_cycle as executed_cycle
+from .simulation.judged_cycle import judged_cycle as judged_cycle
+from .simulation.judged_cycle import JudgedCycle as JudgedCycle  # returned
+from .simulation.handover_errors import HandoverErrors as HandoverErrors  # returned
 from .simulation.run_verdict import run_verdict as run_verdict
 from .simulation.run_verdict import RunVerdict as RunVerdict  # returned
 from .simulation.survival import Survival as Survival  # returned
@@ -126,6 +130,7 @@ from .views.study_plots import plot_sweep as plot_sweep
 from .views.field_plot import plot_field_sweep as plot_field_sweep
 from .views.comparison_plot import plot_comparison as plot_comparison
 from .views.execution_plot import plot_execution as plot_execution
+from .views.cycle_execution_plot import plot_cycle_execution as plot_cycle_execution
 from .views.viewer import view as view
 from .views.viewer import View as View  # returned
 from .views.cycle_view import view_cycle as view_cycle

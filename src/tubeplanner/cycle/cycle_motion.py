@@ -61,6 +61,12 @@ class CycleMotion:
                     "zero, and every move some"
                 )
 
+    def __repr__(self) -> str:
+        return (
+            f"<CycleMotion of {self.cycle.name}: {self.trajectory.duration:.4f} s, "
+            f"{len(self.cycle.legs)} legs, {len(self.marks)} marks>"
+        )
+
     @property
     def step_times(self) -> list[tuple[float, float]]:
         """When each step of the cycle begins, and when the next one does [s]."""

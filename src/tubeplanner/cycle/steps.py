@@ -16,6 +16,7 @@ from tubeplanner.problem.problem import Seed
 from tubeplanner.problem.tool_pose import ToolPose
 from tubeplanner.robot.pinocchio_model import Payload
 from tubeplanner.robot.robot_model import RobotModel
+from tubeplanner.short_repr import short_repr
 from tubeplanner.tube.tube import Tube
 
 _LONGEST_DWELL = 1e5  # [s]
@@ -52,6 +53,8 @@ class Move:
     objective: Objective | None = None
     passes_through: bool = False
 
+    __repr__ = short_repr
+
     def __post_init__(self) -> None:
         require_name("the name of a move", self.name, ProblemError)
 
@@ -74,6 +77,8 @@ class Event:
     name: str
     setting: Any = None
     dwell: float = 0.0
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         require_name("the name of an event", self.name, ProblemError)
@@ -98,6 +103,8 @@ class Attach:
     payload: Payload | None = None
     solid: AttachedSolid | None = None
 
+    __repr__ = short_repr
+
     def __post_init__(self) -> None:
         require_name("what is attached", self.name, ProblemError)
         if self.solid is not None and self.solid.name != self.name:
@@ -118,6 +125,8 @@ class Detach:
 
     name: str
     leaves_obstacle: bool = True
+
+    __repr__ = short_repr
 
 
 Step: TypeAlias = Move | Event | Attach | Detach

@@ -14,6 +14,7 @@ from tubeplanner.constraints.trajectory_peaks import (
 )
 from tubeplanner.constraints.unused_speed import unused_speed
 from tubeplanner.outcome import Place, PlanStatus
+from tubeplanner.planning.contact_note import contact_notes
 from tubeplanner.planning.path_minimum import path_minimum
 from tubeplanner.problem.goal_region import GoalRegion
 from tubeplanner.problem.problem import PlanningProblem
@@ -196,7 +197,7 @@ def judged_result(
 
 
 def _notes(problem: PlanningProblem, trajectory: JointTrajectory) -> tuple[str, ...]:
-    """Return notes on what the motors could do more, and on the robot as it is described."""
+    """Return notes on what the motors could do more, on contacts, and on the robot as described."""
     notes = []
     unused = unused_speed(problem, trajectory)
     if unused > _MUCH_UNUSED:
@@ -204,7 +205,7 @@ def _notes(problem: PlanningProblem, trajectory: JointTrajectory) -> tuple[str, 
             f"on average {unused:.1%} of the speed that the limits allow is not used: there may "
             "well be a faster trajectory; --quality best looks for it from more starts"
         )
-    return (*notes, *robot_notes(problem.robot))
+    return (*notes, *contact_notes(problem, trajectory), *robot_notes(problem.robot))
 
 
 def _success_message(problem: PlanningProblem, trajectory: JointTrajectory) -> str:
