@@ -123,6 +123,7 @@ TESTS = {
     ),
     "robot/frame_jacobian": ("robot/test_body_chain.py",),
     "robot/robot_model": ("robot/test_pinocchio_model_payload.py",),
+    "cycle/cycle": ("cycle/test_usual_contacts.py",),
     "problem/checked_fields": ("cycle/test_cycle_format.py", "cycle/test_cycle_reader.py"),
     "problem/solid_fields": ("cycle/test_cycle_reader.py",),
     "problem/problem_faults": ("problem/test_problem_format.py", "cycle/test_cycle_format.py"),

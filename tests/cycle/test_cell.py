@@ -1,5 +1,7 @@
 """The cell as it changes: where what was taken stands, against the tool's own placement."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -116,3 +118,10 @@ def test_cells_begin_each_with_what_changed_hands_before_their_leg():
     cells = cycle.cells([HOME, PICK, PLACE, HOME])
     assert [cell.handed_over for cell in cells] == [(), ("part",), ("part",)]
     assert [len(cell.attached) for cell in cells] == [0, 1, 0]
+
+
+def test_what_changed_hands_before_the_leg_before_did_so_long_ago():
+    cycle = pick_and_place()
+    kept = [step for step in cycle.steps if not isinstance(step, Detach)]
+    cells = replace(cycle, steps=kept, closed=False).cells([HOME, PICK, PLACE])
+    assert [cell.handed_over for cell in cells] == [(), ("part",), ()]
