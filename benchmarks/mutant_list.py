@@ -2505,7 +2505,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "CycleMotion.leg_times": [("k + len(leg.moves)", "k + 1")],
     "CycleMotion.leg_at": [("begin <= time", "begin < time - 0.5")],
     "_Builder.rest": [
-        ("and step.dwell > 0", ""),
+        ("and step.dwell >= MIN_DURATION", ""),
         ("step.setting if isinstance(step, Event) else None", "None"),
     ],
     "_Builder.run": [("self._time + begin", "begin")],

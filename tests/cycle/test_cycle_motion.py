@@ -104,3 +104,11 @@ def test_marks_of_something_else_are_refused(change, message):
 def test_marks_of_fewer_steps_are_refused():
     with pytest.raises(TrajectoryError, match="marks are none; the cycle has move to_pick"):
         CycleMotion(CYCLE, MOTION.trajectory, ())
+
+
+@pytest.mark.parametrize("dwell", [0.0, 1e-12])
+def test_an_event_that_takes_no_time_adds_nothing(dwell):
+    motion = slow_motion(pick_and_place(dwell=dwell))
+    assert motion.trajectory.duration == pytest.approx(6.0)
+    assert len(motion.trajectory.widths) == 3
+    assert [mark.time for mark in motion.marks] == [0.0, 2.0, 2.0, 2.0, 4.0, 4.0, 4.0]

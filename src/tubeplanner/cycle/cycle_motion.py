@@ -8,7 +8,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.cycle.cycle import Cycle
 from tubeplanner.cycle.steps import Attach, Detach, Event, Move, Step
 from tubeplanner.errors import TrajectoryError
-from tubeplanner.trajectory.joint_trajectory import JointTrajectory
+from tubeplanner.trajectory.joint_trajectory import MIN_DURATION, JointTrajectory
 from tubeplanner.trajectory.marks import ATTACH, DETACH, EVENT, MOVE, Mark
 from tubeplanner.trajectory.parts import joined, part_of, resting
 
@@ -138,7 +138,7 @@ class _Builder:
         for step in steps:
             setting = step.setting if isinstance(step, Event) else None
             self._mark(step, self._time, setting)
-            if isinstance(step, Event) and step.dwell > 0:
+            if isinstance(step, Event) and step.dwell >= MIN_DURATION:
                 self._add(resting(self._names, q, step.dwell))
 
     def run(self, moves: Sequence[Move], motion: LegMotion) -> None:
