@@ -112,10 +112,14 @@ class ShapeFields(Section):
     quaternion: Quaternion | None = Field(None, description="x y z w, instead of rpy")
 
 
-class ObstacleFields(ShapeFields):
-    """One solid; exactly one of box, sphere, cylinder, capsule, mesh."""
+class NamedFields(Section):
+    """What has a name, before all else that it has."""
 
     name: str = Field(description="unique; what messages call it")
+
+
+class ObstacleFields(ShapeFields, NamedFields):
+    """One solid; exactly one of box, sphere, cylinder, capsule, mesh."""
 
 
 class AttachedFields(ObstacleFields):
