@@ -122,7 +122,7 @@ TESTS = {
         "refinement/test_sensitivities.py",
     ),
     "robot/frame_jacobian": ("robot/test_body_chain.py",),
-    "cycle/cycle": ("cycle/test_usual_contacts.py",),
+    "cycle/cycle": ("cycle/test_usual_contacts.py", "cycle/test_cell.py"),
     "problem/checked_fields": ("cycle/test_cycle_format.py", "cycle/test_cycle_reader.py"),
     "problem/solid_fields": ("cycle/test_cycle_reader.py",),
     "problem/problem_faults": ("problem/test_problem_format.py", "cycle/test_cycle_format.py"),
