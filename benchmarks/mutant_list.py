@@ -2457,13 +2457,14 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("(*self.obstacles, stands)", "(stands,)"),
         ("(*self.handed_over, step.name)", "self.handed_over"),
     ],
-    "_tool_frame": [(" @ robot.link_placement[robot.tool_frame]", "")],
+    "_hand_pose": [(" @ robot.link_placement[robot.tool_frame]", "")],
     "_touching": [("< _TOUCHING", "< 10 * _TOUCHING"), ("< _TOUCHING", "< 0")],
     "Cycle.cells": [
         ("            cell = replace(cell, handed_over=())\n", ""),
         ("cell.after(step, leg.robot, q)", "cell.after(step, leg.robot, seams[0])"),
     ],
-    "Cycle.problem_from_anywhere": [("self.start if k == 0 else Seed(somewhere)", "self.start")],
+    "Cycle._from_anywhere": [("self.start, *[Seed", "Seed(somewhere), *[Seed")],
+    "Cycle.called": [("before + 1", "before"), ("before + len(leg.moves)", "len(leg.moves)")],
     "Cycle.rest_at": [("seam == len(self.legs)", "seam == len(self.legs) - 1")],
     "Cycle._problem": [
         ("move.goal if goal is None else goal", "move.goal"),
@@ -2582,11 +2583,10 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     # --- verification/cycle_verification, cycle_certificate ---------------------------------------
     "_judged_leg": [
         ("motion.seams[: k + 1]", "motion.seams[:1] * (k + 1)"),
-        ("_in_cycle(cycle.legs[k], each.where, begin)", "_in_cycle(cycle.legs[k], each.where, 0)"),
-        ("cycle.start if k == 0 else problem.start", "cycle.start"),
-        ("contact.apart - _PRESSED", "contact.apart"),
+        ("in_cycle(each.where, begin)", "in_cycle(each.where, 0)"),
+        ("if k == 0", "if k == 99"),
     ],
-    "_in_cycle": [("move = found.name", "pass"), ("begin + where.time", "where.time")],
+    "Leg.in_cycle": [("move = found.name", "pass"), ("begin + where.time", "where.time")],
     "_judged_seams": [
         ('["start", *(leg', '["end", *(leg'),
         ("if cycle.closed", "if True"),
@@ -3412,7 +3412,6 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("-each.saved", "each.saved"),
     ],
     "CycleResult.shortest_duration": [("self.duration - sum(spared)", "self.duration")],
-    "at_move": [("move=move.name, segment=segment", "move=move.name")],
     "plan_cycle": [
         ("shares_configurations and stopped_by is None", "stopped_by is None"),
     ],

@@ -48,7 +48,7 @@ class Cell:
         solid, standing = step.solid, self.obstacles
         for obstacle in self.obstacles:
             if obstacle.name == step.name:
-                solid = taken(obstacle, _tool_frame(robot, q))
+                solid = taken(obstacle, _hand_pose(robot, q))
                 standing = tuple(each for each in standing if each is not obstacle)
         if solid is None:
             return self
@@ -61,11 +61,11 @@ class Cell:
         kept = tuple(solid for solid in self.attached if solid not in gone)
         if not gone or not step.leaves_obstacle:
             return replace(self, attached=kept)
-        stands = left(gone[0], _tool_frame(robot, q))
+        stands = left(gone[0], _hand_pose(robot, q))
         return Cell((*self.obstacles, stands), kept, (*self.handed_over, step.name))
 
 
-def _tool_frame(robot: RobotModel, q: FloatArray) -> FloatArray:
+def _hand_pose(robot: RobotModel, q: FloatArray) -> FloatArray:
     """Return the pose of the tool frame, base frame, shape (4, 4)."""
     rotation, position = robot.body_poses(q[None])
     body = robot.link_body[robot.tool_frame]

@@ -8,7 +8,6 @@ from tubeplanner.cycle.cycle import Cycle
 from tubeplanner.cycle.cycle_motion import CycleMotion, cycle_motion
 from tubeplanner.cycle_planning.cycle_result import (
     CycleResult,
-    at_move,
     cycle_sensitivities,
 )
 from tubeplanner.cycle_planning.greedy_plan import greedy_plan
@@ -152,7 +151,7 @@ def _blocked(
     return CycleResult(
         result.status,
         f"{where}: {result.message}",
-        at_move(result.place, cycle, blocked.leg),
+        leg.in_cycle(result.place, 0.0),
         options.method,
         planning_time=clock.elapsed,
         stopped_by=result.stopped_by,

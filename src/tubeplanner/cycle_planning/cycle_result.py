@@ -1,7 +1,7 @@
 """The result of planning a cycle: a certified motion of all of it, or why there is none."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from tubeplanner.cycle.cycle import Cycle
@@ -145,12 +145,3 @@ def move_rows(motion: CycleMotion) -> list[dict[str, Any]]:
         {"name": name, "begin": begin, "end": end, "duration": end - begin}
         for name, (begin, end) in motion.move_times.items()
     ]
-
-
-def at_move(place: Place, cycle: Cycle, k: int) -> Place:
-    """Return a place in leg k of a cycle as one in the cycle."""
-    leg = cycle.legs[k]
-    if place.segment is None:
-        return replace(place, move=leg.name)
-    move, segment = leg.move_of(place.segment)
-    return replace(place, move=move.name, segment=segment)
