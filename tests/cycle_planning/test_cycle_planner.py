@@ -7,6 +7,7 @@ import pytest
 
 from tubeplanner import (
     CycleResult,
+    OptionError,
     PlanningProblem,
     PlanOptions,
     PlanStatus,
@@ -207,3 +208,21 @@ def test_only_cycles_are_planned() -> None:
     with pytest.raises(ProblemError, match="give a Cycle"):
         plan_cycle("cycle.yaml")
     assert not isinstance(three_moves(), PlanningProblem)
+
+
+def test_a_period_is_that_of_what_is_written_and_takes_no_sharing_away(shared: CycleResult) -> None:
+    period = 0.004
+    steps = [move("first", "ab", tolerance=0.05), move("second", "bc", tolerance=0.05)]
+    timed = cycle_of(*steps, move("third", "cd"), period=period)
+    result = plan_cycle(timed, SHORTEST)
+    assert result.greedy_duration == pytest.approx(shared.greedy_duration, rel=1e-9)
+    counts = result.motion.trajectory.breakpoints / period
+    assert abs(counts - np.round(counts)).max() < 1e-6
+    assert shared.duration < result.duration < shared.greedy_duration + 6 * period
+    for ours, theirs in zip(result.motion.seams, shared.motion.seams, strict=True):
+        assert abs(ours - theirs).max() < 1e-6
+
+
+def test_a_slack_that_the_method_does_not_honour_is_refused() -> None:
+    with pytest.raises(OptionError, match="stop-at-corners"):
+        plan_cycle(three_moves(), PlanOptions(method="stop-at-corners", slack=0.1))

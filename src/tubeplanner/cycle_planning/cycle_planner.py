@@ -17,6 +17,7 @@ from tubeplanner.cycle_planning.shared_plan import shared_plan
 from tubeplanner.outcome import Place, PlanStatus
 from tubeplanner.planning.followed_plan import followed_plan
 from tubeplanner.planning.plan_options import PlanOptions
+from tubeplanner.planning.planner import require_honoured
 from tubeplanner.progress import PlanningClock, ProgressCallback, StoppedBy, until_stopped
 from tubeplanner.verification.cycle_verification import verify_cycle
 
@@ -45,11 +46,14 @@ def plan_cycle(
         name the move and say what is in the way.
 
     Raises:
+        OptionError: A slack is asked for that the method does not honour.
         ProblemError: The cycle is none, or a move cannot begin where the one before ended.
         KeyboardInterrupt: Ctrl-C before all moves were certified.
     """
     Cycle.require(cycle)
     options = options or PlanOptions()
+    for k in range(len(cycle.legs)):
+        require_honoured(cycle.problem_from_anywhere(k), options)
     clock = PlanningClock(options.time_limit, progress)
     try:
         greedy = greedy_plan(cycle, options, clock)

@@ -15,7 +15,7 @@ from tubeplanner.errors import ProblemError
 from tubeplanner.outcome import Infeasible, Place, PlanStatus
 from tubeplanner.planning.plan_options import PlanOptions
 from tubeplanner.planning.plan_result import PlanResult, stopped_result
-from tubeplanner.planning.planner import Planner
+from tubeplanner.planning.planner import shortest_plan
 from tubeplanner.problem.goal_region import GoalRegion
 from tubeplanner.problem.problem import PlanningProblem, Seed
 from tubeplanner.problem.tool_pose import ToolPose
@@ -144,8 +144,8 @@ def planned_leg(
     if limit is not None and limit <= 0:
         raise BlockedLeg(k, stopped_result(clock, "time_limit", options.method))
     with clock.within(cycle.called(k)):
-        alone = replace(options, slack=0.0, time_limit=limit)
-        result = Planner(problem, alone).plan(clock.announce)
+        alone = replace(options, time_limit=limit)
+        result = shortest_plan(problem, alone, PlanningClock(limit, clock.announce))
     if not result.succeeded and result.stopped_by == "time_limit":
         result = stopped_result(clock, "time_limit", options.method)
     if not result.succeeded:

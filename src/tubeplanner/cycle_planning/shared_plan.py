@@ -12,7 +12,7 @@ from tubeplanner.cycle_planning.leg_plan import LegPlan
 from tubeplanner.errors import ProblemError
 from tubeplanner.planning.continued_plan import continued_plan
 from tubeplanner.planning.plan_options import PlanOptions
-from tubeplanner.planning.planner import Planner
+from tubeplanner.planning.planner import shortest_plan
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import PlanningClock, Progress
 from tubeplanner.refinement.phased_spline import PhasedSpline
@@ -155,7 +155,7 @@ def _planned(
         with clock.within(f"{_STAGE}, {problem.name}"):
             result = continued_plan(problem.joined, motion, clock)
             if result is None or not result.succeeded:
-                result = Planner(problem, replace(options, slack=0.0)).plan(clock.announce)
+                result = shortest_plan(problem, options, clock)
         if not result.succeeded:
             return None
         plans.append(LegPlan(problem, result))

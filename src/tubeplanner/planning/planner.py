@@ -58,7 +58,7 @@ class Planner:
         """
         PlanningProblem.require(problem)
         self._problem, self._options = problem, options or PlanOptions()
-        _require_honoured(problem, self._options)
+        require_honoured(problem, self._options)
         self._last: RefinedMotion | None = None
 
     def __repr__(self) -> str:
@@ -98,7 +98,7 @@ class Planner:
             KeyboardInterrupt: Ctrl-C before anything was certified.
         """
         PlanningProblem.require(problem)
-        _require_honoured(problem, self._options)
+        require_honoured(problem, self._options)
         self._problem = problem
         every_start = QUALITIES[self._options.quality].every_start
         return self._answer(None if every_start else self._last, progress)
@@ -111,12 +111,7 @@ class Planner:
             problem, chosen = configured_ends(self._problem)
         except Infeasible as reason:
             return PlanResult(reason.status, str(reason), reason.place, options.method)
-        work = partial(_planned, problem.joined, options, clock, last)
-        result, stopped_by = until_stopped(work)
-        if result is None:
-            result = stopped_result(clock, stopped_by or "interrupt", options.method)
-        if result.status is PlanStatus.INTERRUPTED:
-            raise KeyboardInterrupt
+        result = _shortest(problem, options, clock, last)
         if result.stopped_by is None:  # else it may have ended on coarse knots
             self._last = result.motion or self._last
         follow = partial(followed_plan, slack=options.slack, clock=clock)
@@ -129,6 +124,47 @@ class Planner:
         return replace(result, planning_time=clock.elapsed, notes=notes)
 
 
+def shortest_plan(
+    problem: PlanningProblem, options: PlanOptions, clock: PlanningClock
+) -> PlanResult:
+    """Return the shortest motion that is found, without period, slack and robustness.
+
+    Args:
+        problem: The planning problem.
+        options: How to plan it; the time limit is the clock's.
+        clock: The planning's.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C before anything was certified.
+    """
+    try:
+        configured, chosen = configured_ends(problem)
+    except Infeasible as reason:
+        return PlanResult(reason.status, str(reason), reason.place, options.method)
+    result = _shortest(configured, options, clock, None)
+    return replace(result, notes=(*chosen, *result.notes))
+
+
+def _shortest(
+    problem: PlanningProblem,
+    options: PlanOptions,
+    clock: PlanningClock,
+    last: RefinedMotion | None,
+) -> PlanResult:
+    """Return the shortest motion between configured ends, or what is known when it is stopped.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C before anything was certified.
+    """
+    work = partial(_planned, problem.joined, options, clock, last)
+    result, stopped_by = until_stopped(work)
+    if result is None:
+        result = stopped_result(clock, stopped_by or "interrupt", options.method)
+    if result.status is PlanStatus.INTERRUPTED:
+        raise KeyboardInterrupt
+    return result
+
+
 def _planned_from(
     options: PlanOptions,
     clock: PlanningClock,
@@ -138,7 +174,7 @@ def _planned_from(
     return _planned(problem, options, clock, last)
 
 
-def _require_honoured(problem: PlanningProblem, options: PlanOptions) -> None:
+def require_honoured(problem: PlanningProblem, options: PlanOptions) -> None:
     """Raise OptionError if a method makes nothing of time, or nothing simulates what is asked."""
     is_robust = options.robust and problem.robustness is not None
     if is_robust:
