@@ -3195,6 +3195,13 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
             "ends = [run[-1][1].time for run in runs[1:]]",
         ),
     ],
+    "_rooms": [
+        ("sum(pair) / 2", "pair[1]"),
+        ("min(middle", "max(middle"),
+        ("k == 0 and ", ""),
+        ("k == len(middles) - 1 and ", ""),
+        ("pairwise(middles)), duration]", "pairwise(middles)), middles[-1]]"),
+    ],
     "_shown": [
         ("*(mark.time for mark in motion.marks), ", ""),
         ("min(max(_FRAMES_PER_SECOND, fewest), most)", "_FRAMES_PER_SECOND"),
