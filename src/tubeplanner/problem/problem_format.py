@@ -112,10 +112,13 @@ class ShapeFields(Section):
     quaternion: Quaternion | None = Field(None, description="x y z w, instead of rpy")
 
 
-class ObstacleFields(ShapeFields):
-    """One solid; exactly one of box, sphere, cylinder, capsule, mesh."""
-
+# A base of its own, so that the name comes first wherever keys are listed.
+class _Named(Section):
     name: str = Field(description="unique; what messages call it")
+
+
+class ObstacleFields(ShapeFields, _Named):
+    """One solid; exactly one of box, sphere, cylinder, capsule, mesh."""
 
 
 class AttachedFields(ObstacleFields):
