@@ -104,6 +104,7 @@ TESTS = {
     "views/cycle_scene": ("views/test_cycle_view.py",),
     "views/cycle_timeline": ("views/test_cycle_view.py",),
     "views/page_panel": ("views/test_viewer.py", "views/test_cycle_view.py"),
+    "cycle/cycle": ("cycle/test_usual_contacts.py",),
     "cycle/motion_of_file": ("commands/test_view_command_cycles.py",),
     "files/cycle_motion_notes": ("commands/test_view_command_cycles.py",),
     "constraints/speed_limits": (
@@ -3108,7 +3109,6 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "first_fault": [
         ('_model_at(root, fault["loc"][:-1])', "root"),
         ("1 + max(", "max("),
-        ("steps if steps[-1:] == [name] else [*steps, name]", "[*steps, name]"),
         ('or fault["loc"][-1:] == ("[key]",)', ""),
     ],
     "_deepest": [("max(error", "min(error")],
@@ -3117,7 +3117,6 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "_keys": [("field.alias or name", "name")],
     "_model_at": [
         ("named[0] if named else model", "model"),
-        ("alternatives[0] if alternatives", "alternatives[-1] if alternatives"),
     ],
     # --- cycle/open_ends, cycle -------------------------------------------------------------------
     "ending_for": [
@@ -3166,7 +3165,6 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("+ len(leg.moves)", "+ 1"),
         ("end - begin - step.dwell", "end - begin"),
         ("min(spare)", "max(spare)"),
-        ("and step.dwell > 0", ""),
     ],
     "_judged_hold": [
         ("dict.fromkeys(rest.arms)", "dict.fromkeys(rest.arms[:1])"),
