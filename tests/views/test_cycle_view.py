@@ -136,6 +136,8 @@ def test_texts_at_the_ends_of_a_line_have_what_is_left_to_them():
     assert second == (0.625, 0.875, "center")
     assert middle == (2.875, 7.125, "center")
     assert last == (7.25, 10, "right")
+    late = [rest["room"]["align"] for rest in line_with_rests_at((5.0, 9.25, 9.5), 10.0)]
+    assert late == ["center", "center", "right"]
 
 
 def test_the_panel_says_what_is_seen(page):
