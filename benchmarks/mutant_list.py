@@ -104,6 +104,7 @@ TESTS = {
     "views/cycle_scene": ("views/test_cycle_view.py",),
     "views/cycle_timeline": ("views/test_cycle_view.py",),
     "views/page_panel": ("views/test_viewer.py", "views/test_cycle_view.py"),
+    "cycle/cycle": ("cycle/test_usual_contacts.py",),
     "cycle/motion_of_file": ("commands/test_view_command_cycles.py",),
     "files/cycle_motion_notes": ("commands/test_view_command_cycles.py",),
     "constraints/speed_limits": (
@@ -195,6 +196,12 @@ TESTS = {
     ),
     "problem/limit_values": ("problem/test_problem.py",),
     "problem/problem_reader": ("problem/test_problem.py", "problem/test_presets.py"),
+    "problem/problem_faults": (
+        "problem/test_problem_format.py",
+        "problem/test_problem_layers.py",
+        "cycle/test_cycle_format.py",
+    ),
+    "problem/solid_fields": ("problem/test_problem.py", "cycle/test_cycle_reader.py"),
     "files/own_fields": ("files/test_problem_file.py",),
     "robot/srdf": ("problem/test_named_endpoint.py",),
     "problem/schema_place": ("problem/test_field_paths.py",),
@@ -2374,6 +2381,10 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("limits=limits, motors=motors", "motors=motors"),
         ("limited = RobotModel.__new__(RobotModel)", "limited = self"),
     ],
+    "RobotModel.with_payload": [
+        ("payload, given[-1]", "given[-2:]"),
+        ("payload, given[-1]", "payload, None"),
+    ],
     "RobotModel.moves_as": [
         ("self._model is other._model", "True"),
         ("self._model is other._model", "self is other"),
@@ -3316,6 +3327,107 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "typical_configurations": [
         ("np.argsort(-_goodness(arm, q)", "np.argsort(_goodness(arm, q)"),
     ],
+    # --- problem/solid_fields, problem_faults -----------------------------------------------------
+    "obstacle_of": [
+        ("field = field or", "field ="),
+        ("len(given) != 1", "not given"),
+        ("fields.scale != 1.0", "False"),
+        ("placement, fields.scale", "placement"),
+        ("fields.position, fields.rpy", "fields.position, None"),
+        ("fields.rpy, fields.quaternion", "fields.rpy, None"),
+        ('directory / "the problem file"', 'Path("the problem file")'),
+        ("except RobotError", "except KeyError"),
+    ],
+    "attached_of": [
+        ("field = field or", "field ="),
+        ("folders, field)", "folders)"),
+        ("tuple(fields.touch_links)", "()"),
+        (", solid.contents", ""),
+    ],
+    "first_fault": [
+        ('_model_at(root, fault["loc"][:-1])', "root"),
+        ("1 + max(", "max("),
+        ('or fault["loc"][-1:] == ("[key]",)', ""),
+    ],
+    "_deepest": [("max(error", "min(error")],
+    "_wanted": [("if keys else", "if False else"), ('.replace("input should be"', '.replace(""')],
+    "_word": [("key.isprintable() and ", ""), (" and len(key) <= MAX_SHOWN", "")],
+    "_keys": [("field.alias or name", "name")],
+    "_model_at": [
+        ("named[0] if named else model", "model"),
+    ],
+    # --- cycle/open_ends, cycle -------------------------------------------------------------------
+    "ending_for": [
+        ("not move.ends_openly or", ""),
+        ("or after.tube.rotation is None", ""),
+        ("if not isinstance(goal, GoalRegion)", "if True"),
+        ("move.tube, move.goal", "move.tube, None"),
+        ("turned[:1]", "turned[-1:]"),
+        ("for s in (1, -1)", "for s in (1,)"),
+        ("orientations[-1] - s", "orientations[0] - s"),
+        ("if goal.rotation_tolerance is None", "if True"),
+        ("=bounds[0]", "=bounds[-1]"),
+    ],
+    "Cycle.cells": [
+        ("replace(cell, handed_over=())", "cell"),
+        ("leg.before.steps", "leg.before.steps[-1:]"),
+        ("leg.robot, q)", "leg.robot, seams[0])"),
+    ],
+    "Cycle._problem": [
+        ("self.rest_at(k + 1).handed_over", "()"),
+        ("problem, cell.handed_over,", "problem, (),"),
+        ("move.goal if goal is None else goal", "move.goal"),
+        ("self._present(move.pair_clearances, cell)", "move.pair_clearances"),
+    ],
+    "Cycle._is_present": [("if name in comes_and_goes", "")],
+    # --- verification/cycle_verification, cycle_certificate ---------------------------------------
+    "verify_cycle": [("tolerance or Tolerance()", "Tolerance()")],
+    "_judged_leg": [
+        ("replace(problem, start=cycle.start)", "problem"),
+        ("in_cycle(each.where, begin)", "in_cycle(each.where, 0.0)"),
+        ("begin, end), tolerance)", "begin, end))"),
+    ],
+    "_judged_seams": [
+        ("times[2 * k + 1]", "times[2 * k]"),
+        ("if cycle.closed", "if False"),
+        ("cycle.rest_at(k)", "cycle.rest_at(0)"),
+    ],
+    "_judged_stay": [
+        ("[:seam][-1:]", "[:seam][:1]"),
+        ("if begin < end", "if False"),
+        ("travel[:-1].sum(axis=0)", "0 * travel[:-1].sum(axis=0)"),
+        ("abs(part.coefficients)", "part.coefficients"),
+        ("moved.max(axis=0).argmax()", "moved.max(axis=0).argmin()"),
+    ],
+    "_judged_dwell": [
+        ("+ len(leg.moves)", "+ 1"),
+        ("end - begin - step.dwell", "end - begin"),
+        ("min(spare)", "max(spare)"),
+    ],
+    "_judged_hold": [
+        ("dict.fromkeys(rest.arms)", "dict.fromkeys(rest.arms[:1])"),
+        ("dict.fromkeys(rest.arms)", "dict.fromkeys(rest.arms[-1:])"),
+        ("np.isinf(margins).all()", "np.isinf(margins).any()"),
+    ],
+    "_hold_margin": [
+        ("effort_at(q, -1)", "effort_at(q, 1)"),
+        ("abs(effort) / allowed", "effort / allowed"),
+    ],
+    "_judged_return": [
+        ("motion.seams[-1] - motion.seams[0]", "0 * motion.seams[0]"),
+        ("off.argmax()", "off.argmin()"),
+    ],
+    "CycleCertificate.failures": [
+        ('[f"{move}: start" for move in self.refused]', "[]"),
+        ("not each.holds(self.tolerance)", "each.margin is not None and each.margin < 0"),
+    ],
+    "CycleCertificate.describe": [
+        ("if where in self.refused", "if False"),
+        ("if condition.unit == RELATIVE", "if False"),
+    ],
+    "CycleCertificate.as_dict": [
+        (", **{name: _refusal(why) for name, why in self.refused.items()}", "")
+    ],
     # --- cycles in files and on the command line -----------------------------------------------
     "is_cycle": [('or "moves" in document', "")],
     "require_problem": [("is_cycle(document)", "False")],
@@ -3385,10 +3497,13 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     # --- cycle_planning ---------------------------------------------------------------------------
     "shared_plan": [
-        ("leg.joined.goal if opens else plan.end", "leg.joined.goal"),
-        ("is_open[last] &= not (cycle.closed and", "is_open[last] &= not ("),
+        ("not cycle.closed or isinstance(cycle.start, Seed)", "True"),
         ("_total(plans) < _total(greedy)", "_total(plans) > _total(greedy)"),
         ("motion if opens else replace(motion, problem=problem.joined)", "motion"),
+    ],
+    "_goals": [
+        ("leg.joined.goal if opens else plan.end", "leg.joined.goal"),
+        ("cycle.closed and is_open[-1]", "False"),
     ],
     "_presses": [("is_open and not is_free", "is_open and is_free")],
     "_tied": [("is_closed=closed and all(is_open)", "is_closed=False")],
@@ -3441,6 +3556,13 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
             "ends = [run[0][1].time for run in runs[1:]]",
             "ends = [run[-1][1].time for run in runs[1:]]",
         ),
+    ],
+    "_rooms": [
+        ("sum(pair) / 2", "pair[1]"),
+        ("min(middle", "max(middle"),
+        ("k == 0 and ", ""),
+        ("k == len(middles) - 1 and ", ""),
+        ("pairwise(middles)), duration]", "pairwise(middles)), middles[-1]]"),
     ],
     "_shown": [
         ("*(mark.time for mark in motion.marks), ", ""),

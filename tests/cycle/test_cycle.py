@@ -24,6 +24,20 @@ CYCLE = pick_and_place(payload=weight(1.0))
 SEAMS = [HOME, PICK, PLACE, HOME]
 
 
+def test_a_cell_knows_what_was_handed_over_just_before():
+    """Not what was before an earlier leg."""
+    robot = CYCLE.robot
+    steps = [
+        move(robot, "to_pick", HOME, PICK),
+        Attach("part"),
+        move(robot, "to_place", PICK, PLACE),
+        Event("gripper", "look"),
+        move(robot, "back", PLACE, HOME),
+    ]
+    cells = Cycle(HOME, steps, [ball(robot)]).cells(SEAMS[:3])
+    assert [cell.handed_over for cell in cells] == [(), ("part",), ()]
+
+
 def test_each_leg_has_the_cell_and_the_arm_of_then():
     problems = CYCLE.problems(SEAMS)
     assert [len(problem.obstacles) for problem in problems] == [1, 0, 1]

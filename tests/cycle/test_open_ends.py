@@ -10,6 +10,7 @@ from tubeplanner.cycle.open_ends import ending_for
 
 POINTS = [[0.4, 0.0, 0.5], [0.5, 0.2, 0.4]]
 DOWN, ASIDE = [1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]
+TILTED = [np.cos(0.3), np.sin(0.3), 0.0, 0.0]
 FREE, UPRIGHT = [np.inf] * 3, [0.1, 0.1, np.inf]
 
 
@@ -60,3 +61,19 @@ def test_a_given_goal_and_another_orientation_stay_as_they_are(robot):
     assert ending_for(aside, second) is aside
     opposite = move(robot, "first", [-x for x in DOWN], UPRIGHT)  # the same rotation
     assert ending_for(opposite, second).goal.rotation_tolerance == tuple(UPRIGHT)
+
+
+def test_what_counts_is_where_the_moves_meet(robot):
+    """The first ends as it does last, the second begins as it does first."""
+    turning = Tube(
+        [*POINTS, [0.5, 0.3, 0.4]],
+        0.05,
+        orientations=[DOWN, DOWN, TILTED],
+        rotation_tolerance=[0.1, 0.3],
+    )
+    second = Move("second", robot, turning)
+    joined = ending_for(move(robot, "first"), second)
+    assert np.array_equal(joined.tube.orientations, [DOWN] * 2)
+    assert joined.goal.rotation_tolerance == 0.1
+    ends_tilted = Move("first", robot, turning)
+    assert ending_for(ends_tilted, second) is ends_tilted

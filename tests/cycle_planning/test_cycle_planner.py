@@ -16,6 +16,8 @@ from tubeplanner import (
     plan_cycle,
     verify,
 )
+from tubeplanner.planning.planner import Planner
+from tubeplanner.progress import Progress
 from two_link_cycles import cycle_of, move, three_moves
 
 SHORTEST = PlanOptions(slack=0.0, quality="fast")
@@ -74,7 +76,7 @@ def test_a_given_last_goal_of_a_closed_cycle_is_where_it_begins() -> None:
         move("back", "ba"),
         {**move("there", "ab"), "goal": {"joints": there.tolist()}},
         closed=True,
-        start={"seed": there.tolist()},
+        start={"seed": (-there).tolist()},  # the elbow bent to the other side
     )
     result = plan_cycle(cycle, SHORTEST)
     assert result.succeeded
@@ -150,6 +152,27 @@ def test_an_end_from_which_the_next_move_leads_nowhere_is_chosen_again() -> None
         assert elbow > 0 if sign == "+" else elbow < 0
 
 
+def test_what_is_taken_at_an_end_that_was_chosen_again_is_held_as_it_is_taken_there() -> None:
+    start = [0.3, 1e-3]
+    x, y, _ = cycle_of(move("any", "ab")).robot.tool_position(np.array(start))
+    first = {"name": "first", "tube": {"points": [[x, y, 0.0], [0.45, 0.1, 0.0]], "radius": 0.05}}
+    second, part = move("second", "bc"), {"name": "part", "sphere": 0.01}
+    for sign in "+-":
+        second["tube"]["joint_signs"] = {"joint2": sign}
+        cycle = cycle_of(
+            *(first, {"attach": "part"}, second, move("third", "cd")),
+            start={"joints": start},
+            obstacles=[{**part, "position": [0.45, 0.1, 0.3]}],
+        )
+        result = plan_cycle(cycle, SHORTEST, shares_configurations=False)
+        ours = [each.problem.attached[0].shapes[0].center for each in result.legs[1:]]
+        exact = [
+            problem.attached[0].shapes[0].center
+            for problem in cycle.problems(result.motion.seams)[1:]
+        ]
+        np.testing.assert_allclose(ours, exact, atol=1e-9)
+
+
 def test_prices_are_sums_over_moves(shared: CycleResult) -> None:
     by_joint = [
         sum(
@@ -184,9 +207,25 @@ def test_a_time_limit_leaves_an_answer_or_says_so() -> None:
     assert "move 1 of 3" in result.message
 
 
-def test_ctrl_c_before_every_move_has_an_answer_ends_it() -> None:
-    def interrupt(progress: object) -> None:
-        if "move 2 of 3" in str(progress):
+def test_every_move_has_its_share_of_the_time_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    given: list[float] = []
+
+    def noting(problem: PlanningProblem, options: PlanOptions) -> Planner:
+        assert options.time_limit is not None
+        given.append(options.time_limit)
+        return Planner(problem, options)
+
+    monkeypatch.setattr("tubeplanner.cycle_planning.greedy_plan.Planner", noting)
+    plan_cycle(three_moves(), replace(SHORTEST, time_limit=1000.0), shares_configurations=False)
+    # Twice what would be left to each of the others.
+    assert all(limit <= most for limit, most in zip(given, (500, 667, 1000), strict=True))
+
+
+@pytest.mark.parametrize("has_answer", [False, True])
+def test_ctrl_c_before_every_move_has_an_answer_ends_it(has_answer: bool) -> None:
+    def interrupt(progress: Progress) -> None:
+        is_found = progress.best_duration is not None
+        if "move 2 of 3" in str(progress) and is_found is has_answer:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):

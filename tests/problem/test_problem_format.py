@@ -349,6 +349,15 @@ def test_a_rotation_tolerance_is_angles_or_triples(tmp_path, written, value):
     assert tube.orientations == [(0, 0, 0, 1)]
 
 
+@pytest.mark.parametrize(
+    ("key", "told"), [("a\nb", r"'a\nb'"), ("k" * 300, f"'{'k' * 59}..."), ("joint1", "joint1")]
+)
+def test_a_key_that_cannot_be_shown_or_is_long_is_quoted(key, told):
+    where = fault(changed("robot.limits.velocity", {key: "x"})).split(" is ")[0]
+    assert where.startswith(f"robot.limits.velocity.{told}")
+    assert len(where) < 100
+
+
 # --- defaults ----------------------------------------------------------------------------------
 
 

@@ -85,6 +85,19 @@ def test_one_number_changed_fails_in_its_move_alone():
     assert "to_place - back: continuity" in found
 
 
+def test_a_motion_that_begins_elsewhere_than_the_cycle_fails_at_its_start():
+    elsewhere = HOME + np.array([0.01, 0.0])
+    motion = slow_motion(CYCLE, (elsewhere, PICK, PLACE, elsewhere))
+    assert failures(motion) == ["to_pick: start", "back: goal"]
+
+
+def test_moves_and_seams_are_judged_with_the_tolerance_that_is_given():
+    elsewhere = HOME + np.array([0.01, 0.0])
+    motion = slow_motion(CYCLE, (elsewhere, PICK, PLACE, HOME))
+    assert failures(motion) == ["to_pick: start", "closed: continuity"]
+    assert verify_cycle(CYCLE, motion, Tolerance(0.02, 0.02)).passed
+
+
 def test_places_are_those_of_the_whole_motion():
     """A motion too fast for the robot: where it is fastest, in the cycle's own time."""
     slow = planar_arm()

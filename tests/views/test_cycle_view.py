@@ -8,7 +8,7 @@ import pytest
 
 from shown_cycle import GRIP, RELEASE, motion_of, shown_cycle
 from tubeplanner import OptionError, ProblemError
-from tubeplanner.views.cycle_timeline import cycle_timeline
+from tubeplanner.views.cycle_timeline import Stop, Timeline, cycle_timeline
 from tubeplanner.views.cycle_view import view_cycle
 from tubeplanner.views.palette import SEGMENT_COLORS
 from tubeplanner.views.viewer import recorded_commands
@@ -110,6 +110,36 @@ def test_the_time_line_has_moves_and_what_happens_at_rest(motion):
     assert [time for time, _ in left.ticks] == pytest.approx([rest + 1, second, second])
 
 
+def line_with_rests_at(times, duration):
+    """Return the rests of a time line as the page gets them."""
+    stops = tuple(Stop(time - 0.1, time + 0.1, ((time - 0.1, "dwell"),)) for time in times)
+    return Timeline((), stops).as_dict(duration)["rests"]
+
+
+@pytest.mark.parametrize("times", [(0.6, 1.0, 2.5, 9.3, 9.4), (0.5, 9.5), (0.4,), (9.7,), (6.0,)])
+def test_texts_of_rests_are_beside_each_other(times):
+    rooms = [rest["room"] for rest in line_with_rests_at(times, 10.0)]
+    ends = [0.0, *(end for room in rooms for end in (room["begin"], room["end"])), 10.0]
+    assert ends == sorted(ends)
+    for time, room in zip(times, rooms, strict=True):
+        before, after = time - room["begin"], room["end"] - time
+        assert min(before, after) > 0
+        assert before == pytest.approx(after) or room["align"] != "center"
+
+
+def test_texts_at_the_ends_of_a_line_have_what_is_left_to_them():
+    first, second, middle, last = (
+        (room["begin"], room["end"], room["align"])
+        for room in (rest["room"] for rest in line_with_rests_at((0.5, 0.75, 5.0, 9.5), 10.0))
+    )
+    assert first == (0, 0.625, "left")
+    assert second == (0.625, 0.875, "center")
+    assert middle == (2.875, 7.125, "center")
+    assert last == (7.25, 10, "right")
+    late = [rest["room"]["align"] for rest in line_with_rests_at((5.0, 9.25, 9.5), 10.0)]
+    assert late == ["center", "center", "right"]
+
+
 def test_the_panel_says_what_is_seen(page):
     panel = page.panel
     assert panel["about"].endswith("closed cycle of 4 moves")
@@ -133,6 +163,9 @@ def test_the_panel_says_what_is_seen(page):
 def test_motions_stand_side_by_side_with_a_line_each(cycle, motion):
     both = view_cycle(cycle, [motion, motion_of(cycle, 2.0)], ["fast", "slow"])
     assert [t["name"] for t in both.panel["trajectories"]] == ["fast", "slow"]
+    # Both lines are as wide as the longer motion lasts.
+    last = both.panel["timelines"][0]["rests"][-1]
+    assert last["room"]["align"] == "center"
     assert [line["moves"][-1]["end"] for line in both.panel["timelines"]] == pytest.approx(
         [3.3, 6.3]
     )

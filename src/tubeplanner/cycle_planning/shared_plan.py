@@ -3,8 +3,6 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from tubeplanner.branches.pose_configurations import is_free
 from tubeplanner.cycle.cycle import Cycle
 from tubeplanner.cycle.steps import Goal
@@ -13,7 +11,8 @@ from tubeplanner.errors import ProblemError
 from tubeplanner.planning.continued_plan import continued_plan
 from tubeplanner.planning.plan_options import PlanOptions
 from tubeplanner.planning.planner import shortest_plan
-from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.problem.goal_region import GoalRegion
+from tubeplanner.problem.problem import PlanningProblem, Seed
 from tubeplanner.progress import PlanningClock, Progress
 from tubeplanner.refinement.phased_spline import PhasedSpline
 from tubeplanner.refinement.refined_motion import RefinedMotion
@@ -44,11 +43,8 @@ def shared_plan(
     """
     last = len(greedy) - 1
     is_open = [leg.joined.ends_openly for leg in cycle.legs]
-    is_open[last] &= not (cycle.closed and isinstance(cycle.start, np.ndarray))
-    goals = [
-        leg.joined.goal if opens else plan.end
-        for leg, plan, opens in zip(cycle.legs, greedy, is_open, strict=True)
-    ]
+    is_open[last] &= not cycle.closed or isinstance(cycle.start, Seed)
+    goals = _goals(cycle, greedy, is_open)
     motions = [_opened(*each) for each in zip(greedy, goals, strict=True)]
     known = [motion for motion in motions if motion is not None]
     if last == 0 or not any(is_open) or len(known) < len(greedy):
@@ -76,6 +72,20 @@ def shared_plan(
             plans = _planned(problems, known, options, clock)
             return plans if plans is not None and _total(plans) < _total(greedy) else None
     return None
+
+
+def _goals(cycle: Cycle, greedy: Sequence[LegPlan], is_open: Sequence[bool]) -> list[Goal]:
+    """Return where legs end: as their moves say if that is open, else where they end already."""
+    goals = [
+        leg.joined.goal if opens else plan.end
+        for leg, plan, opens in zip(cycle.legs, greedy, is_open, strict=True)
+    ]
+    if cycle.closed and is_open[-1]:
+        # A ball would leave more room than the start has, where the first tube begins.
+        begin, goal = cycle.legs[0].joined.tube.points[0], goals[-1]
+        turn = goal.rotation_tolerance if isinstance(goal, GoalRegion) else None
+        goals[-1] = GoalRegion(begin, rotation_tolerance=turn)
+    return goals
 
 
 def _tied(

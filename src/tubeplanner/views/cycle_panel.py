@@ -28,7 +28,7 @@ def cycle_panel_data(scene: CycleScene) -> dict[str, Any]:
     layers = [layer_data(layer, scene, words, entries) for layer in scene.layers]
     kind = "closed cycle" if cycle.closed else "cycle"
     about = f"{arm_words(cycle.robot)}; {kind} of {len(moves)} move{'s' * (len(moves) > 1)}"
-    timelines = [cycle_timeline(motion).as_dict() for motion in scene.motions]
+    timelines = [cycle_timeline(motion).as_dict(scene.duration) for motion in scene.motions]
     return {**page_data(scene, about, layers), "timelines": timelines}
 
 

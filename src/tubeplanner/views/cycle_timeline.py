@@ -1,13 +1,17 @@
 """What happens when in the motion of a cycle, as bands and ticks of a time line."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import groupby
+from itertools import groupby, pairwise
 from typing import Any
 
 from tubeplanner.cycle.cycle_motion import CycleMotion
 from tubeplanner.cycle.step_text import step_text
 from tubeplanner.cycle.steps import Move
 from tubeplanner.views.palette import segment_color
+
+# Nearer to an end of the line than this share of it, a name is not in the middle of its room.
+_EDGE = 0.1
 
 
 @dataclass(frozen=True)
@@ -59,11 +63,19 @@ class Timeline:
     bands: tuple[Band, ...]
     stops: tuple[Stop, ...]
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return the time line as JSON values."""
+    def as_dict(self, duration: float) -> dict[str, Any]:
+        """Return the time line as JSON values, with the room that the text of each rest has.
+
+        Args:
+            duration: That the whole width stands for [s].
+        """
+        rooms = _rooms([(stop.begin + stop.end) / 2 for stop in self.stops], duration)
         return {
             "moves": [vars(band) for band in self.bands],
-            "rests": [{**vars(stop), "text": stop.text} for stop in self.stops],
+            "rests": [
+                {**vars(stop), "text": stop.text, "room": room}
+                for stop, room in zip(self.stops, rooms, strict=True)
+            ],
         }
 
 
@@ -87,3 +99,22 @@ def _stops(motion: CycleMotion) -> list[Stop]:
         for run, end in zip(runs, ends, strict=True)
         if not isinstance(run[0][0], Move)
     ]
+
+
+def _rooms(middles: Sequence[float], duration: float) -> list[dict[str, Any]]:
+    """Return the room of texts around times [s], so that none is drawn over another.
+
+    A room reaches at most half way to the next text, and as far on both sides; the first and the
+    last text, at an end of the line, have all that is left to that end.
+    """
+    borders = [0.0, *(sum(pair) / 2 for pair in pairwise(middles)), duration]
+    rooms = []
+    for k, (middle, (low, high)) in enumerate(zip(middles, pairwise(borders), strict=True)):
+        even = min(middle - low, high - middle)
+        room = {"begin": middle - even, "end": middle + even, "align": "center"}
+        if k == 0 and middle < _EDGE * duration:
+            room = {"begin": low, "end": high, "align": "left"}
+        elif k == len(middles) - 1 and middle > (1 - _EDGE) * duration:
+            room = {"begin": low, "end": high, "align": "right"}
+        rooms.append(room)
+    return rooms
