@@ -104,7 +104,10 @@ TESTS = {
     "views/cycle_scene": ("views/test_cycle_view.py",),
     "views/cycle_timeline": ("views/test_cycle_view.py",),
     "views/page_panel": ("views/test_viewer.py", "views/test_cycle_view.py"),
-    "cycle/cycle": ("cycle/test_usual_contacts.py",),
+    "cycle/cycle": (
+        "cycle/test_usual_contacts.py",
+        "cycle/test_cell.py",
+    ),
     "cycle/motion_of_file": ("commands/test_view_command_cycles.py",),
     "files/cycle_motion_notes": ("commands/test_view_command_cycles.py",),
     "constraints/speed_limits": (
@@ -123,10 +126,16 @@ TESTS = {
         "refinement/test_sensitivities.py",
     ),
     "robot/frame_jacobian": ("robot/test_body_chain.py",),
-    "cycle/cycle": ("cycle/test_usual_contacts.py", "cycle/test_cell.py"),
     "problem/checked_fields": ("cycle/test_cycle_format.py", "cycle/test_cycle_reader.py"),
-    "problem/solid_fields": ("cycle/test_cycle_reader.py",),
-    "problem/problem_faults": ("problem/test_problem_format.py", "cycle/test_cycle_format.py"),
+    "problem/solid_fields": (
+        "cycle/test_cycle_reader.py",
+        "problem/test_problem.py",
+    ),
+    "problem/problem_faults": (
+        "problem/test_problem_format.py",
+        "cycle/test_cycle_format.py",
+        "problem/test_problem_layers.py",
+    ),
     "robot/frame_velocities": ("robot/test_robot_model.py",),
     "refinement/linear_rows": (
         "refinement/test_spline_constraints.py",
@@ -196,12 +205,6 @@ TESTS = {
     ),
     "problem/limit_values": ("problem/test_problem.py",),
     "problem/problem_reader": ("problem/test_problem.py", "problem/test_presets.py"),
-    "problem/problem_faults": (
-        "problem/test_problem_format.py",
-        "problem/test_problem_layers.py",
-        "cycle/test_cycle_format.py",
-    ),
-    "problem/solid_fields": ("problem/test_problem.py", "cycle/test_cycle_reader.py"),
     "files/own_fields": ("files/test_problem_file.py",),
     "robot/srdf": ("problem/test_named_endpoint.py",),
     "problem/schema_place": ("problem/test_field_paths.py",),
@@ -2384,6 +2387,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "RobotModel.with_payload": [
         ("payload, given[-1]", "given[-2:]"),
         ("payload, given[-1]", "payload, None"),
+        ("*given[:-2], payload, given[-1]", "*given"),
     ],
     "RobotModel.moves_as": [
         ("self._model is other._model", "True"),
@@ -2473,6 +2477,9 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "Cycle.cells": [
         ("            cell = replace(cell, handed_over=())\n", ""),
         ("cell.after(step, leg.robot, q)", "cell.after(step, leg.robot, seams[0])"),
+        ("replace(cell, handed_over=())", "cell"),
+        ("leg.before.steps", "leg.before.steps[-1:]"),
+        ("leg.robot, q)", "leg.robot, seams[0])"),
     ],
     "Cycle._from_anywhere": [("self.start, *[Seed", "Seed(somewhere), *[Seed")],
     "Cycle.called": [("before + 1", "before"), ("before + len(leg.moves)", "len(leg.moves)")],
@@ -2485,6 +2492,8 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("            _ = problem.collision  # built here: its faults are the move's\n", ""),
         ("(*problem.contacts, *contacts)", "problem.contacts"),
         ("self.rest_at(k + 1).handed_over", "self.rest_at(k).handed_over"),
+        ("self.rest_at(k + 1).handed_over", "()"),
+        ("problem, cell.handed_over,", "problem, (),"),
     ],
     "Cycle._is_present": [("if name in comes_and_goes", "")],
     "require_consistent": [
@@ -2586,22 +2595,32 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     # --- robot: payloads, Jacobians of frames; problem: fields as files have them -----------------
     "Payload.plus": [("self._body.plus(other._body)", "other._body")],
     "Payload.__post_init__": [(" * max(1.0, float(np.abs(self.inertia).max()))", "")],
-    "RobotModel.with_payload": [("*given[:-2], payload, given[-1]", "*given")],
     "frame_jacobian": [("pin.LOCAL_WORLD_ALIGNED", "pin.LOCAL")],
     "check_fields": [("source if source_of is None else", "source if True else")],
-    "attached_of": [("(fields, directory, folders, field)", "(fields, directory, folders)")],
+    "attached_of": [
+        ("(fields, directory, folders, field)", "(fields, directory, folders)"),
+        ("field = field or", "field ="),
+        ("folders, field)", "folders)"),
+        ("tuple(fields.touch_links)", "()"),
+        (", solid.contents", ""),
+    ],
     "_model_at": [("named[0] if named else model", "model")],
     # --- verification/cycle_verification, cycle_certificate ---------------------------------------
     "_judged_leg": [
         ("motion.seams[: k + 1]", "motion.seams[:1] * (k + 1)"),
         ("in_cycle(each.where, begin)", "in_cycle(each.where, 0)"),
         ("if k == 0", "if k == 99"),
+        ("replace(problem, start=cycle.start)", "problem"),
+        ("in_cycle(each.where, begin)", "in_cycle(each.where, 0.0)"),
+        ("begin, end), tolerance)", "begin, end))"),
     ],
     "Leg.in_cycle": [("move = found.name", "pass"), ("begin + where.time", "where.time")],
     "_judged_seams": [
         ('["start", *(leg', '["end", *(leg'),
         ("if cycle.closed", "if True"),
         ("if cycle.closed", "if False"),
+        ("times[2 * k + 1]", "times[2 * k]"),
+        ("cycle.rest_at(k)", "cycle.rest_at(0)"),
     ],
     "_judged_stay": [
         ("legs[:seam][-1:]", "legs[:0]"),
@@ -2611,22 +2630,40 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("if len(travelled) < 2", "if begin == end"),
         ("abs(places - places[0])", "abs(places - places)"),
         ("argmax()", "argmin()"),
+        ("[:seam][-1:]", "[:seam][:1]"),
+        ("travel[:-1].sum(axis=0)", "0 * travel[:-1].sum(axis=0)"),
+        ("abs(part.coefficients)", "part.coefficients"),
+        ("moved.max(axis=0).argmax()", "moved.max(axis=0).argmin()"),
     ],
     "_judged_dwell": [
         ("end - begin - step.dwell", "end - begin"),
         ("min(spare)", "max(spare)"),
         ("for leg in cycle.legs[:seam])", "for leg in cycle.legs[:0])"),
+        ("+ len(leg.moves)", "+ 1"),
     ],
     "_judged_hold": [
         ("rest.arms", "rest.arms[:1]"),
         ("rest.arms", "rest.arms[-1:]"),
         ("margins.argmin()", "margins.argmax()"),
+        ("dict.fromkeys(rest.arms)", "dict.fromkeys(rest.arms[:1])"),
+        ("dict.fromkeys(rest.arms)", "dict.fromkeys(rest.arms[-1:])"),
+        ("np.isinf(margins).all()", "np.isinf(margins).any()"),
     ],
-    "_hold_margin": [("np.where(effort > 0,", "np.where(effort < 0,")],
-    "_judged_return": [("motion.seams[-1] - motion.seams[0]", "motion.seams[0] - motion.seams[0]")],
+    "_hold_margin": [
+        ("np.where(effort > 0,", "np.where(effort < 0,"),
+        ("effort_at(q, -1)", "effort_at(q, 1)"),
+        ("abs(effort) / allowed", "effort / allowed"),
+    ],
+    "_judged_return": [
+        ("motion.seams[-1] - motion.seams[0]", "motion.seams[0] - motion.seams[0]"),
+        ("motion.seams[-1] - motion.seams[0]", "0 * motion.seams[0]"),
+        ("off.argmax()", "off.argmin()"),
+    ],
     "CycleCertificate.failures": [
         ('f"{move}: start" for move in self.refused', 'f"{move}: start" for move in ()'),
         ("each.holds(self.tolerance)", "each.holds(type(self.tolerance)())"),
+        ('[f"{move}: start" for move in self.refused]', "[]"),
+        ("not each.holds(self.tolerance)", "each.margin is not None and each.margin < 0"),
     ],
     "_refusal": [('"passed": False', '"passed": True')],
     # --- simulation/shortfall ---------------------------------------------------------------------
@@ -3338,12 +3375,6 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ('directory / "the problem file"', 'Path("the problem file")'),
         ("except RobotError", "except KeyError"),
     ],
-    "attached_of": [
-        ("field = field or", "field ="),
-        ("folders, field)", "folders)"),
-        ("tuple(fields.touch_links)", "()"),
-        (", solid.contents", ""),
-    ],
     "first_fault": [
         ('_model_at(root, fault["loc"][:-1])', "root"),
         ("1 + max(", "max("),
@@ -3353,9 +3384,6 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "_wanted": [("if keys else", "if False else"), ('.replace("input should be"', '.replace(""')],
     "_word": [("key.isprintable() and ", ""), (" and len(key) <= MAX_SHOWN", "")],
     "_keys": [("field.alias or name", "name")],
-    "_model_at": [
-        ("named[0] if named else model", "model"),
-    ],
     # --- cycle/open_ends, cycle -------------------------------------------------------------------
     "ending_for": [
         ("not move.ends_openly or", ""),
@@ -3368,59 +3396,8 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("if goal.rotation_tolerance is None", "if True"),
         ("=bounds[0]", "=bounds[-1]"),
     ],
-    "Cycle.cells": [
-        ("replace(cell, handed_over=())", "cell"),
-        ("leg.before.steps", "leg.before.steps[-1:]"),
-        ("leg.robot, q)", "leg.robot, seams[0])"),
-    ],
-    "Cycle._problem": [
-        ("self.rest_at(k + 1).handed_over", "()"),
-        ("problem, cell.handed_over,", "problem, (),"),
-        ("move.goal if goal is None else goal", "move.goal"),
-        ("self._present(move.pair_clearances, cell)", "move.pair_clearances"),
-    ],
-    "Cycle._is_present": [("if name in comes_and_goes", "")],
     # --- verification/cycle_verification, cycle_certificate ---------------------------------------
     "verify_cycle": [("tolerance or Tolerance()", "Tolerance()")],
-    "_judged_leg": [
-        ("replace(problem, start=cycle.start)", "problem"),
-        ("in_cycle(each.where, begin)", "in_cycle(each.where, 0.0)"),
-        ("begin, end), tolerance)", "begin, end))"),
-    ],
-    "_judged_seams": [
-        ("times[2 * k + 1]", "times[2 * k]"),
-        ("if cycle.closed", "if False"),
-        ("cycle.rest_at(k)", "cycle.rest_at(0)"),
-    ],
-    "_judged_stay": [
-        ("[:seam][-1:]", "[:seam][:1]"),
-        ("if begin < end", "if False"),
-        ("travel[:-1].sum(axis=0)", "0 * travel[:-1].sum(axis=0)"),
-        ("abs(part.coefficients)", "part.coefficients"),
-        ("moved.max(axis=0).argmax()", "moved.max(axis=0).argmin()"),
-    ],
-    "_judged_dwell": [
-        ("+ len(leg.moves)", "+ 1"),
-        ("end - begin - step.dwell", "end - begin"),
-        ("min(spare)", "max(spare)"),
-    ],
-    "_judged_hold": [
-        ("dict.fromkeys(rest.arms)", "dict.fromkeys(rest.arms[:1])"),
-        ("dict.fromkeys(rest.arms)", "dict.fromkeys(rest.arms[-1:])"),
-        ("np.isinf(margins).all()", "np.isinf(margins).any()"),
-    ],
-    "_hold_margin": [
-        ("effort_at(q, -1)", "effort_at(q, 1)"),
-        ("abs(effort) / allowed", "effort / allowed"),
-    ],
-    "_judged_return": [
-        ("motion.seams[-1] - motion.seams[0]", "0 * motion.seams[0]"),
-        ("off.argmax()", "off.argmin()"),
-    ],
-    "CycleCertificate.failures": [
-        ('[f"{move}: start" for move in self.refused]', "[]"),
-        ("not each.holds(self.tolerance)", "each.margin is not None and each.margin < 0"),
-    ],
     "CycleCertificate.describe": [
         ("if where in self.refused", "if False"),
         ("if condition.unit == RELATIVE", "if False"),
@@ -3517,8 +3494,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     "leg_problem": [("cycle.closed and k ==", "cycle.closed and k !=")],
     "planned_leg": [
-        ("slack=0.0, time_limit=limit", "slack=0.0"),
-        ("slack=0.0, time_limit=limit", "time_limit=limit"),
+        ("PlanningClock(limit, clock.announce)", "PlanningClock(None, clock.announce)"),
         (" and left > 1", " and left > 9"),
     ],
     "first_configuration": [("leg, given, point = last, goal, -1", "pass")],
