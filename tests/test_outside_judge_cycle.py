@@ -113,7 +113,7 @@ def files(tmp_path, monkeypatch):
 
 
 def later_mark(files):
-    files.trajectory["marks"][3]["time"] += 0.01
+    files.trajectory["marks"][3]["time"] += 0.05
 
 
 def longer_dwell(files):

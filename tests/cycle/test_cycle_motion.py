@@ -104,3 +104,11 @@ def test_marks_of_something_else_are_refused(change, message):
 def test_marks_of_fewer_steps_are_refused():
     with pytest.raises(TrajectoryError, match="marks are none; the cycle has move to_pick"):
         CycleMotion(CYCLE, MOTION.trajectory, ())
+
+
+def test_marks_that_set_something_else_are_refused():
+    """Whoever runs the motion would open the gripper where the cycle closes it."""
+    marks = [replace(m, setting="open") if m.kind == "event" else m for m in MOTION.marks]
+    assert tuple(marks) != MOTION.marks
+    with pytest.raises(TrajectoryError, match=r"event gripper open.*; the cycle has .*event"):
+        CycleMotion(CYCLE, MOTION.trajectory, tuple(marks))
