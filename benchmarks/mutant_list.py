@@ -2530,9 +2530,9 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "CycleMotion.leg_at": [("begin <= time", "begin < time - 0.5")],
     "_Builder.rest": [
         ("and step.dwell >= MIN_DURATION", ""),
-        ("step.setting if isinstance(step, Event) else None", "None"),
     ],
     "_Builder.run": [("self._time + begin", "begin")],
+    "_setting": [("step.setting if isinstance(step, Event) else None", "None")],
     "_step_kind": [
         ('"MoveFields" if keys.keys() & MoveFields.model_fields.keys() else None', '"MoveFields"'),
     ],
@@ -2561,13 +2561,14 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     "usual_contacts": [
         ("if frozenset(pair) not in known", ""),
-        ("if end in each.ends}", "}"),
-        ("problem.start if end == START else problem.given_goal", "problem.start"),
+        ("if side in each.ends}", "}"),
+        ("problem.start if side == START else goal", "problem.start"),
     ],
     "_near": [
         ("own &= _of_tool(problem)", "pass"),
-        ("< required_everywhere(problem)[:count][own]", "< 0"),
-        ("< required_everywhere(problem)[:count][own]", "< np.inf"),
+        ("distances < required)", "distances < 0)"),
+        ("(distances < required) &", "True &"),
+        ("distances > -_DEEPEST", "True"),
     ],
     # --- trajectory/marks, parts; collision/handed_over -------------------------------------------
     "Mark.as_dict": [("{} if self.setting is None", "{} if not self.setting")],
@@ -2607,7 +2608,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "_model_at": [("named[0] if named else model", "model")],
     # --- verification/cycle_verification, cycle_certificate ---------------------------------------
     "_judged_leg": [
-        ("motion.seams[: k + 1]", "motion.seams[:1] * (k + 1)"),
+        ("motion.seams[: k + 2]", "motion.seams[:1] * (k + 1)"),
         ("in_cycle(each.where, begin)", "in_cycle(each.where, 0)"),
         ("if k == 0", "if k == 99"),
         ("replace(problem, start=cycle.start)", "problem"),

@@ -17,7 +17,7 @@ from outside.arm import Arm
 from outside.box import box_margin, radii, read_sections
 from outside.files import BadInput, find_urdf
 from outside.nearest import Poses, least_margin, signed_distance
-from outside.problem import _bounds, read_problem
+from outside.problem import bounds_of, read_problem
 from outside.trajectory import Trajectory, read_trajectory
 from outside.visits import ordered_visits
 from outside_judge import Judge, main, passes
@@ -481,7 +481,7 @@ def test_one_triple_serves_as_in_the_package(points, tolerance):
     turned = [[0, 0, 0, 1]] * points
     corners = [[k % 2, k // 2, 0] for k in range(points)]
     tube = Tube(corners, 0.1, orientations=turned, rotation_tolerance=tolerance)
-    found = _bounds(tolerance, points - 1)
+    found = bounds_of(tolerance, points - 1)
     np.testing.assert_array_equal(found, tube.rotation.bounds)
 
 

@@ -84,6 +84,7 @@ class Arm:
         allowed: Pairs of links that the SRDF allows to touch.
         has_masses: Whether everything that a joint carries has a mass, as efforts need.
         tool_frame: The link that carries the tool.
+        tool_joint: Pinocchio's index of the joint that moves it.
         links: Names of all links.
     """
 
@@ -117,7 +118,7 @@ class Arm:
         tool = self._model.frames[self._model.getFrameId(self.tool_frame, pin.FrameType.BODY)]
         self._carry(fields.get("payload"), tool)
         offset = placement_of(fields.get("tool_offset") or {})
-        self._tool_joint, self._tool = tool.parentJoint, tool.placement * offset
+        self.tool_joint, self._tool = tool.parentJoint, tool.placement * offset
         for solid in fields.get("attached") or []:
             geometry, placement = solid_geometry(solid, problem.folder, folders)
             place = tool.placement * placement
@@ -147,7 +148,7 @@ class Arm:
 
     def tool(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return rotation (N, 3, 3) and position (N, 3) [m] of the tool centre point."""
-        model, data, joint = self._model, self._data, self._tool_joint
+        model, data, joint = self._model, self._data, self.tool_joint
         rotation, position = np.empty((len(q), 3, 3)), np.empty((len(q), 3))
         place = data.oMi[joint]
         for k, row in enumerate(q @ self._follow.T + self._offset):
@@ -158,7 +159,7 @@ class Arm:
 
     def tool_velocity(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Return the velocity of the tool centre point, shape (N, 3) [m/s]."""
-        return self._velocity(self._tool_joint, self._tool.translation, q, v)
+        return self._velocity(self.tool_joint, self._tool.translation, q, v)
 
     def point_velocity(self, point: Point, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Return the velocity of a point that moves with a link, shape (N, 3) [m/s]."""

@@ -1,4 +1,4 @@
-"""Whether the tool ends in the ball of its goal, and turned as that asks."""
+"""Whether the tool ends in its pose or the ball of its goal, and turned as that asks."""
 
 import math
 from typing import Any
@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from outside.arm import Arm
+from outside.arm import Arm, placement_of
 from outside.files import BadInput
 from outside.problem import Problem
 from outside.trajectory import Trajectory
@@ -17,6 +17,16 @@ def judge_ball(goal: dict[str, Any], arm: Arm, q: np.ndarray, time: float) -> Co
     """Return how far inside its ball the tool is in a configuration (n,)."""
     away = math.dist(arm.tool(q[None])[1][0], goal["position"])
     return Condition(float(goal.get("tolerance", 0.0)) - away, "m", time, "tool in its ball")
+
+
+def judge_pose(pose: dict[str, Any], arm: Arm, q: np.ndarray, time: float) -> Condition:
+    """Return how far the tool is from its pose in a configuration (n,), metres or radians."""
+    asked = placement_of(pose)
+    rotation, position = arm.tool(q[None])
+    away = math.dist(position[0], asked.translation)
+    turned = float(Rotation.from_matrix(asked.rotation.T @ rotation[0]).magnitude())
+    unit = "rad" if turned > away else "m"
+    return Condition(-max(away, turned), unit, time, "tool in its pose")
 
 
 def judge_turn(problem: Problem, arm: Arm, trajectory: Trajectory) -> Condition:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from outside.arm import Arm
-from outside.goal import judge_ball
+from outside.goal import judge_ball, judge_pose
 from outside.motors import directions
 from outside.problem import Problem
 from outside.trajectory import ORDERS, Samples, Trajectory
@@ -146,6 +146,8 @@ def _end_rows(trajectory: Trajectory) -> list[tuple[int, float, float]]:
 def _end(arm: Arm, given: dict, q: np.ndarray, point: np.ndarray, time: float) -> Condition:
     """Return whether an end is the given configuration, or else has its tool at the point."""
     joints = given.get("joints")
+    if given.get("pose") is not None:
+        return judge_pose(given["pose"], arm, q, time)
     if "position" in given:
         return judge_ball(given, arm, q, time)
     if joints is None:

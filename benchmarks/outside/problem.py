@@ -31,6 +31,7 @@ TUBE |= {"tool_speed", "visit", "pass_through_points", "cross_section"}
 TOP = {"format", "version", "robot", "tube", "start", "goal", "obstacles", "clearance", "collision"}
 TOP |= {"contacts"}
 BALL = {"position", "tolerance", "rotation_tolerance"}
+POSE = {"position", "rpy", "quaternion"}
 SIGNS = {"+": (0.0, math.inf), "-": (-math.inf, 0.0), "0": (-math.inf, math.inf)}
 SIGNS_BY_NUMBER = {1: "+", -1: "-", 0: "0"}
 
@@ -111,7 +112,7 @@ class Problem:
         folder: Where its relative paths start.
         robot: Its section `robot`, keys checked.
         tube: Its tube.
-        start: Its section `start`: `joints` or `seed`.
+        start: Its section `start`: `joints`, `seed` or `pose`.
         goal: Likewise, or the keys of a ball, or empty.
         obstacles: Solids in the base frame, keys checked.
         distances: What is asked of distances between solids.
@@ -137,7 +138,7 @@ def read_problem(path: Path) -> Problem:
         BadInput: It cannot be read, is incomplete, or has a field that this judge does not know.
     """
     try:
-        return _problem(read_document(path), path.resolve().parent)
+        return problem_of(read_document(path), path.resolve().parent)
     except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
         raise BadInput(f"{path}: {type(error).__name__}: {error}") from error
 
@@ -159,30 +160,37 @@ def read_document(path: Path) -> Any:
         raise BadInput(f"{path} cannot be read: {error}") from error
 
 
-def _problem(fields: Any, folder: Path) -> Problem:
-    _require_known(fields, TOP, "")
+def problem_of(fields: Any, folder: Path) -> Problem:
+    """Return the problem that a file's fields are, whose relative paths start at a folder.
+
+    Raises:
+        BadInput: A field is not known here.
+    """
+    require_known(fields, TOP, "")
     if fields.get("format", "tubeplanner/problem") != "tubeplanner/problem":
         raise BadInput(f"format {fields['format']} is unknown")
     if fields.get("version", 1) != 1:
         raise BadInput(f"version {fields['version']} is unknown")
     robot = fields["robot"]
-    _require_known(robot, ROBOT, "robot.")
-    _require_known(robot.get("tool_offset") or {}, {"position", "rpy"}, "robot.tool_offset.")
-    _require_known(robot.get("payload") or {}, {"mass", "com", "inertia"}, "robot.payload.")
-    _require_known(robot.get("limits") or {}, LIMITS, "robot.limits.")
-    _require_known(robot.get("motors") or {}, MOTORS, "robot.motors.")
+    require_known(robot, ROBOT, "robot.")
+    require_known(robot.get("tool_offset") or {}, {"position", "rpy"}, "robot.tool_offset.")
+    require_known(robot.get("payload") or {}, {"mass", "com", "inertia"}, "robot.payload.")
+    require_known(robot.get("limits") or {}, LIMITS, "robot.limits.")
+    require_known(robot.get("motors") or {}, MOTORS, "robot.motors.")
     scale = (robot.get("limits") or {}).get("scale") or {}
-    _require_known(scale, {"effort", "velocity", "acceleration"}, "robot.limits.scale.")
+    require_known(scale, {"effort", "velocity", "acceleration"}, "robot.limits.scale.")
     for solid in robot.get("attached") or []:
-        _require_known(solid, SOLID | {"touch_links"}, "robot.attached.")
+        require_known(solid, SOLID | {"touch_links"}, "robot.attached.")
     for solid in fields.get("obstacles") or []:
-        _require_known(solid, SOLID, "obstacles.")
+        require_known(solid, SOLID, "obstacles.")
     collision = fields.get("collision") or {}
-    _require_known(collision, {"self", "ignore"}, "collision.")
+    require_known(collision, {"self", "ignore"}, "collision.")
     for end in ("start", "goal"):
-        known = {"joints", "seed"} | (BALL if end == "goal" else set())
-        _require_known(fields.get(end) or {}, known, f"{end}.")
-    tube = _with_points(fields["tube"], folder)
+        known = {"joints", "seed", "pose"} | (BALL if end == "goal" else set())
+        given = fields.get(end) or {}
+        require_known(given, known, f"{end}.")
+        require_known(given.get("pose") or {}, POSE, f"{end}.pose.")
+    tube = with_points(fields["tube"], folder)
     asked = (fields.get("clearance", 0.0), fields.get("contacts"))
     distances = read_distances(*asked, len(tube["points"]) - 1)
     return Problem(
@@ -198,7 +206,8 @@ def _problem(fields: Any, folder: Path) -> Problem:
     )
 
 
-def _require_known(fields: Any, known: set[str], where: str) -> None:
+def require_known(fields: Any, known: set[str], where: str) -> None:
+    """Raise BadInput, which names the field, if there is one that is not known."""
     if not isinstance(fields, dict):
         raise BadInput(f"{where.rstrip('.') or 'the file'} must be a map")
     for key in fields:
@@ -206,7 +215,7 @@ def _require_known(fields: Any, known: set[str], where: str) -> None:
             raise BadInput(f"{where}{key} is not known here, so it cannot be judged")
 
 
-def _with_points(fields: Any, folder: Path) -> Any:
+def with_points(fields: Any, folder: Path) -> Any:
     """Return a tube's fields with those of its file of points, if it names one."""
     if not isinstance(fields.get("points"), str):
         return fields
@@ -217,7 +226,7 @@ def _with_points(fields: Any, folder: Path) -> Any:
 
 
 def _tube(fields: Any, clearance: np.ndarray) -> TubeFields:
-    _require_known(fields, TUBE, "tube.")
+    require_known(fields, TUBE, "tube.")
     points = np.array(fields["points"], dtype=float)
     if points.ndim != 2 or points.shape[1] != 3 or len(points) < 2:
         raise BadInput("tube.points must be two or more positions")
@@ -241,7 +250,7 @@ def _tube(fields: Any, clearance: np.ndarray) -> TubeFields:
         radius - tool_radius,
         [{name: _range(sign) for name, sign in (row or {}).items()} for row in maps],
         None if orientations is None else np.array(orientations, dtype=float),
-        None if tolerance is None else _bounds(tolerance, count),
+        None if tolerance is None else bounds_of(tolerance, count),
         _speeds(fields.get("tool_speed"), count),
         clearance,
         visit == "ordered",
@@ -273,7 +282,8 @@ def _range(sign: Any) -> tuple[float, float]:
     return SIGNS[SIGNS_BY_NUMBER.get(sign, sign)]
 
 
-def _bounds(tolerance: Any, count: int) -> np.ndarray:
+def bounds_of(tolerance: Any, count: int) -> np.ndarray:
+    """Return what `rotation_tolerance` bounds in so many segments, as `TubeFields.bounds`."""
     entries = tolerance if isinstance(tolerance, list) else [tolerance] * count
     if count != 3 and len(entries) == 3 and not any(isinstance(entry, list) for entry in entries):
         entries = [entries]  # one triple for all; of three segments, each has its angle

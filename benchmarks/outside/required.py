@@ -61,7 +61,7 @@ class Required:
             np.full_like(each, asked.pairs.get(owners_of(pair), each))
             for pair, each in zip(self.pairs, own, strict=True)
         ]
-        is_given = bool({"joints", "seed"} & set(problem.goal))
+        is_given = bool({"joints", "seed", "pose"} & set(problem.goal))
         self._ends = _near_ends(asked, arm, self.pairs, trajectory, is_given, len(tube.radius))
         self.changes = bool(asked.contacts) or bool(np.ptp(tube.clearance) > 0)
 

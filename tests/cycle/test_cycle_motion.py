@@ -112,3 +112,11 @@ def test_an_event_that_takes_no_time_adds_nothing(dwell):
     assert motion.trajectory.duration == pytest.approx(6.0)
     assert len(motion.trajectory.widths) == 3
     assert [mark.time for mark in motion.marks] == [0.0, 2.0, 2.0, 2.0, 4.0, 4.0, 4.0]
+
+
+def test_marks_that_set_something_else_are_refused():
+    """Whoever runs the motion would open the gripper where the cycle closes it."""
+    marks = [replace(m, setting="open") if m.kind == "event" else m for m in MOTION.marks]
+    assert tuple(marks) != MOTION.marks
+    with pytest.raises(TrajectoryError, match=r"event gripper open.*; the cycle has .*event"):
+        CycleMotion(CYCLE, MOTION.trajectory, tuple(marks))

@@ -8,6 +8,9 @@ import pytest
 from cycles import HOME, PICK, PLACE, move, planar_arm, weight
 from tubeplanner import Attach, Detach, Event, ProblemError, Tube, load_robot
 from tubeplanner.cycle.leg import legs_of
+from tubeplanner.outcome import Place
+from two_link_cycles import cycle_of
+from two_link_cycles import move as named_move
 
 GRAVITY = (0.0, -9.81, 0.0)
 ARM = planar_arm(GRAVITY)
@@ -94,3 +97,18 @@ def test_arms_that_carry_the_same_are_one():
 def test_a_rest_names_what_changes_hands():
     steps = [GO, Event("x"), Attach("a", weight(1.0)), Detach("a"), BACK]
     assert legs_of(steps)[0][1].before.handed_over == ("a", "a")
+
+
+def test_a_place_in_a_leg_is_told_as_one_of_its_moves_in_the_cycle():
+    passing = {**named_move("second", "cd"), "pass_through": True}
+    cycle = cycle_of(named_move("first", "abc"), passing, named_move("third", "dc"))
+    leg = cycle.legs[0]
+    places = [leg.in_cycle(Place(segment=segment, time=1.0), 2.0) for segment in range(3)]
+    told = [(place.move, place.segment, place.time) for place in places]
+    assert told == [("first", 0, 3.0), ("first", 1, 3.0), ("second", 0, 3.0)]
+    whole = leg.in_cycle(Place(joint="joint1"), 2.0)
+    assert whole == Place(move="first, second", joint="joint1")
+    assert [cycle.called(k) for k in (0, 1)] == [
+        "moves 1 to 2 of 3, 'first', 'second'",
+        "move 3 of 3, 'third'",
+    ]

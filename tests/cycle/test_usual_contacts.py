@@ -36,8 +36,7 @@ def goal_of(goal):
 
 
 def contacts(made, k, **more):
-    seams = [HOME, PICK, PLACE]
-    problem = made.problem(k, seams, **more)
+    problem = made.problem(k, [HOME, PICK, PLACE][: k + 1], **more)
     return {(frozenset(each.links), each.ends, each.within) for each in problem.contacts}
 
 
@@ -100,3 +99,21 @@ def test_what_does_not_change_hands_there_gets_no_contact(steps):
     changed = replace(made, steps=[*kept, *steps])
     found = contacts(changed, 1, goal=PLACE)
     assert (pair("table", "goal") in found) == bool(steps)
+
+
+@pytest.mark.parametrize(("below", "may"), [(-0.0005, True), (-0.003, False)])
+def test_what_overlaps_deeper_than_rough_geometry_does_was_not_meant_to_touch(below, may):
+    taken, put = cycle(table(PICK, below)), cycle(table(PLACE, below))
+    assert contacts(taken, 1, goal=PLACE) == ({pair("table", "start")} if may else set())
+    assert contacts(put, 1, goal=PLACE) == ({pair("table", "goal")} if may else set())
+
+
+def test_an_open_end_that_is_known_has_the_contacts_of_that_configuration():
+    made = cycle(table(PLACE, 0.002), table(PICK, 0.002, "other"))
+    known = made.problem(1, [HOME, PICK, PLACE])
+    assert known.goal is None
+    found = {(frozenset(each.links), each.ends) for each in known.contacts}
+    assert found == {
+        (frozenset(("part", "other")), ("start",)),
+        (frozenset(("part", "table")), ("goal",)),
+    }

@@ -16,8 +16,8 @@ from tubeplanner import (
     plan_cycle,
     verify,
 )
-from tubeplanner.planning.planner import Planner
-from tubeplanner.progress import Progress
+from tubeplanner.planning.planner import shortest_plan
+from tubeplanner.progress import PlanningClock, Progress
 from two_link_cycles import cycle_of, move, three_moves
 
 SHORTEST = PlanOptions(slack=0.0, quality="fast")
@@ -210,12 +210,13 @@ def test_a_time_limit_leaves_an_answer_or_says_so() -> None:
 def test_every_move_has_its_share_of_the_time_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     given: list[float] = []
 
-    def noting(problem: PlanningProblem, options: PlanOptions) -> Planner:
+    def noting(problem: PlanningProblem, options: PlanOptions, clock: PlanningClock) -> PlanResult:
         assert options.time_limit is not None
+        assert clock.remaining <= options.time_limit
         given.append(options.time_limit)
-        return Planner(problem, options)
+        return shortest_plan(problem, options, clock)
 
-    monkeypatch.setattr("tubeplanner.cycle_planning.greedy_plan.Planner", noting)
+    monkeypatch.setattr("tubeplanner.cycle_planning.greedy_plan.shortest_plan", noting)
     plan_cycle(three_moves(), replace(SHORTEST, time_limit=1000.0), shares_configurations=False)
     # Twice what would be left to each of the others.
     assert all(limit <= most for limit, most in zip(given, (500, 667, 1000), strict=True))

@@ -106,13 +106,14 @@ class Cycle:
 
         Args:
             k: Which leg.
-            seams: Configurations (n,) of all seams up to where it begins.
+            seams: Configurations (n,) of all seams up to where it begins, or ends if that is known.
             goal: Where it ends, instead of where its move says; None: there.
 
         Raises:
             ProblemError: As a `PlanningProblem`; the message names the move.
         """
-        return self._problem(k, self.cells(seams)[k], seams[k], goal)
+        end = seams[k + 1] if len(seams) > k + 1 else None
+        return self._problem(k, self.cells(seams)[k], seams[k], goal, end)
 
     def problems(self, seams: Sequence[FloatArray]) -> tuple[PlanningProblem, ...]:
         """Return the planning problems of all legs between configurations of all seams.
@@ -161,7 +162,12 @@ class Cycle:
         return self.after if seam == len(self.legs) else self.legs[seam].before
 
     def _problem(
-        self, k: int, cell: Cell, start: FloatArray | Seed | ToolPose, goal: Goal
+        self,
+        k: int,
+        cell: Cell,
+        start: FloatArray | Seed | ToolPose,
+        goal: Goal,
+        end: FloatArray | None = None,
     ) -> PlanningProblem:
         leg, move = self.legs[k], self.legs[k].joined
         try:
@@ -182,7 +188,9 @@ class Cycle:
                 name=f"{self.name}, {leg.name}",
             )
             _ = problem.collision  # built here: its faults are the move's
-            contacts = usual_contacts(problem, cell.handed_over, self.rest_at(k + 1).handed_over)
+            contacts = usual_contacts(
+                problem, cell.handed_over, self.rest_at(k + 1).handed_over, end
+            )
             return replace(problem, contacts=(*problem.contacts, *contacts))
         except (ProblemError, RobotError) as error:
             raise type(error)(f"move '{leg.name}': {error}") from None

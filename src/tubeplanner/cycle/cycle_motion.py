@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.cycle.cycle import Cycle
@@ -49,8 +50,8 @@ class CycleMotion:
     def __post_init__(self) -> None:
         reordered = self.trajectory.reordered(self.cycle.robot.joint_names)
         object.__setattr__(self, "trajectory", reordered)
-        wanted = [(_KINDS[type(step)], step.name) for step in self.cycle.steps]
-        found = [(mark.kind, mark.name) for mark in self.marks]
+        wanted = [(_KINDS[type(step)], step.name, _setting(step)) for step in self.cycle.steps]
+        found = [(mark.kind, mark.name, mark.setting) for mark in self.marks]
         if found != wanted:
             raise TrajectoryError(f"marks are {_listed(found)}; the cycle has {_listed(wanted)}")
         for mark, (begin, end) in zip(self.marks, self.step_times, strict=True):
@@ -136,8 +137,7 @@ class _Builder:
     def rest(self, steps: Sequence[Step], q: FloatArray) -> None:
         """Stay in a configuration (n,) while steps happen."""
         for step in steps:
-            setting = step.setting if isinstance(step, Event) else None
-            self._mark(step, self._time, setting)
+            self._mark(step, self._time)
             if isinstance(step, Event) and step.dwell >= MIN_DURATION:
                 self._add(resting(self._names, q, step.dwell))
 
@@ -152,9 +152,14 @@ class _Builder:
         self.parts.append(part)
         self._time = float(self._time + part.breakpoints[-1])
 
-    def _mark(self, step: Step, time: float, setting: object = None) -> None:
-        self.marks.append(Mark(time, _KINDS[type(step)], step.name, setting))
+    def _mark(self, step: Step, time: float) -> None:
+        self.marks.append(Mark(time, _KINDS[type(step)], step.name, _setting(step)))
 
 
-def _listed(steps: Sequence[tuple[str, str]]) -> str:
-    return ", ".join(" ".join(step) for step in steps) or "none"
+def _setting(step: Step) -> Any:
+    return step.setting if isinstance(step, Event) else None
+
+
+def _listed(steps: Sequence[tuple[str, str, Any]]) -> str:
+    known = [[str(part) for part in step if part is not None] for step in steps]
+    return ", ".join(" ".join(step) for step in known) or "none"

@@ -10,30 +10,37 @@ from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.problem.required_distances import required_everywhere
 
 WITHIN = 0.03  # [m]
+# What overlaps deeper than rough geometry does was not meant to touch.
+_DEEPEST = 1e-3  # [m]
 
 
 def usual_contacts(
-    problem: PlanningProblem, begins_with: Sequence[str], ends_with: Sequence[str]
+    problem: PlanningProblem,
+    begins_with: Sequence[str],
+    ends_with: Sequence[str],
+    end: FloatArray | None = None,
 ) -> tuple[Contact, ...]:
     """Return contacts of what changes hands, for pairs that are given none at that end.
 
     Something carried may be as near to obstacles, and links to something that stands, as they are
-    where the motion begins or ends. Where it ends in an open configuration, links that move with
-    the tool may be, and any obstacle.
+    where the motion begins or ends, if they do not overlap there. Where it is not known in which
+    configuration it ends, links that move with the tool may be, and any obstacle.
 
     Args:
         problem: A motion.
         begins_with: What was taken or let go before it.
         ends_with: What is taken or let go after it.
+        end: In which configuration it ends, shape (n,); None: as its goal says, if that does.
     """
     found = []
-    for end, names in ((START, begins_with), (GOAL, ends_with)):
-        q = problem.start if end == START else problem.given_goal
-        known = {frozenset(each.links) for each in problem.contacts if end in each.ends}
+    goal = problem.given_goal if end is None else end
+    for side, names in ((START, begins_with), (GOAL, ends_with)):
+        q = problem.start if side == START else goal
+        known = {frozenset(each.links) for each in problem.contacts if side in each.ends}
         for name in names:
             pairs = _near(problem, name, q if isinstance(q, np.ndarray) else None)
             fresh = [pair for pair in pairs if frozenset(pair) not in known]
-            found += [Contact(pair, WITHIN, (end,)) for pair in fresh]
+            found += [Contact(pair, WITHIN, (side,)) for pair in fresh]
     return tuple(found)
 
 
@@ -55,7 +62,8 @@ def _near(problem: PlanningProblem, name: str, q: FloatArray | None) -> list[tup
     elif own.any():
         rotation, position = problem.robot.body_poses(q[None])
         distances = checker.distances(rotation[0], position[0], checker.obstacle_pairs[own])
-        own[own] = distances < required_everywhere(problem)[:count][own]
+        required = required_everywhere(problem)[:count][own]
+        own[own] = (distances < required) & (distances > -_DEEPEST)
     return [(str(first), str(second)) for first, second in dict.fromkeys(map(tuple, owners[own]))]
 
 

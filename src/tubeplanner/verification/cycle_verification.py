@@ -70,7 +70,7 @@ def _judged_leg(cycle: Cycle, motion: CycleMotion, k: int, tolerance: Tolerance)
         ProblemError: It begins where its problem has no place.
     """
     begin, end = motion.leg_times[k]
-    problem = cycle.problem(k, motion.seams[: k + 1])
+    problem = cycle.problem(k, motion.seams[: k + 2])
     if k == 0:
         problem = replace(problem, start=cycle.start)
     judged = verify(problem, part_of(motion.trajectory, begin, end), tolerance)
