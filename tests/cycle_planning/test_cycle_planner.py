@@ -10,6 +10,7 @@ from tubeplanner import (
     OptionError,
     PlanningProblem,
     PlanOptions,
+    PlanResult,
     PlanStatus,
     ProblemError,
     plan,
