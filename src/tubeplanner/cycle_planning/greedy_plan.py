@@ -78,6 +78,8 @@ def _planned_around(
             problem = cycle.problem(k - 1, seams[:-1], q)
             before = planned_leg(cycle, k - 1, problem, options, clock)
             return [before, _planned_from(cycle, k, [*seams[:-1], q], options, clock)]
+    if tried == 0:
+        raise blocked
     result = blocked.result
     message = f"{result.message}; {tried} other configurations at its start led nowhere either"
     raise BlockedLeg(k, replace(result, message=message)) from None
