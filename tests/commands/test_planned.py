@@ -61,7 +61,7 @@ def test_a_blocked_move_is_told_and_nothing_is_written(run, path):
     output = path.with_name("t.json")
     status, text, _ = run("plan", path, *FAST, *blocks, "-o", output)
     assert status == 1
-    assert "unreachable: move 2 of 3, 'down, beside'" in text
+    assert "unreachable: moves 2 to 3 of 4, 'down', 'beside'" in text
     assert text.splitlines()[-1].startswith("where: move 'down', segment 0, point 1, tool at [")
     assert not output.exists()
     status, text, _ = run("plan", path, *FAST, *blocks, "--json")
