@@ -25,6 +25,7 @@ from tubeplanner import (
     Detach,
     Event,
     JointTrajectory,
+    LimitOverrides,
     Obstacle,
     ProblemError,
     Tolerance,
@@ -222,6 +223,29 @@ def test_motors_hold_what_is_taken_or_are_found_too_weak(steps):
     assert found.margin < 0
     light = lift(weight(0.0), steps)
     assert light.margin == pytest.approx((1 - abs(empty) / robot.limits.effort).min())
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_motors_hold_by_what_they_have_in_the_direction_that_gravity_asks(way):
+    """A motor of another strength each way, one without limit, gravity one way and the other."""
+    given = LimitOverrides(effort={"joint1": [40.0, 90.0], "joint2": np.inf})
+    robot = planar_arm((0.0, -9.81 * way, 0.0), limits=given)
+    cycle = Cycle(HOME, [move(robot, "go", HOME, PICK)])
+    leg = LegMotion(rest_to_rest(robot.joint_names, HOME, PICK, 2.0))
+    seam = verify_cycle(cycle, cycle_motion(cycle, [leg])).seams["go - end"]["effort"]
+    effort = robot.gravity_effort(PICK)[0]
+    assert np.sign(effort) == way
+    assert seam.where.joint == "joint1"
+    assert seam.margin == pytest.approx(1 - abs(effort) / (90.0 if way > 0 else 40.0))
+
+
+def test_motors_without_limits_hold_anything():
+    limits = LimitOverrides(effort=np.inf)
+    robot = planar_arm(GRAVITY, limits=limits)
+    cycle = Cycle(HOME, [move(robot, "go", HOME, PICK)])
+    leg = LegMotion(rest_to_rest(robot.joint_names, HOME, PICK, 2.0))
+    seam = verify_cycle(cycle, cycle_motion(cycle, [leg])).seams["go - end"]["effort"]
+    assert seam.margin is None
 
 
 def test_what_is_put_down_must_be_held_until_it_is():
