@@ -112,7 +112,14 @@ for leg in tray.legs:
     tightest = min(margins, key=margins.get)
     print(f"   {leg.name}: nearest its limit is {tightest} ({judged.conditions[tightest].where})")
 for seam, conditions in certificate.seams.items():
-    print(f"   {seam}:", *(f"{name} {each.margin:.2g}" for name, each in conditions.items()))
+    print(
+        f"   {seam}:",
+        *(
+            f"{name} {each.margin:.2g}"
+            for name, each in conditions.items()
+            if each.margin is not None
+        ),
+    )
 
 # %% [markdown]
 # Moves of one leg are judged together. At a seam, the margin of continuity is minus the largest jump of a joint [rad], nothing but rounding here, and that of effort is what the

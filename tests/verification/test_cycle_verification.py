@@ -169,6 +169,21 @@ def test_a_dwell_that_is_too_short_is_found():
     assert "margin -0.01 s" in certificate.describe(f"{SEAM}: dwell")
 
 
+def test_one_of_several_dwells_that_is_too_short_is_found_after_moves_that_pass_through():
+    robot = planar_arm()
+    through = replace(move(robot, "on", PICK, PLACE), passes_through=True)
+    events = [Event("one", None, 0.2), Event("two", None, 0.3), Event("three", None, 0.1)]
+    cycle = Cycle(HOME, [move(robot, "go", HOME, PICK), through, *events])
+    leg = LegMotion(rest_to_rest(robot.joint_names, HOME, PLACE, 2.0), (1.0,))
+    sound = cycle_motion(cycle, [leg])
+    asked = replace(events[1], dwell=0.35)
+    longer = replace(cycle, steps=[*cycle.steps[:3], asked, cycle.steps[4]])
+    motion = CycleMotion(longer, sound.trajectory, sound.marks)
+    seam = verify_cycle(longer, motion).seams["go, on - end"]["dwell"]
+    assert seam.margin == pytest.approx(-0.05)
+    assert seam.where.time == pytest.approx(2.2)
+
+
 def test_a_longer_dwell_is_none_the_worse():
     cycle = pick_and_place(dwell=DWELL - 0.01)
     assert failures(CycleMotion(cycle, MOTION.trajectory, MOTION.marks)) == []
