@@ -195,7 +195,8 @@ def _rotation(
     ranges: list[dict[str, tuple[float, float]]] = [{}] * len(spans)
     numbers = list(range(len(witness.points)))
     free = np.full(len(witness.needed), np.inf)
-    known = (witness.points, witness.needed, ranges, orientations, None, free)
+    distances = np.zeros(len(witness.needed))
+    known = (witness.points, witness.needed, ranges, orientations, None, free, distances)
     tube = TubeFields(*known, True, [], numbers)
     least, by_component = float(rng.uniform(0.01, 0.5)), rng.random() < 0.5
     bounds: list[Any] = []

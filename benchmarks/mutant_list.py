@@ -2630,11 +2630,9 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("if begin < end", "if False"),
         ("if len(travelled) < 2", "if begin == end"),
         ("abs(places - places[0])", "abs(places - places)"),
-        ("argmax()", "argmin()"),
         ("[:seam][-1:]", "[:seam][:1]"),
         ("travel[:-1].sum(axis=0)", "0 * travel[:-1].sum(axis=0)"),
         ("abs(part.coefficients)", "part.coefficients"),
-        ("moved.max(axis=0).argmax()", "moved.max(axis=0).argmin()"),
     ],
     "_judged_dwell": [
         ("end - begin - step.dwell", "end - begin"),
@@ -2655,10 +2653,13 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("effort_at(q, -1)", "effort_at(q, 1)"),
         ("abs(effort) / allowed", "effort / allowed"),
     ],
+    "_judged_gap": [
+        ("gap.argmax()", "gap.argmin()"),
+        ('"rad" if robot.revolute[joint] else "m"', '"rad"'),
+    ],
     "_judged_return": [
         ("motion.seams[-1] - motion.seams[0]", "motion.seams[0] - motion.seams[0]"),
         ("motion.seams[-1] - motion.seams[0]", "0 * motion.seams[0]"),
-        ("off.argmax()", "off.argmin()"),
     ],
     "CycleCertificate.failures": [
         ('f"{move}: start" for move in self.refused', 'f"{move}: start" for move in ()'),

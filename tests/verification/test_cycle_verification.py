@@ -18,6 +18,7 @@ from cycles import (
     slow_motion,
     weight,
 )
+from rail_arm import rail_arm
 from tubeplanner import (
     Attach,
     Cycle,
@@ -30,6 +31,7 @@ from tubeplanner import (
     ProblemError,
     Tolerance,
     TrajectoryError,
+    load_robot,
     placement_of,
     verify_cycle,
 )
@@ -187,6 +189,20 @@ def test_one_of_several_dwells_that_is_too_short_is_found_after_moves_that_pass_
 def test_a_longer_dwell_is_none_the_worse():
     cycle = pick_and_place(dwell=DWELL - 0.01)
     assert failures(CycleMotion(cycle, MOTION.trajectory, MOTION.marks)) == []
+
+
+def test_a_gap_of_a_sliding_joint_is_in_metres(tmp_path):
+    (tmp_path / "rail.urdf").write_text(rail_arm())
+    robot = load_robot(tmp_path / "rail.urdf", "flange")
+    home, away = np.zeros(6), np.array([0.01, 0.005, 0.0, 0.0, 0.0, 0.0])
+    there = np.array([0.3, 0.0, 0.2, 0.3, 0.0, 0.0])
+    cycle = Cycle(
+        home, [move(robot, "go", home, there), move(robot, "back", there, home)], closed=True
+    )
+    closed = verify_cycle(cycle, slow_motion(cycle, (home, there, away))).seams["closed"]
+    found = closed["continuity"]
+    assert (found.unit, found.where.joint) == ("m", "rail")
+    assert found.margin == pytest.approx(-0.01)
 
 
 def test_a_part_taken_while_the_hand_comes_is_found():

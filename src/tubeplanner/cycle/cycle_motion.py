@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -73,7 +74,7 @@ class CycleMotion:
         """When each step of the cycle begins, and when the next one does [s]."""
         return list(pairwise([*(mark.time for mark in self.marks), self.trajectory.duration]))
 
-    @property
+    @cached_property
     def leg_times(self) -> list[tuple[float, float]]:
         """When each leg begins and ends [s]."""
         found, k = [], 0
@@ -90,14 +91,14 @@ class CycleMotion:
         spans = zip(self.marks, self.step_times, strict=True)
         return {mark.name: span for mark, span in spans if mark.kind == MOVE}
 
-    @property
+    @cached_property
     def seams(self) -> list[FloatArray]:
         """Configurations (n,) where legs begin, and where the last one ends."""
         times = self.leg_times
         instants = [*(begin for begin, _ in times), times[-1][1]]
         return [self.trajectory.position(time) for time in instants]
 
-    @property
+    @cached_property
     def legs(self) -> list[JointTrajectory]:
         """The motion of each leg, from time zero."""
         return [part_of(self.trajectory, *times) for times in self.leg_times]

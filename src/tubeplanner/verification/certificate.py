@@ -121,13 +121,7 @@ class Certificate:
                 "relative": self.tolerance.relative,
             },
             "conditions": {
-                name: {
-                    "margin": condition.margin,
-                    "unit": condition.unit,
-                    "satisfied": condition.holds(self.tolerance),
-                    "where": condition.where.as_dict(),
-                    "coverage": condition.coverage,
-                }
+                name: condition.as_dict(self.tolerance)
                 for name, condition in self.conditions.items()
             },
             "slower": self.slower,

@@ -74,16 +74,7 @@ class CycleCertificate:
             "tolerance": tolerance,
             "moves": {**moves, **{name: _refusal(why) for name, why in self.refused.items()}},
             "seams": {
-                seam: {
-                    name: {
-                        "margin": condition.margin,
-                        "unit": condition.unit,
-                        "satisfied": condition.holds(self.tolerance),
-                        "where": condition.where.as_dict(),
-                        "coverage": condition.coverage,
-                    }
-                    for name, condition in conditions.items()
-                }
+                seam: {name: each.as_dict(self.tolerance) for name, each in conditions.items()}
                 for seam, conditions in self.seams.items()
             },
         }

@@ -116,10 +116,8 @@ def _judged_stay(motion: CycleMotion, seam: int, begin: float, end: float) -> Ju
     if len(travelled) < 2:
         return not_required("rad", "the arm does not dwell here")
     places = np.array([*stops, *starts])
-    moved = abs(places - places[0]) + travelled
-    joint = motion.trajectory.joint_names[int(moved.max(axis=0).argmax())]
-    place = Place(time=begin, joint=joint)
-    return JudgedCondition(0.0 - float(moved.max()), "rad", place, FOR_ALL_TIMES)
+    moved = (abs(places - places[0]) + travelled).max(axis=0)
+    return _judged_gap(motion.cycle.robot, moved, begin, FOR_ALL_TIMES)
 
 
 def _judged_dwell(motion: CycleMotion, seam: int) -> JudgedCondition:
@@ -161,6 +159,12 @@ def _hold_margin(arm: RobotModel, q: FloatArray) -> FloatArray:
 def _judged_return(cycle: Cycle, motion: CycleMotion) -> JudgedCondition:
     """Judge whether the motion ends in the configuration in which it begins."""
     off = abs(motion.seams[-1] - motion.seams[0])
-    joint = cycle.robot.joint_names[int(off.argmax())]
-    place = Place(time=motion.trajectory.duration, joint=joint)
-    return JudgedCondition(0.0 - float(off.max()), "rad", place, "the end against the start")
+    return _judged_gap(cycle.robot, off, motion.trajectory.duration, "the end against the start")
+
+
+def _judged_gap(robot: RobotModel, gap: FloatArray, time: float, coverage: str) -> JudgedCondition:
+    """Return the judgement of how far joints are, (n,) [rad or m], from where they must be."""
+    joint = int(gap.argmax())
+    unit = "rad" if robot.revolute[joint] else "m"
+    place = Place(time=time, joint=robot.joint_names[joint])
+    return JudgedCondition(0.0 - float(gap[joint]), unit, place, coverage)

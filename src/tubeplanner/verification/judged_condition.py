@@ -1,6 +1,7 @@
 """One condition of a certificate: its margin, its place, what the margin covers."""
 
 from dataclasses import dataclass
+from typing import Any
 
 from tubeplanner.errors import OptionError
 from tubeplanner.options import NUMBER
@@ -60,6 +61,16 @@ class JudgedCondition:
     def holds(self, tolerance: Tolerance) -> bool:
         """Return whether the condition holds, or does not apply."""
         return self.margin is None or self.margin >= -tolerance.of(self.unit)
+
+    def as_dict(self, tolerance: Tolerance) -> dict[str, Any]:
+        """Return the condition as JSON values, judged with a tolerance."""
+        return {
+            "margin": self.margin,
+            "unit": self.unit,
+            "satisfied": self.holds(tolerance),
+            "where": self.where.as_dict(),
+            "coverage": self.coverage,
+        }
 
 
 def not_required(unit: str, reason: str) -> JudgedCondition:
