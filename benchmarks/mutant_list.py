@@ -2171,7 +2171,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "reaching": [("solution.rotation_error) <= _REACHED", "0.0) <= _REACHED")],
     "middle_of": [("np.clip(0.0, lower, upper)", "0.0")],
     "half_ranges": [("np.isfinite(half)", "np.isnan(half)")],
-    "_continuing": [("if _is_continued(replace(problem, goal=q)):", "if True:")],
+    "_continuing": [("if is_continued(replace(problem, goal=q)):", "if True:")],
     "_choice": [("if len(found) < 2:", "if len(found) < 1:")],
     # --- problem/path_fields, merged_fields, problem_layers -----------------------------------
     "_is_preset_file": [("and Path(name).suffix in PRESET_ENDINGS", "")],

@@ -48,7 +48,7 @@ def _continuing(problem: PlanningProblem, pose: ToolPose, found: FloatArray) -> 
     candidates = np.vstack([_from_open_goal(problem, pose), found])
     free = [q for q in candidates if is_free(problem, "goal", q)]
     for q in (free or list(candidates))[:_MOST_TRIED]:
-        if _is_continued(replace(problem, goal=q)):
+        if is_continued(replace(problem, goal=q)):
             return q
     return None
 
@@ -67,7 +67,8 @@ def _from_open_goal(problem: PlanningProblem, pose: ToolPose) -> FloatArray:
     return np.empty((0, problem.robot.joint_count))
 
 
-def _is_continued(problem: PlanningProblem) -> bool:
+def is_continued(problem: PlanningProblem) -> bool:
+    """Return whether a branch leads from a problem's start along its tube to its goal."""
     for rule in redundancy_rules(problem):
         try:
             reference_branch(problem, rule)

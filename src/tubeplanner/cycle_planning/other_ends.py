@@ -5,13 +5,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
+from tubeplanner.branches.configured_ends import is_continued
 from tubeplanner.branches.inverse_kinematics import solve_position
 from tubeplanner.branches.pose_configurations import is_free, spread_seeds
-from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
 from tubeplanner.branches.reference_turn import wanted_at
 from tubeplanner.cycle.cycle import Cycle
 from tubeplanner.errors import ProblemError
-from tubeplanner.outcome import MARGIN_TOLERANCE, Infeasible
+from tubeplanner.outcome import MARGIN_TOLERANCE
 from tubeplanner.problem.problem import PlanningProblem
 
 _SAME = 0.1  # [rad or m] of every joint
@@ -69,12 +69,4 @@ def _leads_on(cycle: Cycle, k: int, seams: list[FloatArray]) -> bool:
         problem = cycle.problem(k, seams).joined
     except ProblemError:
         return False
-    if not is_free(problem, "start", seams[k]):
-        return False
-    for rule in redundancy_rules(problem):
-        try:
-            reference_branch(problem, rule)
-        except Infeasible:
-            continue
-        return True
-    return False
+    return is_free(problem, "start", seams[k]) and is_continued(problem)
