@@ -93,6 +93,11 @@ from .tube_sources.zones import zones_of_tube as zones_of_tube
 from .tube_sources.zones import ZonedPath as ZonedPath  # returned
 
 # Many plans
+from .many.plan_many import plan_many as plan_many
+from .many.plan_many import PlannedItem as PlannedItem  # returned
+from .many.posed_problem import PosedProblem as PosedProblem
+from .many.worker_processes import WorkerProcesses as WorkerProcesses
+from .many.worker_processes import WorkerDied as WorkerDied
 from .studies.tolerance_sweep import sweep as sweep
 from .studies.tolerance_sweep import SweepResult as SweepResult  # returned
 from .studies.tolerance_sweep import SweepRow as SweepRow

@@ -22,6 +22,7 @@ class PlanStatus(StrEnum):
     TIME_LIMIT = "time_limit"
     INTERRUPTED = "interrupted"
     BAD_INPUT = "bad_input"
+    CRASHED = "crashed"  # of one of many plans
 
 
 @dataclass(frozen=True)

@@ -22,39 +22,57 @@ def move_paths(fields: Any, before: Path, after: Path) -> None:
         after: The folder where they are to start.
     """
     # Read before the first one is changed: an alias may be at two places.
-    places = [(holder, key, holder[key]) for holder, key in _places(fields)]
+    places = [(holder, key, holder[key]) for holder, key, _ in path_places(fields)]
     for holder, key, path in places:
         if isinstance(path, str):
             holder[key] = _moved(path, before, after)
 
 
-def _places(fields: Any) -> Iterator[tuple[Any, Any]]:
-    """Yield holder and key of every path."""
+def path_places(fields: Any) -> Iterator[tuple[Any, Any, str]]:
+    """Yield holder and key of every path in a problem or a cycle, and the field that it is of.
+
+    Of presets only those that are files: the others are bundled names.
+
+    Args:
+        fields: What its file holds, or a part of it.
+    """
     fields = _map(fields)
+    yield from _of(fields, "include")
     robot = _map(fields.get("robot"))
-    yield from _at(fields, "include")
     for key in ("urdf", "srdf", "limits_file", "package_dirs"):
-        yield from _at(robot, key)
-    for holder, key in _at(robot, "preset"):
+        yield from _of(robot, key)
+    for holder, key, field in _of(robot, "preset"):
         if _is_preset_file(holder[key]):
-            yield holder, key
-    points = _map(fields.get("tube")).get("points")
-    if isinstance(points, str):
-        yield fields["tube"], "points"
-    for end in ("start", "goal"):
-        yield from _at(_map(fields.get(end)), "trajectory")
+            yield holder, key, field
+    yield from _of_move(fields)
+    for move in _list(fields.get("moves")):
+        yield from _of_move(_map(move))
+        yield from _of(_map(_map(move).get("shape")), "mesh")
     for solids in (fields.get("obstacles"), robot.get("attached")):
-        for solid in solids if isinstance(solids, list) else []:
-            yield from _at(_map(solid), "mesh")
+        for solid in _list(solids):
+            yield from _of(_map(solid), "mesh")
 
 
-def _at(holder: Any, key: str) -> Iterator[tuple[Any, Any]]:
-    """Yield where the one path or the list of paths under a key is."""
-    value = holder.get(key)
+def _of_move(fields: Any) -> Iterator[tuple[Any, Any, str]]:
+    """Yield the paths of a tube, a start and a goal."""
+    tube = _map(fields.get("tube"))
+    if isinstance(tube.get("points"), str):
+        yield tube, "points", "points"
+    for end in ("start", "goal"):
+        yield from _of(_map(fields.get(end)), "trajectory")
+
+
+def _of(holder: Any, field: str) -> Iterator[tuple[Any, Any, str]]:
+    """Yield where the one path or the list of paths of a field is."""
+    value = holder.get(field)
     if isinstance(value, list):
-        yield from ((value, k) for k in range(len(value)))
+        yield from ((value, k, field) for k in range(len(value)))
     elif value is not None:
-        yield holder, key
+        yield holder, field, field
+
+
+def _list(value: Any) -> list[Any]:
+    return value if isinstance(value, list) else []
 
 
 def _map(value: Any) -> Any:

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -16,15 +17,14 @@ from tubeplanner.outcome import MARGIN_TOLERANCE
 from tubeplanner.problem.contact import Contact, Names, pair_distances, require_checked
 from tubeplanner.problem.goal_region import GoalRegion
 from tubeplanner.problem.joint_values import configuration_of
-from tubeplanner.problem.objective import ENERGY, Objective, is_multiple
+from tubeplanner.problem.objective import ENERGY, Objective
+from tubeplanner.problem.period import require_period
 from tubeplanner.problem.robustness import Robustness
 from tubeplanner.problem.tool_pose import ToolPose
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.tube.joined_segments import joined_segments
 from tubeplanner.tube.rotational_tube import RotationalTube
 from tubeplanner.tube.tube import Tube
-
-_LEAST_PERIOD, _MAX_PERIOD = 1e-5, 1.0  # [s]
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +92,6 @@ class PlanningProblem:
     name: str = "problem"
     joint_lower: FloatArray = field(init=False)
     joint_upper: FloatArray = field(init=False)
-    # Shared by problems that differ in tube, start or goal alone.
     _scene: CollisionScene | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
@@ -141,8 +140,13 @@ class PlanningProblem:
     @property
     def collision(self) -> CollisionChecker:
         """The robot's links and the obstacles, ready to be checked."""
+        return self.scene.checker
+
+    @property
+    def scene(self) -> CollisionScene:
+        """Robot and solids, shared by problems that differ in tube, start or goal alone."""
         assert self._scene is not None
-        return self._scene.checker
+        return self._scene
 
     @cached_property
     def distinct_joint_bounds(self) -> tuple[FloatArray, FloatArray, IntArray]:
@@ -156,6 +160,12 @@ class PlanningProblem:
         bounds_of = bounds_of.ravel()
         bounds_of.setflags(write=False)
         return lower, upper, bounds_of
+
+    @property
+    def solids(self) -> dict[str, Any]:
+        """What may collide, as arguments of another problem of this robot, which shares it."""
+        names = ("obstacles", "attached", "self_collision", "ignore_collisions", "_scene")
+        return {name: getattr(self, name) for name in names}
 
     @property
     def has_one_clearance(self) -> bool:
@@ -197,9 +207,7 @@ class PlanningProblem:
         return replace(self, tube=tube, goal=self.goal if goal is None else goal)
 
     def along(self, tube: Tube, start: FloatArray | Seed | ToolPose) -> "PlanningProblem":
-        """Return the problem with another tube and start, the goal open.
-
-        Robot and collision geometry are shared.
+        """Return the problem with another tube and start, the goal open; robot and solids shared.
 
         Raises:
             ProblemError: As on construction.
@@ -234,19 +242,9 @@ class PlanningProblem:
             raise ProblemError(f"robustness is {shown(self.robustness)}; give a Robustness")
         if self.objective is not None and self.objective.minimise == ENERGY:
             self.objective.energy_weights(self.robot)
-        if self.period is None:
-            return
-        if not is_number(self.period) or not _LEAST_PERIOD <= self.period <= _MAX_PERIOD:
-            raise ProblemError(
-                f"period is {in_figures(self.period)} s; give the controller's, {_LEAST_PERIOD:g} "
-                f"to {_MAX_PERIOD:g} s, or leave it out"
-            )
-        duration = None if self.objective is None else self.objective.duration
-        if duration is not None and not is_multiple(duration, self.period):
-            raise ProblemError(
-                f"objective.duration is {in_figures(duration)} s, no multiple of the period, "
-                f"{self.period:g} s; give one, or leave one of them out"
-            )
+        if self.period is not None:
+            duration = None if self.objective is None else self.objective.duration
+            require_period(self.period, duration)
 
     def _keep_groups(self) -> None:
         """Keep obstacles, attached solids and ignored pairs as tuples of what they must be."""

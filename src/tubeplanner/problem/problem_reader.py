@@ -107,6 +107,7 @@ def build_problem(
     name: str,
     source: str,
     tube_of: Callable[[ProblemFields, RobotModel, Path], Tube] | None = None,
+    like: PlanningProblem | None = None,
 ) -> PlanningProblem:
     """Build a problem of the fields of its file, with its collision geometry.
 
@@ -116,13 +117,15 @@ def build_problem(
         name: What messages and plots call it.
         source: What messages about its fields begin with.
         tube_of: Makes the tube; None: it is the file's.
+        like: A problem of the same robot among the same solids, which are shared; None: they are
+            built.
 
     Raises:
         ProblemError: As `load_problem`.
         RobotError: As `load_problem`.
     """
     try:
-        robot = robot_of(fields, directory)
+        robot = robot_of(fields, directory) if like is None else like.robot
         tube = (tube_of or _tube)(fields, robot, directory)
         segments = int(tube.numbers[-1]) if tube_of is None else None
         problem = PlanningProblem(
@@ -130,17 +133,9 @@ def build_problem(
             tube=tube,
             start=_end("start", fields.start, fields, robot, directory),
             goal=_end("goal", fields.goal, fields, robot, directory),
-            obstacles=tuple(
-                obstacle_of(obstacle, directory, robot.package_dirs)
-                for obstacle in fields.obstacles
-            ),
-            attached=tuple(
-                attached_of(solid, directory, robot.package_dirs) for solid in fields.robot.attached
-            ),
             **clearances_of(fields.clearance),
             contacts=contacts_of(fields.contacts, segments),
-            self_collision=fields.collision.self_,
-            ignore_collisions=(*fields.collision.ignore, *_srdf_pairs(fields, robot, directory)),
+            **(_solids(fields, robot, directory) if like is None else like.solids),
             objective=_objective(fields.objective),
             period=fields.period,
             robustness=_robustness(fields.robustness),
@@ -150,6 +145,17 @@ def build_problem(
     except (ProblemError, RobotError) as error:
         raise type(error)(f"{source}: {error}") from None
     return problem
+
+
+def _solids(fields: ProblemFields, robot: RobotModel, directory: Path) -> dict[str, Any]:
+    """Return the arguments of a problem on what may collide."""
+    folders = robot.package_dirs
+    return {
+        "obstacles": tuple(obstacle_of(each, directory, folders) for each in fields.obstacles),
+        "attached": tuple(attached_of(each, directory, folders) for each in fields.robot.attached),
+        "self_collision": fields.collision.self_,
+        "ignore_collisions": (*fields.collision.ignore, *_srdf_pairs(fields, robot, directory)),
+    }
 
 
 def robot_of(problem: ProblemFields, directory: Path) -> RobotModel:

@@ -1,0 +1,135 @@
+"""Hashes of what an answer depends on: the problem, its files by what they hold, the options, us.
+
+A file's name, its folder and its date do not count. What cannot be read counts as such: the plan
+then says what is wrong.
+"""
+
+import hashlib
+import json
+from collections.abc import Callable, Iterator, Mapping
+from copy import deepcopy
+from dataclasses import asdict
+from functools import cache, lru_cache
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import tubeplanner
+from tubeplanner.errors import TubePlannerError
+from tubeplanner.planning.plan_options import PlanOptions
+from tubeplanner.problem.path_fields import path_places
+from tubeplanner.resources import (
+    bundled_presets,
+    find_description,
+    find_limits_file,
+    find_mesh,
+    find_preset,
+)
+from tubeplanner.robot.urdf import read_urdf
+
+_DIGITS = 32
+_FILES = 10_000  # whose hashes are remembered
+
+
+def content_hash(document: Any, folder: Path, options: PlanOptions) -> str:
+    """Return a hash of all that the plan of a problem or cycle depends on.
+
+    Args:
+        document: What its file holds, with all that it includes.
+        folder: Where its relative paths start.
+        options: How it is planned.
+    """
+    return _hash_of(document_hash(document, folder), asdict(options), package_hash())
+
+
+def document_hash(document: Any, folder: Path) -> str:
+    """Return a hash of what a problem file or a part of it holds, files by their contents.
+
+    Args:
+        document: As dictionaries and lists.
+        folder: Where its relative paths start.
+    """
+    held = deepcopy(document)
+    robot = held.get("robot") if isinstance(held, dict) else None
+    robot = robot if isinstance(robot, dict) else {}
+    given = robot.pop("package_dirs", [])
+    folders = tuple(folder / str(each) for each in given) if isinstance(given, list) else ()
+    files = _Files(folder, folders, robot.get("xacro_args") or {})
+    for holder, key, kind in list(path_places(held)):
+        if isinstance(holder[key], str):
+            holder[key] = files.content(kind, holder[key])
+    return _hash_of(held)
+
+
+@cache
+def package_hash() -> str:
+    """Return a hash of this package's sources and its presets of limits and motors."""
+    folder = Path(str(tubeplanner.__file__)).parent
+    sources = {str(each.relative_to(folder)): each for each in folder.rglob("*.py")}
+    files = {**sources, **bundled_presets()}
+    return _hash_of({name: _file_hash(path) for name, path in files.items()})
+
+
+class _Files:
+    """What the files are that a problem names."""
+
+    def __init__(
+        self, folder: Path, package_dirs: tuple[Path, ...], xacro_args: Mapping[str, object]
+    ) -> None:
+        self._folder, self._package_dirs = folder, package_dirs
+        self._xacro_args = json.dumps(xacro_args, default=str, sort_keys=True)
+
+    def content(self, kind: str, name: str) -> str:
+        """Return a hash of what a file of a kind, named by a field, holds; or why there is none."""
+        found: dict[str, Callable[[], Path]] = {
+            "srdf": lambda: find_description(name, self._folder, self._package_dirs),
+            "limits_file": lambda: find_limits_file(name, self._folder, self._package_dirs),
+            "preset": lambda: find_preset(name, self._folder),
+            "mesh": lambda: find_mesh(name, self._folder / "the problem file", self._package_dirs),
+        }
+        try:
+            if kind == "urdf":
+                return self._robot(find_description(name, self._folder, self._package_dirs))
+            return _file_hash(found.get(kind, lambda: self._folder / name)())
+        except (TubePlannerError, OSError) as error:
+            return f"{kind} cannot be read: {error}"
+
+    def _robot(self, path: Path) -> str:
+        return _robot_hash(path, self._package_dirs, self._xacro_args, _stamp(path))
+
+
+@lru_cache(_FILES)
+def _robot_hash(
+    path: Path, package_dirs: tuple[Path, ...], xacro_args: str, stamp: tuple[int, int]
+) -> str:
+    """Return a hash of a URDF, expanded if it is xacro's, and of its collision meshes."""
+    xml = read_urdf(path, json.loads(xacro_args), package_dirs).xml
+    return _hash_of(xml.decode("utf-8", "replace"), *_mesh_hashes(xml, path, package_dirs))
+
+
+def _mesh_hashes(xml: bytes, path: Path, package_dirs: tuple[Path, ...]) -> Iterator[str]:
+    for mesh in ElementTree.fromstring(xml).iterfind(".//collision//mesh"):
+        try:
+            yield _file_hash(find_mesh(mesh.get("filename", ""), path, package_dirs))
+        except (TubePlannerError, OSError) as error:
+            yield f"mesh cannot be read: {error}"
+
+
+def _file_hash(path: Path) -> str:
+    return _content_of(path, _stamp(path))
+
+
+@lru_cache(_FILES)
+def _content_of(path: Path, stamp: tuple[int, int]) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _stamp(path: Path) -> tuple[int, int]:
+    """Return when a file was last written [ns] and its size: another, and it is read again."""
+    status = path.stat()
+    return status.st_mtime_ns, status.st_size
+
+
+def _hash_of(*parts: Any) -> str:
+    text = json.dumps(parts, default=str, sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:_DIGITS]

@@ -1,0 +1,287 @@
+"""Calls in processes of their own, of which one that dies costs one call.
+
+The standard library's pool is broken for good once a process dies, with all calls that were on
+their way, and its processes run the main script of the program again. Here every process has one
+call at a time, so that it is known which one it died of, and begins with this package alone: no
+`if __name__ == "__main__"` is needed.
+"""
+
+import os
+import pickle
+import queue
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future
+from contextlib import contextmanager
+from multiprocessing import Pipe
+from types import TracebackType
+from typing import Any, TypeVar
+
+from tubeplanner.errors import OptionError
+from tubeplanner.options import WHOLE_NUMBER
+
+_R = TypeVar("_R")
+_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+_PROGRAM = """import sys
+sys.path[:] = {path!r}
+from tubeplanner.many.worker import serve
+serve({descriptor})
+"""
+
+
+class WorkerDied(Exception):
+    """The process that worked on a call ended without an answer, twice."""
+
+
+class WorkerProcesses(Executor):
+    """Processes that calls are sent to, each with one thread for linear algebra.
+
+    A call whose process dies is made once more in a new process, while no other call runs; if that
+    dies too, its future raises `WorkerDied`. What is called must be importable by name: it and its
+    arguments are pickled. Used in a `with` statement that ends by an exception, such as Ctrl-C, all
+    processes are ended at once.
+    """
+
+    def __init__(self, count: int | None = None) -> None:
+        """Start no process yet.
+
+        Args:
+            count: At most so many processes; None: as many as there are processors for this one.
+
+        Raises:
+            OptionError: It is no whole number >= 1.
+        """
+        if count is not None and (not isinstance(count, WHOLE_NUMBER) or count < 1):
+            raise OptionError(f"count of worker processes is {count!r}; give a whole number >= 1")
+        self.count = processors() if count is None else int(count)
+        self._calls: queue.SimpleQueue[_Call | None] = queue.SimpleQueue()
+        self._threads: list[threading.Thread] = []
+        self._lock, self._floor = threading.Lock(), _Floor()
+        self._running: set[_Worker] = set()
+        self._closed = self._killed = False
+
+    def __repr__(self) -> str:
+        return f"<WorkerProcesses: {self.count}>"
+
+    def submit(self, fn: Callable[..., _R], /, *args: Any, **kwargs: Any) -> "Future[_R]":
+        """Send a call to the next process that is free.
+
+        Raises:
+            RuntimeError: It was shut down.
+            pickle.PicklingError: The call cannot be sent.
+        """
+        call = _Call(pickle.dumps((fn, args, kwargs)))
+        with self._lock:
+            if self._closed:
+                raise RuntimeError("these worker processes were shut down; make others")
+            self._calls.put(call)
+            if len(self._threads) < self.count:
+                thread = threading.Thread(target=self._work, daemon=True)
+                self._threads.append(thread)
+                thread.start()
+        return call.future
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """Take no more calls; end each process once its calls are done.
+
+        Args:
+            wait: Whether to return only then.
+            cancel_futures: Whether to drop the calls that have not begun.
+        """
+        with self._lock:
+            if cancel_futures:
+                self._drop_waiting()
+            if not self._closed:
+                self._closed = True
+                for _ in self._threads:
+                    self._calls.put(None)
+        if wait:
+            for thread in self._threads:
+                thread.join()
+
+    def kill(self) -> None:
+        """End all processes now, whatever they work on."""
+        self.shutdown(wait=False, cancel_futures=True)
+        with self._lock:
+            self._killed = True
+            for worker in self._running:
+                worker.kill()
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if kind is not None:
+            self.kill()
+        self.shutdown()
+
+    def _drop_waiting(self) -> None:
+        while True:
+            try:
+                call = self._calls.get_nowait()
+            except queue.Empty:
+                return
+            if call is not None:
+                call.future.cancel()
+
+    def _work(self) -> None:
+        """Send calls to one process after the other, until there are no more."""
+        worker: _Worker | None = None
+        while (call := self._calls.get()) is not None:
+            if call.future.set_running_or_notify_cancel():
+                worker = self._answered(call, worker)
+        self._end(worker)
+
+    def _answered(self, call: "_Call", worker: "_Worker | None") -> "_Worker | None":
+        """Answer a call; return the process to go on with, if it lives."""
+        for turn in (self._floor.with_others, self._floor.alone):
+            with turn():
+                if self._killed:
+                    break
+                worker = worker or self._started()
+                try:
+                    call.answer(worker.ask(call.pickled))
+                    return worker
+                except _Dead as dead:
+                    how = dead.how
+                    self._end(worker)
+                    worker = None
+        if self._killed:
+            how = "ended with all others"
+        call.future.set_exception(WorkerDied(f"the process that worked on it {how}"))
+        return None
+
+    def _started(self) -> "_Worker":
+        worker = _Worker()
+        with self._lock:
+            self._running.add(worker)
+            if self._killed:
+                worker.kill()
+        return worker
+
+    def _end(self, worker: "_Worker | None") -> None:
+        if worker is not None:
+            with self._lock:
+                self._running.discard(worker)
+            worker.end()
+
+
+class _Call:
+    """A call that is pickled, and the future of its answer."""
+
+    def __init__(self, pickled: bytes) -> None:
+        self.pickled, self.future = pickled, Future[Any]()
+
+    def answer(self, pickled: bytes) -> None:
+        """Hand on an answer."""
+        try:
+            returned, value = pickle.loads(pickled)
+        except Exception as error:
+            self.future.set_exception(error)
+            return
+        if returned:
+            self.future.set_result(value)
+        else:
+            self.future.set_exception(value)
+
+
+class _Dead(Exception):
+    """A process has ended; `how` says in words by what."""
+
+    def __init__(self, how: str) -> None:
+        super().__init__(how)
+        self.how = how
+
+
+class _Worker:
+    """A process, and the connection to it."""
+
+    def __init__(self) -> None:
+        self._connection, other = Pipe()
+        program = _PROGRAM.format(path=sys.path, descriptor=other.fileno())
+        with other:
+            self._process = subprocess.Popen(
+                [sys.executable, "-c", program],
+                stdin=subprocess.DEVNULL,
+                pass_fds=[other.fileno()],
+                env={**os.environ, **dict.fromkeys(_THREADS, "1")},
+                start_new_session=True,  # Ctrl-C is the parent's
+            )
+
+    def ask(self, call: bytes) -> bytes:
+        """Return the answer to a call.
+
+        Raises:
+            _Dead: The process ended before.
+        """
+        try:
+            self._connection.send_bytes(call)
+            return self._connection.recv_bytes()
+        except (EOFError, OSError):
+            self.kill()
+            raise _Dead(_ending(self._process.wait())) from None
+
+    def kill(self) -> None:
+        """End it now."""
+        self._process.kill()
+
+    def end(self) -> None:
+        """Leave it, so that it ends."""
+        self._connection.close()
+        self._process.wait()
+
+
+class _Floor:
+    """Whose turn it is: of many together, or of one alone."""
+
+    def __init__(self) -> None:
+        self._changed = threading.Condition()
+        self._together, self._waiting = 0, 0
+        self._one = False
+
+    @contextmanager
+    def with_others(self) -> Iterator[None]:
+        """Wait until nobody is alone or waits to be."""
+        with self._changed:
+            self._changed.wait_for(lambda: not self._one and not self._waiting)
+            self._together += 1
+        try:
+            yield
+        finally:
+            with self._changed:
+                self._together -= 1
+                self._changed.notify_all()
+
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """Wait until nobody else is there."""
+        with self._changed:
+            self._waiting += 1
+            self._changed.wait_for(lambda: not self._one and not self._together)
+            self._waiting -= 1
+            self._one = True
+        try:
+            yield
+        finally:
+            with self._changed:
+                self._one = False
+                self._changed.notify_all()
+
+
+def processors() -> int:
+    """Return how many processors this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _ending(code: int) -> str:
+    """Return in words how a process ended."""
+    if code < 0:
+        return f"was ended by {signal.Signals(-code).name}"
+    return f"ended with status {code}"
