@@ -1,16 +1,9 @@
 """One function for many items, by any executor: what comes of each, as it comes."""
 
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import (
-    FIRST_COMPLETED,
-    BrokenExecutor,
-    CancelledError,
-    Executor,
-    Future,
-    wait,
-)
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from dataclasses import dataclass
-from itertools import islice
+from queue import SimpleQueue
 from typing import Generic, TypeVar
 
 from tubeplanner.errors import OptionError
@@ -58,15 +51,19 @@ def run_many(
             yield _called(index, work, item)
         return
     waiting: dict[Future[_R], int] = {}
+    finished: SimpleQueue[Future[_R]] = SimpleQueue()
     numbered = enumerate(items)
     try:
         while True:
-            for index, item in islice(numbered, _SUBMITTED - len(waiting)):
-                waiting[_submitted(executor, work, item)] = index
-            if not waiting:
-                return
-            for future in wait(waiting, return_when=FIRST_COMPLETED).done:
+            if finished.empty() and len(waiting) < _SUBMITTED and (one := next(numbered, None)):
+                future = _submitted(executor, work, one[1])
+                waiting[future] = one[0]
+                future.add_done_callback(finished.put)
+            elif waiting:
+                future = finished.get()
                 yield _of_future(waiting.pop(future), future)
+            else:
+                return
     finally:
         for future in waiting:
             future.cancel()

@@ -139,30 +139,35 @@ class WorkerProcesses(Executor):
 
     def _answered(self, call: "_Call", worker: "_Worker | None") -> "_Worker | None":
         """Answer a call; return the process to go on with, if it lives."""
+        how = ""
         for turn in (self._floor.with_others, self._floor.alone):
             with turn():
-                if self._killed:
-                    break
-                worker = worker or self._started()
                 try:
+                    worker = worker or self._started()
                     call.answer(worker.ask(call.pickled))
                     return worker
                 except _Dead as dead:
                     how = dead.how
                     self._end(worker)
                     worker = None
-        if self._killed:
-            how = "ended with all others"
         call.future.set_exception(WorkerDied(f"the process that worked on it {how}"))
         return None
 
     def _started(self) -> "_Worker":
-        worker = _Worker()
+        """Return a new process.
+
+        Raises:
+            _Dead: There can be none, or all are ended.
+        """
         with self._lock:
-            self._running.add(worker)
             if self._killed:
-                worker.kill()
-        return worker
+                raise _Dead("was ended with all others")
+            try:
+                worker = _Worker()
+            except OSError as error:
+                raise _Dead(f"could not be started: {error}") from error
+            self._running.add(worker)
+            return worker
 
     def _end(self, worker: "_Worker | None") -> None:
         if worker is not None:
