@@ -19,32 +19,30 @@ def bundled_fields(name):
 
 
 def placed_fields(fields, base):
-    """Return the fields of a problem whose cell, gravity included, is moved with its robot."""
+    """Return the fields of a problem or cycle with its cell, gravity too, moved with its robot."""
     moved = copy.deepcopy(fields)
-    turn = turn_of(base)
-
-    def there(point):
-        return (turn.apply(point) + base["position"]).tolist()
-
-    def turned(place):
-        own = turn_of(place)
-        return {"position": there(place.get("position", [0, 0, 0]))} | {
-            "quaternion": (turn * own).as_quat().tolist()
-        }
-
-    robot, tube, goal = moved["robot"], moved["tube"], moved.get("goal") or {}
+    turn, robot = turn_of(base), moved["robot"]
     robot["base"] = base
     robot["gravity"] = turn.apply(robot.get("gravity", [0, 0, -9.81])).tolist()
-    tube["points"] = [there(point) for point in tube["points"]]
-    if tube.get("orientations"):
-        own = Rotation.from_quat(tube["orientations"])
-        tube["orientations"] = (turn * own).as_quat().tolist()
-    if "position" in goal:
-        goal["position"] = there(goal["position"])
-    for place in [*moved.get("obstacles", []), *filter(None, [goal.get("pose")])]:
-        place |= turned(place)
-        place.pop("rpy", None)
+    moves = [step for step in moved.get("moves", [moved]) if "tube" in step]
+    for tube in (move["tube"] for move in moves):
+        tube["points"] = [_there(point, base) for point in tube["points"]]
+        if tube.get("orientations"):
+            own = Rotation.from_quat(tube["orientations"])
+            tube["orientations"] = (turn * own).as_quat().tolist()
+    for solid in moved.get("obstacles", []):
+        solid["position"] = _there(solid["position"], base)
+        solid["quaternion"] = (turn * turn_of(solid)).as_quat().tolist()
+        solid.pop("rpy", None)
+    for goal in (move.get("goal") or {} for move in moves):
+        assert "pose" not in goal
+        if "position" in goal:
+            goal["position"] = _there(goal["position"], base)
     return moved
+
+
+def _there(point, base):
+    return (turn_of(base).apply(point) + base["position"]).tolist()
 
 
 def turn_of(place):

@@ -1,6 +1,7 @@
 """The outside judge reads where a robot stands by itself."""
 
 import copy
+from dataclasses import replace
 
 import pytest
 import yaml
@@ -8,8 +9,9 @@ import yaml
 import outside_judge
 from outside.files import BadInput
 from placed_problem import SHIFT, TURN, bundled_fields, placed_fields
+from small_cycle import SMALL, planned_cycle
 from stored_trajectories import REFINEMENT
-from tubeplanner import parse_problem, plan
+from tubeplanner import parse_cycle, parse_problem, plan, verify_cycle, write_cycle_motion
 from tubeplanner.files.export import trajectory_json
 from tubeplanner.resources import bundled_problems
 
@@ -52,6 +54,24 @@ def test_what_is_planned_for_a_base_passes_and_a_robot_moved_by_a_centimetre_doe
         aside = copy.deepcopy(fields)
         aside["robot"]["base"]["position"][axis] += 0.01
         assert not outside_judge.passes(judge(aside, trajectory))
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_a_cycle_is_as_good_wherever_its_cell_stands(place, tmp_path):
+    """What is taken is an obstacle before, and must be where the hand is."""
+    fields, motion = yaml.safe_load(SMALL), tmp_path / "motion.json"
+    there = parse_cycle(placed_fields(fields, PLACES[place]))
+    moved = replace(planned_cycle().motion, cycle=there)
+    assert verify_cycle(there, moved).passed
+    write_cycle_motion(motion, moved)
+    margins = []
+    for name, each in (("here", fields), ("there", placed_fields(fields, PLACES[place]))):
+        cycle = tmp_path / f"{name}.yaml"
+        cycle.write_text(yaml.safe_dump(each))
+        found = outside_judge.judge(cycle, motion)
+        assert outside_judge.passes(found)
+        margins.append({key: one.margin for key, one in found.items() if one.margin is not None})
+    assert margins[1] == pytest.approx(margins[0], rel=1e-6, abs=1e-6)
 
 
 def test_a_field_of_the_base_that_is_not_known_is_refused(stored, judge):

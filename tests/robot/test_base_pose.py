@@ -13,6 +13,9 @@ from tubeplanner.robot.robot_info import robot_info
 from tubeplanner.robot.typical_configurations import typical_configurations
 
 POSE = BasePose((0.3, -0.2, 1.1), (0.4, -1.2, 2.5))
+# Hangs from the root, turned.
+PLATE = """<link name="plate"/><joint name="screw" type="fixed"><parent link="base"/>
+<child link="plate"/><origin xyz="0.1 0.2 0" rpy="0 0.5 0.3"/></joint></robot>"""
 # Fixed above its root, it stands as POSE says.
 MOUNT = """<link name="cell"/><joint name="mount" type="fixed"><parent link="cell"/>
 <child link="base"/><origin xyz="0.3 -0.2 1.1" rpy="0.4 -1.2 2.5"/></joint></robot>"""
@@ -27,8 +30,9 @@ def states(robot, count):
 def both(tmp_path_factory):
     """The arm with a base, and the arm whose URDF has the mount; both carry something."""
     folder = tmp_path_factory.mktemp("mounted")
-    (folder / "plain.urdf").write_text(SLIDE)
-    (folder / "mounted.urdf").write_text(SLIDE.replace("</robot>", MOUNT))
+    plain = SLIDE.replace("</robot>", PLATE)
+    (folder / "plain.urdf").write_text(plain)
+    (folder / "mounted.urdf").write_text(plain.replace("</robot>", MOUNT))
     limits = LimitOverrides(point_speed=[PointSpeed("boom", (0.1, 0.2, 0.3), 1.0)])
     options = {"payload": Payload(2.0, (0.1, 0, 0)), "gravity": (1, 2, -9), "limits": limits}
     based = load_robot(folder / "plain.urdf", "tip", base=POSE, **options)
@@ -136,6 +140,7 @@ def test_typical_configurations_are_above_the_base_however_it_stands():
         ({"rpy": (0.0, np.inf, 0.0)}, r"robot.base: rpy \(0.0, inf, 0.0\) must be three"),
         ({"rpy": (0.0, 1.0)}, r"robot.base: rpy \(0.0, 1.0\) must be three finite angles"),
         ({"quaternion": (0, 0, 0, 0)}, r"robot.base: quaternion \(0, 0, 0, 0\) has no direction"),
+        ({"quaternion": (0, 0, 0, 1e10)}, "robot.base: quaternion .* has no direction"),
         ({"quaternion": (0, 0, 1)}, r"robot.base: quaternion \(0, 0, 1\) has no direction"),
         ({"rpy": (0, 0, 0), "quaternion": (0, 0, 0, 1)}, "robot.base takes rpy or quaternion, not"),
     ],
