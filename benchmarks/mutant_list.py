@@ -32,7 +32,10 @@ TESTS = {
             *("shared_plan",),
         )
     },
-    "collision/collision_checker": ("verification/test_closest_approach.py",),
+    "collision/collision_checker": (
+        "verification/test_closest_approach.py",
+        "planning/test_planner_base.py",
+    ),
     "collision/body_shapes": (
         "collision/test_collision_checker.py",
         "verification/test_closest_approach.py",
@@ -221,7 +224,8 @@ TESTS = {
     "robot/joint_info": ("robot/test_robot_info.py",),
     "robot/tool_frames": ("robot/test_robot_info.py",),
     "robot/link_info": ("commands/test_info_command.py",),
-    "robot/typical_configurations": ("robot/test_robot_info.py",),
+    "robot/typical_configurations": ("robot/test_robot_info.py", "robot/test_base_pose.py"),
+    "robot/pinocchio_model": ("robot/test_base_pose.py",),
     "problem/problem_info": ("commands/test_info_command.py",),
     "commands/cycle_report": ("commands/test_cycle_check.py",),
     "commands/plan_outputs": ("commands/test_planned.py",),
@@ -235,7 +239,10 @@ TESTS = {
         "collision/test_collision_checker.py",
         "robot/test_followers.py",
         "robot/test_pinocchio_model_payload.py",
+        "robot/test_base_pose.py",
     ),
+    "robot/urdf": ("robot/test_base_pose.py",),
+    "robot/base_pose": ("planning/test_planner_base.py",),
     "simulation/execution": ("simulation/test_cycle_execution.py",),
     "commands/cycle_execution_report": ("commands/test_simulate_command_cycle.py",),
     "simulation/judged_runs": ("simulation/test_run_summary.py",),
@@ -2385,10 +2392,51 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("limited = RobotModel.__new__(RobotModel)", "limited = self"),
     ],
     "RobotModel.with_payload": [
-        ("payload, given[-1]", "given[-2:]"),
-        ("payload, given[-1]", "payload, None"),
-        ("*given[:-2], payload, given[-1]", "*given"),
+        ('{"payload": payload}', "{}"),
+        ('{"payload": payload}', '{"payload": payload, "motors": None}'),
+        ('{"payload": payload}', '{"payload": payload, "base": None}'),
     ],
+    "RobotModel._given": [
+        (', "motors", "base")', ', "motors")'),
+        (', "motors", "base")', ', "base")'),
+    ],
+    "RobotModel.in_root_frame": [
+        ("self.gravity @ self.base", "self.base"),
+        ("[:3, :3]", "[:3, :3].T"),
+        ('"base": None, ', ""),
+        ("self.base is None", "False"),
+    ],
+    # --- robot/base_pose, and what stands by it ---------------------------------------------------
+    "BasePose.__post_init__": [
+        ("np.shape(self.position) != (3,) or ", ""),
+        ("not (np.abs(self.position) <= _FARTHEST).all()", "False"),
+        ("not (np.abs(self.position) <= _FARTHEST).all()", "(np.abs(self.position) > 1e4).any()"),
+        ("self.rpy is not None and self.quaternion is not None", "False"),
+        ("not _are_finite(self.rpy, 3)", "False"),
+        ("not _has_direction(self.quaternion)", "False"),
+    ],
+    "BasePose.placement": [
+        ("placement[:3, 3] = self.position", "pass"),
+        ("placement[:3, :3] = matrix_of_rpy", "placement[:3, :3].T[:] = matrix_of_rpy"),
+        ("self.quaternion is not None", "False"),
+    ],
+    "_are_finite": [
+        ("np.shape(values) == (count,) and ", ""),
+        (" and bool(np.isfinite(values).all())", ""),
+    ],
+    "_has_direction": [("_SHORTEST < length", "_SHORTEST <= 1.0"), (" < _LONGEST", "")],
+    "_stand_at": [
+        ("if model.parents[joint] == 0:", "if True:"),
+        ("if frame.parentJoint == 0:", "if True:"),
+        ("if frame.parentJoint == 0:", "if False:"),
+        ("pose * model.jointPlacements[joint]", "model.jointPlacements[joint] * pose"),
+        ("pose * frame.placement", "frame.placement * pose"),
+    ],
+    "_standing": [
+        ("robot.base is None or robot.link_body[link] != _BASE", "True"),
+        ("robot.base is None or robot.link_body[link] != _BASE", "robot.base is None"),
+    ],
+    "UrdfDescription.root": [("link not in children", "link in children")],
     "RobotModel.moves_as": [
         ("self._model is other._model", "True"),
         ("self._model is other._model", "self is other"),
@@ -3364,6 +3412,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     "_goodness": [("_least_gain(jacobian[:, :3])", "1.0")],
     "typical_configurations": [
+        ("arm.in_root_frame()", "arm"),
         ("np.argsort(-_goodness(arm, q)", "np.argsort(_goodness(arm, q)"),
     ],
     # --- problem/solid_fields, problem_faults -----------------------------------------------------

@@ -139,10 +139,11 @@ def with_motors(robot, effort_ranges=(), limits=None, friction_uncertainty=0.0, 
     for each in effort_ranges:
         effort[each.joint] = max(each.backwards.max(), each.forwards.max())
     values |= {"effort": effort, "effort_ranges": tuple(effort_ranges)}
-    make, arguments = robot.__reduce__()
-    limited = replace(robot.limits, **values)
-    kept = [limited if argument is robot.limits else argument for argument in arguments[:-1]]
-    return make(*kept, replace(ideal, friction_uncertainty=friction_uncertainty, **own))
+    again, _ = robot.__reduce__()
+    limits = replace(robot.limits, **values)
+    return again(
+        limits=limits, motors=replace(ideal, friction_uncertainty=friction_uncertainty, **own)
+    )
 
 
 def rest_to_rest(joint_names, start, end, duration):

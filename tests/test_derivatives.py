@@ -7,12 +7,14 @@ import pytest
 
 from cases import with_motors
 from tubeplanner import (
+    BasePose,
     Contact,
     JointTrajectory,
     Objective,
     Obstacle,
     PlanningProblem,
     Tube,
+    load_robot,
     placement_of,
 )
 from tubeplanner.refinement.control_variables import ControlVariables
@@ -27,6 +29,14 @@ from tubeplanner.refinement.step_cost import StepCost
 from tubeplanner.tube.rotations import nearest_branch
 
 STEP = 1e-6
+
+
+@pytest.fixture(scope="module", params=["two_link", "ur5", "panda", "on a slope"])
+def robot(request):
+    if request.param == "on a slope":
+        base = BasePose((0.3, -0.2, 1.1), (0.4, -1.2, 2.5))
+        return load_robot("example:ur5", "tool0", base=base)
+    return request.getfixturevalue(request.param)
 
 
 def finite_difference(function, x, step=STEP):

@@ -63,6 +63,7 @@ def made():
         *(t.ToolPose(np.eye(4)), t.GoalRegion((0, 0, 1), 0.02), t.Contact(("a", "b"), 0.03)),
         *(t.Seed(np.zeros(7)), limits, t.MotorOverrides(), t.LimitLayer("a: ", limits)),
         *(t.PointSpeed("hand", (0, 0, 0), 1.0), t.Payload(1.0), t.ToolOffset(), t.Objective()),
+        t.BasePose(),
         *(t.Robustness(), t.PlanOptions(), t.MeasureOptions(), t.TeachOptions(), t.RouteOptions()),
         *(t.Draw(), t.Progress("planning"), t.SlowerRun("effort", 0.1, 0.5, result.place)),
         *(t.RunVerdict(9, 1, {"tube": 1}), t.Blame("effort", "", 0.1, 0.1, ())),

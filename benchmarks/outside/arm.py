@@ -14,6 +14,7 @@ from outside.files import BadInput, find_file, find_urdf
 from outside.given_limits import given_limits, given_motors
 from outside.motors import EffortLimit, read_effort, read_motors
 from outside.problem import Problem, speed_of
+from outside.standing import placement_of, standing
 from outside.urdf import Description, Joint, read_description
 
 
@@ -93,6 +94,8 @@ class Arm:
         folders = [problem.folder / folder for folder in fields.get("package_dirs") or []]
         path = find_urdf(fields["urdf"], problem.folder, folders)
         description = read_description(path, folders)
+        if fields.get("base"):
+            description = standing(description, fields["base"])
         self.tool_frame, self.links = str(fields["tool_frame"]), description.links
         if self.tool_frame not in self.links:
             raise BadInput(f"robot.tool_frame: '{self.tool_frame}' is no link")
@@ -214,17 +217,6 @@ class Arm:
             moved[joint] = moved[self._model.parents[joint]]
             moved[joint] |= self._follow[joint - 1] != 0
         return moved
-
-
-def placement_of(fields: dict[str, Any]) -> pin.SE3:
-    """Return the pose of something with `position` and `rpy` (as in URDF) or `quaternion`."""
-    position = np.array(fields.get("position") or [0.0] * 3, dtype=float)
-    if fields.get("quaternion") is not None:
-        x, y, z, w = fields["quaternion"]
-        turn = pin.Quaternion(float(w), float(x), float(y), float(z)).normalized()
-        return pin.SE3(turn.matrix(), position)
-    roll, pitch, yaw = fields.get("rpy") or [0.0] * 3
-    return pin.SE3(pin.rpy.rpyToMatrix(float(roll), float(pitch), float(yaw)), position)
 
 
 def solid_geometry(fields: dict[str, Any], folder: Any, folders: list[Any]) -> tuple[Any, pin.SE3]:

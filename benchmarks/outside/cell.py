@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from outside.arm import Arm, placed, placement_of, solid_geometry
+from outside.arm import Arm, placed, solid_geometry
 from outside.cycle import Cycle, Step
 from outside.nearest import Poses, signed_distance
+from outside.standing import placement_of
 
 TOUCHING = 1e-3  # [m]: links that are nearer to what is attached may touch it
 

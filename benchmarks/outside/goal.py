@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from outside.arm import Arm, placement_of
+from outside.arm import Arm
 from outside.files import BadInput
 from outside.problem import Problem
+from outside.standing import placement_of
 from outside.trajectory import Trajectory
 from outside.verdict import Condition
 

@@ -24,7 +24,7 @@ LIMITS |= {"velocity_by_position", "point_speed"}
 MOTORS = {"armature", "viscous_friction", "coulomb_friction", "saturation_effort"}
 MOTORS |= {"no_load_velocity", "friction_from_urdf", "friction_uncertainty"}
 ROBOT = {"urdf", "package_dirs", "srdf", "tool_frame", "tool_offset", "joints", "locked_joints"}
-ROBOT |= {"gravity", "payload", "attached", "limits", "motors", "preset", "limits_file"}
+ROBOT |= {"base", "gravity", "payload", "attached", "limits", "motors", "preset", "limits_file"}
 ROBOT |= {"xacro_args"}  # of an .xacro file, which the judge does not read
 TUBE = {"points", "radius", "tool_radius", "joint_signs", "orientations", "rotation_tolerance"}
 TUBE |= {"tool_speed", "visit", "pass_through_points", "cross_section"}
@@ -174,6 +174,7 @@ def problem_of(fields: Any, folder: Path) -> Problem:
     robot = fields["robot"]
     require_known(robot, ROBOT, "robot.")
     require_known(robot.get("tool_offset") or {}, {"position", "rpy"}, "robot.tool_offset.")
+    require_known(robot.get("base") or {}, POSE, "robot.base.")
     require_known(robot.get("payload") or {}, {"mass", "com", "inertia"}, "robot.payload.")
     require_known(robot.get("limits") or {}, LIMITS, "robot.limits.")
     require_known(robot.get("motors") or {}, MOTORS, "robot.motors.")

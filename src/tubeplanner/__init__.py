@@ -1,7 +1,8 @@
 """Smooth, certified joint trajectories of a robot arm whose tool stays in a tolerance tube.
 
 Letters used everywhere: N samples, K control points, n joints, m tube segments (m+1 reference
-points). Units are SI and radians; positions are in the frame of the URDF's root link.
+points). Units are SI and radians; positions are in the base frame, that of the URDF's root link
+unless a base says where that stands.
 
     problem = load_problem("example:ur5/over_the_wall")
     result = plan(problem)

@@ -28,6 +28,7 @@ from .verification.slower_runs import SlowerRun as SlowerRun  # returned
 from .robot.robot_loader import load_robot as load_robot
 from .robot.robot_model import RobotModel as RobotModel  # returned
 from .robot.pinocchio_model import ToolOffset as ToolOffset
+from .robot.base_pose import BasePose as BasePose
 from .robot.pinocchio_model import Payload as Payload
 from .robot.limit_overrides import LimitOverrides as LimitOverrides
 from .robot.motor_overrides import MotorOverrides as MotorOverrides

@@ -89,6 +89,23 @@ def test_a_problem_has_start_tube_and_solids(run):
     assert "elbow_joint >= 0" in text
 
 
+def test_where_the_robot_stands_is_told(run):
+    name = "example:two_link/around_a_post"
+    found = _json(run, name)
+    assert found["root_link"] == "base"
+    assert found["base"] is None
+    assert "stands at" not in run("info", name)[1]
+    at, turn = "robot.base.position=[0.1, 0, 2]", "robot.base.rpy=[0, 3.1, 0]"
+    base = _json(run, name, "--set", at, "--set", turn)["base"]
+    assert base == {"position": [0.1, 0, 2], "rpy": [0, 3.1, 0], "quaternion": None}
+    told = "base: base stands at [0.1, 0, 2] m, "
+    assert told + "not turned\n" in run("info", name, "--set", at)[1]
+    assert told + "rpy [0, 3.1, 0] rad\n" in run("info", name, "--set", at, "--set", turn)[1]
+    turn = "robot.base.quaternion=[0, 0, 1, 0]"
+    text = run("info", name, "--set", at, "--set", turn)[1]
+    assert told + "quaternion [0, 0, 1, 0]\n" in text
+
+
 def test_a_problem_that_does_not_load_is_described_and_says_why(run, bare):
     path = bare.parent / "p.yaml"
     path.write_text(

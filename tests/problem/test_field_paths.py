@@ -144,6 +144,8 @@ def test_a_path_leads_to_one_place(path, value, keys):
 def test_missing_keys_are_made_where_the_schema_has_them():
     made = changed({"robot.payload.mass": 2, "robot.limits.effort.elbow": 3, "goal.joints": [1, 1]})
     assert made["robot"]["payload"] == {"mass": 2}
+    stood = changed({"robot.base.position": [0.1, 0, 0], "robot.base.rpy": [0, 0, 1]})
+    assert stood["robot"]["base"] == {"position": [0.1, 0, 0], "rpy": [0, 0, 1]}
     assert made["robot"]["limits"] == {"velocity": 2, "effort": {"elbow": 3}}
     assert made["goal"] == {"joints": [1, 1]}
     assert changed({"tube.cross_section.0.box": [1, 2]})["tube"]["cross_section"][0] == {

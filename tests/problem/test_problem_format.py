@@ -64,7 +64,7 @@ TOP = (
     "collision, objective, period, robustness"
 )
 ROBOT = (
-    "urdf, package_dirs, xacro_args, srdf, tool_frame, tool_offset, joints, "
+    "urdf, package_dirs, xacro_args, srdf, tool_frame, tool_offset, base, joints, "
     "locked_joints, gravity, payload, attached, limits, motors, preset, limits_file"
 )
 LIMITS = "effort, velocity, position, acceleration, jerk, scale, tool_speed, "
@@ -93,6 +93,14 @@ OBSTACLE = "name, box, sphere, cylinder, capsule, mesh, scale, position, rpy, qu
         ),
         ("robot.payload", {"mas": 1}, "robot.payload", "mas", "mass", "mass, com, inertia"),
         ("robot.tool_offset.rpi", [0, 0, 0], "robot.tool_offset", "rpi", "rpy", "position, rpy"),
+        (
+            "robot.base.positon",
+            [0, 0, 0],
+            "robot.base",
+            "positon",
+            "position",
+            "position, rpy, quaternion",
+        ),
         ("tube.radii", 0.1, "tube", "radii", "radius", TUBE),
         ("start.joint", [0, 0], "start", "joint", "joints", ENDPOINT),
         ("goal", {"joint": [0, 0]}, "goal", "joint", "joints", ENDPOINT),

@@ -73,6 +73,7 @@ def test_physical_fields_say_their_unit():
         "ObstacleFields": ["box", "sphere", "cylinder", "capsule", "position", "rpy"],
         "EndpointFields": ["joints", "seed"],
         "PoseFields": ["position", "rpy"],
+        "BaseFields": ["position", "rpy"],
     }
     for section, names in units.items():
         for name in names:

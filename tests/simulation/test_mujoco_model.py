@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 
 from cases import INERTIA, PROBLEMS, SLIDE, one_joint, with_motors
 from follower_arm import follower_arm
-from tubeplanner import OptionError, RobotError, load_problem, load_robot
+from tubeplanner import BasePose, OptionError, RobotError, load_problem, load_robot
 from tubeplanner.problem.robustness import Robustness
 from tubeplanner.simulation.mujoco_model import mujoco_arms
 from tubeplanner.simulation.plant import Draw, drawn_plants
@@ -73,6 +73,16 @@ def test_and_of_a_chest_with_two_arms(tmp_path):
     joints = ["turn", "right", "left", "wrist"]
     robot = load_robot(tmp_path / "tree.urdf", "hand", joints=joints, gravity=(1, 2, -9))
     assert_dynamics_agree(robot, -2, 2)
+
+
+def test_and_of_two_arms_on_a_slope(tmp_path):
+    (tmp_path / "tree.urdf").write_text(tree())
+    base = BasePose((0.3, -0.2, 1.1), (0.4, -1.2, 2.5))
+    robot = load_robot(tmp_path / "tree.urdf", "hand", base=base)
+    assert_dynamics_agree(robot, -2, 2)
+    level = load_robot(tmp_path / "tree.urdf", "hand")
+    states = [exact_arm(arm).acceleration(np.zeros(3)) for arm in (robot, level)]
+    assert abs(states[0] - states[1]).max() > 1
 
 
 def test_every_plant_has_its_own_bodies_and_motors(tmp_path):

@@ -51,7 +51,8 @@ class CollisionChecker(BodyShapes):
         link_pairs: Link against link, likewise.
         pairs: All of them, those with obstacles first.
         left_out: Solids that joints move against each other and that are not checked, and why.
-        closer_covers: Of links that others come near, in the frame of the body, by link name.
+        closer_covers: Of links that others come near, in the frame of the body, of links that no
+            joint moves in the root link's, by link name.
         has_link_geometry: Whether the robot itself has any collision geometry.
         link_contents: What the links' collision geometry was made from, by link name.
     """
@@ -79,7 +80,8 @@ class CollisionChecker(BodyShapes):
                 not exist.
             RobotError: A link's geometry cannot be read.
         """
-        parts = link_parts(robot)
+        alone = robot.in_root_frame()  # what is found of it holds wherever it stands
+        parts = link_parts(alone)
         covers = {link: _cover(own) for link, own in parts.items()}
         self.has_link_geometry = bool(covers)
         self.link_contents = link_contents(robot)
@@ -102,7 +104,7 @@ class CollisionChecker(BodyShapes):
         always_touching: Sequence[tuple[str, str]] = ()
         if self_collision:
             candidates = self._select(combinations(moving, 2))
-            always_touching = self._judge_links(parts, covers, candidates)
+            always_touching = self._judge_links(alone, parts, covers, candidates)
         self.pairs = np.concatenate([self.obstacle_pairs, self.link_pairs])
         self.left_out = self._left_out(always_touching, self_collision)
 
@@ -141,6 +143,7 @@ class CollisionChecker(BodyShapes):
 
     def _judge_links(
         self,
+        alone: RobotModel,
         parts: Mapping[str, Sequence[LinkPart]],
         covers: Mapping[str, Sequence[ConvexShape]],
         candidates: IntArray,
@@ -151,7 +154,7 @@ class CollisionChecker(BodyShapes):
         """
         owners = [(self.shapes[i].owner, self.shapes[j].owner) for i, j in candidates]
         pairs = [pair for pair in dict.fromkeys(owners) if not {*pair} & self._attached_names]
-        found = judged_pairs(self.robot, parts, covers, pairs)
+        found = judged_pairs(alone, parts, covers, pairs)
         without = {*found.always_touching, *found.refined}
         fine = _link_shapes(self.robot, {link: cover.shapes for link, cover in found.fine.items()})
         self.closer_covers = found.fine
@@ -192,11 +195,19 @@ def _cover(parts: Sequence[LinkPart]) -> list[ConvexShape]:
 
 
 def _link_shapes(robot: RobotModel, covers: Mapping[str, Sequence[ConvexShape]]) -> list[BodyShape]:
+    """Return covers of links, given in the frame of the root link, as shapes of their bodies."""
     return [
-        BodyShape(link, robot.link_body[link], shape)
+        BodyShape(link, robot.link_body[link], _standing(robot, link, shape))
         for link, shapes in covers.items()
         for shape in shapes
     ]
+
+
+def _standing(robot: RobotModel, link: str, shape: ConvexShape) -> ConvexShape:
+    """Return a shape of a link where the robot stands."""
+    if robot.base is None or robot.link_body[link] != _BASE:
+        return shape
+    return shape.transformed(robot.base.placement)
 
 
 def _as_pairs(pairs: list[tuple[int, int]]) -> IntArray:

@@ -40,6 +40,7 @@ def robot_text(info: "RobotInfo") -> str:
         f"mass of all links: {info.mass:.4g} kg",
         *_links_without(info.links),
         *_frame_lines(info),
+        *_base_lines(info),
         *(f"note: {note}" for note in info.notes),
         *_missing_lines(info.missing),
     ]
@@ -166,6 +167,18 @@ def _frame_lines(info: "RobotInfo") -> list[str]:
         *([f"other ends of chains: {', '.join(leaves)}"] if leaves else []),
         *([f"inner links: {', '.join(inner)}"] if inner else []),
     ]
+
+
+def _base_lines(info: "RobotInfo") -> list[str]:
+    base = info.arm.base
+    if base is None:
+        return []
+    turn = "not turned"
+    if base.rpy is not None:
+        turn = f"rpy {_numbers(base.rpy)} rad"
+    elif base.quaternion is not None:
+        turn = f"quaternion {_numbers(base.quaternion)}"
+    return [f"base: {info.arm.urdf.root} stands at {_numbers(base.position)} m, {turn}"]
 
 
 def _missing_lines(missing: Sequence[str]) -> list[str]:

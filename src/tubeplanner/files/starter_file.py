@@ -68,6 +68,8 @@ def _robot_lines(
         *_other_frames(starter.info),
         "  ## the tool centre point in tool_frame; it is what stays in the tube [m]",
         "  # tool_offset: {position: [0.0, 0.0, 0.0]}",
+        "  ## where the root link stands in the cell, whose frame is then that of all [m, rad]",
+        "  # base: {position: [0.0, 0.0, 0.0], rpy: [0.0, 0.0, 0.0]}",
         "  ## what the tool carries: mass [kg], centre of mass and solid in tool_frame [m]",
         "  # payload: {mass: 0.1, com: [0.0, 0.0, 0.0]}",
         "  # attached: [{name: part, sphere: 0.01, position: [0.0, 0.0, 0.03], "

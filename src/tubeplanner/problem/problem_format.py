@@ -31,7 +31,7 @@ from tubeplanner.problem.field_types import (
     no_flag,
 )
 from tubeplanner.problem.limit_fields import LimitFields, MotorFields
-from tubeplanner.problem.pose_fields import PoseFields
+from tubeplanner.problem.pose_fields import BaseFields, PoseFields, ToolOffsetFields
 from tubeplanner.problem.robustness import Robustness
 
 JointValues: TypeAlias = list[Finite] | dict[str, Finite]
@@ -76,13 +76,6 @@ XacroValue: TypeAlias = Annotated[Flag | int | float | str, BeforeValidator(_arg
 
 PROBLEM_FORMAT: Final = "tubeplanner/problem"
 _MAX_BYTES = 10_000_000
-
-
-class ToolOffsetFields(Section):
-    """The tool centre point in the tool frame."""
-
-    position: Vector = Field((0.0, 0.0, 0.0), description="where it is in tool_frame [m]")
-    rpy: Vector = Field((0.0, 0.0, 0.0), description="fixed x, y, z as in URDF [rad]")
 
 
 class PayloadFields(Section):
@@ -144,6 +137,11 @@ class RobotFields(Section):
     tool_frame: str = Field(description="any URDF link")
     tool_offset: ToolOffsetFields = Field(
         ToolOffsetFields(), description="the tool centre point in tool_frame"
+    )
+    base: BaseFields | None = Field(
+        None,
+        description="pose of the root link in the cell, whose frame is then the base frame; null: "
+        "the base frame is the root link's",
     )
     joints: list[str] | None = Field(None, description="planning group; default: the chain's")
     locked_joints: dict[str, Finite] = Field({}, description="joints outside the group [rad, m]")

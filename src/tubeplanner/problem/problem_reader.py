@@ -37,6 +37,7 @@ from tubeplanner.problem.robustness import Robustness
 from tubeplanner.problem.solid_fields import attached_of, obstacle_of
 from tubeplanner.problem.tool_pose import ToolPose
 from tubeplanner.resources import find_description, find_limits_file, find_problem
+from tubeplanner.robot.base_pose import BasePose
 from tubeplanner.robot.limit_layers import LimitLayer
 from tubeplanner.robot.limit_overrides import LimitOverrides
 from tubeplanner.robot.pinocchio_model import Payload, ToolOffset
@@ -180,6 +181,7 @@ def robot_arguments(fields: RobotFields, directory: Path) -> dict[str, Any]:
         "joints": fields.joints,
         "locked_joints": fields.locked_joints,
         "tool_offset": ToolOffset(**fields.tool_offset.model_dump()),
+        "base": None if fields.base is None else BasePose(**fields.base.model_dump()),
         "gravity": fields.gravity,
         "payload": payload,
         "limits": _given_limits(fields, directory),

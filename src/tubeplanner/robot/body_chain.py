@@ -1,5 +1,6 @@
 """Where the bodies of an arm are, in many configurations at once."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -25,6 +26,14 @@ class BodyChain:
     position: FloatArray
     axes: FloatArray
     turns: BoolArray
+
+    @staticmethod
+    def of(
+        parents: IntArray, placements: Sequence[FloatArray], axes: FloatArray, turns: BoolArray
+    ) -> "BodyChain":
+        """Return bodies whose poses in their parents, joints at zero, are transforms (4, 4)."""
+        placed = np.array(placements)
+        return BodyChain(parents, placed[:, :3, :3].copy(), placed[:, :3, 3].copy(), axes, turns)
 
     def poses(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return rotations (N, bodies, 3, 3) and origins (N, bodies, 3) [m] at positions (N, M)."""

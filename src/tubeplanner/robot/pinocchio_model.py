@@ -13,6 +13,7 @@ import pinocchio as pin
 
 from tubeplanner.arrays import BoolArray, FloatArray, read_only
 from tubeplanner.errors import RobotError, unknown_name
+from tubeplanner.robot.base_pose import BasePose
 from tubeplanner.robot.body_inertia import BodyInertia
 from tubeplanner.robot.followers import followers_of, leader_of, leaders
 from tubeplanner.robot.urdf import UrdfDescription, UrdfJoint, joint_id, link_id
@@ -142,6 +143,7 @@ def build_model(
     gravity: Sequence[float],
     payload: Payload | None,
     needs_masses: bool,
+    base: BasePose | None,
 ) -> pin.Model:
     """Return the Pinocchio model of a planning group and the joints that follow it.
 
@@ -155,12 +157,15 @@ def build_model(
         gravity: In the base frame [m/s^2].
         payload: Carried mass, if any.
         needs_masses: Whether efforts count, so that every moving body must have a mass.
+        base: Where the root link stands; None: its frame is the base frame.
 
     Raises:
         RobotError: Pinocchio rejects the robot, a locked joint is out of place, or a mass is
             missing.
     """
     model = _reduced_model(description, group, locked_joints)
+    if base is not None:
+        _stand_at(model, base)
     model.gravity = pin.Motion(np.array(gravity, dtype=float), np.zeros(3))
     if payload is not None:
         tool = model.frames[model.getFrameId(link_id(tool_frame), pin.FrameType.BODY)]
@@ -290,6 +295,17 @@ def _reduced_model(
     for name, index in zip(outside, ids, strict=True):
         q[full.joints[index].idx_q] = locked_value(description, name, group, locked)
     return pin.buildReducedModel(full, ids, q)
+
+
+def _stand_at(model: pin.Model, base: BasePose) -> None:
+    """Move the root link of a model, and all that hangs from it, to a pose in the base frame."""
+    pose = pin.SE3(base.placement)
+    for joint in range(1, model.njoints):
+        if model.parents[joint] == 0:
+            model.jointPlacements[joint] = pose * model.jointPlacements[joint]
+    for frame in list(model.frames)[1:]:  # the first is the base frame itself
+        if frame.parentJoint == 0:
+            frame.placement = pose * frame.placement
 
 
 def locked_value(

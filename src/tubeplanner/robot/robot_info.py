@@ -9,6 +9,7 @@ import numpy as np
 
 from tubeplanner.errors import RobotError
 from tubeplanner.resources import find_description, find_mesh
+from tubeplanner.robot.base_pose import BasePose
 from tubeplanner.robot.followers import followers_of
 from tubeplanner.robot.joint_info import JointInfo, joint_infos
 from tubeplanner.robot.joint_limits import JointLimits
@@ -94,7 +95,9 @@ class RobotInfo:
             name: [asdict(each) for each in getattr(self, name)]
             for name in ("joints", "other_joints", "links")
         }
-        return {"urdf": str(self.path), **values, "leaf_links": self.leaf_links, **listed}
+        base = None if self.arm.base is None else asdict(self.arm.base)
+        placed = {"root_link": self.arm.urdf.root, "base": base, "leaf_links": self.leaf_links}
+        return {"urdf": str(self.path), **values, **placed, **listed}
 
 
 def robot_info(
@@ -104,6 +107,7 @@ def robot_info(
     joints: Sequence[str] | None = None,
     locked_joints: Mapping[str, float] | None = None,
     tool_offset: ToolOffset | None = None,
+    base: BasePose | None = None,
     gravity: Sequence[float] = EARTH_GRAVITY,
     payload: Payload | None = None,
     limits: GivenLimits | None = None,
@@ -138,6 +142,7 @@ def robot_info(
         locked,
         tuple(gravity),
         payload,
+        base=base,
     )
     links = link_infos(description)
     return RobotInfo(

@@ -7,6 +7,7 @@ import numpy as np
 
 from tubeplanner.errors import RobotError, shown
 from tubeplanner.resources import find_description
+from tubeplanner.robot.base_pose import BasePose
 from tubeplanner.robot.joint_limits import resolve_limits
 from tubeplanner.robot.joint_motors import resolve_motors
 from tubeplanner.robot.limit_layers import GivenLimits, LimitLayer, layers_of
@@ -26,6 +27,7 @@ def load_robot(
     joints: Sequence[str] | None = None,
     locked_joints: Mapping[str, float] | None = None,
     tool_offset: ToolOffset | None = None,
+    base: BasePose | None = None,
     gravity: Sequence[float] = EARTH_GRAVITY,
     payload: Payload | None = None,
     limits: GivenLimits | None = None,
@@ -44,6 +46,8 @@ def load_robot(
         locked_joints: Values of joints outside the group, by name [rad or m]; default 0, moved
             into the limits. A mimic joint follows its master, locked or planned.
         tool_offset: Tool centre point in the tool frame; default: its origin.
+        base: Where the root link stands in the cell, whose frame is then the base frame; default:
+            the base frame is the root link's.
         gravity: In the base frame [m/s^2].
         payload: Carried mass; default: none.
         limits: What replaces the URDF's limits, or several such, as `read_preset` gives them, of
@@ -74,6 +78,7 @@ def load_robot(
         tuple(gravity),
         payload,
         resolve_motors(description, group, layers),
+        base,
     )
 
 

@@ -1,12 +1,12 @@
 """A robot arm for N samples at once: kinematics, dynamics, limits.
 
-Frames: the base frame is the frame of the URDF's root link; every position, rotation and Jacobian
-is expressed in it. A configuration is a plain vector of n joint values in group order; continuous
-joints are not wrapped.
+The base frame, in which every position, rotation and Jacobian is expressed, is the cell's; it is
+the frame of the URDF's root link unless a base says where that stands. A configuration is a plain
+vector of n joint values in group order; continuous joints are not wrapped.
 """
 
 from collections.abc import Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray, read_only
+from tubeplanner.robot.base_pose import BasePose
 from tubeplanner.robot.body_chain import BodyChain
 from tubeplanner.robot.body_inertia import BodyInertia
 from tubeplanner.robot.configurations import one_or_many
@@ -62,6 +63,7 @@ class RobotModel:
         payload: What it carries, if anything.
         limits: Limits of the joints.
         motors: Motors of the joints.
+        base: Where the root link stands; None: its frame is the base frame.
         link_body: Body of every link of the URDF, by name.
         link_placement: Pose of every link in its body's frame, by name, shape (4, 4).
     """
@@ -78,6 +80,7 @@ class RobotModel:
         gravity: Sequence[float],
         payload: Payload | None,
         motors: JointMotors | None = None,
+        base: BasePose | None = None,
     ) -> None:
         self.motors = motors or JointMotors.ideal(len(joint_names))
         bounds = [limits.effort, limits.effort_rate, self.motors.saturation_effort]
@@ -89,12 +92,13 @@ class RobotModel:
             gravity=gravity,
             payload=payload,
             needs_masses=bool(np.isfinite(bounds).any()),
+            base=base,
         )
-        self._others, self.payload = (tool_offset, locked_joints), payload
+        self._others = {"tool_offset": tool_offset, "locked_joints": locked_joints}
+        self.payload, self.base = payload, base
         self.name, self.urdf, self.package_dirs = urdf.name, urdf, package_dirs
         self.joint_names, self.tool_frame = joint_names, tool_frame
-        self.gravity = read_only(model.gravity.linear)
-        self.limits = limits
+        self.limits, self.gravity = limits, read_only(model.gravity.linear)
         self.link_body, self.link_placement = link_placements(urdf, model)
         self._model = model
         self._tool_id = add_frame(model, "tool centre point", tool_frame, tool_offset)
@@ -114,12 +118,7 @@ class RobotModel:
         self._scratch = Scratch(model)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        tool_offset, locked_joints = self._others
-        gravity = tuple(self.gravity.tolist())
-        return RobotModel, (
-            *(self.urdf, self.joint_names, self.tool_frame, tool_offset, self.limits),
-            *(self.package_dirs, locked_joints, gravity, self.payload, self.motors),
-        )
+        return partial(RobotModel, **self._given()), ()
 
     def __repr__(self) -> str:
         joints, frame = ", ".join(self.joint_names), self.tool_frame
@@ -133,9 +132,19 @@ class RobotModel:
 
     def with_payload(self, payload: Payload | None) -> "RobotModel":
         """Return this arm with another payload."""
-        make, given = self.__reduce__()
-        arm: RobotModel = make(*given[:-2], payload, given[-1])
-        return arm
+        return RobotModel(**self._given() | {"payload": payload})
+
+    def in_root_frame(self) -> "RobotModel":
+        """Return this arm in the frame of its root link: itself if that is the base frame."""
+        if self.base is None:
+            return self
+        gravity = self.gravity @ self.base.placement[:3, :3]
+        return RobotModel(**self._given() | {"base": None, "gravity": gravity})
+
+    def _given(self) -> dict[str, Any]:
+        """Return the arguments of which this arm is made."""
+        kept = ("urdf", "joint_names", "tool_frame", "limits", "package_dirs", "gravity", "payload")
+        return {name: getattr(self, name) for name in (*kept, "motors", "base")} | self._others
 
     def moves_as(self, other: "RobotModel") -> bool:
         """Return whether another model is this arm, with whatever limits."""
@@ -381,14 +390,8 @@ class RobotModel:
     @cached_property
     def chain(self) -> BodyChain:
         """How the bodies hang from each other."""
-        placements = [self._model.jointPlacements[body] for body in range(self.body_count)]
-        return BodyChain(
-            self.body_parents,
-            np.array([placement.rotation for placement in placements]),
-            np.array([placement.translation for placement in placements]),
-            self._joint_axes,
-            self._joints.turns,
-        )
+        placements = [each.homogeneous for each in self._model.jointPlacements]
+        return BodyChain.of(self.body_parents, placements, self._joint_axes, self._joints.turns)
 
     @cached_property
     def _joint_axes(self) -> FloatArray:

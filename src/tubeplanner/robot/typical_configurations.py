@@ -18,8 +18,9 @@ def typical_configurations(arm: RobotModel) -> FloatArray:
 
     Good is where every direction in which the joints can move and turn the tool is easy, by the
     least singular values that are not always zero, of the Jacobian and of its first three rows, and
-    no joint is below the base.
+    no joint is below the base, however it stands.
     """
+    arm = arm.in_root_frame()
     limits = arm.limits
     endless = np.isinf(limits.lower_position) | np.isinf(limits.upper_position)
     lower = np.where(endless, -np.pi, limits.lower_position)

@@ -116,6 +116,12 @@ class UrdfDescription:
             link = joint.parent
         return names
 
+    @property
+    def root(self) -> str:
+        """Name of the link from which all others hang."""
+        children = {joint.child for joint in self.joints.values()}
+        return next(link for link in self.links if link not in children)
+
     def movable(self) -> list[str]:
         """Return the names of all joints that can move."""
         return [name for name, joint in self.joints.items() if joint.type in MOVABLE_TYPES]

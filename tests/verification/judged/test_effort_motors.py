@@ -9,7 +9,6 @@ from cases import INERTIA, anywhere, one_joint, with_motors
 from directed_samples import random_motion, random_motors, worst_use
 from tubeplanner import JointTrajectory, Tolerance, verify
 from tubeplanner.robot.effort_range import EffortRange
-from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.verification.conditions import JUDGED
 from tubeplanner.verification.judged_motion import JudgedMotion
 
@@ -212,9 +211,9 @@ def test_a_joint_without_a_limit_is_not_asked(ur5):
     """However much friction it has."""
     limits, dry = ur5.limits.effort.copy(), np.zeros(6)
     limits[2], dry[2], dry[3] = np.inf, 1e6, 500.0
-    arguments = list(with_motors(ur5, forwards_friction=dry).__reduce__()[1])
-    arguments[4] = replace(arguments[4], effort=limits)
-    condition = judged(RobotModel(*arguments), random_motion(ur5, np.random.default_rng(3)))
+    rubbing = with_motors(ur5, forwards_friction=dry)
+    robot = rubbing.with_limits(replace(rubbing.limits, effort=limits), rubbing.motors)
+    condition = judged(robot, random_motion(ur5, np.random.default_rng(3)))
     assert condition.where.joint == ur5.joint_names[3]
     assert condition.margin == pytest.approx(1 - 500.0 / limits[3], abs=3.0)
 

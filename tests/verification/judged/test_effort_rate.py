@@ -8,7 +8,6 @@ import pytest
 from cases import INERTIA, PEAK_JERK, anywhere, changed, one_joint, quintic, with_motors
 from tubeplanner import JointTrajectory, LimitOverrides, Tolerance, load_robot, verify
 from tubeplanner.robot.effort_rate import effort_rate
-from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.verification.conditions import JUDGED
 from tubeplanner.verification.judged import effort_rate as module
 from tubeplanner.verification.judged_motion import JudgedMotion
@@ -154,10 +153,8 @@ def test_friction_of_joints_without_this_limit_is_not_told(ur5):
     robot = with_motors(ur5, forwards_friction=1.0)
     rates = replace(robot.limits, effort_rate=np.full(6, np.inf))
     rates.effort_rate[2] = 1e4
-    arguments = list(robot.__reduce__()[1])
-    arguments[4] = rates
     rows = np.zeros((3, 1, 6))
     rows[:2, 0, 1] = 1.0, -0.5
     motion = JointTrajectory(ur5.joint_names, [0, 1.0], rows)
-    condition = judged(anywhere(RobotModel(*arguments)), motion)
+    condition = judged(anywhere(robot.with_limits(rates, robot.motors)), motion)
     assert condition.coverage.endswith("; Coulomb friction does not jump: no joint reverses")
