@@ -105,6 +105,11 @@ from .studies.tolerance_sweep import SweepRow as SweepRow
 from .studies.field_sweep import sweep_field as sweep_field
 from .studies.field_sweep import FieldSweep as FieldSweep  # returned
 from .studies.field_sweep import FieldRow as FieldRow  # returned
+from .studies.study_reader import load_study as load_study
+from .studies.study import Study as Study
+from .studies.study_run import run_study as run_study
+from .studies.study_result import StudyResult as StudyResult  # returned
+from .studies.study_row import StudyRow as StudyRow  # returned
 from .studies.comparison import compare as compare
 from .studies.comparison import Comparison as Comparison  # returned
 from .studies.comparison import ComparisonRow as ComparisonRow  # returned
@@ -134,6 +139,7 @@ from .views.plotting import plot_trajectory as plot_trajectory
 from .views.study_plots import plot_convergence as plot_convergence
 from .views.study_plots import plot_sweep as plot_sweep
 from .views.field_plot import plot_field_sweep as plot_field_sweep
+from .views.study_figure import plot_study as plot_study
 from .views.comparison_plot import plot_comparison as plot_comparison
 from .views.execution_plot import plot_execution as plot_execution
 from .views.cycle_execution_plot import plot_cycle_execution as plot_cycle_execution

@@ -16,8 +16,8 @@ EXAMPLE_PREFIX = "example:"
 _PACKAGE_PREFIX = "package://"
 _PRESETS = "presets"  # the bundled folder that holds limits and motors alone
 PRESET_ENDINGS = (".yaml", ".yml", ".json")
-# How a bundled cycle says what it is; every other file is a problem.
-_CYCLE = re.compile(r"^format: *tubeplanner/cycle\b", re.M)
+# How a bundled cycle or study says what it is; every other file is a problem.
+_FORMAT = re.compile(r"^format: *tubeplanner/(cycle|study)\b", re.M)
 
 # The robots of example-robot-data, below its folder `robots`, by the names of its former loaders
 # package. The distribution has data only, so the table is kept here. It covers releases 5.0 and
@@ -111,12 +111,17 @@ def bundled_robots() -> dict[str, Path]:
 
 def bundled_problems() -> dict[str, Path]:
     """Return every bundled problem file by its name `ROBOT/NAME`."""
-    return {name: path for name, path in _bundled_files().items() if not _is_cycle(path)}
+    return _bundled_of("problem")
 
 
 def bundled_cycles() -> dict[str, Path]:
     """Return every bundled cycle file by its name `ROBOT/NAME`."""
-    return {name: path for name, path in _bundled_files().items() if _is_cycle(path)}
+    return _bundled_of("cycle")
+
+
+def bundled_studies() -> dict[str, Path]:
+    """Return every bundled study file by its name `ROBOT/NAME`."""
+    return _bundled_of("study")
 
 
 def bundled_presets() -> dict[str, Path]:
@@ -131,14 +136,14 @@ def example_robot_names() -> list[str]:
 
 
 def find_problem(name: str | Path, directory: Path) -> Path:
-    """Return the path of a problem file or a cycle file.
+    """Return the path of a problem file, a cycle file or a study file.
 
     Args:
         name: A path, relative to `directory` or absolute, or `example:ROBOT/NAME`.
         directory: Where relative paths start.
 
     Raises:
-        ProblemError: The file, or the bundled problem or cycle, does not exist.
+        ProblemError: The file, or the bundled one, does not exist.
     """
     text = str(name)
     if text.startswith(EXAMPLE_PREFIX):
@@ -258,15 +263,20 @@ def find_package(package: str, file: Path, package_dirs: tuple[Path, ...] = ()) 
 
 
 def _bundled_files() -> dict[str, Path]:
-    """Return every bundled problem file and cycle file by its name."""
+    """Return every bundled problem, cycle and study file by its name."""
     paths = sorted(bundled_folder().glob("*/*.yaml"))
     return {
         f"{path.parent.name}/{path.stem}": path for path in paths if path.parent.name != _PRESETS
     }
 
 
-def _is_cycle(path: Path) -> bool:
-    return _CYCLE.search(path.read_text("utf-8")) is not None
+def _bundled_of(kind: str) -> dict[str, Path]:
+    return {name: path for name, path in _bundled_files().items() if _kind(path) == kind}
+
+
+def _kind(path: Path) -> str:
+    found = _FORMAT.search(path.read_text("utf-8"))
+    return "problem" if found is None else found[1]
 
 
 def _exists(path: Path) -> bool:

@@ -40,11 +40,12 @@ from tubeplanner.commands.plan_outputs import PlanOutputs
 from tubeplanner.commands.planned import planned
 from tubeplanner.commands.reproduce_command import reproduce
 from tubeplanner.commands.simulate_command import simulate
+from tubeplanner.commands.study_command import study
 from tubeplanner.commands.study_commands import compare, sweep
 from tubeplanner.commands.study_commands import plot as draw
 from tubeplanner.commands.tube_commands import route, teach
 from tubeplanner.commands.view_command import view
-from tubeplanner.errors import TubePlannerError
+from tubeplanner.errors import OptionError, TubePlannerError
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -160,12 +161,13 @@ def plan(
 @cli.command()
 @AS_JSON
 def robots(as_json: bool) -> None:
-    """List what `example:` finds, robots, problems, cycles, and presets of limits and motors."""
+    """List what `example:` finds: problems, cycles, studies, robots; and presets of limits."""
     from tubeplanner.resources import (
         bundled_cycles,
         bundled_presets,
         bundled_problems,
         bundled_robots,
+        bundled_studies,
         example_robot_names,
     )
 
@@ -173,13 +175,15 @@ def robots(as_json: bool) -> None:
     presets = bundled_presets()
     if as_json:
         fields = {"robots": example_robot_names(), "problems": problems, "cycles": cycles}
-        fields["presets"] = list(presets)
+        fields |= {"studies": list(bundled_studies()), "presets": list(presets)}
         print_json({**empty_report("success", "names for example:", nowhere()), **fields})
         return
     say("Problems (example:ROBOT/NAME):")
     say(*(f"  example:{name}" for name in problems), sep="\n")
     say("Cycles (example:ROBOT/NAME):")
     say(*(f"  example:{name}" for name in cycles), sep="\n")
+    say("Studies (example:ROBOT/NAME):")
+    say(*(f"  example:{name}" for name in bundled_studies()), sep="\n")
     say("Robots (robot.urdf: example:NAME), from this package and from example-robot-data:")
     bundled = bundled_robots()
     for name in example_robot_names():
@@ -190,13 +194,18 @@ def robots(as_json: bool) -> None:
 
 @cli.command()
 @click.option("--cycle", is_flag=True, help="That of cycle files.")
+@click.option("--study", "of_study", is_flag=True, help="That of study files.")
 @click.option("--json", is_flag=True, help="For symmetry: the schema is always JSON.")
-def schema(cycle: bool, json: bool) -> None:
-    """Print the JSON schema of the problem file, or of the cycle file."""
+def schema(cycle: bool, of_study: bool, json: bool) -> None:
+    """Print the JSON schema of the problem file, or of the cycle or study file."""
     from tubeplanner.cycle.cycle_format import cycle_schema
     from tubeplanner.problem.problem_format import problem_schema
+    from tubeplanner.studies.study_format import study_schema
 
-    print_json(cycle_schema() if cycle else problem_schema(), indent=2)
+    if cycle and of_study:
+        raise OptionError("schema takes either --cycle or --study")
+    made = study_schema if of_study else cycle_schema if cycle else problem_schema
+    print_json(made(), indent=2)
 
 
 for command in (
@@ -204,6 +213,7 @@ for command in (
     simulate,
     draw,
     sweep,
+    study,
     compare,
     measure,
     links,

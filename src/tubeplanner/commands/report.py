@@ -150,7 +150,7 @@ def sweep_text(result: "SweepResult") -> str:
 
 def field_sweep_text(result: "FieldSweep") -> str:
     """Return a sweep over a field as a table, as wide as the terminal, and the answers' notes."""
-    from tubeplanner.studies.field_sweep import value_text
+    from tubeplanner.studies.json_values import value_text
 
     table = Table(title=f"{result.name}: duration against {result.path}", title_justify="left")
     headings = ["duration", *["shortest"] * result.varies_objective]

@@ -1,6 +1,7 @@
 """The commands that study plans: figures, sweeps over any field, comparisons of methods."""
 
 from collections.abc import Callable, Iterable
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,9 +25,13 @@ from tubeplanner.commands.console import (
     say_unwritten,
     shown_progress,
 )
+from tubeplanner.commands.workers import processes_option, workers_of
 from tubeplanner.errors import OptionError
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+    from contextlib import AbstractContextManager
+
     from tubeplanner.cycle.cycle import Cycle
     from tubeplanner.planning.plan_options import PlanOptions
     from tubeplanner.problem.problem import PlanningProblem
@@ -106,6 +111,7 @@ def _draw(
 @click.option("-o", "--output", type=PATH, help="Table (CSV or JSON, by its ending).")
 @click.option("--plot", "figure", type=PATH, help="Figure (PNG).")
 @click.option("--quality", default="balanced", show_default=True, help="fast, balanced or best.")
+@processes_option("this one, value by value")
 @SLACK
 @SET
 @AS_JSON
@@ -117,6 +123,7 @@ def sweep(
     output: Path | None,
     figure: Path | None,
     quality: str,
+    processes: int | None,
     slack: float | None,
     changes: dict[str, Any],
     as_json: bool,
@@ -137,17 +144,19 @@ def sweep(
     require_ending(output, "-o", (".csv", ".json"))
     require_ending(figure, "--plot", (".png",))
     require_writable(outputs, [Path(problem)])
-    with shown_progress() as enter:
-        result: SweepResult | FieldSweep
+    result: SweepResult | FieldSweep
+    with shown_progress() as enter, _sweepers(processes) as workers:
         if variations:
-            result = _swept_field(problem, variations, changes, options, enter)
+            result = _swept_field(problem, variations, changes, options, workers, enter)
             loading_time = sum(row.loading_time for row in result.rows)
         else:
             _require_used(changes, slack)
             radii, scales = _numbers("--radius", radius), _numbers("--radius-scale", radius_scale)
             loaded, loading_time = load_timed(problem, enter, changes)
             require_writable(outputs, [loaded.robot.urdf.path])
-            result = sweep_problem(loaded, radii, scales=scales, options=options, progress=enter)
+            result = sweep_problem(
+                *(loaded, radii), scales=scales, options=options, executor=workers, progress=enter
+            )
         _write_sweep(result, output, figure)
     status = "success" if result.succeeded else "no_trajectory"
     message = (
@@ -237,6 +246,7 @@ def _swept_field(
     variations: tuple[str, ...],
     changes: dict[str, Any],
     options: "PlanOptions",
+    executor: "Executor | None",
     progress: Callable[[object], None],
 ) -> "FieldSweep":
     """Return a sweep over the one field that is varied."""
@@ -248,7 +258,18 @@ def _swept_field(
     path, values = parse_variation("--vary", variations[0])
     if not is_of_objective(path):
         _require_used(changes, options.slack)
-    return sweep_field(problem, path, values, changes=changes, options=options, progress=progress)
+    return sweep_field(
+        *(problem, path, values),
+        changes=changes,
+        options=options,
+        executor=executor,
+        progress=progress,
+    )
+
+
+def _sweepers(processes: int | None) -> "AbstractContextManager[Executor | None]":
+    """Return what plans a sweep; without a number, this process."""
+    return nullcontext() if processes is None else workers_of(processes)
 
 
 def _require_used(changes: Iterable[str], slack: float | None) -> None:

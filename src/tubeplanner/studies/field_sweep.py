@@ -5,29 +5,30 @@ Every value is planned from scratch, exactly as by `plan`: a row does not depend
 
 import csv
 import io
-import json
 import time
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from tubeplanner.errors import OptionError, ProblemError, RobotError
-from tubeplanner.options import is_number
+from tubeplanner.many.posed_problem import PosedProblem
 from tubeplanner.outcome import PlanStatus
 from tubeplanner.planning.plan_options import PlanOptions
 from tubeplanner.planning.plan_result import PlanResult
 from tubeplanner.planning.planner import plan
+from tubeplanner.problem.document_kind import require_problem
 from tubeplanner.problem.field_paths import is_of_objective
-from tubeplanner.problem.problem_fields import changed_problem
-from tubeplanner.problem.problem_layers import ProblemLayers
-from tubeplanner.problem.problem_reader import parse_problem
+from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.progress import StoppedBy
-from tubeplanner.resources import find_problem
 from tubeplanner.short_repr import short_repr
 from tubeplanner.simulation.run_verdict import RunVerdict
+from tubeplanner.studies.axes import Levels
+from tubeplanner.studies.json_values import json_value, value_text
+from tubeplanner.studies.study import Study
+from tubeplanner.studies.swept_rows import swept_rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +71,16 @@ class FieldRow:
         return None if survival is None else survival.verdict
 
     @property
+    def runs(self) -> int | None:
+        """How many runs were simulated; None unless robustness asks for it."""
+        return None if self.verdict is None else self.verdict.runs
+
+    @property
+    def runs_failed(self) -> int | None:
+        """How many of them failed; likewise."""
+        return None if self.verdict is None else self.verdict.failed
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """What else is worth knowing about the answer."""
         return () if self.result is None else self.result.notes
@@ -77,12 +88,12 @@ class FieldRow:
     def as_dict(self) -> dict[str, Any]:
         """Return the row as JSON values."""
         return {
-            "value": _json_value(self.value),
+            "value": json_value(self.value),
             "status": str(self.status),
             "duration": self.duration,
             "shortest_duration": self.shortest_duration,
-            "runs": None if self.verdict is None else self.verdict.runs,
-            "runs_failed": None if self.verdict is None else self.verdict.failed,
+            "runs": self.runs,
+            "runs_failed": self.runs_failed,
             "method": None if self.result is None else self.result.method,
             "planning_time": None if self.result is None else self.result.planning_time,
             "loading_time": self.loading_time,
@@ -151,6 +162,7 @@ def sweep_field(
     *,
     changes: Mapping[str, Any] | None = None,
     options: PlanOptions | None = None,
+    executor: Executor | None = None,
     progress: Callable[[object], None] | None = None,
 ) -> FieldSweep:
     """Plan a problem file at several values of a field, each from scratch.
@@ -163,7 +175,9 @@ def sweep_field(
         values: What it is to be; "x0.5" scales every number there.
         changes: Of other fields, made first.
         options: How to plan.
-        progress: Called as by `plan`; its stage names the value.
+        executor: What plans, any of `concurrent.futures`; None: this process, value by value.
+        progress: Called as by `plan`, its stage with the value in front; with an executor, when a
+            value is done.
 
     Returns:
         A row for every value, in their order. A value that cannot be planned has the reason in its
@@ -176,29 +190,11 @@ def sweep_field(
         KeyboardInterrupt: Ctrl-C before the first value was done.
     """
     options = _options(path, options or PlanOptions())
-    file = find_problem(problem, Path())
-    posed = _documents(file, path, values, changes or {})
-    name = f"{file.resolve().parent.name}/{file.stem}"
-    rows: list[FieldRow] = []
-    for number, (value, document) in enumerate(zip(values, posed, strict=True), start=1):
-
-        def report(what: object, where: str = f"{number} of {len(posed)}") -> None:
-            if progress is not None:
-                progress(f"value {where}: {what}")
-
-        try:
-            rows.append(_row(value, document, file.parent, name, options, report))
-        except KeyboardInterrupt:
-            if not rows:
-                raise
-            return FieldSweep(name, path, tuple(rows), "interrupt")
-    return FieldSweep(name, path, tuple(rows))
-
-
-def value_text(value: Any) -> str:
-    """Return a field's value as a table has it: lists and maps as JSON."""
-    written = _json_value(value)
-    return written if isinstance(written, str) else json.dumps(written)
+    study = _study(problem, path, values, changes or {}, options)
+    asked = ((value, study.posed(point)) for value, point in zip(values, study.points, strict=True))
+    called = f"value {{}} of {len(values)}".format
+    rows, stopped_by = swept_rows(partial(_row, options), asked, called, executor, progress)
+    return FieldSweep(study.name, path, tuple(rows), stopped_by)
 
 
 def _options(path: str, options: PlanOptions) -> PlanOptions:
@@ -209,46 +205,42 @@ def _options(path: str, options: PlanOptions) -> PlanOptions:
     return options
 
 
-def _documents(
-    file: Path, path: str, values: Sequence[Any], changes: Mapping[str, Any]
-) -> list[Any]:
-    """Return what the problem file would hold with each of the values."""
+def _study(
+    problem: str | Path,
+    path: str,
+    values: Sequence[Any],
+    changes: Mapping[str, Any],
+    options: PlanOptions,
+) -> Study:
+    """Return the values of a field as a study of one axis."""
     if len(values) == 0:
         raise OptionError(f"{path}: give at least one value")
     if path in changes:
         raise OptionError(f"{path} is both varied and changed; leave out one of them")
-    data = ProblemLayers.read(file).merged
-    return [changed_problem(data, {**changes, path: value}) for value in values]
+    posed = PosedProblem.read(problem)
+    require_problem(posed.document, posed.name)
+    changed = posed.changed(changes)
+    return Study(posed.name, {posed.name: changed}, [Levels(path, values)], options=options)
 
 
 def _row(
-    value: Any,
-    document: Any,
-    folder: Path,
-    name: str,
     options: PlanOptions,
-    progress: Callable[[object], None],
+    asked: tuple[Any, PosedProblem],
+    progress: Callable[[object], None] | None = None,
 ) -> FieldRow:
+    """Return the row of a value, given with its problem; arguments as of `plan`."""
+    value, posed = asked
     begin = time.perf_counter()
-    progress("loading robot and collision geometry")
+    if progress is not None:
+        progress("loading robot and collision geometry")
     try:
-        problem = parse_problem(document, folder, name)
+        problem = posed.load()
     except (ProblemError, RobotError) as error:
-        reason = str(error).removeprefix(f"{name}: ")
+        reason = str(error).removeprefix(f"{posed.name}: ")
         return FieldRow(value, None, reason, time.perf_counter() - begin)
     loading_time = time.perf_counter() - begin
+    assert isinstance(problem, PlanningProblem)
     result = plan(problem, options, progress)
     if result.stopped_by == "interrupt":
         raise KeyboardInterrupt
     return FieldRow(value, result, result.message, loading_time)
-
-
-def _json_value(value: Any) -> Any:
-    """Return a value of YAML as JSON has it: infinity and NaN become their words."""
-    if isinstance(value, dict):
-        return {str(key): _json_value(part) for key, part in value.items()}
-    if isinstance(value, list | tuple | np.ndarray):
-        return [_json_value(part) for part in value]
-    if is_number(value) and not np.isfinite(value):
-        return {np.inf: ".inf", -np.inf: "-.inf"}.get(value, ".nan")
-    return value

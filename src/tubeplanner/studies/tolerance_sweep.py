@@ -7,7 +7,9 @@ could end in another local optimum, and a row must not depend on its neighbours.
 import csv
 import io
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,9 +20,10 @@ from tubeplanner.planning.plan_options import PlanOptions
 from tubeplanner.planning.plan_result import PlanResult
 from tubeplanner.planning.planner import plan
 from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.progress import Progress, StoppedBy
+from tubeplanner.progress import StoppedBy
 from tubeplanner.refinement.sensitivities import Sensitivity
 from tubeplanner.short_repr import short_repr
+from tubeplanner.studies.swept_rows import swept_rows
 from tubeplanner.tube.tube import Tube
 
 _SIDES = ("width", "height")  # of boxes, in the order of `Tube.cross_section`
@@ -135,6 +138,7 @@ def sweep(
     *,
     scales: Sequence[float] | None = None,
     options: PlanOptions | None = None,
+    executor: Executor | None = None,
     progress: Callable[[object], None] | None = None,
 ) -> SweepResult:
     """Plan a problem at several tolerances, each from scratch.
@@ -144,7 +148,8 @@ def sweep(
         radii: Path tolerances, each for all segments [m]; either these or `scales`.
         scales: Factors for the problem's own radii and boxes.
         options: How to plan.
-        progress: Called as by `plan`; its stage names the tolerance.
+        executor: As for `sweep_field`.
+        progress: Likewise.
 
     Returns:
         A row for every tolerance, the narrowest first. A tolerance that cannot be planned has the
@@ -163,22 +168,10 @@ def sweep(
         problem.tube.require_discs("a sweep over radii", remedy)
     quantity, given = ("radius", radii) if scales is None else ("radius_scale", scales)
     values = _values(quantity, given or ())
-    rows: list[SweepRow] = []
-    for number, value in enumerate(values, start=1):
-
-        def report(what: Progress, where: str = f"{number} of {len(values)}") -> None:
-            if progress is not None:
-                progress(f"tolerance {where}: {what}")
-
-        try:
-            rows.append(
-                _row(problem, quantity, value, (options or PlanOptions()).shortest, report, rows)
-            )
-        except KeyboardInterrupt:
-            if not rows:
-                raise
-            return SweepResult(problem, quantity, tuple(rows), "interrupt")
-    return SweepResult(problem, quantity, tuple(rows))
+    work = partial(_row, problem, quantity, (options or PlanOptions()).shortest)
+    called = f"tolerance {{}} of {len(values)}".format
+    rows, stopped_by = swept_rows(work, values, called, executor, progress)
+    return SweepResult(problem, quantity, _noted(quantity, rows), stopped_by)
 
 
 def _values(quantity: str, given: Sequence[float]) -> list[float]:
@@ -194,10 +187,9 @@ def _values(quantity: str, given: Sequence[float]) -> list[float]:
 def _row(
     problem: PlanningProblem,
     quantity: str,
-    value: float,
     options: PlanOptions,
-    progress: Callable[[Progress], None],
-    narrower: Sequence[SweepRow],
+    value: float,
+    progress: Callable[[object], None] | None = None,
 ) -> SweepRow:
     tube = problem.tube
     try:
@@ -214,14 +206,22 @@ def _row(
     elasticity = (
         sum(elasticities) + 0.0 if elasticities else None
     )  # + 0.0: no minus in front of zero
-    faster = [row for row in narrower if _is_faster(row, result)]
-    note = None
-    if faster:
-        note = (
-            f"slower than that at {quantity} {faster[-1].value:g}, which keeps to this tube "
-            "too: another local optimum"
-        )
-    return SweepRow(value, posed, result, result.message, elasticity, note)
+    return SweepRow(value, posed, result, result.message, elasticity)
+
+
+def _noted(quantity: str, rows: Sequence[SweepRow]) -> tuple[SweepRow, ...]:
+    """Return rows, the narrowest first, with notes where a narrower one is faster."""
+    noted = []
+    for number, row in enumerate(rows):
+        faster = [each for each in rows[:number] if _is_faster(each, row)]
+        note = None
+        if faster:
+            note = (
+                f"slower than that at {quantity} {faster[-1].value:g}, which keeps to this tube "
+                "too: another local optimum"
+            )
+        noted.append(replace(row, note=note))
+    return tuple(noted)
 
 
 def _by_whole_radius(sensitivity: Sensitivity, tube: Tube) -> float:
@@ -235,7 +235,7 @@ def _by_whole_radius(sensitivity: Sensitivity, tube: Tube) -> float:
     return float(sensitivity.elasticity * whole / (whole - tube.tool_radius))
 
 
-def _is_faster(row: SweepRow, result: PlanResult) -> bool:
-    if row.duration is None or result.duration is None:
+def _is_faster(narrow: SweepRow, wide: SweepRow) -> bool:
+    if narrow.duration is None or wide.duration is None:
         return False
-    return row.duration < (1 - _SAME) * result.duration
+    return narrow.duration < (1 - _SAME) * wide.duration

@@ -1,0 +1,36 @@
+"""What plans many problems for a command: processes of this machine."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
+
+def processes_option(default: str) -> Callable[[Any], Any]:
+    """Return the option --processes; `default` says in words what holds without it."""
+    return click.option(
+        "--processes",
+        type=click.IntRange(min=1),
+        metavar="N",
+        help=f"Plan in so many processes [{default}].",
+    )
+
+
+@contextmanager
+def workers_of(processes: int | None) -> "Iterator[Executor]":
+    """Yield what plans: so many processes of this machine; None: one per processor.
+
+    In the end they are ended, whatever they work on. One process is not this one either: answers
+    are the same bits for any number of processes, each with one thread for linear algebra.
+    """
+    from tubeplanner.many.worker_processes import WorkerProcesses
+
+    with WorkerProcesses(processes) as workers:
+        try:
+            yield workers
+        finally:
+            workers.kill()
