@@ -9,7 +9,6 @@ import pytest
 from cases import simulated_sweep
 from tubeplanner import OptionError, PlanOptions, load_problem, plan, sweep, sweep_field
 from tubeplanner.errors import ProblemError
-from tubeplanner.studies.field_sweep import value_text
 
 PROBLEM = "example:two_link/paper_1_30mm"
 FAST = PlanOptions(quality="fast")
@@ -142,11 +141,3 @@ def test_ctrl_c_keeps_the_rows_that_are_done():
     number = 1
     with pytest.raises(KeyboardInterrupt):
         sweep_field(*arguments, options=STOPS, progress=interrupt)
-
-
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [(2, "2"), ("x2", "x2"), (None, "null"), ([1, "a"], '[1, "a"]'), (float("-inf"), "-.inf")],
-)
-def test_values_are_written_as_a_table_has_them(value, text):
-    assert value_text(value) == text

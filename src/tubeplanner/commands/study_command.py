@@ -62,7 +62,6 @@ def study(
         loading_time = time.perf_counter() - begin
         with workers_of(processes) as workers:
             result = run_study(loaded, journal=journal, executor=workers, progress=enter)
-        enter("writing")
         _write(result, output, figure)
     message = _message(result, journal)
     if as_json:

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any, Literal, TypeAlias
 
-from pydantic import BeforeValidator, ConfigDict, Field
+from pydantic import BeforeValidator, ConfigDict, Discriminator, Field, Tag
 
 from tubeplanner.options import is_number
 from tubeplanner.planning.plan_options import PlanOptions
@@ -69,16 +69,34 @@ class OptionFields(Section):
     )
 
 
-def _values(value: object) -> object:
-    if not isinstance(value, list | dict):
-        raise ValueError("it must be a list of values, or a map with from, to and count")
-    return value
+def _kind_of_values(value: object) -> str | None:
+    if isinstance(value, dict | RangeFields):
+        return "RangeFields"
+    return "list" if isinstance(value, list) else None
 
 
-def _design(value: object) -> object:
-    if value != "grid" and not isinstance(value, dict):
-        raise ValueError("it must be grid, or a map with latin and seed")
-    return value
+def _kind_of_design(value: object) -> str | None:
+    if isinstance(value, dict | LatinFields):
+        return "LatinFields"
+    return "grid" if value == "grid" else None
+
+
+Values: TypeAlias = Annotated[
+    Annotated[list[Any], Tag("list")] | Annotated[RangeFields, Tag("RangeFields")],
+    Discriminator(
+        _kind_of_values,
+        custom_error_type="values",
+        custom_error_message="it must be a list of values, or a map with from, to and count",
+    ),
+]
+Design: TypeAlias = Annotated[
+    Annotated[Literal["grid"], Tag("grid")] | Annotated[LatinFields, Tag("LatinFields")],
+    Discriminator(
+        _kind_of_design,
+        custom_error_type="design",
+        custom_error_message="it must be grid, or a map with latin and seed",
+    ),
+]
 
 
 class StudiedFields(Section):
@@ -88,10 +106,10 @@ class StudiedFields(Section):
         description="a problem or cycle file, relative to this file, or example:ROBOT/NAME; a list "
         "of them is one more axis, called `problem`"
     )
-    vary: dict[str, Annotated[list[Any] | RangeFields, BeforeValidator(_values)]] = Field(
+    vary: dict[str, Values] = Field(
         {}, description="by field path: its values; x0.5 scales every number there"
     )
-    design: Annotated[Literal["grid"] | LatinFields, BeforeValidator(_design)] = Field(
+    design: Design = Field(
         "grid", description="grid: every value of each with every value of the others"
     )
     options: OptionFields = Field(OptionFields(), description="how every point is planned")

@@ -1,0 +1,188 @@
+"""Studies are run: every point once, kept as it comes, gone on with after any end."""
+
+import json
+
+import pytest
+
+from studied import EFFORT, MASS, RADIUS, Here, small_study
+from tubeplanner import PlanOptions, PlanStatus, load_problem, plan, run_study
+from tubeplanner.errors import OutputError
+from tubeplanner.many.posed_problem import PosedProblem
+from tubeplanner.studies import study_run
+from tubeplanner.studies.study_run import StudyProgress
+
+GRID = {RADIUS: [0.02, -1, 0.03], EFFORT: [1, 0.5]}
+
+
+@pytest.fixture
+def journal(tmp_path):
+    return tmp_path / "t.jsonl"
+
+
+def lines(journal):
+    return [json.loads(line) for line in journal.read_text().splitlines()]
+
+
+def without_times(row):
+    return {name: value for name, value in row.as_dict().items() if not name.endswith("_time")}
+
+
+def failing_at(monkeypatch, failures):
+    """Let planning end otherwise: by the number of the call, from 1, what is raised."""
+    count, plan_one = 0, study_run.planned_answer
+
+    def planned(posed, options):
+        nonlocal count
+        count += 1
+        if count in failures:
+            raise failures[count]
+        return plan_one(posed, options)
+
+    monkeypatch.setattr(study_run, "planned_answer", planned)
+
+
+def test_rows_are_those_of_plan_in_the_order_of_points(journal):
+    study = small_study(GRID)
+    result = run_study(study, journal=journal, executor=Here())
+    assert [row.values for row in result.rows] == [point.values for point in study.points]
+    assert [row.point for row in result.rows] == list(range(6))
+    assert [str(row.status) for row in result.rows] == [
+        *("success", "success", "bad_input", "bad_input", "success", "success")
+    ]
+    for row in (result.rows[0], result.rows[5]):
+        problem = load_problem("example:two_link/paper_1_30mm", changes=row.values)
+        assert row.duration == plan(problem, study.options).duration
+    kept = lines(journal)
+    assert [line["key"] for line in kept] == [row.key for row in result.rows]
+    assert [line["values"] for line in kept] == [row.as_dict()["values"] for row in result.rows]
+    assert result.stopped_by is None
+
+
+def test_worker_processes_give_the_same_bits(journal):
+    here = run_study(small_study(), executor=Here())
+    processes = run_study(small_study())
+    assert [without_times(row) for row in processes.rows] == [
+        without_times(row) for row in here.rows
+    ]
+
+
+def test_what_is_in_the_journal_is_not_planned_again(journal):
+    first, second = Here(), Here()
+    before = run_study(small_study({RADIUS: [0.02, -1]}), journal=journal, executor=first)
+    wider = small_study({RADIUS: [0.02, -1, 0.03]})
+    result = run_study(wider, journal=journal, executor=second)
+    assert (first.calls, second.calls) == (2, 1)
+    assert [row.as_dict() for row in result.rows[:2]] == [row.as_dict() for row in before.rows]
+    assert [row.values for row in result.rows] == [{RADIUS: value} for value in (0.02, -1, 0.03)]
+    assert len(lines(journal)) == 3
+
+
+def test_other_options_and_other_contents_are_planned_afresh(journal):
+    run_study(small_study(), journal=journal, executor=Here())
+    for other in (small_study(options=PlanOptions("branch-and-bound")), small_study({MASS: [1]})):
+        executor = Here()
+        run_study(other, journal=journal, executor=executor)
+        assert executor.calls == len(other.points)
+
+
+def test_points_that_are_the_same_are_planned_once(journal):
+    executor = Here()
+    result = run_study(
+        small_study({RADIUS: [0.03, 0.02, "x1"]}), journal=journal, executor=executor
+    )
+    assert executor.calls == len(lines(journal)) == 2
+    first, _, third = result.rows
+    assert first.key == third.key
+    assert (first.duration, third.values) == (third.duration, {RADIUS: "x1"})
+    assert len(result.rows) == 3
+
+
+def test_values_that_cannot_be_set_together_cost_their_row(journal):
+    payload = {"mass": 1, "com": [0, 0, 0]}
+    study = small_study({"robot.payload": [payload, None], MASS: [1, "x2"]})
+    executor = Here()
+    result = run_study(study, journal=journal, executor=executor)
+    assert [str(row.status) for row in result.rows] == ["success"] * 3 + ["bad_input"]
+    assert result.rows[3].message.startswith("robot.payload.mass: nothing is given there")
+    assert result.rows[3].key is None
+    assert executor.calls == len(lines(journal)) == 3
+
+
+def test_a_bug_costs_its_row_and_is_kept(journal, monkeypatch):
+    failing_at(monkeypatch, {2: ZeroDivisionError("division by zero")})
+    study = small_study({RADIUS: [0.01, 0.02, 0.03]})
+    result = run_study(study, journal=journal, executor=Here())
+    assert [str(row.status) for row in result.rows] == ["success", "crashed", "success"]
+    assert result.rows[1].message == "ZeroDivisionError: division by zero"
+    assert lines(journal)[1]["row"]["status"] == "crashed"
+    assert result.rows[1].status is PlanStatus.CRASHED
+
+
+def test_ctrl_c_keeps_what_is_done_and_the_next_run_goes_on(journal, monkeypatch):
+    study = small_study({RADIUS: [0.01, 0.02, 0.03]})
+    with monkeypatch.context() as patched:
+        failing_at(patched, {1: KeyboardInterrupt()})
+        with pytest.raises(KeyboardInterrupt):
+            run_study(study, journal=journal, executor=Here())
+    assert lines(journal) == []
+
+    def interrupt(progress):
+        if progress.done == 2:
+            raise KeyboardInterrupt
+
+    result = run_study(study, journal=journal, executor=Here(), progress=interrupt)
+    assert result.stopped_by == "interrupt"
+    assert [row.point for row in result.rows] == [0, 1]
+    executor = Here()
+    result = run_study(study, journal=journal, executor=executor)
+    assert (executor.calls, len(result.rows), result.stopped_by) == (1, 3, None)
+
+
+def test_a_journal_in_use_is_refused_before_anything_is_planned(journal):
+    executor = Here()
+    with (
+        study_run.Journal(journal),
+        pytest.raises(OutputError, match="is in use by another process"),
+    ):
+        run_study(small_study(), journal=journal, executor=executor)
+    assert executor.calls == 0
+
+
+def test_a_point_is_posed_when_it_is_its_turn(monkeypatch):
+    posed = []
+    changed = PosedProblem.changed
+
+    def noted(self, changes):
+        posed.append(changes)
+        return changed(self, changes)
+
+    study = small_study({RADIUS: [0.01, 0.02, 0.03]})
+    monkeypatch.setattr(PosedProblem, "changed", noted)
+    seen = []
+    run_study(study, executor=Here(), progress=lambda told: seen.append((told.done, len(posed))))
+    assert seen == [(0, 0), (1, 1), (2, 2), (3, 3)]
+
+
+def test_progress_has_count_rate_and_time_left(journal):
+    told = []
+    study = small_study({RADIUS: [0.02, 0.03, "x1"]})
+    run_study(study, journal=journal, executor=Here(), progress=told.append)
+    assert (told[0].done, told[-1].done, told[-1].count, told[-1].planned) == (0, 3, 3, 2)
+    told.clear()
+    run_study(study, journal=journal, executor=Here(), progress=told.append)
+    assert (told[-1].done, told[-1].planned, told[-1].rate) == (3, 0, None)
+
+
+@pytest.mark.parametrize(
+    ("progress", "text"),
+    [
+        (StudyProgress(0, 9, 0, 1.0), "0 of 9 points"),
+        (StudyProgress(5, 9, 0, 1.0), "5 of 9 points"),
+        (StudyProgress(10, 40, 10, 5.0), "10 of 40 points, 2 per second, 15 s left"),
+        (StudyProgress(30, 40, 10, 40.0), "30 of 40 points, 4 s each, 40 s left"),
+        (StudyProgress(1, 301, 1, 2.0), "1 of 301 points, 2 s each, 10 min left"),
+        (StudyProgress(1, 6001, 1, 2.0), "1 of 6001 points, 2 s each, 3 h 20 min left"),
+    ],
+)
+def test_progress_in_words(progress, text):
+    assert str(progress) == text
