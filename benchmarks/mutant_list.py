@@ -2146,7 +2146,56 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "SchemaPlace.below": [("field.alias or name: field", "name: field")],
     "sweep_field": [("_options(path, options or PlanOptions())", "options or PlanOptions()")],
     "_options": [("if not is_of_objective(path):", "if True:")],
-    "_documents": [("{**changes, path: value}", "{path: value, **changes}")],
+    "_study": [("posed.changed(changes)", "posed")],
+    # --- studies ------------------------------------------------------------------------------
+    "swept_rows": [
+        ("if executor is None else work", ""),
+        ("if not rows:", "if rows:"),
+    ],
+    "_in_order": [("sorted(rows)", "rows")],
+    "Interval.at": [
+        ("(1 - share) * self.first + share * self.last", "self.first + share * self.last"),
+        ("(self.last / self.first) ** share", "(self.last / self.first) * share"),
+        ("int(value) if value.is_integer() else value", "value"),
+    ],
+    "Interval.levels": [("k / (count - 1)", "k / count")],
+    "interval": [
+        ("min(begin, end) <= 0", "max(begin, end) <= 0"),
+        ("not is_factor and ", ""),
+    ],
+    "StudyPoints._values": [
+        ("self._levels[::-1]:", "self._levels:"),
+        ("values[::-1]", "values"),
+    ],
+    "_latin_shares": [("rng=latin.seed", "rng=0")],
+    "Study._require_paths": [("{**first, axis.path: value}", "{axis.path: value}")],
+    "_made": [("if name not in defaults:", "if False:")],
+    "Journal.add": [
+        ("self._file.flush()", "pass"),
+        ("self._file.seek(0, os.SEEK_END)", "self._file.tell()"),
+    ],
+    "Journal._read": [
+        ('if not line.endswith(b"\\n") and', "if"),
+        ("and _BEGIN.startswith(line[: len(_BEGIN)])", ""),
+        ("place += len(line)", "place += len(line) - 1"),
+    ],
+    "Journal._lock": [("fcntl.LOCK_EX", "fcntl.LOCK_SH")],
+    "planned_answer": [('if result.stopped_by == "interrupt":', "if False:")],
+    "_hash_of": [("trajectory.coefficients", "trajectory.breakpoints")],
+    "_Run.asked": [
+        ("if key in self._waiting:", "if False:"),
+        ("elif key in self._answers or self._is_kept(key):", "elif self._is_kept(key):"),
+    ],
+    "_Run.answered": [("self._note(len(points))", "self._note(1)")],
+    "StudyProgress.time_left": [("self.count - self.done", "self.count")],
+    "StudyResult.shortest": [("min(durations)", "max(durations)")],
+    # --- views/study_figure, study_map, value_scale -------------------------------------------
+    "ValueScale.is_logarithmic": [
+        ("min(self.places) <= 0", "max(self.places) <= 0"),
+        ("ratio and most >= _WIDE * least", "ratio"),
+    ],
+    "_Ticks.__init__": [('np.argsort(self.scale.places, kind="stable")', "range(len(by_text))")],
+    "_draw_line": [("with_shortest=is_of_objective(path)", "with_shortest=True")],
     # --- files/problem_file, files/fingerprint ------------------------------------------------
     "_alone": [
         ("if key not in value:", "if False:"),

@@ -7,12 +7,13 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parent))
 
 import tubeplanner
-from cycle_fields import cycle_fields
+from further_fields import further_fields
 from problem_fields import problem_fields
 from public_sections import public_sections
 from reading_order import reading_order
 from tubeplanner.cycle.cycle_format import cycle_schema
 from tubeplanner.problem.problem_format import problem_schema
+from tubeplanner.studies.study_format import study_schema
 
 project = "tubeplanner"
 author = "The tubeplanner authors"
@@ -55,8 +56,10 @@ python_maximum_signature_line_length = 88
 def _write_generated(app: object, page: str, source: list[str]) -> None:
     """Put what is made from the sources where a page asks for it."""
     source[0] = source[0].replace("{{ problem_fields }}", problem_fields(problem_schema()))
-    fields = cycle_fields(cycle_schema(), problem_schema())
+    fields = further_fields("Cycle", cycle_schema(), problem_schema())
     source[0] = source[0].replace("{{ cycle_fields }}", fields)
+    fields = further_fields("Study", study_schema(), problem_schema())
+    source[0] = source[0].replace("{{ study_fields }}", fields)
     source[0] = source[0].replace("{{ public_sections }}", public_sections())
     source[0] = source[0].replace("{{ reading_order }}", reading_order())
 

@@ -72,6 +72,8 @@ def _default(field: dict[str, Any]) -> str:
 
 def _type(field: dict[str, Any], paths: dict[str, list[str]]) -> str:
     """Return what a field takes, in words; null only stands for a default."""
+    if not field:
+        return "anything"
     if "$ref" in field:
         path = paths[field["$ref"].rpartition("/")[2]][0]
         return f"[section](#field-{path})"
@@ -87,7 +89,8 @@ def _type(field: dict[str, Any], paths: dict[str, list[str]]) -> str:
     if "items" in field:
         return f"list of {_grouped(field['items'], paths)}"
     if "additionalProperties" in field:
-        return f"map to {_grouped(field['additionalProperties'], paths)}"
+        held = field["additionalProperties"]
+        return f"map to {_grouped({} if held is True else held, paths)}"
     return f"`{json.dumps(field['const'])}`" if "const" in field else _KINDS[field["type"]]
 
 

@@ -12,10 +12,11 @@ import pytest
 from ruamel.yaml import YAML
 
 import tubeplanner
-from tubeplanner import load_cycle, read_preset
+from tubeplanner import load_cycle, load_study, read_preset
 from tubeplanner.commands.cli import cli, main
 from tubeplanner.cycle.cycle_format import cycle_schema
 from tubeplanner.problem.problem_format import check_problem_fields, problem_schema
+from tubeplanner.studies.study_format import study_schema
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -28,7 +29,7 @@ NUMBER = r"-?\d+(?:\.\d*(?:e[+-]?\d+)?|(?= (?:ms|mm|%)))"
 NUMBER_TOLERANCE = 0.1  # relative
 # Planning and what plans take time; the README, which a reader meets first, has its own tests.
 PLANS = re.compile(
-    r"\b(?:plan|sweep|sweep_field|compare|measure_tube)\(|^\$ tubeplanner plan ", re.M
+    r"\b(?:plan|sweep|sweep_field|compare|measure_tube|run_study)\(|^\$ tubeplanner plan ", re.M
 )
 # What a part of a problem file is completed with.
 REST = {
@@ -97,9 +98,11 @@ def keep_problem(block):
         Path("preset.yaml").write_text(block)
         read_preset("preset.yaml")
         return
-    if fields.get("format") == "tubeplanner/cycle":
-        Path("cycle.yaml").write_text(block)
-        load_cycle("cycle.yaml")
+    loaders = {"tubeplanner/cycle": load_cycle, "tubeplanner/study": load_study}
+    if load := loaders.get(fields.get("format")):
+        path = Path(fields["format"]).with_suffix(".yaml").name
+        Path(path).write_text(block)
+        load(path)
         return
     whole = {name: {**REST.get(name, {}), **value} for name, value in sections(fields).items()}
     check_problem_fields({**REST, **fields, **whole}, "the page")
@@ -236,11 +239,12 @@ def test_every_field_of_the_problem_file_is_documented(monkeypatch):
 
 def test_every_field_of_the_cycle_file_is_documented(monkeypatch):
     monkeypatch.syspath_prepend(DOCS)
-    from cycle_fields import cycle_fields
+    from further_fields import further_fields
     from problem_fields import problem_fields
 
     schema, shared = cycle_schema(), problem_schema()
-    page, problem_page = cycle_fields(schema, shared), problem_fields(shared)
+    page = further_fields("Cycle", schema, shared)
+    problem_page = problem_fields(shared)
     own = [schema["$defs"][name] for name in schema["$defs"] if name not in shared["$defs"]]
     assert {"MoveFields", "AttachFields"} <= set(schema["$defs"])
     for section in (schema, *own):
@@ -253,6 +257,22 @@ def test_every_field_of_the_cycle_file_is_documented(monkeypatch):
     labels = re.findall(r"^\((field-[\w.]+)\)=$", page + "\n" + problem_page, re.M)
     assert targets <= set(labels)
     assert len(labels) == len(set(labels))
+
+
+def test_every_field_of_the_study_file_is_documented(monkeypatch):
+    monkeypatch.syspath_prepend(DOCS)
+    from further_fields import further_fields
+
+    schema = study_schema()
+    page = further_fields("Study", schema, problem_schema())
+    for section in (schema, *schema["$defs"].values()):
+        assert section["description"] in page
+        assert all(page.count(f"\n| `{name}` | ") for name in section["properties"])
+    kinds = "(list of anything, or [section](#field-range))"
+    assert f"\n| `vary` | map to {kinds} |  | `{{}}` | " in page
+    assert '\n| `design` | `"grid"`, or [section](#field-latin) |  | `"grid"` | ' in page
+    targets = set(re.findall(r"\(#(field-[\w.]+)\)", page))
+    assert targets <= set(re.findall(r"^\((field-[\w.]+)\)=$", page, re.M))
 
 
 KINDS = ("move", "event", "attach", "detach")

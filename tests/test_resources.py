@@ -14,6 +14,7 @@ from tubeplanner.resources import (
     bundled_presets,
     bundled_problems,
     bundled_robots,
+    bundled_studies,
     example_robot_names,
     find_description,
     find_mesh,
@@ -65,16 +66,19 @@ def test_a_problem_that_speaks_of_cycles_is_none(tmp_path, monkeypatch):
     assert list(bundled_cycles()) == ["arm/cycle"]
 
 
-def test_bundled_cycles_are_no_problems_and_found_by_name(tmp_path, monkeypatch):
+def test_bundled_cycles_and_studies_are_no_problems_and_found_by_name(tmp_path, monkeypatch):
     (tmp_path / "arm").mkdir()
     cycle, problem = tmp_path / "arm" / "cycle.yaml", tmp_path / "arm" / "problem.yaml"
+    study = tmp_path / "arm" / "study.yaml"
     cycle.write_text("# moves\nformat: tubeplanner/cycle\nversion: 1\n")
     problem.write_text("# not of the format: tubeplanner/cycle\nformat: tubeplanner/problem\n")
+    study.write_text("format: tubeplanner/study\n")
     monkeypatch.setattr(resources, "bundled_folder", lambda: tmp_path)
     assert bundled_cycles() == {"arm/cycle": cycle}
+    assert bundled_studies() == {"arm/study": study}
     assert bundled_problems() == {"arm/problem": problem}
-    assert resources.find_problem("example:arm/cycle", Path()) == cycle
-    assert resources.find_problem("example:arm/problem", Path()) == problem
+    for path in (cycle, problem, study):
+        assert resources.find_problem(f"example:arm/{path.stem}", Path()) == path
 
 
 def test_a_bundled_preset_is_found_by_name_and_hides_a_file_of_that_name(tmp_path):

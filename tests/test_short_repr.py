@@ -43,6 +43,7 @@ FILLED = [
         "SweepRow",
         "Tightening",
     ),
+    *("Study", "StudyResult", "StudyRow"),
     *("TrajectoryMeasures", "TubeAnswer", "TubeMeasurement", "View", "ZonedPath"),
 ]
 

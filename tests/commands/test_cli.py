@@ -347,10 +347,16 @@ def test_robots_and_schema_are_listed(run, run_json):
     assert "panda/between_shelves" in listed["problems"]
     assert "ur5/through_the_door" not in listed["problems"]
     assert "ur5/through_the_door" in listed["cycles"]
+    assert "example:ur5/tolerance_and_payload" in out
+    assert "ur5/tolerance_and_payload" not in listed["problems"]
+    assert listed["studies"] == ["ur5/tolerance_and_payload"]
     assert "presets/fr3" not in listed["problems"]
     assert listed["presets"] == ["fer", "fr3", "fr3_friction", "ur10_friction"]
     schema = json.loads(run("schema")[1])
     assert set(schema["required"]) == {"robot", "start"}
+    assert json.loads(run("schema", "--study")[1])["title"] == "tubeplanner study"
+    assert json.loads(run("schema", "--cycle")[1])["title"] == "tubeplanner cycle"
+    assert "either --cycle or --study" in run("schema", "--cycle", "--study")[2]
 
 
 def test_help_names_every_command(run):

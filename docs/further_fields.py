@@ -1,4 +1,4 @@
-"""The reference of the cycle file, written from its JSON schema."""
+"""The references of the cycle file and the study file, written from their JSON schemas."""
 
 import re
 from typing import Any
@@ -6,11 +6,12 @@ from typing import Any
 from problem_fields import find_sections, written_section
 
 
-def cycle_fields(schema: dict[str, Any], problem: dict[str, Any]) -> str:
+def further_fields(title: str, schema: dict[str, Any], problem: dict[str, Any]) -> str:
     """Return the fields of the sections that a problem file has not, as `problem_fields` does.
 
     Args:
-        schema: The JSON schema of the cycle file.
+        title: What the kind of file is called.
+        schema: Its JSON schema.
         problem: That of the problem file, to whose sections the tables link.
     """
     shared: dict[str, list[str]] = {}
@@ -20,7 +21,7 @@ def cycle_fields(schema: dict[str, Any], problem: dict[str, Any]) -> str:
     own = {name: _word(name) for name in met if name not in shared}
     paths = shared | {name: [word] for name, word in own.items()}
     inner = [written_section(schema["$defs"][name], word, paths) for name, word in own.items()]
-    return "\n\n".join([written_section(schema, "Cycle", paths), *inner])
+    return "\n\n".join([written_section(schema, title, paths), *inner])
 
 
 def _word(name: str) -> str:
