@@ -3506,8 +3506,9 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         (", **{name: _refusal(why) for name, why in self.refused.items()}", "")
     ],
     # --- cycles in files and on the command line -----------------------------------------------
-    "is_cycle": [('or "moves" in document', "")],
-    "require_problem": [("is_cycle(document)", "False")],
+    "_is_of": [(" or key in document", "")],
+    "require_problem": [("is_cycle(document)", "False"), ("is_study(document)", "False")],
+    "require_study": [("not is_study(document)", "False")],
     "load_problem_or_cycle": [("if is_cycle_file(name, directory) else load_problem", "")],
     "step_text": [("if step.dwell else", "if False else"), ("shown(step.setting)", "step.setting")],
     "_require_dwells": [
@@ -3608,9 +3609,8 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     "leg_motion": [("leg.first_segments[1:]", "leg.first_segments[:-1]")],
     # --- resources: problems and cycles -----------------------------------------------------------
-    "bundled_problems": [(" if not _is_cycle(path)", "")],
-    "bundled_cycles": [(" if _is_cycle(path)", "")],
-    "_is_cycle": [(" is not None", " is None")],
+    "_bundled_of": [(" if _kind(path) == kind", "")],
+    "_kind": [('"problem" if found is None else found[1]', '"problem"')],
     "_as_yaml": [("value.lower() in _WORDS or", "")],
     # --- views/moved_parts, cycle_timeline, cycle_scene, cycle_panel, cycle_curves, cycle_plot ----
     "MovedPart.carry": [("tool[first:] @ grip", "tool[first:]")],
