@@ -5,6 +5,7 @@ from concurrent.futures import Future
 import pytest
 
 from studied import Here
+from tubeplanner.many.run_many import run_many
 from tubeplanner.studies.swept_rows import swept_rows
 
 
@@ -34,17 +35,20 @@ def test_stages_are_told_here_and_what_is_done_of_others():
 
 def test_rows_are_in_the_order_of_items_whichever_is_done_first():
     class Backwards(Here):
-        """Ends its first call after its second."""
+        """Ends its first call when there is a third."""
 
         def submit(self, fn, /, *args, **kwargs):
             if self.calls == 0:
                 self.calls, self.first, self.answer = 1, Future(), fn(*args)
                 return self.first
-            second = super().submit(fn, *args, **kwargs)
-            second.add_done_callback(lambda _: self.first.set_result(self.answer))
-            return second
+            if self.calls == 2:
+                self.first.set_result(self.answer)
+            return super().submit(fn, *args, **kwargs)
 
-    assert swept([1, 2], Backwards()) == ([2, 4], None)
+    executor = Backwards()
+    came = [done.value for done in run_many(doubled, [1, 2, 3], executor)]
+    assert came == [4, 2, 6]
+    assert swept([1, 2, 3], Backwards()) == ([2, 4, 6], None)
 
 
 def test_an_error_goes_through():

@@ -88,7 +88,7 @@ def cli() -> None:
     """Plan a smooth, certified trajectory of a robot arm whose tool stays in a tube.
 
     PROBLEM is a problem file (YAML or JSON) or example:ROBOT/NAME for a bundled one; plan, check,
-    info, view, plot and simulate take cycle files too.
+    info, view, plot and simulate take cycle files too. STUDY is a file of many plans.
     """
 
 

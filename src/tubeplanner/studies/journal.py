@@ -95,11 +95,16 @@ class Journal:
     def _lock(self) -> None:
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
+        except BlockingIOError:
             raise OutputError(
                 f"journal {self._path} is in use by another process; wait for it, end it, or name "
                 "another table"
             ) from None
+        except OSError as error:
+            raise OutputError(
+                f"journal {self._path} cannot be locked: {error.strerror}; name a table on another "
+                "disk"
+            ) from error
 
     def _read(self) -> None:
         """Note where every line begins, and drop a torn one at the end."""
