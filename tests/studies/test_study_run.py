@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from studied import EFFORT, MASS, RADIUS, Here, small_study
+from studied import EFFORT, MASS, RADIUS, Here, Together, small_study
 from tubeplanner import PlanOptions, PlanStatus, load_problem, plan, run_study
 from tubeplanner.errors import OutputError
 from tubeplanner.many.posed_problem import PosedProblem
@@ -95,6 +95,23 @@ def test_points_that_are_the_same_are_planned_once(journal):
     assert first.key == third.key
     assert (first.duration, third.values) == (third.duration, {RADIUS: "x1"})
     assert len(result.rows) == 3
+
+
+def test_points_that_are_the_same_need_no_journal():
+    executor = Here()
+    result = run_study(small_study({RADIUS: [0.03, 0.02, "x1"]}), executor=executor)
+    assert executor.calls == 2
+    assert result.rows[2].trajectory_hash == result.rows[0].trajectory_hash
+
+
+def test_a_point_waits_for_the_same_that_is_being_planned(journal):
+    executor, told = Together(2), []
+    study = small_study({RADIUS: [0.03, "x1", 0.02]})
+    result = run_study(study, journal=journal, executor=executor, progress=told.append)
+    assert executor.calls == len(lines(journal)) == 2
+    assert [row.point for row in result.rows] == [0, 1, 2]
+    assert result.rows[0].trajectory_hash == result.rows[1].trajectory_hash
+    assert [each.done for each in told] == [0, 2, 3]
 
 
 def test_values_that_cannot_be_set_together_cost_their_row(journal):
