@@ -133,7 +133,7 @@ def keys(table):
 
 def test_a_killed_study_goes_on_nothing_lost_and_nothing_twice(run, study, tmp_path):
     table = tmp_path / "t.csv"
-    path = study([round(0.01 + 0.0002 * k, 4) for k in range(150)])
+    path = study([round(0.01 + 0.0002 * k, 4) for k in range(80)])
     process = begun(path, table)
     os.kill(process.pid, signal.SIGKILL)
     process.communicate()
@@ -141,25 +141,25 @@ def test_a_killed_study_goes_on_nothing_lost_and_nothing_twice(run, study, tmp_p
     kept = (tmp_path / "t.jsonl").read_bytes()
     before = kept.splitlines(keepends=True)
     whole = [line for line in before if line.endswith(b"\n")]
-    assert 3 <= len(whole) < 150
+    assert 3 <= len(whole) < 80
     (tmp_path / "t.jsonl").write_bytes(b"".join(whole) + b'{"key": "torn')
     status, _, _ = run("study", path, "-o", table)
     assert status == 0
     assert (tmp_path / "t.jsonl").read_bytes().startswith(b"".join(whole))
-    assert len(keys(table)) == len(set(keys(table))) == 150
+    assert len(keys(table)) == len(set(keys(table))) == 80
     assert sorted(keys(table)) == sorted(row["key"] for row in rows(table))
-    assert [int(row["point"]) for row in rows(table)] == list(range(150))
+    assert [int(row["point"]) for row in rows(table)] == list(range(80))
 
 
 def test_ctrl_c_writes_the_table_of_what_is_done(run, study, tmp_path):
     table = tmp_path / "t.csv"
-    path = study([round(0.01 + 0.0002 * k, 4) for k in range(150)])
+    path = study([round(0.01 + 0.0002 * k, 4) for k in range(80)])
     process = begun(path, table)
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=60)
     assert (process.returncode, err) == (0, "")
     done = len(rows(table))
-    assert 3 <= done < 150
-    assert f"interrupted, {150 - done} of 150 are left: run the same command again to go on" in out
+    assert 2 <= done < 80  # Ctrl-C may come when a line is written and not yet taken for done
+    assert f"interrupted, {80 - done} of 80 are left: run the same command again to go on" in out
     status, _, _ = run("study", path, "-o", table)
-    assert (status, len(rows(table)), len(keys(table))) == (0, 150, 150)
+    assert (status, len(rows(table)), len(keys(table))) == (0, 80, 80)
