@@ -1,4 +1,4 @@
-"""Plans by `plan` alone, in a process with one thread for linear algebra, to compare others with."""
+"""Plans by `plan` alone, in a process with one thread for linear algebra: others must be them."""
 
 import os
 import subprocess

@@ -18,11 +18,6 @@ from worker_problems import DeadlyProblem, SlowProblem
 
 LINE = "example:two_link/paper_1_50mm"
 FAST = PlanOptions(quality="fast", slack=0.0)
-pytestmark = [
-    # Of Dask's own connections, where workers are killed.
-    pytest.mark.filterwarnings("ignore:unclosed:ResourceWarning"),
-    pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
-]
 
 
 @contextmanager
@@ -98,7 +93,7 @@ def test_what_kills_every_worker_costs_its_item_alone():
 
 def test_a_scheduler_that_is_lost_is_told():
     with cluster() as made:
-        lost = pytest.raises(OptionError, match="was lost.*begin again with what is left")
+        lost = pytest.raises(OptionError, match=r"was lost.*begin again with what is left")
         with lost, dask_executor(made.scheduler_address) as executor:
             done = run_many(time.sleep, [0.2] * 40, executor)
             next(done)
@@ -107,7 +102,7 @@ def test_a_scheduler_that_is_lost_is_told():
 
 
 def test_an_error_of_the_user_stays_what_it_is(small):
-    with pytest.raises(OptionError, match="^mine$"), dask_executor(small.scheduler_address):
+    with pytest.raises(OptionError, match=r"^mine$"), dask_executor(small.scheduler_address):
         raise OptionError("mine")
 
 
@@ -159,7 +154,7 @@ def test_workers_with_other_numbers_of_threads_are_named(name):
 def test_workers_with_other_sources_are_named(small, monkeypatch):
     monkeypatch.setattr(module, "package_hash", lambda: "ours")
     with (
-        pytest.raises(OptionError, match="2 of 2 workers .* has other sources of tubeplanner"),
+        pytest.raises(OptionError, match=r"2 of 2 workers .* has other sources of tubeplanner"),
         dask_executor(small.scheduler_address),
     ):
         pass

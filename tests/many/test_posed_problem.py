@@ -12,7 +12,6 @@ from tubeplanner import Cycle, PosedProblem, ProblemError, load_problem
 from tubeplanner.files.fingerprint import problem_hash
 from tubeplanner.many import posed_problem
 from tubeplanner.resources import bundled_folder
-from tubeplanner.resources import bundled_folder
 
 POST = "example:two_link/around_a_post"
 
@@ -59,12 +58,12 @@ def test_changes_are_those_of_set():
 
 
 def test_a_change_that_leads_nowhere_is_named():
-    with pytest.raises(ProblemError, match="tube.width"):
+    with pytest.raises(ProblemError, match=r"tube\.width"):
         PosedProblem.read(POST).changed({"tube.width": 1.0})
 
 
 def test_what_contradicts_its_format_is_named():
-    with pytest.raises(ProblemError, match="two_link/around_a_post.*radius"):
+    with pytest.raises(ProblemError, match=r"two_link/around_a_post.*radius"):
         PosedProblem.read(POST).changed({"tube.radius": -1.0}).load()
 
 

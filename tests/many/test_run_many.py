@@ -112,7 +112,7 @@ def test_a_dead_process_costs_its_item_alone():
 
 def test_a_pool_that_a_dead_process_breaks_is_told():
     pool = ProcessPoolExecutor(1, mp_context=get_context("spawn"))
-    with pool, pytest.raises(OptionError, match="BrokenProcessPool.*WorkerProcesses goes on"):
+    with pool, pytest.raises(OptionError, match=r"BrokenProcessPool.*WorkerProcesses goes on"):
         list(run_many(calls.squared_or_deadly, [1, -1, 2, 3], pool))
 
 

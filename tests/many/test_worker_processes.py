@@ -199,7 +199,7 @@ def test_an_exception_in_the_with_statement_ends_all_processes(tmp_path):
         raise KeyboardInterrupt
     require_gone({process for process, *_ in lines(path)})
     assert all(each.done() for each in stuck)
-    with pytest.raises(WorkerDied, match="ended with all others|SIGKILL"):
+    with pytest.raises(WorkerDied, match=r"ended with all others|SIGKILL"):
         next(each for each in stuck if not each.cancelled()).result()
 
 
