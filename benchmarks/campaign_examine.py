@@ -1,4 +1,4 @@
-"""What processes of `campaign.py` do: plan one random problem, have it judged, tell it in a line."""
+"""What processes of `campaign.py` do: plan a random problem, have it judged, tell it in a line."""
 
 import json
 import shutil
