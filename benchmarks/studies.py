@@ -95,6 +95,8 @@ class Loops:
                 stdout=subprocess.PIPE,
                 text=True,
                 env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+                # As worker processes: the kernel may share processors out by session.
+                start_new_session=True,
             )
             for _ in range(count)
         ]
@@ -157,7 +159,10 @@ def in_turns(ways: Ways, asked: list[Point], size: int) -> dict[str, Chunk]:
             before = processor_time()
             chunk = planned(asked[begin : begin + size])
             totals[name] += replace(chunk, processor=processor_time() - before)
-        so_far = ", ".join(f"{name} {max(total.seconds):.1f} s" for name, total in totals.items())
+        so_far = ", ".join(
+            f"{name} {max(total.seconds):.1f} s ({total.processor:.1f} s of processors)"
+            for name, total in totals.items()
+        )
         print(f"  {min(begin + size, len(asked))} points: {so_far}", flush=True)
     return totals
 

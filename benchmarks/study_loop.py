@@ -21,7 +21,7 @@ load = cache(load_problem)
 def problem_of(name: str, share: float) -> PlanningProblem:
     """Return a bundled problem, loaded once, with another width of its tube."""
     problem = load(name)
-    return replace(problem, tube=replace(problem.tube, radius=share * problem.tube.radius))
+    return problem.with_tube(replace(problem.tube, radius=share * problem.tube.radius))
 
 
 def main() -> None:

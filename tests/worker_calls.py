@@ -64,6 +64,13 @@ class Unpicklable(Exception):
         super().__init__(f"{one} and {other}")
 
 
+class Turned(Exception):
+    """Comes out of pickle as another kind."""
+
+    def __reduce__(self):
+        return ValueError, self.args
+
+
 def raised(kind, *arguments):
     raise kind(*arguments)
 

@@ -3,6 +3,7 @@
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from itertools import islice
 from multiprocessing import get_context
+from threading import Event, Timer
 
 import pytest
 
@@ -64,12 +65,11 @@ def test_results_come_in_the_order_in_which_they_are_done():
     assert next(found) == Done(3, "more")
 
 
-def test_of_many_items_only_some_are_taken_ahead(monkeypatch):
-    monkeypatch.setattr(run_many_module, "_SUBMITTED", 5)
+def test_results_come_while_items_are_still_sent():
     executor, taken = ByHand(), []
 
     def items():
-        for each in range(10**9):
+        for each in range(1000):
             taken.append(each)
             if each == 4:
                 executor.futures[0].set_result("first")
@@ -78,9 +78,23 @@ def test_of_many_items_only_some_are_taken_ahead(monkeypatch):
     found = run_many(inverse, items(), executor)
     assert next(found) == Done(0, "first")
     assert len(taken) == 5
-    executor.futures[1].set_result("second")
-    assert next(found) == Done(1, "second")
-    assert len(taken) <= 6
+
+
+def test_of_many_items_only_some_are_taken_ahead(monkeypatch):
+    monkeypatch.setattr(run_many_module, "_SUBMITTED", 5)
+    event, taken = Event(), []
+    Timer(0.3, event.set).start()
+
+    def items():
+        while True:
+            taken.append(event)
+            yield event
+
+    with ThreadPoolExecutor(1) as threads:
+        found = run_many(Event.wait, items(), threads)
+        assert next(found).value
+        assert len(taken) == 5
+        found.close()
 
 
 def test_what_has_not_begun_is_dropped_when_nobody_wants_more():

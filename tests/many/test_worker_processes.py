@@ -140,6 +140,8 @@ def test_what_is_raised_there_is_raised_here_with_its_place():
                 workers.submit(work).result()
         with pytest.raises(RuntimeError, match="Unpicklable: this and that"):
             workers.submit(calls.raised, calls.Unpicklable, "this", "that").result()
+        with pytest.raises(RuntimeError, match="Turned: round"):
+            workers.submit(calls.raised, calls.Turned, "round").result()
         assert workers.submit(pow, 2, 2).result() == 4
 
 
