@@ -281,6 +281,8 @@ TESTS = {
         "verification/test_rotation_visits.py",
     ),
     "verification/judged/tube": ("verification/test_verification.py",),
+    "many/plan_either": ("many/test_plan_many.py",),
+    "many/worker": ("many/test_worker_processes.py",),
     "verification/judged_condition": ("verification/test_verification.py",),
     "verification/judged_motion": (
         "verification/test_verification.py",
@@ -3668,6 +3670,49 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "_once": [('"_" if label in', '"_" if "" in')],
     "motion_of_file": [("if not file.marks:", "if False:"), ("{path}: {error}", "{error}")],
     "cycle_motion_notes": [("if failures else", "if False else")],
+    "content_hash": [("asdict(options), ", "")],
+    "document_hash": [('robot.pop("package_dirs", [])', 'robot.get("package_dirs", [])')],
+    "package_hash": [("{**sources, **bundled_presets()}", "sources")],
+    "_Files.content": [('if kind == "urdf":', "if False:")],
+    "_Files._link_mesh": [("_file_hash(find_mesh(name, urdf, self._package_dirs))", "name")],
+    "_stamp": [("status.st_mtime_ns, ", "0, ")],
+    "Parcel.unpacked": [
+        ("_known.pop(self.scene_hash, None) or ", ""),
+        ("[:-_KEPT]", "[:]"),
+    ],
+    "Packer.pack": [("if known is None:", "if True:")],
+    "_Pickler.persistent_id": [("_ROBOT if thing is self._scene.robot else None", "None")],
+    "PosedProblem.changed": [
+        ("CycleFields if is_cycle(self.document) else ProblemFields", "ProblemFields")
+    ],
+    "PosedProblem.load": [("like=like", "like=None")],
+    "PosedProblem._cell_hash": [("for key in _CELL if", "for key in _CELL[:1] if")],
+    "plan_either": [("isinstance(problem, Cycle)", "False")],
+    "_packed": [("str(Path(problem).absolute())", "str(problem)")],
+    "_loaded": [("isinstance(packed, Parcel)", "False")],
+    "PlannedItem.status": [("PlanStatus.CRASHED if self.crashed else ", "")],
+    "run_many": [
+        ("finished.empty() and ", ""),
+        ("len(waiting) < _SUBMITTED", "True"),
+        ("future.cancel()", "pass"),
+    ],
+    "_submitted": [("except BrokenExecutor", "except ZeroDivisionError")],
+    "_of_future": [("(BrokenExecutor, CancelledError)", "BrokenExecutor")],
+    "serve": [("os.dup2(_STANDARD_ERROR, _STANDARD_OUTPUT)", "pass")],
+    "_travelling": [("error.add_note", "str")],
+    "_same_kind": [("type(copy) is not type(error)", "False")],
+    "WorkerProcesses.submit": [("len(self._threads) < self.count", "not self._threads")],
+    "WorkerProcesses._answered": [
+        ("self._floor.with_others, self._floor.alone", "self._floor.with_others,"),
+        ("self._floor.with_others, self._floor.alone", "self._floor.with_others, " * 2),
+    ],
+    "_Worker.__init__": [(', **dict.fromkeys(_THREADS, "1")', "")],
+    "dask_executor": [('client.status != "running"', "False"), ("pure=False", "pure=True")],
+    "_wrong": [
+        ("sources != package_hash()", "False"),
+        ('linear_algebra != "1"', "False"),
+        ("threads > 1", "False"),
+    ],
 }
 
 MUTANTS = tuple(Mutant(where, *change) for where, changes in _CHANGES.items() for change in changes)

@@ -83,6 +83,7 @@ KNOWS = {
     "yaml": {"documents"},
     "mujoco": {"simulation.mujoco_model"},
     "ompl": {"tube_sources.joint_route"},
+    "distributed": {"many.dask_executor"},
     "xacro": {"robot.xacro_file"},
     "pydantic": {
         "cycle.cycle_format",

@@ -6,6 +6,7 @@ import pytest
 import yaml
 
 import campaign
+import campaign_examine
 from campaign_problems import build
 from outside_judge import passes
 
@@ -37,15 +38,15 @@ def test_a_problem_is_planned_and_its_answer_judged():
 def test_the_other_way_round_twice_is_the_same(tmp_path):
     fields = build(WITH_OBSTACLES, tmp_path).fields
     fields["goal"] = {"joints": [0.0] * 4}
-    turned = campaign.reversed_problem(fields)
+    turned = campaign_examine.reversed_problem(fields)
     assert turned["start"] == fields["goal"]
     assert turned["tube"]["points"] == fields["tube"]["points"][::-1]
-    assert campaign.reversed_problem(turned) == fields
+    assert campaign_examine.reversed_problem(turned) == fields
 
 
 def test_narrower_is_all_the_same_but_for_the_radii(tmp_path):
     fields = build(QUICK, tmp_path).fields
-    narrower = campaign.narrower_problem(fields)
+    narrower = campaign_examine.narrower_problem(fields)
     assert narrower["tube"]["radius"] == [0.9 * radius for radius in fields["tube"]["radius"]]
     assert narrower["tube"]["points"] == fields["tube"]["points"]
 
@@ -89,6 +90,29 @@ def test_what_is_wrong_is_listed_and_ends_with_status_1(tmp_path, monkeypatch, c
     assert campaign.main() == 1
     assert "2 solved, 1 refused, 1 wrong" in capsys.readouterr().out
     assert len(output.read_text().splitlines()) == 3
+
+
+def test_a_seed_that_raises_is_a_line_of_its_own(tmp_path, monkeypatch, capsys):
+    def examine(seed, options):
+        if seed == 1:
+            raise ZeroDivisionError("in a test")
+        return _line(seed, status="tube_blocked")
+
+    monkeypatch.setattr(campaign, "examine", examine)
+    monkeypatch.setattr("sys.argv", ["campaign.py", "--count", "3"])
+    assert campaign.main() == 0
+    printed = capsys.readouterr().out
+    assert "3 problems with a witness: 0 solved, 3 refused" in printed
+    assert "refused seed 1: crash: ZeroDivisionError: in a test" in printed
+
+
+def test_processes_examine_too(tmp_path, monkeypatch, capsys):
+    output = tmp_path / "lines.jsonl"
+    arguments = ["--seed", str(QUICK), "--count", "1", "--processes", "2", "--output", str(output)]
+    monkeypatch.setattr("sys.argv", ["campaign.py", *arguments])
+    assert campaign.main() == 0
+    assert "1 solved, 0 refused, 0 wrong" in capsys.readouterr().out
+    assert json.loads(output.read_text())["seed"] == QUICK
 
 
 def test_seeds_that_are_done_are_skipped(tmp_path, monkeypatch, capsys):

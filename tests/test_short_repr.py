@@ -1,5 +1,6 @@
 """Every public class prints one short line with what one wants to know of it."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -21,14 +22,17 @@ SAYS = {
     "CycleResult": ["success by refinement", "certified cycle of"],
     "JointTrajectory": [" s: ", "pieces of degree", "joint1, joint2"],
     "Obstacle": ["post", "0.0605 x 0.0605 x 0.3 m about [0.4, 0.22, 0]", "1 convex shape"],
+    "PlannedItem": ["index=0", "no/such/file.yaml"],
     "PlanResult": ["success by refinement", "certified trajectory of"],
     "Planner": ["two_link/around_a_post: refinement", "nothing planned yet"],
     "PlanningProblem": [
         *("two_link/around_a_post", "2 joints of two_link to hand", "3 segments"),
         *("1 obstacle,", "start by seed", "goal open"),
     ],
+    "PosedProblem": ["two_link/around_a_post: a problem in "],
     "RobotModel": ["two_link", "2 joints to hand", "joint1, joint2"],
     "Tube": ["3 segments", "1 m long", "0.03 to 0.05 m"],
+    "WorkerProcesses": ["2"],
 }
 # Results of long computations: of all fields large arrays.
 FILLED = [
@@ -69,6 +73,8 @@ def made():
         *(t.Draw(), t.Progress("planning"), t.SlowerRun("effort", 0.1, 0.5, result.place)),
         *(t.RunVerdict(9, 1, {"tube": 1}), t.Blame("effort", "", 0.1, 0.1, ())),
         t.SearchStatistics(*range(8), False),
+        *(t.WorkerProcesses(2), t.PosedProblem.read("example:two_link/around_a_post")),
+        *t.plan_many(["no/such/file.yaml"], executor=ThreadPoolExecutor(1)),
         *_of_cycles(),
     ]
     named = {type(each).__name__: each for each in found}

@@ -96,6 +96,7 @@ from .tube_sources.zones import ZonedPath as ZonedPath  # returned
 # Many plans
 from .many.plan_many import plan_many as plan_many
 from .many.plan_many import PlannedItem as PlannedItem  # returned
+from .many.dask_executor import dask_executor as dask_executor
 from .many.posed_problem import PosedProblem as PosedProblem
 from .many.worker_processes import WorkerProcesses as WorkerProcesses
 from .many.worker_processes import WorkerDied as WorkerDied

@@ -3,7 +3,12 @@
 from pathlib import Path
 
 # By the name of the extra that brings it, as pyproject.toml has it.
-REQUIREMENTS = {"route": "ompl>=2.0", "simulate": "mujoco>=3.2.7", "xacro": "xacro>=2.1"}
+REQUIREMENTS = {
+    "dask": "distributed>=2024.1",
+    "route": "ompl>=2.0",
+    "simulate": "mujoco>=3.2.7",
+    "xacro": "xacro>=2.1",
+}
 
 
 def not_installed(extra: str, what: str, library: str) -> str:

@@ -1,5 +1,7 @@
 """Braking along the path, against closed forms and an independent integration."""
 
+import pickle
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -226,7 +228,7 @@ def test_it_is_looked_at_only_when_asked_for(cart, monkeypatch):
     problem = anywhere(cart())
     monkeypatch.setattr("tubeplanner.verification.other_speeds.worst_braking", refuse)
     monkeypatch.setattr("tubeplanner.verification.other_speeds.tightest_slower_run", refuse)
-    certificate = verify(problem, MOVE)
+    certificate = pickle.loads(pickle.dumps(verify(problem, MOVE)))
     assert certificate.failures() is not None
     with pytest.raises(AssertionError):
         certificate.as_dict()

@@ -6,7 +6,7 @@ then says what is wrong.
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from copy import deepcopy
 from dataclasses import asdict
 from functools import cache, lru_cache
@@ -95,24 +95,28 @@ class _Files:
             return f"{kind} cannot be read: {error}"
 
     def _robot(self, path: Path) -> str:
-        return _robot_hash(path, self._package_dirs, self._xacro_args, _stamp(path))
+        """Return a hash of a URDF, expanded if it is xacro's, and of its collision meshes."""
+        xml, meshes = _robot_parts(path, self._package_dirs, self._xacro_args, _stamp(path))
+        return _hash_of(xml, [self._link_mesh(name, path) for name in meshes])
+
+    def _link_mesh(self, name: str, urdf: Path) -> str:
+        try:
+            return _file_hash(find_mesh(name, urdf, self._package_dirs))
+        except (TubePlannerError, OSError) as error:
+            return f"mesh cannot be read: {error}"
 
 
 @lru_cache(_FILES)
-def _robot_hash(
+def _robot_parts(
     path: Path, package_dirs: tuple[Path, ...], xacro_args: str, stamp: tuple[int, int]
-) -> str:
-    """Return a hash of a URDF, expanded if it is xacro's, and of its collision meshes."""
+) -> tuple[str, tuple[str, ...]]:
+    """Return what a URDF holds, and the names of its collision meshes.
+
+    It is read again after a change; what a macro file includes only by the next process.
+    """
     xml = read_urdf(path, json.loads(xacro_args), package_dirs).xml
-    return _hash_of(xml.decode("utf-8", "replace"), *_mesh_hashes(xml, path, package_dirs))
-
-
-def _mesh_hashes(xml: bytes, path: Path, package_dirs: tuple[Path, ...]) -> Iterator[str]:
-    for mesh in ElementTree.fromstring(xml).iterfind(".//collision//mesh"):
-        try:
-            yield _file_hash(find_mesh(mesh.get("filename", ""), path, package_dirs))
-        except (TubePlannerError, OSError) as error:
-            yield f"mesh cannot be read: {error}"
+    meshes = ElementTree.fromstring(xml).iterfind(".//collision//mesh")
+    return xml.decode("utf-8", "replace"), tuple(mesh.get("filename", "") for mesh in meshes)
 
 
 def _file_hash(path: Path) -> str:

@@ -38,6 +38,10 @@ class PosedProblem:
     folder: Path
     name: str
 
+    def __repr__(self) -> str:
+        kind = "cycle" if is_cycle(self.document) else "problem"
+        return f"<PosedProblem {self.name}: a {kind} in {self.folder}>"
+
     @classmethod
     def read(cls, problem: str | Path, directory: str | Path = ".") -> "PosedProblem":
         """Read a problem file or a cycle file, and what it includes.

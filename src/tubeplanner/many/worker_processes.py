@@ -67,13 +67,12 @@ class WorkerProcesses(Executor):
         return f"<WorkerProcesses: {self.count}>"
 
     def submit(self, fn: Callable[..., _R], /, *args: Any, **kwargs: Any) -> "Future[_R]":
-        """Send a call to the next process that is free.
+        """Send a call to the next process that is free; it is pickled then.
 
         Raises:
             RuntimeError: It was shut down.
-            pickle.PicklingError: The call cannot be sent.
         """
-        call = _Call(pickle.dumps((fn, args, kwargs)))
+        call = _Call((fn, args, kwargs))
         with self._lock:
             if self._closed:
                 raise RuntimeError("these worker processes were shut down; make others")
@@ -139,12 +138,14 @@ class WorkerProcesses(Executor):
 
     def _answered(self, call: "_Call", worker: "_Worker | None") -> "_Worker | None":
         """Answer a call; return the process to go on with, if it lives."""
-        how = ""
+        pickled, how = call.pickled(), ""
+        if pickled is None:
+            return worker
         for turn in (self._floor.with_others, self._floor.alone):
             with turn():
                 try:
                     worker = worker or self._started()
-                    call.answer(worker.ask(call.pickled))
+                    call.answer(worker.ask(pickled))
                     return worker
                 except _Dead as dead:
                     how = dead.how
@@ -177,10 +178,21 @@ class WorkerProcesses(Executor):
 
 
 class _Call:
-    """A call that is pickled, and the future of its answer."""
+    """A function with its arguments, and the future of its answer.
 
-    def __init__(self, pickled: bytes) -> None:
-        self.pickled, self.future = pickled, Future[Any]()
+    Thousands may wait that share large arguments: none is pickled before its turn.
+    """
+
+    def __init__(self, parts: tuple[Any, ...]) -> None:
+        self._parts, self.future = parts, Future[Any]()
+
+    def pickled(self) -> bytes | None:
+        """Return it, pickled; None if it cannot be, which its future then raises."""
+        try:
+            return pickle.dumps(self._parts)
+        except Exception as error:
+            self.future.set_exception(error)
+            return None
 
     def answer(self, pickled: bytes) -> None:
         """Hand on an answer."""

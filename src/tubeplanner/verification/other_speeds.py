@@ -1,7 +1,6 @@
 """What is known of a trajectory at other speeds than its own: found when it is asked for."""
 
 from functools import cached_property
-from typing import Any
 
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
@@ -12,15 +11,12 @@ from tubeplanner.verification.slower_runs import SlowerRun, tightest_slower_run
 class OtherSpeeds:
     """A trajectory run slower, and brought to rest. Certificates are many: those who read it pay.
 
-    What travels, pickled or copied, is what was found.
+    So it is where they travel: what is pickled or copied can be asked there.
     """
 
     def __init__(self, robot: RobotModel, trajectory: JointTrajectory, tolerance: float) -> None:
         """Take a trajectory in the robot's joint order, and by how much limits may be exceeded."""
         self._given = (robot, trajectory, tolerance)
-
-    def __getstate__(self) -> dict[str, Any]:
-        return {"slower": self.slower, "braking": self.braking}
 
     @cached_property
     def slower(self) -> SlowerRun | None:

@@ -1,0 +1,174 @@
+"""Dask clusters: every item once whoever dies, and what is wrong with a cluster is said."""
+
+import os
+import signal
+import sys
+import time
+from contextlib import contextmanager
+
+import pytest
+from distributed import Client, LocalCluster
+
+import worker_calls as calls
+from planned_alone import bits, planned_alone
+from tubeplanner import OptionError, PlanOptions, PlanStatus, PosedProblem, dask_executor, plan_many
+from tubeplanner.many import dask_executor as module
+from tubeplanner.many.run_many import run_many
+from worker_problems import DeadlyProblem, SlowProblem
+
+LINE = "example:two_link/paper_1_50mm"
+FAST = PlanOptions(quality="fast", slack=0.0)
+
+
+@contextmanager
+def cluster(workers=2, threads=1, **more):
+    """Yield a cluster of processes of this machine, seen by nobody else."""
+    options = {"dashboard_address": "127.0.0.1:0", "host": "127.0.0.1", "silence_logs": 60}
+    with LocalCluster(n_workers=workers, threads_per_worker=threads, **options, **more) as made:
+        yield made
+
+
+@pytest.fixture(scope="module")
+def small():
+    with cluster() as made:
+        yield made
+
+
+def kill_a_worker(address):
+    """Kill the process of one of the cluster's workers."""
+    with Client(address) as client:
+        os.kill(min(client.run(os.getpid).values()), signal.SIGKILL)
+
+
+def test_calls_are_made_by_the_workers(small):
+    with dask_executor(small.scheduler_address) as executor:
+        found = {executor.submit(calls.process_id, k).result() for k in range(4)}
+        same = [executor.submit(pow, 2, 3).result() for _ in range(2)]
+    assert os.getpid() not in found
+    assert same == [8, 8]
+
+
+def test_the_same_call_twice_is_made_twice(small, tmp_path):
+    path = tmp_path / "calls"
+    with dask_executor(small.scheduler_address) as executor:
+        for future in [executor.submit(calls.noted, path) for _ in range(3)]:
+            future.result()
+    assert len(path.read_text().splitlines()) == 3
+
+
+@pytest.mark.slow
+def test_a_worker_that_dies_loses_nothing(tmp_path):
+    shares = [round(1 - 0.02 * k, 2) for k in range(12)]
+    line = PosedProblem.read(LINE)
+    path = tmp_path / "calls"
+
+    def posed(share):
+        changed = line.changed({"tube.radius": f"x{share}"})
+        return SlowProblem(changed.document, changed.folder, changed.name, str(path))
+
+    with cluster() as made, dask_executor(made.scheduler_address) as executor:
+        items = plan_many(map(posed, shares), FAST, executor)
+        found = [next(items), next(items)]
+        kill_a_worker(made.scheduler_address)
+        found += items
+    assert sorted(item.index for item in found) == list(range(len(shares)))
+    found.sort(key=lambda item: item.index)
+    assert [bits(item.result) for item in found] == planned_alone(LINE, shares)
+    assert len(path.read_text().splitlines()) >= len(shares)  # some were begun twice
+
+
+@pytest.mark.slow
+def test_what_kills_every_worker_costs_its_item_alone():
+    line = PosedProblem.read(LINE)
+    deadly = DeadlyProblem(line.document, line.folder, line.name)
+    with cluster() as made, dask_executor(made.scheduler_address) as executor:
+        items = list(plan_many([line, line, deadly, line, line], FAST, executor))
+    found = {item.index: item for item in items}
+    assert len(items) == len(found) == 5
+    crashed = found.pop(2)
+    assert crashed.status == PlanStatus.CRASHED
+    assert "KilledWorker" in crashed.message
+    assert {item.status for item in found.values()} == {PlanStatus.SUCCESS}
+
+
+def test_a_scheduler_that_is_lost_is_told():
+    with cluster() as made:
+        lost = pytest.raises(OptionError, match=r"was lost.*begin again with what is left")
+        with lost, dask_executor(made.scheduler_address) as executor:
+            done = run_many(time.sleep, [0.2] * 40, executor)
+            next(done)
+            made.close()
+            list(done)
+
+
+def test_an_error_of_the_user_stays_what_it_is(small):
+    with pytest.raises(OptionError, match=r"^mine$"), dask_executor(small.scheduler_address):
+        raise OptionError("mine")
+
+
+@pytest.mark.parametrize(
+    ("address", "reason"),
+    [
+        ("tcp://127.0.0.1:1", "Timed out"),
+        ("nonsense", "missing port number"),
+        ("foo://127.0.0.1:8786", "unknown address scheme"),
+    ],
+)
+def test_an_address_without_a_scheduler_is_named(address, reason):
+    with (
+        pytest.raises(OptionError, match=f"no Dask scheduler at {address} .*{reason}.*such as tcp"),
+        dask_executor(address, timeout=0.5),
+    ):
+        pass
+
+
+def test_a_cluster_without_workers_is_told():
+    with (
+        cluster(workers=0) as made,
+        pytest.raises(OptionError, match=r"has no workers after 0.5 s; start some.*--nthreads 1"),
+        dask_executor(made.scheduler_address, timeout=0.5),
+    ):
+        pass
+
+
+WRONG = {
+    "threads": ({"threads": 2}, "has 2 threads, whose plans hold each other up"),
+    "linear algebra": (
+        {"env": {"OPENBLAS_NUM_THREADS": "4"}},
+        "has 4 threads for linear algebra, whose answers differ",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_workers_with_other_numbers_of_threads_are_named(name):
+    options, reason = WRONG[name]
+    with (
+        cluster(workers=1, **options) as made,
+        pytest.raises(OptionError, match=rf"1 of 1 workers .* one at tcp://\S+ {reason}"),
+        dask_executor(made.scheduler_address),
+    ):
+        pass
+
+
+def test_workers_with_other_sources_are_named(small, monkeypatch):
+    monkeypatch.setattr(module, "package_hash", lambda: "ours")
+    with (
+        pytest.raises(OptionError, match=r"2 of 2 workers .* has other sources of tubeplanner"),
+        dask_executor(small.scheduler_address),
+    ):
+        pass
+
+
+def test_workers_without_tubeplanner_are_named():
+    said = module._wrong(ModuleNotFoundError("No module named 'tubeplanner'"), 1)
+    assert said.startswith("cannot load tubeplanner (No module named 'tubeplanner'); install")
+
+
+def test_without_dask_the_command_that_installs_it_is_told(monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with (
+        pytest.raises(OptionError, match=r"scheduler tcp://a:1 takes Dask.*\[dask\]"),
+        dask_executor("tcp://a:1"),
+    ):
+        pass

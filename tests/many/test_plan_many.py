@@ -1,0 +1,147 @@
+"""Many problems planned at once: the answers of `plan`, and what is no answer."""
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+from ruamel.yaml import YAML
+
+from planned_alone import bits, planned_alone
+from small_cycle import SMALL
+from tubeplanner import (
+    CycleResult,
+    OptionError,
+    PlanOptions,
+    PlanStatus,
+    PosedProblem,
+    WorkerProcesses,
+    load_problem,
+    parse_cycle,
+    plan_many,
+)
+from tubeplanner.many import plan_many as plan_many_module
+from worker_problems import DeadlyProblem, RaisingProblem
+
+LINE = "example:two_link/paper_1_50mm"
+FAST = PlanOptions(quality="fast", slack=0.0)
+SHARES = (1.0, 0.9, 0.8)
+
+
+@pytest.fixture(scope="module")
+def alone():
+    return planned_alone(LINE, SHARES)
+
+
+def by_index(items):
+    found = list(items)
+    assert sorted(item.index for item in found) == list(range(len(found)))
+    return sorted(found, key=lambda item: item.index)
+
+
+def test_answers_are_those_of_plan_bit_for_bit(alone):
+    posed = PosedProblem.read(LINE)
+    problems = [load_problem(LINE, changes={"tube.radius": f"x{share}"}) for share in SHARES]
+    problems += [posed.changed({"tube.radius": f"x{share}"}) for share in SHARES]
+    with WorkerProcesses(2) as workers:
+        found = by_index(plan_many(problems, FAST, workers))
+        again = workers.submit(abs, -1).result()
+    assert [bits(item.result) for item in found] == [*alone, *alone]
+    assert {item.status for item in found} == {PlanStatus.SUCCESS}
+    assert all(item.duration == item.result.duration for item in found)
+    assert again == 1  # the executor stays open
+
+
+def test_by_default_processes_of_its_own_plan(alone, monkeypatch):
+    made = []
+
+    class Watched(WorkerProcesses):
+        def __init__(self):
+            super().__init__(1)
+            made.append(self)
+
+    monkeypatch.setattr(plan_many_module, "WorkerProcesses", Watched)
+    (item,) = plan_many([LINE], FAST)
+    assert bits(item.result) == alone[0]
+    with pytest.raises(RuntimeError, match="shut down"):
+        made[0].submit(abs, -1)
+
+
+def test_threads_plan_the_same():
+    here = load_problem(LINE)
+    with ThreadPoolExecutor(2) as threads:
+        found = by_index(plan_many([here, LINE], FAST, threads))
+    np.testing.assert_array_equal(
+        found[0].result.trajectory.coefficients, found[1].result.trajectory.coefficients
+    )
+
+
+def test_a_name_is_a_file_of_this_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("mine.yaml").write_text(f"include: {LINE}\n")
+    with WorkerProcesses(1) as workers:
+        workers.submit(os.chdir, "/").result()
+        found = by_index(plan_many(["mine.yaml", Path("mine.yaml"), LINE], FAST, workers))
+    assert len({bits(item.result) for item in found}) == 1
+    assert all(item.loading_time > 0 for item in found)
+
+
+def test_cycles_are_planned_too():
+    held = YAML(typ="safe", pure=True).load(SMALL)
+    held |= {"moves": held["moves"][:2], "closed": False}
+    posed = PosedProblem(held, Path(), "short")
+    with ThreadPoolExecutor(1) as threads:
+        found = by_index(plan_many([posed, parse_cycle(held)], FAST, threads))
+    assert all(isinstance(item.result, CycleResult) for item in found)
+    assert found[0].duration == found[1].duration > 0
+
+
+def test_what_cannot_be_posed_raises_or_kills_costs_its_item_alone(alone):
+    posed = PosedProblem.read(LINE)
+    parts = (posed.document, posed.folder, posed.name)
+    problems = [
+        *(posed, "no/such/file.yaml", posed.changed({"robot.tool_frame": "nowhere"})),
+        *(DeadlyProblem(*parts), RaisingProblem(*parts), posed),
+    ]
+    with WorkerProcesses(2) as workers:
+        found = by_index(plan_many(problems, FAST, workers))
+    good, missing, frameless, dead, raising, last = found
+    assert bits(good.result) == bits(last.result) == alone[0]
+    assert missing.status == frameless.status == PlanStatus.BAD_INPUT
+    assert "no/such/file.yaml" in missing.message
+    assert "nowhere" in frameless.message
+    assert dead.status == raising.status == PlanStatus.CRASHED
+    assert dead.message == "WorkerDied: the process that worked on it was ended by SIGKILL"
+    assert raising.message == "ZeroDivisionError: in a test"
+    assert [item.crashed for item in found] == [False, False, False, True, True, False]
+    assert dead.result is dead.duration is None
+
+
+def test_problems_are_taken_as_needed():
+    taken = []
+
+    def problems():
+        for share in SHARES:
+            taken.append(share)
+            yield load_problem(LINE, changes={"tube.radius": f"x{share}"})
+
+    items = plan_many(problems(), FAST, ThreadPoolExecutor(1))
+    assert taken == []
+    assert next(items).index == 0
+    assert len(list(items)) == 2
+
+
+def test_options_are_asked_for_at_once():
+    with pytest.raises(OptionError, match="options are 'fast'; give PlanOptions"):
+        plan_many([LINE], "fast")
+
+
+def test_a_tube_without_an_answer_is_a_result():
+    far = PosedProblem.read(LINE).changed({"tube.points": [[0.3, -0.5, 0], [2.0, 0.5, 0]]})
+    with ThreadPoolExecutor(1) as threads:
+        (item,) = plan_many([far], FAST, threads)
+    assert item.result is not None
+    assert item.status == item.result.status == PlanStatus.UNREACHABLE
+    assert item.message == item.result.message
+    assert item.duration is None

@@ -1,0 +1,150 @@
+"""One function for many items: what comes of each, as it comes."""
+
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
+from itertools import islice
+from multiprocessing import get_context
+from threading import Event, Timer
+
+import pytest
+
+import worker_calls as calls
+from tubeplanner import OptionError, WorkerDied, WorkerProcesses
+from tubeplanner.many import run_many as run_many_module
+from tubeplanner.many.run_many import Done, run_many
+
+
+def inverse(number):
+    return 1 / number
+
+
+EXECUTORS = {"none": lambda: None, "threads": lambda: ThreadPoolExecutor(2)}
+
+
+@pytest.mark.parametrize("name", EXECUTORS)
+def test_every_item_is_done_once_and_an_error_is_its_own(name):
+    found = sorted(
+        run_many(inverse, [2.0, 0.0, 4.0], EXECUTORS[name]()), key=lambda done: done.index
+    )
+    assert found[0] == Done(0, 0.5)
+    assert found[2] == Done(2, 0.25)
+    assert found[1].value is None
+    assert isinstance(found[1].error, ZeroDivisionError)
+
+
+def test_without_an_executor_items_are_taken_one_by_one():
+    taken = []
+    done = run_many(inverse, (taken.append(each) or each for each in (1, 2, 3)))
+    assert next(done) == Done(0, 1.0)
+    assert taken == [1]
+
+
+class ByHand:
+    """An executor whose calls are done when a test says so."""
+
+    def __init__(self):
+        self.futures = []
+
+    def submit(self, work, item):
+        self.futures.append(Future())
+        return self.futures[-1]
+
+
+def test_results_come_in_the_order_in_which_they_are_done():
+    executor = ByHand()
+
+    def items():
+        yield from range(3)
+        executor.futures[2].set_result("last")
+        executor.futures[0].set_result("first")
+        yield 3
+
+    found = run_many(inverse, items(), executor)
+    assert next(found) == Done(2, "last")
+    assert next(found) == Done(0, "first")
+    executor.futures[3].set_result("more")
+    assert next(found) == Done(3, "more")
+
+
+def test_results_come_while_items_are_still_sent():
+    executor, taken = ByHand(), []
+
+    def items():
+        for each in range(1000):
+            taken.append(each)
+            if each == 4:
+                executor.futures[0].set_result("first")
+            yield each
+
+    found = run_many(inverse, items(), executor)
+    assert next(found) == Done(0, "first")
+    assert len(taken) == 5
+
+
+def test_of_many_items_only_some_are_taken_ahead(monkeypatch):
+    monkeypatch.setattr(run_many_module, "_SUBMITTED", 5)
+    event, taken = Event(), []
+    Timer(0.3, event.set).start()
+
+    def items():
+        while True:
+            taken.append(event)
+            yield event
+
+    with ThreadPoolExecutor(1) as threads:
+        found = run_many(Event.wait, items(), threads)
+        assert next(found).value
+        assert len(taken) == 5
+        found.close()
+
+
+def test_what_has_not_begun_is_dropped_when_nobody_wants_more():
+    executor = ByHand()
+
+    def items():
+        yield from range(3)
+        executor.futures[1].set_result("one")
+        yield 3
+
+    found = run_many(inverse, items(), executor)
+    assert next(found).index == 1
+    found.close()
+    assert [each.cancelled() for each in executor.futures[:1] + executor.futures[2:]] == [True] * (
+        len(executor.futures) - 1
+    )
+
+
+def test_a_dead_process_costs_its_item_alone():
+    items = [*range(6), -1, *range(6)]
+    with WorkerProcesses(2) as workers:
+        found = {
+            done.index: done for done in run_many(calls.squared_or_deadly, iter(items), workers)
+        }
+    assert sorted(found) == list(range(13))
+    assert isinstance(found.pop(6).error, WorkerDied)
+    assert all(done.value == items[index] ** 2 for index, done in found.items())
+
+
+def test_a_pool_that_a_dead_process_breaks_is_told():
+    pool = ProcessPoolExecutor(1, mp_context=get_context("spawn"))
+    with pool, pytest.raises(OptionError, match=r"BrokenProcessPool.*WorkerProcesses goes on"):
+        list(run_many(calls.squared_or_deadly, [1, -1, 2, 3], pool))
+
+
+def test_a_pool_that_was_broken_before_is_told():
+    pool = ProcessPoolExecutor(1, mp_context=get_context("spawn"))
+    with pool:
+        assert pool.submit(calls.deadly).exception() is not None
+        with pytest.raises(OptionError, match="BrokenProcessPool"):
+            next(run_many(calls.squared_or_deadly, [1], pool))
+
+
+def test_an_executor_that_drops_calls_is_told():
+    executor = ByHand()
+
+    def items():
+        yield from range(2)
+        executor.futures[0].cancel()
+
+    with pytest.raises(OptionError, match="CancelledError"):
+        list(islice(run_many(inverse, items(), executor), 3))
+    assert executor.futures[1].cancelled()

@@ -1,0 +1,229 @@
+"""Processes of which one that dies costs one call."""
+
+import os
+import subprocess
+import sys
+import time
+from concurrent.futures import wait
+from pathlib import Path
+
+import pytest
+
+import worker_calls as calls
+from tubeplanner import OptionError, WorkerDied, WorkerProcesses
+from tubeplanner.many.worker_processes import processors
+
+PATIENCE = 60.0  # [s]
+
+
+def lines(path):
+    """Return what calls noted: their processes, and when they began and ended."""
+    found = [line.split() for line in Path(path).read_text().splitlines()]
+    return [(int(process), float(begin), float(end)) for process, begin, end in found]
+
+
+def is_gone(process):
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return True
+    return False
+
+
+def require_gone(processes):
+    end = time.monotonic() + PATIENCE
+    while not all(map(is_gone, processes)):
+        assert time.monotonic() < end, "a process lives on"
+        time.sleep(0.01)
+
+
+def test_calls_are_answered_by_other_processes_and_a_process_answers_many():
+    with WorkerProcesses(1) as workers:
+        found = [workers.submit(calls.process_id) for _ in range(3)]
+        assert len({each.result() for each in found}) == 1
+        assert found[0].result() != os.getpid()
+        assert workers.submit(divmod, 7, 2).result() == (3, 1)
+        assert workers.submit(sorted, [1, 2], reverse=True).result() == [2, 1]
+    require_gone([found[0].result()])
+
+
+def test_as_many_as_asked_for_work_at_once(tmp_path):
+    path = tmp_path / "calls"
+    with WorkerProcesses(2) as workers:
+        wait([workers.submit(calls.noted, path, 0.5) for _ in range(6)])
+    assert len({process for process, *_ in lines(path)}) == 2
+
+
+def test_by_default_there_is_one_for_each_processor():
+    assert WorkerProcesses().count == processors() == len(os.sched_getaffinity(0))
+    assert repr(WorkerProcesses(3)) == "<WorkerProcesses: 3>"
+
+
+@pytest.mark.parametrize("count", [0, -1, 1.5, "2"])
+def test_a_count_is_a_whole_number_from_1(count):
+    with pytest.raises(OptionError, match="whole number >= 1"):
+        WorkerProcesses(count)
+
+
+def test_linear_algebra_has_one_thread(monkeypatch):
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "4")
+    with WorkerProcesses(1) as workers:
+        for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+            assert workers.submit(calls.variable, name).result() == "1"
+    assert os.environ["OPENBLAS_NUM_THREADS"] == "4"
+
+
+def test_what_is_printed_there_is_no_output_here(capfd):
+    with WorkerProcesses(1) as workers:
+        workers.submit(calls.printed, "a remark").result()
+    assert "a remark" not in capfd.readouterr().out
+
+
+def test_a_call_whose_process_dies_once_is_made_again(tmp_path):
+    with WorkerProcesses(2) as workers:
+        assert workers.submit(calls.deadly_once, tmp_path / "calls").result() == "alive"
+
+
+def test_one_that_dies_twice_is_given_up_and_loses_no_other(tmp_path):
+    deaths = tmp_path / "deaths"
+    with WorkerProcesses(2) as workers:
+        before = [workers.submit(pow, each, 2) for each in range(8)]
+        deadly = workers.submit(calls.deadly, deaths)
+        after = [workers.submit(pow, each, 3) for each in range(8)]
+        with pytest.raises(WorkerDied, match="was ended by SIGKILL"):
+            deadly.result()
+        assert [each.result() for each in before] == [each**2 for each in range(8)]
+        assert [each.result() for each in after] == [each**3 for each in range(8)]
+    assert len(lines(deaths)) == 2
+
+
+def test_the_second_time_it_is_alone(tmp_path):
+    deaths, others = tmp_path / "deaths", tmp_path / "others"
+    with WorkerProcesses(3) as workers:
+        futures = [workers.submit(calls.noted, others, 0.2) for _ in range(6)]
+        futures += [workers.submit(calls.deadly, deaths) for _ in range(2)]
+        futures += [workers.submit(calls.noted, others, 0.2) for _ in range(6)]
+        wait(futures)
+    last = {}
+    for process, begin, _ in lines(deaths):
+        last.setdefault(process, begin)
+    for death in sorted(last.values())[2:]:  # the first of each was among others
+        assert not any(begin < death < end for _, begin, end in lines(others))
+    assert len(last) == 4
+    assert len(lines(others)) == 12
+
+
+def test_a_process_that_ends_by_itself_is_told_by_its_status():
+    with (
+        WorkerProcesses(1) as workers,
+        pytest.raises(WorkerDied, match="ended with status 7"),
+    ):
+        workers.submit(calls.ended, 7).result()
+
+
+def test_a_process_that_cannot_be_started_is_told(monkeypatch):
+    monkeypatch.setattr(sys, "executable", "/no/such/python")
+    with (
+        WorkerProcesses(1) as workers,
+        pytest.raises(WorkerDied, match=r"could not be started: .*/no/such/python"),
+    ):
+        workers.submit(calls.process_id).result()
+
+
+def test_what_is_raised_there_is_raised_here_with_its_place():
+    with WorkerProcesses(1) as workers:
+        with pytest.raises(KeyError, match="no such") as caught:
+            workers.submit(calls.raised, KeyError, "no such").result()
+        assert any("worker_calls.py" in note for note in caught.value.__notes__)
+        for work in (calls.raised_with_lock, calls.returned_lock):
+            with pytest.raises((RuntimeError, TypeError), match="lock"):
+                workers.submit(work).result()
+        with pytest.raises(RuntimeError, match="Unpicklable: this and that"):
+            workers.submit(calls.raised, calls.Unpicklable, "this", "that").result()
+        with pytest.raises(RuntimeError, match="Turned: round"):
+            workers.submit(calls.raised, calls.Turned, "round").result()
+        assert workers.submit(pow, 2, 2).result() == 4
+
+
+def test_a_call_that_cannot_be_sent_costs_itself_alone():
+    with WorkerProcesses(1) as workers:
+        unsendable = workers.submit(lambda: 1)
+        with pytest.raises(Exception, match="pickle"):
+            unsendable.result()
+        assert workers.submit(pow, 2, 2).result() == 4
+
+
+def test_arguments_that_calls_share_are_not_copied_for_those_that_wait(tmp_path):
+    class Counted:
+        pickled = 0
+
+        def __reduce__(self):
+            Counted.pickled += 1
+            return int, ()
+
+    counted = Counted()
+    with WorkerProcesses(1) as workers:
+        first = workers.submit(calls.noted, tmp_path / "calls", 1.0)
+        rest = [workers.submit(str, counted) for _ in range(5)]
+        assert not first.done()
+        assert Counted.pickled == 0
+        assert [each.result() for each in rest] == ["0"] * 5
+
+
+def test_after_the_end_there_are_no_more_calls():
+    with WorkerProcesses(1) as workers:
+        pass
+    with pytest.raises(RuntimeError, match="shut down"):
+        workers.submit(pow, 2, 2)
+
+
+def test_the_end_waits_for_calls_unless_they_are_dropped(tmp_path):
+    path = tmp_path / "calls"
+    workers = WorkerProcesses(1)
+    futures = [workers.submit(calls.noted, path, 0.3) for _ in range(4)]
+    futures[0].result()
+    workers.shutdown(cancel_futures=True)
+    done = [each for each in futures if not each.cancelled()]
+    assert 1 <= len(done) == len(lines(path)) <= 2
+    patient = WorkerProcesses(1)
+    futures = [patient.submit(pow, each, 2) for each in range(4)]
+    patient.shutdown()
+    assert [each.result(0) for each in futures] == [0, 1, 4, 9]
+
+
+def test_an_exception_in_the_with_statement_ends_all_processes(tmp_path):
+    path = tmp_path / "calls"
+    with pytest.raises(KeyboardInterrupt), WorkerProcesses(2) as workers:
+        wait([workers.submit(calls.noted, path) for _ in range(4)])
+        stuck = [workers.submit(time.sleep, 600.0) for _ in range(4)]
+        while sum(each.running() for each in stuck) < 2:
+            time.sleep(0.01)
+        raise KeyboardInterrupt
+    require_gone({process for process, *_ in lines(path)})
+    assert all(each.done() for each in stuck)
+    with pytest.raises(WorkerDied, match=r"ended with all others|SIGKILL"):
+        next(each for each in stuck if not each.cancelled()).result()
+
+
+SCRIPT = """
+from tubeplanner import WorkerProcesses
+with WorkerProcesses(2) as workers:
+    print(*[workers.submit(pow, each, 2).result() for each in range(3)])
+"""
+
+
+@pytest.mark.parametrize("way", ["standard input", "file", "argument"])
+def test_a_script_needs_no_guard(way, tmp_path):
+    path = tmp_path / "script.py"
+    path.write_text(SCRIPT)
+    arguments = {"standard input": [], "file": [str(path)], "argument": ["-c", SCRIPT]}[way]
+    done = subprocess.run(
+        [sys.executable, *arguments],
+        input=SCRIPT if way == "standard input" else None,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE,
+    )
+    assert done.stderr == ""
+    assert done.stdout == "0 1 4\n"
