@@ -34,6 +34,8 @@ def test_a_cycle_is_loaded_as_one_and_changed_as_one(tmp_path):
     cycle = posed.load()
     assert isinstance(cycle, Cycle)
     assert cycle.name == posed.name == f"{tmp_path.name}/small"
+    with pytest.raises(ProblemError, match=r"unknown key 'widths'.*radius"):
+        posed.changed({"moves.over.tube.widths": 0.06})
     wider = posed.changed({"moves.over.tube.radius": 0.06}).load()
     np.testing.assert_array_equal(wider.steps[0].tube.radius, 0.06)
 
