@@ -12,21 +12,25 @@ and backwards the least duration is the same, and the narrower tube's trajectory
 wider's, so whichever of the first two is more than 1 % slower than the best of the three is stuck.
 With --motors, arms have random rotors, friction, torque-speed lines and efforts each way.
 With --baselines, so is what is slower than a smoothed scheme that passes the certificate.
-Seeds that the output file already has are skipped. Exit status 1 if an answer is wrong.
+The output file is a study's journal: what it has by the same seed, options and sources is not
+done again. Exit status 1 if an answer is wrong.
 """
 
 import argparse
-import json
+import hashlib
 import sys
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from contextlib import nullcontext
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 from campaign_examine import UNBUILT, Fields, Options, examine, is_wrong
 from tubeplanner import WorkerProcesses
+from tubeplanner.many.content_hash import package_hash
 from tubeplanner.many.run_many import run_many
+from tubeplanner.studies.journal import Journal
 
 STUCK = 1.01  # times the best of the three
 
@@ -60,10 +64,13 @@ def _lines(seeds: list[int], options: Options, processes: int) -> Iterator[Field
             yield crashed if done.value is None else done.value
 
 
-def _read(output: Path | None) -> list[Fields]:
-    if output is None or not output.is_file():
-        return []
-    return [json.loads(line) for line in output.read_text().splitlines() if line.strip()]
+def _key(seed: int, options: Options) -> str:
+    """Return a hash of all that the line of a seed depends on."""
+    folder = Path(__file__).parent
+    sources = sorted([*folder.glob("campaign*.py"), *folder.glob("outside*/*.py")])
+    ours = b"".join(path.read_bytes() for path in sources)
+    how = repr((seed, replace(options, keep=None), package_hash())).encode()
+    return hashlib.sha256(how + ours).hexdigest()
 
 
 def _progress(line: Fields) -> str:
@@ -122,8 +129,6 @@ def main() -> int:
     parser.add_argument("--keep", type=Path, help="folder for problems that are wrong or refused")
     options = parser.parse_args()
     seeds = range(options.seed, options.seed + options.count)
-    lines = [line for line in _read(options.output) if line["seed"] in seeds]
-    done = {line["seed"] for line in lines}
     how = Options(
         options.pairs,
         options.baselines,
@@ -132,12 +137,15 @@ def main() -> int:
         options.keep,
         options.slack,
     )
-    for line in _lines([seed for seed in seeds if seed not in done], how, options.processes):
-        lines.append(line)
-        print(_progress(line), flush=True)
-        if options.output is not None:
-            with options.output.open("a") as stream:
-                stream.write(json.dumps(line) + "\n")
+    keys = {seed: _key(seed, how) for seed in seeds}
+    with nullcontext() if options.output is None else Journal(options.output) as journal:
+        known = {seed: journal[key] for seed, key in keys.items() if journal and key in journal}
+        lines = list(known.values())
+        for line in _lines([seed for seed in seeds if seed not in known], how, options.processes):
+            lines.append(line)
+            print(_progress(line), flush=True)
+            if journal is not None:
+                journal.add(keys[line["seed"]], {"seed": line["seed"]}, line)
     print(summary(lines))
     return 1 if any(map(is_wrong, lines)) else 0
 

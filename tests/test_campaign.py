@@ -112,17 +112,27 @@ def test_processes_examine_too(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("sys.argv", ["campaign.py", *arguments])
     assert campaign.main() == 0
     assert "1 solved, 0 refused, 0 wrong" in capsys.readouterr().out
-    assert json.loads(output.read_text())["seed"] == QUICK
+    assert json.loads(output.read_text())["row"]["seed"] == QUICK
 
 
-def test_seeds_that_are_done_are_skipped(tmp_path, monkeypatch, capsys):
-    output = tmp_path / "lines.jsonl"
-    output.write_text(json.dumps(_line(0, status="tube_blocked")) + "\n")
-    done = []
+def test_seeds_that_are_done_are_skipped_unless_they_were_done_otherwise(
+    tmp_path, monkeypatch, capsys
+):
+    output, done = tmp_path / "lines.jsonl", []
     monkeypatch.setattr(
         campaign, "examine", lambda seed, options: done.append(seed) or _line(seed, status="crash")
     )
-    monkeypatch.setattr("sys.argv", ["campaign.py", "--count", "2", "--output", str(output)])
-    assert campaign.main() == 0
-    assert done == [1]
+
+    def seeds_of(*arguments):
+        done.clear()
+        monkeypatch.setattr("sys.argv", ["campaign.py", *arguments, "--output", str(output)])
+        assert campaign.main() == 0
+        return list(done)
+
+    assert seeds_of("--count", "1") == [0]
+    with output.open("a") as stream:
+        stream.write('{"key": "torn')
+    assert seeds_of("--count", "2") == [1]
     assert "2 refused" in capsys.readouterr().out
+    assert seeds_of("--count", "2", "--slack", "0.005") == [0, 1]
+    assert seeds_of("--count", "2", "--keep", str(tmp_path)) == []

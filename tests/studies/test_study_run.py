@@ -1,14 +1,17 @@
 """Studies are run: every point once, kept as it comes, gone on with after any end."""
 
 import json
+from dataclasses import replace
 
 import pytest
 
 from studied import EFFORT, MASS, RADIUS, Here, Together, small_study
 from tubeplanner import PlanOptions, PlanStatus, load_problem, plan, run_study
-from tubeplanner.errors import OutputError
+from tubeplanner.errors import OptionError, OutputError
 from tubeplanner.many.posed_problem import PosedProblem
 from tubeplanner.studies import study_run
+from tubeplanner.studies.axes import Levels
+from tubeplanner.studies.study import Study
 from tubeplanner.studies.study_run import StudyProgress
 
 GRID = {RADIUS: [0.02, -1, 0.03], EFFORT: [1, 0.5]}
@@ -178,6 +181,26 @@ def test_a_point_is_posed_when_it_is_its_turn(monkeypatch):
     seen = []
     run_study(study, executor=Here(), progress=lambda told: seen.append((told.done, len(posed))))
     assert seen == [(0, 0), (1, 1), (2, 2), (3, 3)]
+
+
+def test_whoever_plans_has_the_files_that_the_key_is_of(journal, tmp_path):
+    """A file that is changed while a study runs, or is another one elsewhere, ends it."""
+    points = tmp_path / "points.csv"
+    points.write_text("x,y,z\n1.2,0.4,0\n0.8,0.9,0\n")
+    posed = PosedProblem.read("example:two_link/paper_1_30mm")
+    posed = replace(posed.changed({"tube.points": str(points)}), folder=tmp_path)
+
+    class Elsewhere(Here):
+        def submit(self, fn, /, *args, **kwargs):
+            if self.calls == 1:
+                points.write_text(points.read_text().replace("0.8", "0.85"))
+            return super().submit(fn, *args, **kwargs)
+
+    axes = [Levels(RADIUS, (0.02, 0.03, 0.04))]
+    study = Study("s", {"arm": posed}, axes, None, PlanOptions("stop-at-corners"))
+    with pytest.raises(OptionError, match="its files, or tubeplanner's own, are not what they"):
+        run_study(study, journal=journal, executor=Elsewhere())
+    assert [line["values"] for line in lines(journal)] == [{RADIUS: 0.02}]
 
 
 def test_progress_has_count_rate_and_time_left(journal):

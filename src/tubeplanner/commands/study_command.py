@@ -35,9 +35,19 @@ if TYPE_CHECKING:
 )
 @click.option("--plot", "figure", type=PATH, help="Figure (PNG).")
 @processes_option("one per processor")
+@click.option(
+    "--scheduler",
+    metavar="ADDRESS",
+    help="Plan by the workers of a Dask scheduler, such as tcp://10.0.0.1:8786.",
+)
 @AS_JSON
 def study(
-    study: str, output: Path | None, figure: Path | None, processes: int | None, as_json: bool
+    study: str,
+    output: Path | None,
+    figure: Path | None,
+    processes: int | None,
+    scheduler: str | None,
+    as_json: bool,
 ) -> int:
     """Plan every point of STUDY, a file that says which fields of which problems take which values.
 
@@ -60,7 +70,7 @@ def study(
         loaded = load_study(study)
         require_writable(outputs, loaded.files)
         loading_time = time.perf_counter() - begin
-        with workers_of(processes) as workers:
+        with workers_of(processes, scheduler) as workers:
             result = run_study(loaded, journal=journal, executor=workers, progress=enter)
         _write(result, output, figure)
     message = _message(result, journal)

@@ -1,4 +1,4 @@
-"""What plans many problems for a command: processes of this machine."""
+"""What plans many problems for a command: processes of this machine, or a Dask cluster."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -21,14 +21,26 @@ def processes_option(default: str) -> Callable[[Any], Any]:
 
 
 @contextmanager
-def workers_of(processes: int | None) -> "Iterator[Executor]":
+def workers_of(processes: int | None, scheduler: str | None = None) -> "Iterator[Executor]":
     """Yield what plans: so many processes of this machine; None: one per processor.
+
+    Or the workers of a Dask scheduler, which go on when they are not needed any more.
 
     In the end they are ended, whatever they work on. One process is not this one either: answers
     are the same bits for any number of processes, each with one thread for linear algebra.
     """
+    from tubeplanner.errors import OptionError
+    from tubeplanner.many.dask_executor import dask_executor
     from tubeplanner.many.worker_processes import WorkerProcesses
 
+    if scheduler is not None:
+        if processes is not None:
+            raise OptionError(
+                "--processes is for this machine, --scheduler for a cluster; give one"
+            )
+        with dask_executor(scheduler) as executor:
+            yield executor
+        return
     with WorkerProcesses(processes) as workers:
         try:
             yield workers

@@ -9,10 +9,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from tubeplanner.errors import ProblemError
+from tubeplanner.errors import OptionError, ProblemError
 from tubeplanner.many.posed_problem import PosedProblem
 from tubeplanner.many.run_many import Done, run_many
 from tubeplanner.many.worker_processes import WorkerProcesses
+from tubeplanner.planning.plan_options import PlanOptions
 from tubeplanner.studies.journal import Journal
 from tubeplanner.studies.study import Study
 from tubeplanner.studies.study_result import StudyResult
@@ -50,13 +51,13 @@ def run_study(
 
     Raises:
         OutputError: The journal cannot be used or written.
-        OptionError: The executor broke.
+        OptionError: The executor broke, or whoever plans has other files than this process had.
         KeyboardInterrupt: Ctrl-C before the first point was done.
     """
     with ExitStack() as stack:
         kept = None if journal is None else stack.enter_context(Journal(Path(journal)))
         run = _Run(study, kept, progress or _silent)
-        work = partial(planned_answer, options=study.options)
+        work = partial(_answer, options=study.options)
         try:
             # Inside: Ctrl-C goes through it, which ends the processes.
             with WorkerProcesses() if executor is None else nullcontext(executor) as workers:
@@ -118,8 +119,8 @@ class _Run:
         self._begin = time.perf_counter()
         self._done = self._planned = 0
 
-    def asked(self) -> Iterator[PosedProblem]:
-        """Yield what is to be planned, point by point."""
+    def asked(self) -> Iterator[tuple[str, PosedProblem]]:
+        """Yield keys and what is to be planned, point by point."""
         self._note(0)
         for point in self._study.points:
             try:
@@ -138,10 +139,16 @@ class _Run:
             else:
                 self._waiting[key] = [point.index]
                 self._order.append(key)
-                yield posed
+                yield key, posed
 
     def answered(self, done: Done[Answer]) -> None:
-        """Keep an answer."""
+        """Keep an answer.
+
+        Raises:
+            OptionError: It was not planned, as the files are others.
+        """
+        if isinstance(done.error, OptionError):
+            raise done.error
         key = self._order[done.index]
         answer = crashed_answer(done.error) if done.error else done.value
         assert answer is not None
@@ -173,6 +180,21 @@ class _Run:
         self._done += done
         elapsed = time.perf_counter() - self._begin
         self._progress(StudyProgress(self._done, len(self._study.points), self._planned, elapsed))
+
+
+def _answer(asked: tuple[str, PosedProblem], options: PlanOptions) -> Answer:
+    """Plan what is of a key, and return its answer.
+
+    Raises:
+        OptionError: It is not of that key.
+    """
+    key, posed = asked
+    if posed.content_hash(options) != key:
+        raise OptionError(
+            f"{posed.name}: its files, or tubeplanner's own, are not what they were when the study "
+            "began, or where it was started; run it again, the answers so far are kept"
+        )
+    return planned_answer(posed, options)
 
 
 def _in_words(seconds: float) -> str:
