@@ -32,6 +32,11 @@ TESTS = {
             *("shared_plan",),
         )
     },
+    **{
+        f"studies/{name}": ("studies/test_placement.py",)
+        for name in ("placement_row", "placement_result", "placement_trials")
+    },
+    "commands/place_report": ("commands/test_place_command.py",),
     "collision/collision_checker": (
         "verification/test_closest_approach.py",
         "planning/test_planner_base.py",
@@ -2198,6 +2203,71 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     "_Ticks.__init__": [('np.argsort(self.scale.places, kind="stable")', "range(len(by_text))")],
     "_draw_line": [("with_shortest=is_of_objective(path)", "with_shortest=True")],
+    # --- studies/placement*, movable_problem, leading_seeds, pattern_search; their base and map ---
+    "require_base_free": [("required - MARGIN_TOLERANCE", "0.0")],
+    "_base_pairs": [
+        ("if shapes[j].owner not in stands_on", "if True"),
+        ("not in ignored", "is not None"),
+        ("if shapes[k].body == _BASE", ""),
+    ],
+    "_required": [(".max())", ".min())"), ("np.isfinite(own), own", "False, own")],
+    "rpy_of_matrix": [
+        ("if flat < _UPRIGHT:", "if False:"),
+        ("np.arctan2(-matrix[2, 0], flat)", "0"),
+    ],
+    "Region.nearest": [
+        ("max(round(value, _DIGITS), low)", "round(value, _DIGITS)"),
+        ("remainder(stand.yaw, 2 * pi)", "stand.yaw"),
+    ],
+    "Region.grid": [("(k + 0.5)", "k")],
+    "Region._counts": [
+        ("columns * width / depth", "columns * depth / width"),
+        ("(columns if width else 1)", "columns"),
+        ("min(_YAWS, count)", "_YAWS"),
+    ],
+    "MovableProblem.changes": [
+        ("[*self.tilt, stand.yaw]", "[0.0, 0.0, stand.yaw]"),
+        ("{**self.seeds, **(seeds or {})}", "self.seeds"),
+    ],
+    "_stand_of": [("base.rpy or rpy_of_matrix(base.placement[:3, :3])", "base.rpy or (0, 0, 0)")],
+    "leading_seeds": [
+        ("is not None:", "is None:"),
+        ("np.argmin(away)", "np.argmax(away)"),
+    ],
+    "_free": [("if is_free(problem, end, q):", "if True:")],
+    "_point": [('end == "start"', "True")],
+    "pattern_search": [
+        ("0.5**walk.halved", "1.0"),
+        ("walk.halved <= halvings", "walk.halved < halvings"),
+    ],
+    "_step": [("min(tried", "max(tried"), ("(1 - _LEAST_GAIN)", "1")],
+    "tried": [
+        ("require_base_free(problem, stands_on)", "pass"),
+        ("leading_seeds(problem, tuple(movable.seeds))", "{}"),
+    ],
+    "PlacementRow.of_dict": [("tuple(value) if isinstance(value, list) else value", "value")],
+    "grouped": [("-len(pair[1])", "len(pair[1])")],
+    "PlacementTrials.rows": [("self._order[row.stand]", "-row.stand.yaw")],
+    "PlacementTrials.of": [("if stand not in self._found", "")],
+    "PlacementTrials._key": [("', '.join(self._stands_on) or 'nothing'", "''")],
+    "Placement.gain": [("1 - after / before", "1 - before / after")],
+    "_searched": [("[region.nearest(given)] * region.holds(given)", "region.nearest(given)")],
+    "_neighbours": [("share * side / 2, -share", "share * side / 2, share")],
+    "_feasible": [("if row.is_feasible", "")],
+    "_given": [("require_base_free(problem, stands_on)", "pass")],
+    "with_placement": [
+        ("_alone(_in_a_row(rows), hidden, BaseFields)", "_in_a_row(rows)"),
+        (
+            "_alone(_in_a_row(rows), below.get(path), EndpointFields)\n        else",
+            "_in_a_row(rows)\n        else",
+        ),
+        ("_insert(fields, path, _alone(_in_a_row(rows), below.get(path), EndpointFields))", "pass"),
+    ],
+    "_merit": [("-(row.duration or 0.0)", "row.duration or 0.0"), ("KINDS.index(row.status)", "0")],
+    "_outline": [("[:, :2]", "[:, 1:]")],
+    "_draw_search": [("if row.stand not in grid", "")],
+    "_given_words": [("found.given.message if duration is None else", "")],
+    "_best_line": [("'less' if gain >= 0 else 'more'", "'more'")],
     # --- files/problem_file, files/fingerprint ------------------------------------------------
     "_alone": [
         ("if key not in value:", "if False:"),
@@ -3567,7 +3637,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("if weightless", "if False"),
         ("inertia.mass > 0 for inertia in arm.inertias[1:]", "inertia.mass > 0 for inertia in ()"),
     ],
-    "_starts": [("if is_held and", "if")],
+    "_starts": [("if is_held and", "if"), ("first[row.stand[:3]] is not row", "0")],
     "_path_from": [("folder.resolve()", "Path().resolve()")],
     "contact_notes": [
         ("if depth > _DEEP", "if depth > 1.0"),

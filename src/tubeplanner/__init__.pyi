@@ -111,6 +111,12 @@ from .studies.study import Study as Study
 from .studies.study_run import run_study as run_study
 from .studies.study_result import StudyResult as StudyResult  # returned
 from .studies.study_row import StudyRow as StudyRow  # returned
+from .studies.placement import place as place
+from .studies.placement import PlaceOptions as PlaceOptions
+from .studies.placement_result import Placement as Placement  # returned
+from .studies.placement_result import GivenStand as GivenStand  # returned
+from .studies.placement_row import PlacementRow as PlacementRow  # returned
+from .studies.placement_region import Stand as Stand  # returned
 from .studies.comparison import compare as compare
 from .studies.comparison import Comparison as Comparison  # returned
 from .studies.comparison import ComparisonRow as ComparisonRow  # returned
@@ -141,6 +147,7 @@ from .views.study_plots import plot_convergence as plot_convergence
 from .views.study_plots import plot_sweep as plot_sweep
 from .views.field_plot import plot_field_sweep as plot_field_sweep
 from .views.study_figure import plot_study as plot_study
+from .views.placement_map import plot_placement as plot_placement
 from .views.comparison_plot import plot_comparison as plot_comparison
 from .views.execution_plot import plot_execution as plot_execution
 from .views.cycle_execution_plot import plot_cycle_execution as plot_cycle_execution

@@ -36,6 +36,7 @@ from tubeplanner.commands.init_command import init
 from tubeplanner.commands.interrupts import hold_interrupts, interrupts_remembered
 from tubeplanner.commands.links_command import links
 from tubeplanner.commands.measure_command import measure
+from tubeplanner.commands.place_command import place
 from tubeplanner.commands.plan_outputs import PlanOutputs
 from tubeplanner.commands.planned import planned
 from tubeplanner.commands.reproduce_command import reproduce
@@ -217,6 +218,7 @@ for command in (
     compare,
     measure,
     links,
+    place,
     info,
     init,
     teach,

@@ -18,6 +18,7 @@ from tubeplanner.problem.document_kind import require_problem
 from tubeplanner.problem.field_types import Section
 from tubeplanner.problem.merged_fields import merged_fields
 from tubeplanner.problem.path_fields import move_paths
+from tubeplanner.problem.pose_fields import BaseFields
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.problem.problem_fields import changed_problem
 from tubeplanner.problem.problem_format import (
@@ -166,6 +167,35 @@ def with_other_tube(
     values = {key: other[key] for key in _MEASURED if key in other}
     hidden = {key: below[key] for key in _MEASURED if key in below}
     own.update(_alone(values, hidden, TubeFields))
+    return _contents(fields, source.parent, target)
+
+
+def with_placement(
+    source: Path,
+    target: Path,
+    placement: Mapping[str, Any],
+    changes: Mapping[str, Any] | None = None,
+) -> bytes:
+    """Return a problem file's contents with the robot at another place, for another folder.
+
+    Args:
+        source: A valid problem file.
+        target: Where the contents will be; its ending says whether they are JSON or YAML.
+        placement: What the place changes, as a `Placement` has it: `robot.base`, start and goal.
+        changes: Other values of the file, by field path.
+    """
+    fields = read_fields(source, changes)
+    below = ProblemLayers.of(fields, source.parent, str(source)).below
+    for path, value in placement.items():
+        rows = {k: _in_a_row(v) if isinstance(v, list | dict) else v for k, v in value.items()}
+        if path == "robot.base":
+            hidden = (below.get("robot") or {}).get("base")
+            robot = fields.setdefault("robot", CommentedMap())
+            robot["base"] = _alone(_in_a_row(rows), hidden, BaseFields)
+        elif path in fields:
+            fields[path] = _alone(_in_a_row(rows), below.get(path), EndpointFields)
+        else:
+            _insert(fields, path, _alone(_in_a_row(rows), below.get(path), EndpointFields))
     return _contents(fields, source.parent, target)
 
 

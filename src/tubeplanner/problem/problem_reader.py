@@ -132,8 +132,8 @@ def build_problem(
         problem = PlanningProblem(
             robot=robot,
             tube=tube,
-            start=_end("start", fields.start, fields, robot, directory),
-            goal=_end("goal", fields.goal, fields, robot, directory),
+            start=end_of("start", fields.start, fields, robot, directory),
+            goal=end_of("goal", fields.goal, fields, robot, directory),
             **clearances_of(fields.clearance),
             contacts=contacts_of(fields.contacts, segments),
             **(_solids(fields, robot, directory) if like is None else like.solids),
@@ -249,10 +249,10 @@ def _tube_anywhere(fields: ProblemFields, robot: RobotModel, directory: Path) ->
             "clearance.segments belongs to a tube, and one is to be found here; give "
             "clearance.default, and clearance.pairs where it is not the same"
         )
-    start = _tool_at("start", _end("start", fields.start, fields, robot, directory), robot)
+    start = _tool_at("start", end_of("start", fields.start, fields, robot, directory), robot)
     if fields.goal is None:
         raise ProblemError("goal is required: joints, or the position of the tool")
-    goal = _end("goal", fields.goal, fields, robot, directory)
+    goal = end_of("goal", fields.goal, fields, robot, directory)
     if isinstance(goal, Seed | GoalRegion):
         if fields.goal.position is None:
             raise ProblemError("goal.seed belongs to a position; give goal.position or goal.joints")
@@ -277,14 +277,25 @@ def _robustness(fields: RobustnessFields | None) -> Robustness | None:
     return None if fields is None else Robustness(**fields.model_dump())
 
 
-def _end(
+def end_of(
     end: str,
     given: EndpointFields | None,
     fields: ProblemFields,
     robot: RobotModel,
     directory: Path,
 ) -> Any:
-    """Return start or goal as a `PlanningProblem` takes it; None: it is left open."""
+    """Return start or goal as a `PlanningProblem` takes it; None: it is left open.
+
+    Args:
+        end: Which of them: start or goal.
+        given: What the file has for it.
+        fields: All that the file holds.
+        robot: Its arm.
+        directory: Where its relative paths start.
+
+    Raises:
+        ProblemError: It is given in several ways or in none, or what it names is not there.
+    """
     if given is None:
         return None
     if given.position is None and (given.tolerance or given.rotation_tolerance is not None):

@@ -1,0 +1,185 @@
+"""The command that looks for the place of a robot in its cell."""
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from tubeplanner.commands.console import (
+    AS_JSON,
+    INFEASIBLE,
+    PATH,
+    SET,
+    SLACK,
+    SUCCESS,
+    empty_report,
+    nowhere,
+    print_json,
+    require_ending,
+    say,
+    say_unwritten,
+    shown_progress,
+)
+from tubeplanner.commands.workers import processes_option, workers_of
+from tubeplanner.errors import OptionError
+
+if TYPE_CHECKING:
+    from tubeplanner.studies.placement_result import Placement
+
+_NONE = "none"
+
+
+@click.command()
+@click.argument("problem")
+@click.option(
+    "--region",
+    required=True,
+    metavar="X0,X1,Y0,Y1[,Z0,Z1]",
+    help="Where the root link's origin may be, in the cell [m].",
+)
+@click.option(
+    "--stands-on",
+    metavar="NAME",
+    multiple=True,
+    help="An obstacle that links which no joint moves may touch; repeatable; `none` if it stands "
+    "on none of them. Required if there are obstacles.",
+)
+@click.option(
+    "-o",
+    "--output",
+    type=PATH,
+    help="Problem file with the best place; beside it, with .jsonl, the journal.",
+)
+@click.option("--plot", "figure", type=PATH, help="Map of the places (PNG).")
+@click.option(
+    "--quality",
+    default="balanced",
+    show_default=True,
+    help="Of the answer: fast, balanced or best; the search is fast.",
+)
+@click.option(
+    "--points", type=int, default=300, show_default=True, help="About how many places the grid has."
+)
+@processes_option("one per processor")
+@SLACK
+@SET
+@AS_JSON
+def place(
+    problem: str,
+    region: str,
+    stands_on: tuple[str, ...],
+    output: Path | None,
+    figure: Path | None,
+    quality: str,
+    points: int,
+    processes: int | None,
+    slack: float | None,
+    changes: dict[str, Any],
+    as_json: bool,
+) -> int:
+    """Look for the place of PROBLEM's robot, in a region of its cell, where its motion is shortest.
+
+    Tries a grid of places and angles about the vertical, then a pattern search from the five best.
+    The tube and the obstacles stay; start and goal that are joints become seeds. Links that no
+    joint moves are checked against obstacles, but for those that the robot stands on. With -o every
+    answer is kept in a journal: run the same command again, and it goes on.
+    """
+    from tubeplanner.resources import find_problem
+    from tubeplanner.studies.placement import PlaceOptions
+    from tubeplanner.studies.placement import place as search
+
+    options = PlaceOptions(points, quality, slack)
+    bounds, names = _bounds(region), _names(stands_on)
+    source = find_problem(problem, Path())
+    journal = None if output is None else output.with_suffix(".jsonl")
+    _require_usable(source, output, journal, figure)
+    begin = time.perf_counter()
+    with shown_progress() as enter, workers_of(processes) as workers:
+        found = search(
+            problem,
+            bounds,
+            stands_on=names,
+            changes=changes,
+            options=options,
+            executor=workers,
+            journal=journal,
+            progress=enter,
+        )
+    written = _write(found, source, output, figure, changes)
+    if journal is not None:
+        written["journal"] = journal
+    _answer(found, written, time.perf_counter() - begin, as_json)
+    return SUCCESS if found.succeeded else INFEASIBLE
+
+
+def _require_usable(
+    source: Path, output: Path | None, journal: Path | None, figure: Path | None
+) -> None:
+    """Raise unless the files can be written, and are none of those that are read."""
+    from tubeplanner.files.output_files import require_writable
+    from tubeplanner.problem.problem_layers import ProblemLayers
+
+    require_ending(output, "-o", (".yaml", ".yml", ".json"))
+    require_ending(figure, "--plot", (".png",))
+    outputs = [path for path in (output, journal, figure) if path is not None]
+    require_writable(outputs, ProblemLayers.read(source).files)
+
+
+def _answer(
+    found: "Placement", written: dict[str, Path], search_time: float, as_json: bool
+) -> None:
+    """Print what was found and which files were written."""
+    from tubeplanner.commands.place_report import placement_text
+
+    if as_json:
+        status = "success" if found.succeeded else "no_trajectory"
+        planned = {} if found.result is None else found.result.as_dict()
+        report = {**empty_report(status, "", nowhere()), **planned, **found.as_dict()}
+        files = {kind: str(path) for kind, path in written.items()}
+        print_json({**report, "search_time": search_time, "files": files})
+        return
+    say(placement_text(found))
+    for kind, path in written.items():
+        say(f"{kind}: {path}")
+    if not written:
+        say_unwritten("-o BEST.yaml", "--plot")
+
+
+def _bounds(text: str) -> list[float]:
+    try:
+        return [float(word) for word in text.split(",")]
+    except ValueError:
+        raise OptionError(f"--region '{text}' is no list of numbers with commas between") from None
+
+
+def _names(given: tuple[str, ...]) -> tuple[str, ...] | None:
+    """Return names of obstacles; None: nothing is said of them."""
+    if given == (_NONE,):
+        return ()
+    return given or None
+
+
+def _write(
+    found: "Placement",
+    source: Path,
+    output: Path | None,
+    figure: Path | None,
+    changes: dict[str, Any],
+) -> dict[str, Path]:
+    """Write the requested files, or none; return them by what they are."""
+    from tubeplanner.files.output_files import write_files
+    from tubeplanner.files.problem_file import with_placement
+    from tubeplanner.views.figure_files import figure_png
+    from tubeplanner.views.placement_map import plot_placement
+
+    contents: dict[Path, bytes] = {}
+    written = {}
+    if output is not None and found.succeeded:
+        contents[output] = with_placement(source, output, found.changes, changes)
+        written["problem"] = output
+    if figure is not None:
+        contents[figure] = figure_png(plot_placement(found))
+        written["map"] = figure
+    write_files(contents)
+    return written

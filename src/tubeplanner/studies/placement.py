@@ -1,0 +1,219 @@
+"""Where a robot is to stand so that its motion is short: a grid, then a pattern search."""
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
+from functools import partial
+from math import inf
+from pathlib import Path
+from typing import Any
+
+from tubeplanner.errors import OptionError, ProblemError, unknown_name
+from tubeplanner.many.posed_problem import PosedProblem
+from tubeplanner.many.worker_processes import WorkerProcesses
+from tubeplanner.options import require_count
+from tubeplanner.outcome import Infeasible
+from tubeplanner.planning.plan_options import PlanOptions
+from tubeplanner.planning.planner import plan
+from tubeplanner.planning.standing_base import require_base_free
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.progress import StoppedBy
+from tubeplanner.studies.journal import Journal
+from tubeplanner.studies.movable_problem import MovableProblem
+from tubeplanner.studies.pattern_search import pattern_search
+from tubeplanner.studies.placement_region import Region, Stand, StandGrid
+from tubeplanner.studies.placement_result import GivenStand, Placement
+from tubeplanner.studies.placement_row import PlacementRow
+from tubeplanner.studies.placement_trials import PlacementTrials
+
+_STARTS = 5  # of the pattern search
+_HALVINGS = 3
+_MOST_POINTS = 100_000
+
+
+@dataclass(frozen=True)
+class PlaceOptions:
+    """How to look for a place.
+
+    Attributes:
+        points: About how many stands the grid has: eight angles at each place, three heights if
+            they may vary. With 300 the whole search plans about 500 times: some minutes on two
+            processors for an arm that is planned in a second.
+        quality: Of the plans of the problem as given and of the best stand; the search has "fast".
+        slack: Of the same plans; None: what the problem's objective says. The search is for the
+            shortest motion.
+    """
+
+    points: int = 300
+    quality: str = "balanced"
+    slack: float | None = None
+
+    def __post_init__(self) -> None:
+        require_count(self, 1, "points", most=_MOST_POINTS)
+        _ = self.plan_options
+
+    @property
+    def plan_options(self) -> PlanOptions:
+        """How what is answered is planned."""
+        return PlanOptions(quality=self.quality, slack=self.slack)
+
+
+def place(
+    problem: str | Path,
+    region: Sequence[float],
+    *,
+    stands_on: Sequence[str] | None = None,
+    changes: Mapping[str, Any] | None = None,
+    options: PlaceOptions | None = None,
+    executor: Executor | None = None,
+    journal: str | Path | None = None,
+    progress: Callable[[object], None] | None = None,
+) -> Placement:
+    """Look for the place of a robot in its cell at which its motion is shortest.
+
+    The tube and all else stays in the cell. Start and goal that are joints become seeds: the tool
+    is then at the first or last point of the tube. Joint signs stay. Links that no joint moves are
+    checked against obstacles. What is found depends on no clock and on no order of work.
+
+    Args:
+        problem: A path, or `example:ROBOT/NAME` for a bundled problem.
+        region: X0, X1, Y0, Y1 and perhaps Z0, Z1: where the root link's origin may be, in the cell
+            [m]. Without Z0, Z1 the height is as given. About the vertical it may be turned at will.
+        stands_on: Names of obstacles that links which no joint moves may touch; required if there
+            are obstacles: () if it stands on none of them.
+        changes: Of fields of the problem, by path, as for `load_problem`.
+        options: How to look.
+        executor: What plans; None: as many `WorkerProcesses` as there are processors.
+        journal: File in which answers are kept as they come, and looked for first; None: none.
+        progress: Called with what is being done.
+
+    Returns:
+        The best stand and all that were tried; after Ctrl-C, what was found until then.
+
+    Raises:
+        ProblemError: The problem contradicts its format, itself or its robot wherever it stands.
+        RobotError: The robot cannot be planned with.
+        OptionError: The region is none, or an obstacle's name is unknown or missing.
+        OutputError: The journal cannot be used.
+        KeyboardInterrupt: Ctrl-C before the search began.
+    """
+    options, report = options or PlaceOptions(), progress or (lambda what: None)
+    report("loading robot and collision geometry")
+    movable = MovableProblem.of(PosedProblem.read(problem).changed(changes or {}))
+    where = Region.of(region, movable.given.z)
+    loaded = movable.load(movable.given)
+    on = _names(loaded, stands_on)
+    report("planning as given")
+    given = _given(movable, on, options.plan_options)
+    grid = where.grid(options.points, movable.given.yaw)
+    with nullcontext() if journal is None else Journal(Path(journal)) as kept:
+        trials = PlacementTrials(movable, on, kept)
+        stopped_by = _searched(trials, where, grid, movable.given, executor, report)
+    found = Placement(
+        loaded, where, on, grid, trials.rows, given, None, None, {}, trials.restored, stopped_by
+    )
+    if stopped_by is None:  # else the caller may take a report for a place to stop at again
+        report("planning the best")
+    return _answered(found, movable, options.plan_options)
+
+
+def _names(problem: PlanningProblem, given: Sequence[str] | None) -> tuple[str, ...]:
+    """Return the names of the obstacles that the robot stands on, once they are some."""
+    known = [obstacle.name for obstacle in problem.obstacles]
+    if given is None and known:
+        raise OptionError(
+            f"stands_on is required where there are obstacles ({', '.join(known)}): name what the "
+            "robot stands on; --stands-on none, in Python (), if that is none of them"
+        )
+    for name in given or ():
+        if name not in known:
+            raise OptionError(f"stands_on: {unknown_name('obstacle', name, known)}")
+    return tuple(dict.fromkeys(given or ()))
+
+
+def _given(movable: MovableProblem, stands_on: Sequence[str], options: PlanOptions) -> GivenStand:
+    """Return what comes of the problem as it is given."""
+    try:
+        problem = movable.posed.load()
+        assert isinstance(problem, PlanningProblem)
+        require_base_free(problem, stands_on)
+    except (ProblemError, Infeasible) as error:
+        return GivenStand(movable.given, None, str(error).removeprefix(f"{movable.posed.name}: "))
+    result = plan(problem, options)
+    return GivenStand(movable.given, result, result.message)
+
+
+def _searched(
+    trials: PlacementTrials,
+    region: Region,
+    grid: StandGrid,
+    given: Stand,
+    executor: Executor | None,
+    report: Callable[[object], None],
+) -> StoppedBy | None:
+    """Try the grid, where the robot stands as given, and what a pattern search leads to.
+
+    Returns:
+        "interrupt" if Ctrl-C ended it; None otherwise.
+    """
+    stands = [*grid.stands, *[region.nearest(given)] * region.holds(given)]
+    try:
+        # Inside: Ctrl-C goes through it, which ends the processes.
+        with WorkerProcesses() if executor is None else nullcontext(executor) as workers:
+
+            def rows_of(stands: Sequence[Stand], stage: str) -> list[PlacementRow]:
+                return trials.of(
+                    stands, workers, lambda k, n: report(f"{stage}: {k} of {n} stands")
+                )
+
+            starts = _starts(rows_of(stands, "grid"))
+            pattern_search(
+                [(row.stand, _value(row)) for row in starts],
+                partial(_neighbours, region, grid),
+                lambda stands: [_value(row) for row in rows_of(stands, "pattern search")],
+                _HALVINGS,
+            )
+    except KeyboardInterrupt:
+        return "interrupt"
+    return None
+
+
+def _starts(rows: Sequence[PlacementRow]) -> list[PlacementRow]:
+    """Return the rows to go on from: the best, first those of different places.
+
+    Arms that turn about the vertical themselves are as good at one place at nearly every angle.
+    """
+    best = _feasible(rows)
+    first = {row.stand[:3]: row for row in reversed(best)}
+    return sorted(best, key=lambda row: first[row.stand[:3]] is not row)[:_STARTS]
+
+
+def _neighbours(region: Region, grid: StandGrid, stand: Stand, share: float) -> list[Stand]:
+    """Return the stands beside one, half a cell of the grid times a share away, in the region."""
+    found = []
+    for k, side in enumerate(grid.spacing):
+        for step in (share * side / 2, -share * side / 2):
+            moved = Stand(*(value + step * (j == k) for j, value in enumerate(stand)))
+            found.append(region.nearest(moved))
+    return [each for each in dict.fromkeys(found) if each != stand]
+
+
+def _answered(found: Placement, movable: MovableProblem, options: PlanOptions) -> Placement:
+    """Return a placement with the best of its rows, planned; the next ones where that fails."""
+    for row in _feasible(found.rows)[:_STARTS]:
+        problem = movable.load(row.stand, row.seeds)
+        result = plan(problem, options)
+        if result.succeeded:
+            changes = movable.changes(row.stand, row.seeds)
+            return replace(found, problem=problem, best=row, result=result, changes=changes)
+    return found
+
+
+def _feasible(rows: Sequence[PlacementRow]) -> list[PlacementRow]:
+    """Return the rows that have a motion, the shortest first."""
+    return sorted((row for row in dict.fromkeys(rows) if row.is_feasible), key=_value)
+
+
+def _value(row: PlacementRow) -> float:
+    return inf if row.duration is None else row.duration
