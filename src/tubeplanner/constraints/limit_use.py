@@ -115,10 +115,9 @@ def _position_uses(problem: PlanningProblem, q: FloatArray, segment: IntArray) -
     bounded = np.flatnonzero((np.isfinite(lower) | np.isfinite(upper)).any(axis=0))
     low = np.where(np.isfinite(lower), lower, 2 * q.min(axis=0) - upper)
     high = np.where(np.isfinite(upper), upper, 2 * q.max(axis=0) - lower)
-    width = high - low
-    share = np.where(width > 0, 0.0, 1.0)  # in a range without width a joint is at its end
-    known = np.isfinite(width) & (width > 0)
-    share[known] = (abs(2 * q - low - high) / width)[known]
+    share = np.where(high > low, 0.0, 1.0)  # in a range without width a joint is at its end
+    wide = (high > low) & np.isfinite(low) & np.isfinite(high)
+    share[wide] = abs(2 * q[wide] - low[wide] - high[wide]) / (high[wide] - low[wide])
     names = problem.robot.joint_names
     return [LimitUse(POSITION, names[j], share[:, j], j) for j in bounded.tolist()]
 
@@ -159,7 +158,9 @@ def _shares(used: SpeedPolynomial, signs: tuple[float, ...]) -> FloatArray:
     most: FloatArray = np.max([sign * value for sign in signs], axis=0)
     if used.allowed is None:
         return np.maximum(most, 0.0)
-    asked = np.maximum(most - 1 + used.allowed, 0.0)
+    # What a limit lacks is in the terms, unless it asks nothing of that direction.
+    lack = np.where(used.terms[0] == 0, 0.0, 1 - used.allowed)
+    asked = np.maximum(most - lack, 0.0)
     share = np.where(asked > 0, np.inf, 0.0)
     np.divide(asked, used.allowed, out=share, where=used.allowed > 0)
     return share
