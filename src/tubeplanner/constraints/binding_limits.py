@@ -19,7 +19,8 @@ from tubeplanner.constraints.limit_use import (
 TOOL, LINKS = "tool", "links"
 NONE = -1
 # From this share on a limit binds; of a joint's range nearer to its end: two turns are long.
-_BINDS, _BINDS_IN_RANGE = 0.98, 0.998
+_BINDS = 0.98
+_BINDS_IN_RANGE = 0.998
 # Solids this much farther apart than they must be use nothing of that limit [m], so that they are
 # in each other's way where a millimetre is left.
 _FAR = 0.05

@@ -15,7 +15,8 @@ from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 
 # As the certificate calls them.
-OBSTACLES, SELF_COLLISION = "obstacles", "self_collision"
+OBSTACLES = "obstacles"
+SELF_COLLISION = "self_collision"
 
 
 @dataclass(frozen=True, eq=False)

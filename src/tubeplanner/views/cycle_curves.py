@@ -11,6 +11,7 @@ from tubeplanner.cycle.cycle_motion import CycleMotion
 from tubeplanner.errors import ProblemError
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.robot.robot_model import RobotModel
+from tubeplanner.views.binding_strip import LimitedMotion, limited_motion
 from tubeplanner.views.panels import TrajectoryCurves, trajectory_curves
 
 
@@ -27,6 +28,14 @@ def cycle_curves(cycle: Cycle, motion: CycleMotion) -> list[TrajectoryCurves]:
     for k, leg in enumerate(legs):
         found += [*_rest_curves(cycle, motion, k, leg, 0), leg]
     return [*found, *_rest_curves(cycle, motion, len(legs), legs[-1], -1)]
+
+
+def limited_motions(cycle: Cycle, motion: CycleMotion) -> list[LimitedMotion]:
+    """Return what there is to say of the limits of all legs, in order."""
+    return [
+        limited_motion(_problem(cycle, motion, k), leg, begin)
+        for k, (leg, (begin, _)) in enumerate(zip(motion.legs, motion.leg_times, strict=True))
+    ]
 
 
 def _problem(cycle: Cycle, motion: CycleMotion, k: int) -> PlanningProblem:
@@ -83,13 +92,13 @@ def _held_curves(
             velocity=still,
             acceleration=still,
         ),
+        jerk=still,
         effort=arm.gravity_effort(given.position[rows]),
         effort_rate=None if beside.effort_rate is None else still,
         tool=beside.tool[rows],
         speed=np.zeros(2),
         speed_limit=beside.speed_limit[rows],
         points=np.zeros_like(beside.points[rows]),
-        factor=beside.factor[rows],
         segment=beside.segment[rows],
         tube_use=beside.tube_use[rows],
         rotation_use=None if beside.rotation_use is None else beside.rotation_use[rows],
