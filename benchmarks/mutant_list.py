@@ -1374,7 +1374,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("pairs[column]) - required[row, column]\n    while", "pairs[column])\n    while"),
         ("found.distance - required[row, column]", "found.distance"),
         ("closer < least[row]", "closer < 0.5 * least[row]"),
-        ("np.lexsort([closer, row])", "np.lexsort([-closer, row])", "slower, not wrong"),
+        ("np.lexsort([closer, row])", "np.lexsort([-closer, row])", "only slower"),
         ("column[first[nearer]]", "column[first][0]"),
         ("closer[first] = np.inf", "closer[:] = np.inf"),
     ],

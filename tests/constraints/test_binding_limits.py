@@ -9,7 +9,7 @@ from cases import anywhere, rest_to_rest
 from tubeplanner import JointTrajectory, LimitOverrides, PointSpeed, load_robot
 from tubeplanner.constraints.binding_limits import binding_rows, bound_share, clearance_use
 from tubeplanner.constraints.closest_pairs import ClosestPairs
-from tubeplanner.constraints.limit_use import limit_uses
+from tubeplanner.constraints.limit_use import LimitUse, limit_uses
 
 EFFORT, MASS = 10.0, 2.0  # of the slider on its rail [N], [kg]
 
@@ -111,6 +111,17 @@ def test_of_several_that_bind_the_most_used_is_shown(slider):
     ]
     (*_, links), _ = rows_of(slider, trajectory, closest)
     assert [span.kind for span in links.spans] == ["self_collision", "obstacles"]
+
+
+def test_what_does_not_bind_is_not_shown_though_more_of_it_is_used(slider):
+    """99 % of a range leave much of it; 98.5 % of an effort do not."""
+    trajectory, _ = bang_bang()
+    uses = limit_uses(slider, trajectory)
+    count = len(uses.samples.time)
+    given = {"position": 0.99, "effort": 0.985}
+    own = tuple(LimitUse(kind, "slide", np.full(count, x), 0) for kind, x in given.items())
+    (slide,) = binding_rows(["slide"], replace(uses, uses=own), ())
+    assert [span.kind for span in slide.spans] == ["effort"]
 
 
 def test_a_required_distance_is_used_from_five_centimetres_on():

@@ -42,6 +42,23 @@ def test_they_are_the_closest_of_all(name, clearance, stored):
     )
 
 
+def test_wherever_the_arm_is_they_are_the_closest(bundled):
+    problem, random = bundled("panda/between_shelves"), np.random.default_rng(3)
+    lower, upper = problem.robot.limits.lower_position, problem.robot.limits.upper_position
+    ends = random.uniform(lower, upper, (2, len(lower)))
+    motion = rest_to_rest(problem.robot.joint_names, *ends, 1.0)
+    time = np.linspace(0, 1, 80)
+    checker, poses = problem.collision, problem.robot.body_poses(motion.position(time))
+    for found, pairs in zip(
+        closest_pairs(problem, motion, time),
+        (checker.obstacle_pairs, checker.link_pairs),
+        strict=True,
+    ):
+        every = [checker.distances(*each, pairs).min() for each in zip(*poses, strict=True)]
+        expected = np.array(every) - found.distance + found.margin
+        np.testing.assert_allclose(found.margin, expected, atol=1e-9)
+
+
 @pytest.fixture
 def ball(tmp_path):
     """A ball on an arm that turns from the x-axis to the y-axis, between two others."""

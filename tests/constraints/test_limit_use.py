@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 
 from cases import INERTIA, anywhere, limited_tool, one_joint, quintic, rest_to_rest, with_motors
-from tubeplanner import JointTrajectory, LimitOverrides, PointSpeed, load_robot, verify
+from tubeplanner import (
+    JointTrajectory,
+    LimitOverrides,
+    PlanningProblem,
+    PointSpeed,
+    Tube,
+    load_robot,
+    verify,
+)
 from tubeplanner.constraints.limit_use import limit_uses
 from tubeplanner.robot.effort_range import EffortRange
 from tubeplanner.robot.velocity_by_position import VelocityByPosition
@@ -115,6 +123,24 @@ def test_friction_is_that_of_the_direction_in_which_a_joint_leaves(tmp_path):
     np.testing.assert_allclose(only(uses, "effort").share[[0, -1]], 2 / 5, atol=1e-9)
     back = limit_uses(anywhere(robot), quintic(-1.0), 5)
     np.testing.assert_allclose(only(back, "effort").share[[0, -1]], 1 / 5, atol=1e-9)
+
+
+def test_friction_turns_where_a_joint_does_inside_a_piece(tmp_path):
+    """It turns back at 0.7 s, between the samples at 0.5 and 0.75 s."""
+    robot = with_motors(one_joint(tmp_path), backwards_friction=1.0, forwards_friction=2.0)
+    trajectory = JointTrajectory(["turn"], [0, 1.0], np.array([[-0.5], [0.7], [0.0]])[:, None])
+    effort = only(limit_uses(anywhere(robot), trajectory, 5), "effort").share
+    forwards, backwards = 2.0 - INERTIA, 1.0 + INERTIA
+    np.testing.assert_allclose(effort * 5, [forwards] * 3 + [backwards] * 2, atol=1e-9)
+
+
+def test_in_a_range_without_width_a_joint_is_at_its_end(tmp_path):
+    robot = one_joint(tmp_path)
+    tool = robot.tool_position(np.zeros((1, 1)))[0]
+    tube = Tube([tool, [5.0, 0.0, 0.0]], 9.0, joint_signs={"turn": [0.0, 0.0]})
+    problem = PlanningProblem(robot, tube, np.zeros(1), self_collision=False)
+    still = JointTrajectory(["turn"], [0, 1.0], np.zeros((2, 1, 1)))
+    assert (only(limit_uses(problem, still), "position").share == 1).all()
 
 
 def test_the_speed_of_the_tool_is_that_of_its_segment():

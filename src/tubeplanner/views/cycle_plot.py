@@ -11,6 +11,7 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.cycle.cycle import Cycle
 from tubeplanner.cycle.cycle_motion import CycleMotion
 from tubeplanner.cycle.steps import Attach
+from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.views.binding_strip import binding_strip
 from tubeplanner.views.clearance_panel import draw_clearance
@@ -71,7 +72,7 @@ def plot_cycle(cycle: Cycle, motion: CycleMotion, path: str | Path | None = None
         _mark_moves(axis, timeline, duration, names=axis is grid.strip)
     grid.name_time()
     _name_steps(grid.panels[draws.index(draw_speed)], timeline, duration)
-    _draw_space(grid.space, cycle, motion, runs)
+    _draw_space(grid.space, cycle, motion, runs, [each.problem for each in motions])
     return saved(grid.figure, path)
 
 
@@ -134,24 +135,35 @@ def shown_name(name: str, letters: int) -> str:
 
 
 def _draw_space(
-    axis: "Axes", cycle: Cycle, motion: CycleMotion, runs: Sequence[TrajectoryCurves]
+    axis: "Axes",
+    cycle: Cycle,
+    motion: CycleMotion,
+    runs: Sequence[TrajectoryCurves],
+    problems: Sequence[PlanningProblem],
 ) -> None:
     """Draw tubes in the colours of their moves, what stands there at first, the arm at seams."""
     moves = [move for leg in cycle.legs for move in leg.moves]
     tubes = [(move.tube, segment_color(k)) for k, move in enumerate(moves)]
     handed_over = {step.name for step in cycle.steps if isinstance(step, Attach)}
     path = np.vstack([run.tool for run in runs])
-    problem = runs[0].problem
-    seams = _far_apart(problem.robot, np.array(motion.seams))
-    draw_space(axis, SpaceContent(problem, seams, 0, path, tubes, cycle.obstacles, handed_over))
+    seams = np.array(motion.seams)
+    shown = _far_apart(cycle.robot, seams)
+    # At a seam the arm has what it carries afterwards; at the end, what it carried there.
+    carried = [problems[min(k, len(problems) - 1)].attached for k in shown]
+    draw_space(
+        axis,
+        SpaceContent(
+            cycle.robot, seams[shown], carried, 0, path, tubes, cycle.obstacles, handed_over
+        ),
+    )
 
 
-def _far_apart(robot: RobotModel, q: FloatArray) -> FloatArray:
-    """Return a few of configurations (N, n), their tools far apart: the first one first."""
+def _far_apart(robot: RobotModel, q: FloatArray) -> list[int]:
+    """Return which of configurations (N, n) are a few with the tool far apart, the first first."""
     tool, chosen = robot.tool_position(q), [0]
     while len(chosen) < _MAX_POSES:
         away = np.linalg.norm(tool[:, None] - tool[chosen], axis=2).min(axis=1)
         if away.max() < _SAME_PLACE:
             break
         chosen.append(int(away.argmax()))
-    return q[chosen]
+    return chosen

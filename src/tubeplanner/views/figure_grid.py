@@ -53,9 +53,10 @@ def figure_grid(strip_rows: int, panels: int, *, has_motors: bool) -> FigureGrid
     heights += [_MOTORS] * has_motors
     figure = new_figure(_WIDTH, sum(heights))
     parts = figure.subfigures(len(heights), 1, squeeze=False, height_ratios=heights)[:, 0]
+    strip = parts[0].add_subplot()
     grid = parts[1].add_gridspec(rows, 2, width_ratios=(1.1, 1))
     beside = panels - rows
     places = [(row, 0) for row in range(rows)] + [(row, 1) for row in range(rows - beside, rows)]
     axes = [parts[1].add_subplot(grid[place]) for place in places]
     space = parts[1].add_subplot(grid[: rows - beside, 1])
-    return FigureGrid(figure, parts[0].add_subplot(), axes, space, parts[2] if has_motors else None)
+    return FigureGrid(figure, strip, axes, space, parts[2] if has_motors else None)

@@ -61,8 +61,9 @@ def plot_trajectory(
         mark_segments(axis, curves)
     grid.name_time()
     ends = curves.samples.position[[0, -1]]
-    tubes = [(problem.tube, None)]
-    draw_space(grid.space, SpaceContent(problem, ends, 1, curves.tool, tubes, problem.obstacles))
+    carried, tubes = [problem.attached] * 2, [(problem.tube, None)]
+    content = SpaceContent(problem.robot, ends, carried, 1, curves.tool, tubes, problem.obstacles)
+    draw_space(grid.space, content)
     if grid.motors is not None:
         draw_motors(grid.motors, curves, motors)
     return saved(grid.figure, path)

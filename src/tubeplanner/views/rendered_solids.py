@@ -6,6 +6,7 @@ the sides towards the viewer, over what is behind them: each is as dark as it is
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
@@ -23,6 +24,10 @@ _NO_AREA = 1e-9  # [pixels^2]
 _TIE = 1e-3  # [pixels]
 _DIGITS = 9  # of a corner's coordinates [m]
 _AT_ONCE = 2_000_000  # pixels of triangles, so that memory suffices
+
+
+# Pixels that triangles are in: indices (P,), how near they are there (P,), and colours (P, 4).
+_Fragments: TypeAlias = tuple[IntArray, FloatArray, FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,11 +97,11 @@ def rendered(solids: Sequence[RenderedSolid], view: SpaceView) -> Picture:
             np.maximum.at(nearest, place, near)
             is_seen = near >= nearest[place]
             pixels[place[is_seen]] = color[is_seen]
-    found = [each for part in through for each in _fragments(part, width, height)]
-    kept = [
-        [each[near > nearest[place]] for each in (place, near, color)]
-        for place, near, color in found
-    ]
+    kept = []
+    for part in through:
+        place, near, color = _nearest(_fragments(part, width, height))
+        is_seen = near > nearest[place]
+        kept.append((place[is_seen], near[is_seen], color[is_seen]))
     if kept:
         place, near, color = (np.concatenate(rows) for rows in zip(*kept, strict=True))
         _lay_over(pixels, place, near, color)
@@ -156,9 +161,7 @@ def _in_pixels(points: FloatArray, view: SpaceView, low: FloatArray, pixel: floa
     return placed
 
 
-def _fragments(
-    triangles: _Triangles, width: int, height: int
-) -> list[tuple[IntArray, FloatArray, FloatArray]]:
+def _fragments(triangles: _Triangles, width: int, height: int) -> list[_Fragments]:
     """Return the pixels in which triangles are: indices, how near, and colours, part by part."""
     corners = triangles.corners
     if len(corners) == 0:
@@ -183,6 +186,16 @@ def _fragments(
         place = (y * width + x)[inside]
         found.append((place, value[inside, 2], triangles.colors[owner[inside]]))
     return found
+
+
+def _nearest(fragments: Sequence[_Fragments]) -> _Fragments:
+    """Return the nearest fragment of every pixel: where triangles meet it is in both."""
+    place = np.concatenate([np.zeros(0, dtype=np.int64), *(each[0] for each in fragments)])
+    near = np.concatenate([np.zeros(0), *(each[1] for each in fragments)])
+    color = np.vstack([np.zeros((0, 4)), *(each[2] for each in fragments)])
+    order = np.lexsort([near, place])
+    last = order[np.flatnonzero(np.diff(place[order], append=-1))]
+    return place[last], near[last], color[last]
 
 
 def _planes(corners: FloatArray) -> FloatArray:

@@ -8,8 +8,8 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.collision.convex_shape import convex_hull
-from tubeplanner.collision.obstacle import Obstacle
-from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.collision.obstacle import AttachedSolid, Obstacle
+from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.tube.tube import Tube
 from tubeplanner.views.palette import (
     ARM_COLOR,
@@ -40,8 +40,9 @@ class SpaceContent:
     """What the panel shows.
 
     Attributes:
-        problem: Whose arm it is, with what it carries.
-        q: Configurations in which the arm is drawn, shape (N, n).
+        robot: The arm.
+        q: Configurations in which it is drawn, shape (N, n).
+        carried: What it carries in each.
         strong: Which of them is drawn in full colour.
         path: Of the tool, shape (M, 3) [m].
         tubes: Tubes, and the colour of each; None: those of its segments.
@@ -49,8 +50,9 @@ class SpaceContent:
         handed_over: Names of those that the arm takes.
     """
 
-    problem: PlanningProblem
+    robot: RobotModel
     q: FloatArray
+    carried: Sequence[Sequence[AttachedSolid]]
     strong: int
     path: FloatArray
     tubes: Sequence[tuple[Tube, str | None]]
@@ -60,8 +62,7 @@ class SpaceContent:
 
 def draw_space(axis: "Axes", content: SpaceContent) -> None:
     """Draw all of it, from where the path is seen well; what is flat from above."""
-    problem = content.problem
-    arm = arm_solids(problem.robot, problem.attached, content.q, content.strong)
+    arm = arm_solids(content.robot, content.q, content.carried, content.strong)
     tubes: list[RenderedSolid] = []
     for tube, color in content.tubes:
         colors = None if color is None else [color] * len(tube_solids(tube))
@@ -129,6 +130,8 @@ def _draw_legend(axis: "Axes", content: SpaceContent, solids: Sequence[RenderedS
         OBSTACLE_COLOR: "obstacles",
     }
     drawn = {tuple(solid.color) for solid in solids}
+    if any(content.carried):
+        drawn.add(tuple(rgb(CARRIED_COLOR)))
     handles += [
         Patch(color=color, label=name)
         for color, name in names.items()

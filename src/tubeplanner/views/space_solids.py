@@ -36,24 +36,30 @@ _FIRST_LINK = 1e-9  # how far a link is from its body's frame that the joint its
 
 
 def arm_solids(
-    robot: RobotModel, attached: Sequence[AttachedSolid], q: FloatArray, strong: int
+    robot: RobotModel, q: FloatArray, carried: Sequence[Sequence[AttachedSolid]], strong: int
 ) -> list[RenderedSolid]:
-    """Return the arm and what it carries in some configurations (N, n), one of them strong.
+    """Return the arm in some configurations, all but one of them pale.
 
-    What does not move is there once.
+    Args:
+        robot: The arm.
+        q: The configurations, shape (N, n).
+        carried: What it carries in each.
+        strong: Which of them is not pale; what does not move is there once, with that.
     """
     parts, _ = link_parts(robot, _MAX_FACES // len(q))
-    solids = [
+    links = [
         (part.body, part.surface, GRIPPER_COLOR if _is_gripper(robot, part.link) else ARM_COLOR)
         for part in parts
     ]
-    carried = carried_surfaces(robot, attached)
-    solids += [(body, surface, CARRIED_COLOR) for body, _, surface in carried]
     rotation, position = robot.body_poses(q)
     found = []
     for k in [*(k for k in range(len(q)) if k != strong), strong]:
         pale = 0.0 if k == strong else _PALE
-        for body, surface, color in solids:
+        held = [
+            (body, surface, CARRIED_COLOR)
+            for body, _, surface in carried_surfaces(robot, carried[k])
+        ]
+        for body, surface, color in [*links, *held]:
             if body == 0 and k != strong:
                 continue
             placement = np.eye(4)
