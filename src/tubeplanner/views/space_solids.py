@@ -72,16 +72,36 @@ def arm_solids(
 def obstacle_solids(
     obstacles: Iterable[Obstacle], handed_over: Collection[str], low: FloatArray, high: FloatArray
 ) -> list[RenderedSolid]:
-    """Return what stands still, as far as it is in a box: what is handed over in its own colour."""
+    """Return what stands still in a box, or reaches into it; what is handed over in its own colour.
+
+    What is larger than the box is cut, at its sides or where the last of the others ends.
+
+    Args:
+        obstacles: What stands still.
+        handed_over: Names of those that the arm takes.
+        low: Least corner of the box, shape (3,) [m].
+        high: The opposite one.
+    """
+    surfaces = [(each.name, joined(map(shape_surface, each.shapes))) for each in obstacles]
+    near = [
+        (name, surface)
+        for name, surface in surfaces
+        if (surface.vertices.min(axis=0) < high).all()
+        and (surface.vertices.max(axis=0) > low).all()
+    ]
+    size = float((high - low).max())
+    for _, surface in near:
+        if np.ptp(surface.vertices, axis=0).max() <= size:
+            low = np.minimum(low, surface.vertices.min(axis=0))
+            high = np.maximum(high, surface.vertices.max(axis=0))
     found = []
-    for obstacle in obstacles:
-        is_part = obstacle.name in handed_over
+    for name, surface in near:
+        is_part = name in handed_over
         color = rgb(CARRIED_COLOR if is_part else OBSTACLE_COLOR)
         alpha = 1.0 if is_part else _OBSTACLE_ALPHA
-        for shape in obstacle.shapes:
-            surface = _within(shape_surface(shape), low, high)
-            if len(surface.faces):
-                found.append(RenderedSolid(surface, color, alpha, has_edges=shape.radius == 0))
+        shown = _within(surface, low, high)
+        if len(shown.faces):
+            found.append(RenderedSolid(shown, color, alpha, has_edges=True))
     return found
 
 
