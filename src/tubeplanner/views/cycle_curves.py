@@ -13,6 +13,7 @@ from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.views.binding_strip import LimitedMotion, limited_motion
 from tubeplanner.views.panels import TrajectoryCurves, trajectory_curves
+from tubeplanner.views.stretch import Stretch
 
 
 def cycle_curves(cycle: Cycle, motion: CycleMotion) -> list[TrajectoryCurves]:
@@ -21,8 +22,8 @@ def cycle_curves(cycle: Cycle, motion: CycleMotion) -> list[TrajectoryCurves]:
     Each has the arm as it is then, with what it carries.
     """
     legs = [
-        _later(trajectory_curves(_problem(cycle, motion, k), leg), begin)
-        for k, (leg, (begin, _)) in enumerate(zip(motion.legs, motion.leg_times, strict=True))
+        _later(trajectory_curves(stretch.problem, stretch.trajectory), stretch.begin)
+        for stretch in cycle_stretches(cycle, motion)
     ]
     found: list[TrajectoryCurves] = []
     for k, leg in enumerate(legs):
@@ -33,9 +34,17 @@ def cycle_curves(cycle: Cycle, motion: CycleMotion) -> list[TrajectoryCurves]:
 def limited_motions(cycle: Cycle, motion: CycleMotion) -> list[LimitedMotion]:
     """Return what there is to say of the limits of all legs, in order."""
     return [
-        limited_motion(_problem(cycle, motion, k), leg, begin)
-        for k, (leg, (begin, _)) in enumerate(zip(motion.legs, motion.leg_times, strict=True))
+        limited_motion(stretch.problem, stretch.trajectory, stretch.begin)
+        for stretch in cycle_stretches(cycle, motion)
     ]
+
+
+def cycle_stretches(cycle: Cycle, motion: CycleMotion) -> tuple[Stretch, ...]:
+    """Return the legs of a motion, each under its problem."""
+    legs = zip(motion.legs, motion.leg_times, strict=True)
+    return tuple(
+        Stretch(_problem(cycle, motion, k), leg, begin) for k, (leg, (begin, _)) in enumerate(legs)
+    )
 
 
 def _problem(cycle: Cycle, motion: CycleMotion, k: int) -> PlanningProblem:

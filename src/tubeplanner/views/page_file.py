@@ -11,7 +11,10 @@ from typing import Any
 
 _FOLDER = Path(__file__).with_name("page")
 # In the order in which they build on each other.
-_SCRIPTS = ("elements", "legend", "camera", "names", "timeline", "time", "start")
+_SCRIPTS = (
+    *("elements", "legend", "camera", "views", "overlay", "depth", "ghosts", "names", "closest"),
+    *("hover", "record", "timeline", "curves", "time", "start"),
+)
 
 
 def page_html(title: str, panel: Mapping[str, Any], commands: Iterable[Mapping[str, Any]]) -> str:
@@ -27,7 +30,7 @@ def page_html(title: str, panel: Mapping[str, Any], commands: Iterable[Mapping[s
 
     packed = b"".join(
         len(one).to_bytes(4, "little") + one
-        for one in (umsgpack.packb(command) for command in commands)
+        for one in (umsgpack.packb(command, force_float_precision="single") for command in commands)
     )
     engine = Path(meshcat.__file__).parent / "viewer" / "dist" / "main.min.js"
     licence = engine.with_name("main.min.js.LICENSE.txt")

@@ -48,6 +48,10 @@ BINDING_STYLES = {
     "self_collision": BindingStyle("#777777", "xxxx", "white"),
 }
 OTHER_BINDING = BindingStyle("#BBBBBB", "++++", "black")
+CLOSEST_COLOR = "#C1121F"
+AXIS_COLORS = ("#D1242F", "#2DA44E", "#0969DA")  # x red, y green, z blue, as everywhere
+CONE_COLOR = "#E69F00"
+START_COLOR, END_COLOR = "#009E73", "#D55E00"  # of the arm there
 # From slow to fast: dark to light, so that it also reads without any colour (viridis).
 SPEED_COLORS = (
     *("#440154", "#472D7B", "#3B528B", "#2C728E", "#21918C"),

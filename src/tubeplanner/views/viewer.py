@@ -40,7 +40,8 @@ _RENDER_ORDER = {
     Layer.TOOL: 4,
     Layer.EXECUTED: 5,
     Layer.CARRIED: 6,
-    Layer.SWEPT: 8,
+    Layer.ROTATION: 7,
+    Layer.SWEPT: 9,
 }
 _FLOOR_COLOR = 0xC3CAD4
 _LIGHT_DISTANCE = 50.0  # [m]
@@ -260,11 +261,6 @@ def _add_item(root: Any, item: Item) -> None:
         depthWrite=solid,
         transparent=item.layer in _RENDER_ORDER,
     )
-    if item.layer is Layer.SWEPT:
-        # Its front alone is wanted: first its depth is drawn, then what is at that depth.
-        depth = geometry.MeshLambertMaterial(transparent=True, colorWrite=False, side=_FRONT_SIDE)
-        node["depth"].set_object(shape, depth)
-        node["depth/<object>"].set_property("renderOrder", _RENDER_ORDER[item.layer] - 1)
     node.set_object(shape, material)
     if item.layer in _RENDER_ORDER:
         node["<object>"].set_property("renderOrder", _RENDER_ORDER[item.layer])

@@ -1,5 +1,6 @@
 // Where to look from.
 const FIELD_OF_VIEW = 36, MARGIN = 1.06;  // degrees, -
+let lookedFrom = data.direction;
 
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const plus = (a, b, s) => [a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]];
@@ -8,26 +9,34 @@ const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2],
 const upright = ([x, y, z]) => [x, z, -y];  // the viewer's own frame has y up
 const unit = (a) => plus([0, 0, 0], a, 1 / Math.hypot(...a));
 
-function belowAll() {  // the height that the controls take [px]
-  if (!data.timelines.length) return data.duration > 0 ? (window.innerWidth > 640 ? 62 : 100) : 8;
-  const taken = byId("controls").offsetHeight, wide = window.innerWidth > 640;
-  byId("panel").style.maxHeight = wide ? `calc(100% - ${taken + 36}px)` : "";
-  return taken + 16;
+function covered() {  // what panel, tools and controls take of the window [px]
+  const below = byId("controls").offsetHeight, open = byId("panel").classList.contains("open");
+  byId("panel").style.maxHeight =
+    `calc(100% - ${byId("panel").offsetTop + below + 24}px)`;
+  return {
+    left: open && isWide() ? byId("panel").offsetWidth + 18 : 0,
+    above: byId("tools").offsetTop + byId("tools").offsetHeight + (data.labels ? 26 : 4),
+    below: below + 16,
+  };
 }
 
-function lookAtAll() {
-  const width = window.innerWidth, height = window.innerHeight, wide = width > 640;
-  const left = wide ? 264 : 0;
-  const above = data.labels ? 26 : 4, below = belowAll();
+function outlineShown() {  // of one motion, if all stand in one place
+  const count = data.outline.length / (isOverlaid ? data.trajectories.length : 1);
+  return data.outline.slice(0, count);
+}
+
+function lookAtAll(from) {
+  lookedFrom = from;
+  const width = window.innerWidth, height = window.innerHeight;
+  const {left, above, below} = covered(), outline = outlineShown();
   const tall = Math.tan(FIELD_OF_VIEW / 2 * Math.PI / 180);
   const vertical = tall * Math.max(0.2, (height - above - below) / height);
   const horizontal = tall * Math.max(0.2, (width - left - 8) / height);
-  const back = data.direction, right = unit(cross([0, 0, 1], back)), up = cross(back, right);
-  let target = data.outline.reduce((sum, point) => plus(sum, point, 1 / data.outline.length),
-                                   [0, 0, 0]);
+  const back = unit(from), right = unit(cross([0, 0, 1], back)), up = cross(back, right);
+  let target = outline.reduce((sum, point) => plus(sum, point, 1 / outline.length), [0, 0, 0]);
   let distance = 1;
   for (let round = 0; round < 12; round++) {
-    const seen = data.outline.map((point) => {
+    const seen = outline.map((point) => {
       const offset = plus(point, target, -1);
       return [dot(offset, right), dot(offset, up), dot(offset, back)];
     });

@@ -6,35 +6,51 @@ async function inflated(text) {
   return new Uint8Array(await new Response(stream).arrayBuffer());
 }
 
-async function start() {
-  fillPanel();
-  const commands = await inflated(byId("scene").textContent);
-  viewer = new MeshCat.Viewer(byId("pane"));
-  viewer.gui.domElement.style.display = "none";
+function build(commands) {
   const lengths = new DataView(commands.buffer);
   for (let i = 0; i < commands.length;) {
     const length = lengths.getUint32(i, true);
     viewer.handle_command_bytearray(commands.slice(i + 4, i + 4 + length));
     i += 4 + length;
   }
-  data.layers.forEach((layer) => show(layer.name, layer.visible));
-  (data.labels || []).forEach(({text, point}) => {
-    const label = element("div", "label", text);
-    byId("labels").append(label);
-    labels.push([label, point]);
-  });
+}
+
+function addMotion() {
   const asked = /[#&]t=([0-9.]+)/.exec(location.hash);  // page.html#t=0.25 stands still there
-  if (data.duration > 0) {
-    addControls();
-    viewer.animator.play();  // makes its actions count; time is kept here
-    viewer.animator.pause();
-    setTime(asked ? Number(asked[1]) : 0);
-    setPlaying(!asked);
-  }
+  addControls();
+  viewer.animator.play();  // makes its actions count; time is kept here
+  viewer.animator.pause();
+  addGhosts();
+  addClosest();
+  setTab(tab);
+  setTime(asked ? Number(asked[1]) : 0);
+  setPlaying(!asked);
+}
+
+async function start() {
+  fillPanel();
+  setPanel(isWide());
+  const commands = await inflated(byId("scene").textContent);
+  viewer = new MeshCat.Viewer(byId("pane"));
+  viewer.gui.domElement.style.display = "none";
+  build(commands);
+  addDepth(objectAt("swept"));
+  addLabels();
+  addViews();
+  addOverlay();
+  addRecording();
+  if (data.duration > 0) addMotion();
+  data.layers.forEach((layer) => show(layer.name, layer.visible));
+  addHover();
   viewer.set_3d_pane_size();
-  lookAtAll();
-  window.addEventListener("resize", () => { viewer.set_3d_pane_size(); lookAtAll(); });
-  requestAnimationFrame(() => { lookAtAll(); requestAnimationFrame(tick); });
+  if (data.duration > 0) setCurves(isWide() && window.innerHeight > 600);
+  else lookAtAll(data.direction);
+  window.addEventListener("resize", () => {
+    viewer.set_3d_pane_size();
+    lookAtAll(lookedFrom);
+    if (data.duration > 0) drawCurves();
+  });
+  requestAnimationFrame(() => { lookAtAll(lookedFrom); requestAnimationFrame(tick); });
 }
 
 start().catch((error) => {

@@ -1,26 +1,20 @@
 // Time.
-const HOLD = 0.9;  // seconds at the end
+const HOLD = 0.9, LAST = 0.3;  // seconds at the end; of a video
 let rate = 1, playing = false, held = 0, before = null;
-
-function at(values, t, duration) {
-  const where = Math.min(Math.max(t / duration, 0), 1) * (values.length - 1);
-  const i = Math.min(Math.floor(where), values.length - 2);
-  return values[i] + (where - i) * (values[i + 1] - values[i]);
-}
 
 function setTime(t) {
   time = Math.min(Math.max(t, 0), data.duration);
   viewer.animator.seek(time);
   byId("slider").value = time;
-  const readout = byId("readout");
-  readout.replaceChildren(element("b", "", `${Math.round(1000 * time)} ms`),
-                          ` of ${Math.round(1000 * data.duration)} ms`);
-  const step = data.timelines.length ? showSteps() : "";
+  const readout = byId("readout"), step = showSteps();
+  readout.replaceChildren(element("b", "", inMs(time)), ` of ${inMs(data.duration)}`);
   if (data.trajectories.length === 1) {
-    if (step) readout.append(", ", element("b", "", step));
     const speed = at(data.trajectories[0].speed, time, data.duration);
-    readout.append(`, tool at ${speed.toFixed(2)} m/s`);
+    readout.append(", ", element("b", "", step), `, tool at ${speed.toFixed(2)} m/s`);
   }
+  drawCurves();
+  showClosest();
+  followTool();
 }
 
 function setPlaying(on) {
@@ -33,8 +27,8 @@ function setPlaying(on) {
 
 function setRate(value) {
   rate = value;
-  document.querySelectorAll("#rates button").forEach((button) =>
-    button.classList.toggle("on", Number(button.dataset.rate) === rate));
+  document.querySelectorAll("#rates button").forEach((each) =>
+    each.classList.toggle("on", Number(each.dataset.rate) === rate));
 }
 
 function tick(now) {
@@ -43,17 +37,23 @@ function tick(now) {
     const passed = before === null ? 0 : Math.min((now - before) / 1000, 0.1);
     before = now;
     if (time < data.duration) setTime(time + rate * passed);
-    else if ((held += passed) > HOLD) { held = 0; setTime(0); }
+    else if ((held += passed) > (recorder ? LAST : HOLD)) {
+      if (recorder) stopRecording();
+      else { held = 0; setTime(0); }
+    }
+    if (recorder) showRecording();
   }
   placeLabels();
+  placeGaps();
+  showName();
 }
 
 function addControls() {
   [1, 0.25, 0.1].forEach((value) => {
-    const button = element("button", "", value === 1 ? "1\u00d7 real time" : `${value}\u00d7`);
-    button.dataset.rate = value;
-    button.addEventListener("click", () => setRate(value));
-    byId("rates").append(button, " ");
+    const made = button(value === 1 ? "1\u00d7 real time" : `${value}\u00d7`, "how fast it runs",
+                        () => setRate(value));
+    made.dataset.rate = value;
+    byId("rates").append(made, " ");
   });
   byId("slider").max = data.duration;
   byId("slider").addEventListener("input", (event) => {
@@ -62,11 +62,12 @@ function addControls() {
   });
   byId("play").addEventListener("click", () => setPlaying(!playing));
   document.addEventListener("keydown", (event) => {
-    if (event.key !== " " || event.target.tagName === "BUTTON") return;
+    if (event.key !== " " || ["BUTTON", "SELECT"].includes(event.target.tagName)) return;
     event.preventDefault();
     setPlaying(!playing);
   });
-  if (data.timelines.length) addTimelines();
+  addTimelines();
+  addCurves();
   byId("controls").hidden = false;
   setRate(1);
 }
