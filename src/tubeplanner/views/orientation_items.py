@@ -170,7 +170,8 @@ def cone_axis(bounds: FloatArray) -> int | None:
     """
     largest = np.flatnonzero(bounds[:3] == bounds[:3].max())
     axis = int(largest[0]) if len(largest) == 1 else 2
-    return axis if max(bounds[axis - 2], bounds[axis - 1]) < np.pi or bounds[3] < np.pi else None
+    across = np.delete(bounds[:3], axis).max()
+    return axis if min(across, bounds[3]) < np.pi else None
 
 
 def cone_rim(bounds: FloatArray, axis: int) -> FloatArray:
@@ -182,7 +183,7 @@ def cone_rim(bounds: FloatArray, axis: int) -> FloatArray:
     turn = np.linspace(0, 2 * np.pi, _TRIED_WAYS, endpoint=False)
     along = min(bounds[axis], bounds[3], np.pi) * np.linspace(-1, 1, _TRIED_TURNS)
     ways = np.column_stack([np.cos(turn), np.sin(turn)])
-    across = bounds[[axis - 2, axis - 1]]
+    across = bounds[:3][[axis - 2, axis - 1]]
     with np.errstate(divide="ignore"):
         farthest = (across / abs(ways)).min(axis=1)[:, None]
     round_ = np.sqrt(np.maximum(min(bounds[3], np.pi) ** 2 - along**2, 0.0))
