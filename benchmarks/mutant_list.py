@@ -103,6 +103,8 @@ TESTS = {
     "views/cycle_panel": ("views/test_cycle_view.py",),
     "views/cycle_scene": ("views/test_cycle_view.py",),
     "views/cycle_timeline": ("views/test_cycle_view.py",),
+    "views/shown_poses": ("views/test_cycle_view.py",),
+    "views/stretch": ("views/test_page_curves.py",),
     "views/page_panel": ("views/test_viewer.py", "views/test_cycle_view.py"),
     "cycle/cycle": (
         "cycle/test_usual_contacts.py",
@@ -3620,8 +3622,37 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("*(mark.time for mark in motion.marks), ", ""),
         ("min(max(_FRAMES_PER_SECOND, fewest), most)", "_FRAMES_PER_SECOND"),
     ],
-    "_with_parts": [
-        ("part.poses[:, None, :3, 3] for part", "0 * part.poses[:, None, :3, 3] for part")
+    "with_bodies": [
+        ("body.poses[:, None, :3, 3] for body", "0 * body.poses[:, None, :3, 3] for body"),
+        ("**present}", "}"),
+    ],
+    # --- views/stretch, page_curves, problem_timeline, orientation_items --------------------------
+    "Stretch.inside": [("time >= self.begin", "time >= 0")],
+    "_counted": [("use.kind != POSITION", "True")],
+    "_largest": [("np.maximum.at(found, rows, share)", "pass")],
+    "_speed_limit": [("segment = stretch.uses.segment[", "segment = 0 * stretch.uses.segment[")],
+    "_Closest.as_dict": [
+        ("self._distance[apart] - self._margin[apart]", "self._margin[apart]"),
+        ("if with_points else fields", "if True else fields"),
+    ],
+    "segment_bands": [("stretch.uses.segment // step", "stretch.uses.segment // 1")],
+    "binding_marks": [
+        ("round(stretch.begin + span.begin, 5)", "round(span.begin, 5)"),
+        ("        if own\n", ""),
+    ],
+    "turned_tool": [("if not stretches:", "if stretches:")],
+    "rotation_cones": [
+        ("= reference[holds]", "= np.eye(3)"),
+        ("= tool[holds]", "= 0.0"),
+        ("cone.present[rows[holds]] = True", "pass"),
+    ],
+    "cone_axis": [
+        ("if len(largest) == 1 else 2", ""),
+        ("np.delete(bounds[:3], axis).max()", "np.delete(bounds[:3], axis).min()"),
+    ],
+    "cone_rim": [
+        ("bounds[:3][[axis - 2, axis - 1]]", "bounds[[axis - 2, axis - 1]]"),
+        ("np.linspace(-1, 1, _TRIED_TURNS)", "np.zeros(_TRIED_TURNS)"),
     ],
     "_Drawing.__init__": [("if each.name not in handed_over", "")],
     "_move_entries": [("if len(scene.motions) == 1 else {}", "")],
