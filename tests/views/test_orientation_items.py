@@ -29,6 +29,7 @@ def named(scene, layer, name):
         ((0.1, 0.3, 0.2, INF), 1),
         ((INF, INF, INF, 0.2), 2),
         ((0.1, 0.1, 0.1, INF), 2),
+        ((INF, 4.0, 0.1, INF), None),
         ((INF, INF, 0.1, INF), None),
         ((INF, INF, INF, INF), None),
     ],

@@ -34,9 +34,12 @@ def test_of_many_segments_groups_are_named(stored):
     problem, trajectory = stored("two_link/around_a_post", REFINEMENT)
     ends = problem.robot.tool_position(trajectory.position(np.array([0, trajectory.duration])))
     points = ends[0] + np.linspace(0, 1, 41)[:, None] * (ends[1] - ends[0])
-    tube = Tube(points, 2.0, visit="any")
+    tube = Tube(points, 2.0)
     bands = segment_bands(Stretch(PlanningProblem(problem.robot, tube, problem.start), trajectory))
-    assert all(band["name"].startswith("segments ") for band in bands)
+    assert [band["name"] for band in bands][-1] == "segments 35 to 39"
+    assert {band["name"] for band in bands} <= {
+        f"segments {first} to {first + 4}" for first in range(0, 40, 5)
+    }
 
 
 def test_marks_are_where_a_limit_binds(stretch):
