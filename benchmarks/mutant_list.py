@@ -3629,7 +3629,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     # --- views/stretch, page_curves, problem_timeline, orientation_items --------------------------
     "Stretch.inside": [("time >= self.begin", "time >= 0")],
     "_counted": [("use.kind != POSITION", "True")],
-    "_largest": [("np.maximum.at(found, rows, share)", "pass")],
+    "_largest_near": [("np.maximum.at(found, rows, share)", "pass")],
     "_speed_limit": [("segment = stretch.uses.segment[", "segment = 0 * stretch.uses.segment[")],
     "_Closest.as_dict": [
         ("self._distance[apart] - self._margin[apart]", "self._margin[apart]"),

@@ -68,7 +68,7 @@ def _limits(stretches: Sequence[Stretch], time: FloatArray) -> dict[str, Any]:
             owner = TOOL if use.name == TOOL else LINKS if use.joint is None else joints[use.joint]
             whole = shares.setdefault(owner, {}).setdefault(use.kind, np.full(len(time), -np.inf))
             share = _counted(use)
-            whole[rows] = np.maximum(whole[rows], _largest(stretch, share, time[rows]))
+            whole[rows] = np.maximum(whole[rows], _largest_near(stretch, share, time[rows]))
     joints = stretches[0].problem.robot.joint_names
     owners = [name for name in (*joints, TOOL, LINKS) if name in shares]
     kinds = list(dict.fromkeys(kind for name in owners for kind in shares[name]))
@@ -97,7 +97,7 @@ def _counted(use: LimitUse) -> FloatArray:
     return np.where(use.share >= _AT_END, use.share, 0.0)
 
 
-def _largest(stretch: Stretch, share: FloatArray, time: FloatArray) -> FloatArray:
+def _largest_near(stretch: Stretch, share: FloatArray, time: FloatArray) -> FloatArray:
     """Return shares at times (K,) [s] of the whole motion: the largest of the samples nearest."""
     own = stretch.uses.samples.time + stretch.begin
     found: FloatArray = np.interp(time, own, share)
