@@ -1,7 +1,7 @@
 // Curves over the time line: speed of the tool, use of the limits, clearance.
 const HEIGHT = 112, FAINT = "#c9cfd8", PALE = "#6b7482", DARK = "#1d2330", NOW = "#c1121f";
 const LATER = "#7A6FAF";  // of pairs of links, beside those of links and obstacles
-const AT_LIMIT = 98;  // [%]
+const AT_LIMIT = 98, MOST = 200;  // [%]: thick from there on; what is far beyond is cut off
 let tab = "limits", chosen = 0;
 
 const ends = (t) => data.trajectories[t].duration;
@@ -17,7 +17,7 @@ function speedPlot() {
 
 function limitsPlot() {
   const {lines, kinds} = data.trajectories[chosen].limits;
-  return {unit: "%", digits: 0, bound: 100, least: 115, binding: true, lines: lines.map((line) => ({
+  return {unit: "%", digits: 0, bound: 100, least: 115, most: MOST, binding: true, lines: lines.map((line) => ({
     ...line, values: line.share, lasts: ends(chosen), unit: "%", digits: 0,
     why: (t) => `of ${kinds[nearest(line.kind, t, ends(chosen))]}`,
   }))};
@@ -109,8 +109,8 @@ function drawCurves() {
   const pen = canvas.getContext("2d"), plot = PLOTS[tab]();
   pen.scale(sharp, sharp);
   const highest = Math.max(...plot.lines.map(({values}) => Math.max(...values)), 0);
-  const top = Math.max(1.12 * highest, plot.least || 0) || 1;
-  const x = (t) => t / data.duration * width, y = (value) => (HEIGHT - 2) * (1 - value / top) + 1;
+  const top = Math.min(Math.max(1.12 * highest, plot.least || 0), plot.most || Infinity) || 1;
+  const x = (t) => t / data.duration * width, y = (value) => (HEIGHT - 2) * (1 - Math.min(value / top, 1)) + 1;
   drawBands(pen, x);
   const number = drawAxis(pen, plot, top, width, y);
   plot.lines.forEach((line) => {
