@@ -8,7 +8,8 @@ const ends = (t) => data.trajectories[t].duration;
 
 function speedPlot() {
   const lines = data.trajectories.map(({name, speed, color}, i) =>
-    ({name: data.trajectories.length > 1 ? name : "tool", values: speed, color, wide: i === chosen, lasts: ends(i), unit: "m/s", digits: 2}));
+    ({name: data.trajectories.length > 1 ? name : "tool", values: speed, color,
+      wide: i === chosen, lasts: ends(i), unit: "m/s", digits: 2}));
   const limit = data.trajectories[chosen].speedLimit;
   if (limit) lines.push({name: "limit", values: limit, color: PALE, dashed: true,
                          lasts: ends(chosen), unit: "m/s", digits: 2});
@@ -17,10 +18,11 @@ function speedPlot() {
 
 function limitsPlot() {
   const {lines, kinds} = data.trajectories[chosen].limits;
-  return {unit: "%", digits: 0, bound: 100, least: 115, most: MOST, binding: true, lines: lines.map((line) => ({
+  const shown = lines.map((line) => ({
     ...line, values: line.share, lasts: ends(chosen), unit: "%", digits: 0,
     why: (t) => `of ${kinds[nearest(line.kind, t, ends(chosen))]}`,
-  }))};
+  }));
+  return {lines: shown, unit: "%", digits: 0, bound: 100, least: 115, most: MOST, binding: true};
 }
 
 function clearancePlot() {
@@ -110,7 +112,8 @@ function drawCurves() {
   pen.scale(sharp, sharp);
   const highest = Math.max(...plot.lines.map(({values}) => Math.max(...values)), 0);
   const top = Math.min(Math.max(1.12 * highest, plot.least || 0), plot.most || Infinity) || 1;
-  const x = (t) => t / data.duration * width, y = (value) => (HEIGHT - 2) * (1 - Math.min(value / top, 1)) + 1;
+  const x = (t) => t / data.duration * width;
+  const y = (value) => (HEIGHT - 2) * (1 - Math.min(value / top, 1)) + 1;
   drawBands(pen, x);
   const number = drawAxis(pen, plot, top, width, y);
   plot.lines.forEach((line) => {
