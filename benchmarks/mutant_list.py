@@ -111,6 +111,8 @@ TESTS = {
     "views/cycle_panel": ("views/test_cycle_view.py",),
     "views/cycle_scene": ("views/test_cycle_view.py",),
     "views/cycle_timeline": ("views/test_cycle_view.py",),
+    "views/shown_poses": ("views/test_cycle_view.py",),
+    "views/stretch": ("views/test_page_curves.py",),
     "views/page_panel": ("views/test_viewer.py", "views/test_cycle_view.py"),
     "cycle/cycle": (
         "cycle/test_usual_contacts.py",
@@ -125,6 +127,10 @@ TESTS = {
         "constraints/test_time_scaling_motors.py",
     ),
     "constraints/time_scaling": ("constraints/test_unused_speed.py",),
+    "constraints/required_of_pairs": (
+        "constraints/test_closest_pairs.py",
+        "simulation/test_executed_clearance.py",
+    ),
     "refinement/speed_limit_rows": ("refinement/test_spline_constraints.py",),
     "constraints/tool_speed": ("refinement/test_spline_constraints.py",),
     "constraints/point_speed": ("refinement/test_spline_constraints.py",),
@@ -1339,6 +1345,77 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     "_known_per_piece": [("known if orders <= _JERK", "known if True")],
     "_held_factor": [("(factor == 0).any()", "False")],
+    # --- constraints: limit_use, required_of_pairs, closest_pairs, binding_limits ---------------
+    "_path_samples": [
+        ("directed_friction(motors, direction)", "directed_friction(motors, 0 * direction)"),
+        ("share / (count - 1)", "share / count"),
+        ("np.stack([samples.position", "np.stack([0 * samples.position"),
+    ],
+    "_position_uses": [
+        ("2 * q.min(axis=0) - upper", "q.min(axis=0)"),
+        ("2 * q.max(axis=0) - lower", "q.max(axis=0)"),
+        ("abs(2 * q[wide] - low[wide] - high[wide])", "abs(2 * q[wide] - low[wide])"),
+        ("np.isfinite(lower) | np.isfinite(upper)", "np.isfinite(lower) & np.isfinite(upper)"),
+        ("np.where(high > low, 0.0, 1.0)", "np.zeros_like(q)"),
+    ],
+    "_tool_uses": [
+        ("np.hstack([abs(error), angle])", "np.hstack([0 * error, angle])"),
+        ("bounds).max(axis=1)", "bounds).min(axis=1)"),
+    ],
+    "_uses_of": [
+        ("np.where(owner == k, shares, 0.0)", "shares"),
+        (".max(axis=1),", ".min(axis=1),"),
+    ],
+    "_shares": [
+        ("sign * value for sign in signs", "sign * value for sign in signs[:1]"),
+        ("np.where(used.terms[0] == 0, 0.0, 1 - used.allowed)", "1 - used.allowed"),
+        ("np.maximum(most - lack, 0.0)", "np.maximum(most, 0.0)"),
+        ("np.divide(asked, used.allowed,", "np.divide(asked, 1.0,"),
+    ],
+    "required_of_pairs": [
+        ("if required.is_constant", "if True"),
+        ("np.minimum(time, trajectory.duration)", "0 * time"),
+        ("= -np.inf", "= 0.0"),
+    ],
+    "closest_pairs": [("required[:, own]", "0 * required[:, own]")],
+    "_closest": [
+        ("+ radii[:, 0] * found", "- radii[:, 0] * found"),
+        ("- radii[:, 1] * found", "+ radii[:, 1] * found"),
+        ("found.distance - least", "found.distance"),
+        ("np.where(least == -np.inf, np.inf, found.distance)", "found.distance"),
+    ],
+    "_closest_columns": [
+        ("bound = checker.sphere_distances(*poses, pairs) - required", "bound = 0 * required"),
+        ("np.nonzero(bound < least[:, None])", "np.nonzero(bound < least.min())"),
+        ("pairs[column]) - required[row, column]\n    while", "pairs[column])\n    while"),
+        ("found.distance - required[row, column]", "found.distance"),
+        ("closer < least[row]", "closer < 0.5 * least[row]"),
+        ("np.lexsort([closer, row])", "np.lexsort([-closer, row])", "only slower"),
+        ("column[first[nearer]]", "column[first][0]"),
+        ("closer[first] = np.inf", "closer[:] = np.inf"),
+    ],
+    "BindingRow.spans": [
+        (") / 2", ") / 3"),
+        ("k != NONE and ", ""),
+        ("and end > begin", "", "a span without length is seen nowhere"),
+    ],
+    "binding_rows": [("if own]", "]"), ("LINKS if use.joint is None", "TOOL if use.joint is None")],
+    "clearance_use": [
+        ("1 - closest.margin / _FAR", "1 - closest.distance / _FAR"),
+        ("np.maximum(1 - closest.margin / _FAR, 0.0)", "1 - closest.margin / _FAR"),
+    ],
+    "bound_share": [
+        ("not in _OF_THE_SHAPE", "not in ()"),
+        ("binds |= ", "binds = "),
+        ("np.append(halves, 0.0) + np.append(0.0, halves)", "np.ones(len(binds))"),
+    ],
+    "_excess": [("_BINDS_IN_RANGE if", "_BINDS if"), ("_BINDS_IN_RANGE if", "1.0 if")],
+    "_row": [
+        ("np.where(binding, share, -np.inf)", "share"),
+        ("argmax(axis=0)", "argmin(axis=0)"),
+        ("which, NONE", "which, 0"),
+    ],
+    "_BINDS": [("0.98", "0.99"), ("0.98", "0.95")],
     # --- constraints/peaks ----------------------------------------------------------------------
     "refined_maximum_of_pieces": [
         ("function(piece[peak], share)", "function(piece[0 * peak], share)"),
@@ -3436,7 +3513,6 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     "additional_distances": [
         (" -= problem.clearance", " -= 0.0"),
-        ("= -np.inf", "= 0.0"),
     ],
     "_shifted": [
         ("shifted[:, 1:] += base", "shifted += base"),
@@ -3716,8 +3792,37 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("*(mark.time for mark in motion.marks), ", ""),
         ("min(max(_FRAMES_PER_SECOND, fewest), most)", "_FRAMES_PER_SECOND"),
     ],
-    "_with_parts": [
-        ("part.poses[:, None, :3, 3] for part", "0 * part.poses[:, None, :3, 3] for part")
+    "with_bodies": [
+        ("body.poses[:, None, :3, 3] for body", "0 * body.poses[:, None, :3, 3] for body"),
+        ("**present}", "}"),
+    ],
+    # --- views/stretch, page_curves, problem_timeline, orientation_items --------------------------
+    "Stretch.inside": [("time >= self.begin", "time >= 0")],
+    "_counted": [("use.kind != POSITION", "True")],
+    "_largest_near": [("np.maximum.at(found, rows, share)", "pass")],
+    "_speed_limit": [("segment = stretch.uses.segment[", "segment = 0 * stretch.uses.segment[")],
+    "_Closest.as_dict": [
+        ("self._distance[apart] - self._margin[apart]", "self._margin[apart]"),
+        ("if with_points else fields", "if True else fields"),
+    ],
+    "segment_bands": [("stretch.uses.segment // step", "stretch.uses.segment // 1")],
+    "binding_marks": [
+        ("round(stretch.begin + span.begin, 5)", "round(span.begin, 5)"),
+        ("        if own\n", ""),
+    ],
+    "turned_tool": [("if not stretches:", "if stretches:")],
+    "rotation_cones": [
+        ("= reference[holds]", "= np.eye(3)"),
+        ("= tool[holds]", "= 0.0"),
+        ("cone.present[rows[holds]] = True", "pass"),
+    ],
+    "cone_axis": [
+        ("if len(largest) == 1 else 2", ""),
+        ("np.delete(bounds[:3], axis).max()", "np.delete(bounds[:3], axis).min()"),
+    ],
+    "cone_rim": [
+        ("bounds[:3][[axis - 2, axis - 1]]", "bounds[[axis - 2, axis - 1]]"),
+        ("np.linspace(-1, 1, _TRIED_TURNS)", "np.zeros(_TRIED_TURNS)"),
     ],
     "_Drawing.__init__": [("if each.name not in handed_over", "")],
     "_move_entries": [("if len(scene.motions) == 1 else {}", "")],

@@ -74,9 +74,10 @@ for name, condition in result.certificate.conditions.items():
 # %% [markdown]
 # ## What the trajectory looks like
 #
-# Left: the joints against their limits, and `b(t)`, how many times faster the arm could move at each instant. Where it is 1, some
-# motor or velocity is at its limit: there is nothing left to gain on this path. Right: the tool in its tube, how much
-# of the tolerance it uses, and its speed. The colours behind the curves mark the segments.
+# At the top, what binds when: a row per joint, one of the tool and one of the links, with a bar where one of their limits is used to
+# 98 % or more. While some joint has a bar, there is nothing left to gain on this path. Below, the joints against their limits, the
+# speed of the tool, how much of the tolerance it uses, and how near the links come to the wall and to each other; beside them the
+# arm at the start, pale, and at the goal. The colours behind the curves mark the segments.
 
 # %%
 plot_trajectory(problem, result.trajectory)

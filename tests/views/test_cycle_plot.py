@@ -90,10 +90,10 @@ def test_a_rest_at_the_end_is_drawn(cycle, motion):
 
 
 def test_every_panel_has_all_of_the_cycle(axes, cycle, motion):
-    position, velocity, effort, speed, space, use = axes
-    labels = [text.get_text() for text in position.get_legend().get_texts()]
-    assert labels == list(cycle.robot.joint_names)
-    for axis in (position, velocity, effort, speed, use):
+    strip, position, velocity, effort, speed, use, clearance, space = axes
+    labels = [label.get_text() for label in strip.get_yticklabels()]
+    assert labels[: cycle.robot.joint_count] == list(cycle.robot.joint_names)
+    for axis in (position, velocity, effort, speed, use, clearance):
         assert axis.get_xlim() == (0, pytest.approx(motion.trajectory.duration))
         curves = [line for line in axis.lines if len(line.get_xdata()) > 2]
         last = max(np.max(line.get_xdata()) for line in curves)
@@ -103,13 +103,13 @@ def test_every_panel_has_all_of_the_cycle(axes, cycle, motion):
         assert low <= np.nanmin(drawn)
         assert np.nanmax(drawn) < high or axis is use
     names = [text.get_text() for text in space.get_legend().get_texts()]
-    assert names[:4] == ["reach", "carry", "on", "back"]
+    assert "carried" in names
 
 
 def test_moves_and_what_happens_at_rest_are_named(axes):
-    position, _, _, speed, _, _ = axes
-    assert [text.get_text() for text in position.texts] == ["reach", "carry", "on", "back"]
-    told = [text.get_text() for text in speed.texts[4:]]
+    strip, _, _, _, speed, *_ = axes
+    assert [text.get_text() for text in strip.texts[-4:]] == ["reach", "carry", "on", "back"]
+    told = [text.get_text() for text in speed.texts]
     assert told == [
         "grip 'close' (0.1 s)",
         "attach part, attach cap",
@@ -131,7 +131,7 @@ def test_names_that_would_be_on_each_other_are_moved_aside(cycle):
     steps[1] = Event("grip", dwell=0.001)
     crowded = replace(cycle, steps=steps)
     axes = plot_cycle(crowded, motion_of(crowded)).axes
-    grip, soon, attach, *_ = (text.xy[0] for text in axes[3].texts[4:])
+    grip, soon, attach, *_ = (text.xy[0] for text in axes[4].texts)
     assert grip == pytest.approx(1.0)
     assert soon - grip > 0.05
     assert attach - soon > 0.05

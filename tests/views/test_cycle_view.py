@@ -154,7 +154,7 @@ def test_the_panel_says_what_is_seen(page):
         "back: 200 to 300 mm, 1000 ms",
     ]
     (line,) = panel["timelines"]
-    assert [move["color"] for move in line["moves"]] == list(SEGMENT_COLORS)
+    assert [move["color"] for move in line["bands"]] == list(SEGMENT_COLORS)
     assert json.loads(json.dumps(panel)) == json.loads(
         re.search(r'id="data">(.*?)</script>', page.html, re.S).group(1)
     )
@@ -166,7 +166,7 @@ def test_motions_stand_side_by_side_with_a_line_each(cycle, motion):
     # Both lines are as wide as the longer motion lasts.
     last = both.panel["timelines"][0]["rests"][-1]
     assert last["room"]["align"] == "center"
-    assert [line["moves"][-1]["end"] for line in both.panel["timelines"]] == pytest.approx(
+    assert [line["bands"][-1]["end"] for line in both.panel["timelines"]] == pytest.approx(
         [3.3, 6.3]
     )
     assert both.panel["layers"][2]["entries"][0]["text"] == "reach: 200 mm"

@@ -49,10 +49,10 @@ def test_a_figure_shows_every_joint_against_its_limits(name, stored, tmp_path):
     path = tmp_path / "figure.png"
     figure = plot_trajectory(problem, trajectory, path)
     assert path.read_bytes().startswith(b"\x89PNG")
-    position, velocity, effort, tool, use, factor, speed = figure.axes
+    strip, position, velocity, effort, speed, use, clearance, space = figure.axes
     n = problem.robot.joint_count
-    labels = [text.get_text() for text in position.get_legend().get_texts()]
-    assert labels == list(problem.robot.joint_names)
+    labels = [label.get_text() for label in strip.get_yticklabels()]
+    assert labels == [*problem.robot.joint_names, "tool", "links"]
     visits = trajectory_curves(problem, trajectory).visits
     switching_samples = len(visits) - 1
     assert len(effort.lines) == n + 2 + switching_samples
@@ -60,18 +60,16 @@ def test_a_figure_shows_every_joint_against_its_limits(name, stored, tmp_path):
     assert abs(shares).max() == pytest.approx(100, abs=3)
     limited = np.isfinite(problem.robot.limits.velocity).all()
     assert len(velocity.lines) == n + 2 * limited + switching_samples
-    for axis in (position, velocity, effort, use, factor, speed):
+    for axis in (position, velocity, effort, use, speed, clearance):
         assert "[" in axis.get_ylabel()
-        assert "[" in axis.get_xlabel()
-    assert len(position.patches) == len(use.patches) == len(visits)
+    assert speed.get_xlabel() == clearance.get_xlabel() == "time [s]"  # below their columns
     assert colours(path.read_bytes()) > 1000
-    drawn = np.array(tool.lines[1].get_data_3d()).T
-    inside = problem.tube.margin(drawn).max(axis=1)
-    assert (inside > -1e-9).all()
     assert use.lines[0].get_ydata().max() <= 100.1
     assert (problem.tube.rotation is not None) == (len(use.lines) - switching_samples == 3)
     assert speed.lines[0].get_ydata().max() > 0.1
-    assert factor.lines[0].get_ydata().min() == pytest.approx(1.0, abs=1e-3)
+    named = [text.get_text() for text in space.get_legend().get_texts()]
+    assert ("carried" in named) == bool(problem.attached)
+    assert "obstacles" in named
 
 
 def test_a_figure_that_cannot_be_written_is_an_error_of_ours(stored, tmp_path):
@@ -109,14 +107,12 @@ def test_a_dense_path_is_never_used_beyond_its_radius(dense):
 
 @pytest.mark.slow
 def test_hundreds_of_segments_are_marked_as_a_few_groups(dense):
-    figure = plot_trajectory(*dense)
-    position, *_, tool, use, _, _ = figure.axes
-    assert len(position.patches) == len(use.patches) == 6
-    labels = [text.get_text() for text in use.texts]
-    assert [label.removeprefix("segments ").split(":")[0] for label in labels] == [
-        *("0-49", "50-99", "100-149", "150-199", "200-249", "250-298")
-    ]
-    assert len(tool.collections) < 60
+    strip, position, *_ = plot_trajectory(*dense).axes
+    assert len(position.patches) == 6
+    labels = [text.get_text() for text in strip.texts]
+    groups = [label.removeprefix("segments ").split(":")[0] for label in labels if label]
+    for group in ("0-49", "50-99", "100-149", "150-199", "200-249", "250-298"):
+        assert group in groups
 
 
 @pytest.mark.parametrize(
@@ -232,6 +228,22 @@ def test_effort_rates_have_a_panel_where_they_are_limited(stored):
     np.testing.assert_allclose(middle, numeric, atol=2e-2 * abs(rate).max())
     for joint, limit in enumerate((1e4, 2e4)):
         np.testing.assert_allclose(axis.lines[joint].get_ydata(), 100 * rate[:, joint] / limit)
+
+
+def test_accelerations_and_jerks_have_panels_where_they_are_limited(stored):
+    problem, trajectory = stored("ur5/over_the_wall")
+    limits = LimitOverrides(acceleration={"elbow_joint": 200.0}, jerk={"wrist_1_joint": 5000.0})
+    robot = load_robot("example:ur5", "tool0", limits=limits)
+    axes = plot_trajectory(replace(problem, robot=robot), trajectory).axes
+    panels = {axis.get_ylabel().split(" [")[0]: axis for axis in axes}
+    samples = trajectory_curves(problem, trajectory).samples
+    share = panels["acceleration"].lines[0].get_ydata()
+    np.testing.assert_allclose(share, samples.acceleration[:, 2] / 2)
+    share = panels["jerk"].lines[0].get_ydata()
+    np.testing.assert_allclose(share, trajectory_curves(problem, trajectory).jerk[:, 3] / 50)
+    free = panels["jerk"].get_title(loc="right")
+    assert "wrist_1_joint" not in free
+    assert free.startswith("no limit: shoulder_pan_joint")
 
 
 def test_velocity_limits_by_position_are_drawn_where_they_are_less(stored):

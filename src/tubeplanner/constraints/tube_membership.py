@@ -45,10 +45,18 @@ def current_segments(
     may pass whole segments.
     """
     joined = problem.joined
-    visits = judged_visits(joined, trajectory)
-    ends = [visit.end for visit in visits[:-1]]
-    segment = np.array([visit.segment for visit in visits])[np.searchsorted(ends, samples.time)]
+    segment = judged_segments(problem, trajectory, samples.time)
     return segment if joined is problem else _nearest_parts(problem, joined.tube, samples, segment)
+
+
+def judged_segments(
+    problem: PlanningProblem, trajectory: JointTrajectory, time: FloatArray
+) -> IntArray:
+    """Return the segments of `problem.joined` that count at times (K,) [s], shape (K,)."""
+    visits = judged_visits(problem.joined, trajectory)
+    ended = np.searchsorted([visit.end for visit in visits[:-1]], time)
+    segment: IntArray = np.array([visit.segment for visit in visits])[ended]
+    return segment
 
 
 def nearest_segments(problem: PlanningProblem, tool: FloatArray) -> IntArray:

@@ -9,12 +9,11 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.collision.collision_checker import CollisionChecker
+from tubeplanner.constraints.required_of_pairs import required_of_pairs
 from tubeplanner.outcome import Place
 from tubeplanner.problem.problem import PlanningProblem
-from tubeplanner.problem.required_distances import RequiredDistances
 from tubeplanner.simulation.executed_tube import Extreme
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
-from tubeplanner.verification.verification import judged_visits
 
 _ROUNDING = 1e-12  # [m], of bounds: what is nearer by less is not looked for
 
@@ -69,17 +68,8 @@ def additional_distances(
     """
     if problem.has_one_clearance:
         return None
-    problem = problem.joined
-    ends = trajectory.position(np.array([0.0, trajectory.duration]))
-    required = RequiredDistances(problem, ends[0], ends[1])
-    visits = judged_visits(problem, trajectory)
-    ended = np.searchsorted([visit.end for visit in visits[:-1]], time)
-    segment = np.array([visit.segment for visit in visits])[ended]
-    tool = problem.robot.tool_position(trajectory.position(np.minimum(time, trajectory.duration)))
-    more = required.at(segment, tool)
+    more = required_of_pairs(problem, trajectory, time)
     more[:, : len(problem.collision.obstacle_pairs)] -= problem.clearance
-    for near in required.near_ends:
-        more[np.ix_(near.holds(segment, tool), near.pair)] = -np.inf
     return more
 
 

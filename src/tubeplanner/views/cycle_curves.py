@@ -11,7 +11,9 @@ from tubeplanner.cycle.cycle_motion import CycleMotion
 from tubeplanner.errors import ProblemError
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.robot.robot_model import RobotModel
+from tubeplanner.views.binding_strip import LimitedMotion, limited_motion
 from tubeplanner.views.panels import TrajectoryCurves, trajectory_curves
+from tubeplanner.views.stretch import Stretch
 
 
 def cycle_curves(cycle: Cycle, motion: CycleMotion) -> list[TrajectoryCurves]:
@@ -20,13 +22,29 @@ def cycle_curves(cycle: Cycle, motion: CycleMotion) -> list[TrajectoryCurves]:
     Each has the arm as it is then, with what it carries.
     """
     legs = [
-        _later(trajectory_curves(_problem(cycle, motion, k), leg), begin)
-        for k, (leg, (begin, _)) in enumerate(zip(motion.legs, motion.leg_times, strict=True))
+        _later(trajectory_curves(stretch.problem, stretch.trajectory), stretch.begin)
+        for stretch in cycle_stretches(cycle, motion)
     ]
     found: list[TrajectoryCurves] = []
     for k, leg in enumerate(legs):
         found += [*_rest_curves(cycle, motion, k, leg, 0), leg]
     return [*found, *_rest_curves(cycle, motion, len(legs), legs[-1], -1)]
+
+
+def limited_motions(cycle: Cycle, motion: CycleMotion) -> list[LimitedMotion]:
+    """Return what there is to say of the limits of all legs, in order."""
+    return [
+        limited_motion(stretch.problem, stretch.trajectory, stretch.begin)
+        for stretch in cycle_stretches(cycle, motion)
+    ]
+
+
+def cycle_stretches(cycle: Cycle, motion: CycleMotion) -> tuple[Stretch, ...]:
+    """Return the legs of a motion, each under its problem."""
+    legs = zip(motion.legs, motion.leg_times, strict=True)
+    return tuple(
+        Stretch(_problem(cycle, motion, k), leg, begin) for k, (leg, (begin, _)) in enumerate(legs)
+    )
 
 
 def _problem(cycle: Cycle, motion: CycleMotion, k: int) -> PlanningProblem:
@@ -83,13 +101,13 @@ def _held_curves(
             velocity=still,
             acceleration=still,
         ),
+        jerk=still,
         effort=arm.gravity_effort(given.position[rows]),
         effort_rate=None if beside.effort_rate is None else still,
         tool=beside.tool[rows],
         speed=np.zeros(2),
         speed_limit=beside.speed_limit[rows],
         points=np.zeros_like(beside.points[rows]),
-        factor=beside.factor[rows],
         segment=beside.segment[rows],
         tube_use=beside.tube_use[rows],
         rotation_use=None if beside.rotation_use is None else beside.rotation_use[rows],

@@ -9,6 +9,7 @@ from tubeplanner.views.cycle_timeline import cycle_timeline
 from tubeplanner.views.goal_ball import goal_ball
 from tubeplanner.views.page_panel import arm_words, layer_data, listed, page_data
 from tubeplanner.views.palette import segment_color
+from tubeplanner.views.problem_timeline import binding_marks
 from tubeplanner.views.scene import Layer
 
 
@@ -28,7 +29,10 @@ def cycle_panel_data(scene: CycleScene) -> dict[str, Any]:
     layers = [layer_data(layer, scene, words, entries) for layer in scene.layers]
     kind = "closed cycle" if cycle.closed else "cycle"
     about = f"{arm_words(cycle.robot)}; {kind} of {len(moves)} move{'s' * (len(moves) > 1)}"
-    timelines = [cycle_timeline(motion).as_dict(scene.duration) for motion in scene.motions]
+    timelines = [
+        {**cycle_timeline(motion).as_dict(scene.duration), "binds": binding_marks(stretches)}
+        for motion, stretches in zip(scene.motions, scene.stretches, strict=True)
+    ]
     return {**page_data(scene, about, layers), "timelines": timelines}
 
 

@@ -3,39 +3,34 @@
 from collections.abc import Callable, Sequence
 from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tubeplanner.arrays import FloatArray
 from tubeplanner.cycle.cycle import Cycle
 from tubeplanner.cycle.cycle_motion import CycleMotion
-from tubeplanner.views.cycle_curves import cycle_curves
+from tubeplanner.cycle.steps import Attach
+from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.robot.robot_model import RobotModel
+from tubeplanner.views.binding_strip import binding_strip
+from tubeplanner.views.clearance_panel import draw_clearance
+from tubeplanner.views.cycle_curves import cycle_curves, limited_motions
 from tubeplanner.views.cycle_timeline import Timeline, cycle_timeline
-from tubeplanner.views.figure_files import new_figure, saved
+from tubeplanner.views.figure_files import saved
+from tubeplanner.views.figure_grid import figure_grid
 from tubeplanner.views.palette import segment_color
-from tubeplanner.views.panels import (
-    TrajectoryCurves,
-    draw_effort_rates,
-    draw_efforts,
-    draw_points,
-    draw_positions,
-    draw_speed,
-    draw_tube_use,
-    draw_velocities,
-)
-from tubeplanner.views.space_panel import (
-    draw_arm,
-    draw_obstacles,
-    draw_path,
-    draw_segments,
-    frame_panel,
-)
+from tubeplanner.views.panels import TrajectoryCurves, draw_speed
+from tubeplanner.views.space_panel import SpaceContent, draw_space
+from tubeplanner.views.strip_panel import draw_strip
+from tubeplanner.views.time_panels import time_panels
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _STOP_COLOR = "#888888"
+_MAX_POSES, _SAME_PLACE = 3, 0.01  # poses of the arm; tools this near are at one place [m]
 _LETTER = 0.009  # of the panel: what a letter of a name is wide
 _FEWEST_LETTERS = 5
 _LINE = 0.02  # of the panel: what a line of text is high
@@ -62,24 +57,23 @@ def plot_cycle(cycle: Cycle, motion: CycleMotion, path: str | Path | None = None
     """
     Cycle.require(cycle)
     runs, timeline = cycle_curves(cycle, motion), cycle_timeline(motion)
-    draws = [draw_positions, draw_velocities, draw_efforts]
-    draws += [draw_effort_rates] if any(run.effort_rate is not None for run in runs) else []
-    draws += [draw_points] if any(run.points.size for run in runs) else []
-    draws.append(draw_speed)
-    rows = len(draws)
-    figure = new_figure(13.5, 2.7 * rows)
-    duration = motion.trajectory.duration
-    figure.suptitle(f"{cycle.name}: {duration:.4f} s", fontsize=13)
-    grid = figure.add_gridspec(rows, 2, width_ratios=(1.25, 1))
-    left = [figure.add_subplot(grid[row, 0]) for row in range(rows)]
-    space = figure.add_subplot(grid[: rows - 1, 1], projection="3d")
-    use = figure.add_subplot(grid[-1, 1])
-    for axis, draw in zip([*left, use], [*draws, draw_tube_use], strict=True):
+    motions, duration = limited_motions(cycle, motion), motion.trajectory.duration
+    strip = binding_strip(motions, duration)
+    draws = time_panels(runs)
+    has_clearance = any(each.closest for each in motions)
+    grid = figure_grid(len(strip.rows), len(draws) + has_clearance, has_motors=False)
+    grid.figure.suptitle(f"{cycle.name}: {duration:.4f} s", fontsize=13)
+    draw_strip(grid.strip, strip)
+    for axis, draw in zip(grid.panels, draws, strict=False):
         _draw_runs(axis, draw, runs)
-        _mark_moves(axis, timeline, duration, names=axis in (left[0], left[-1], use))
-    _name_steps(left[-1], timeline, duration)
-    _draw_space(space, cycle, motion, runs)
-    return saved(figure, path)
+    if has_clearance:
+        draw_clearance(grid.panels[-1], motions)
+    for axis in (grid.strip, *grid.panels):
+        _mark_moves(axis, timeline, duration, names=axis is grid.strip)
+    grid.name_time()
+    _name_steps(grid.panels[draws.index(draw_speed)], timeline, duration)
+    _draw_space(grid.space, cycle, motion, runs, [each.problem for each in motions])
+    return saved(grid.figure, path)
 
 
 def _draw_runs(
@@ -141,16 +135,35 @@ def shown_name(name: str, letters: int) -> str:
 
 
 def _draw_space(
-    axis: Any, cycle: Cycle, motion: CycleMotion, runs: Sequence[TrajectoryCurves]
+    axis: "Axes",
+    cycle: Cycle,
+    motion: CycleMotion,
+    runs: Sequence[TrajectoryCurves],
+    problems: Sequence[PlanningProblem],
 ) -> None:
     """Draw tubes in the colours of their moves, what stands there at first, the arm at seams."""
     moves = [move for leg in cycle.legs for move in leg.moves]
-    for k, move in enumerate(moves):
-        color = segment_color(k)
-        draw_segments(axis, move.tube, slice(0, move.tube.segment_count), color)
-        style: dict[str, Any] = {"color": color, "linewidth": 1, "linestyle": "--"}
-        axis.plot(*move.tube.points.T, label=move.name, **style)
-    draw_obstacles(axis, cycle.obstacles)
-    draw_path(axis, np.vstack([run.tool for run in runs]))
-    low, high = draw_arm(axis, runs[0].problem, np.array(motion.seams))
-    frame_panel(axis, [move.tube for move in moves], low, high)
+    tubes = [(move.tube, segment_color(k)) for k, move in enumerate(moves)]
+    handed_over = {step.name for step in cycle.steps if isinstance(step, Attach)}
+    path = np.vstack([run.tool for run in runs])
+    seams = np.array(motion.seams)
+    shown = _far_apart(cycle.robot, seams)
+    # At a seam the arm has what it carries afterwards; at the end, what it carried there.
+    carried = [problems[min(k, len(problems) - 1)].attached for k in shown]
+    draw_space(
+        axis,
+        SpaceContent(
+            cycle.robot, seams[shown], carried, 0, path, tubes, cycle.obstacles, handed_over
+        ),
+    )
+
+
+def _far_apart(robot: RobotModel, q: FloatArray) -> list[int]:
+    """Return which of configurations (N, n) are a few with the tool far apart, the first first."""
+    tool, chosen = robot.tool_position(q), [0]
+    while len(chosen) < _MAX_POSES:
+        away = np.linalg.norm(tool[:, None] - tool[chosen], axis=2).min(axis=1)
+        if away.max() < _SAME_PLACE:
+            break
+        chosen.append(int(away.argmax()))
+    return chosen

@@ -1,7 +1,7 @@
 """The scene of a cycle and its motions."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -13,11 +13,14 @@ from tubeplanner.cycle.steps import Attach
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.simulation.execution import Execution
 from tubeplanner.views.arm_hulls import arm_hulls, carried_surfaces
+from tubeplanner.views.cycle_curves import cycle_stretches
 from tubeplanner.views.cycle_executed_paths import cycle_executed_paths
+from tubeplanner.views.cycle_timeline import tube_name
 from tubeplanner.views.executed_paths import BESIDE_EXECUTED, ExecutedPaths
 from tubeplanner.views.goal_ball import goal_ball
 from tubeplanner.views.link_visuals import MAX_FACES, LinkPart, link_parts
 from tubeplanner.views.moved_parts import MovedPart, moved_parts
+from tubeplanner.views.orientation_items import turned_tool
 from tubeplanner.views.palette import REFERENCE_COLOR, rgb, segment_color
 from tubeplanner.views.scene import Item, Layer, Scene, ShownTrajectory
 from tubeplanner.views.scene_frame import scene_frame
@@ -31,7 +34,12 @@ from tubeplanner.views.scene_items import (
     swept_surface,
     tool_items,
 )
-from tubeplanner.views.shown_poses import direction_of, poses_along, poses_at_rest
+from tubeplanner.views.shown_poses import (
+    direction_of,
+    poses_along,
+    poses_at_rest,
+    with_bodies,
+)
 from tubeplanner.views.surface import joined, tube_surfaces
 
 _FRAMES_PER_SECOND, _MIN_FRAMES, _MAX_FRAMES = 200, 80, 1200
@@ -76,14 +84,23 @@ def build_cycle_scene(
         moved_parts(cycle, when, each.time, _tool_frame(robot, each))
         for each, when in zip(shown, marks, strict=True)
     ]
-    trajectories = tuple(_with_parts(*pair) for pair in zip(shown, parts, strict=True))
-    links, notes_of_links = link_parts(robot, MAX_FACES // len(trajectories))
-    drawing = _Drawing(cycle, links, trajectories, parts, is_executed=execution is not None)
+    shown = [with_bodies(*pair) for pair in zip(shown, parts, strict=True)]
+    stretches = tuple(cycle_stretches(cycle, motion) for motion in named.values())
+    links, notes_of_links = link_parts(robot, MAX_FACES // len(shown))
+    drawing = _Drawing(cycle, links, shown, parts, is_executed=execution is not None)
+    items: list[Item] = []
+    for i, each in enumerate(shown):
+        items += drawing.items(i)
+        own = stretches[i] if stretches else ()
+        shown[i], turned = turned_tool(i, robot, drawing.tubes, own, each, drawing.thickness)
+        items += turned
     return CycleScene(
         name=cycle.name,
-        trajectories=trajectories,
-        items=tuple(item for i in range(len(trajectories)) for item in drawing.items(i)),
-        frame=scene_frame(drawing.points, drawing.direction, len(trajectories)),
+        trajectories=tuple(shown),
+        items=tuple(items),
+        frame=scene_frame(drawing.points, drawing.direction, len(shown)),
+        thickness=drawing.thickness,
+        stretches=stretches,
         notes=(*said, *notes_of_links),
         executed=_executed(named, execution),
         cycle=cycle,
@@ -120,25 +137,14 @@ def _tool_frame(robot: RobotModel, shown: ShownTrajectory) -> FloatArray:
     return np.array(poses @ robot.link_placement[robot.tool_frame])
 
 
-def _with_parts(shown: ShownTrajectory, parts: Sequence[MovedPart]) -> ShownTrajectory:
-    """Return where bodies are, parts after those of the arm."""
-    count = shown.rotation.shape[1]
-    rotation = [shown.rotation, *(part.poses[:, None, :3, :3] for part in parts)]
-    position = [shown.position, *(part.poses[:, None, :3, 3] for part in parts)]
-    return replace(
-        shown,
-        rotation=np.concatenate(rotation, axis=1),
-        position=np.concatenate(position, axis=1),
-        present={count + k: part.present for k, part in enumerate(parts)},
-    )
-
-
 class _Drawing:
     """Turns a cycle and poses of its arm into items.
 
     Attributes:
         points: All that a trajectory takes, each (N, 3) [m].
         direction: From the scene towards the viewer, unit vector (3,).
+        tubes: Of all moves.
+        thickness: Of drawn lines, their radius [m].
     """
 
     def __init__(
@@ -167,8 +173,9 @@ class _Drawing:
         lines = [move.tube.points for move in self._moves]
         self.direction = direction_of(trajectories[0], lines, self._standing, hulls)
         size = float(np.ptp(np.vstack(self.points), axis=0).max())
-        self._thickness = line_thickness([move.tube for move in self._moves], size)
-        self._path_width = self._thickness * (BESIDE_EXECUTED if is_executed else 1.0)
+        self.tubes = [move.tube for move in self._moves]
+        self.thickness = line_thickness(self.tubes, size)
+        self._path_width = self.thickness * (BESIDE_EXECUTED if is_executed else 1.0)
         self._fastest = max(float(each.speed.max()) for each in trajectories)
 
     def items(self, i: int) -> list[Item]:
@@ -189,8 +196,8 @@ class _Drawing:
         """Yield the tubes of moves, one colour each, their middle lines and their goals' balls."""
         for k, (move, surface) in enumerate(zip(self._moves, self._tubes, strict=True)):
             color = rgb(segment_color(k))
-            yield Item(Layer.TUBE, i, f"move_{k}", surface, color, _TUBE_OPACITY)
-            yield reference_item(i, f"move_{k}", move.tube.points, self._thickness)
+            yield Item(Layer.TUBE, i, tube_name(k), surface, color, _TUBE_OPACITY)
+            yield reference_item(i, f"move_{k}", move.tube.points, self.thickness)
             for ball in goal_ball(move.goal):
                 color = rgb(REFERENCE_COLOR)
                 yield Item(Layer.REFERENCE, i, f"goal_{k}", ball, color, 0.35)

@@ -23,12 +23,14 @@ class Band:
         begin: [s].
         end: [s].
         color: That of its tube.
+        tube: Name of its surface.
     """
 
     name: str
     begin: float
     end: float
     color: str
+    tube: str
 
 
 @dataclass(frozen=True)
@@ -71,7 +73,7 @@ class Timeline:
         """
         rooms = _rooms([(stop.begin + stop.end) / 2 for stop in self.stops], duration)
         return {
-            "moves": [vars(band) for band in self.bands],
+            "bands": [vars(band) for band in self.bands],
             "rests": [
                 {**vars(stop), "text": stop.text, "room": room}
                 for stop, room in zip(self.stops, rooms, strict=True)
@@ -82,8 +84,15 @@ class Timeline:
 def cycle_timeline(motion: CycleMotion) -> Timeline:
     """Return the time line of a motion."""
     spans = motion.move_times.items()
-    bands = [Band(name, *times, segment_color(k)) for k, (name, times) in enumerate(spans)]
+    bands = [
+        Band(name, *times, segment_color(k), tube_name(k)) for k, (name, times) in enumerate(spans)
+    ]
     return Timeline(tuple(bands), tuple(_stops(motion)))
+
+
+def tube_name(move: int) -> str:
+    """Return what the surface of a move's tube is called in the scene."""
+    return f"move_{move}"
 
 
 def _stops(motion: CycleMotion) -> list[Stop]:

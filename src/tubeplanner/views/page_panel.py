@@ -9,22 +9,35 @@ from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.views.executed_paths import ExecutedPaths
 from tubeplanner.views.goal_ball import goal_ball
+from tubeplanner.views.orientation_items import POINTER
+from tubeplanner.views.page_curves import page_curves
 from tubeplanner.views.palette import (
+    AXIS_COLORS,
     CARRIED_COLOR,
+    CLOSEST_COLOR,
+    CONE_COLOR,
+    END_COLOR,
     EXECUTED_COLOR,
+    LINE_COLORS,
     OBSTACLE_COLOR,
     REFERENCE_COLOR,
     SPEED_COLORS,
+    START_COLOR,
     SWEPT_COLOR,
     WARNING_COLOR,
     segment_color,
 )
 from tubeplanner.views.panels import size_of
 from tubeplanner.views.problem_scene import ProblemScene
+from tubeplanner.views.problem_timeline import problem_timeline
 from tubeplanner.views.scene import Layer, Scene, ShownTrajectory
 
 _MAX_SEGMENTS_NAMED = 6
+_CURVE_STEPS = 400
+_HIDDEN = (Layer.AXES, Layer.SWEPT)  # at first
 _USUAL_ENTRIES = {
+    Layer.AXES: [{"color": color, "text": ""} for color in AXIS_COLORS],
+    Layer.ROTATION: [{"color": CONE_COLOR, "text": ""}],
     Layer.CARRIED: [{"color": CARRIED_COLOR, "text": ""}],
     Layer.OBSTACLES: [{"color": OBSTACLE_COLOR, "text": ""}],
     Layer.SWEPT: [{"color": SWEPT_COLOR, "text": ""}],
@@ -38,7 +51,8 @@ _USUAL_ENTRIES = {
 def panel_data(scene: ProblemScene) -> dict[str, Any]:
     """Return the text of a problem's page and how it frames the scene, as JSON values."""
     layers = [_layer_data(layer, scene) for layer in scene.layers]
-    return page_data(scene, arm_words(scene.problem.robot), layers)
+    data = page_data(scene, arm_words(scene.problem.robot), layers)
+    return {**data, "timelines": [problem_timeline(*each) for each in scene.stretches]}
 
 
 def arm_words(robot: RobotModel) -> str:
@@ -55,7 +69,13 @@ def page_data(scene: Scene, about: str, layers: list[dict[str, Any]]) -> dict[st
         layers: As `layer_data` returns them.
     """
     many = len(scene.trajectories) > 1
-    trajectories = [_trajectory_data(trajectory) for trajectory in scene.trajectories]
+    trajectories = [
+        {**_trajectory_data(trajectory), "color": LINE_COLORS[i % len(LINE_COLORS)]}
+        for i, trajectory in enumerate(scene.trajectories)
+    ]
+    for stretches, trajectory in zip(scene.stretches, trajectories, strict=False):
+        steps = np.linspace(0.0, trajectory["duration"], _CURVE_STEPS)
+        trajectory |= page_curves(stretches, steps)
     frame = scene.frame
     labels = [
         {
@@ -74,11 +94,31 @@ def page_data(scene: Scene, about: str, layers: list[dict[str, Any]]) -> dict[st
         "trajectories": trajectories,
         "timelines": [],
         "labels": labels if many else None,
-        "layers": layers,
+        "layers": [*layers, *_moving_layers(scene, trajectories)],
+        "offset": frame.offset.round(5).tolist(),
+        "thickness": round(scene.thickness, 5),
         "notes": list(scene.notes),
         "direction": frame.direction.tolist(),
         "outline": frame.outline.round(5).tolist(),
     }
+
+
+def _moving_layers(scene: Scene, trajectories: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Return the layers that the page draws by itself of arms that move."""
+    ghosts = {
+        "name": "ghosts",
+        "label": "Arm at start, at end",
+        "entries": [{"color": START_COLOR, "text": ""}, {"color": END_COLOR, "text": ""}],
+        "visible": False,
+    }
+    closest = {
+        "name": "closest",
+        "label": "Closest pair and its distance",
+        "entries": [{"color": CLOSEST_COLOR, "text": ""}],
+        "visible": True,
+    }
+    has_pairs = any("clearance" in each for each in trajectories)
+    return [ghosts] * (scene.duration > 0) + [closest] * has_pairs
 
 
 def _trajectory_data(trajectory: ShownTrajectory) -> dict[str, Any]:
@@ -123,13 +163,15 @@ def layer_data(
         Layer.ARM: "Arm",
         Layer.TOOL: "Path of the tool, by its speed" if scene.duration > 0 else "Tool",
         Layer.SWEPT: "Space the links sweep (hulls)",
+        Layer.AXES: "Axes of the tool: x, y, z",
+        Layer.ROTATION: _rotation_label(scene),
         Layer.EXECUTED: _executed_label(scene.executed),
     }
     fields: dict[str, Any] = {
         "name": str(layer),
         "label": words[layer] if layer in words else usual[layer],
         "entries": entries.get(layer, _USUAL_ENTRIES.get(layer, [])),
-        "visible": layer is not Layer.SWEPT,
+        "visible": layer not in _HIDDEN,
     }
     if layer is Layer.REFERENCE:
         fields["dashed"] = REFERENCE_COLOR
@@ -138,6 +180,12 @@ def layer_data(
         ticks = ["0", f"{top / 2:.2f}", f"{top:.2f} m/s"]
         fields["scale"] = {"colors": list(SPEED_COLORS), "ticks": ticks}
     return fields
+
+
+def _rotation_label(scene: Scene) -> str:
+    pointers = [item.name for item in scene.items if item.name.startswith(POINTER)]
+    axes = " or ".join(dict.fromkeys(name.removeprefix(POINTER) for name in pointers))
+    return f"Rotation tolerance: the tool's {axes} axis stays in the cone"
 
 
 def _executed_label(executed: ExecutedPaths | None) -> str:

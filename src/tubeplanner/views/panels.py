@@ -1,12 +1,14 @@
 """The panels of a trajectory's figure: a quantity over time, its limits, the tube's segments."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.constraints.limit_use import samples_per_piece
 from tubeplanner.constraints.motor_effort import motor_effort
 from tubeplanner.constraints.path_samples import PathSamples
 from tubeplanner.constraints.point_speed import PointSpeedLimit
@@ -27,7 +29,6 @@ if TYPE_CHECKING:
 _DASHES: tuple[Any, ...] = ("-", (0, (6, 1.5)), (0, (2, 1)), (0, (6, 1.5, 1.5, 1.5)), (0, (1, 1)))
 LIMIT: dict[str, Any] = {"color": "#444444", "linewidth": 1.0, "linestyle": (0, (4, 3))}
 _MAIN: dict[str, Any] = {"color": "#D55E00", "linewidth": 1.6}
-_SAMPLES, _MIN_PER_PIECE = 800, 4
 _MAX_FACTOR = 3.0  # more than so many times faster is drawn as that
 _MAX_LABELS = 8
 _MAX_MARKED = 24  # segments one by one; more of them as groups, of which each has a label
@@ -42,13 +43,13 @@ class TrajectoryCurves:
     Attributes:
         problem: The planning problem.
         samples: Times, positions, velocities, accelerations.
+        jerk: Shape (N, n) [rad/s^3 or m/s^3].
         effort: Shape (N, n) [N m or N].
         effort_rate: Shape (N, n) [N m/s or N/s]; None where no joint's is limited.
         tool: Shape (N, 3) [m].
         speed: Of the tool, shape (N,) [m/s].
         speed_limit: Its limit in that segment, shape (N,) [m/s]; inf where there is none.
         points: Speeds of the points that limits name, as shares of these, shape (N, P).
-        factor: How many times faster each sample could be run, shape (N,).
         segment: The tube segment of each sample, shape (N,).
         tube_use: The tool's distance from the segment as a share of its radius, or of the nearest
             half side of its box, shape (N,).
@@ -57,13 +58,13 @@ class TrajectoryCurves:
 
     problem: PlanningProblem
     samples: TrajectorySamples
+    jerk: FloatArray
     effort: FloatArray
     effort_rate: FloatArray | None
     tool: FloatArray
     speed: FloatArray
     speed_limit: FloatArray
     points: FloatArray
-    factor: FloatArray
     segment: IntArray
     tube_use: FloatArray
     rotation_use: FloatArray | None
@@ -78,6 +79,13 @@ class TrajectoryCurves:
         ends = [0, *(np.flatnonzero(np.diff(group)) + 1).tolist(), len(time) - 1]
         return [(int(group[a]), float(time[a]), float(time[b])) for a, b in pairwise(ends)]
 
+    @cached_property
+    def factor(self) -> FloatArray:
+        """How many times faster each sample could be run, jerk left out, shape (N,)."""
+        at = self.samples
+        known = (at.position, at.velocity, at.acceleration)
+        return scaling_factor(self.problem, *known, segment=self.segment)
+
     @property
     def segments_per_group(self) -> int:
         """How many segments one after the other are marked as one."""
@@ -87,7 +95,7 @@ class TrajectoryCurves:
 def trajectory_curves(problem: PlanningProblem, trajectory: JointTrajectory) -> TrajectoryCurves:
     """Return what there is to draw of a trajectory of the problem's joints, in their order."""
     robot, tube = problem.robot, problem.tube
-    count = max(_MIN_PER_PIECE, _SAMPLES // len(trajectory.widths))
+    count = samples_per_piece(trajectory)
     samples = trajectory.per_piece(count)
     q, v, a = samples.position, samples.velocity, samples.acceleration
     rotation, tool, jacobian = robot.tool_pose_jacobian(q)
@@ -97,20 +105,20 @@ def trajectory_curves(problem: PlanningProblem, trajectory: JointTrajectory) -> 
         error = tube.rotation.error(rotation, tool, segment)
         angle = np.linalg.norm(error, axis=1, keepdims=True)
         turned = (np.hstack([abs(error), angle]) / tube.rotation.bounds[segment]).max(axis=1)
-    rate = None
+    rate, jerk = None, trajectory.jerk_per_piece(count)
     if np.isfinite(robot.limits.effort_rate).any():
-        rate = effort_rate(robot, q, v, a, trajectory.jerk_per_piece(count))
+        rate = effort_rate(robot, q, v, a, jerk)
     known = PathSamples(problem, np.stack([q, v, a]))
     return TrajectoryCurves(
         problem,
         samples,
+        jerk,
         motor_effort(robot, trajectory, samples),
         rate,
         tool,
         np.linalg.norm(np.einsum("nij,nj->ni", jacobian[:, :3], v), axis=1),
         ToolSpeed(problem).limit[segment],
         PointSpeedLimit(robot.limits.point_speed).used(known).at(1.0),
-        scaling_factor(problem, q, v, a, segment=segment),
         segment,
         tube_use(problem, tool, segment),
         turned,
@@ -138,8 +146,6 @@ def draw_positions(axis: "Axes", curves: TrajectoryCurves) -> None:
                 color = LINE_COLORS[j % len(LINE_COLORS)]
                 axis.plot(samples.time, limit, **{**LIMIT, "color": color})
     axis.set_ylabel(f"position [{_unit(problem, 'rad', 'm')}]")
-    above: dict[str, Any] = {"loc": "lower left", "bbox_to_anchor": (0.0, 1.06), "ncols": 4}
-    axis.legend(**above, fontsize=8, frameon=False, handlelength=3.5)
 
 
 def draw_velocities(axis: "Axes", curves: TrajectoryCurves) -> None:
@@ -158,24 +164,32 @@ def draw_efforts(axis: "Axes", curves: TrajectoryCurves) -> None:
     _draw_effort_ranges(axis, curves)
 
 
+def draw_accelerations(axis: "Axes", curves: TrajectoryCurves) -> None:
+    """Draw accelerations against their limits, of joints that have one."""
+    limit = curves.problem.robot.limits.acceleration
+    _draw_limited(axis, curves, curves.samples.acceleration, limit, "acceleration")
+
+
+def draw_jerks(axis: "Axes", curves: TrajectoryCurves) -> None:
+    """Draw jerks against their limits, of joints that have one."""
+    _draw_limited(axis, curves, curves.jerk, curves.problem.robot.limits.jerk, "jerk")
+
+
 def draw_effort_rates(axis: "Axes", curves: TrajectoryCurves) -> None:
-    """Draw how fast efforts change against their limits, where there are some."""
+    """Draw how fast efforts change against their limits, of joints that have one."""
     if curves.effort_rate is None:
         return
     limit = curves.problem.robot.limits.effort_rate
-    unit = _unit(curves.problem, "N m/s", "N/s")
-    _draw_shares(axis, curves, curves.effort_rate, limit, "effort rate", unit)
+    _draw_limited(axis, curves, curves.effort_rate, limit, "effort rate")
 
 
-def draw_factor(
-    axis: "Axes", curves: TrajectoryCurves, label: str | None = None, number: int = 0
-) -> None:
+def draw_factor(axis: "Axes", curves: TrajectoryCurves, label: str, number: int) -> None:
     """Draw how many times faster the arm could move, over the share of the duration.
 
     Args:
         axis: Where; several trajectories may share it.
         curves: The trajectory.
-        label: In a legend; None: the only trajectory here, and the axis explains itself.
+        label: In a legend.
         number: Of the line, for colour and dashes.
     """
     time = curves.samples.time
@@ -183,14 +197,9 @@ def draw_factor(
     axis.plot(time / time[-1], shown, label=label, **line_style(number))
     axis.axhline(1.0, **LIMIT)
     axis.set_xlim(0.0, 1.0)
-    # The ends, where all is at rest, tell nothing; what lies between them sets the scale.
-    usual = max(1.1 * float(np.quantile(shown, 0.97)), 1.2)
-    axis.set_ylim(0.9, min(usual, 1.05 * _MAX_FACTOR) if label is None else None)
+    axis.set_ylim(0.9, None)
     axis.set_xlabel("share of the duration, t / T [-]")
     axis.set_ylabel("b(t), times faster [-]")
-    if label is None:
-        title = "1: a motor or a speed is at its limit"
-        axis.set_title(title, fontsize=8, loc="right")
     axis.grid(alpha=0.25)
 
 
@@ -229,7 +238,7 @@ def draw_tube_use(axis: "Axes", curves: TrajectoryCurves) -> None:
         axis.plot(curves.samples.time, turned, label=label, **style)
     axis.axhline(100.0, **LIMIT)
     axis.set_ylim(0.0, 130.0)
-    axis.set_ylabel("use of the tube [% of tolerance]")
+    axis.set_ylabel("tolerance used [%]")
     axis.legend(fontsize=8, loc="upper center", ncols=2)
 
 
@@ -308,6 +317,22 @@ def _draw_shares(
         return
     axis.set_ylabel(f"{quantity} [{unit}]")
     axis.set_title(f"not every joint has a {quantity} limit", fontsize=8, loc="right")
+
+
+def _draw_limited(
+    axis: "Axes", curves: TrajectoryCurves, values: FloatArray, limit: FloatArray, quantity: str
+) -> None:
+    """Draw values as percent of their limits, of joints that have one, and name the others."""
+    for j in np.flatnonzero(np.isfinite(limit)).tolist():
+        axis.plot(curves.samples.time, 100 * values[:, j] / limit[j], **line_style(j))
+    for bound in (-100, 100):
+        axis.axhline(bound, **LIMIT)
+    axis.set_ylim(-112, 112)
+    axis.set_ylabel(f"{quantity} [% of limit]")
+    names = curves.problem.robot.joint_names
+    free = [names[j] for j in np.flatnonzero(~np.isfinite(limit))]
+    if free:
+        axis.set_title(f"no limit: {', '.join(free)}", fontsize=8, loc="right")
 
 
 def _draw_effort_ranges(axis: "Axes", curves: TrajectoryCurves) -> None:

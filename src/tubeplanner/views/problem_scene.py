@@ -7,6 +7,7 @@ import numpy as np
 
 from tubeplanner.errors import TrajectoryError
 from tubeplanner.problem.problem import PlanningProblem
+from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.simulation.execution import Execution
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.views.arm_hulls import arm_hulls, carried_surfaces
@@ -19,6 +20,7 @@ from tubeplanner.views.executed_paths import (
 from tubeplanner.views.execution_curves import tool_runs
 from tubeplanner.views.goal_ball import goal_ball
 from tubeplanner.views.link_visuals import MAX_FACES, link_parts
+from tubeplanner.views.orientation_items import turned_tool
 from tubeplanner.views.palette import REFERENCE_COLOR, rgb, segment_color
 from tubeplanner.views.scene import Item, Layer, Scene, ShownTrajectory
 from tubeplanner.views.scene_frame import scene_frame
@@ -33,6 +35,7 @@ from tubeplanner.views.scene_items import (
     tool_items,
 )
 from tubeplanner.views.shown_poses import direction_of, poses_along, poses_at_rest
+from tubeplanner.views.stretch import Stretch
 from tubeplanner.views.surface import Surface, tube_surfaces
 
 _FRAMES_PER_SECOND, _MIN_FRAMES, _MAX_FRAMES = 200, 80, 240
@@ -68,47 +71,54 @@ def build_scene(
         RobotError: The robot's geometry is of a kind no URDF has.
     """
     said, robot = list(notes), problem.robot
-    trajectories = tuple(_shown(problem, *pair) for pair in named.items())
-    if not trajectories:
-        trajectories = (poses_at_rest(problem, said),)
-    parts, notes_of_parts = link_parts(robot, MAX_FACES // len(trajectories))
+    motions = {name: _motion(problem, name, given) for name, given in named.items()}
+    stretches = tuple((Stretch(problem, motion),) for motion in motions.values())
+    shown = [_shown(robot, *pair) for pair in motions.items()] or [poses_at_rest(problem, said)]
+    parts, notes_of_parts = link_parts(robot, MAX_FACES // len(shown))
     carried = carried_surfaces(robot, problem.attached)
-    hulls = arm_hulls(parts, carried)
-    tube = tube_surfaces(problem.tube)
-    swept = [swept_surface(trajectory, hulls) for trajectory in trajectories]
+    hulls, tube = arm_hulls(parts, carried), tube_surfaces(problem.tube)
+    swept = [swept_surface(each, hulls) for each in shown]
     standing = [points for body, points in hulls if body == 0]
     points = [*(surface.vertices for surface in [*swept, *tube]), *standing]
-    direction = direction_of(trajectories[0], [problem.tube.points], problem.obstacles, hulls)
+    direction = direction_of(shown[0], [problem.tube.points], problem.obstacles, hulls)
     thickness = line_thickness([problem.tube], float(np.ptp(np.vstack(points), axis=0).max()))
-    fastest = max(float(trajectory.speed.max()) for trajectory in trajectories)
+    fastest = max(float(each.speed.max()) for each in shown)
     width = thickness if execution is None else BESIDE_EXECUTED * thickness
     items: list[Item] = []
-    for i, trajectory in enumerate(trajectories):
+    for i, each in enumerate(shown):
+        shown[i], turned = turned_tool(
+            i, robot, [problem.tube], sum(stretches[i : i + 1], ()), each, thickness
+        )
         items += arm_items(i, parts)
-        items += carried_items(i, () if trajectory.name in empty_handed else carried)
+        items += carried_items(i, () if each.name in empty_handed else carried)
         items += _surroundings(i, problem, tube, thickness)
-        items += tool_items(i, trajectory, robot, width, fastest)
-        items += swept_item(i, trajectory, swept[i])
+        items += tool_items(i, each, robot, width, fastest)
+        items += [*turned, *swept_item(i, each, swept[i])]
     return ProblemScene(
         name=problem.name,
-        trajectories=trajectories,
+        trajectories=tuple(shown),
         items=tuple(items),
-        frame=scene_frame(points, direction, len(trajectories)),
+        frame=scene_frame(points, direction, len(shown)),
+        thickness=thickness,
         notes=(*said, *notes_of_parts),
+        stretches=stretches,
         executed=_executed(problem, named, execution),
         problem=problem,
     )
 
 
-def _shown(problem: PlanningProblem, name: str, trajectory: JointTrajectory) -> ShownTrajectory:
+def _motion(problem: PlanningProblem, name: str, trajectory: JointTrajectory) -> JointTrajectory:
     try:
-        ordered = trajectory.reordered(problem.robot.joint_names)
+        return trajectory.reordered(problem.robot.joint_names)
     except TrajectoryError as error:
         raise TrajectoryError(f"{name}: {error}") from error
+
+
+def _shown(robot: RobotModel, name: str, trajectory: JointTrajectory) -> ShownTrajectory:
     wanted = int(np.ceil(_FRAMES_PER_SECOND * trajectory.duration))
     frames = min(max(wanted, _MIN_FRAMES), _MAX_FRAMES)
     time = np.linspace(0.0, trajectory.duration, frames)
-    return poses_along(problem.robot, name, ordered, time)
+    return poses_along(robot, name, trajectory, time)
 
 
 def _surroundings(
@@ -116,7 +126,15 @@ def _surroundings(
 ) -> list[Item]:
     """Return tube, reference path, its lines of a thickness [m], and obstacles."""
     items = [
-        Item(Layer.TUBE, trajectory, f"segment_{k}", surface, rgb(segment_color(k)), 0.3)
+        Item(
+            Layer.TUBE,
+            trajectory,
+            f"segment_{k}",
+            surface,
+            rgb(segment_color(k)),
+            0.3,
+            is_smooth=not problem.tube.is_box[k],
+        )
         for k, surface in enumerate(tube)
     ]
     items.append(reference_item(trajectory, "path", problem.tube.points, thickness))

@@ -13,6 +13,7 @@ import numpy as np
 from tubeplanner.arrays import BoolArray, FloatArray
 from tubeplanner.views.executed_paths import ExecutedPaths
 from tubeplanner.views.scene_frame import SceneFrame
+from tubeplanner.views.stretch import Stretch
 from tubeplanner.views.surface import Surface
 
 
@@ -24,6 +25,8 @@ class Layer(StrEnum):
     TUBE = "tube"
     REFERENCE = "reference"
     TOOL = "tool"
+    AXES = "axes"
+    ROTATION = "rotation"
     EXECUTED = "executed"
     OBSTACLES = "obstacles"
     SWEPT = "swept"
@@ -98,7 +101,9 @@ class Scene:
         trajectories: At least one; of no duration if no trajectory was given.
         items: Surfaces.
         frame: Where things stand and from where they are seen.
+        thickness: Of drawn lines, their radius [m].
         notes: What else is worth knowing.
+        stretches: Of each motion, under the problems that judge them; none of an arm at rest.
         executed: The tool's executed paths, beside the first trajectory; None: none were asked.
     """
 
@@ -106,7 +111,9 @@ class Scene:
     trajectories: tuple[ShownTrajectory, ...]
     items: tuple[Item, ...]
     frame: SceneFrame
+    thickness: float
     notes: tuple[str, ...]
+    stretches: tuple[tuple[Stretch, ...], ...] = ()
     executed: ExecutedPaths | None = None
 
     @property

@@ -1,10 +1,12 @@
 """Where an arm is seen: along a trajectory, or at rest; and from where it is seen best."""
 
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 
-from tubeplanner.arrays import FloatArray
+from tubeplanner.arrays import BoolArray, FloatArray
 from tubeplanner.branches.reference_branch import end_configuration
 from tubeplanner.collision.convex_shape import ConvexShape, convex_hull
 from tubeplanner.collision.obstacle import Obstacle
@@ -17,6 +19,18 @@ from tubeplanner.views.viewpoint import best_direction
 
 # Of the way through a trajectory: when the arm should not hide the path.
 _SAMPLED_SHARES = (0.1, 0.5, 0.9)
+
+
+class MovingBody(Protocol):
+    """A body beside those of the arm: its poses (T, 4, 4), and whether it is there, (T,)."""
+
+    @property
+    def poses(self) -> FloatArray:
+        """Of its frame, base frame, shape (T, 4, 4)."""
+
+    @property
+    def present(self) -> BoolArray:
+        """When it is there, shape (T,)."""
 
 
 def poses_along(
@@ -56,6 +70,20 @@ def direction_of(
     solids = [shape for obstacle in obstacles for shape in obstacle.shapes]
     arms = [_moving_shapes(trajectory, share, hulls) for share in _SAMPLED_SHARES]
     return best_direction(np.vstack([trajectory.tool, *points]), solids, arms)
+
+
+def with_bodies(shown: ShownTrajectory, bodies: Sequence[MovingBody]) -> ShownTrajectory:
+    """Return where bodies are, others after those that there were."""
+    count = shown.rotation.shape[1]
+    rotation = [shown.rotation, *(body.poses[:, None, :3, :3] for body in bodies)]
+    position = [shown.position, *(body.poses[:, None, :3, 3] for body in bodies)]
+    present = {count + k: body.present for k, body in enumerate(bodies)}
+    return replace(
+        shown,
+        rotation=np.concatenate(rotation, axis=1),
+        position=np.concatenate(position, axis=1),
+        present={**shown.present, **present},
+    )
 
 
 def _posed(

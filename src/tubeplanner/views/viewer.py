@@ -1,12 +1,9 @@
-"""A scene as one HTML page that needs no network and no server. Only this module knows meshcat.
+"""A scene as meshcat has it, and as one page that needs no network and no server.
 
 meshcat's commands are recorded instead of sent, and packed into the page together with its viewer.
 """
 
-import base64
-import gzip
 import html
-import json
 import re
 import tempfile
 import webbrowser
@@ -27,12 +24,12 @@ from tubeplanner.short_repr import short_repr
 from tubeplanner.simulation.execution import Execution
 from tubeplanner.trajectory.joint_trajectory import JointTrajectory
 from tubeplanner.views.executed_paths import ExecutedPaths
+from tubeplanner.views.page_file import page_html
 from tubeplanner.views.page_panel import panel_data
 from tubeplanner.views.palette import EXECUTED_COLOR, WARNING_COLOR, rgb
 from tubeplanner.views.problem_scene import build_scene
 from tubeplanner.views.scene import Item, Layer, Scene
 
-_TEMPLATE = Path(__file__).with_name("view_page.html")
 _FRAME_HEIGHT = 560  # of the frame in a notebook [px]
 # Translucent things are drawn after solid ones, in this order.
 # The paths come after the tube, so that it does not tint their colours.
@@ -43,7 +40,8 @@ _RENDER_ORDER = {
     Layer.TOOL: 4,
     Layer.EXECUTED: 5,
     Layer.CARRIED: 6,
-    Layer.SWEPT: 8,
+    Layer.ROTATION: 7,
+    Layer.SWEPT: 9,
 }
 _FLOOR_COLOR = 0xC3CAD4
 _LIGHT_DISTANCE = 50.0  # [m]
@@ -68,7 +66,7 @@ class View:
     @cached_property
     def html(self) -> str:
         """The complete page; it can be mailed and opened without a network."""
-        return _page(self.scene, self.panel)
+        return page_html(self.scene.name, self.panel, recorded_commands(self.scene))
 
     def save(self, path: str | Path) -> None:
         """Write the page to a file, whole or not at all.
@@ -263,11 +261,6 @@ def _add_item(root: Any, item: Item) -> None:
         depthWrite=solid,
         transparent=item.layer in _RENDER_ORDER,
     )
-    if item.layer is Layer.SWEPT:
-        # Its front alone is wanted: first its depth is drawn, then what is at that depth.
-        depth = geometry.MeshLambertMaterial(transparent=True, colorWrite=False, side=_FRONT_SIDE)
-        node["depth"].set_object(shape, depth)
-        node["depth/<object>"].set_property("renderOrder", _RENDER_ORDER[item.layer] - 1)
     node.set_object(shape, material)
     if item.layer in _RENDER_ORDER:
         node["<object>"].set_property("renderOrder", _RENDER_ORDER[item.layer])
@@ -299,25 +292,3 @@ def _animate(root: Any, scene: Scene) -> None:
                 frame.set_property("visible", "boolean", bool(present[step]))
     if scene.duration > 0:
         root.set_animation(animation, play=False)
-
-
-def _page(scene: Scene, panel: Mapping[str, Any]) -> str:
-    """Return the page: template, viewer, commands and what the panel says."""
-    import meshcat
-    import umsgpack
-
-    commands = b"".join(
-        len(packed).to_bytes(4, "little") + packed
-        for packed in (umsgpack.packb(command) for command in recorded_commands(scene))
-    )
-    engine = Path(meshcat.__file__).parent / "viewer" / "dist" / "main.min.js"
-    licence = engine.with_name("main.min.js.LICENSE.txt")
-    parts = {
-        "title": html.escape(scene.name),
-        "licence": licence.read_text(encoding="utf-8").replace("<", "&lt;"),
-        "data": json.dumps(panel, allow_nan=False).replace("<", "\\u003c"),
-        "scene": base64.b64encode(gzip.compress(commands, mtime=0)).decode(),
-        "engine": engine.read_text(encoding="utf-8").replace("</script", "<\\/script"),
-    }
-    template = _TEMPLATE.read_text(encoding="utf-8")
-    return re.sub(r"\{\{(\w+)\}\}", lambda match: parts[match.group(1)], template)

@@ -1,0 +1,138 @@
+"""What binds when: moves whose answer is known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cases import anywhere, rest_to_rest
+from tubeplanner import JointTrajectory, LimitOverrides, PointSpeed, load_robot
+from tubeplanner.constraints.binding_limits import binding_rows, bound_share, clearance_use
+from tubeplanner.constraints.closest_pairs import ClosestPairs
+from tubeplanner.constraints.limit_use import LimitUse, limit_uses
+
+EFFORT, MASS = 10.0, 2.0  # of the slider on its rail [N], [kg]
+
+
+def bang_bang(cruise=0.0):
+    """Return a move of the slider at full effort, then for a time at full speed, then braked."""
+    acceleration, rise = EFFORT / MASS, 0.2
+    speed = acceleration * rise
+    widths = [rise, cruise, rise] if cruise else [rise, rise]
+    state, pieces = [0.0, 0.0], []
+    for width, a in zip(
+        widths, [acceleration, 0.0, -acceleration][:: 1 if cruise else 2], strict=True
+    ):
+        pieces.append([a / 2, state[1], state[0]])
+        state = [state[0] + state[1] * width + a / 2 * width**2, state[1] + a * width]
+    breakpoints = np.append(0.0, np.cumsum(widths))
+    return JointTrajectory(["slide"], breakpoints, np.array(pieces).T[:, :, None]), speed
+
+
+def rows_of(problem, trajectory, closest=()):
+    uses = limit_uses(problem, trajectory)
+    return binding_rows(problem.robot.joint_names, uses, closest), uses
+
+
+def test_effort_binds_all_along_a_bang_bang_move(slider):
+    trajectory, _ = bang_bang()
+    (slide, tool), uses = rows_of(slider, trajectory)
+    (span,) = slide.spans
+    assert (slide.name, span.kind, span.begin, span.end) == ("slide", "effort", 0.0, 0.4)
+    assert (tool.name, tool.spans) == ("tool", [])
+    assert bound_share(uses) == 1.0
+
+
+@pytest.mark.parametrize(("slower", "expected"), [(1.005, 1.0), (1.02, 0.0)])
+def test_a_limit_binds_from_98_percent_on(slider, slower, expected):
+    trajectory, _ = bang_bang()
+    _, uses = rows_of(slider, trajectory.scaled(slower))
+    assert bound_share(uses) == expected
+
+
+def test_where_the_speed_is_full_the_velocity_binds(slider):
+    trajectory, speed = bang_bang(cruise=0.6)
+    problem = replace(slider, robot=with_velocity(slider.robot, speed))
+    (slide, _), uses = rows_of(problem, trajectory)
+    assert [span.kind for span in slide.spans] == ["effort", "velocity", "effort"]
+    begins = [span.begin for span in slide.spans]
+    np.testing.assert_allclose(begins, [0.0, 0.2, 0.8], atol=0.005)
+    assert [span.end for span in slide.spans] == [*begins[1:], 1.0]
+    assert bound_share(uses, uses.of("velocity")) == pytest.approx(0.6, abs=0.01)
+    assert bound_share(uses, uses.of("effort")) == pytest.approx(0.4, abs=0.01)
+
+
+def with_velocity(robot, velocity):
+    make, arguments = robot.__reduce__()
+    limits = replace(robot.limits, velocity=np.array([velocity]))
+    return make(*(limits if each is robot.limits else each for each in arguments))
+
+
+def test_at_the_edge_of_the_tube_the_way_binds_and_not_the_speed(slider):
+    """The tube ends at 0.6 m and is 0.1 m wide: the slider goes as far, and slowly."""
+    trajectory = rest_to_rest(["slide"], 0.0, 0.7, 10.0)
+    (slide, tool), uses = rows_of(slider, trajectory)
+    assert slide.spans == []
+    assert {span.kind for span in tool.spans} == {"tube"}
+    assert tool.spans[-1].end == 10.0
+    assert bound_share(uses) == 0.0
+    assert bound_share(uses, uses.of("tube")) > 0.0
+
+
+@pytest.mark.parametrize(("end", "binds"), [(0.997, False), (0.9985, True)])
+def test_a_position_binds_near_the_end_of_its_range_alone(slider, end, binds):
+    problem = anywhere(slider.robot)
+    (slide, *_), _ = rows_of(problem, rest_to_rest(["slide"], 0.0, end, 10.0))
+    assert [span.kind for span in slide.spans] == ["position"] * binds
+
+
+def pairs(time, margin, kind="obstacles"):
+    count = len(time)
+    names, points = (("cart", "wall"),) * count, np.zeros((count, 2, 3))
+    return ClosestPairs(kind, time, margin + 0.01, margin, names, points)
+
+
+def test_links_bind_where_less_than_a_millimetre_is_left(slider):
+    trajectory, _ = bang_bang()
+    time = limit_uses(slider, trajectory).samples.time
+    margin = np.where(time < 0.1, 0.0009, np.where(time > 0.3, 0.0011, 0.2))
+    (*_, links), _ = rows_of(slider, trajectory, [pairs(time, margin)])
+    (span,) = links.spans
+    assert (links.name, span.kind, span.begin) == ("links", "obstacles", 0.0)
+    assert span.end == pytest.approx(0.1, abs=0.005)
+
+
+def test_of_several_that_bind_the_most_used_is_shown(slider):
+    trajectory, _ = bang_bang()
+    time = limit_uses(slider, trajectory).samples.time
+    closest = [
+        pairs(time, np.full(len(time), 0.0005)),
+        pairs(time, np.where(time < 0.2, 0.0001, 0.0008), "self_collision"),
+    ]
+    (*_, links), _ = rows_of(slider, trajectory, closest)
+    assert [span.kind for span in links.spans] == ["self_collision", "obstacles"]
+
+
+def test_what_does_not_bind_is_not_shown_though_more_of_it_is_used(slider):
+    """99 % of a range leave much of it; 98.5 % of an effort do not."""
+    trajectory, _ = bang_bang()
+    uses = limit_uses(slider, trajectory)
+    count = len(uses.samples.time)
+    given = {"position": 0.99, "effort": 0.985}
+    own = tuple(LimitUse(kind, "slide", np.full(count, x), 0) for kind, x in given.items())
+    (slide,) = binding_rows(["slide"], replace(uses, uses=own), ())
+    assert [span.kind for span in slide.spans] == ["effort"]
+
+
+def test_a_required_distance_is_used_from_five_centimetres_on():
+    margin = np.array([0.1, 0.05, 0.025, 0.0, -0.01, np.inf])
+    use = clearance_use(pairs(np.arange(6.0), margin))
+    np.testing.assert_allclose(use.share, [0, 0, 0.5, 1, 1.2, 0], atol=1e-12)
+
+
+def test_points_of_links_belong_to_the_links():
+    points = [PointSpeed("link1", [0.5, 0, 0], 0.9)]
+    robot = load_robot("example:two_link", "hand", limits=LimitOverrides(point_speed=points))
+    rows, _ = rows_of(anywhere(robot), rest_to_rest(robot.joint_names, [0, 0.5], [1, 0.5], 1.0))
+    assert [row.name for row in rows] == ["joint1", "joint2", "tool", "links"]
+    assert {span.kind for span in rows[-1].spans} == {"point_speed"}

@@ -1,0 +1,79 @@
+"""Pictures of solids: what is in front is seen, what is translucent is laid over it."""
+
+import numpy as np
+import pytest
+
+from tubeplanner.collision.convex_shape import box
+from tubeplanner.views.rendered_solids import RenderedSolid, rendered
+from tubeplanner.views.space_view import SpaceView
+from tubeplanner.views.surface import shape_surface
+
+RED, BLUE = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
+ABOVE = SpaceView(np.array([0.0, 0.0, 1.0]))
+
+
+def plate(height, color, side=1.0, alpha=1.0, edges=False):
+    """Return a thin square plate at a height [m]."""
+    placement = np.eye(4)
+    placement[2, 3] = height
+    surface = shape_surface(box([side, side, 0.01])).moved(placement)
+    return RenderedSolid(surface, color, alpha, edges)
+
+
+def pixel(picture, x, y):
+    """Return the colour of a picture at a place on the page [m]."""
+    height, width, _ = picture.pixels.shape
+    share = (np.array([x, y]) - picture.low) / (picture.high - picture.low)
+    column, row = (share * [width, height]).astype(int)
+    return picture.pixels[row, column]
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_what_is_in_front_is_seen(order):
+    solids = [plate(0.0, RED, 2.0), plate(1.0, BLUE)][::order]
+    picture = rendered(solids, ABOVE)
+    assert pixel(picture, 0.0, 0.0)[2] > 0.5 > pixel(picture, 0.0, 0.0)[0]
+    assert pixel(picture, 0.8, 0.0)[0] > 0.5 > pixel(picture, 0.8, 0.0)[2]
+    below = SpaceView(np.array([0.0, 0.6, -0.8]))
+    assert pixel(rendered(solids, below), 0.0, 0.0)[0] > 0.5
+
+
+def test_where_nothing_is_nothing_is_drawn():
+    picture = rendered([plate(0.0, RED, 0.2), plate(0.0, BLUE, 0.2)], ABOVE)
+    assert pixel(picture, 0.0, 0.0)[3] == 1
+    assert picture.pixels[0, 0, 3] == 0
+    np.testing.assert_allclose((picture.low + picture.high) / 2, 0, atol=1e-3)
+
+
+def test_through_what_is_translucent_the_rest_is_seen():
+    """Each once, with its own share: the side towards the viewer alone counts."""
+    ground = pixel(rendered([plate(0.0, RED, 2.0)], ABOVE), 0.0, 0.0)
+    over = pixel(rendered([plate(1.0, BLUE)], ABOVE), 0.0, 0.0)
+    picture = rendered([plate(1.0, BLUE, alpha=0.25), plate(0.0, RED, 2.0)], ABOVE)
+    expected = 0.25 * over[:3] + 0.75 * ground[:3]
+    np.testing.assert_allclose(pixel(picture, 0.0, 0.0), [*expected, 1.0], atol=1e-9)
+    hidden = rendered([plate(-1.0, BLUE, alpha=0.25), plate(0.0, RED, 2.0)], ABOVE)
+    np.testing.assert_allclose(pixel(hidden, 0.0, 0.0), ground)
+
+
+def test_translucent_solids_are_laid_over_each_other_from_far_to_near():
+    red, blue = plate(0.0, RED, alpha=0.5), plate(1.0, BLUE, alpha=0.5)
+    for solids in ([red, blue], [blue, red]):
+        color = pixel(rendered(solids, ABOVE), 0.0, 0.0)
+        assert color[3] == pytest.approx(0.75)
+        assert color[2] == pytest.approx(2 * color[0])
+
+
+def test_sharp_edges_are_drawn_dark():
+    plain = rendered([plate(0.0, RED, alpha=0.5)], ABOVE)
+    edged = rendered([plate(0.0, RED, alpha=0.5, edges=True)], ABOVE)
+    np.testing.assert_allclose(pixel(edged, 0.1, 0.2), pixel(plain, 0.1, 0.2))
+    assert pixel(edged, 0.4995, 0.2)[3] > 0.8 > pixel(plain, 0.4995, 0.2)[3]
+    diagonal = [pixel(edged, x, -x)[3] for x in np.linspace(-0.4, 0.4, 9)]
+    assert max(diagonal) == pytest.approx(0.5)  # of triangles in one plane none
+
+
+def test_of_faces_in_one_plane_the_last_is_seen():
+    solids = [plate(0.0, RED), plate(0.0, BLUE, 2.0), plate(0.0, RED, 0.5)]
+    picture = rendered(solids, ABOVE)
+    assert [pixel(picture, x, 0.0)[0] > 0.5 for x in (0.1, 0.4, 0.8)] == [True, False, False]
