@@ -58,8 +58,8 @@ KNOWS = {
         "views.time_panels",
         "views.value_scale",
     },
-    "meshcat": {"views.viewer"},
-    "umsgpack": {"views.viewer"},
+    "meshcat": {"views.page_file", "views.viewer"},
+    "umsgpack": {"views.page_file"},
     "click": {
         "commands.check_command",
         "commands.console",

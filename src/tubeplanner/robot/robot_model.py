@@ -160,12 +160,6 @@ class RobotModel:
         """Number of bodies, the fixed base included."""
         return int(self._model.njoints)
 
-    @property
-    def tool_placement(self) -> FloatArray:
-        """Pose of the tool centre point in the frame of the body that carries it, shape (4, 4)."""
-        placement: FloatArray = self._model.frames[self._tool_id].placement.homogeneous
-        return placement
-
     def tool_position(self, q: FloatArray) -> FloatArray:
         """Return the tool centre point [m]: q of shape (N, n) gives (N, 3)."""
         return self.tool_pose(q)[1]

@@ -71,7 +71,7 @@ def turned_tool(
 
 def axes_items(i: int, robot: RobotModel, thickness: float) -> list[Item]:
     """Return the axes of the tool centre point of an arm, for lines of a radius [m]."""
-    body, placement = robot.link_body[robot.tool_frame], robot.tool_placement
+    body, placement = robot.link_body[robot.tool_frame], _tool_placement(robot)
     return [
         Item(
             Layer.AXES,
@@ -149,13 +149,14 @@ def pointer_items(
 ) -> list[Item]:
     """Return the axes of the tool that cones bound, as dark lines that move with it."""
     axes = sorted({axis for each in bounds if (axis := cone_axis(each)) is not None})
-    body, color = robot.link_body[robot.tool_frame], rgb(_POINTER_COLOR)
+    body, placement = robot.link_body[robot.tool_frame], _tool_placement(robot)
+    color = rgb(_POINTER_COLOR)
     return [
         Item(
             Layer.ROTATION,
             i,
             f"{POINTER}{AXIS_NAMES[axis]}",
-            _stick(axis, 0.6 * thickness, _POINTER_LENGTH * thickness).moved(robot.tool_placement),
+            _stick(axis, 0.6 * thickness, _POINTER_LENGTH * thickness).moved(placement),
             color,
             body=body,
         )
@@ -222,3 +223,13 @@ def _stick(axis: int, thickness: float, length: float) -> Surface:
 
 def _absent(bounds: FloatArray, count: int) -> RotationCone:
     return RotationCone(bounds, np.tile(np.eye(4), (count, 1, 1)), np.zeros(count, dtype=bool))
+
+
+def _tool_placement(robot: RobotModel) -> FloatArray:
+    """Return the pose of the tool centre point in the frame of the body that carries it, (4, 4)."""
+    q, body = np.zeros(robot.joint_count), robot.link_body[robot.tool_frame]
+    (rotation, position), (turned, tool) = robot.body_poses(q), robot.tool_pose(q)
+    placement = np.eye(4)
+    placement[:3, :3] = rotation[body].T @ turned
+    placement[:3, 3] = rotation[body].T @ (tool - position[body])
+    return placement
