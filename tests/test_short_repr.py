@@ -10,6 +10,7 @@ import tubeplanner as t
 from small_cycle import planned_cycle
 from tubeplanner.refinement.sensitivities import Sensitivity
 from tubeplanner.short_repr import short_repr
+from tubeplanner.studies.placement_region import Region, Stand
 
 MOST = 500  # [characters]
 # What is printed must name these, where the class has something of its own to say.
@@ -23,6 +24,7 @@ SAYS = {
     "JointTrajectory": [" s: ", "pieces of degree", "joint1, joint2"],
     "Obstacle": ["post", "0.0605 x 0.0605 x 0.3 m about [0.4, 0.22, 0]", "1 convex shape"],
     "PlannedItem": ["index=0", "no/such/file.yaml"],
+    "Placement": ["of two_link/around_a_post: 100 stands tried, best Stand(x=0.1, y=0.2"],
     "PlanResult": ["success by refinement", "certified trajectory of"],
     "Planner": ["two_link/around_a_post: refinement", "nothing planned yet"],
     "PlanningProblem": [
@@ -75,6 +77,7 @@ def made():
         t.SearchStatistics(*range(8), False),
         *(t.WorkerProcesses(2), t.PosedProblem.read("example:two_link/around_a_post")),
         *t.plan_many(["no/such/file.yaml"], executor=ThreadPoolExecutor(1)),
+        *(t.PlaceOptions(), *_of_places(problem, result)),
         *_of_cycles(),
     ]
     named = {type(each).__name__: each for each in found}
@@ -90,6 +93,16 @@ def _of_cycles():
         *(cycle, *steps.values(), result, motion, result.certificate),
         *(motion.marks[0], result.sensitivities[0]),
     ]
+
+
+def _of_places(problem, result):
+    """Return a placement and its parts."""
+    stand = Stand(0.1, 0.2, 0.0, 1.0)
+    row = t.PlacementRow(stand, "success", result.message, result.place, result.duration)
+    given, region = t.GivenStand(stand, result, result.message), Region.of((0, 1, 0, 1), 0.0)
+    grid = region.grid(100, 0.0)
+    found = t.Placement(problem, region, (), grid, (row,) * 100, given, row, result, {})
+    return [stand, row, given, found]
 
 
 def _filled(cls):

@@ -13,7 +13,7 @@ from tubeplanner.resources import bundled_problems
 
 LINE, POST = "example:two_link/paper_1_30mm", "example:two_link/around_a_post"
 STOPS = ("--method", "stop-at-corners")
-TAKES_NO_PROBLEM = {"robots", "schema", "reproduce", "init"}
+TAKES_NO_PROBLEM = {"study", "robots", "schema", "reproduce", "init"}
 PNG = b"\x89PNG"
 
 

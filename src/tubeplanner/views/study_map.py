@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _MOST_WRITTEN = 150  # cells with their durations in them
-_MOST_TICKS = 20
+_MOST_TICKS = 12
 _MOST_UPRIGHT = 70  # [characters] of all labels together that are not turned
 _DARK = 0.5  # brightness below which white letters are easier to read
 

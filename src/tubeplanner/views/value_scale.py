@@ -85,5 +85,7 @@ class ValueScale:
 
 def value_label(value: Any) -> str:
     """Return a value as it stands below an axis: of long ones the end, where names differ."""
+    if is_number(value):
+        return f"{value:.4g}"
     text = value_text(value).removeprefix(EXAMPLE_PREFIX)
     return text if len(text) <= _MAX_LABEL else f"...{text[3 - _MAX_LABEL :]}"
