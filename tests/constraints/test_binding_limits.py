@@ -63,9 +63,8 @@ def test_where_the_speed_is_full_the_velocity_binds(slider):
 
 
 def with_velocity(robot, velocity):
-    make, arguments = robot.__reduce__()
     limits = replace(robot.limits, velocity=np.array([velocity]))
-    return make(*(limits if each is robot.limits else each for each in arguments))
+    return robot.with_limits(limits, robot.motors)
 
 
 def test_at_the_edge_of_the_tube_the_way_binds_and_not_the_speed(slider):

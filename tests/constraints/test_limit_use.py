@@ -106,14 +106,12 @@ def test_towards_an_end_a_velocity_uses_what_is_allowed_there(tmp_path):
     robot = one_joint(tmp_path)
     law = VelocityByPosition(0, deceleration=4.0, offset=0.0, lower=-9.0, upper=2.0)
     robot = with_motors(robot, limits={})
-    make, arguments = robot.__reduce__()
-    limits = replace(robot.limits, velocity_by_position=(law,))
-    kept = [limits if each is robot.limits else each for each in arguments]
-    uses = limit_uses(anywhere(make(*kept)), quintic(1.9), 51)
+    limited = robot.with_limits(replace(robot.limits, velocity_by_position=(law,)), robot.motors)
+    uses = limit_uses(anywhere(limited), quintic(1.9), 51)
     q, v = uses.samples.position[:, 0], uses.samples.velocity[:, 0]
     share = only(uses, "velocity_by_position").share
     np.testing.assert_allclose(share, v / np.sqrt(2 * 4 * (2 - q)), atol=1e-7)
-    back = limit_uses(anywhere(make(*kept)), rest_to_rest(["turn"], 1.9, 0.0, 1.0), 51)
+    back = limit_uses(anywhere(limited), rest_to_rest(["turn"], 1.9, 0.0, 1.0), 51)
     assert only(back, "velocity_by_position").share.max() < 0.5
 
 
