@@ -32,6 +32,7 @@ from tubeplanner.views.surface import (
 _MAX_FACES = 9000  # of all arms that are drawn
 _OBSTACLE_ALPHA, _TUBE_ALPHA = 0.38, 0.24
 _PALE = 0.62  # how much of a pale arm is white
+_BESIDE = 0.3  # of the longest side of a box: what is as near to it belongs to the picture
 _FIRST_LINK = 1e-9  # how far a link is from its body's frame that the joint itself carries
 
 
@@ -72,7 +73,7 @@ def arm_solids(
 def obstacle_solids(
     obstacles: Iterable[Obstacle], handed_over: Collection[str], low: FloatArray, high: FloatArray
 ) -> list[RenderedSolid]:
-    """Return what stands still in a box, or reaches into it; what is handed over in its own colour.
+    """Return what stands still in a box or beside it; what is handed over in its own colour.
 
     What is larger than the box is cut, at its sides or where the last of the others ends.
 
@@ -83,13 +84,14 @@ def obstacle_solids(
         high: The opposite one.
     """
     surfaces = [(each.name, joined(map(shape_surface, each.shapes))) for each in obstacles]
+    size = float((high - low).max())
+    beside = _BESIDE * size
     near = [
         (name, surface)
         for name, surface in surfaces
-        if (surface.vertices.min(axis=0) < high).all()
-        and (surface.vertices.max(axis=0) > low).all()
+        if (surface.vertices.min(axis=0) < high + beside).all()
+        and (surface.vertices.max(axis=0) > low - beside).all()
     ]
-    size = float((high - low).max())
     for _, surface in near:
         if np.ptp(surface.vertices, axis=0).max() <= size:
             low = np.minimum(low, surface.vertices.min(axis=0))
