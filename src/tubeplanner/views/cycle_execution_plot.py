@@ -43,12 +43,13 @@ def plot_cycle_execution(
         motion: What was to be executed.
         execution: What was.
         judged: What `judged_cycle` says of that.
-        path: Where to save the figure as PNG; None: nowhere.
+        path: Where to save the figure, as PNG, PDF or SVG by its ending; None: nowhere.
 
     Returns:
         The figure.
 
     Raises:
+        OptionError: The file has another ending.
         OutputError: The file could not be written.
     """
     draws = _over_time(motion, execution)

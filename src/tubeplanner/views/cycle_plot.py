@@ -46,13 +46,14 @@ def plot_cycle(cycle: Cycle, motion: CycleMotion, path: str | Path | None = None
     Args:
         cycle: The cycle.
         motion: Its motion.
-        path: Where to save the figure as PNG; None: nowhere.
+        path: Where to save the figure, as PNG, PDF or SVG by its ending; None: nowhere.
 
     Returns:
         The figure.
 
     Raises:
         ProblemError: The cycle is none.
+        OptionError: The file has another ending.
         OutputError: The file could not be written.
     """
     Cycle.require(cycle)

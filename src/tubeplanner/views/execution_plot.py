@@ -46,12 +46,13 @@ def plot_execution(
         trajectory: What was to be executed.
         execution: What was.
         judged: What `judged_runs` says of that.
-        path: Where to save the figure as PNG; None: nowhere.
+        path: Where to save the figure, as PNG, PDF or SVG by its ending; None: nowhere.
 
     Returns:
         The figure.
 
     Raises:
+        OptionError: The file has another ending.
         OutputError: The file could not be written.
     """
     trajectory = trajectory.reordered(problem.robot.joint_names)

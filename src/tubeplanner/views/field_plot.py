@@ -35,9 +35,10 @@ def plot_field_sweep(result: FieldSweep, path: str | Path | None = None) -> "Fig
 
     Args:
         result: What `sweep_field` found.
-        path: Where to save the figure as PNG; None: nowhere.
+        path: Where to save the figure, as PNG, PDF or SVG by its ending; None: nowhere.
 
     Raises:
+        OptionError: The file has another ending.
         OutputError: The file could not be written.
     """
     figure = new_figure(8.0, 4.5)
