@@ -222,7 +222,7 @@ def compare(
         report = empty_report("success" if certified else "no_trajectory", message, nowhere())
         print_json({**report, "loading_time": loading_time, **result.as_dict()})
     else:
-        from tubeplanner.commands.report import comparison_text
+        from tubeplanner.commands.comparison_report import comparison_text
 
         say(comparison_text(result), message, sep="\n")
         _say_files(outputs, "-o TABLE.csv", "--plot", "--trajectories")
