@@ -3220,7 +3220,6 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     ],
     # --- views/cycle_execution_plot, cycle_executed_paths -----------------------------------------
     "_beyond_clearance": [("band.plan - asked", "band.plan + 10 * asked - 1")],
-    "_mark_steps": [("if mark.kind == MOVE", "if False")],
     "cycle_executed_paths": [
         ("each.runs for each", "abs(each.runs) for each"),
     ],

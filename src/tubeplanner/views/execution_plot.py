@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_TITLE_WIDTH = 150  # [characters]
+_TITLE_WIDTH = 140  # [characters]
 
 
 def plot_execution(
@@ -59,7 +59,7 @@ def plot_execution(
     tools = tool_runs(problem, trajectory, execution)
     draws = _over_time(problem, trajectory, execution, tools)
     whole = new_figure(14.0, max(2.4 + 1.75 * len(draws), 9.0))
-    whole.suptitle(_title(problem, trajectory.duration, judged), fontsize=12)
+    whole.suptitle(_title(problem, trajectory.duration, judged), fontsize=13)
     left, right = whole.subfigures(1, 2, squeeze=False, width_ratios=(1, 1.25))[0]
     draw_planes(left, problem, tools)
     heights = [1.7, *([1.0] * (len(draws) - 1))]

@@ -43,7 +43,7 @@ def plot_field_sweep(result: FieldSweep, path: str | Path | None = None) -> "Fig
     """
     figure = new_figure(8.0, 4.5)
     axis = figure.add_subplot()
-    figure.suptitle(f"{result.name}: duration against {result.path}")
+    figure.suptitle(f"{result.name}: duration against {result.path}", fontsize=13)
     places, is_scaled = _places(result)
     lines = {"certified trajectory": [row.duration for row in result.rows]}
     if result.varies_objective:

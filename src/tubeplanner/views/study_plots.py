@@ -61,7 +61,7 @@ def plot_sweep(result: SweepResult, path: str | Path | None = None) -> "Figure":
     """
     figure = new_figure(8.0, 4.5)
     axis = figure.add_subplot()
-    figure.suptitle(f"{result.problem.name}: duration against tolerance")
+    figure.suptitle(f"{result.problem.name}: duration against tolerance", fontsize=13)
     draw_sweep(axis, result)
     return saved(figure, path)
 
