@@ -71,8 +71,12 @@ def test_each_speed_stands_beside_its_bar_over_the_fastest_in_grey(compared, pan
 
 def test_nothing_is_cut_off(panels):
     figure = panels[0].figure
-    whole, drawn = figure.bbox, figure.get_tightbbox()
-    assert drawn.x0 * figure.dpi >= whole.x0
-    assert drawn.y0 * figure.dpi >= whole.y0
-    assert drawn.x1 * figure.dpi <= whole.x1
-    assert drawn.y1 * figure.dpi <= whole.y1
+    whole = figure.bbox.padded(-3)  # [pixels] free at the borders
+    titled = [*figure.axes, *figure.texts]
+    assert len(titled) == len(figure.axes) + 1
+    for part in titled:
+        drawn = part.get_tightbbox()
+        assert whole.x0 < drawn.x0 < drawn.x1 < whole.x1
+        assert whole.y0 < drawn.y0 < drawn.y1 < whole.y1
+    title = figure.texts[0].get_tightbbox()
+    assert not any(title.overlaps(axis.get_tightbbox()) for axis in figure.axes)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _WIDTH, _ROW, _AROUND = 13.0, 0.56, 1.35  # all of these [inches]
-_PAGE = (0.005, 0.01, 0.99, 0.975)  # left, bottom, width, height: nothing touches the border
+_EDGE, _TITLE = 0.08, 0.4  # free at the borders, and for the title; inches too
 _LETTERS, _LINES = 34, 2  # of a verdict
 # Solid and hatched, so that grey print tells them apart too.
 _CERTIFIED: dict[str, Any] = {"facecolor": LINE_COLORS[0], "edgecolor": LINE_COLORS[0]}
@@ -41,10 +41,13 @@ def plot_comparison(result: Comparison, path: str | Path | None = None) -> "Figu
     """
     rows = sorted(result.rows, key=lambda row: row.duration or float("inf"))
     fastest = next((row for row in rows if row.certified), None)
-    figure = new_figure(_WIDTH, _AROUND + _ROW * len(rows))
-    figure.suptitle(f"{result.problem.name}: methods compared", fontsize=13)
+    height = _AROUND + _ROW * len(rows)
+    figure = new_figure(_WIDTH, height)
+    title = f"{result.problem.name}: methods compared"
+    figure.suptitle(title, y=1 - _EDGE / height, va="top", fontsize=13)
     # Without space between the panels each is as high as its bar's row.
-    figure.set_layout_engine("constrained", hspace=0.0, h_pad=0.0, w_pad=0.12, rect=_PAGE)
+    page = (_EDGE / _WIDTH, _EDGE / height, 1 - 2 * _EDGE / _WIDTH, 1 - (_EDGE + _TITLE) / height)
+    figure.set_layout_engine("constrained", hspace=0.0, h_pad=0.0, w_pad=0.12, rect=page)
     grid = figure.add_gridspec(len(rows), 2, width_ratios=(1, 1.1))
     _draw_durations(figure.add_subplot(grid[:, 0]), rows, fastest)
     first = figure.add_subplot(grid[0, 1])
