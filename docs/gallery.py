@@ -46,7 +46,7 @@ PICTURES = {
     ),
     "compared": Picture(
         "tubeplanner compare example:two_link/paper_5_50mm --quality fast --plot compared.png",
-        "Solid bars are certified, hatched ones fail what is named; grey is the speed of the fastest.",
+        "Solid bars are certified, hatched ones fail what is named; grey is the fastest's speed.",
     ),
     "executed": Picture(
         "tubeplanner plan example:ur10/onto_a_conveyor -o t.json\n"
