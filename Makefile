@@ -8,7 +8,7 @@ JOBS ?= 2
 # One thread of linear algebra per worker: more would fight for the same cores.
 PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(JOBS) --dist worksteal
 
-.PHONY: demo test test-slow test-all test-processors trajectories lint notebooks docs wheel clean
+.PHONY: demo test test-slow test-all test-processors trajectories lint notebooks docs gallery wheel clean
 
 demo: $(VENV)/.installed
 	mkdir -p output
@@ -50,6 +50,10 @@ notebooks: $(VENV)/.installed-notebooks
 docs: $(VENV)/.installed-docs
 	rm -rf output/docs
 	$(BIN)/python -m sphinx --quiet --fail-on-warning --keep-going docs output/docs
+
+# The pictures of README and docs; one alone: python docs/gallery.py NAME.
+gallery: $(VENV)/.installed
+	$(BIN)/python docs/gallery.py
 
 # The built wheel alone, away from the checkout, must list and plan the bundled problems.
 wheel: $(VENV)/.installed

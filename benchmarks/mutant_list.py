@@ -102,6 +102,8 @@ TESTS = {
         "baselines/test_path_rows.py",
         "baselines/test_tool_path.py",
     ),
+    "commands/comparison_report": ("commands/test_report.py",),
+    "views/cycle_marks": ("views/test_cycle_plot.py", "views/test_cycle_execution_plot.py"),
     "views/panels": (
         "views/test_motor_panels.py",
         "views/test_plotting.py",
@@ -3389,9 +3391,18 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ),
         ("for each in judged.handovers]", "for each in judged.handovers[:1]]"),
     ],
+    # --- views/figure_files, comparison_plot, cycle_marks; commands/comparison_report -------------
+    "figure_file": [("with rc_context(_VECTOR_STYLE)", "with rc_context({})")],
+    "require_figure": [("not in FIGURE_ENDINGS", "in FIGURE_ENDINGS")],
+    "plot_comparison": [
+        ("row.duration or float(", "-(row.duration or 0) or float("),
+        ("if row.certified)", "if row.duration)"),
+    ],
+    "_draw_durations": [("_CERTIFIED if row.certified else _FAILED", "_CERTIFIED")],
+    "name_steps": [("max(time, before + _LINE * duration)", "time")],
+    "_broken": [("if len(line) <= width", "if True")],
     # --- views/cycle_execution_plot, cycle_executed_paths -----------------------------------------
     "_beyond_clearance": [("band.plan - asked", "band.plan + 10 * asked - 1")],
-    "_mark_steps": [("if mark.kind == MOVE", "if False")],
     "cycle_executed_paths": [
         ("each.runs for each", "abs(each.runs) for each"),
     ],

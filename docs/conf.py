@@ -8,6 +8,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 import tubeplanner
 from further_fields import further_fields
+from gallery import gallery
 from problem_fields import problem_fields
 from public_sections import public_sections
 from reading_order import reading_order
@@ -60,6 +61,7 @@ def _write_generated(app: object, page: str, source: list[str]) -> None:
     source[0] = source[0].replace("{{ cycle_fields }}", fields)
     fields = further_fields("Study", study_schema(), problem_schema())
     source[0] = source[0].replace("{{ study_fields }}", fields)
+    source[0] = source[0].replace("{{ gallery }}", gallery())
     source[0] = source[0].replace("{{ public_sections }}", public_sections())
     source[0] = source[0].replace("{{ reading_order }}", reading_order())
 

@@ -37,6 +37,7 @@ KNOWS = {
         "views.executed_planes",
         "views.execution_panels",
         "views.cycle_execution_plot",
+        "views.cycle_marks",
         "views.execution_plot",
         "views.field_plot",
         "views.figure_files",

@@ -197,7 +197,7 @@ def test_an_infeasible_problem_is_an_answer(run, run_json, tmp_path):
         (["plan", PROBLEM, "--rate", "0"], "rate is 0 Hz; it must be > 0 and finite"),
         (["plan", PROBLEM, "--time-limit", "-1"], "time_limit is -1 s"),
         (["plan", PROBLEM, "-o", "/nowhere/t.json"], "the folder /nowhere does not exist"),
-        (["plan", PROBLEM, "--plot", "x.pdf"], "name a file that ends in .png"),
+        (["plan", PROBLEM, "--plot", "x.jpg"], "name a file that ends in .png, .pdf or .svg"),
         (["plan", PROBLEM, "-o", "a", "--csv", "a"], "is the same file as a; choose another"),
         (["plan", PROBLEM, "--spped", "1"], "No such option"),
         (["plan"], "Missing argument 'PROBLEM'"),

@@ -108,10 +108,10 @@ def test_a_sweep_without_any_answer_fails(run):
         (("sweep", PROBLEM, "--radius", "1;2"), "--radius '1;2' is no list of numbers"),
         (("sweep", PROBLEM, "--radius", "0"), "radius is 0; it must be > 0"),
         (("sweep", PROBLEM, "--radius", "1", "-o", "t.txt"), "ends in .csv or .json"),
-        (("sweep", PROBLEM, "--radius", "1", "--plot", "t.pdf"), "ends in .png"),
+        (("sweep", PROBLEM, "--radius", "1", "--plot", "t.jpg"), "ends in .png, .pdf or .svg"),
         (("sweep", PROBLEM, "--radius", "1", "--quality", "good"), "quality 'good'"),
         (("plot", PROBLEM, "nowhere.json"), "nowhere.json cannot be read"),
-        (("plot", PROBLEM, "t.json", "-o", "t.pdf"), "-o t.pdf: name a file that ends in .png"),
+        (("plot", PROBLEM, "t.json", "-o", "t.jpg"), "-o t.jpg: name a file that ends in .png"),
     ],
 )
 def test_wrong_usage_is_refused_by_name(arguments, message, run):

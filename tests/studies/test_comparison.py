@@ -159,7 +159,7 @@ def test_the_command_as_json_and_its_exit_status(run, tmp_path):
     [
         (("--methods", "bobrow"), "unknown method 'bobrow'"),
         (("-o", "t.txt"), "ends in .csv or .json"),
-        (("--plot", "t.pdf"), "ends in .png"),
+        (("--plot", "t.jpg"), "ends in .png, .pdf or .svg"),
         (("--quality", "good"), "quality 'good'"),
         (("--trajectories", "nowhere/else"), "the folder"),
     ],

@@ -12,7 +12,8 @@ from tubeplanner import ProblemError
 from tubeplanner.cycle.cycle_motion import LegMotion, cycle_motion
 from tubeplanner.cycle.steps import Event
 from tubeplanner.views.cycle_curves import cycle_curves
-from tubeplanner.views.cycle_plot import plot_cycle, shown_name
+from tubeplanner.views.cycle_marks import shown_name
+from tubeplanner.views.cycle_plot import plot_cycle
 
 
 @pytest.fixture(scope="module")

@@ -2,6 +2,7 @@
 
 import io
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -25,7 +26,7 @@ from tubeplanner import (
     plot_trajectory,
     sweep,
 )
-from tubeplanner.views.figure_files import figure_png
+from tubeplanner.views.figure_files import figure_file
 from tubeplanner.views.panels import (
     draw_factor,
     draw_speed,
@@ -158,7 +159,7 @@ def test_convergence_ends_at_the_shortest_that_was_found():
     assert len(line.get_ydata()) == len(durations) > 5
     assert line.get_ydata().min() == 0
     assert min(durations) == pytest.approx(result.duration, rel=0.01)
-    assert colours(figure_png(figure)) > 50
+    assert colours(figure_file(figure, Path("figure.png"))) > 50
 
 
 def test_a_sweep_is_drawn_with_its_slopes_and_its_gaps(tmp_path):

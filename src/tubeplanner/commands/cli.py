@@ -99,7 +99,7 @@ def cli() -> None:
 @click.option("--csv", type=PATH, help="Samples as CSV.")
 @click.option("--ros", type=PATH, help="Samples as trajectory_msgs/JointTrajectory, YAML.")
 @click.option("--rate", type=float, help="Samples per second [1/period, or else 500].")
-@click.option("--plot", type=PATH, help="Figure (PNG).")
+@click.option("--plot", type=PATH, help="Figure (PNG, PDF or SVG).")
 @click.option("--html", type=PATH, help="The trajectory in 3D, one page that works offline.")
 @click.option(
     "--method", help="refinement [default], branch-and-bound, stop-at-corners or suh-bishop."

@@ -14,7 +14,6 @@ from tubeplanner.commands.console import (
     empty_report,
     nowhere,
     print_json,
-    require_ending,
     say,
     shown_progress,
 )
@@ -41,7 +40,7 @@ PACKAGE_DIR = click.option(
 @click.argument("robot", metavar="ROBOT|PROBLEM")
 @TOOL_FRAME
 @PACKAGE_DIR
-@click.option("--plot", type=PATH, help="Picture of the arm with its frames named (PNG).")
+@click.option("--plot", type=PATH, help="Arm with its frames named (PNG, PDF or SVG).")
 @SET
 @AS_JSON
 def info(
@@ -59,8 +58,9 @@ def info(
     Missing limits are no error here.
     """
     from tubeplanner.files.output_files import require_writable
+    from tubeplanner.views.figure_files import require_figure
 
-    require_ending(plot, "--plot", (".png",))
+    require_figure(plot, "--plot")
     if plot is not None:
         require_writable([plot], [Path(robot)])
     with shown_progress() as enter:

@@ -51,7 +51,7 @@ _NONE = "none"
     type=PATH,
     help="Problem file with the best place; beside it, with .jsonl, the journal.",
 )
-@click.option("--plot", "figure", type=PATH, help="Map of the places (PNG).")
+@click.option("--plot", "figure", type=PATH, help="Map of the places (PNG, PDF or SVG).")
 @click.option(
     "--quality",
     default="balanced",
@@ -119,9 +119,10 @@ def _require_usable(
     """Raise unless the files can be written, and are none of those that are read."""
     from tubeplanner.files.output_files import require_writable
     from tubeplanner.problem.problem_layers import ProblemLayers
+    from tubeplanner.views.figure_files import require_figure
 
     require_ending(output, "-o", (".yaml", ".yml", ".json"))
-    require_ending(figure, "--plot", (".png",))
+    require_figure(figure, "--plot")
     outputs = [path for path in (output, journal, figure) if path is not None]
     require_writable(outputs, ProblemLayers.read(source).files)
 
@@ -170,7 +171,7 @@ def _write(
     """Write the requested files, or none; return them by what they are."""
     from tubeplanner.files.output_files import write_files
     from tubeplanner.files.problem_file import with_placement
-    from tubeplanner.views.figure_files import figure_png
+    from tubeplanner.views.figure_files import figure_file
     from tubeplanner.views.placement_map import plot_placement
 
     contents: dict[Path, bytes] = {}
@@ -179,7 +180,7 @@ def _write(
         contents[output] = with_placement(source, output, found.changes, changes)
         written["problem"] = output
     if figure is not None:
-        contents[figure] = figure_png(plot_placement(found))
+        contents[figure] = figure_file(plot_placement(found), figure)
         written["map"] = figure
     write_files(contents)
     return written

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tubeplanner.commands.view_command import require_page
-from tubeplanner.errors import OptionError
 
 if TYPE_CHECKING:
     from tubeplanner.cycle.cycle_motion import CycleMotion
@@ -21,7 +20,7 @@ class PlanOutputs:
 
     Attributes:
         files: With the trajectory.
-        plot: With a figure (PNG); None: none.
+        plot: With a figure (PNG, PDF or SVG); None: none.
         html: With a page; likewise.
     """
 
@@ -43,11 +42,9 @@ class PlanOutputs:
     def require_usable(self, *inputs: str | Path) -> None:
         """Raise if a file could not be written, before any work is done."""
         from tubeplanner.files.output_files import require_writable
+        from tubeplanner.views.figure_files import require_figure
 
-        if self.plot is not None and self.plot.suffix.lower() != ".png":
-            raise OptionError(
-                f"--plot {self.plot}: a PNG is written; name a file that ends in .png"
-            )
+        require_figure(self.plot, "--plot")
         require_page(self.html)
         require_writable([path for _, path in self.paths()], [Path(path) for path in inputs])
 
@@ -66,10 +63,10 @@ class PlanOutputs:
 
         contents, notes = self.files.contents(trajectory, problem, method)
         if self.plot:
-            from tubeplanner.views.figure_files import figure_png
+            from tubeplanner.views.figure_files import figure_file
             from tubeplanner.views.plotting import plot_trajectory
 
-            contents[self.plot] = figure_png(plot_trajectory(problem, trajectory))
+            contents[self.plot] = figure_file(plot_trajectory(problem, trajectory), self.plot)
         if self.html:
             from tubeplanner.views.viewer import view as view_scene
 
@@ -85,9 +82,9 @@ class PlanOutputs:
         contents, notes = cycle_contents(self.files, motion, method)
         if self.plot:
             from tubeplanner.views.cycle_plot import plot_cycle
-            from tubeplanner.views.figure_files import figure_png
+            from tubeplanner.views.figure_files import figure_file
 
-            contents[self.plot] = figure_png(plot_cycle(motion.cycle, motion))
+            contents[self.plot] = figure_file(plot_cycle(motion.cycle, motion), self.plot)
         if self.html:
             from tubeplanner.views.cycle_view import view_cycle
 

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from tubeplanner.planning.plan_result import PlanResult
     from tubeplanner.problem.problem import PlanningProblem
     from tubeplanner.robot.robot_model import RobotModel
-    from tubeplanner.studies.comparison import Comparison
     from tubeplanner.studies.field_sweep import FieldSweep
     from tubeplanner.studies.tolerance_sweep import SweepResult
     from tubeplanner.tube_sources.tube_answer import TubeAnswer
@@ -33,8 +32,6 @@ _WIDTH_OF_A_FILE, _VERY_WIDE = 160, 10_000  # [characters]
 # Rounding errors of the machine are shown as zero.
 _NOTHING = 1e-10
 _SENSITIVITIES_SHOWN = 3
-# What a comparison measures, and how wide its verdicts are at least [characters].
-_MEASURED, _LEAST_VERDICT = ("smooth", "peak jerk", "at a limit", "tube used"), 22
 
 
 def plan_text(
@@ -176,52 +173,6 @@ def field_sweep_text(result: "FieldSweep") -> str:
             whose.setdefault(note, []).append(value_text(row.value))
     notes = [f"note ({', '.join(values)}): {note}" for note, values in whose.items()]
     return "\n".join([rendered(table), *notes])
-
-
-def comparison_text(result: "Comparison") -> str:
-    """Return a comparison as a table, as wide as the terminal, and the rows' messages.
-
-    In a narrow terminal measures are left out, the last ones first.
-    """
-    for count in range(len(_MEASURED), -1, -1):
-        if _fits(_comparison_table(result, count, _LEAST_VERDICT)):
-            break
-    lines = [rendered(_comparison_table(result, count))]
-    if count < len(_MEASURED):
-        names = ", ".join(_MEASURED[count:])
-        lines.append(f"left out, the terminal being narrow: {names}; -o TABLE.csv has all")
-    return "\n".join([*lines, *(f"{row.method}: {row.message}" for row in result.rows)])
-
-
-def _comparison_table(result: "Comparison", count: int, verdicts: int | None = None) -> Table:
-    """Return a comparison as a table with so many of the measures, verdicts so wide if given."""
-    table = Table(title=f"{result.problem.name}: methods compared", title_justify="left")
-    table.add_column("method", no_wrap=True)
-    for heading in ("duration", "planned in"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("certificate", width=verdicts)
-    for heading in _MEASURED[:count]:
-        table.add_column(heading, justify="right", no_wrap=True)
-    for row in result.rows:
-        spent = f"{row.planning_time:.2f} s"
-        if row.duration is None or row.measures is None:
-            table.add_row(row.method, "", spent, str(row.status).replace("_", " "))
-            continue
-        measured = row.measures
-        failed = ", ".join(f"{name} {_excess(found)}" for name, found in row.failures.items())
-        verdict = f"FAILS: {failed}" if failed else "passes"
-        jerk = "unbounded" if measured.peak_jerk is None else f"{measured.peak_jerk:.2g}"
-        shares = (f"{100 * share:.0f} %" for share in (measured.at_limit, measured.tube_use))
-        cells = [measured.smoothness, jerk, *shares]
-        table.add_row(row.method, f"{row.duration:.4f} s", spent, verdict, *cells[:count])
-    return table
-
-
-def _excess(condition: "JudgedCondition") -> str:
-    """Return by how much a trajectory violates a condition, with its unit."""
-    missed = -(condition.margin or 0.0)
-    percent = condition.unit == RELATIVE
-    return f"{100 * missed:.3g} %" if percent else f"{missed:.3g} {condition.unit}"
 
 
 def measurement_text(
@@ -375,16 +326,17 @@ def left_out_lines(certificate: "Certificate") -> list[str]:
 
 def rendered(table: Table) -> str:
     """Return a table as text, as wide as the terminal or a file allows."""
-    console = _console()
+    console = terminal()
     with console.capture() as capture:
         console.print(table)
     return capture.get().rstrip("\n")
 
 
-def _fits(table: Table) -> bool:
+def fits(table: Table) -> bool:
     """Return whether a table's columns fit next to each other without breaking a line more."""
-    return Console(width=_VERY_WIDE).measure(table).maximum <= _console().width
+    return Console(width=_VERY_WIDE).measure(table).maximum <= terminal().width
 
 
-def _console() -> Console:
+def terminal() -> Console:
+    """Return where text is printed, with its width."""
     return Console(width=None if sys.stdout.isatty() else _WIDTH_OF_A_FILE)

@@ -36,7 +36,7 @@ def reproduce(output: Path, as_json: bool) -> int:
     from tubeplanner.files.output_files import make_folder, require_writable, write_files
     from tubeplanner.studies.reproduction import reproduce as reproduce_tables
     from tubeplanner.studies.reproduction_page import reproduction_page
-    from tubeplanner.views.figure_files import figure_png
+    from tubeplanner.views.figure_files import figure_file
     from tubeplanner.views.reproduction_figures import FIGURES
 
     files = {caption: f"{name}.png" for name, (caption, _) in FIGURES.items()}
@@ -48,7 +48,8 @@ def reproduce(output: Path, as_json: bool) -> int:
         enter("drawing")
         contents = {page: reproduction_page(reproduction, files).encode()}
         for name, (_, draw) in FIGURES.items():
-            contents[output / f"{name}.png"] = figure_png(draw(reproduction))
+            path = output / f"{name}.png"
+            contents[path] = figure_file(draw(reproduction), path)
         make_folder(output)  # only now, so that an interrupted run leaves no folder behind
         write_files(contents)
     if as_json:

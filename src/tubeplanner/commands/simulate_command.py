@@ -14,7 +14,6 @@ from tubeplanner.commands.console import (
     SET,
     load_either_timed,
     print_json,
-    require_ending,
     say,
     say_unwritten,
     shown_progress,
@@ -68,7 +67,7 @@ def _error_options(command: "Callable[..., Any]") -> "Callable[..., Any]":
 @click.option("--seed", type=int, default=0, show_default=True, help="Which ones.")
 @click.option("--controller", help="computed-torque (the default), feedforward-pd or pd.")
 @_error_options
-@click.option("--plot", type=PATH, help="Figure (PNG).")
+@click.option("--plot", type=PATH, help="Figure (PNG, PDF or SVG).")
 @click.option("--html", type=PATH, help="The runs in 3D, one page that works offline.")
 @SET
 @AS_JSON
@@ -149,8 +148,9 @@ class _Pictures:
     def require_usable(self, *inputs: str | Path) -> None:
         """Raise if a file could not be written, before any work is done."""
         from tubeplanner.files.output_files import require_writable
+        from tubeplanner.views.figure_files import require_figure
 
-        require_ending(self.plot, "--plot", (".png",))
+        require_figure(self.plot, "--plot")
         require_page(self.html)
         require_writable([path for _, path in self.paths], [Path(path) for path in inputs])
 
@@ -160,9 +160,9 @@ class _Pictures:
 
         contents: dict[Path, bytes] = {}
         if self.plot is not None:
-            from tubeplanner.views.figure_files import figure_png
+            from tubeplanner.views.figure_files import figure_file
 
-            contents[self.plot] = figure_png(figure())
+            contents[self.plot] = figure_file(figure(), self.plot)
         if self.html is not None:
             contents[self.html] = page().html.encode()
         write_files(contents)

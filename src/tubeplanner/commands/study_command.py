@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     type=PATH,
     help="Table (CSV or JSON, by its ending); beside it, with .jsonl, the journal.",
 )
-@click.option("--plot", "figure", type=PATH, help="Figure (PNG).")
+@click.option("--plot", "figure", type=PATH, help="Figure (PNG, PDF or SVG).")
 @processes_option("one per processor")
 @click.option(
     "--scheduler",
@@ -58,9 +58,10 @@ def study(
     from tubeplanner.files.output_files import require_writable
     from tubeplanner.studies.study_reader import load_study
     from tubeplanner.studies.study_run import run_study
+    from tubeplanner.views.figure_files import require_figure
 
     require_ending(output, "-o", (".csv", ".json"))
-    require_ending(figure, "--plot", (".png",))
+    require_figure(figure, "--plot")
     journal = None if output is None else output.with_suffix(".jsonl")
     outputs = [path for path in (output, journal, figure) if path is not None]
     require_writable(outputs, [Path(study)])
@@ -91,7 +92,7 @@ def _write(result: "StudyResult", output: Path | None, figure: Path | None) -> N
     import json
 
     from tubeplanner.files.output_files import write_files
-    from tubeplanner.views.figure_files import figure_png
+    from tubeplanner.views.figure_files import figure_file
     from tubeplanner.views.study_figure import plot_study
 
     contents: dict[Path, bytes] = {}
@@ -100,7 +101,7 @@ def _write(result: "StudyResult", output: Path | None, figure: Path | None) -> N
     elif output is not None:
         contents[output] = (json.dumps(result.as_dict(), allow_nan=False) + "\n").encode()
     if figure is not None:
-        contents[figure] = figure_png(plot_study(result))
+        contents[figure] = figure_file(plot_study(result), figure)
     write_files(contents)
 
 

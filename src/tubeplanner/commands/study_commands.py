@@ -46,7 +46,9 @@ _INTERRUPTED = "; interrupted, the others were not tried"
 @click.command()
 @click.argument("problem")
 @click.argument("trajectory", type=PATH)
-@click.option("-o", "--output", type=PATH, help="Figure (PNG) [default: beside TRAJECTORY].")
+@click.option(
+    "-o", "--output", type=PATH, help="Figure (PNG, PDF or SVG) [default: beside TRAJECTORY]."
+)
 @SET
 @AS_JSON
 def plot(
@@ -58,9 +60,10 @@ def plot(
     """
     from tubeplanner.files.output_files import require_writable
     from tubeplanner.trajectory.trajectory_file import read_trajectory_file
+    from tubeplanner.views.figure_files import require_figure
 
     target = output or trajectory.with_suffix(".png")
-    require_ending(target, "-o", (".png",))
+    require_figure(target, "-o")
     require_writable([target], [trajectory, Path(problem)])
     with shown_progress() as enter:
         loaded, loading_time = load_either_timed(problem, enter, changes)
@@ -109,7 +112,7 @@ def _draw(
     help="Values of any field, such as robot.payload.mass=0,2,5 or tube.radius=x0.5,x1.",
 )
 @click.option("-o", "--output", type=PATH, help="Table (CSV or JSON, by its ending).")
-@click.option("--plot", "figure", type=PATH, help="Figure (PNG).")
+@click.option("--plot", "figure", type=PATH, help="Figure (PNG, PDF or SVG).")
 @click.option("--quality", default="balanced", show_default=True, help="fast, balanced or best.")
 @processes_option("this one, value by value")
 @SLACK
@@ -136,13 +139,14 @@ def sweep(
     from tubeplanner.files.output_files import require_writable
     from tubeplanner.planning.plan_options import PlanOptions
     from tubeplanner.studies.tolerance_sweep import sweep as sweep_problem
+    from tubeplanner.views.figure_files import require_figure
 
     if (radius is not None) + (radius_scale is not None) + bool(variations) != 1:
         raise OptionError("sweep takes either --radius or --radius-scale or --vary")
     options = PlanOptions(quality=quality, slack=slack)
     outputs = [path for path in (output, figure) if path is not None]
     require_ending(output, "-o", (".csv", ".json"))
-    require_ending(figure, "--plot", (".png",))
+    require_figure(figure, "--plot")
     require_writable(outputs, [Path(problem)])
     result: SweepResult | FieldSweep
     with shown_progress() as enter, _sweepers(processes) as workers:
@@ -176,7 +180,7 @@ def sweep(
 @click.argument("problem")
 @click.option("--methods", help="Such as refinement,bang-bang  [default: all].")
 @click.option("-o", "--output", type=PATH, help="Table (CSV or JSON, by its ending).")
-@click.option("--plot", "figure", type=PATH, help="Figure (PNG).")
+@click.option("--plot", "figure", type=PATH, help="Figure (PNG, PDF or SVG).")
 @click.option(
     "--trajectories", type=FOLDER, help="Folder for every trajectory (JSON), certified or not."
 )
@@ -202,13 +206,14 @@ def compare(
     from tubeplanner.files.output_files import require_writable
     from tubeplanner.planning.plan_options import PlanOptions
     from tubeplanner.studies.comparison import compare as compare_methods
+    from tubeplanner.views.figure_files import require_figure
 
     options = PlanOptions(quality=quality, slack=slack)
     _require_used(changes, slack)
     names = None if methods is None else [name.strip() for name in methods.split(",")]
     outputs = [path for path in (output, figure) if path is not None]
     require_ending(output, "-o", (".csv", ".json"))
-    require_ending(figure, "--plot", (".png",))
+    require_figure(figure, "--plot")
     require_writable(outputs, [Path(problem)])
     if trajectories is not None:
         require_writable(
@@ -226,7 +231,7 @@ def compare(
         report = empty_report("success" if certified else "no_trajectory", message, nowhere())
         print_json({**report, "loading_time": loading_time, **result.as_dict()})
     else:
-        from tubeplanner.commands.report import comparison_text
+        from tubeplanner.commands.comparison_report import comparison_text
 
         say(comparison_text(result), message, sep="\n")
         _say_files(outputs, "-o TABLE.csv", "--plot", "--trajectories")
@@ -294,13 +299,13 @@ def _write_comparison(
     """Write all requested files or none; return the paths of the trajectories."""
     from tubeplanner.files.output_files import write_files
     from tubeplanner.views.comparison_plot import plot_comparison
-    from tubeplanner.views.figure_files import figure_png
+    from tubeplanner.views.figure_files import figure_file
 
     contents: dict[Path, bytes] = {}
     if output is not None:
         contents[output] = _table(result, output)
     if figure is not None:
-        contents[figure] = figure_png(plot_comparison(result))
+        contents[figure] = figure_file(plot_comparison(result), figure)
     trajectories = {} if folder is None else _trajectory_files(result, folder)
     write_files({**contents, **trajectories})
     return list(trajectories)
@@ -337,7 +342,7 @@ def _write_sweep(
     from tubeplanner.files.output_files import write_files
     from tubeplanner.studies.field_sweep import FieldSweep
     from tubeplanner.views.field_plot import plot_field_sweep
-    from tubeplanner.views.figure_files import figure_png
+    from tubeplanner.views.figure_files import figure_file
     from tubeplanner.views.study_plots import plot_sweep
 
     contents: dict[Path, bytes] = {}
@@ -345,7 +350,7 @@ def _write_sweep(
         contents[output] = _table(result, output)
     if figure is not None:
         drawn = plot_field_sweep(result) if isinstance(result, FieldSweep) else plot_sweep(result)
-        contents[figure] = figure_png(drawn)
+        contents[figure] = figure_file(drawn, figure)
     write_files(contents)
 
 

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from textwrap import fill
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,17 +13,18 @@ from tubeplanner.simulation.executed_legs import ExecutedLeg, executed_legs
 from tubeplanner.simulation.execution import Execution
 from tubeplanner.simulation.judged_cycle import JudgedCycle
 from tubeplanner.simulation.run_verdict import run_verdict
-from tubeplanner.trajectory.marks import MOVE
+from tubeplanner.views.cycle_marks import mark_moves, name_steps
+from tubeplanner.views.cycle_timeline import cycle_timeline
 from tubeplanner.views.execution_curves import Band, obstacle_band, tool_runs
 from tubeplanner.views.execution_panels import draw_band, draw_margin, draw_saturation
 from tubeplanner.views.figure_files import new_figure, saved
-from tubeplanner.views.palette import segment_color
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_TITLE_WIDTH = 130  # [characters]
+_TITLE_WIDTH = 110  # [characters]
+_LETTER = 0.0055  # of the panel: what a letter of a name is wide
 
 
 def plot_cycle_execution(
@@ -37,30 +38,33 @@ def plot_cycle_execution(
     Of the plan and of all runs: how far inside the tube of its move the tool is; how far inside the
     rotation tolerance, if there is one; how much farther from obstacles links are than they must
     be, if there are some; how far the tool is from the plan; and in what share of the runs each
-    motor is at its limit. Lines mark where something is taken or let go.
+    motor is at its limit. Lines and names mark what happens at rest.
 
     Args:
         motion: What was to be executed.
         execution: What was.
         judged: What `judged_cycle` says of that.
-        path: Where to save the figure as PNG; None: nowhere.
+        path: Where to save the figure, as PNG, PDF or SVG by its ending; None: nowhere.
 
     Returns:
         The figure.
 
     Raises:
+        OptionError: The file has another ending.
         OutputError: The file could not be written.
     """
     draws = _over_time(motion, execution)
     whole = new_figure(14.0, 2.0 + 1.9 * len(draws))
     verdict = fill(str(run_verdict(judged.runs)), _TITLE_WIDTH)
     duration = motion.trajectory.duration
-    whole.suptitle(f"{motion.cycle.name}: {duration:.4f} s, executed\n{verdict}", fontsize=12)
+    whole.suptitle(f"{motion.cycle.name}: {duration:.4f} s, executed\n{verdict}", fontsize=13)
     axes = whole.subplots(len(draws), 1, sharex=True, squeeze=False)[:, 0]
+    timeline, end = cycle_timeline(motion), float(execution.time[-1])
     for axis, draw in zip(axes, draws, strict=True):
         draw(axis)
-        _mark_steps(axis, motion, float(execution.time[-1]), labels=axis is axes[0])
-    axes[-1].set_xlabel("time [s]")
+        mark_moves(axis, timeline, end, names=axis is axes[0], letter=_LETTER)
+        axis.set_xlabel("time [s]" if axis is axes[-1] else "")
+    name_steps(axes[-2], timeline, end)  # where curves are low at rest: the tool from the plan
     handles, labels = axes[0].get_legend_handles_labels()
     whole.legend(handles, labels, fontsize=8, ncols=4, loc="outside lower center", frameon=False)
     return saved(whole, path)
@@ -104,23 +108,3 @@ def _joined(legs: Sequence[ExecutedLeg], bands: Sequence[Band | None]) -> Band:
         np.concatenate([np.append(band.plan, np.nan) for _, band in known]),
         np.hstack([np.column_stack([band.runs, np.full(runs, np.nan)]) for _, band in known]),
     )
-
-
-def _mark_steps(axis: "Axes", motion: CycleMotion, until: float, *, labels: bool) -> None:
-    """Shade a panel by moves, and mark what else happens; name all if asked."""
-    place = axis.get_xaxis_transform()
-    for k, (name, (begin, end)) in enumerate(motion.move_times.items()):
-        axis.axvspan(begin, end, color=segment_color(k), alpha=0.10, linewidth=0, zorder=0)
-        if labels:
-            middle = (begin + end) / 2
-            axis.text(middle, 1.02, name, transform=place, ha="center", fontsize=8)
-    for mark in motion.marks:
-        if mark.kind == MOVE:
-            continue
-        axis.axvline(mark.time, color="#444444", linewidth=0.8, linestyle=":")
-        if labels:
-            said = f"{mark.kind} {mark.name}"
-            look: dict[str, Any] = {"rotation": 90, "va": "top", "ha": "right", "fontsize": 7}
-            axis.text(mark.time, 0.98, said, transform=place, **look)
-    axis.set_xlim(0.0, until)
-    axis.grid(alpha=0.25)

@@ -1,7 +1,6 @@
 """The figure of a cycle: all joints against their limits, what happens when, use of the tubes."""
 
 from collections.abc import Callable, Sequence
-from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,7 +15,8 @@ from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.views.binding_strip import binding_strip
 from tubeplanner.views.clearance_panel import draw_clearance
 from tubeplanner.views.cycle_curves import cycle_curves, limited_motions
-from tubeplanner.views.cycle_timeline import Timeline, cycle_timeline
+from tubeplanner.views.cycle_marks import mark_moves, name_steps
+from tubeplanner.views.cycle_timeline import cycle_timeline
 from tubeplanner.views.figure_files import saved
 from tubeplanner.views.figure_grid import figure_grid
 from tubeplanner.views.palette import segment_color
@@ -29,11 +29,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_STOP_COLOR = "#888888"
 _MAX_POSES, _SAME_PLACE = 3, 0.01  # poses of the arm; tools this near are at one place [m]
-_LETTER = 0.009  # of the panel: what a letter of a name is wide
-_FEWEST_LETTERS = 5
-_LINE = 0.02  # of the panel: what a line of text is high
 
 
 def plot_cycle(cycle: Cycle, motion: CycleMotion, path: str | Path | None = None) -> "Figure":
@@ -46,13 +42,14 @@ def plot_cycle(cycle: Cycle, motion: CycleMotion, path: str | Path | None = None
     Args:
         cycle: The cycle.
         motion: Its motion.
-        path: Where to save the figure as PNG; None: nowhere.
+        path: Where to save the figure, as PNG, PDF or SVG by its ending; None: nowhere.
 
     Returns:
         The figure.
 
     Raises:
         ProblemError: The cycle is none.
+        OptionError: The file has another ending.
         OutputError: The file could not be written.
     """
     Cycle.require(cycle)
@@ -69,9 +66,9 @@ def plot_cycle(cycle: Cycle, motion: CycleMotion, path: str | Path | None = None
     if has_clearance:
         draw_clearance(grid.panels[-1], motions)
     for axis in (grid.strip, *grid.panels):
-        _mark_moves(axis, timeline, duration, names=axis is grid.strip)
+        mark_moves(axis, timeline, duration, names=axis is grid.strip)
     grid.name_time()
-    _name_steps(grid.panels[draws.index(draw_speed)], timeline, duration)
+    name_steps(grid.panels[draws.index(draw_speed)], timeline, duration)
     _draw_space(grid.space, cycle, motion, runs, [each.problem for each in motions])
     return saved(grid.figure, path)
 
@@ -87,51 +84,6 @@ def _draw_runs(
         draw(axis, run)
         seen.append(axis.get_ylim())
     axis.set_ylim(min(low for low, _ in seen), max(high for _, high in seen))
-
-
-def _mark_moves(axis: "Axes", timeline: Timeline, duration: float, *, names: bool) -> None:
-    """Shade a panel over time by moves, name them if asked, and mark what happens at rest."""
-    for band in timeline.bands:
-        axis.axvspan(band.begin, band.end, color=band.color, alpha=0.10, linewidth=0, zorder=0)
-        if names:
-            place = axis.get_xaxis_transform()
-            middle, share = (band.begin + band.end) / 2, (band.end - band.begin) / duration
-            name = shown_name(band.name, int(share / _LETTER))
-            axis.text(middle, 1.01, name, transform=place, ha="center", fontsize=7)
-    for stop in timeline.stops:
-        axis.axvspan(stop.begin, stop.end, color=_STOP_COLOR, alpha=0.25, linewidth=0, zorder=0)
-        for time, _ in stop.ticks:
-            axis.axvline(time, color="#333333", linewidth=0.8)
-    axis.set_xlim(0.0, duration)
-    axis.set_xlabel("time [s]")
-    axis.grid(alpha=0.25)
-
-
-def _name_steps(axis: "Axes", timeline: Timeline, duration: float) -> None:
-    """Name what happens at rest in a panel whose lines are at zero then."""
-    before = -duration
-    for stop in timeline.stops:
-        for time, ticks in groupby(stop.ticks, lambda tick: tick[0]):
-            is_last = time > 0.97 * duration  # its name goes before it
-            before = time if is_last else max(time, before + _LINE * duration)
-            axis.annotate(
-                ", ".join(text for _, text in ticks),
-                (before, 0.97),
-                (-2 if is_last else 2, 0),
-                xycoords=axis.get_xaxis_transform(),
-                textcoords="offset points",
-                rotation=90,
-                fontsize=7,
-                ha="right" if is_last else "left",
-                va="top",
-            )
-
-
-def shown_name(name: str, letters: int) -> str:
-    """Return a name in at most so many letters: whole, cut, or nothing if little is left."""
-    if len(name) <= letters:
-        return name
-    return f"{name[: letters - 2]}..." if letters >= _FEWEST_LETTERS else ""
 
 
 def _draw_space(

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_TITLE_WIDTH = 150  # [characters]
+_TITLE_WIDTH = 140  # [characters]
 
 
 def plot_execution(
@@ -46,19 +46,20 @@ def plot_execution(
         trajectory: What was to be executed.
         execution: What was.
         judged: What `judged_runs` says of that.
-        path: Where to save the figure as PNG; None: nowhere.
+        path: Where to save the figure, as PNG, PDF or SVG by its ending; None: nowhere.
 
     Returns:
         The figure.
 
     Raises:
+        OptionError: The file has another ending.
         OutputError: The file could not be written.
     """
     trajectory = trajectory.reordered(problem.robot.joint_names)
     tools = tool_runs(problem, trajectory, execution)
     draws = _over_time(problem, trajectory, execution, tools)
     whole = new_figure(14.0, max(2.4 + 1.75 * len(draws), 9.0))
-    whole.suptitle(_title(problem, trajectory.duration, judged), fontsize=12)
+    whole.suptitle(_title(problem, trajectory.duration, judged), fontsize=13)
     left, right = whole.subfigures(1, 2, squeeze=False, width_ratios=(1, 1.25))[0]
     draw_planes(left, problem, tools)
     heights = [1.7, *([1.0] * (len(draws) - 1))]

@@ -19,13 +19,14 @@ def plot_field_sweep(result: FieldSweep, path: str | Path | None = None) -> "Fig
 
     Args:
         result: What `sweep_field` found.
-        path: Where to save the figure as PNG; None: nowhere.
+        path: Where to save the figure, as PNG, PDF or SVG by its ending; None: nowhere.
 
     Raises:
+        OptionError: The file has another ending.
         OutputError: The file could not be written.
     """
     figure = new_figure(8.0, 4.5)
-    figure.suptitle(f"{result.name}: duration against {result.path}")
+    figure.suptitle(f"{result.name}: duration against {result.path}", fontsize=13)
     scale = ValueScale.of(result.path, [row.value for row in result.rows])
     axis = figure.add_subplot()
     draw_durations(axis, scale, result.rows, with_shortest=result.varies_objective)

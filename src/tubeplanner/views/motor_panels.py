@@ -6,14 +6,15 @@ import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.robot.robot_model import RobotModel
+from tubeplanner.views.palette import LINE_COLORS, REFERENCE_COLOR
 from tubeplanner.views.panels import LIMIT, TrajectoryCurves
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import FigureBase
 
-_MOTION: dict[str, Any] = {"color": "#D55E00", "linewidth": 1.4}
-_SHADE: dict[str, Any] = {"color": "#0072B2", "alpha": 0.08, "linewidth": 0}
+_MOTION: dict[str, Any] = {"color": LINE_COLORS[1], "linewidth": 1.4}
+_SHADE: dict[str, Any] = {"color": LINE_COLORS[0], "alpha": 0.08, "linewidth": 0}
 _LOOKS = 201  # velocities at which a motor's limits are drawn
 _MARGIN = 1.12  # how far beyond limits, or motions where there are none, the panel shows
 
@@ -51,7 +52,7 @@ def draw_motor(axis: "Axes", curves: TrajectoryCurves, joint: int) -> None:
     _draw_limits(axis, robot, joint, shown)
     coulomb = robot.motors.coulomb_effort(np.tile(shown[:, None], robot.joint_count))[:, joint]
     friction = robot.motors.viscous_friction[joint] * shown + coulomb
-    axis.plot(shown, friction, color="#444444", linewidth=1.0, label="friction alone")
+    axis.plot(shown, friction, color=REFERENCE_COLOR, linewidth=1.0, label="friction alone")
     axis.plot(velocity, effort, **_MOTION, label="motion")
     most = robot.limits.effort[joint]
     top = _MARGIN * float(most if np.isfinite(most) else abs(effort).max())

@@ -35,12 +35,13 @@ def plot_trajectory(
     Args:
         problem: The planning problem.
         trajectory: Of the problem's joints, in any order.
-        path: Where to save the figure as PNG; None: nowhere.
+        path: Where to save the figure, as PNG, PDF or SVG by its ending; None: nowhere.
 
     Returns:
         The figure.
 
     Raises:
+        OptionError: The file has another ending.
         OutputError: The file could not be written.
     """
     trajectory = trajectory.reordered(problem.robot.joint_names)

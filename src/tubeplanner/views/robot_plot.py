@@ -43,13 +43,14 @@ def plot_robot(robot: RobotModel, q: FloatArray, path: str | Path | None = None)
     Args:
         robot: The arm.
         q: Configuration, shape (n,) [rad or m].
-        path: Where to save the figure as PNG; None: nowhere.
+        path: Where to save the figure, as PNG, PDF or SVG by its ending; None: nowhere.
 
     Returns:
         The figure.
 
     Raises:
         RobotError: A geometry cannot be read.
+        OptionError: The file has another ending.
         OutputError: The file could not be written.
     """
     rotation, position = robot.body_poses(q)

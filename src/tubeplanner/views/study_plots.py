@@ -26,9 +26,10 @@ def plot_convergence(
 
     Args:
         histories: By name, the reports of `plan` to its `progress` callback, in order.
-        path: Where to save the figure as PNG; None: nowhere.
+        path: Where to save the figure, as PNG, PDF or SVG by its ending; None: nowhere.
 
     Raises:
+        OptionError: The file has another ending.
         OutputError: The file could not be written.
     """
     figure = new_figure(8.0, 4.5)
@@ -52,14 +53,15 @@ def plot_sweep(result: SweepResult, path: str | Path | None = None) -> "Figure":
 
     Args:
         result: What `sweep` found.
-        path: Where to save the figure as PNG; None: nowhere.
+        path: Where to save the figure, as PNG, PDF or SVG by its ending; None: nowhere.
 
     Raises:
+        OptionError: The file has another ending.
         OutputError: The file could not be written.
     """
     figure = new_figure(8.0, 4.5)
     axis = figure.add_subplot()
-    figure.suptitle(f"{result.problem.name}: duration against tolerance")
+    figure.suptitle(f"{result.problem.name}: duration against tolerance", fontsize=13)
     draw_sweep(axis, result)
     return saved(figure, path)
 

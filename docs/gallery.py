@@ -1,0 +1,126 @@
+"""Every picture of README and these pages, made by one command, with what is to be seen in it.
+
+    python docs/gallery.py [NAME...]      # or: make gallery
+
+Without names all of them, which takes some minutes. Commands run in an empty folder and write what
+pages show under the name that it has there. Pictures of pages need Chromium; where there is none
+they stay as they are.
+"""
+
+import shlex
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import NamedTuple
+
+DOCS = Path(__file__).parent
+_BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
+_FLAGS = (
+    *("--headless=new", "--no-sandbox", "--no-first-run", "--disable-dev-shm-usage"),
+    *("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--virtual-time-budget=3000"),
+    *("--run-all-compositor-stages-before-draw", "--host-resolver-rules=MAP * ~NOTFOUND"),
+    "--window-size=1200,760",
+)
+
+
+class Picture(NamedTuple):
+    """A picture of the gallery.
+
+    Attributes:
+        commands: What makes it, one a line; the last one writes NAME.png, or NAME.html.
+        seen: What is to be seen in it.
+        instant: Of a page: at what time it is shown [s]; None: the picture is no page's.
+    """
+
+    commands: str
+    seen: str
+    instant: float | None = None
+
+
+PICTURES = {
+    "over_the_wall": Picture(
+        "tubeplanner plan example:ur5/over_the_wall --plot over_the_wall.png",
+        "Some limit on the speed binds nearly all the time: the motion could hardly be faster.",
+    ),
+    "compared": Picture(
+        "tubeplanner compare example:two_link/paper_5_50mm --quality fast --plot compared.png",
+        "Solid bars are certified, hatched ones fail what is named; grey is the fastest's speed.",
+    ),
+    "executed": Picture(
+        "tubeplanner plan example:ur10/onto_a_conveyor -o t.json\n"
+        "tubeplanner simulate example:ur10/onto_a_conveyor t.json --plot executed.png",
+        "Arms that differ from the model leave the tube where the elbow's motor is at its limit.",
+    ),
+    "swept": Picture(
+        "tubeplanner sweep example:ur5/over_the_wall "
+        "--vary robustness.com=0,0.005,0.01,0.02,0.04 --plot swept.png",
+        "The less is known of the links' centres of mass, the slower the motion that survives.",
+    ),
+    "view_ur5": Picture(
+        "tubeplanner plan example:ur5/over_the_wall --html view_ur5.html",
+        "The page: a UR5 in its tube, the tool's path coloured by speed.",
+        0.25,
+    ),
+    "view_panda": Picture(
+        "tubeplanner plan example:panda/between_shelves --html view_panda.html",
+        "A Panda between two shelves.",
+        0.4,
+    ),
+    "view_two_link": Picture(
+        "tubeplanner plan example:two_link/around_a_post --html view_two_link.html",
+        "A planar arm moves around a post.",
+        0.4,
+    ),
+    "view_cycle": Picture(
+        "tubeplanner plan example:ur5/through_the_door --html view_cycle.html",
+        "A whole cycle: below, the time line with its moves and what happens at rest.",
+        0.9,
+    ),
+}
+
+
+def gallery() -> str:
+    """Return the gallery as Markdown: each picture, what is seen in it and what makes it."""
+    return "\n".join(
+        f"## {name}\n\n{picture.seen}\n\n```sh\n{picture.commands}\n```\n\n"
+        f"```{{image}} {name}.png\n:alt: {picture.seen}\n```\n"
+        for name, picture in PICTURES.items()
+    )
+
+
+def draw(name: str, folder: Path) -> None:
+    """Make a picture in a folder and put it where pages show it."""
+    picture = PICTURES[name]
+    browser = next(filter(None, map(shutil.which, _BROWSERS)), None)
+    if picture.instant is not None and browser is None:
+        print(f"{name}: left as it is, there is no Chromium")
+        return
+    for line in picture.commands.splitlines():
+        run = "from tubeplanner.commands.start import run; raise SystemExit(run())"
+        command = [sys.executable, "-c", run, *shlex.split(line)[1:]]
+        subprocess.run(command, cwd=folder, check=True, stdout=subprocess.DEVNULL)
+    target = folder / f"{name}.png"
+    if picture.instant is not None and browser is not None:
+        page = f"{(folder / f'{name}.html').as_uri()}#t={picture.instant}"
+        more = [f"--user-data-dir={folder / 'profile'}", f"--screenshot={target}"]
+        subprocess.run([browser, *_FLAGS, *more, page], check=True, timeout=100)
+    shutil.copyfile(target, DOCS / target.name)
+    print(DOCS / target.name)
+
+
+def main(names: list[str]) -> int:
+    """Make pictures; return 2 if there is none of such a name."""
+    for name in names:
+        if name not in PICTURES:
+            print(f"there is no picture {name}; there is: {', '.join(PICTURES)}")
+            return 2
+    for name in names or PICTURES:
+        with tempfile.TemporaryDirectory() as folder:
+            draw(name, Path(folder))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
