@@ -32,11 +32,13 @@ class Picture(NamedTuple):
         commands: What makes it, one a line; the last one writes NAME.png, or NAME.html.
         seen: What is to be seen in it.
         instant: Of a page: at what time it is shown [s]; None: the picture is no page's.
+        problem: The page here whose first problem file the commands take as problem.yaml.
     """
 
     commands: str
     seen: str
     instant: float | None = None
+    problem: str | None = None
 
 
 PICTURES = {
@@ -57,6 +59,32 @@ PICTURES = {
         "tubeplanner sweep example:ur5/over_the_wall "
         "--vary robustness.com=0,0.005,0.01,0.02,0.04 --plot swept.png",
         "The less is known of the links' centres of mass, the slower the motion that survives.",
+    ),
+    "pick": Picture(
+        "tubeplanner plan problem.yaml --plot pick.png",
+        "A part leaves its table upwards and comes down on it: acceleration and jerk bind.",
+        problem="how_to/contacts.md",
+    ),
+    "effort_curves": Picture(
+        "python docs/gallery_figures.py effort_curves effort_curves.png",
+        "Half a percent of the duration is what the wildest efforts cost.",
+    ),
+    "motor_curves": Picture(
+        "python docs/gallery_figures.py motor_curves motor_curves.png",
+        "Efforts over velocities stay inside what each motor has; friction takes its share.",
+    ),
+    "convergence": Picture(
+        "python docs/gallery_figures.py convergence convergence.png",
+        "The duration falls step by step, on few knots first, then on finer ones.",
+    ),
+    "study_map": Picture(
+        "tubeplanner study example:ur5/tolerance_and_payload --plot study_map.png",
+        "Short where the tube is wide and the payload light.",
+    ),
+    "placement": Picture(
+        "tubeplanner place example:ur5/over_the_wall --region=-0.5,0.6,-0.7,0.7 "
+        "--stands-on table --plot placement.png",
+        "Behind its table and turned away the UR5 needs 16 % less time than as given.",
     ),
     "view_ur5": Picture(
         "tubeplanner plan example:ur5/over_the_wall --html view_ur5.html",
@@ -97,17 +125,29 @@ def draw(name: str, folder: Path) -> None:
     if picture.instant is not None and browser is None:
         print(f"{name}: left as it is, there is no Chromium")
         return
+    if picture.problem is not None:
+        page = (DOCS / picture.problem).read_text(encoding="utf-8")
+        (folder / "problem.yaml").write_text(page.split("```yaml\n")[1].split("```")[0])
     for line in picture.commands.splitlines():
-        run = "from tubeplanner.commands.start import run; raise SystemExit(run())"
-        command = [sys.executable, "-c", run, *shlex.split(line)[1:]]
+        command = [sys.executable, *_arguments(shlex.split(line))]
         subprocess.run(command, cwd=folder, check=True, stdout=subprocess.DEVNULL)
     target = folder / f"{name}.png"
     if picture.instant is not None and browser is not None:
         page = f"{(folder / f'{name}.html').as_uri()}#t={picture.instant}"
         more = [f"--user-data-dir={folder / 'profile'}", f"--screenshot={target}"]
-        subprocess.run([browser, *_FLAGS, *more, page], check=True, timeout=100)
+        subprocess.run(
+            [browser, *_FLAGS, *more, page], check=True, timeout=100, stderr=subprocess.DEVNULL
+        )
     shutil.copyfile(target, DOCS / target.name)
     print(DOCS / target.name)
+
+
+def _arguments(words: list[str]) -> list[str]:
+    """Return what Python is called with for the words of a command."""
+    program, *rest = words
+    if program == "python":
+        return [str(DOCS.parent / rest[0]), *rest[1:]]
+    return ["-c", "from tubeplanner.commands.start import run; raise SystemExit(run())", *rest]
 
 
 def main(names: list[str]) -> int:
