@@ -32,7 +32,7 @@ default_role = "literal"
 nitpicky = True
 # Types of libraries, and those of our own that are only met as attributes.
 nitpick_ignore_regex = [
-    ("py:class", r"(collections|matplotlib|numpy|pathlib|pinocchio|scipy)\..*"),
+    ("py:class", r"(collections|concurrent|matplotlib|numpy|pathlib|pinocchio|scipy)\..*"),
     ("py:class", r"tubeplanner\.\w+\.\w.*"),
     ("py:class", "(Float|Int|Bool)Array|Figure"),
 ]

@@ -58,7 +58,7 @@ def motor_curves(path: Path) -> None:
     changes: dict[str, object] = {f"robot.motors.{field}": lines for field, lines in _LINES.items()}
     changes |= {"robot.preset": "ur10_friction"}
     problem = load_problem("example:ur10/onto_a_conveyor", changes=changes)
-    trajectory = plan(problem, PlanOptions(slack=0.0)).trajectory
+    trajectory = plan(problem).trajectory
     assert trajectory is not None
     figure = new_figure(8.5, 5.0)
     curves = trajectory_curves(problem, trajectory)

@@ -104,7 +104,7 @@ class Placement:
 
     @property
     def message(self) -> str:
-        """One sentence: the answer, or why there is none."""
+        """The answer, or why there is none, in one sentence."""
         if self.result is not None:
             return self.result.message
         if not self.reasons:

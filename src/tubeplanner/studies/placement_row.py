@@ -53,7 +53,7 @@ class PlacementRow:
 
     @property
     def reason(self) -> str:
-        """Why there is no motion, without the numbers: what many places have in common."""
+        """Why there is no motion, without the numbers, so that many places have the same."""
         words = str(self.status).replace("_", " ")
         links, obstacle, joint = self.place.links or (), self.place.obstacle, self.place.joint
         if links and obstacle is not None:
