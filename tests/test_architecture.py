@@ -80,6 +80,7 @@ KNOWS = {
     },
     "rich": {
         "commands.report",
+        "commands.comparison_report",
         "commands.console",
         "commands.cycle_info_text",
         "commands.cycle_report",

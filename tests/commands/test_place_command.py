@@ -60,7 +60,7 @@ def test_no_place_is_status_1_and_says_why(run, folder, tmp_path):
         (("--region", "0,1,a,2"), "--region '0,1,a,2' is no list of numbers"),
         (("--region", "0,1"), "give X0, X1, Y0, Y1"),
         ((*HERE, "-o", "best.txt"), "-o best.txt: name a file that ends in .yaml"),
-        ((*HERE, "--plot", "map.svg"), "--plot map.svg: name a file that ends in .png"),
+        ((*HERE, "--plot", "map.jpg"), "--plot map.jpg: name a file that ends in .png"),
         ((), "Missing option '--region'"),
     ],
 )

@@ -84,7 +84,7 @@ def test_a_study_without_any_answer_fails(run, study):
     ("arguments", "message"),
     [
         (("-o", "t.txt"), "ends in .csv or .json"),
-        (("--plot", "t.pdf"), "ends in .png"),
+        (("--plot", "t.jpg"), "ends in .png"),
         (("-o", "no/t.csv"), "the folder"),
         (("--processes", "0"), "'--processes': 0 is not in the range x>=1"),
     ],

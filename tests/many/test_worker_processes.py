@@ -98,19 +98,19 @@ def test_one_that_dies_twice_is_given_up_and_loses_no_other(tmp_path):
 
 
 def test_the_second_time_it_is_alone(tmp_path):
-    deaths, others = tmp_path / "deaths", tmp_path / "others"
+    deaths, others = [tmp_path / "first", tmp_path / "second"], tmp_path / "others"
     with WorkerProcesses(3) as workers:
         futures = [workers.submit(calls.noted, others, 0.2) for _ in range(6)]
-        futures += [workers.submit(calls.deadly, deaths) for _ in range(2)]
+        futures += [workers.submit(calls.deadly, each) for each in deaths]
         futures += [workers.submit(calls.noted, others, 0.2) for _ in range(6)]
         wait(futures)
-    last = {}
-    for process, begin, _ in lines(deaths):
-        last.setdefault(process, begin)
-    for death in sorted(last.values())[2:]:  # the first of each was among others
-        assert not any(begin < death < end for _, begin, end in lines(others))
-    assert len(last) == 4
     assert len(lines(others)) == 12
+    for each in deaths:
+        begins = {}
+        for process, begin, _ in lines(each):
+            begins.setdefault(process, begin)
+        _, alone = sorted(begins.values())
+        assert not any(begin < alone < end for _, begin, end in lines(others))
 
 
 def test_a_process_that_ends_by_itself_is_told_by_its_status():
