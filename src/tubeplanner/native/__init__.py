@@ -1,0 +1,1 @@
+"""The compiled numerics, and how they are built and loaded; all of it has a numpy counterpart."""

@@ -1,0 +1,104 @@
+"""The native library as it was built, if it was: numpy and PIQP do all of its work where it is not.
+
+TUBEPLANNER_PURE=1 leaves it out; TUBEPLANNER_BASELINE=1 takes the code for any processor of the
+kind, as an older one would.
+"""
+
+import ctypes
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tubeplanner.native.build import LEVELS, SOURCES, library_path, source_key
+
+
+@dataclass(frozen=True)
+class NativeLibrary:
+    """What was loaded.
+
+    Attributes:
+        functions: The library; None: it is left out.
+        build: What was built by what, or why it is left out.
+    """
+
+    functions: ctypes.CDLL | None
+    build: str
+
+
+class Doubles:
+    """The type of arguments that are contiguous arrays of doubles, which may be written to."""
+
+    dtype = np.dtype(np.float64)
+
+    @classmethod
+    def from_param(cls, array: Any) -> ctypes.c_void_p | None:
+        """Return the address of an array; None of None.
+
+        Raises:
+            TypeError: It is of another type, or not contiguous.
+        """
+        if array is None:
+            return None
+        if array.dtype != cls.dtype or not array.flags.c_contiguous:
+            raise TypeError(f"an array of {array.dtype} is not a contiguous one of {cls.dtype}")
+        return ctypes.c_void_p(array.ctypes.data)
+
+
+class Integers(Doubles):
+    """The type of arguments that are contiguous arrays of 64-bit integers."""
+
+    dtype = np.dtype(np.int64)
+
+
+class Bytes(Doubles):
+    """The type of arguments that are contiguous arrays of truth values."""
+
+    dtype = np.dtype(np.bool_)
+
+
+def native_function(name: str, *arguments: Any, returns: Any = None) -> Callable[..., Any] | None:
+    """Return a function of the library; None: it is left out.
+
+    Args:
+        name: Its own.
+        arguments: Their types: `Doubles`, `Integers`, `Bytes`, ctypes' numbers.
+        returns: Likewise.
+    """
+    if LIBRARY.functions is None:
+        return None
+    function = getattr(LIBRARY.functions, name)
+    function.argtypes, function.restype = arguments, returns
+    return function  # type: ignore[no-any-return]
+
+
+def _loaded() -> NativeLibrary:
+    if os.environ.get("TUBEPLANNER_PURE", "") not in ("", "0"):
+        return NativeLibrary(None, "pure Python (TUBEPLANNER_PURE is set)")
+    if not library_path("baseline").exists():
+        return NativeLibrary(None, "pure Python (no C++ compiler was there at the installation)")
+    try:
+        baseline = ctypes.CDLL(str(library_path("baseline")))
+        is_current = _text(baseline, "tubeplanner_sources") == source_key()
+    except (OSError, AttributeError) as error:
+        return NativeLibrary(None, f"pure Python (the library does not load: {error})")
+    if SOURCES.exists() and not is_current:
+        message = "pure Python (native sources have changed: python -m tubeplanner.native.build)"
+        return NativeLibrary(None, message)
+    best = baseline
+    is_newer = baseline.tubeplanner_runs_v3() and not os.environ.get("TUBEPLANNER_BASELINE")
+    if is_newer and "x86-64-v3" in LEVELS and library_path("x86-64-v3").exists():
+        best = ctypes.CDLL(str(library_path("x86-64-v3")))
+    compiler, level = (_text(best, f"tubeplanner_{name}") for name in ("compiler", "level"))
+    return NativeLibrary(best, f"native ({compiler}, {level})")
+
+
+def _text(library: ctypes.CDLL, name: str) -> str:
+    function = getattr(library, name)
+    function.restype = ctypes.c_char_p
+    return str(function().decode())
+
+
+LIBRARY = _loaded()
