@@ -2,14 +2,12 @@
 
 import numpy as np
 import pytest
-from scipy import sparse
 
-from tubeplanner.refinement.linear_program import (
+from tubeplanner.refinement.step_block import (
     Block,
     Bounds,
     Quadratic,
     SparseRows,
-    StepProgram,
 )
 from tubeplanner.refinement.shared_columns import LegShape, shared_columns
 

@@ -15,7 +15,7 @@ from measured_motions import (
     unbounded,
 )
 from tubeplanner.refinement.control_variables import ControlVariables
-from tubeplanner.refinement.linear_program import Step
+from tubeplanner.refinement.step_block import Step
 from tubeplanner.refinement.link_constraints import LinkConstraints
 from tubeplanner.refinement.measured_objective import _FIRST_WORTH as FIRST_WORTH
 from tubeplanner.refinement.measured_objective import MeasuredObjective

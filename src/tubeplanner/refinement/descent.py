@@ -11,11 +11,11 @@ from typing import Protocol
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
-from tubeplanner.refinement.linear_program import Step
 from tubeplanner.refinement.linearization import BROKEN, Linearization
 from tubeplanner.refinement.region_constraints import Planes
 from tubeplanner.refinement.shared_columns import shared_columns
 from tubeplanner.refinement.spline_constraints import Iterate
+from tubeplanner.refinement.step_block import Step
 from tubeplanner.refinement.step_search import StepSearch
 from tubeplanner.refinement.trust_region import Outcome, TrustRegion
 

@@ -1,11 +1,11 @@
 """Sums of blocks, one for every knot interval, over all that a step may change."""
 
 import numpy as np
-from scipy import sparse
 
 from tubeplanner.arrays import FloatArray
 from tubeplanner.refinement.control_variables import FIXED, ControlVariables
 from tubeplanner.refinement.step_cost import DURATION_AND_ELASTIC
+from tubeplanner.refinement.symmetric_entries import SymmetricEntries, merged_entries
 
 
 class IntervalBlocks:
@@ -36,14 +36,11 @@ class IntervalBlocks:
         both = np.concatenate([self._place, own], axis=1)
         row, other = np.broadcast_arrays(both[:, :, None], both[:, None, :])
         self._known = (row != FIXED) & (other != FIXED)
-        keys = other[self._known].astype(np.int64) * self._size + row[self._known]
-        entries, self._entry = np.unique(keys, return_inverse=True)
-        self._row = entries % self._size
-        self._first = np.searchsorted(entries // self._size, np.arange(self._size + 1))
+        self._row, self._column, self._entry = merged_entries(
+            row[self._known], other[self._known], self._size
+        )
 
-    def matrix(
-        self, blocks: FloatArray, mixed: FloatArray, corner: FloatArray
-    ) -> sparse.csc_matrix:
+    def matrix(self, blocks: FloatArray, mixed: FloatArray, corner: FloatArray) -> SymmetricEntries:
         """Return the sum of symmetric blocks.
 
         Args:
@@ -55,7 +52,7 @@ class IntervalBlocks:
         below = np.concatenate([np.swapaxes(mixed, 1, 2), shared], axis=2)
         whole = np.concatenate([np.concatenate([blocks, mixed], axis=2), below], axis=1)
         data = np.bincount(self._entry, whole[self._known], len(self._row))
-        return sparse.csc_matrix((data, self._row, self._first), (self._size, self._size))
+        return SymmetricEntries(self._row, self._column, data, self._size)
 
     def vector(self, by_control: FloatArray, by_switching: FloatArray) -> FloatArray:
         """Return the sum of vectors, without duration and elastic variable.

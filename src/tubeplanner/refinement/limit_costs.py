@@ -8,9 +8,10 @@ speed can cost, a whole rise is tried.
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.refinement.linear_program import Step, StepProgram
 from tubeplanner.refinement.linearization import BROKEN, Linearization
 from tubeplanner.refinement.shared_columns import shared_columns
+from tubeplanner.refinement.step_block import Step
+from tubeplanner.refinement.step_program import step_program
 from tubeplanner.refinement.step_search import STEP_TOLERANCE, StepSearch
 
 # Where elastic rows cost more than this share of their penalty, multipliers say little else: then
@@ -71,5 +72,5 @@ def _solved(
 ) -> Step | None:
     """Return the step of the program whose rows have some more slack."""
     columns = shared_columns([linear.shape], [False])
-    steps = StepProgram([linear.block(linear.plain, extra)], columns, tolerance).solve()
+    steps = step_program([linear.block(linear.plain, extra)], columns).solve(tolerance)
     return None if steps is None else steps[0]

@@ -13,7 +13,12 @@ import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.refinement.control_variables import ControlVariables
-from tubeplanner.refinement.linear_program import (
+from tubeplanner.refinement.linear_rows import Rows
+from tubeplanner.refinement.phased_spline import DEGREE
+from tubeplanner.refinement.region_constraints import Planes
+from tubeplanner.refinement.shared_columns import LegShape
+from tubeplanner.refinement.spline_constraints import Iterate
+from tubeplanner.refinement.step_block import (
     Block,
     Bounds,
     Quadratic,
@@ -21,11 +26,6 @@ from tubeplanner.refinement.linear_program import (
     Step,
     sparse_rows,
 )
-from tubeplanner.refinement.linear_rows import Rows
-from tubeplanner.refinement.phased_spline import DEGREE
-from tubeplanner.refinement.region_constraints import Planes
-from tubeplanner.refinement.shared_columns import LegShape
-from tubeplanner.refinement.spline_constraints import Iterate
 
 BROKEN = 1e-4
 # Planes with less slack after a step [radii] are given to the next program at once.
@@ -113,7 +113,6 @@ class Linearization:
         self._planes, self._ignored = given.planes, given.ignored
         self._quadratic, self.penalty = quadratic, penalty
         self._parts: list[_Part] = []
-        self._has_more = True  # than the last block had
         self._give(np.flatnonzero(given.rows))
         for kind, planes in enumerate(given.planes):
             self._give_planes(kind, planes)
@@ -135,11 +134,6 @@ class Linearization:
         return LegShape(configurations, joints, len(self._bounds.switching))
 
     @property
-    def has_more(self) -> bool:
-        """Whether there are rows that the last block had not."""
-        return self._has_more
-
-    @property
     def plain(self) -> Slack:
         """The slack at the trajectory."""
         bends = [np.zeros_like(regions.vector) for regions in self._current.regions]
@@ -147,15 +141,10 @@ class Linearization:
 
     def block(self, slack: Slack, extra: FloatArray | float = 0.0) -> Block:
         """Return what a program is given, with a slack; its rows may have some more."""
-        self._has_more = False
         rows = [part.rows for part in self._parts]
-        given = self.given_slack(slack) + extra
-        return Block(rows, given, self._bounds, self._quadratic, self.penalty)
-
-    def given_slack(self, slack: Slack) -> FloatArray:
-        """Return the slack of a program's rows."""
         found = [part.slack(slack.rows, slack.bends) for part in self._parts]
-        return np.concatenate([np.zeros(0), *found])
+        given = np.concatenate([np.zeros(0), *found]) + extra
+        return Block(rows, given, self._bounds, self._quadratic, self.penalty)
 
     @property
     def elastic_rows(self) -> FloatArray:
@@ -237,7 +226,6 @@ class Linearization:
     ) -> None:
         own = sparse_rows(rows, is_elastic, self._variables.column, len(self._bounds.lower))
         self._parts.append(_Part(own, is_elastic, rows.limit, rows.index, slack))
-        self._has_more = True
 
     def _add_planes(self, vectors: list[FloatArray], elastic: float) -> bool:
         """Add tangent planes where vectors are outside; return whether some are."""

@@ -9,9 +9,9 @@ from tubeplanner.arrays import FloatArray
 from tubeplanner.refinement.control_variables import ControlVariables
 from tubeplanner.refinement.interval_blocks import IntervalBlocks
 from tubeplanner.refinement.interval_motion import POINTS, IntervalMotion
-from tubeplanner.refinement.linear_program import Quadratic, Step
 from tubeplanner.refinement.measure import MeasureModel, Weighted
 from tubeplanner.refinement.spline_constraints import Iterate
+from tubeplanner.refinement.step_block import Quadratic, Step
 
 _NOTHING = 1e-12  # beside measures that may vanish
 # What the sum of logarithms is worth at first, and at least, in shares of T^2: halved while steps
@@ -51,7 +51,7 @@ class MeasuredObjective:
         """Return the cost: convex quadratics of the measures, and eta."""
         own = self._model(current, variables).times(self._worth)
         self._last = current, own
-        hessian = (own.hessian + regularization.hessian).tocsc()
+        hessian = own.hessian.plus(regularization.hessian)
         return Quadratic(hessian, own.gradient + regularization.gradient)
 
     def predicted_gain(self, current: Iterate, step: Step) -> float:
@@ -60,7 +60,7 @@ class MeasuredObjective:
         change = np.concatenate([step.control.ravel(), step.switching])
         padded = np.append(change, [0.0, 0.0])
         own = self._last[1]
-        less = -(own.gradient @ change) - padded @ (own.hessian @ padded) / 2
+        less = -(own.gradient @ change) - padded @ own.hessian.product(padded) / 2
         return float(less + self._longer(current) - max(step.duration, 0.0))
 
     def gain(self, current: Iterate, trial: Iterate) -> float:

@@ -18,13 +18,13 @@ from tubeplanner.refinement.control_variables import FIXED, ControlVariables
 from tubeplanner.refinement.descent import MAX_PENALTY, Descent, Improved, Remembered
 from tubeplanner.refinement.goal_constraints import goal_keys
 from tubeplanner.refinement.limit_costs import limit_costs
-from tubeplanner.refinement.linear_program import Bounds, Step
 from tubeplanner.refinement.linear_rows import INNER_MARGIN, MERIT_TOLERANCE, Rows, StepSize
 from tubeplanner.refinement.linearization import Given, Linearization
 from tubeplanner.refinement.link_constraints import LinkConstraints
 from tubeplanner.refinement.phased_spline import DEGREE, KnotGrid, PhasedSpline
 from tubeplanner.refinement.region_constraints import EvaluatedRegions, Planes
 from tubeplanner.refinement.spline_constraints import Iterate, SplineConstraints
+from tubeplanner.refinement.step_block import Bounds, Step
 from tubeplanner.refinement.step_cost import StepCost
 from tubeplanner.refinement.step_objective import ShortestDuration, StepObjective
 from tubeplanner.refinement.trust_region import TrustRegion

@@ -1,12 +1,12 @@
 """The convex quadratic part of a step's cost: smoothing, proximity and damping."""
 
 import numpy as np
-from scipy import sparse
 
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.refinement.control_variables import FIXED, ControlVariables
-from tubeplanner.refinement.linear_program import Quadratic
 from tubeplanner.refinement.phased_spline import KnotGrid
+from tubeplanner.refinement.step_block import Quadratic
+from tubeplanner.refinement.symmetric_entries import SymmetricEntries, merged_entries
 
 # Weights of third differences, against wiggles of joints that do not matter, and of the step.
 _SMOOTHING = 1e-5
@@ -31,37 +31,36 @@ class StepCost:
         self._variables, self._intervals = variables, grid.interval_count
         self._weight = 2 * _SMOOTHING * grid.interval_count**5 / 250_000
         count, others = len(variables.lower), grid.switch_count + DURATION_AND_ELASTIC
-        # Real and imaginary: two matrices with one pattern, so that their sum costs no search.
+        alone = np.arange(count)
         smoothing = _squared_differences(variables.column, _THIRD)
         rates = _squared_differences(variables.column, _FIRST)
-        alone = np.arange(count)
         row, column = np.hstack([smoothing[0], rates[0], [alone, alone]])
-        value = np.concatenate(
-            [
-                self._weight * smoothing[1],
-                1j * self._intervals * rates[1],
-                np.full(count, _PROXIMITY),
-            ]
-        )
+        nothing = np.zeros(len(smoothing[1]))
+        still = np.concatenate([self._weight * smoothing[1], 0 * rates[1], 0 * alone + _PROXIMITY])
+        damped = np.concatenate([nothing, self._intervals * rates[1], 0.0 * alone])
+        row, column, place = merged_entries(row, column, count)
         rest = count * joints + np.arange(others)
-        row, column = (
+        self._row, self._column = (
             np.append(np.add.outer(which * joints, np.arange(joints)), rest)
             for which in (row, column)
         )
-        value = np.append(np.repeat(value, joints), np.full(others, _OTHERS))
-        size = count * joints + others
-        self._both = sparse.coo_matrix((value, (row, column)), (size, size)).tocsc()
+        self._still, self._damped = (
+            np.append(
+                np.repeat(np.bincount(place, value, len(row)), joints), np.full(others, other)
+            )
+            for value, other in ((still, _OTHERS), (damped, 0.0))
+        )
+        self._size = count * joints + others
 
     def quadratic(self, control_points: FloatArray, damping: float = 0.0) -> Quadratic:
         """Return the cost at control points (K, n), squared rates weighted with a damping."""
-        both = self._both
-        data = both.data.real + damping * both.data.imag
-        hessian = sparse.csc_matrix((data, both.indices, both.indptr), both.shape)
+        value = self._still + damping * self._damped
+        hessian = SymmetricEntries(self._row, self._column, value, self._size)
         bends = np.diff(control_points, len(_THIRD) - 1, axis=0)
         by_point = np.zeros_like(control_points)
         for place, weight in enumerate(_THIRD):
             by_point[place : place + len(bends)] += weight * bends
-        gradient = np.zeros(hessian.shape[0] - DURATION_AND_ELASTIC)
+        gradient = np.zeros(self._size - DURATION_AND_ELASTIC)
         by_variable = self._weight * self._variables.collected(by_point)
         gradient[: by_variable.size] = by_variable.ravel()
         return Quadratic(hessian, gradient)

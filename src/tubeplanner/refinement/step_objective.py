@@ -3,9 +3,9 @@
 from typing import Protocol
 
 from tubeplanner.refinement.control_variables import ControlVariables
-from tubeplanner.refinement.linear_program import Quadratic, Step
 from tubeplanner.refinement.linear_rows import MERIT_TOLERANCE
 from tubeplanner.refinement.spline_constraints import Iterate
+from tubeplanner.refinement.step_block import Quadratic, Step
 
 
 class StepObjective(Protocol):

@@ -6,12 +6,15 @@ What a step breaks that its program was not given is given to the next program.
 from collections.abc import Sequence
 
 from tubeplanner.arrays import FloatArray, IntArray
-from tubeplanner.refinement.linear_program import Step, StepProgram
 from tubeplanner.refinement.linearization import Linearization, Slack
 from tubeplanner.refinement.spline_constraints import Iterate
+from tubeplanner.refinement.step_block import Block, Step
+from tubeplanner.refinement.step_program import StepProgram, step_program
 
 _MAX_ROUNDS, _MAX_CORRECTIONS = 4, 3
-STEP_TOLERANCE = 1e-4  # of a step, absolute and relative
+STEP_TOLERANCE = 1e-4  # of a step's cost
+# Where solutions go on from the last one, what a step this rough breaks joins at once.
+_ROUGH = 1e-2
 
 
 class StepSearch:
@@ -25,13 +28,19 @@ class StepSearch:
     def solve(self) -> tuple[Step, ...] | None:
         """Return the step of every leg, or None if there is none."""
         slack, steps = [leg.plain for leg in self._legs], None
+        self._program = program = step_program(self._blocks(slack), self._columns)
+        if program.goes_on:
+            rough = program.solve(_ROUGH)
+            if rough is not None and self._absorb(rough):
+                program.join(self._blocks(slack))
         for _ in range(_MAX_ROUNDS):
-            better = self._solved(slack)
+            better = program.solve(STEP_TOLERANCE)
             if better is None:  # what there was before leaves something to the correction
                 break
             steps = better
-            if not any([leg.absorb(step) for leg, step in zip(self._legs, steps, strict=True)]):
+            if not self._absorb(steps):
                 break
+            program.join(self._blocks(slack))
         return steps
 
     def solve_again(
@@ -44,27 +53,26 @@ class StepSearch:
             trials: Where they led.
             slack: Of every leg's rows there, by their numbers.
         """
+        program = self._program
+        if program is None:
+            return None
         legs = list(zip(self._legs, steps, trials, slack, strict=True))
         corrected = [leg.corrected(step, trial, left) for leg, step, trial, left in legs]
-        others = self._solved_again(corrected)
+        program.correct(self._blocks(corrected))
+        others = program.solve(STEP_TOLERANCE)
         for _ in range(_MAX_CORRECTIONS - 1):
             if others is None:
                 break
             tried = zip(self._legs, others, corrected, steps, strict=True)
             if not any([leg.absorb_bent(o, own, step.elastic) for leg, o, own, step in tried]):
                 break
-            others = self._solved(corrected)
+            program.join(self._blocks(corrected))
+            others = program.solve(STEP_TOLERANCE)
         return others
 
-    def _solved(self, slack: Sequence[Slack]) -> tuple[Step, ...] | None:
-        """Return the steps of the program of all legs, each with some slack."""
-        blocks = [leg.block(own) for leg, own in zip(self._legs, slack, strict=True)]
-        self._program = StepProgram(blocks, self._columns, STEP_TOLERANCE)
-        return self._program.solve()
+    def _absorb(self, steps: Sequence[Step]) -> bool:
+        """Add what steps break to the legs' linearizations; return whether there is some."""
+        return any([leg.absorb(step) for leg, step in zip(self._legs, steps, strict=True)])
 
-    def _solved_again(self, slack: Sequence[Slack]) -> tuple[Step, ...] | None:
-        """Return the steps of the last program, if nothing was added, for other slack."""
-        if self._program is None or any(leg.has_more for leg in self._legs):
-            return self._solved(slack)
-        given = [leg.given_slack(own) for leg, own in zip(self._legs, slack, strict=True)]
-        return self._program.solve_again(given)
+    def _blocks(self, slack: Sequence[Slack]) -> list[Block]:
+        return [leg.block(own) for leg, own in zip(self._legs, slack, strict=True)]

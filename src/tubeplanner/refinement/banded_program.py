@@ -1,0 +1,142 @@
+"""The program of one step for the native library: rows join it while it is being solved."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.native.step_program import NativeProgram
+from tubeplanner.refinement.joint_blocks import JointBlocks
+from tubeplanner.refinement.sparse_program import SparseProgram
+from tubeplanner.refinement.step_block import Block, SparseRows, Step, stacked_rows
+
+# Where the method begins: eta, and how far beyond what rows lack the elastic variable is.
+_FIRST_DURATION_STEP, _FIRST_SPARE = 0.2, 0.1
+# Of what must not move: no row moves it, so that this balances bounds alone.
+_STIFFNESS = 1e9
+
+
+class BandedProgram:
+    """A program that goes on from its last solution when rows join it; see `StepProgram`."""
+
+    goes_on = True
+
+    def __init__(self, blocks: Sequence[Block], columns: Sequence[IntArray]) -> None:
+        """Set it up; arguments as `step_program`."""
+        self._columns = columns
+        self._blocks = joint = JointBlocks(blocks, columns)
+        self._bounds = joint.bounds
+        self._held = [row for held in joint.held for row in held.rows()]
+        linear = joint.linear
+        for row in self._held:
+            linear[row.column] -= row.data * (row.data @ linear[row.column])
+        self._program = NativeProgram(self._first(), linear, *self._bounds, self._band())
+        hessian = joint.hessian
+        self._program.add_quadratic(hessian.row, hessian.column, hessian.value)
+        for row in self._held:
+            column, other = np.meshgrid(row.column, row.column)
+            square = _STIFFNESS * np.outer(row.data, row.data)
+            self._program.add_quadratic(column.ravel(), other.ravel(), square.ravel())
+        self._slack = np.zeros(0)
+        for leg, block in enumerate(blocks):
+            self._add_ends(leg, block)
+        # Which of the program's rows are each leg's, and how many sets of them it has.
+        self._places = [np.zeros(0, dtype=np.int64) for _ in blocks]
+        self._known = [0] * len(blocks)
+        self.join(blocks)
+
+    def join(self, blocks: Sequence[Block]) -> None:
+        """Take rows that blocks have gained."""
+        self._blocks = JointBlocks(blocks, self._columns)
+        for leg, block in enumerate(blocks):
+            given = block.slack[len(self._places[leg]) :]
+            added = stacked_rows(block.rows[self._known[leg] :])
+            self._known[leg] = len(block.rows)
+            if len(given):
+                places = self._add(self._blocks.over_all(added, leg), given)
+                self._places[leg] = np.concatenate([self._places[leg], places])
+
+    def correct(self, blocks: Sequence[Block]) -> None:
+        """Take rows that blocks have gained, and other slack of all."""
+        self.join(blocks)
+        for block, places in zip(blocks, self._places, strict=True):
+            self._slack[places] = block.slack
+        self._program.set_slack(self._slack)
+
+    def solve(self, tolerance: float) -> tuple[Step, ...] | None:
+        """Return the step of every leg, or None if there is none.
+
+        PIQP is asked where the library's method does not get there.
+        """
+        found = self._program.solve(tolerance)
+        if found is None:
+            return SparseProgram(self._blocks.blocks, self._columns).solve(tolerance)
+        x, multipliers = found
+        joint = self._blocks
+        for row in self._held:
+            x[row.column] -= row.data * (row.data @ x[row.column])
+        return joint.steps(np.clip(x, *self._bounds), [multipliers[own] for own in self._places])
+
+    def _add(self, rows: SparseRows, slack: FloatArray) -> IntArray:
+        """Add rows; return their places among all."""
+        if self._held:
+            rows = _without(rows, self._held)
+        self._program.add_rows(rows.count, rows.column, rows.data, slack)
+        self._slack = np.concatenate([self._slack, slack])
+        return np.arange(len(self._slack) - len(slack), len(self._slack))
+
+    def _add_ends(self, leg: int, block: Block) -> None:
+        """Add how far phases may change."""
+        changes = self._blocks.over_all(block.width_changes, leg)
+        for sign in (1.0, -1.0):
+            if len(changes.count):
+                self._add(replace(changes, data=sign * changes.data), block.widths)
+
+    def _first(self) -> FloatArray:
+        """Return where the method begins."""
+        first = np.zeros(self._blocks.size)
+        for block, own in zip(self._blocks.blocks, self._columns, strict=True):
+            lacks = max(-float(block.slack.min(initial=0.0)), 0.0)
+            first[own[-2:]] = _FIRST_DURATION_STEP, lacks + _FIRST_SPARE
+        return first
+
+    def _band(self) -> int:
+        """Return how many of the first variables only neighbours couple.
+
+        The configuration in which a cycle closes is behind all others.
+        """
+        band = self._blocks.size
+        for block, own in zip(self._blocks.blocks, self._columns, strict=True):
+            controls = own[: block.bounds.lower.size]
+            back = np.flatnonzero(np.diff(controls) < 0)
+            if len(back):
+                band = min(band, int(controls[0]))
+            band = min(band, int(own[len(controls)]))
+        return band
+
+
+def _without(rows: SparseRows, held: Sequence[SparseRows]) -> SparseRows:
+    """Return rows that do not change along some directions, which are at right angles."""
+    for columns in {tuple(row.column.tolist()): None for row in held}:
+        directions = np.array([row.data for row in held if tuple(row.column.tolist()) == columns])
+        rows = _turned_away(rows, np.array(columns), directions)
+    return rows
+
+
+def _turned_away(rows: SparseRows, columns: IntArray, directions: FloatArray) -> SparseRows:
+    """Return rows without their parts along directions (r, n) of some variables (n,)."""
+    number = np.repeat(np.arange(len(rows.count)), rows.count)
+    order = np.argsort(columns)
+    place = np.minimum(np.searchsorted(columns, rows.column, sorter=order), len(columns) - 1)
+    place = order[place]
+    is_meant = columns[place] == rows.column
+    own = np.zeros((len(rows.count), len(columns)))
+    np.add.at(own, (number[is_meant], place[is_meant]), rows.data[is_meant])
+    own -= own @ directions.T @ directions
+    row, column = np.nonzero(own)
+    number = np.concatenate([number[~is_meant], row])
+    sequence = np.argsort(number, kind="stable")
+    data = np.concatenate([rows.data[~is_meant], own[row, column]])[sequence]
+    places = np.concatenate([rows.column[~is_meant], columns[column]])[sequence]
+    return SparseRows(data, places, np.bincount(number, minlength=len(rows.count)))
