@@ -1,0 +1,167 @@
+"""Rows of linear constraints on a spline's step, compiled: chained, chosen by reach, multiplied.
+
+Every function returns None if the library is left out.
+"""
+
+from collections.abc import Mapping
+from ctypes import Structure, byref, c_double, c_int64, c_void_p
+from dataclasses import dataclass
+
+import numpy as np
+
+from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.native.library import Doubles, Integers, native_function
+
+_ORDERS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class SplineChange:
+    """How a spline changes at N samples.
+
+    Attributes:
+        weights: Of the four control points that count, shape (orders, N, 4).
+        by_switching: Derivatives by G switching times, shape (G, orders, N, n).
+        moved: The first switching time for which these are not zero, and the one after the last,
+            by sample, shape (N, 2); None: any.
+    """
+
+    weights: FloatArray
+    by_switching: FloatArray
+    moved: IntArray | None
+
+
+class _Chain(Structure):
+    _fields_ = (
+        *((name, c_int64) for name in ("samples", "joints", "orders", "switches")),
+        *((name, c_void_p) for name in ("weights", "by_switching", "moved")),
+        ("by", c_void_p * _ORDERS),
+    )
+
+
+_chained = native_function("chained_rows", c_void_p, c_int64, Integers, Integers, Doubles, Doubles)
+_near = native_function(
+    *("near_rows", c_void_p, c_int64, c_int64, Doubles, Doubles, c_double),
+    *(c_double, Doubles, Integers, Doubles, Doubles),
+    returns=c_int64,
+)
+_reach = native_function(
+    "row_reach", c_int64, c_int64, Doubles, c_double, c_int64, Doubles, Doubles, Doubles
+)
+_used = native_function(
+    *("used_by_step", c_int64, c_int64, c_int64, Integers, Doubles, Doubles, Doubles),
+    *(Doubles, Doubles, c_double, Doubles),
+)
+
+
+def chained_rows(
+    spline: SplineChange, by_path: Mapping[int, FloatArray], sample: IntArray, entry: IntArray
+) -> tuple[FloatArray, FloatArray] | None:
+    """Return how quantities change with control points, (R, 4, n), and switching times, (R, G).
+
+    Args:
+        spline: The spline.
+        by_path: The quantities' derivatives by its own, by order, each (..., n).
+        sample: Where each quantity is, shape (R,).
+        entry: Its place among the derivatives, counted through, shape (R,).
+    """
+    if _chained is None:
+        return None
+    chain, held = _chain(spline, by_path)
+    found = _rows(chain, len(sample))
+    _chained(byref(chain), len(sample), sample, entry, *found)
+    del held
+    return found
+
+
+def near_rows(
+    spline: SplineChange,
+    by_path: Mapping[int, FloatArray],
+    slack: FloatArray,
+    signs: tuple[float, ...],
+    size: tuple[float, float, FloatArray] | None,
+) -> tuple[IntArray, FloatArray, FloatArray] | None:
+    """Return the rows that have less slack than what a step can change them by.
+
+    Args:
+        spline: The spline.
+        by_path: Derivatives of I quantities of each sample, by order, each (N, I, n).
+        slack: Shape (S, N, I).
+        signs: Of the quantities, by side, S of them.
+        size: The slack that is little anyhow, and how far a step moves a control point and every
+            switching time; None: any slack but infinite is less.
+
+    Returns:
+        The places among the slack, counted through, (R,), how the rows change with control points,
+        (R, 4, n), and with switching times, (R, G).
+    """
+    if _near is None:
+        return None
+    chain, held = _chain(spline, by_path)
+    control, switching = _rows(chain, slack.size)
+    index = np.empty(slack.size, dtype=np.int64)
+    little, control_size, switching_size = size or (0.0, 0.0, None)
+    count = _near(
+        *(byref(chain), slack.shape[2], len(signs), np.array(signs), np.ascontiguousarray(slack)),
+        *(little, control_size, switching_size, index, control, switching),
+    )
+    del held
+    return index[:count], control[:count], switching[:count]
+
+
+def row_reach(
+    control: FloatArray, switching: FloatArray, size: tuple[float, FloatArray]
+) -> FloatArray | None:
+    """Return how far a step moves rows at most, shape (R,).
+
+    Args:
+        control: The rows, shape (R, 4, n).
+        switching: Likewise, shape (R, G).
+        size: How far it moves a control point and every switching time.
+    """
+    if _reach is None:
+        return None
+    found = np.empty(len(control))
+    width = control.shape[1] * control.shape[2]
+    by_switching = (switching.shape[1], np.ascontiguousarray(switching), size[1])
+    _reach(len(control), width, np.ascontiguousarray(control), size[0], *by_switching, found)
+    return found
+
+
+def used_by_step(
+    first: IntArray,
+    rows: tuple[FloatArray, FloatArray, FloatArray],
+    step: tuple[FloatArray, FloatArray, float],
+) -> FloatArray | None:
+    """Return the products of rows and a step, shape (R,).
+
+    Args:
+        first: The first of the four control points that count, shape (R,).
+        rows: By control points (R, 4, n), switching times (R, G) and the duration (R,).
+        step: Of the control points (K, n), the switching times (G,) and the duration.
+    """
+    if _used is None:
+        return None
+    used, sizes = np.empty(len(first)), (rows[0].shape[2], rows[1].shape[1])
+    parts = [np.ascontiguousarray(part) for part in (*rows, *step[:2])]
+    _used(len(first), *sizes, np.ascontiguousarray(first), *parts, step[2], used)
+    return used
+
+
+def _chain(
+    spline: SplineChange, by_path: Mapping[int, FloatArray]
+) -> tuple[_Chain, list[FloatArray]]:
+    """Return what the library is given, and the arrays that must outlive it."""
+    orders, samples, _ = spline.weights.shape
+    switches, joints = spline.by_switching.shape[0], spline.by_switching.shape[3]
+    held = {order: np.ascontiguousarray(by) for order, by in by_path.items()}
+    by = [Doubles.from_param(held.get(order)) for order in range(_ORDERS)]
+    own = (Doubles.from_param(spline.weights), Doubles.from_param(spline.by_switching))
+    sizes = (samples, joints, orders, switches)
+    chain = _Chain(*sizes, *own, Integers.from_param(spline.moved), (c_void_p * _ORDERS)(*by))
+    return chain, list(held.values())
+
+
+def _rows(chain: _Chain, count: int) -> tuple[FloatArray, FloatArray]:
+    control = np.empty((count, 4, chain.joints))
+    return control, np.empty((count, chain.switches))
