@@ -80,5 +80,6 @@ def cubic_values(weights: FloatArray, first: IntArray, control: FloatArray) -> F
     orders, count = weights.shape[:2]
     control = np.ascontiguousarray(control)
     values = np.empty((orders, count, control.shape[1]))
-    _values(orders, count, control.shape[1], weights, first, control, values)
+    own = (np.ascontiguousarray(weights), np.ascontiguousarray(first), control)
+    _values(orders, count, control.shape[1], *own, values)
     return values

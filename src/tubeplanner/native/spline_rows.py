@@ -69,7 +69,8 @@ def chained_rows(
         return None
     chain, held = _chain(spline, by_path)
     found = _rows(chain, len(sample))
-    _chained(byref(chain), len(sample), sample, entry, *found)
+    places = (np.ascontiguousarray(sample), np.ascontiguousarray(entry))
+    _chained(byref(chain), len(sample), *places, *found)
     del held
     return found
 

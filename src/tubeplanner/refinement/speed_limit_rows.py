@@ -76,8 +76,8 @@ class EvaluatedSpeedLimit:
             squared_duration: The new squared duration, as a multiple of the old one.
         """
         degree, longer = self._used.degree, squared_duration**0.5
-        terms = self._used.terms.items()
-        used = np.sum([c * (duration**-k * longer ** (degree - k)) for k, c in terms], axis=0)
+        powers = self._used.terms
+        used = self._used.weighted({k: duration**-k * longer ** (degree - k) for k in powers})
         return np.concatenate([(longer**degree - sign * used).ravel() for sign in self.limit.signs])
 
     @property
@@ -99,9 +99,5 @@ class EvaluatedSpeedLimit:
 
     def _by_duration(self, duration: float) -> FloatArray:
         """Return how the quantities, times the highest power of T, change with y, shape (N, I)."""
-        degree = self._used.degree
-        terms = self._used.terms.items()
-        change: FloatArray = np.sum(
-            [c * (duration**-k * (degree - k) / 2) for k, c in terms], axis=0
-        )
-        return change
+        degree, powers = self._used.degree, self._used.terms
+        return self._used.weighted({k: duration**-k * (degree - k) / 2 for k in powers})
