@@ -131,7 +131,8 @@ def _degree(c: FloatArray) -> IntArray:
 
 def _bracket(c: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Return between which places the first crossing is, monotone between, and if there is one."""
-    early, late = (np.where(e > 0, e, np.nan) for e in _quadratic(c[1], 2 * c[2], 3 * c[3]))
+    turns = _quadratic(c[1], 2 * c[2], 3 * c[3])  # one of them infinite where c3 is zero
+    early, late = (np.where((e > 0) & (e < np.inf), e, np.nan) for e in turns)
     first, last = np.fmin(early, late), np.fmax(early, late)
     above_first, above_last = _value(c, first) > 0, _value(c, last) > 0
     lead = np.take_along_axis(c, _degree(c)[None], axis=0)[0]

@@ -4,15 +4,16 @@ Every function returns None if the library is left out.
 """
 
 from collections.abc import Mapping
-from ctypes import Structure, byref, c_double, c_int64, c_void_p
+from ctypes import c_double, c_int64
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.native.library import Doubles, Integers, native_function
 
-_ORDERS = 4
+_ORDERS = range(4)
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,17 +32,10 @@ class SplineChange:
     moved: IntArray | None
 
 
-class _Chain(Structure):
-    _fields_ = (
-        *((name, c_int64) for name in ("samples", "joints", "orders", "switches")),
-        *((name, c_void_p) for name in ("weights", "by_switching", "moved")),
-        ("by", c_void_p * _ORDERS),
-    )
-
-
-_chained = native_function("chained_rows", c_void_p, c_int64, Integers, Integers, Doubles, Doubles)
+_SPLINE = (*4 * (c_int64,), Doubles, Doubles, Integers, *(Doubles for _ in _ORDERS))
+_chained = native_function("chained_rows", *_SPLINE, c_int64, Integers, Integers, Doubles, Doubles)
 _near = native_function(
-    *("near_rows", c_void_p, c_int64, c_int64, Doubles, Doubles, c_double),
+    *("near_rows", *_SPLINE, c_int64, c_int64, Doubles, Doubles, c_double),
     *(c_double, Doubles, Integers, Doubles, Doubles),
     returns=c_int64,
 )
@@ -67,11 +61,9 @@ def chained_rows(
     """
     if _chained is None:
         return None
-    chain, held = _chain(spline, by_path)
-    found = _rows(chain, len(sample))
+    found = _rows(spline, len(sample))
     places = (np.ascontiguousarray(sample), np.ascontiguousarray(entry))
-    _chained(byref(chain), len(sample), *places, *found)
-    del held
+    _chained(*_given(spline, by_path), len(sample), *places, *found)
     return found
 
 
@@ -98,15 +90,14 @@ def near_rows(
     """
     if _near is None:
         return None
-    chain, held = _chain(spline, by_path)
-    control, switching = _rows(chain, slack.size)
+    control, switching = _rows(spline, slack.size)
     index = np.empty(slack.size, dtype=np.int64)
     little, control_size, switching_size = size or (0.0, 0.0, None)
+    slack, sides = np.ascontiguousarray(slack), (len(signs), np.array(signs))
     count = _near(
-        *(byref(chain), slack.shape[2], len(signs), np.array(signs), np.ascontiguousarray(slack)),
+        *(*_given(spline, by_path), slack.shape[2], *sides, slack),
         *(little, control_size, switching_size, index, control, switching),
     )
-    del held
     return index[:count], control[:count], switching[:count]
 
 
@@ -149,20 +140,15 @@ def used_by_step(
     return used
 
 
-def _chain(
-    spline: SplineChange, by_path: Mapping[int, FloatArray]
-) -> tuple[_Chain, list[FloatArray]]:
-    """Return what the library is given, and the arrays that must outlive it."""
+def _given(spline: SplineChange, by_path: Mapping[int, FloatArray]) -> tuple[Any, ...]:
+    """Return what the library is given of a spline and derivatives by its own."""
     orders, samples, _ = spline.weights.shape
     switches, joints = spline.by_switching.shape[0], spline.by_switching.shape[3]
-    held = {order: np.ascontiguousarray(by) for order, by in by_path.items()}
-    by = [Doubles.from_param(held.get(order)) for order in range(_ORDERS)]
-    own = (Doubles.from_param(spline.weights), Doubles.from_param(spline.by_switching))
-    sizes = (samples, joints, orders, switches)
-    chain = _Chain(*sizes, *own, Integers.from_param(spline.moved), (c_void_p * _ORDERS)(*by))
-    return chain, list(held.values())
+    by = [np.ascontiguousarray(by_path[k]) if k in by_path else None for k in _ORDERS]
+    own = (spline.weights, spline.by_switching, spline.moved)
+    return samples, joints, orders, switches, *own, *by
 
 
-def _rows(chain: _Chain, count: int) -> tuple[FloatArray, FloatArray]:
-    control = np.empty((count, 4, chain.joints))
-    return control, np.empty((count, chain.switches))
+def _rows(spline: SplineChange, count: int) -> tuple[FloatArray, FloatArray]:
+    switches, joints = spline.by_switching.shape[0], spline.by_switching.shape[3]
+    return np.empty((count, 4, joints)), np.empty((count, switches))
