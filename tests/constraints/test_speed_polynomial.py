@@ -107,3 +107,10 @@ def test_gravity_beyond_the_motor_stops_it_in_either_direction(sign):
     used = SpeedPolynomial({0: held, 2: -sign * np.array([[0.4], [0.4]])})
     speed = used.largest_speed((1.0, -1.0))
     np.testing.assert_allclose(speed[:, 0], [0.0, np.sqrt(1.8 / 0.4)])
+
+
+def test_terms_that_vanish_on_the_other_side_leave_the_limit():
+    # -1 times a jerk of 0 is -0: the turning point at infinity has either sign.
+    used = SpeedPolynomial({k: np.array([[c]]) for k, c in enumerate((0.0, 0.0, -4.0, 0.0))})
+    np.testing.assert_allclose(used.largest_speed((1.0, -1.0)), 0.5)
+    np.testing.assert_allclose(largest_speed(np.array([-1.0, 0.0, 4.0, -0.0])), 0.5)

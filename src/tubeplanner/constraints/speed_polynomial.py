@@ -9,10 +9,12 @@ s^3.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
+from tubeplanner.native.speed_roots import largest_speeds
 
 _DEGREE = 3
 _MAX_STEPS = 60
@@ -44,11 +46,18 @@ class SpeedPolynomial:
 
     def at(self, speed: float) -> FloatArray:
         """Return the quantities at a speed, shape (N, I)."""
-        value: FloatArray = np.sum([term * speed**k for k, term in self.terms.items()], axis=0)
+        return self.weighted({k: speed**k for k in self.terms})
+
+    def weighted(self, weights: Mapping[int, float]) -> FloatArray:
+        """Return the sum of the terms times weights of their powers, shape (N, I)."""
+        value: FloatArray = reduce(np.add, (c * weights[k] for k, c in self.terms.items()))
         return value
 
     def largest_speed(self, signs: tuple[float, ...]) -> FloatArray:
         """Return up to which speed sign * quantity <= 1 for all signs, shape (N, I)."""
+        found = largest_speeds(self.terms, signs)
+        if found is not None:
+            return found
         return np.minimum.reduce([self._one_sided(sign) for sign in signs])
 
     def _one_sided(self, sign: float) -> FloatArray:
@@ -122,7 +131,8 @@ def _degree(c: FloatArray) -> IntArray:
 
 def _bracket(c: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Return between which places the first crossing is, monotone between, and if there is one."""
-    early, late = (np.where(e > 0, e, np.nan) for e in _quadratic(c[1], 2 * c[2], 3 * c[3]))
+    turns = _quadratic(c[1], 2 * c[2], 3 * c[3])  # one of them infinite where c3 is zero
+    early, late = (np.where((e > 0) & (e < np.inf), e, np.nan) for e in turns)
     first, last = np.fmin(early, late), np.fmax(early, late)
     above_first, above_last = _value(c, first) > 0, _value(c, last) > 0
     lead = np.take_along_axis(c, _degree(c)[None], axis=0)[0]

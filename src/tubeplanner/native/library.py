@@ -28,14 +28,17 @@ class NativeLibrary:
     build: str
 
 
+_Place = ctypes.c_char * 0
+
+
 class Doubles:
     """The type of arguments that are contiguous arrays of doubles, which may be written to."""
 
     dtype = np.dtype(np.float64)
 
     @classmethod
-    def from_param(cls, array: Any) -> ctypes.c_void_p | None:
-        """Return the address of an array; None of None.
+    def from_param(cls, array: Any) -> Any:
+        """Return what passes the address of an array; None of None.
 
         Raises:
             TypeError: It is of another type, or not contiguous.
@@ -44,6 +47,8 @@ class Doubles:
             return None
         if array.dtype != cls.dtype or not array.flags.c_contiguous:
             raise TypeError(f"an array of {array.dtype} is not a contiguous one of {cls.dtype}")
+        if array.flags.writeable:
+            return _Place.from_buffer(array)  # as `ctypes.data`, in a third of its time
         return ctypes.c_void_p(array.ctypes.data)
 
 

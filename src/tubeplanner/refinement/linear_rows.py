@@ -5,11 +5,15 @@ duration y = T^2, by the relative step eta = dy / y. A row says: control . dC + 
 duration eta <= slack.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
+from tubeplanner.native import spline_rows as native
+from tubeplanner.refinement.phased_spline import DEGREE
+from tubeplanner.refinement.sampled_spline import SampledSpline
 
 # Rows with less slack than this are kept, however short the step.
 _CLOSE = 0.3
@@ -74,12 +78,14 @@ class Rows:
 def stacked(parts: list[Rows]) -> Rows:
     """Return several sets of rows as one."""
     names = Rows.__dataclass_fields__
+    if len(parts) == 1:
+        return parts[0]
     return Rows(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
 def sided_rows(
-    first: IntArray,
-    change: tuple[FloatArray, FloatArray],
+    at: SampledSpline,
+    by_path: Mapping[int, FloatArray],
     used: FloatArray,
     duration: tuple[FloatArray, float],
     limit: IntArray,
@@ -91,42 +97,32 @@ def sided_rows(
     They are numbered by side, sample and quantity.
 
     Args:
-        first: The first control point that counts at each sample, shape (N,).
-        change: The quantities' derivatives by control points, (N, I, 4, n), and switching times,
-            (N, I, m-1).
+        at: The spline at the samples.
+        by_path: The quantities' derivatives by its own, by order, each (N, I, n).
         used: The quantities, shape (N, I).
         duration: What eta adds: as much with the sign of the side, (N, I), and less on every side.
         limit: Number of each quantity's limit, shape (N, I).
         signs: Of the sides.
         size: Rows that no step of this size can break are left out; None: none.
     """
-    control, switching = change
+    slack = 1 - np.multiply.outer(signs, used)
+    index, control, switching = _near(at, by_path, slack, signs, _CLOSE, size)
+    side, entry = np.divmod(index, used.size)
     with_side, on_every = duration
-    reach = np.full(used.shape, np.inf)
-    if size is not None:
-        reach = np.maximum(_CLOSE, _reach(control, switching, size))
-    parts = []
-    for side, sign in enumerate(signs):
-        slack = 1 - sign * used
-        sample, quantity = np.nonzero(slack < reach)
-        at = (sample, quantity)
-        parts.append(
-            Rows(
-                first[sample],
-                sign * control[at],
-                sign * switching[at],
-                sign * with_side[at] - on_every,
-                slack[at],
-                limit[at],
-                side * used.size + sample * used.shape[1] + quantity,
-            )
-        )
-    return stacked(parts)
+    return Rows(
+        at.first[entry // used.shape[1]],
+        control,
+        switching,
+        np.array(signs)[side] * with_side.ravel()[entry] - on_every,
+        slack.ravel()[index],
+        limit.ravel()[entry],
+        index,
+    )
 
 
 def plane_rows(
-    first: IntArray,
-    change: tuple[FloatArray, FloatArray],
+    at: SampledSpline,
+    by_joint: FloatArray,
     slack: FloatArray,
     limit: IntArray,
     size: StepSize | None,
@@ -134,27 +130,95 @@ def plane_rows(
     """Return the rows of P planes at N samples, numbered by sample and plane.
 
     Args:
-        first: The first control point that counts at each sample, shape (N,).
-        change: What the planes' use changes by, with control points, (N, P, 4, n), and switching
-            times.
+        at: The spline at the samples.
+        by_joint: What the planes' use changes by with the joints, shape (N, P, n).
         slack: How far inside the planes each sample is, shape (N, P); inf where there is none.
         limit: Number of each sample's limit, shape (N,).
         size: Rows that no step of this size can break are left out; None: none.
     """
-    control, switching = change
-    reach = np.inf if size is None else _reach(control, switching, size)
-    sample, plane = np.nonzero(np.isfinite(slack) & (slack < reach))
+    index, control, switching = _near(at, {0: by_joint}, slack[None], (1.0,), -np.inf, size)
+    sample = index // slack.shape[1]
+    none = np.zeros(len(index))
     return Rows(
-        first[sample],
-        control[sample, plane],
-        switching[sample, plane],
-        np.zeros(len(sample)),
-        slack[sample, plane],
-        limit[sample],
-        sample * slack.shape[1] + plane,
+        at.first[sample], control, switching, none, slack.ravel()[index], limit[sample], index
     )
 
 
+def used_by_step(
+    rows: Rows, control_change: FloatArray, switching: FloatArray, duration: float
+) -> FloatArray:
+    """Return what a step uses of the slack of rows, shape (R,).
+
+    Args:
+        rows: The rows.
+        control_change: Of the control points, shape (K, n).
+        switching: Of the inner switching times, shape (m-1,).
+        duration: The relative step eta.
+    """
+    step = (control_change, switching, duration)
+    used = native.used_by_step(rows.first, (rows.control, rows.switching, rows.duration), step)
+    if used is not None:
+        return used
+    taken = control_change[rows.first[:, None] + np.arange(DEGREE + 1)]
+    used = np.einsum("rkj,rkj->r", rows.control, taken)
+    used += rows.switching @ switching + rows.duration * duration
+    return used
+
+
+def _near(
+    at: SampledSpline,
+    by_path: Mapping[int, FloatArray],
+    slack: FloatArray,
+    signs: tuple[float, ...],
+    little: float,
+    size: StepSize | None,
+) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Return which rows a step can break or have little slack, and their derivatives.
+
+    Args:
+        at: The spline at N samples.
+        by_path: Derivatives of I quantities of each, by order, each (N, I, n).
+        slack: Shape (S, N, I).
+        signs: Of the quantities, by side, S of them.
+        little: Rows with less slack are among them anyhow.
+        size: Of the step; None: all rows with a finite slack are.
+
+    Returns:
+        Their places in the slack, shape (R,), and how they change with control points, (R, 4, n),
+        and with switching times, (R, m-1).
+    """
+    sizes = None if size is None else (little, size.control, size.switching)
+    found = native.near_rows(at.changes, by_path, slack, signs, sizes)
+    if found is not None:
+        return found
+    # What takes a chain rule is left to rows that a bound on the reach does not rule out.
+    reach = np.inf if size is None else np.maximum(little, _farthest(at, by_path, size))
+    side, sample, quantity = near = np.nonzero(slack < reach)
+    own = {order: by[sample, quantity, None] for order, by in by_path.items()}
+    control, switching = (change[:, 0] for change in at.chained(own, sample))
+    sign = np.array(signs)[side]
+    index, control = np.ravel_multi_index(near, slack.shape), sign[:, None, None] * control
+    switching = sign[:, None] * switching
+    if size is None:
+        return index, control, switching
+    keep = slack.ravel()[index] < np.maximum(little, _reach(control, switching, size))
+    return index[keep], control[keep], switching[keep]
+
+
+def _farthest(at: SampledSpline, by_path: Mapping[int, FloatArray], size: StepSize) -> FloatArray:
+    """Return what the reach of quantities (N, I) is at most, without the chain rule."""
+    orders = list(by_path)
+    by_step = size.control * abs(at.basis[orders]).sum(axis=-1)
+    most = abs(at.by_switching[:, orders]).max(axis=-1, initial=0.0)
+    by_step += np.einsum("gon,g->on", most, size.switching)
+    sizes = np.array([abs(by_path[order]).sum(axis=-1) for order in orders])
+    farthest: FloatArray = np.einsum("on,oni->ni", by_step, sizes)
+    return farthest
+
+
 def _reach(control: FloatArray, switching: FloatArray, size: StepSize) -> FloatArray:
+    found = native.row_reach(control, switching, (size.control, size.switching))
+    if found is not None:
+        return found
     reach: FloatArray = size.control * abs(control).sum(axis=(-2, -1))
     return reach + abs(switching) @ size.switching

@@ -13,8 +13,7 @@ import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
 from tubeplanner.refinement.control_variables import ControlVariables
-from tubeplanner.refinement.linear_rows import Rows
-from tubeplanner.refinement.phased_spline import DEGREE
+from tubeplanner.refinement.linear_rows import Rows, used_by_step
 from tubeplanner.refinement.region_constraints import Planes
 from tubeplanner.refinement.shared_columns import LegShape
 from tubeplanner.refinement.spline_constraints import Iterate
@@ -247,8 +246,6 @@ class Linearization:
         """Return the slack that a step leaves to all rows, to first order."""
         rows = self._rows
         change = self._variables.change(step.control)
-        taken = change[rows.first[:, None] + np.arange(DEGREE + 1)]
-        used = np.einsum("rkj,rkj->r", rows.control, taken)
-        used += rows.switching @ step.switching + rows.duration * step.duration
+        used = used_by_step(rows, change, step.switching, step.duration)
         slack: FloatArray = rows.slack - used + self._is_elastic * step.elastic
         return slack

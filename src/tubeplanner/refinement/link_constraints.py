@@ -21,6 +21,7 @@ from tubeplanner.refinement.linear_rows import (
     NO_LIMIT,
     Rows,
     StepSize,
+    plane_rows,
 )
 from tubeplanner.refinement.phased_spline import PhasedSpline, Samples
 from tubeplanner.refinement.sampled_spline import SampledSpline, sampled
@@ -274,12 +275,13 @@ class EvaluatedLinks:
         return len(self.pairs)
 
     @cached_property
-    def _change(self) -> tuple[FloatArray, FloatArray]:
-        """How the use of the distances changes with control points and switching times."""
+    def _by_joint(self) -> FloatArray:
+        """How the use of the distances changes with the joints, shape (E, 1, n)."""
         gradient = self.problem.collision.distance_gradient(
             self.rotation, self.position, self.pairs, self.closest
         )
-        return self.at.chained({0: (self.aim.change - gradient)[:, None] / _UNIT})
+        by_joint: FloatArray = (self.aim.change - gradient)[:, None] / _UNIT
+        return by_joint
 
     @property
     def _slack(self) -> FloatArray:
@@ -294,15 +296,5 @@ class EvaluatedLinks:
             duration: T [s].
             size: Of the step; rows that it cannot break are left out. None: all rows.
         """
-        control, switching = self._change
-        count = len(self.pairs)
-        rows = Rows(
-            self.at.first,
-            control[:, 0],
-            switching[:, 0],
-            np.zeros(count),
-            self._slack,
-            np.full(count, NO_LIMIT),
-            np.arange(count),
-        )
-        return rows if size is None else rows.where(rows.slack < rows.reach(size))
+        limit = np.full(len(self.pairs), NO_LIMIT)
+        return plane_rows(self.at, self._by_joint, self._slack[:, None], limit, size)

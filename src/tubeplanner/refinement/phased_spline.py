@@ -7,16 +7,17 @@ velocity and acceleration vanish exactly at both ends.
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import TypeAlias
 
 import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
+from tubeplanner.native.spline_basis import Knots, Places, cubic_weights
 from tubeplanner.trajectory.b_spline import BSpline, basis_functions
 
 DEGREE = 3
-_SWITCHING_STEP = 1e-7
+_IMAGINARY_STEP = 1e-30
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,17 +41,15 @@ class Samples:
 
     def basis(self, grid: "KnotGrid", switching_times: FloatArray) -> FloatArray:
         """Return the weights of four control points in position and derivatives, (4, N, 4)."""
-        # Those of a cubic, from its value and derivatives at the knot before.
-        at_knots = _at_knots(grid, switching_times.tobytes())
-        value, first, second, third = at_knots[:, self.interval]
-        behind = self.times(switching_times) - grid.breakpoints(switching_times)[self.interval]
-        behind = behind[:, None]
-        weights = np.empty((DEGREE + 1, *value.shape))
-        weights[3] = third
-        weights[2] = second + behind * third
-        weights[1] = first + behind * (second + behind * third / 2)
-        weights[0] = value + behind * (first + behind * (second + behind * third / 3) / 2)
-        return weights
+        found = None
+        if not np.iscomplexobj(switching_times):
+            found = cubic_weights(switching_times, grid.places, self.places)
+        return self._by_recursion(grid, switching_times) if found is None else found
+
+    @cached_property
+    def places(self) -> Places:
+        """What functions of the native library take."""
+        return self.phase, self.share, self.interval
 
     def and_also(self, other: "Samples") -> "Samples":
         """Return these samples and others."""
@@ -78,6 +77,19 @@ class Samples:
             switching_times[self.phase] + np.diff(switching_times)[self.phase] * self.share
         )
         return times
+
+    def _by_recursion(self, grid: "KnotGrid", switching_times: FloatArray) -> FloatArray:
+        """Return the weights, which are those of a cubic, from those at the knot before."""
+        at_knots = _at_knots(grid, switching_times.tobytes(), switching_times.dtype.char)
+        value, first, second, third = at_knots[:, self.interval]
+        behind = self.times(switching_times) - grid.breakpoints(switching_times)[self.interval]
+        behind = behind[:, None]
+        weights = np.empty((DEGREE + 1, *value.shape), dtype=value.dtype)
+        weights[3] = third
+        weights[2] = second + behind * third
+        weights[1] = first + behind * (second + behind * third / 2)
+        weights[0] = value + behind * (first + behind * (second + behind * third / 3) / 2)
+        return weights
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,11 +128,17 @@ class KnotGrid:
 
     def breakpoints(self, switching_times: FloatArray) -> FloatArray:
         """Return all knots, without repeating those at the ends, for switching times (m+1,)."""
-        parts = [
-            switching_times[k] + (switching_times[k + 1] - switching_times[k]) * share[:-1]
-            for k, share in enumerate(self.shares)
-        ]
-        return np.append(np.concatenate(parts), switching_times[-1])
+        phase, share = (places[:-1] for places in self.places)
+        begin: FloatArray = switching_times[phase] + np.diff(switching_times)[phase] * share
+        return np.append(begin, switching_times[-1])
+
+    @cached_property
+    def places(self) -> Knots:
+        """All knots' phases and shares of these, without repeating those at the ends, (M+1,)."""
+        counts = [len(share) - 1 for share in self.shares]
+        phase = np.repeat(np.arange(len(counts)), counts)
+        share = np.concatenate([*(share[:-1] for share in self.shares), [1.0]])
+        return np.append(phase, len(counts) - 1), share
 
     def knots(self, switching_times: FloatArray) -> FloatArray:
         """Return the clamped knot vector for switching times (m+1,)."""
@@ -164,10 +182,10 @@ def segments_of_pieces(grid: KnotGrid) -> IntArray:
     return np.repeat(first, [len(shares) - 1 for shares in grid.shares])
 
 
-@lru_cache(maxsize=16)  # of several kinds of samples, and while switching times stay
-def _at_knots(grid: KnotGrid, switching_times: bytes) -> FloatArray:
+@lru_cache(maxsize=32)  # of several kinds of samples, and while switching times stay
+def _at_knots(grid: KnotGrid, switching_times: bytes, kind: str) -> FloatArray:
     """Return the weights at the beginning of every knot interval, shape (4, M, 4)."""
-    knots = grid.knots(np.frombuffer(switching_times))
+    knots = grid.knots(np.frombuffer(switching_times, dtype=kind))
     interval = np.arange(grid.interval_count) + DEGREE
     return basis_functions(knots, DEGREE, interval, knots[interval])
 
@@ -192,9 +210,9 @@ class VelocityHull:
     def basis(self, grid: "KnotGrid", switching_times: FloatArray) -> FloatArray:
         """Return the weights of four control points, (2, K-1, 4): none for position."""
         knots, number = grid.knots(switching_times), np.arange(self.count - 1)
-        weight = DEGREE / (knots[number + DEGREE + 1] - knots[number + 1])
+        weight = DEGREE / (knots[DEGREE + 1 : -1] - knots[1 : -DEGREE - 1])
         place = number - self.first
-        basis = np.zeros((2, self.count - 1, DEGREE + 1))
+        basis = np.zeros((2, self.count - 1, DEGREE + 1), dtype=weight.dtype)
         basis[1, number, place], basis[1, number, place + 1] = -weight, weight
         return basis
 
@@ -205,14 +223,17 @@ EvaluationPoints: TypeAlias = Samples | VelocityHull
 def basis_by_switching(
     evaluation_points: EvaluationPoints, grid: KnotGrid, switching_times: FloatArray
 ) -> FloatArray:
-    """Return the weights' derivatives by the switching times that may move, (m-1, orders, N, 4)."""
-    here = evaluation_points.basis(grid, switching_times)
-    found = np.zeros((grid.switch_count, *here.shape))
-    for column in range(grid.switch_count):
-        moved = switching_times.copy()
-        moved[column + 1] += _SWITCHING_STEP
-        found[column] = (evaluation_points.basis(grid, moved) - here) / _SWITCHING_STEP
-    return found
+    """Return the weights' derivatives by the switching times that may move, (m-1, orders, N, 4).
+
+    By complex steps, which take nothing away: to rounding (Squire & Trapp, "Using complex variables
+    to estimate derivatives of real functions", 1998).
+    """
+    moved = switching_times + 1j * _IMAGINARY_STEP * np.eye(len(switching_times))
+    columns = range(1, grid.switch_count + 1)
+    found = [evaluation_points.basis(grid, moved[column]).imag for column in columns]
+    if not found:
+        return np.zeros((0, *evaluation_points.basis(grid, switching_times).shape))
+    return np.stack(found) / _IMAGINARY_STEP
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray
+from tubeplanner.native.regions import plane_slack
 from tubeplanner.refinement.linear_rows import Rows
 from tubeplanner.refinement.sampled_spline import SampledSpline
 from tubeplanner.tube.segment_regions import SegmentRegions
@@ -44,6 +45,8 @@ class Planes:
 
     def and_also(self, other: "Planes") -> "Planes":
         """Return these planes and others."""
+        if len(other) == 0:
+            return self
         return Planes(
             np.concatenate([self.sample, other.sample]),
             np.concatenate([self.normal, other.normal]),
@@ -87,12 +90,10 @@ class EvaluatedRegions:
 
     def planes(self) -> Planes:
         """Return the planes outward and, unless segments pass into each other, those of faces."""
-        normals = [self.regions.outward(self.vector, self.segment)]
-        normals += [np.where(self.in_chain[:, None], 0.0, n) for n in self.faces]
-        known = [np.flatnonzero(normal.any(axis=1)) for normal in normals]
-        sample = np.concatenate(known)
-        normal = np.concatenate([n[at] for n, at in zip(normals, known, strict=True)])
-        return Planes(sample, normal, self.segment[sample])
+        normal = np.array([self.regions.outward(self.vector, self.segment), *self.faces])
+        normal[1:, self.in_chain] = 0.0
+        kind, sample = np.nonzero(normal.any(axis=2))
+        return Planes(sample, normal[kind, sample], self.segment[sample])
 
     @cached_property
     def faces(self) -> Sequence[FloatArray]:
@@ -110,8 +111,10 @@ class EvaluatedRegions:
         """
         segment = self.segments_of(vector)
         outside = np.flatnonzero(self._excess_of(vector, segment) > elastic + _OUTSIDE)
-        normal = self.regions.outward(vector[outside], segment[outside])
-        planes = Planes(outside, normal, segment[outside])
+        segment = segment[outside]
+        planes = Planes(outside, self.regions.outward(vector[outside], segment), segment)
+        if len(planes) == 0:
+            return planes
         # Those that hold the sample's present region too may be farther out than the vectors.
         return planes.where(self.slack(planes, vector - self.vector) < -elastic)
 
@@ -134,6 +137,13 @@ class EvaluatedRegions:
             bend: Added to the vectors, shape (N, 3).
         """
         vector = self.vector if bend is None else self.vector + bend
+        at, normal = planes.sample, planes.normal
+        extents = (self._extent(planes), self.regions.extent(normal, planes.segment))
+        axes, known = (self.regions.begin, self.regions.end), (at, normal, planes.segment)
+        slack = plane_slack(known, vector, axes, self.segment, self.margin, extents)
+        return self._slack(planes, vector) if slack is None else slack
+
+    def _slack(self, planes: Planes, vector: FloatArray) -> FloatArray:
         at, normal = planes.sample, planes.normal
         beyond = np.minimum(
             np.einsum("pi,pi->p", normal, (vector - self._begin)[at]),

@@ -83,9 +83,7 @@ class EvaluatedRotation:
         bounds = np.hstack([self._bounds, self._bounds])
         by_side = np.matmul(_SIDES, self._by_joint) / bounds[:, :, None]
         slack = np.where(np.isfinite(bounds), self._slack.reshape(bounds.shape), np.inf)
-        return plane_rows(
-            self.at.first, self.at.chained({0: by_side}), slack, self.numbers[self.segment], size
-        )
+        return plane_rows(self.at, by_side, slack, self.numbers[self.segment], size)
 
     @property
     def row_count(self) -> int:

@@ -5,6 +5,7 @@ terms that bring it about, inertia and jerk, do not change with y = T^2, and the
 accelerations are exact in y.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import ClassVar
@@ -37,7 +38,7 @@ class EvaluatedSpeedLimit:
     path: PathSamples
     numbers: IntArray
     # By duration: after a step that was rejected, the same rows are asked for again.
-    _changes: dict[float, tuple[FloatArray, FloatArray]] = field(default_factory=dict, repr=False)
+    _changes: dict[float, Mapping[int, FloatArray]] = field(default_factory=dict, repr=False)
 
     @cached_property
     def squared_durations(self) -> FloatArray:
@@ -61,11 +62,11 @@ class EvaluatedSpeedLimit:
             duration: T [s].
             size: Of the step; rows that it cannot break are left out. None: all rows.
         """
-        change = self._change(duration)
         used = self._used.at(1 / duration)
         limit = np.broadcast_to(self.numbers[self.limit.key_of(self.path)], used.shape)
         by_duration = (self._by_duration(duration), self._used.degree / 2)
-        return sided_rows(self.at.first, change, used, by_duration, limit, self.limit.signs, size)
+        by_path, signs = self._by_path(duration), self.limit.signs
+        return sided_rows(self.at, by_path, used, by_duration, limit, signs, size)
 
     def slack(self, duration: float, squared_duration: float) -> FloatArray:
         """Return the slack of all rows that `rows` numbers, here, for rows made elsewhere.
@@ -75,8 +76,8 @@ class EvaluatedSpeedLimit:
             squared_duration: The new squared duration, as a multiple of the old one.
         """
         degree, longer = self._used.degree, squared_duration**0.5
-        terms = self._used.terms.items()
-        used = np.sum([c * (duration**-k * longer ** (degree - k)) for k, c in terms], axis=0)
+        powers = self._used.terms
+        used = self._used.weighted({k: duration**-k * longer ** (degree - k) for k in powers})
         return np.concatenate([(longer**degree - sign * used).ravel() for sign in self.limit.signs])
 
     @property
@@ -86,11 +87,10 @@ class EvaluatedSpeedLimit:
         by_side = np.ones(self._used.shape) if allowed is None else allowed
         return np.tile(by_side.ravel(), len(self.limit.signs))
 
-    def _change(self, duration: float) -> tuple[FloatArray, FloatArray]:
-        """Return how the quantities change with control points and switching times."""
+    def _by_path(self, duration: float) -> Mapping[int, FloatArray]:
+        """Return how the quantities change with position and its derivatives by x."""
         if duration not in self._changes:
-            by_path = self.limit.by_path(self.path, 1 / duration)
-            self._changes[duration] = self.at.chained(by_path)
+            self._changes[duration] = self.limit.by_path(self.path, 1 / duration)
         return self._changes[duration]
 
     @cached_property
@@ -99,9 +99,5 @@ class EvaluatedSpeedLimit:
 
     def _by_duration(self, duration: float) -> FloatArray:
         """Return how the quantities, times the highest power of T, change with y, shape (N, I)."""
-        degree = self._used.degree
-        terms = self._used.terms.items()
-        change: FloatArray = np.sum(
-            [c * (duration**-k * (degree - k) / 2) for k, c in terms], axis=0
-        )
-        return change
+        degree, powers = self._used.degree, self._used.terms
+        return self._used.weighted({k: duration**-k * (degree - k) / 2 for k in powers})

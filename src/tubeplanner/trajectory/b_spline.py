@@ -64,16 +64,18 @@ def basis_functions(knots: FloatArray, degree: int, span: IntArray, x: FloatArra
 
     By the recursions of Cox and de Boor (Piegl & Tiller, "The NURBS Book", 1997, equations 2.5 and
     2.9): the order-th derivative at one degree comes from the order before at the degree below.
+    Knots and x may be complex, in the order of their real parts.
     """
-    known = np.ones((1, len(x), 1))
+    dtype = np.result_type(knots, x, float)
+    known = np.ones((1, len(x), 1), dtype=dtype)
     for k in range(1, degree + 1):
         offsets = np.arange(k + 2) - k
         t = knots[span[:, None] + offsets]  # t[:, r] begins function r of this degree
         t_end = knots[span[:, None] + offsets + k]
-        with np.errstate(divide="ignore"):
-            inverse = np.where(t_end > t, 1 / (t_end - t), 0.0)
-        new = np.zeros((k + 1, len(x), k + 1))
-        padded = np.zeros((len(known), len(x), k + 2))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            inverse = np.where(t_end.real > t.real, 1 / (t_end - t), 0.0)
+        new = np.zeros((k + 1, len(x), k + 1), dtype=dtype)
+        padded = np.zeros((len(known), len(x), k + 2), dtype=dtype)
         padded[:, :, 1:-1] = known * inverse[:, 1:-1]
         left, right = padded[:, :, :-1], padded[:, :, 1:]
         rising = x[:, None] - t[:, :-1]

@@ -12,6 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.native.regions import away_from_axes
 
 _NO_LENGTH = 1e-9  # [m or rad]
 
@@ -87,18 +88,18 @@ class Capsules:
 
     def margin(self, p: FloatArray, segment: IntArray) -> FloatArray:
         """Return how far inside the capsules points are."""
-        margin: FloatArray = self.radius[segment] - np.linalg.norm(self._away(p, segment), axis=-1)
+        margin: FloatArray = self.radius[segment] - self._away(p, segment)[1]
         return margin
 
     def share(self, p: FloatArray, segment: IntArray) -> FloatArray:
         """Return distances from the axes in radii."""
-        share: FloatArray = np.linalg.norm(self._away(p, segment), axis=-1) / self.radius[segment]
+        share: FloatArray = self._away(p, segment)[1] / self.radius[segment]
         return share
 
     def outward(self, p: FloatArray, segment: IntArray) -> FloatArray:
         """Return the directions away from the axes."""
-        away = self._away(p, segment)
-        distance = np.linalg.norm(away, axis=-1)[..., None]
+        away, distance = self._away(p, segment)
+        distance = distance[..., None]
         return np.divide(away, distance, out=np.zeros_like(away), where=distance > _NO_LENGTH)
 
     def faces(self, segment: IntArray) -> Sequence[FloatArray]:
@@ -123,10 +124,14 @@ class Capsules:
         length = np.linalg.norm(axis, axis=1, keepdims=True)
         return np.divide(axis, length, out=np.zeros_like(axis), where=length > _NO_LENGTH)
 
-    def _away(self, p: FloatArray, segment: IntArray) -> FloatArray:
-        """Return vectors from the nearest points of axes to points (..., R, 3)."""
+    def _away(self, p: FloatArray, segment: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Return vectors from the nearest points of axes to points (..., R, 3), and lengths."""
+        found = away_from_axes(p, (self.begin, self.end), segment, _NO_LENGTH)
+        if found is not None:
+            return found
         begin = self.begin[segment]
         axis = self.end[segment] - begin
         square = np.maximum(np.einsum("ri,ri->r", axis, axis), _NO_LENGTH**2)
         share = np.clip(np.einsum("...ri,ri->...r", p - begin, axis) / square, 0.0, 1.0)
-        return p - (begin + share[..., None] * axis)
+        away = p - (begin + share[..., None] * axis)
+        return away, np.linalg.norm(away, axis=-1)

@@ -1,0 +1,93 @@
+"""Compiled rows against those in numpy."""
+
+import numpy as np
+import pytest
+
+from tubeplanner.native import spline_rows
+from tubeplanner.native.library import LIBRARY
+from tubeplanner.refinement.linear_rows import (
+    Rows,
+    StepSize,
+    plane_rows,
+    sided_rows,
+    used_by_step,
+)
+from tubeplanner.refinement.phased_spline import PhasedSpline, VelocityHull
+from tubeplanner.refinement.sampled_spline import sampled
+from tubeplanner.refinement.spline_start import knot_grid
+
+pytestmark = pytest.mark.skipif(LIBRARY.functions is None, reason="the library is left out")
+
+TIMES = np.array([0.0, 0.2, 0.3, 0.5, 0.6, 0.9, 1.0])
+GRID = knot_grid(TIMES, 25)
+SIZES = [None, StepSize(0.01, np.full(5, 0.002)), StepSize(0.2, np.full(5, 0.03))]
+
+
+def pure(monkeypatch):
+    for name in ("_chained", "_near", "_reach", "_used"):
+        monkeypatch.setattr(spline_rows, name, None)
+
+
+def at(joints, hull=False):
+    control = np.random.default_rng(joints).normal(size=(GRID.control_point_count, joints))
+    points = VelocityHull(GRID.control_point_count) if hull else GRID.samples(np.arange(2) / 2)
+    return sampled(PhasedSpline(GRID, TIMES, control), points)
+
+
+def alike(rows: Rows, others: Rows):
+    for name in Rows.__dataclass_fields__:
+        ours, theirs = getattr(rows, name), getattr(others, name)
+        assert ours.shape == theirs.shape
+        np.testing.assert_allclose(ours, theirs, rtol=1e-10, atol=1e-10)
+
+
+def rows_of(spline, size) -> list[Rows]:
+    rng, (count, joints) = np.random.default_rng(1), spline.by_x.shape[1:]
+    orders = range(1, 2) if len(spline.basis) == 2 else (0, 1, 3)
+    by_path = {order: 0.01 * 0.1**order * rng.normal(size=(count, 3, joints)) for order in orders}
+    used, limit = rng.uniform(-1, 1, (count, 3)), rng.integers(0, 9, (count, 3))
+    change = (rng.normal(size=used.shape), 0.5)
+    sided = sided_rows(spline, by_path, used, change, limit, (1.0, -1.0), size)
+    slack = rng.uniform(-0.1, 0.4, (count, 2))
+    slack[::3] = np.inf
+    by_joint = rng.normal(size=(count, 2, joints))
+    return [sided, plane_rows(spline, by_joint, slack, limit[:, 0], size)]
+
+
+@pytest.mark.parametrize("joints", [2, 6, 7, 11])
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("hull", [False, True])
+def test_rows_agree_to_rounding(joints, size, hull, monkeypatch):
+    spline = at(joints, hull)
+    compiled = rows_of(spline, size)
+    step = (np.ones((GRID.control_point_count, joints)), np.arange(5.0), 0.3)
+    products = [used_by_step(rows, *step) for rows in compiled]
+    reaches = [rows.reach(SIZES[1]) for rows in compiled]
+    pure(monkeypatch)
+    for rows, others in zip(compiled, rows_of(spline, size), strict=True):
+        alike(rows, others)
+    for rows, product, reach in zip(compiled, products, reaches, strict=True):
+        np.testing.assert_allclose(product, used_by_step(rows, *step), rtol=1e-10, atol=1e-10)
+        np.testing.assert_allclose(reach, rows.reach(SIZES[1]), rtol=1e-10)
+
+
+@pytest.mark.parametrize("is_compiled", [True, False])
+def test_rows_that_are_left_out_are_those_that_no_step_breaks(is_compiled, monkeypatch):
+    if not is_compiled:
+        pure(monkeypatch)
+    spline, size = at(6), SIZES[1]
+    for every, near in zip(rows_of(spline, None), rows_of(spline, size), strict=True):
+        left_out = ~np.isin(every.index, near.index)
+        assert left_out.any()
+        assert (every.slack[left_out] >= every.reach(size)[left_out]).all()
+
+
+@pytest.mark.parametrize("samples", [slice(None), np.array([4, 1, 1])])
+def test_the_chain_rule_agrees_to_rounding(samples, monkeypatch):
+    spline = at(7)
+    count = len(spline.first[samples])
+    by_path = {k: np.random.default_rng(k).normal(size=(count, 2, 7)) for k in (0, 2)}
+    compiled = spline.chained(by_path, samples)
+    pure(monkeypatch)
+    for ours, theirs in zip(compiled, spline.chained(by_path, samples), strict=True):
+        np.testing.assert_allclose(ours, theirs, rtol=1e-10, atol=1e-9)
