@@ -31,10 +31,10 @@ class NativeLibrary:
 class Doubles:
     """The type of arguments that are contiguous arrays of doubles, which may be written to."""
 
-    dtype = np.dtype(np.float64)
+    dtype: np.dtype[Any] = np.dtype(np.float64)
 
     @classmethod
-    def from_param(cls, array: Any) -> ctypes.c_void_p | None:
+    def from_param(cls, array: Any) -> Any:
         """Return the address of an array; None of None.
 
         Raises:
@@ -44,7 +44,10 @@ class Doubles:
             return None
         if array.dtype != cls.dtype or not array.flags.c_contiguous:
             raise TypeError(f"an array of {array.dtype} is not a contiguous one of {cls.dtype}")
-        return ctypes.c_void_p(array.ctypes.data)
+        try:
+            return ctypes.byref(ctypes.c_char.from_buffer(array))
+        except (TypeError, ValueError):  # it is read-only or empty: so three times as long
+            return ctypes.c_void_p(array.ctypes.data)
 
 
 class Integers(Doubles):
@@ -71,7 +74,8 @@ def native_function(name: str, *arguments: Any, returns: Any = None) -> Callable
         return None
     function = getattr(LIBRARY.functions, name)
     function.argtypes, function.restype = arguments, returns
-    return function  # type: ignore[no-any-return]
+    found: Callable[..., Any] = function
+    return found
 
 
 def _loaded() -> NativeLibrary:
