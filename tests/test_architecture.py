@@ -25,6 +25,7 @@ KNOWS = {
         "robot.frame_velocities",
         "robot.pinocchio_model",
         "robot.robot_model",
+        "robot.tool_chain",
     },
     "fcl": {"collision.mesh_solid", "collision.separation"},
     "coal": {"collision.penetration"},

@@ -13,7 +13,9 @@ from typing import TypeAlias
 
 import numpy as np
 
-from tubeplanner.arrays import BoolArray, FloatArray
+from tubeplanner.arrays import BoolArray, FloatArray, read_only
+from tubeplanner.native.inverse_kinematics import native_solve_positions
+from tubeplanner.native.library import LIBRARY
 from tubeplanner.robot.robot_model import RobotModel
 from tubeplanner.tube.rotations import inverse_right_jacobian, nearest_branch, rotation_vector
 
@@ -30,6 +32,12 @@ _MAX_STEP = 0.2  # [rad or m] of any joint
 _REDUNDANT_GAIN = 1e-4
 # A stretched arm cannot feel which way to fold: it is bent this much, one way, then the other.
 _BENDS = (0.05, -0.05)  # [rad or m], its sign alternating from joint to joint
+_SETTINGS = read_only(
+    [
+        *(_DAMPING, _POSITION_TOLERANCE, _POSTURE_TOLERANCE, _MAX_ITERATIONS, _PULLED_ITERATIONS),
+        *(_MAX_STEP, _REDUNDANT_GAIN, *_BENDS),
+    ]
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +53,20 @@ class WantedRotation:
     reference: FloatArray
     vector: FloatArray
     components: BoolArray
+
+    @property
+    def parts(self) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """Its reference, vector and components."""
+        return self.reference, self.vector, self.components
+
+    def repeated(self, count: int) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """Return `parts` for many configurations: (N, 3, 3), (N, 3) and (N, 3)."""
+        reference, vector, components = self.parts
+        return (
+            np.broadcast_to(reference, (count, 3, 3)),
+            np.broadcast_to(vector, (count, 3)),
+            np.broadcast_to(components, (count, 3)),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,8 +108,65 @@ def solve_position(
     Returns:
         The solution; its errors say whether the target was reached.
     """
+    joints = (seed, lower, upper, seed if preferred is None else preferred)
+    if LIBRARY.functions is None:
+        return _solved(robot, target, joints, rotation)
+    turned = None if rotation is None else rotation.parts
+    q, errors = native_solve_positions(robot.tool_joints, _SETTINGS, target, joints, turned)
+    return PositionSolution(q, *errors.tolist())
+
+
+def solve_positions(
+    robot: RobotModel,
+    targets: FloatArray,
+    seeds: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    preferred: FloatArray | None = None,
+    rotation: WantedRotation | None = None,
+) -> tuple[FloatArray, FloatArray]:
+    """Move configurations until the tool is at positions, as `solve_position` moves each.
+
+    Args:
+        robot: The arm.
+        targets: Tool positions, shape (N, 3), or (3,) for all, base frame [m].
+        seeds: Where to start, shape (N, n) [rad or m].
+        lower: Lower joint bounds, shape (N, n), or (n,) for all.
+        upper: Upper joint bounds, likewise.
+        preferred: Where redundant joints go, likewise; default: back to the seeds.
+        rotation: Wanted orientation of the tool at all of them; default: any.
+
+    Returns:
+        Configurations (N, n) within the bounds, and their errors (N, 2): of the position [m] and
+        of the rotation [rad].
+    """
+    count, joint_count = seeds.shape
+    targets = np.broadcast_to(targets, (count, 3))
+    preferred = seeds if preferred is None else preferred
+    lower, upper, preferred = (
+        np.broadcast_to(values, seeds.shape) for values in (lower, upper, preferred)
+    )
+    if LIBRARY.functions is not None:
+        joints = (seeds, lower, upper, preferred)
+        turned = None if rotation is None else rotation.repeated(count)
+        return native_solve_positions(robot.tool_joints, _SETTINGS, targets, joints, turned)
+    q, errors = np.empty((count, joint_count)), np.empty((count, 2))
+    for i, own in enumerate(zip(seeds, lower, upper, preferred, strict=True)):
+        found = _solved(robot, targets[i], own, rotation)
+        q[i], errors[i] = found.q, (found.error, found.rotation_error)
+    return q, errors
+
+
+# A seed, lower bounds, upper bounds and a preferred configuration, each (n,).
+_Joints: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+
+
+def _solved(
+    robot: RobotModel, target: FloatArray, joints: _Joints, rotation: WantedRotation | None
+) -> PositionSolution:
+    """Return `solve_position`."""
+    seed, lower, upper, preferred = joints
     descent = _Descent(robot, target, rotation, lower, upper)
-    preferred = seed if preferred is None else preferred
     solution = descent.run(seed, preferred)
     if solution.error < _POSITION_TOLERANCE**0.5:
         return solution

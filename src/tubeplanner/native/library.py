@@ -34,7 +34,7 @@ _Place = ctypes.c_char * 0
 class Doubles:
     """The type of arguments that are contiguous arrays of doubles, which may be written to."""
 
-    dtype = np.dtype(np.float64)
+    dtype: np.dtype[Any] = np.dtype(np.float64)
 
     @classmethod
     def from_param(cls, array: Any) -> Any:
@@ -76,7 +76,8 @@ def native_function(name: str, *arguments: Any, returns: Any = None) -> Callable
         return None
     function = getattr(LIBRARY.functions, name)
     function.argtypes, function.restype = arguments, returns
-    return function  # type: ignore[no-any-return]
+    found: Callable[..., Any] = function
+    return found
 
 
 def _loaded() -> NativeLibrary:

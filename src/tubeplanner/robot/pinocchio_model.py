@@ -217,10 +217,12 @@ def effort_derivatives(
     """
     count = model.nv
     derivatives = np.empty((3, len(states[0]), count, count))
-    for i, (q, v, a) in enumerate(zip(*states, strict=True)):
+    for q, v, a, *blocks in zip(*states, *derivatives, strict=True):
         # The result is a set of views into data, overwritten by the next call: copied here.
-        blocks = pin.computeRNEADerivatives(model, data, q, v, a)
-        derivatives[:, i] = np.reshape(blocks, (3, count, count))
+        for kept, found in zip(
+            blocks, pin.computeRNEADerivatives(model, data, q, v, a), strict=True
+        ):
+            kept[:] = found
     return derivatives
 
 

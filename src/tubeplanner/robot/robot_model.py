@@ -14,13 +14,14 @@ import numpy as np
 import pinocchio as pin
 
 from tubeplanner.arrays import BoolArray, FloatArray, IntArray, read_only
+from tubeplanner.native.kinematics import native_point_jacobians
+from tubeplanner.native.library import LIBRARY
 from tubeplanner.robot.base_pose import BasePose
 from tubeplanner.robot.body_chain import BodyChain
 from tubeplanner.robot.body_inertia import BodyInertia
 from tubeplanner.robot.configurations import one_or_many
 from tubeplanner.robot.cross_product import cross_product
 from tubeplanner.robot.followers import followers_of
-from tubeplanner.robot.frame_jacobian import frame_jacobian
 from tubeplanner.robot.frame_velocities import frame_velocities
 from tubeplanner.robot.joint_limits import JointLimits
 from tubeplanner.robot.joint_motors import JointMotors
@@ -38,10 +39,8 @@ from tubeplanner.robot.pinocchio_model import (
     lever_arms,
     link_placements,
 )
+from tubeplanner.robot.tool_chain import ToolChain
 from tubeplanner.robot.urdf import UrdfDescription, joint_id
-
-# From so many configurations on, arrays are quicker than Pinocchio called for each of them.
-_MANY = 64
 
 
 class RobotModel:
@@ -167,16 +166,7 @@ class RobotModel:
     @one_or_many()
     def tool_pose(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return rotation (N, 3, 3) and position (N, 3) [m] of the tool centre point."""
-        if len(q) >= _MANY:
-            return self._tool_in(*self.body_poses(q))
-        model, data, tool_id = self._model, self._scratch.data, self._tool_id
-        rotation, position = np.empty((len(q), 3, 3)), np.empty((len(q), 3))
-        placement = data.oMf[tool_id]
-        for i, q_i in enumerate(self._joints.positions(q)):
-            pin.forwardKinematics(model, data, q_i)
-            pin.updateFramePlacement(model, data, tool_id)
-            rotation[i], position[i] = placement.rotation, placement.translation
-        return rotation, position
+        return self._tool.poses(q)
 
     def tool_jacobian(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the tool centre point (N, 3) [m] and its Jacobian (N, 6, n).
@@ -189,28 +179,7 @@ class RobotModel:
     @one_or_many()
     def tool_pose_jacobian(self, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return rotation (N, 3, 3), position (N, 3) [m] and Jacobian (N, 6, n) of that point."""
-        if len(q) >= _MANY:
-            return self._tool_jacobian_of_many(q)
-        arm = self._model, self._scratch.data, self._joints
-        return frame_jacobian(*arm, self._tool_id, q)
-
-    def _tool_in(self, rotation: FloatArray, position: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return `tool_pose` from `body_poses`."""
-        tool = self._model.frames[self._tool_id]
-        turned = rotation[:, tool.parentJoint]
-        placed = turned @ tool.placement.translation + position[:, tool.parentJoint]
-        return turned @ tool.placement.rotation, placed
-
-    def _tool_jacobian_of_many(self, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return `tool_pose_jacobian`."""
-        rotation, position = self.body_poses(q)
-        turned, tool = self._tool_in(rotation, position)
-        carried = self.carries[self._model.frames[self._tool_id].parentJoint]
-        axis = (rotation[:, 1:] @ self._joint_axes[:, :, None])[..., 0] * carried[:, None]
-        turns = self.body_turns[1:, None]
-        linear = np.where(turns, cross_product(axis, tool[:, None] - position[:, 1:]), axis)
-        columns = np.concatenate([linear, np.where(turns, axis, 0.0)], axis=2)
-        return turned, tool, self._joints.collected(columns.swapaxes(1, 2))
+        return self._tool.jacobians(q)
 
     @one_or_many()
     def tool_velocity(
@@ -257,7 +226,10 @@ class RobotModel:
         Returns:
             Shape (N, 3, n) [m/rad or 1]. (Siciliano et al., "Robotics", 2009, equation 3.30.)
         """
-        axis = np.einsum("njab,jb->nja", rotation[:, 1:], self._joint_axes)
+        if LIBRARY.functions is not None:
+            table, poses = self._joint_table, (rotation, position)
+            return native_point_jacobians(table, self.joint_count, poses, body, point)
+        axis = np.einsum("njab,jb->nja", rotation[:, 1:], self.chain.axes)
         turned = cross_product(axis, point[:, None] - position[:, 1:])
         columns = np.where(self.body_turns[1:, None], turned, axis)
         moved: FloatArray = columns * self.carries[body][:, :, None]
@@ -391,9 +363,20 @@ class RobotModel:
     def chain(self) -> BodyChain:
         """How the bodies hang from each other."""
         placements = [each.homogeneous for each in self._model.jointPlacements]
-        return BodyChain.of(self.body_parents, placements, self._joint_axes, self._joints.turns)
+        axes = joint_axes(self._model)
+        return BodyChain.of(self.body_parents, placements, axes, self._joints.turns)
+
+    @property
+    def tool_joints(self) -> FloatArray:
+        """The joints that move the tool, as `native.kinematics` takes them."""
+        return self._tool.joint_table
 
     @cached_property
-    def _joint_axes(self) -> FloatArray:
-        """Axes of all joints and followers in the frames of the bodies they move, (M, 3)."""
-        return joint_axes(self._model)
+    def _tool(self) -> ToolChain:
+        arm = self._model, self._scratch, self._joints
+        return ToolChain(*arm, self.chain, self.carries, self._tool_id)
+
+    @cached_property
+    def _joint_table(self) -> FloatArray:
+        joints = self._joints
+        return self.chain.joint_table(joints.planned, joints.multiplier, joints.offset)

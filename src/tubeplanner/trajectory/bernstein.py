@@ -127,6 +127,8 @@ def _taylor_coefficients(
     """Return those about the starts of intervals, in widths of these, lowest power first."""
     degree = len(coefficients) - 1
     ascending = np.asarray(coefficients, dtype=np.float64)[::-1]
+    if not start.any():
+        return ascending * (width ** np.arange(degree + 1)[:, None])[..., None]
     scaled = np.empty_like(ascending)
     for power in range(degree + 1):
         # Sum over k of C(k, power) start^(k - power) c_k.
