@@ -161,6 +161,34 @@ class BodyShapes:
         placed = rotation[row[:, None], bodies], position[row[:, None], bodies]
         return self._placed.shapes.separations(pairs, *placed)
 
+    def near_distances(
+        self,
+        rotation: FloatArray,
+        position: FloatArray,
+        pairs: IntArray,
+        matters: FloatArray,
+        known: FloatArray,
+    ) -> FloatArray | None:
+        """Return distances of all pairs in N configurations, natively, (N, P) [m].
+
+        Args:
+            rotation: Shape (N, bodies, 3, 3), neighbours best one after the other.
+            position: Shape (N, bodies, 3) [m].
+            pairs: Shape (P, 2).
+            matters: Below which distances are exact, shape (N, P) [m]; else they are lower bounds.
+            known: Lower bounds that are known, shape (N, P) [m].
+
+        Returns:
+            None: the native library is left out.
+        """
+        if self._native is None:
+            return None
+        found, unproven = self._native.near_distances(rotation, position, pairs, matters, known)
+        row, pair = np.nonzero(unproven)
+        if len(row):
+            found[row, pair] = self._by_fcl(rotation, position, pairs[pair], row).distance
+        return found
+
     def least_room(
         self,
         rotation: FloatArray,
