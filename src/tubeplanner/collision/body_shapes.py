@@ -1,4 +1,9 @@
-"""Convex shapes on the bodies of a robot, and how far apart pairs of them are."""
+"""Convex shapes on the bodies of a robot, and how far apart pairs of them are.
+
+Natively where the answer proves itself: where a distance along a direction, a lower bound, is that
+of two points, an upper one, to 1e-9 m. Where it does not, of shapes that overlap or all but touch,
+FCL and Coal are asked, as they are for all pairs without the native library.
+"""
 
 import threading
 from collections.abc import Sequence
@@ -12,6 +17,7 @@ from tubeplanner.arrays import FloatArray, IntArray
 from tubeplanner.collision.bounding_box import BoundingBoxes, bounding_boxes
 from tubeplanner.collision.convex_shape import ConvexShape
 from tubeplanner.collision.separation import ClosestPoints, PlacedShapes
+from tubeplanner.native.convex_pairs import IS_NATIVE, LeastRoom, NativeShapes, ShapeArrays
 from tubeplanner.robot.robot_model import RobotModel
 
 
@@ -57,12 +63,13 @@ class BodyShapes:
         """Add shapes behind those that there are."""
         if shapes:
             self.shapes += shapes
-            for derived in ("_bodies", "_boxes", "_spheres"):
+            for derived in ("_bodies", "_boxes", "_native", "_spheres"):
                 vars(self).pop(derived, None)
             self._placed = _PlacedShapes(self.shapes)
 
     def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in vars(self).items() if name != "_placed"}
+        addresses = ("_placed", "_native")
+        return {name: value for name, value in vars(self).items() if name not in addresses}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)
@@ -94,38 +101,118 @@ class BodyShapes:
             Distances (P,) [m] and unit vectors (P, 3) from the first towards the second shape of
             each pair, in the frame of the second shape's body.
         """
-        bodies = self._bodies[pairs]
-        found = self._placed.shapes.separations(pairs, rotation[bodies], position[bodies])
-        frames = rotation[bodies[:, 1]]
-        return found.distance, np.einsum("pij,pi->pj", frames, found.direction)
+        row = np.zeros(len(pairs), dtype=np.int64)
+        return self.separations_at(rotation[None], position[None], pairs, row)
 
     def separations_at(
-        self, rotation: FloatArray, position: FloatArray, pairs: IntArray
+        self,
+        rotation: FloatArray,
+        position: FloatArray,
+        pairs: IntArray,
+        row: IntArray | None = None,
     ) -> tuple[FloatArray, FloatArray]:
-        """Return what `separations` does, each pair in its own configuration.
+        """Return what `separations` does, in several configurations.
 
         Args:
-            rotation: Shape (P, bodies, 3, 3).
-            position: Shape (P, bodies, 3) [m].
+            rotation: Shape (N, bodies, 3, 3).
+            position: Shape (N, bodies, 3) [m].
             pairs: Shape (P, 2).
+            row: In which of the N configurations each pair is, shape (P,); None: each in its own.
         """
-        found = self.closest_points(rotation, position, pairs)
-        frames = rotation[np.arange(len(pairs)), self._bodies[pairs[:, 1]]]
+        row = _rows(pairs, row)
+        found = self.closest_points(rotation, position, pairs, row)
+        frames = rotation[row, self._bodies[pairs[:, 1]]]
         return found.distance, np.einsum("pij,pi->pj", frames, found.direction)
 
     def closest_points(
-        self, rotation: FloatArray, position: FloatArray, pairs: IntArray
+        self,
+        rotation: FloatArray,
+        position: FloatArray,
+        pairs: IntArray,
+        row: IntArray | None = None,
     ) -> ClosestPoints:
-        """Return where pairs are closest, each in its own configuration.
+        """Return where pairs are closest, in several configurations.
 
         Args:
-            rotation: Shape (P, bodies, 3, 3).
-            position: Shape (P, bodies, 3) [m].
+            rotation: Shape (N, bodies, 3, 3).
+            position: Shape (N, bodies, 3) [m].
             pairs: Shape (P, 2).
+            row: In which of the N configurations each pair is, shape (P,); None: each in its own.
+
+        Raises:
+            ValueError: A pose is not finite.
         """
-        rows, bodies = np.arange(len(pairs))[:, None], self._bodies[pairs]
-        placed = rotation[rows, bodies], position[rows, bodies]
+        row = _rows(pairs, row)
+        if self._native is None:
+            return self._by_fcl(rotation, position, pairs, row)
+        found = self._native.closest_points(rotation, position, row, pairs)
+        closest = ClosestPoints(found.distance, found.along, found.first, found.second)
+        unproven = np.flatnonzero(~found.proven)
+        if len(unproven):
+            exact = self._by_fcl(rotation, position, pairs[unproven], row[unproven])
+            for name, values in vars(exact).items():
+                getattr(closest, name)[unproven] = values
+        return closest
+
+    def _by_fcl(
+        self, rotation: FloatArray, position: FloatArray, pairs: IntArray, row: IntArray
+    ) -> ClosestPoints:
+        bodies = self._bodies[pairs]
+        placed = rotation[row[:, None], bodies], position[row[:, None], bodies]
         return self._placed.shapes.separations(pairs, *placed)
+
+    def near_distances(
+        self,
+        rotation: FloatArray,
+        position: FloatArray,
+        pairs: IntArray,
+        matters: FloatArray,
+        known: FloatArray,
+    ) -> FloatArray | None:
+        """Return distances of all pairs in N configurations, natively, (N, P) [m].
+
+        Args:
+            rotation: Shape (N, bodies, 3, 3), neighbours best one after the other.
+            position: Shape (N, bodies, 3) [m].
+            pairs: Shape (P, 2).
+            matters: Below which distances are exact, shape (N, P) [m]; else they are lower bounds.
+            known: Lower bounds that are known, shape (N, P) [m].
+
+        Returns:
+            None: the native library is left out.
+        """
+        if self._native is None:
+            return None
+        found, unproven = self._native.near_distances(rotation, position, pairs, matters, known)
+        row, pair = np.nonzero(unproven)
+        if len(row):
+            found[row, pair] = self._by_fcl(rotation, position, pairs[pair], row).distance
+        return found
+
+    def least_room(
+        self,
+        rotation: FloatArray,
+        position: FloatArray,
+        pairs: IntArray,
+        required: FloatArray,
+        near: float,
+    ) -> LeastRoom | None:
+        """Return which pair has the least distance beyond its required one in N configurations.
+
+        Args:
+            rotation: Shape (N, bodies, 3, 3), neighbours best one after the other.
+            position: Shape (N, bodies, 3) [m].
+            pairs: Shape (P, 2).
+            required: Shape (P,) [m]; -inf: a pair that does not count.
+            near: Pairs that have more do not matter [m].
+
+        Returns:
+            The pairs; a pair that overlaps or all but touches ends the search in its configuration:
+            `closest_points` tells how deep. None: the native library is left out.
+        """
+        if self._native is None:
+            return None
+        return self._native.least_room(rotation, position, pairs, required, near)
 
     def distance_gradient(
         self, rotation: FloatArray, position: FloatArray, pairs: IntArray, closest: ClosestPoints
@@ -162,31 +249,37 @@ class BodyShapes:
         position: FloatArray,
         pairs: IntArray,
         direction: FloatArray,
+        row: IntArray | None = None,
     ) -> FloatArray:
-        """Return how far apart pairs are along given directions, each in its own configuration.
+        """Return how far apart pairs are along given directions, in several configurations.
 
         A direction that separates a pair also separates it in neighbouring configurations, almost
         as far: a quick lower bound on the distance.
 
         Args:
-            rotation: Shape (P, bodies, 3, 3).
-            position: Shape (P, bodies, 3) [m].
+            rotation: Shape (N, bodies, 3, 3).
+            position: Shape (N, bodies, 3) [m].
             pairs: Shape (P, 2).
             direction: Unit vectors as from `separations`, shape (P, 3).
+            row: In which of the N configurations each pair is, shape (P,); None: each in its own.
 
         Returns:
             Shape (P,) [m].
         """
+        row = _rows(pairs, row)
+        if self._native is not None:
+            return self._native.gaps_along(rotation, position, row, pairs, direction)
         result = np.empty(len(pairs))
         order = np.lexsort(pairs.T)
         groups = np.flatnonzero(np.any(np.diff(pairs[order], axis=0) != 0, axis=1)) + 1
         for rows in np.split(order, groups) if len(order) else ():
             first, second = (self.shapes[index] for index in pairs[rows[0]])
-            world_direction = np.einsum("pij,pj->pi", rotation[rows, second.body], direction[rows])
-            local = np.einsum("pij,pi->pj", rotation[rows, first.body], world_direction)
+            at, along = row[rows], direction[rows]
+            world_direction = np.einsum("pij,pj->pi", rotation[at, second.body], along)
+            local = np.einsum("pij,pi->pj", rotation[at, first.body], world_direction)
             farthest = (local @ first.shape.vertices.T).max(axis=1) + first.shape.radius
-            nearest = (direction[rows] @ second.shape.vertices.T).min(axis=1) - second.shape.radius
-            offset = position[rows, second.body] - position[rows, first.body]
+            nearest = (along @ second.shape.vertices.T).min(axis=1) - second.shape.radius
+            offset = position[at, second.body] - position[at, first.body]
             result[rows] = nearest - farthest + np.einsum("pi,pi->p", world_direction, offset)
         return result
 
@@ -203,6 +296,8 @@ class BodyShapes:
         Returns:
             Shape (N, P).
         """
+        if self._native is not None:
+            return self._native.sphere_gaps(rotation, position, pairs)
         return self.gaps_of_spheres(self.sphere_centers(rotation, position), pairs)
 
     def sphere_centers(self, rotation: FloatArray, position: FloatArray) -> FloatArray:
@@ -239,6 +334,8 @@ class BodyShapes:
         Returns:
             Shape (M,).
         """
+        if self._native is not None:
+            return self._native.box_gaps(rotation, position, row, pairs)
         centers, radii = self._spheres
         bodies, bounds = self._bodies[pairs], []
         turned, placed = rotation[row[:, None], bodies], position[row[:, None], bodies]
@@ -269,6 +366,21 @@ class BodyShapes:
         return bounding_boxes([shape.shape for shape in self.shapes])
 
     @cached_property
+    def _native(self) -> NativeShapes | None:
+        """The same shapes for the native library; None: it is left out."""
+        if not IS_NATIVE:
+            return None
+        radius = np.array([shape.shape.radius for shape in self.shapes])
+        vertices, boxes = [shape.shape.vertices for shape in self.shapes], self._boxes
+        boxed = (boxes.axes, boxes.center, boxes.half)
+        return NativeShapes(ShapeArrays(self._bodies, vertices, radius, *self._spheres, *boxed))
+
+    @cached_property
     def _spheres(self) -> tuple[FloatArray, FloatArray]:
         centers = np.array([shape.shape.center for shape in self.shapes]).reshape(-1, 3)
         return centers, np.array([shape.shape.bounding_radius for shape in self.shapes])
+
+
+def _rows(pairs: IntArray, row: IntArray | None) -> IntArray:
+    """Return in which configuration each pair is, shape (P,)."""
+    return np.arange(len(pairs)) if row is None else row

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
-from tubeplanner.collision.collision_checker import CollisionChecker
+from tubeplanner.collision.near_distances import near_distances
 from tubeplanner.collision.separation import ClosestPoints
 from tubeplanner.outcome import MARGIN_TOLERANCE
 from tubeplanner.problem.problem import PlanningProblem
@@ -35,9 +35,6 @@ _ROUNDING = MARGIN_TOLERANCE / 2 / _UNIT
 # Pairs that come closer than this beyond what is required are watched [m].
 _WATCHED = 0.01
 _PER_INTERVAL = 4  # samples looked at
-# Samples are visited coarse to fine, with this stride first; a nearby sample then provides a
-# direction that separates a pair.
-_STRIDES = (64, 16, 4, 1)
 # Samples of a pair closer than this share of their spacing count as one; requested ones nearly
 # always count.
 _SAME_SHARE, _SAME_SHARE_ASKED = 0.3, 1e-3
@@ -183,57 +180,8 @@ class LinkConstraints:
         Those beyond what is watched are lower bounds: known ones, from spheres, or along the
         direction that separates the pair at a configuration near by.
         """
-        distances = _Distances(self._checker, q, self._pairs, required + _WATCHED, known)
-        before = len(q)
-        for stride in _STRIDES:
-            samples = np.arange(0, len(q), stride)
-            distances.measure(samples[(samples % before != 0) | (before == len(q))], before)
-            before = stride
-        return distances.found
-
-
-class _Distances:
-    """Distances of P pairs at N configurations along a spline, as exact as they are near.
-
-    Attributes:
-        found: Lower bounds, exact below what matters, (N, P) as both [m].
-    """
-
-    def __init__(
-        self,
-        checker: CollisionChecker,
-        q: FloatArray,
-        pairs: IntArray,
-        matters: FloatArray,
-        known: FloatArray,
-    ) -> None:
-        self._checker, self._pairs, self._matters = checker, pairs, matters
-        self._rotation, self._position = checker.robot.body_poses(q)
-        spheres = checker.sphere_distances(self._rotation, self._position, pairs)
-        self.found = np.maximum(spheres, known)
-        self._near = self.found < matters
-        self._direction = np.zeros((*self.found.shape, 3))
-        self._is_known = np.zeros(self.found.shape, dtype=bool)
-
-    def measure(self, samples: IntArray, stride: int) -> None:
-        """Visit some samples, after those that are multiples of a stride."""
-        row, pair = np.nonzero(self._near[samples])
-        row = samples[row]
-        last = row - row % stride
-        known = np.flatnonzero(self._is_known[last, pair])
-        self._direction[row, pair] = self._direction[last, pair]
-        self._is_known[row, pair] = True
-        at = (row[known], pair[known])
-        bound = self._checker.separations_along(
-            self._rotation[at[0]], self._position[at[0]], self._pairs[at[1]], self._direction[at]
-        )
-        self.found[at] = np.maximum(self.found[at], bound)
-        close = self.found[row, pair] < self._matters[row, pair]
-        for i in np.unique(row[close]):
-            pairs = pair[close & (row == i)]
-            self.found[i, pairs], self._direction[i, pairs] = self._checker.separations(
-                self._rotation[i], self._position[i], self._pairs[pairs]
-            )
+        matters = required + _WATCHED
+        return near_distances(self._checker, q, self._pairs, matters, known)
 
 
 @dataclass(frozen=True, eq=False)

@@ -170,10 +170,7 @@ class _Search:
         lower = spheres[interval, rows.pair] - less
         near = np.flatnonzero(lower < self._settled_above())
         bound = self._checker.separations_along(
-            rotation[interval[near]],
-            position[interval[near]],
-            self._pairs[rows.pair[near]],
-            rows.direction[near],
+            rotation, position, self._pairs[rows.pair[near]], rows.direction[near], interval[near]
         )
         lower[near] = np.maximum(lower[near], bound - less[near])
         direction = rows.direction.copy()
@@ -185,9 +182,9 @@ class _Search:
                 break
             at = interval[batch]
             distance, direction[batch] = self._checker.separations_at(
-                rotation[at], position[at], self._pairs[rows.pair[batch]]
+                rotation, position, self._pairs[rows.pair[batch]], at
             )
-            self._remember(distance, time[interval[batch]], rows.pair[batch])
+            self._remember(distance, time[at], rows.pair[batch])
             lower[batch] = np.maximum(lower[batch], distance - less[batch])
         return lower, direction
 

@@ -89,7 +89,7 @@ class ClearanceMargin:
         near = boxes < self._most[column]
         distance[row, column] = np.maximum(distance[row, column], boxes)
         row, column = row[near], column[near]
-        closest = checker.closest_points(rotation[row], position[row], checker.pairs[column])
+        closest = checker.closest_points(rotation, position, checker.pairs[column], row)
         distance[row, column] = closest.distance
         return checker.robot.tool_position(q), distance
 

@@ -1,0 +1,166 @@
+"""Pairs of convex shapes measured natively, against numpy, FCL and Coal on bundled arms."""
+
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from tubeplanner import Obstacle, load_problem, placement_of
+from tubeplanner.collision.collision_checker import CollisionChecker
+from tubeplanner.native.convex_pairs import IS_NATIVE
+
+pytestmark = pytest.mark.skipif(not IS_NATIVE, reason="the native library is left out")
+
+PAIRS = 2000  # of each arm
+NEAR = 0.15  # [m]: pairs with more room do not matter
+PROBLEMS = ("two_link/paper_1_30mm", "ur5/over_the_wall", "panda/between_shelves")
+
+
+class Placed(NamedTuple):
+    """A checker that measures natively, one that does not, and pairs in configurations."""
+
+    native: CollisionChecker
+    other: CollisionChecker
+    rotation: np.ndarray
+    position: np.ndarray
+    pairs: np.ndarray
+    row: np.ndarray
+
+
+@pytest.fixture(scope="module", params=PROBLEMS)
+def placed(request):
+    problem = load_problem(f"example:{request.param}")
+    round_ones = (
+        Obstacle.sphere("ball", 0.1, placement_of([0.3, 0.3, 0.3])),
+        Obstacle.capsule("bar", 0.05, 0.4, placement_of([-0.3, 0.3, 0.4])),
+    )
+    arguments = (problem.robot, [*problem.obstacles, *round_ones])
+    native, other = CollisionChecker(*arguments), CollisionChecker(*arguments)
+    vars(other)["_native"] = None
+    rng = np.random.default_rng(5)
+    q = rng.uniform(-2.5, 2.5, (PAIRS // 10, native.robot.joint_count))
+    pairs = native.pairs[rng.integers(0, len(native.pairs), PAIRS)]
+    row = rng.integers(0, len(q), PAIRS)
+    return Placed(native, other, *native.robot.body_poses(q), pairs, row)
+
+
+def test_quick_bounds_are_those_of_numpy(placed):
+    native, other, rotation, position, pairs, row = placed
+    direction = np.random.default_rng(6).normal(size=(PAIRS, 3))
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    for name, arguments in (
+        ("sphere_distances", (native.pairs,)),
+        ("box_distances", (row, pairs)),
+        ("separations_along", (pairs, direction, row)),
+    ):
+        found, expected = (
+            getattr(checker, name)(rotation, position, *arguments) for checker in (native, other)
+        )
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-13, err_msg=name)
+
+
+def test_closest_points_are_never_looser_than_those_of_fcl_and_their_own_proof(placed):
+    native, other, rotation, position, pairs, row = placed
+    expected = other.closest_points(rotation, position, pairs, row)
+    found = native.closest_points(rotation, position, pairs, row)
+    more = found.distance - expected.distance
+    assert more.min() > -1e-9
+    assert more.max() < 2e-5
+    apart = expected.distance > 1e-6
+    radius = np.array([shape.shape.radius for shape in native.shapes])[pairs].sum(axis=1)
+    gap = found.second - found.first
+    np.testing.assert_allclose(
+        np.linalg.norm(gap, axis=1)[apart], (found.distance + radius)[apart], rtol=0, atol=1e-9
+    )
+    np.testing.assert_allclose(
+        np.einsum("pi,pi->p", gap, found.direction)[apart],
+        (found.distance + radius)[apart], rtol=0, atol=1e-9,
+    )  # fmt: skip
+    distance, direction = native.separations_at(rotation, position, pairs, row)
+    along = other.separations_along(rotation, position, pairs, direction, row)
+    np.testing.assert_allclose(along, distance, rtol=0, atol=1e-9)
+
+
+def test_the_search_begins_anywhere_and_finds_the_same(placed):
+    native, _, rotation, position, pairs, row = placed
+    shapes = native._native
+    found = shapes.closest_points(rotation, position, row, pairs)
+    others = np.roll(found.direction, 1, axis=0)
+    again = shapes.closest_points(rotation, position, row, pairs, others)
+    both = found.proven & again.proven
+    assert both.mean() > 0.9
+    np.testing.assert_array_equal(found.proven, again.proven)
+    np.testing.assert_allclose(again.distance[both], found.distance[both], rtol=0, atol=2e-9)
+
+
+def test_pairs_that_are_far_enough_are_not_looked_at_closer(placed):
+    native, other, rotation, position, pairs, row = placed
+    direction = native.separations_at(rotation, position, pairs, row)[1]
+    spheres = other.sphere_distances(rotation, position, native.pairs)[row]
+    index = [np.flatnonzero((native.pairs == pair).all(axis=1))[0] for pair in pairs]
+    spheres = spheres[np.arange(PAIRS), index]
+    along = other.separations_along(rotation, position, pairs, direction, row)
+    enough = np.full(PAIRS, 0.1)
+    found = native._native.gaps_along(rotation, position, row, pairs, direction, enough)
+    expected = np.where(spheres >= enough, spheres, np.maximum(spheres, along))
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
+
+
+def test_near_distances_are_exact_where_they_matter(placed):
+    native, _, rotation, position, *_ = placed
+    pairs = native.pairs
+    shape = len(rotation), len(pairs)
+    row, column = (index.ravel() for index in np.indices(shape))
+    exact = native.closest_points(rotation, position, pairs[column], row).distance.reshape(shape)
+    matters = np.random.default_rng(3).uniform(0, 0.2, shape)
+    known = np.where(np.arange(shape[1]) % 3 == 0, exact - 0.01, -np.inf)
+    found, unproven = native._native.near_distances(rotation, position, pairs, matters, known)
+    assert (found <= exact + 1e-9).all()
+    near = (exact < matters) & ~unproven
+    np.testing.assert_allclose(found[near], exact[near], rtol=0, atol=2e-9)
+    grown = np.array([shape.shape.radius for shape in native.shapes])[pairs].sum(axis=1)
+    assert ((exact + grown)[unproven] < 1e-6).all()
+    assert (found[~near & ~unproven] >= matters[~near & ~unproven] - 1e-9).all()
+
+
+def test_the_least_room_is_that_of_all_pairs(placed):
+    native, _, rotation, position, *_ = placed
+    pairs = native.pairs
+    shape = len(rotation), len(pairs)
+    row, column = (index.ravel() for index in np.indices(shape))
+    exact = native.closest_points(rotation, position, pairs[column], row).distance.reshape(shape)
+    required = np.random.default_rng(4).uniform(0, 0.02, shape[1])
+    required[::7] = -np.inf if shape[1] > 1 else 0.0
+    room = np.where(required > -np.inf, exact - required, np.inf)
+    found = native.least_room(rotation, position, pairs, required, NEAR)
+    rows = np.arange(len(rotation))
+    least = room.min(axis=1)
+    assert (least < NEAR).sum() > 10
+    none = least >= NEAR
+    assert (found.pair[none] == -1).all()
+    assert (found.room[none] == NEAR).all()
+    proven = ~none & found.proven
+    np.testing.assert_allclose(found.room[proven], least[proven], rtol=0, atol=2e-9)
+    np.testing.assert_array_equal(found.pair[proven], room[proven].argmin(axis=1))
+    unproven = ~found.proven
+    grown = np.array([shape.shape.radius for shape in native.shapes])[pairs].sum(axis=1)
+    cores = exact + grown
+    assert (cores[rows, found.pair][unproven] < 1e-6).all()
+    assert not found.proven[(cores[:, required > -np.inf] < -1e-6).any(axis=1)].any()
+
+
+def test_nothing_to_measure(placed):
+    native, _, rotation, position, *_ = placed
+    none = np.zeros((0, 2), dtype=np.int64)
+    assert native.sphere_distances(rotation, position, none).shape == (len(rotation), 0)
+    assert len(native.closest_points(rotation, position, none, none[:, 0]).distance) == 0
+    least = native.least_room(rotation, position, none, np.zeros(0), 0.05)
+    assert (least.pair == -1).all()
+
+
+def test_poses_that_are_not_finite_are_refused(placed):
+    native, _, rotation, position, pairs, row = placed
+    wrong = position.copy()
+    wrong[:, 1:] = np.nan
+    with pytest.raises(ValueError, match="finite"):
+        native.closest_points(rotation, wrong, pairs, row)
