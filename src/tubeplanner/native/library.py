@@ -45,11 +45,20 @@ class Doubles:
         """
         if array is None:
             return None
-        if array.dtype != cls.dtype or not array.flags.c_contiguous:
-            raise TypeError(f"an array of {array.dtype} is not a contiguous one of {cls.dtype}")
-        if array.flags.writeable:
+        if array.dtype is not cls.dtype and array.dtype != cls.dtype:
+            raise TypeError(f"an array of {array.dtype} is not one of {cls.dtype}")
+        try:
             return _Place.from_buffer(array)  # as `ctypes.data`, in a third of its time
-        return ctypes.c_void_p(array.ctypes.data)
+        except TypeError:  # it is not to be written to
+            return _address_of_read_only(array)
+        except ValueError as error:
+            raise TypeError("an array is not contiguous") from error
+
+
+def _address_of_read_only(array: Any) -> ctypes.c_void_p:
+    if not array.flags.c_contiguous:
+        raise TypeError("an array is not contiguous")
+    return ctypes.c_void_p(array.ctypes.data)
 
 
 class Integers(Doubles):

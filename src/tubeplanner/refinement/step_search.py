@@ -14,7 +14,7 @@ from tubeplanner.refinement.step_program import StepProgram, step_program
 _MAX_ROUNDS, _MAX_CORRECTIONS = 4, 3
 STEP_TOLERANCE = 1e-4  # of a step's cost
 # Where solutions go on from the last one, what a step this rough breaks joins at once.
-_ROUGH = 1e-2
+_ROUGH = 0.05
 
 
 class StepSearch:

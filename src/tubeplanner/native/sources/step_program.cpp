@@ -174,9 +174,9 @@ void StepProgram::start_row(integer row, double least) {
   z_[pair] = mean_ / s_[pair];
 }
 
-// The gradient of the Lagrangian, what rows lack, and the mean product.
+// The gradient of the Lagrangian, by how much it and rows are off, and the mean product.
 void StepProgram::evaluate() {
-  const double *s = s_.at(2 * size_), *z = z_.at(2 * size_);
+  const double* z = z_.at(2 * size_);
   for (integer i = 0; i < size_; ++i) gradient_[i] = linear_[i] - z_[i] + z_[size_ + i];
   for (integer k = 0; k < quadratic_.size(); ++k) {
     const integer row = quadratic_row_[k], column = quadratic_[k].variable;
@@ -187,7 +187,6 @@ void StepProgram::evaluate() {
   for (integer r = 0; r < rows_.size(); ++r) {
     Row& row = rows_[r];
     collect(row, z[r], gradient_.at(0));
-    row.residual = used(row, x_.at(0)) + s[r] - row.slack;
     infeasible_ = larger(infeasible_, std::fabs(row.residual));
   }
   for (integer i = 0; i < size_; ++i) {  // by what the cost might be less
@@ -310,6 +309,9 @@ double StepProgram::longest(const Array<double>& value, const Array<double>& cha
 bool StepProgram::solve(double tolerance, integer most_iterations) {
   factor_.shape(band_, width_, size_ - band_);
   if (!has_started_) start();
+  for (integer r = 0; r < rows_.size(); ++r) {
+    rows_[r].residual = used(rows_[r], x_.at(0)) + s_[2 * size_ + r] - rows_[r].slack;
+  }
   for (integer iteration = 0;; ++iteration) {
     evaluate();
     if (!(infeasible_ < kHopeless)) return false;
@@ -325,6 +327,7 @@ bool StepProgram::solve(double tolerance, integer most_iterations) {
     const double far = smaller(kShare * longest(s_, ds_), 1.0);
     const double high = smaller(kShare * longest(z_, dz_), 1.0);
     for (integer i = 0; i < size_; ++i) x_[i] += far * dx_[i];
+    for (integer r = 0; r < rows_.size(); ++r) rows_[r].residual *= 1.0 - far;
     for (integer k = 0; k < s_.size(); ++k) s_[k] += far * ds_[k], z_[k] += high * dz_[k];
   }
 }
