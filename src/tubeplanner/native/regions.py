@@ -34,7 +34,7 @@ def away_from_axes(
     if _away is None:
         return None
     rows = len(segment)
-    if p.shape[-2] != rows:  # one point for all of them
+    if rows not in (1, p.shape[-2]):  # one point for all of them
         p = np.broadcast_to(p, (*p.shape[:-2], rows, 3))
     points = np.ascontiguousarray(p, dtype=np.float64)
     away, distance = np.empty(p.shape), np.empty(p.shape[:-1])
