@@ -1752,7 +1752,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("-np.inf, size", "_CLOSE, size"),
     ],
     "used_by_step": [("rows.duration * duration", "0.0")],
-    "_near": [
+    "_breakable": [
         ("sign[:, None] * switching", "switching"),
         ("sign[:, None, None] * control", "control"),
         ("np.maximum(little, _reach(control, switching, size))", "little"),

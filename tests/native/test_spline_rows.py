@@ -80,6 +80,7 @@ def test_rows_that_are_left_out_are_those_that_no_step_breaks(is_compiled, monke
         left_out = ~np.isin(every.index, near.index)
         assert left_out.any()
         assert (every.slack[left_out] >= every.reach(size)[left_out]).all()
+    assert (near.slack < near.reach(size)).all()  # of planes, a little slack alone keeps none
 
 
 @pytest.mark.parametrize("samples", [slice(None), np.array([4, 1, 1])])

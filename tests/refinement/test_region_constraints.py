@@ -277,3 +277,10 @@ def test_a_ball_in_a_tube_of_boxes_has_the_price_of_the_smaller_side(case):
     ball = evaluated_points(tube, at, path, tube.regions, MARGIN, SIDE_NUMBERS)
     assert ball.numbers.tolist() == [[4]]  # the height of the first: 0.1 m, and 0.125 m beside it
     np.testing.assert_allclose(ball.regions.radius, [0.1])
+
+
+def test_planes_and_none_are_the_planes():
+    some = Planes(np.array([2]), np.array([[0.0, 0.0, 1.0]]), np.array([1]))
+    none = some.where(np.zeros(1, dtype=bool))
+    assert len(some.and_also(none)) == len(none.and_also(some)) == 1
+    assert some.and_also(some).sample.tolist() == [2, 2]

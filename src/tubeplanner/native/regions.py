@@ -26,18 +26,20 @@ def away_from_axes(
     """Return vectors from the nearest points of axes to points, (..., R, 3), and their lengths.
 
     Args:
-        p: The points, shape (..., R, 3) [m].
+        p: The points, shape (..., R, 3) or, for all R, (..., 1, 3) [m].
         axes: Where they begin and end, both of shape (m, 3) [m].
         segment: Whose axis is meant, shape (R,).
         no_length: Shorter axes count as points [m].
     """
     if _away is None:
         return None
-    away = np.empty(np.broadcast_shapes(p.shape, (len(segment), 3)))
-    distance = np.empty(away.shape[:-1])
-    points = np.ascontiguousarray(np.broadcast_to(p, away.shape), dtype=np.float64)
-    ends = [np.ascontiguousarray(end) for end in axes]
-    of_rows = (len(segment), np.ascontiguousarray(segment), no_length**2)
+    rows = len(segment)
+    if rows not in (1, p.shape[-2]):  # one point for all of them
+        p = np.broadcast_to(p, (*p.shape[:-2], rows, 3))
+    points = np.ascontiguousarray(p, dtype=np.float64)
+    away, distance = np.empty(p.shape), np.empty(p.shape[:-1])
+    ends = (np.ascontiguousarray(end) for end in axes)
+    of_rows = (rows, np.ascontiguousarray(segment), no_length**2)
     _away(distance.size, points, *ends, *of_rows, away, distance)
     return away, distance
 

@@ -35,7 +35,8 @@ class SplineChange:
 _SPLINE = (*4 * (c_int64,), Doubles, Doubles, Integers, *(Doubles for _ in _ORDERS))
 _chained = native_function("chained_rows", *_SPLINE, c_int64, Integers, Integers, Doubles, Doubles)
 _near = native_function(
-    *("near_rows", *_SPLINE, c_int64, c_int64, Doubles, Doubles, c_double),
+    "near_rows",
+    *(*_SPLINE, c_int64, c_int64, Doubles, Doubles, c_double),
     *(c_double, Doubles, Integers, Doubles, Doubles),
     returns=c_int64,
 )

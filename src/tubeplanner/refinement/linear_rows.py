@@ -106,7 +106,7 @@ def sided_rows(
         size: Rows that no step of this size can break are left out; None: none.
     """
     slack = 1 - np.multiply.outer(signs, used)
-    index, control, switching = _near(at, by_path, slack, signs, _CLOSE, size)
+    index, control, switching = _breakable(at, by_path, slack, signs, _CLOSE, size)
     side, entry = np.divmod(index, used.size)
     with_side, on_every = duration
     return Rows(
@@ -136,7 +136,7 @@ def plane_rows(
         limit: Number of each sample's limit, shape (N,).
         size: Rows that no step of this size can break are left out; None: none.
     """
-    index, control, switching = _near(at, {0: by_joint}, slack[None], (1.0,), -np.inf, size)
+    index, control, switching = _breakable(at, {0: by_joint}, slack[None], (1.0,), -np.inf, size)
     sample = index // slack.shape[1]
     none = np.zeros(len(index))
     return Rows(
@@ -165,7 +165,7 @@ def used_by_step(
     return used
 
 
-def _near(
+def _breakable(
     at: SampledSpline,
     by_path: Mapping[int, FloatArray],
     slack: FloatArray,

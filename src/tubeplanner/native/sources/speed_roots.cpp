@@ -51,14 +51,15 @@ int turns(const Cubic& f, double* found) {
 
 // Up to which s >= 0 a cubic stays at or below zero: 0 where it is above at once.
 double first_crossing(Cubic f) {
-    if (f.c[0] > 0) return 0;
-    int degree = DEGREE;
+    int lowest = 0, degree = DEGREE;
+    while (lowest < DEGREE && f.c[lowest] == 0) ++lowest;
+    if (f.c[lowest] > 0) return 0;
     while (degree > 0 && f.c[degree] == 0) --degree;
     // The largest size of roots, within a factor of two (Fujiwara 1916); terms are of one size then.
     double scale = 0, most = 0, power = 1;
     for (int k = 0; k < degree; ++k)
         scale = std::fmax(scale, std::pow(std::fabs(f.c[k] / f.c[degree]), 1. / (degree - k)));
-    if (scale == 0) return f.c[degree] > 0 ? 0 : INFINITY;
+    if (scale == 0) return INFINITY;
     for (int k = 0; k <= DEGREE; ++k, power *= scale)
         most = std::fmax(most, std::fabs(f.c[k] *= power));
     for (double& c : f.c) c /= most;
