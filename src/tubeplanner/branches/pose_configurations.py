@@ -3,7 +3,7 @@
 import numpy as np
 
 from tubeplanner.arrays import FloatArray
-from tubeplanner.branches.inverse_kinematics import WantedRotation, solve_position
+from tubeplanner.branches.inverse_kinematics import WantedRotation, solve_positions
 from tubeplanner.branches.joint_middle import half_ranges, middle_of
 from tubeplanner.branches.outside_bounds import outside_bounds
 from tubeplanner.constraints.held_configuration import require_held
@@ -76,16 +76,12 @@ def reaching(
 ) -> FloatArray:
     """Return the different configurations (c, n) within bounds that seeds (s, n) lead to."""
     wanted = WantedRotation(pose.rotation, np.zeros(3), np.ones(3, dtype=bool))
-    middle = middle_of(lower, upper)
+    preferred = middle_of(lower, upper) if len(seeds) > 1 else None
+    q, errors = solve_positions(robot, pose.position, seeds, lower, upper, preferred, wanted)
     found: list[FloatArray] = []
-    for seed in seeds:
-        preferred = middle if len(seeds) > 1 else None
-        solution = solve_position(
-            robot, pose.position, seed, lower, upper, preferred, rotation=wanted
-        )
-        is_there = max(solution.error, solution.rotation_error) <= _REACHED
-        if is_there and all(abs(solution.q - other).max() > _SAME for other in found):
-            found.append(solution.q)
+    for there in q[errors.max(axis=1) <= _REACHED]:
+        if all(abs(there - other).max() > _SAME for other in found):
+            found.append(there)
     return np.array(found).reshape(-1, robot.joint_count)
 
 
@@ -131,13 +127,11 @@ def _out_of_reach(robot: RobotModel, pose: ToolPose, seeds: FloatArray) -> str:
     """Return how near the tool comes to a pose, limits and signs left aside."""
     free = np.full(robot.joint_count, np.inf)
     wanted = WantedRotation(pose.rotation, np.zeros(3), np.ones(3, dtype=bool))
-    found = [
-        solve_position(robot, pose.position, seed, -free, free, rotation=wanted) for seed in seeds
-    ]
-    off = min(solution.error for solution in found)
+    errors = solve_positions(robot, pose.position, seeds, -free, free, rotation=wanted)[1]
+    off = float(errors[:, 0].min())
     if off > _REACHED:
         return f"the pose is out of the arm's reach: the tool gets no nearer than {off:.4g} m"
-    turned = min(one.rotation_error for one in found if one.error <= _REACHED)
+    turned = float(errors[errors[:, 0] <= _REACHED, 1].min())
     return (
         f"the tool gets to the pose's position, but turned no nearer than {turned:.3g} rad to its "
         "orientation; turn the pose"
