@@ -43,17 +43,19 @@ TESTS = {
     ),
     "collision/body_shapes": (
         "collision/test_collision_checker.py",
+        "collision/test_near_distances.py",
+        "native/test_convex_pairs.py",
         "verification/test_closest_approach.py",
     ),
     "collision/link_pairs": (
         "collision/test_collision_checker.py",
         "collision/test_collision_checker_attached.py",
     ),
-    "collision/gilbert": ("collision/test_collision_checker.py",),
+    "collision/gilbert": ("native/test_convex_pairs.py", "collision/test_collision_checker.py"),
     "collision/link_geometry": ("collision/test_collision_checker.py",),
     "collision/mesh_cover": ("collision/test_link_geometry.py", "collision/test_obstacle.py"),
     "collision/obstacle": ("collision/test_collision_checker.py",),
-    "collision/separation": ("collision/test_collision_checker.py",),
+    "collision/separation": ("native/test_convex_pairs.py", "collision/test_collision_checker.py"),
     "constraints/joint_effort": (
         "constraints/test_time_scaling.py",
         "refinement/test_spline_constraints.py",
@@ -404,7 +406,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("width / 2, 2", "width, 2"),
     ],
     "_taylor_coefficients": [
-        ("start ** (orders - power)", "start ** (power - orders)"),
+        ("start ** np.arange", "start ** -np.arange"),
         ("scaled[power] *= (width**power)", "scaled[power] *= (width**degree)"),
     ],
     "maxima": [
@@ -465,7 +467,7 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("bound - less[near]", "bound"),
         ("distance - less[batch]", "distance"),
         ("travel[interval])", "travel[interval]) / 2"),
-        ("time[interval[batch]], rows.pair[batch]", "time[interval[batch]], 0 * rows.pair[batch]"),
+        ("time[at], rows.pair[batch]", "time[at], 0 * rows.pair[batch]"),
     ],
     "_Search._middles": [
         ("abs(hull - middle).max(axis=0)", "abs(hull - middle).min(axis=0)"),
@@ -981,12 +983,15 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("first != second", "first | second"),
         ("first != second", "first & ~second"),
     ],
-    "BodyShapes.separations": [('"pij,pi->pj", frames', '"pij,pj->pi", frames')],
+    "BodyShapes._in_second": [('"pij,pi->pj", frames', '"pij,pj->pi", frames')],
+    "BodyShapes.separations_at": [("found.distance[unproven] = measured.distance", "pass")],
+    "BodyShapes.closest_points": [("if len(unproven):", "if False:")],
+    "BodyShapes.near_distances": [("if len(row):", "if False:")],
     "BodyShapes.separations_along": [
         (" + first.shape.radius", ""),
         (" - second.shape.radius", ""),
         (").max(axis=1)", ").min(axis=1)"),
-        ('"pij,pj->pi", rotation[rows, second.body]', '"pij,pi->pj", rotation[rows, second.body]'),
+        ('"pij,pj->pi", rotation[at, second.body]', '"pij,pi->pj", rotation[at, second.body]'),
     ],
     "BodyShapes.gaps_of_spheres": [
         (" - radii[first]", ""),
@@ -1023,6 +1028,20 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         (" - radii[pairs[:, ball]]", ""),
     ],
     "_carried_shapes": [("shape.transformed(placement)", "shape")],
+    # --- collision/near_distances -------------------------------------------------------------
+    "near_distances": [
+        ("if found is not None:", "if found is None:"),
+        ("samples % before != 0", "samples % before == 0"),
+    ],
+    "_Distances.measure": [
+        ("self.found[row, pair] < self._matters[row, pair]", "self.found[row, pair] < 0"),
+        ("np.maximum(self.found[at], bound)", "bound + 0.01"),
+    ],
+    # --- native/convex_pairs ------------------------------------------------------------------
+    "NativeShapes.near_distances": [("np.array(known, order", "np.array(matters, order")],
+    "NativeShapes.least_room": [("~unproven)", "unproven)")],
+    "NativeShapes.closest_points": [("vectors[0], vectors[1],", "vectors[1], vectors[0],")],
+    "_filled_up": [("vertices[:1]", "0 * vertices[:1]")],
     # --- collision/separation -----------------------------------------------------------------
     "PlacedShapes._core_poses": [
         ("core[:, :, :3, 3]) + position", "core[:, :, :3, 3])"),

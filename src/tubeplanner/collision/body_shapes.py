@@ -120,9 +120,24 @@ class BodyShapes:
             row: In which of the N configurations each pair is, shape (P,); None: each in its own.
         """
         row = _rows(pairs, row)
-        found = self.closest_points(rotation, position, pairs, row)
+        if self._native is None:
+            measured = self._by_fcl(rotation, position, pairs, row)
+            return measured.distance, self._in_second(rotation, pairs, row, measured)
+        found = self._native.closest_points(rotation, position, row, pairs)
+        unproven = np.flatnonzero(~found.proven)
+        if len(unproven):
+            others = pairs[unproven], row[unproven]
+            measured = self._by_fcl(rotation, position, *others)
+            found.distance[unproven] = measured.distance
+            found.direction[unproven] = self._in_second(rotation, *others, measured)
+        return found.distance, found.direction
+
+    def _in_second(
+        self, rotation: FloatArray, pairs: IntArray, row: IntArray, closest: ClosestPoints
+    ) -> FloatArray:
+        """Return directions of pairs in the frames of the second shapes' bodies, shape (P, 3)."""
         frames = rotation[row, self._bodies[pairs[:, 1]]]
-        return found.distance, np.einsum("pij,pi->pj", frames, found.direction)
+        return np.einsum("pij,pi->pj", frames, closest.direction)
 
     def closest_points(
         self,
@@ -178,8 +193,7 @@ class BodyShapes:
             matters: Below which distances are exact, shape (N, P) [m]; else they are lower bounds.
             known: Lower bounds that are known, shape (N, P) [m].
 
-        Returns:
-            None: the native library is left out.
+        Without the native library, return None.
         """
         if self._native is None:
             return None
@@ -207,8 +221,8 @@ class BodyShapes:
             near: Pairs that have more do not matter [m].
 
         Returns:
-            The pairs; a pair that overlaps or all but touches ends the search in its configuration:
-            `closest_points` tells how deep. None: the native library is left out.
+            The pairs; one that overlaps or all but touches, of which `closest_points` tells how
+            deep, ends the search in its configuration. None: the native library is left out.
         """
         if self._native is None:
             return None
@@ -286,15 +300,12 @@ class BodyShapes:
     def sphere_distances(
         self, rotation: FloatArray, position: FloatArray, pairs: IntArray
     ) -> FloatArray:
-        """Return quick, loose lower bounds from bounding spheres for N configurations [m].
+        """Return quick, loose lower bounds from bounding spheres, shape (N, P) [m].
 
         Args:
             rotation: Shape (N, bodies, 3, 3).
             position: Shape (N, bodies, 3) [m].
             pairs: Shape (P, 2).
-
-        Returns:
-            Shape (N, P).
         """
         if self._native is not None:
             return self._native.sphere_gaps(rotation, position, pairs)

@@ -130,10 +130,10 @@ def _taylor_coefficients(
     if not start.any():
         return ascending * (width ** np.arange(degree + 1)[:, None])[..., None]
     scaled = np.empty_like(ascending)
+    powers = start ** np.arange(degree + 1)[:, None]
     for power in range(degree + 1):
         # Sum over k of C(k, power) start^(k - power) c_k.
-        orders = np.arange(power, degree + 1)
-        factors = _binomials(degree)[power:, power, None] * start ** (orders - power)[:, None]
+        factors = _binomials(degree)[power:, power, None] * powers[: degree + 1 - power]
         scaled[power] = np.einsum("kp,kpn->pn", factors, ascending[power:])
         scaled[power] *= (width**power)[:, None]
     return scaled
