@@ -37,6 +37,10 @@ TESTS = {
         for name in ("placement_row", "placement_result", "placement_trials")
     },
     "commands/place_report": ("commands/test_place_command.py",),
+    "measurement/clearance_bounds": (
+        "native/test_clearance_bounds.py",
+        "measurement/test_configuration_set.py",
+    ),
     "collision/collision_checker": (
         "verification/test_closest_approach.py",
         "planning/test_planner_base.py",
@@ -3987,6 +3991,14 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ('linear_algebra != "1"', "False"),
         ("threads > 1", "False"),
     ],
+    "ClearanceBounds.at": [("self._required, settings", "0 * self._required, settings")],
+    "ClearanceBounds._bounds": [
+        ("boxes - required[pair]", "boxes"),
+        ("near + required[k])", "near)"),
+        ("apart - required[k]", "apart"),
+        ("bound[bound >= near] = np.inf", "pass"),
+    ],
+    "_separations": [("return apart - grown", "return apart"), ("enough=enough + grown", "enough=0")],
 }
 
 MUTANTS = tuple(Mutant(where, *change) for where, changes in _CHANGES.items() for change in changes)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
-from tubeplanner.measurement.separation_bounds import separation_bounds
+from tubeplanner.measurement.clearance_bounds import ClearanceBounds
 from tubeplanner.problem.problem import PlanningProblem
 from tubeplanner.problem.required_distances import in_contact, required_everywhere
 
@@ -40,6 +40,7 @@ class PairClearance:
         self.pairs = checker.pairs
         required = required_everywhere(problem) + extra
         self.required = np.where(in_contact(problem), -np.inf, required)
+        self._bounds = ClearanceBounds(checker, self.pairs, self.required)
 
     def least(self, q: FloatArray, near: float) -> LeastClearance:
         """Return the least clearance in configurations (N, n), where it is below `near` [m].
@@ -50,29 +51,18 @@ class PairClearance:
         if len(self.pairs) == 0:
             return LeastClearance(np.full(len(q), np.inf), np.zeros(len(q), dtype=np.int64))
         rotation, position = self._robot.body_poses(q)
-        bound = self._checker.sphere_distances(rotation, position, self.pairs) - self.required
-        row, pair = np.nonzero(bound < near)
-        boxes = self._checker.box_distances(rotation, position, row, self.pairs[pair])
-        bound[row, pair] = np.maximum(bound[row, pair], boxes - self.required[pair])
-        for k in np.flatnonzero((bound < near).any(axis=0)):
-            rows = np.flatnonzero(bound[:, k] < near)
-            first, second = (self._checker.shapes[index] for index in self.pairs[k])
-            enough = near + self.required[k]
-            apart = separation_bounds(first, second, rotation[rows], position[rows], enough)
-            bound[rows, k] = apart - self.required[k]
-        bound[bound >= near] = np.inf
-        self._settle_overlaps(bound, rotation, position)
+        bound, least = self._bounds.at(rotation, position, near)
+        self._settle_overlaps(bound, np.flatnonzero(least < 0), rotation, position)
         pair = bound.argmin(axis=1)
         return LeastClearance(bound[np.arange(len(q)), pair], pair)
 
     def _settle_overlaps(
-        self, bound: FloatArray, rotation: FloatArray, position: FloatArray
+        self, bound: FloatArray, live: IntArray, rotation: FloatArray, position: FloatArray
     ) -> None:
         """Replace negative bounds (N, P) by clearances, until one of a row is negative itself.
 
-        The other entries of such a row become infinite.
+        The other entries of such a row become infinite. Negative bounds are in the rows `live`.
         """
-        live = np.flatnonzero((bound < 0).any(axis=1))
         while len(live):
             pair = bound[live].argmin(axis=1)
             closest = self._checker.closest_points(rotation[live], position[live], self.pairs[pair])
