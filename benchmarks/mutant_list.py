@@ -37,6 +37,7 @@ TESTS = {
         for name in ("placement_row", "placement_result", "placement_trials")
     },
     "commands/place_report": ("commands/test_place_command.py",),
+    "measurement/tool_moves": ("native/test_tool_moves.py",),
     "measurement/clearance_bounds": (
         "native/test_clearance_bounds.py",
         "measurement/test_configuration_set.py",
@@ -3998,7 +3999,16 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("apart - required[k]", "apart"),
         ("bound[bound >= near] = np.inf", "pass"),
     ],
-    "_separations": [("return apart - grown", "return apart"), ("enough=enough + grown", "enough=0")],
+    "_separations": [
+        ("return apart - grown", "return apart"),
+        ("enough=enough + grown", "enough=0"),
+    ],
+    "moved_tools": [
+        ("(off[0] > close[0]) | (off[1] > close[1])", "off[0] > close[0]"),
+        ("unsettled = (off[0]", "unsettled = (2 * off[0]"),
+        ("live = live[~still]", "pass"),
+    ],
+    "_stepped": [("np.where(outward[:, None], 0.0, jacobian)", "jacobian")],
 }
 
 MUTANTS = tuple(Mutant(where, *change) for where, changes in _CHANGES.items() for change in changes)

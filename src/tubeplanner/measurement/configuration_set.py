@@ -5,12 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from tubeplanner.arrays import BoolArray, FloatArray
+from tubeplanner.measurement.tool_moves import WantedTools, moved_tools
 from tubeplanner.problem.problem import PlanningProblem
 
-_MAX_STEPS = 20
-_MAX_STEP = 0.4  # [rad or m] of any joint
-_STILL = 1e-5  # [rad or m]: joints that move less come no nearer
-_DAMPING = 1e-6  # of squared metres and radians
 # A tool this near to where it is wanted is there: a share of the radius, and of a rotation [rad].
 _NEAR_SHARE, _NEAR_TURN = 0.1, 0.01
 _INSIDE = 1e-9  # [m or rad]
@@ -91,49 +88,15 @@ class ConfigurationSet:
         Args:
             q: Where to start, shape (N, n).
             targets: Where the tools are wanted, shape (N, 3) [m].
-            turns: Rotation vectors wanted against the reference, shape (N, 3) [rad]; None: any.
+            turns: Rotation vectors wanted against the reference there, (N, 3) [rad]; None: any.
             near: How near is near enough, as a share of the value for samples.
         """
-        q, live = q.copy(), np.arange(len(q))
-        close = near * np.array([_NEAR_SHARE * self.radius, _NEAR_TURN])
-        for _ in range(_MAX_STEPS):
-            wanted = None if turns is None else turns[live]
-            error, jacobian = self._task(q[live], targets[live], wanted)
-            off = np.linalg.norm(error[:, :3], axis=1), np.linalg.norm(error[:, 3:], axis=1)
-            unsettled = (off[0] > close[0] + _INSIDE) | (off[1] > close[1] + _INSIDE)
-            live, error, jacobian = live[unsettled], error[unsettled], jacobian[unsettled]
-            if len(live) == 0:
-                break
-            moved = self._stepped(q[live], error, jacobian)
-            still = abs(moved - q[live]).max(axis=1) < _STILL
-            q[live] = moved
-            live = live[~still]
-        return q
-
-    def _stepped(self, q: FloatArray, error: FloatArray, jacobian: FloatArray) -> FloatArray:
-        """Return configurations after a damped step; joints at a bound are not pushed outwards."""
-        for _ in range(2):
-            gram = jacobian @ jacobian.transpose(0, 2, 1) + _DAMPING * np.eye(error.shape[1])
-            pull = np.linalg.solve(gram, error[:, :, None])
-            step = (jacobian.transpose(0, 2, 1) @ pull)[:, :, 0]
-            outward = ((q <= self.lower) & (step < 0)) | ((q >= self.upper) & (step > 0))
-            jacobian = np.where(outward[:, None], 0.0, jacobian)
-        largest = np.maximum(abs(step).max(axis=1, keepdims=True), _INSIDE)
-        return np.clip(q + step * np.minimum(1.0, _MAX_STEP / largest), self.lower, self.upper)
-
-    def _task(
-        self, q: FloatArray, targets: FloatArray, turns: FloatArray | None
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return how far tools are from where they are wanted, (N, c), and the Jacobian."""
-        rotation, tool, jacobian = self.problem.robot.tool_pose_jacobian(q)
-        error, linear = targets - tool, jacobian[:, :3]
-        tube, bounds = self.problem.tube.rotation, self._turn_bounds
-        if tube is None or bounds is None or turns is None:
-            return error, linear
-        turned, spin = tube.error_jacobian(rotation, tool, jacobian, self.segment)
-        asked = np.isfinite(bounds[:3]) | np.isfinite(bounds[3])
-        error = np.hstack([error, (turns - turned)[:, asked]])
-        return error, np.concatenate([linear, spin[:, asked]], axis=1)
+        close = near * np.array([_NEAR_SHARE * self.radius, _NEAR_TURN]) + _INSIDE
+        wanted, tube, bounds = WantedTools(targets), self.problem.tube.rotation, self._turn_bounds
+        if tube is not None and bounds is not None and turns is not None:
+            asked = np.isfinite(bounds[:3]) | np.isfinite(bounds[3])
+            wanted = WantedTools(targets, tube.reference(targets, self.segment), turns, asked)
+        return moved_tools(self.problem.robot, q, (self.lower, self.upper), wanted, close)
 
     def _targets(self, count: int, rng: np.random.Generator) -> FloatArray:
         """Return random points of the capsule, shape (count, 3) [m]."""

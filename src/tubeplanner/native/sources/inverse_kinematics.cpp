@@ -5,9 +5,9 @@
 #include <cstring>
 
 #include "chain.h"
+#include "rotations.h"
 
 static const double PI = 3.14159265358979323846;
-static const double SMALL_ANGLE = 1e-2;  // below it, a series is used, as in tube/rotations.py
 
 // As the Python module's constants, in this order.
 struct Settings {
@@ -50,24 +50,6 @@ static double bounded(double value, double lower, double upper) {
     return value > upper ? upper : value;
 }
 
-// Set rotation vector v of a matrix (Shepperd: the row of 4 q q^T with the largest diagonal).
-static void rotation_vector(const double* m, double* v) {
-    double rows[4][4];
-    for (int i = 0; i < 3; ++i) {
-        int j = (i + 1) % 3, k = (i + 2) % 3;
-        rows[i][i] = 1 + m[4 * i] - m[4 * j] - m[4 * k];
-        rows[i][j] = rows[j][i] = m[3 * i + j] + m[3 * j + i];
-        rows[i][3] = rows[3][i] = m[3 * k + j] - m[3 * j + k];
-    }
-    rows[3][3] = 1 + m[0] + m[4] + m[8];
-    int best = 0;
-    for (int i = 1; i < 4; ++i)
-        if (rows[i][i] > rows[best][best]) best = i;
-    const double *x = rows[best], sign = x[3] < 0 ? -1.0 : 1.0, sine = std::sqrt(dot(x, x, 3));
-    double gain = sign * 2 * std::atan2(sine, sign * x[3]) / (sine == 0 ? 1 : sine);
-    for (int i = 0; i < 3; ++i) v[i] = gain * x[i];
-}
-
 // Replace a rotation vector by that of the turn the other way round if it is nearer to another.
 static void take_nearest_branch(double* v, const double* near, const bool* components) {
     double angle = std::sqrt(dot(v, v, 3)), factor = 1 - 2 * PI / angle, gain = 0;
@@ -75,18 +57,6 @@ static void take_nearest_branch(double* v, const double* near, const bool* compo
     for (int i = 0; i < 3; ++i)
         if (components[i]) gain += std::fabs(v[i] - near[i]) - std::fabs(factor * v[i] - near[i]);
     for (int i = 0; i < 3 && gain > 0; ++i) v[i] *= factor;
-}
-
-// Set J (3, 3) with dv/dt = J w (Sola et al., 2018, appendix B).
-static void inverse_right_jacobian(const double* v, double* matrix) {
-    double squared = dot(v, v, 3), a = std::sqrt(squared);
-    double c = a < SMALL_ANGLE ? 1.0 / 12 + squared / 720 : 1 / squared - 1 / (2 * a * std::tan(a / 2));
-    for (int i = 0; i < 3; ++i) {
-        int j = (i + 1) % 3, k = (i + 2) % 3;
-        matrix[4 * i] = 1 - c * (v[j] * v[j] + v[k] * v[k]);
-        matrix[3 * i + j] = -0.5 * v[k] + c * v[i] * v[j];
-        matrix[3 * j + i] = 0.5 * v[k] + c * v[i] * v[j];
-    }
 }
 
 // Turn a symmetric matrix (3, 3), of which `rows` count, diagonal (Jacobi); its vectors are rows.
@@ -193,10 +163,7 @@ class Descent {
 
     void set_rotation_task(const Goal& goal, const double* rotation) {
         double relative[9], vector[3], turning[9], row[3];
-        for (int i = 0; i < 9; ++i)
-            relative[i] = goal.reference[i / 3] * rotation[i % 3] +
-                          goal.reference[3 + i / 3] * rotation[3 + i % 3] +
-                          goal.reference[6 + i / 3] * rotation[6 + i % 3];
+        relative_rotation(goal.reference, rotation, relative);
         rotation_vector(relative, vector);
         take_nearest_branch(vector, goal.vector, goal.components);
         inverse_right_jacobian(vector, turning);
