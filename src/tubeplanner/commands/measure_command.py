@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     type=int,
     default=20,
     show_default=True,
-    help="Refuse a tube of more: each takes two to three seconds.",
+    help="Refuse a tube of more: each takes one to two seconds.",
 )
 @SET
 @AS_JSON

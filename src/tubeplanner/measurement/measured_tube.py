@@ -24,7 +24,7 @@ class MeasureOptions:
         samples: How many configurations of a segment the last counterexample search draws without
             finding a collision. Time is proportional.
         seed: Of the random numbers: the same seed gives the same tube.
-        max_segments: A tube of more segments is refused: each of them takes two to three seconds.
+        max_segments: A tube of more segments is refused: each of them takes one to two seconds.
     """
 
     max_radius: float = 0.2
@@ -46,8 +46,8 @@ class MeasureOptions:
         """
         if count > self.max_segments:
             raise OptionError(
-                f"measure: {count} segments; at most {self.max_segments} are measured, at two to "
-                "three seconds each: measure a part of the path, leave out points where it hardly "
+                f"measure: {count} segments; at most {self.max_segments} are measured, at one to "
+                "two seconds each: measure a part of the path, leave out points where it hardly "
                 "turns, or allow more (max_segments, --max-segments)"
             )
 
