@@ -89,7 +89,7 @@ KNOWS = {
         "commands.place_report",
         "commands.study_report",
     },
-    "piqp": {"refinement.linear_program"},
+    "piqp": {"refinement.sparse_program"},
     "toppra": {"baselines.fastest_parameterization"},
     "yaml": {"documents"},
     "mujoco": {"simulation.mujoco_model"},

@@ -15,13 +15,13 @@ from measured_motions import (
     unbounded,
 )
 from tubeplanner.refinement.control_variables import ControlVariables
-from tubeplanner.refinement.step_block import Step
 from tubeplanner.refinement.link_constraints import LinkConstraints
 from tubeplanner.refinement.measured_objective import _FIRST_WORTH as FIRST_WORTH
 from tubeplanner.refinement.measured_objective import MeasuredObjective
 from tubeplanner.refinement.phased_spline import PhasedSpline
 from tubeplanner.refinement.smoothness_measures import smoothness_measures
 from tubeplanner.refinement.spline_constraints import SplineConstraints
+from tubeplanner.refinement.step_block import Step
 from tubeplanner.refinement.step_cost import StepCost
 
 
@@ -48,7 +48,7 @@ class Model:
         self.here = self.constraints.at(spline)
         regular = self.cost.quadratic(spline.control_points)
         whole = self.objective.cost(self.here, self.variables, regular)
-        self.hessian = (whole.hessian - regular.hessian).toarray()[:-2, :-2]
+        self.hessian = (whole.hessian.dense() - regular.hessian.dense())[:-2, :-2]
         self.gradient = whole.gradient - regular.gradient
 
     def step(self, scale, switching=0.0, seed=3):

@@ -36,9 +36,9 @@ def test_it_is_the_cost_of_a_step_but_for_what_there_was_before(case):
     spline, variables, step_cost = case
     step = 0.01 * np.random.default_rng(0).normal(size=variables.lower.shape)
     quadratic = step_cost.quadratic(spline.control_points, DAMPING)
-    others = quadratic.hessian.shape[0] - step.size
+    others = quadratic.hessian.size - step.size
     x = np.append(step.ravel(), np.zeros(others))
-    found = quadratic.gradient @ x[:-2] + x @ (quadratic.hessian @ x) / 2
+    found = quadratic.gradient @ x[:-2] + x @ quadratic.hessian.product(x) / 2
     before = cost(spline, variables, np.zeros_like(step))
     assert found == pytest.approx(cost(spline, variables, step) - before, rel=1e-9)
     assert not quadratic.gradient[step.size :].any() and quadratic.duration == 1
@@ -47,7 +47,7 @@ def test_it_is_the_cost_of_a_step_but_for_what_there_was_before(case):
 def test_squared_rates_are_what_is_damped(case):
     spline, variables, step_cost = case
     step = 0.01 * np.random.default_rng(1).normal(size=variables.lower.shape)
-    found = [step_cost.quadratic(spline.control_points, w).hessian for w in (DAMPING, 0.0)]
+    found = [step_cost.quadratic(spline.control_points, w).hessian.dense() for w in (DAMPING, 0.0)]
     rates = found[0] - found[1]
     x = np.append(step.ravel(), np.zeros(rates.shape[0] - step.size))
     assert DAMPING * step_cost.squared_rates(step) == pytest.approx(x @ (rates @ x), rel=1e-9)
@@ -56,5 +56,5 @@ def test_squared_rates_are_what_is_damped(case):
 def test_everything_that_may_change_has_some_curvature(case):
     """Else the solver's program would have no single answer."""
     spline, _, step_cost = case
-    hessian = step_cost.quadratic(spline.control_points).hessian.toarray()
+    hessian = step_cost.quadratic(spline.control_points).hessian.dense()
     assert np.linalg.eigvalsh(hessian).min() > 0

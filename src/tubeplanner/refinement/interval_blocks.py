@@ -51,7 +51,7 @@ class IntervalBlocks:
         shared = np.broadcast_to(corner / len(blocks), (len(blocks), *corner.shape))
         below = np.concatenate([np.swapaxes(mixed, 1, 2), shared], axis=2)
         whole = np.concatenate([np.concatenate([blocks, mixed], axis=2), below], axis=1)
-        data = np.bincount(self._entry, whole[self._known], len(self._row))
+        data = np.bincount(self._entry, whole[self._known], len(self._row)).astype(np.float64)
         return SymmetricEntries(self._row, self._column, data, self._size)
 
     def vector(self, by_control: FloatArray, by_switching: FloatArray) -> FloatArray:

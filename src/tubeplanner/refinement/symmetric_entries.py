@@ -41,7 +41,9 @@ class SymmetricEntries:
 
     def product(self, x: FloatArray) -> FloatArray:
         """Return the matrix times a vector (size,)."""
-        return np.bincount(self.row, self.value * x[self.column], self.size)
+        terms = self.value * x[self.column]
+        product: FloatArray = np.bincount(self.row, terms, self.size).astype(np.float64)
+        return product
 
     def dense(self) -> FloatArray:
         """Return the matrix, shape (size, size)."""
