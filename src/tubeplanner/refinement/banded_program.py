@@ -118,19 +118,23 @@ class BandedProgram:
 
 def _without(rows: SparseRows, held: Sequence[SparseRows]) -> SparseRows:
     """Return rows that do not change along some directions, which are at right angles."""
-    for columns in {tuple(row.column.tolist()): None for row in held}:
-        directions = np.array([row.data for row in held if tuple(row.column.tolist()) == columns])
-        rows = _turned_away(rows, np.array(columns), directions)
+    groups: dict[tuple[int, ...], list[FloatArray]] = {}
+    for row in held:
+        groups.setdefault(tuple(row.column.tolist()), []).append(row.data)
+    for columns, directions in groups.items():
+        rows = _turned_away(rows, np.array(columns), np.array(directions))
     return rows
 
 
 def _turned_away(rows: SparseRows, columns: IntArray, directions: FloatArray) -> SparseRows:
     """Return rows without their parts along directions (r, n) of some variables (n,)."""
     number = np.repeat(np.arange(len(rows.count)), rows.count)
-    order = np.argsort(columns)
-    place = np.minimum(np.searchsorted(columns, rows.column, sorter=order), len(columns) - 1)
-    place = order[place]
-    is_meant = columns[place] == rows.column
+    places_of = np.full(max(columns.max(), rows.column.max(initial=0)) + 1, -1)
+    places_of[columns] = np.arange(len(columns))
+    place = places_of[rows.column]
+    is_meant = place >= 0
+    if not is_meant.any():
+        return rows
     own = np.zeros((len(rows.count), len(columns)))
     np.add.at(own, (number[is_meant], place[is_meant]), rows.data[is_meant])
     own -= own @ directions.T @ directions

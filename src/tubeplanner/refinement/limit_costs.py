@@ -55,10 +55,11 @@ def _exact_step(linear: Linearization) -> Step | None:
     Where the solver does not get there, as near as steps are elsewhere. If something stays
     violated, by next to nothing, that much is allowed: else multipliers tell the penalty.
     """
-    steps = StepSearch([linear], shared_columns([linear.shape], [False])).solve()
+    search = StepSearch([linear], shared_columns([linear.shape], [False]))
+    steps = search.solve()
     if steps is None:
         return None
-    exact = _solved(linear, _TOLERANCE) or steps[0]
+    (exact,) = search.solve_closely(_TOLERANCE) or steps
     elastic = linear.elastic_rows
     cost = float(abs(exact.multipliers * elastic[: len(exact.multipliers)]).sum())
     if cost < _SHARE_OF_PENALTY * linear.penalty:

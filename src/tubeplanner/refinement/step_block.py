@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tubeplanner.arrays import FloatArray, IntArray
+from tubeplanner.native.library import LIBRARY
+from tubeplanner.native.step_program import compressed_rows
 from tubeplanner.refinement.linear_rows import Rows
 from tubeplanner.refinement.symmetric_entries import SymmetricEntries
 
@@ -174,6 +176,10 @@ def sparse_rows(rows: Rows, is_elastic: FloatArray, column: IntArray, free: int)
         column: The variable of every control point, -1 where it is fixed, shape (K,).
         free: How many variables there are.
     """
+    if LIBRARY.functions is not None:
+        entries = (rows.first, rows.control, rows.switching, rows.duration, is_elastic)
+        each, columns, data = compressed_rows(*entries, column, free)
+        return SparseRows(data, columns, each)
     count, weights, n = rows.control.shape
     switches = rows.switching.shape[1]
     variable = column[rows.first[:, None] + np.arange(weights)]

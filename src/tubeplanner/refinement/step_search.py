@@ -43,6 +43,12 @@ class StepSearch:
             program.join(self._blocks(slack))
         return steps
 
+    def solve_closely(self, tolerance: float) -> tuple[Step, ...] | None:
+        """Return the steps to a finer tolerance, after `solve`; None if there are none."""
+        assert self._program is not None
+        self._program.join(self._blocks([leg.plain for leg in self._legs]))
+        return self._program.solve(tolerance)
+
     def solve_again(
         self, steps: Sequence[Step], trials: Sequence[Iterate], slack: Sequence[FloatArray]
     ) -> tuple[Step, ...] | None:
