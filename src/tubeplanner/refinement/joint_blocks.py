@@ -31,6 +31,8 @@ class JointBlocks:
     @property
     def hessian(self) -> SymmetricEntries:
         """The sum of the legs' curvatures."""
+        if self._is_one_alone:
+            return self.blocks[0].quadratic.hessian
         parts = zip(self.blocks, self.columns, strict=True)
         total, *others = (block.quadratic.hessian.among(own, self.size) for block, own in parts)
         for other in others:
@@ -40,14 +42,23 @@ class JointBlocks:
     @property
     def linear(self) -> FloatArray:
         """The cost's gradient."""
+        if self._is_one_alone:
+            return self.blocks[0].linear
         total = np.zeros(self.size)
         for block, own in zip(self.blocks, self.columns, strict=True):
             np.add.at(total, own, block.linear)
         return total
 
-    @property
+    @cached_property
+    def _is_one_alone(self) -> bool:
+        """Whether a leg alone has the program's variables in their order."""
+        return np.array_equal(self.columns[0], np.arange(self.size))
+
+    @cached_property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
         """The least and the largest of all variables: where legs share one, those of both."""
+        if self._is_one_alone:
+            return self.blocks[0].lower, self.blocks[0].upper
         lower, upper = np.full(self.size, -np.inf), np.full(self.size, np.inf)
         for block, own in zip(self.blocks, self.columns, strict=True):
             np.maximum.at(lower, own, block.lower)
@@ -71,6 +82,8 @@ class JointBlocks:
 
     def over_all(self, rows: SparseRows, leg: int) -> SparseRows:
         """Return rows of a leg over the program's variables."""
+        if self._is_one_alone:
+            return rows
         return replace(rows, column=self.columns[leg][rows.column])
 
     def steps(self, x: FloatArray, multipliers: Sequence[FloatArray]) -> tuple[Step, ...]:

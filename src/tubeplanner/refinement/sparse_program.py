@@ -111,7 +111,9 @@ def _matrix(parts: Sequence[SparseRows], columns: int) -> Any:
     from scipy import sparse
 
     rows = stacked_rows(parts)
-    ends = np.concatenate([[0], np.cumsum(rows.count)])
-    matrix = sparse.csr_matrix((rows.data, rows.column, ends), shape=(len(rows.count), columns))
+    # What scipy.sparse takes as it is.
+    ends = np.concatenate([[0], np.cumsum(rows.count)]).astype(np.int32)
+    column = rows.column.astype(np.int32, copy=False)
+    matrix = sparse.csr_matrix((rows.data, column, ends), shape=(len(rows.count), columns))
     matrix.sum_duplicates()  # control points that move as one
     return matrix.tocsc()

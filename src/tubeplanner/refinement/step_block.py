@@ -184,7 +184,7 @@ def sparse_rows(rows: Rows, is_elastic: FloatArray, column: IntArray, free: int)
     switches = rows.switching.shape[1]
     variable = column[rows.first[:, None] + np.arange(weights)]
     data = np.empty((count, weights * n + switches + 2))
-    columns = np.empty(data.shape, dtype=np.int64)
+    columns = np.empty(data.shape, dtype=np.int32)
     by_control = (rows.control * (variable >= 0)[:, :, None]).reshape(count, weights * n)
     data[:, : weights * n] = by_control
     data[:, weights * n : -2], data[:, -2], data[:, -1] = rows.switching, rows.duration, -is_elastic
