@@ -1,6 +1,7 @@
 """The native functions under the sanitizers of addresses and undefined behaviour.
 
-`driver.cpp` calls them with `inputs.xz`, which `tests/record_native_inputs.py` made of plans and edge cases.
+`driver.cpp` calls them with `inputs.xz`, which `tests/record_native_inputs.py` made of plans and
+edge cases.
 """
 
 import lzma

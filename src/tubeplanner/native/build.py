@@ -87,7 +87,7 @@ def build(folder: Path = FOLDER, environment: Mapping[str, str] = os.environ) ->
         environment: As for `compiler`.
 
     Raises:
-        RuntimeError: The compiler refused the sources; the message is its own.
+        RuntimeError: The compiler does not start, or refused the sources; the message is its own.
     """
     command = compiler(environment)
     if command is None:
@@ -109,13 +109,23 @@ def build(folder: Path = FOLDER, environment: Mapping[str, str] = os.environ) ->
             "-o",
             str(partial),
         ]
-        done = subprocess.run(arguments, capture_output=True, text=True)
-        if done.returncode:
+        try:
+            _run(arguments)
+        except RuntimeError:
             partial.unlink(missing_ok=True)
-            raise RuntimeError(f"{shlex.join(arguments)}\n{done.stderr}")
+            raise
         os.replace(partial, target)
         built.append(target)
     return built
+
+
+def _run(arguments: list[str]) -> None:
+    try:
+        done = subprocess.run(arguments, capture_output=True, text=True)
+    except OSError as error:
+        raise RuntimeError(f"{arguments[0]} does not start: {error.strerror}") from None
+    if done.returncode:
+        raise RuntimeError(f"{shlex.join(arguments)}\n{done.stderr}")
 
 
 def _processor(command: tuple[str, ...], level: str) -> tuple[str, ...]:
