@@ -139,6 +139,7 @@ def _report(
 ) -> dict[str, object]:
     """Return the JSON object, times still absent."""
     from tubeplanner.constraints.trajectory_peaks import peaks_as_dict, trajectory_peaks
+    from tubeplanner.native.library import LIBRARY
 
     passed = certificate.passed and _accepted(verdict)
     message = f"the trajectory {_message(certificate, verdict)}"
@@ -149,6 +150,7 @@ def _report(
         **empty_report("success" if passed else "certificate_failed", message, where),
         "duration": read.trajectory.duration,
         **peaks_as_dict(trajectory_peaks(problem.robot, read.trajectory)),
+        "build": LIBRARY.build,
         "notes": _notes(problem, read, certificate),
         "certificate": certificate.as_dict(),
         "controller": None if verdict is None else verdict.as_dict(),

@@ -11,7 +11,6 @@ from typing import Any
 
 import click
 
-from tubeplanner import __version__
 from tubeplanner.commands.check_command import check
 from tubeplanner.commands.console import (
     AS_JSON,
@@ -45,6 +44,7 @@ from tubeplanner.commands.study_command import study
 from tubeplanner.commands.study_commands import compare, sweep
 from tubeplanner.commands.study_commands import plot as draw
 from tubeplanner.commands.tube_commands import route, teach
+from tubeplanner.commands.version_option import VERSION
 from tubeplanner.commands.view_command import view
 from tubeplanner.errors import OptionError, TubePlannerError
 
@@ -84,7 +84,7 @@ def main(arguments: Sequence[str]) -> int:
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(__version__, prog_name="tubeplanner")
+@VERSION
 def cli() -> None:
     """Plan a smooth, certified trajectory of a robot arm whose tool stays in a tube.
 

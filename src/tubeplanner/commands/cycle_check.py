@@ -45,6 +45,7 @@ class CheckedCycle:
         """Return the JSON object, loading_time still absent."""
         from tubeplanner.constraints.trajectory_peaks import peaks_as_dict, trajectory_peaks
         from tubeplanner.cycle_planning.cycle_result import move_rows
+        from tubeplanner.native.library import LIBRARY
         from tubeplanner.outcome import Place
 
         motion, failures = self.motion, self.certificate.failures()
@@ -57,6 +58,7 @@ class CheckedCycle:
             **peaks_as_dict(trajectory_peaks(motion.cycle.robot, motion.trajectory)),
             "moves": move_rows(motion),
             "marks": [mark.as_dict() for mark in motion.marks],
+            "build": LIBRARY.build,
             "notes": list(self.notes),
             "certificate": self.certificate.as_dict(),
             "controller": None,

@@ -7,6 +7,7 @@ from typing import Any
 from tubeplanner.cycle.cycle import Cycle
 from tubeplanner.cycle.cycle_motion import CycleMotion
 from tubeplanner.cycle_planning.leg_plan import LegPlan
+from tubeplanner.native.library import LIBRARY
 from tubeplanner.outcome import Place, PlanStatus
 from tubeplanner.progress import StoppedBy
 from tubeplanner.refinement.sensitivities import Sensitivity
@@ -85,6 +86,7 @@ class CycleResult:
             "certificate_time": self.certificate_time,
             "stopped_by": self.stopped_by,
             "method": self.method,
+            "build": LIBRARY.build,
             "moves": [] if motion is None else move_rows(motion),
             "marks": [] if motion is None else [mark.as_dict() for mark in motion.marks],
             "notes": list(self.notes),

@@ -18,10 +18,10 @@ from pathlib import Path
 
 FOLDER = Path(__file__).parent
 SOURCES = FOLDER / "sources"
-# By level: what the compiler is told about the processor. The loader takes the last that runs.
-LEVELS: dict[str, tuple[str, ...]] = {"baseline": ()}
+# The processors that a library is built for. The loader takes the last that runs.
+LEVELS = ("baseline",)
 if platform.machine().lower() in ("x86_64", "amd64"):
-    LEVELS["x86-64-v3"] = ("-march=x86-64-v3",)
+    LEVELS = ("baseline", "x86-64-v3")
 _FLAGS = (
     "-std=c++17",
     "-O3",
@@ -87,26 +87,52 @@ def build(folder: Path = FOLDER, environment: Mapping[str, str] = os.environ) ->
         environment: As for `compiler`.
 
     Raises:
-        RuntimeError: The compiler refused the sources; the message is its own.
+        RuntimeError: The compiler does not start, or refused the sources; the message is its own.
     """
     command = compiler(environment)
     if command is None:
         return []
     built = []
-    for level, own in LEVELS.items():
+    for level in LEVELS:
         target = library_path(level, folder)
         partial = target.with_name(f".{target.name}.tmp")
         named = (f'-DTUBEPLANNER_SOURCES="{source_key()}"', f'-DTUBEPLANNER_LEVEL="{level}"')
         by = f'-DTUBEPLANNER_COMPILER="{_kind(command)}"'
         files = map(str, source_files())
-        arguments = [*command, *_FLAGS, *own, *named, by, *files, "-o", str(partial)]
-        done = subprocess.run(arguments, capture_output=True, text=True)
-        if done.returncode:
+        arguments = [
+            *command,
+            *_FLAGS,
+            *_processor(command, level),
+            *named,
+            by,
+            *files,
+            "-o",
+            str(partial),
+        ]
+        try:
+            _run(arguments)
+        except RuntimeError:
             partial.unlink(missing_ok=True)
-            raise RuntimeError(f"{shlex.join(arguments)}\n{done.stderr}")
+            raise
         os.replace(partial, target)
         built.append(target)
     return built
+
+
+def _run(arguments: list[str]) -> None:
+    try:
+        done = subprocess.run(arguments, capture_output=True, text=True)
+    except OSError as error:
+        raise RuntimeError(f"{arguments[0]} does not start: {error.strerror}") from None
+    if done.returncode:
+        raise RuntimeError(f"{shlex.join(arguments)}\n{done.stderr}")
+
+
+def _processor(command: tuple[str, ...], level: str) -> tuple[str, ...]:
+    """Return what a compiler is told about the processor."""
+    if _kind(command) == "zig":  # its names are its own, and without one it takes this processor
+        return (f"-mcpu={level.replace('-', '_')}",)
+    return () if level == "baseline" else (f"-march={level}",)
 
 
 def _kind(command: tuple[str, ...]) -> str:

@@ -13,6 +13,7 @@ from tubeplanner.constraints.trajectory_peaks import (
     trajectory_peaks,
 )
 from tubeplanner.constraints.unused_speed import unused_speed
+from tubeplanner.native.library import LIBRARY
 from tubeplanner.outcome import Place, PlanStatus
 from tubeplanner.planning.contact_note import contact_notes
 from tubeplanner.planning.path_minimum import path_minimum
@@ -137,6 +138,7 @@ class PlanResult:
             "stopped_by": self.stopped_by,
             **peaks_as_dict(self.peaks),
             "method": self.method,
+            "build": LIBRARY.build,
             "notes": list(self.notes),
             "sensitivities": [asdict(sensitivity) for sensitivity in self.sensitivities],
             "search": None if self.search is None else self.search.as_dict(),

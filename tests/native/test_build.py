@@ -1,0 +1,102 @@
+"""Which compiler builds the native library, for which processors, and what becomes of failures."""
+
+import ctypes
+import os
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+
+from tubeplanner.native import build as building
+from tubeplanner.native.build import LEVELS, build, compiler, library_path, source_key
+
+HAS_COMPILER = pytest.mark.skipif(compiler() is None, reason="there is no C++ compiler")
+
+
+def command_in(folder, name, text="exit 0"):
+    path = folder / name
+    path.write_text(f"#!/bin/sh\n{text}\n")
+    path.chmod(0o755)
+    return path
+
+
+def test_the_first_compiler_of_the_path_is_taken(tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert compiler({}) is None
+    for name in ("clang++", "g++", "c++"):
+        path = command_in(tmp_path, name)
+        assert compiler({}) == (str(path),)
+
+
+def test_what_the_environment_names_comes_first():
+    assert compiler({"CXX": "ccache 'my g++' -m64"}) == ("ccache", "my g++", "-m64")
+    zig = compiler({"CXX": "g++", "TUBEPLANNER_BUILD": "zig"})
+    assert zig == (sys.executable, "-m", "ziglang", "c++")
+    assert compiler({"CXX": "g++", "TUBEPLANNER_BUILD": "none"}) is None
+
+
+def test_another_build_is_refused():
+    with pytest.raises(ValueError, match="TUBEPLANNER_BUILD is 'gcc'; give zig, none, or do not"):
+        compiler({"TUBEPLANNER_BUILD": "gcc"})
+
+
+def test_without_a_compiler_nothing_is_built(tmp_path):
+    assert build(tmp_path, {"TUBEPLANNER_BUILD": "none"}) == []
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_compiler_that_refuses_is_quoted_and_leaves_the_old_library(tmp_path):
+    refusing = command_in(tmp_path, "refusing", "echo no such flag >&2\nexit 1")
+    old = library_path("baseline", tmp_path)
+    old.write_text("old")
+    with pytest.raises(RuntimeError, match=r"-std=c\+\+17 (.|\n)*no such flag"):
+        build(tmp_path, {"CXX": str(refusing)})
+    assert old.read_text() == "old"
+    assert sorted(tmp_path.iterdir()) == sorted([old, refusing])
+
+
+def test_a_compiler_that_is_not_there_is_refused_as_such(tmp_path):
+    with pytest.raises(RuntimeError, match="/no/such/compiler does not start: No such file"):
+        build(tmp_path, {"CXX": "/no/such/compiler"})
+
+
+@pytest.mark.parametrize(
+    ("command", "expected"),
+    [(("/usr/bin/g++",), ["", "-march=x86-64-v3"])]
+    + [(("python3", "-m", "ziglang", "c++"), ["-mcpu=baseline", "-mcpu=x86_64_v3"])],
+)
+def test_each_compiler_is_told_the_processor_in_its_own_words(command, expected):
+    told = [" ".join(building._processor(command, level)) for level in ("baseline", "x86-64-v3")]
+    assert told == expected
+
+
+@HAS_COMPILER
+def test_a_library_knows_its_sources_level_and_compiler(tmp_path, monkeypatch):
+    sources = tmp_path / "sources"
+    sources.mkdir()
+    for name in ("version.cpp", "numerics.h"):
+        shutil.copy(building.SOURCES / name, sources)
+    monkeypatch.setattr(building, "SOURCES", sources)
+    built = build(tmp_path, os.environ)
+    assert built == [library_path(level, tmp_path) for level in LEVELS]
+    for level, path in zip(LEVELS, built, strict=True):
+        library = ctypes.CDLL(str(path))
+        said = []
+        for name in ("sources", "level", "compiler"):
+            function = getattr(library, f"tubeplanner_{name}")
+            function.restype = ctypes.c_char_p
+            said.append(function().decode())
+        assert said[:2] == [source_key(), level]
+        assert said[2] in ("zig", Path(compiler()[0]).name)
+
+
+def test_any_change_of_a_source_or_header_gives_another_key(tmp_path, monkeypatch):
+    monkeypatch.setattr(building, "SOURCES", tmp_path)
+    keys = []
+    for name, text in (("a.cpp", "1"), ("a.cpp", "2"), ("b.h", ""), ("b.h", "2")):
+        (tmp_path / name).write_text(text)
+        keys.append(source_key())
+    assert len(set(keys)) == 4
+    (tmp_path / "notes.txt").write_text("no source")
+    assert source_key() == keys[-1]

@@ -1,0 +1,136 @@
+"""Which library is loaded, why none is, and what its functions are given."""
+
+import ctypes
+import os
+import re
+
+import numpy as np
+import pytest
+
+from native_exports import exports
+from tubeplanner.native import library
+from tubeplanner.native.build import LEVELS, library_path
+from tubeplanner.native.library import LIBRARY, Bytes, Doubles, Integers, NativeLibrary
+
+IS_BUILT = pytest.mark.skipif(not library_path("baseline").exists(), reason="it is not built")
+WRAPPERS = ("convex_pairs", "inverse_kinematics", "kinematics", "regions", "speed_roots")
+WRAPPERS += ("spline_basis", "spline_rows", "step_program")
+C_TYPES = {"integer": ctypes.c_int64, "int": ctypes.c_int, "double": ctypes.c_double}
+C_TYPES |= {"void*": ctypes.c_void_p, "void": None, "const Shapes*": ctypes.c_void_p}
+C_TYPES |= {"double*": Doubles, "integer*": Integers, "bool*": Bytes}
+
+
+def loaded(monkeypatch, **environment):
+    for name in ("TUBEPLANNER_PURE", "TUBEPLANNER_BASELINE"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    return library._loaded()
+
+
+def elsewhere(monkeypatch, folder):
+    """Let libraries be looked for in a folder."""
+    monkeypatch.setattr(library, "library_path", lambda level: library_path(level, folder))
+
+
+def test_without_a_library_it_is_pure_python_and_says_so(monkeypatch, tmp_path):
+    elsewhere(monkeypatch, tmp_path)
+    found = loaded(monkeypatch)
+    assert found.functions is None
+    assert found.build == "pure Python (no C++ compiler was there at the installation)"
+
+
+@pytest.mark.parametrize("value", ["1", "yes"])
+def test_the_environment_leaves_it_out(value, monkeypatch):
+    found = loaded(monkeypatch, TUBEPLANNER_PURE=value)
+    assert found == NativeLibrary(None, "pure Python (TUBEPLANNER_PURE is set)")
+
+
+@IS_BUILT
+@pytest.mark.parametrize("value", ["", "0"])
+def test_an_empty_or_zero_variable_does_not(value, monkeypatch):
+    assert loaded(monkeypatch, TUBEPLANNER_PURE=value).functions is not None
+
+
+@IS_BUILT
+def test_the_newest_level_that_the_processor_runs_is_loaded(monkeypatch):
+    baseline = ctypes.CDLL(str(library_path("baseline")))
+    expected = LEVELS[-1] if baseline.tubeplanner_runs_v3() else "baseline"
+    assert re.fullmatch(rf"native \(\S+, {expected}\)", loaded(monkeypatch).build)
+    older = loaded(monkeypatch, TUBEPLANNER_BASELINE="1")
+    assert re.fullmatch(r"native \(\S+, baseline\)", older.build)
+
+
+@pytest.mark.skipif(not os.path.exists("/proc/cpuinfo"), reason="the system does not tell")
+@pytest.mark.skipif("x86-64-v3" not in LEVELS, reason="of another kind")
+@IS_BUILT
+def test_the_processor_is_asked_as_the_system_does():
+    with open("/proc/cpuinfo") as file:
+        flags = set(re.search(r"flags\s*:(.*)", file.read())[1].split())
+    needed = {"avx", "avx2", "bmi1", "bmi2", "f16c", "fma", "abm", "movbe"}
+    baseline = ctypes.CDLL(str(library_path("baseline")))
+    assert bool(baseline.tubeplanner_runs_v3()) == (needed <= flags)
+
+
+@IS_BUILT
+def test_changed_sources_leave_it_out_and_name_the_command(monkeypatch):
+    monkeypatch.setattr(library, "source_key", lambda: "other")
+    assert loaded(monkeypatch) == NativeLibrary(
+        None, "pure Python (native sources have changed: python -m tubeplanner.native.build)"
+    )
+
+
+def test_a_broken_library_leaves_it_out(monkeypatch, tmp_path):
+    elsewhere(monkeypatch, tmp_path)
+    library_path("baseline", tmp_path).write_bytes(b"no library")
+    found = loaded(monkeypatch)
+    assert found.functions is None
+    assert found.build.startswith("pure Python (the library does not load: ")
+
+
+def test_functions_of_a_library_that_is_left_out_are_none(monkeypatch):
+    monkeypatch.setattr(library, "LIBRARY", NativeLibrary(None, "for a test"))
+    assert library.native_function("cubic_values") is None
+
+
+@pytest.mark.parametrize(
+    ("kind", "array"),
+    [
+        (Doubles, np.zeros(3, dtype=np.float32)),
+        (Doubles, np.zeros(3, dtype=np.int64)),
+        (Doubles, np.zeros((3, 3)).T[:2]),
+        (Integers, np.zeros(3, dtype=np.int32)),
+        (Bytes, np.zeros(3, dtype=np.int64)),
+    ],
+)
+def test_arrays_of_other_types_or_with_gaps_are_refused(kind, array):
+    with pytest.raises(TypeError, match="is not a contiguous one of"):
+        kind.from_param(array)
+
+
+def test_functions_get_the_address_of_an_array_or_none():
+    array = np.arange(3.0)
+    assert ctypes.addressof(Doubles.from_param(array)) == array.ctypes.data
+    array.flags.writeable = False
+    assert Doubles.from_param(array).value == array.ctypes.data
+    assert Doubles.from_param(None) is None
+
+
+@pytest.mark.skipif(LIBRARY.functions is None, reason="the library is left out")
+def test_python_declares_all_functions_as_the_sources_do(monkeypatch):
+    declared = {}
+    for name, export in exports().items():
+        types = tuple(one.type.removeprefix("const ") for one in export.arguments)
+        types = tuple(C_TYPES["void*" if one == "Shapes*" else one] for one in types)
+        declared[name] = types, C_TYPES.get(export.returns, export.returns)
+    asked = {}
+
+    def note(name, *arguments, returns=None):
+        asked[name] = arguments, returns
+
+    monkeypatch.setattr(library, "native_function", note)
+    for name in WRAPPERS:
+        source = (library.SOURCES.parent / f"{name}.py").read_text()
+        exec(compile(source, name, "exec"), {"__name__": f"for_a_test_{name}"})
+    texts = {f"tubeplanner_{name}" for name in ("sources", "level", "compiler", "runs_v3")}
+    assert asked == {name: each for name, each in declared.items() if name not in texts}
