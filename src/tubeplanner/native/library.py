@@ -46,19 +46,19 @@ class Doubles:
         if array is None:
             return None
         if array.dtype is not cls.dtype and array.dtype != cls.dtype:
-            raise TypeError(f"an array of {array.dtype} is not one of {cls.dtype}")
+            raise cls._refused(array)
         try:
             return _Place.from_buffer(array)  # as `ctypes.data`, in a third of its time
-        except TypeError:  # it is not to be written to
-            return _address_of_read_only(array)
         except ValueError as error:
-            raise TypeError("an array is not contiguous") from error
+            raise cls._refused(array) from error
+        except TypeError as error:  # it is not to be written to
+            if not array.flags.c_contiguous:
+                raise cls._refused(array) from error
+            return ctypes.c_void_p(array.ctypes.data)
 
-
-def _address_of_read_only(array: Any) -> ctypes.c_void_p:
-    if not array.flags.c_contiguous:
-        raise TypeError("an array is not contiguous")
-    return ctypes.c_void_p(array.ctypes.data)
+    @classmethod
+    def _refused(cls, array: Any) -> TypeError:
+        return TypeError(f"an array of {array.dtype} is not a contiguous one of {cls.dtype}")
 
 
 class Integers(Doubles):

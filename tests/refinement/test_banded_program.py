@@ -1,0 +1,82 @@
+"""Both that solve programs of steps, on programs of real trajectories."""
+
+import numpy as np
+import pytest
+
+from tubeplanner import load_problem
+from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
+from tubeplanner.native.library import LIBRARY
+from tubeplanner.refinement.banded_program import BandedProgram
+from tubeplanner.refinement.descent import FIRST_PENALTY, Remembered
+from tubeplanner.refinement.sequential_program import SequentialProgram
+from tubeplanner.refinement.shared_columns import shared_columns
+from tubeplanner.refinement.sparse_program import SparseProgram
+from tubeplanner.refinement.spline_start import starting_spline
+from tubeplanner.refinement.step_search import StepSearch
+from tubeplanner.refinement.trust_region import TrustRegion
+
+FINE, AGREE = 1e-8, 1e-6
+NOTHING = Remembered(np.zeros(0, dtype=np.int64), ())
+pytestmark = pytest.mark.skipif(LIBRARY.functions is None, reason="the native library is left out")
+
+
+def linearized(name, intervals, trust):
+    """Return a trajectory to first order, with all rows that its step needs."""
+    problem = load_problem(f"example:{name}")
+    branch = reference_branch(problem, redundancy_rules(problem)[0])
+    spline = starting_spline(problem, branch, intervals)
+    program = SequentialProgram(problem, spline.grid)
+    begun, wide = program.iterate(spline), TrustRegion(0.2)
+    near = program.improved(begun, wide, FIRST_PENALTY, min_gain=1e-3, max_steps=12).iterate
+    linear = program.linearized(near, TrustRegion(trust), FIRST_PENALTY, NOTHING)
+    assert StepSearch([linear], shared_columns([linear.shape], [False])).solve() is not None
+    return linear
+
+
+def cost(block, step):
+    x = np.concatenate([step.control.ravel(), step.switching, [step.duration, step.elastic]])
+    return block.linear @ x + x @ block.quadratic.hessian.product(x) / 2
+
+
+@pytest.mark.parametrize("trust", [0.1, 0.01])
+@pytest.mark.parametrize(
+    ("name", "intervals"),
+    [
+        ("two_link/paper_5_10mm", 24),
+        ("two_link/around_a_post", 8),
+        ("ur5/over_the_wall", 16),  # its goal is open: the tool is held there
+        ("panda/between_shelves", 16),
+        ("ur5/every_field", 8),
+    ],
+)
+def test_both_find_the_same_least_cost(name, intervals, trust):
+    linear = linearized(name, intervals, trust)
+    columns = shared_columns([linear.shape], [False])
+    block = linear.block(linear.plain)
+    steps = [program([block], columns).solve(FINE)[0] for program in (BandedProgram, SparseProgram)]
+    costs = [cost(block, step) for step in steps]
+    assert costs[0] == pytest.approx(costs[1], abs=AGREE)
+    assert min(step.multipliers.sum() for step in steps) > 0.5, "nothing but bounds counts"
+
+
+def test_rows_that_join_lead_to_the_same_step_as_rows_given_at_once():
+    linear = linearized("ur5/over_the_wall", 16, 0.1)
+    columns = shared_columns([linear.shape], [False])
+    block = linear.block(linear.plain)
+    (whole,) = BandedProgram([block], columns).solve(FINE)
+    counts = np.array([len(rows.count) for rows in block.rows])
+    some = len(counts) // 2
+    begun = type(block)(
+        block.rows[:some],
+        block.slack[: counts[:some].sum()],
+        block.bounds,
+        block.quadratic,
+        block.penalty,
+    )
+    program = BandedProgram([begun], columns)
+    assert program.solve(1e-4) is not None
+    program.join([block])
+    (step,) = program.solve(FINE)
+    assert cost(block, step) == pytest.approx(cost(block, whole), abs=AGREE)
+    assert whole.multipliers.sum() > 0.5
+    assert step.multipliers.sum() == pytest.approx(whole.multipliers.sum(), rel=1e-3)
