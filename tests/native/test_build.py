@@ -63,8 +63,10 @@ def test_a_compiler_that_is_not_there_is_refused_as_such(tmp_path):
 
 @pytest.mark.parametrize(
     ("command", "expected"),
-    [(("/usr/bin/g++",), ["", "-march=x86-64-v3"])]
-    + [(("python3", "-m", "ziglang", "c++"), ["-mcpu=baseline", "-mcpu=x86_64_v3"])],
+    [
+        (("/usr/bin/g++",), ["", "-march=x86-64-v3"]),
+        (("python3", "-m", "ziglang", "c++"), ["-mcpu=baseline", "-mcpu=x86_64_v3"]),
+    ],
 )
 def test_each_compiler_is_told_the_processor_in_its_own_words(command, expected):
     told = [" ".join(building._processor(command, level)) for level in ("baseline", "x86-64-v3")]

@@ -19,7 +19,7 @@ from pathlib import Path
 FOLDER = Path(__file__).parent
 SOURCES = FOLDER / "sources"
 # The processors that a library is built for. The loader takes the last that runs.
-LEVELS = ("baseline",)
+LEVELS: tuple[str, ...] = ("baseline",)
 if platform.machine().lower() in ("x86_64", "amd64"):
     LEVELS = ("baseline", "x86-64-v3")
 _FLAGS = (
