@@ -77,6 +77,7 @@ KNOWS = {
         "commands.study_command",
         "commands.study_commands",
         "commands.tube_commands",
+        "commands.version_option",
         "commands.view_command",
         "commands.workers",
         "commands.cli",

@@ -84,7 +84,9 @@ def _loaded() -> NativeLibrary:
     if os.environ.get("TUBEPLANNER_PURE", "") not in ("", "0"):
         return NativeLibrary(None, "pure Python (TUBEPLANNER_PURE is set)")
     if not library_path("baseline").exists():
-        return NativeLibrary(None, "pure Python (no native library was compiled at the installation)")
+        return NativeLibrary(
+            None, "pure Python (no native library was compiled at the installation)"
+        )
     try:
         library = ctypes.CDLL(str(library_path("baseline")))
         is_newer = library.tubeplanner_runs_v3() and not os.environ.get("TUBEPLANNER_BASELINE")
