@@ -5,10 +5,11 @@ VENV := .venv
 BIN := $(VENV)/bin
 PROBLEM ?= example:ur5/over_the_wall
 JOBS ?= 2
+NUMERICS := planning refinement verification collision branches trajectory constraints robot native
 # One thread of linear algebra per worker: more would fight for the same cores.
 PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n $(JOBS) --dist worksteal
 
-.PHONY: demo test test-slow test-all test-processors trajectories lint notebooks docs gallery wheel clean
+.PHONY: demo test test-slow test-all test-processors test-pure trajectories lint notebooks docs gallery wheel clean
 
 demo: $(VENV)/.installed
 	mkdir -p output
@@ -26,6 +27,10 @@ test-all: $(VENV)/.installed-test lint
 # The numerics again, rounded as other processors round.
 test-processors: $(VENV)/.installed-test
 	$(BIN)/python tests/other_processors.py "$(PYTEST)"
+
+# The numerics again, by numpy alone, as where there is no compiler.
+test-pure: $(VENV)/.installed-test
+	TUBEPLANNER_PURE=1 $(PYTEST) -m "not slow" $(addprefix tests/,$(NUMERICS))
 
 # Those that tests only look at, planned again; needed when a bundled problem changes.
 trajectories: $(VENV)/.installed-test

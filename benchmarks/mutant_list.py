@@ -3968,7 +3968,13 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
     "PosedProblem._cell_hash": [("for key in _CELL if", "for key in _CELL[:1] if")],
     "plan_either": [("isinstance(problem, Cycle)", "False")],
     "_packed": [("str(Path(problem).absolute())", "str(problem)")],
-    "_loaded": [("isinstance(packed, Parcel)", "False")],
+    "_loaded": [
+        ("isinstance(packed, Parcel)", "False"),
+        ('("", "0")', '("",)'),
+        ("if not is_current:", "if False:"),
+        (' and not os.environ.get("TUBEPLANNER_BASELINE")', ""),
+        ("library.tubeplanner_runs_v3() and", "False and"),
+    ],
     "PlannedItem.status": [("PlanStatus.CRASHED if self.crashed else ", "")],
     "run_many": [
         ("finished.empty() and ", ""),
@@ -4009,6 +4015,14 @@ _CHANGES: dict[str, list[tuple[str, ...]]] = {
         ("live = live[~still]", "pass"),
     ],
     "_stepped": [("np.where(outward[:, None], 0.0, jacobian)", "jacobian")],
+    # --- native/build, library; commands/version_option -------------------------------------------
+    "compiler": [
+        ('if wanted == "none":', "if False:"),
+        ('environment.get("CXX")', "None"),
+    ],
+    "source_key": [('(".cpp", ".h")', '(".cpp",)'), (" + path.read_bytes()", "")],
+    "_processor": [("level.replace('-', '_')", "level"), ('_kind(command) == "zig"', "False")],
+    "_say_version": [("{LIBRARY.build}", "native")],
 }
 
 MUTANTS = tuple(Mutant(where, *change) for where, changes in _CHANGES.items() for change in changes)

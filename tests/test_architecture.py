@@ -2,6 +2,7 @@
 
 import ast
 import os
+import re
 import subprocess
 import sys
 import tomllib
@@ -13,6 +14,7 @@ from importlinter.cli import lint_imports
 
 import tubeplanner
 from stored_trajectories import REFINEMENT, stored_path
+from tubeplanner.native.build import SOURCES
 
 PACKAGE = Path(tubeplanner.__file__).parent
 MODULES = [path for path in sorted(PACKAGE.rglob("*.py")) if path.name != "__init__.py"]
@@ -75,6 +77,7 @@ KNOWS = {
         "commands.study_command",
         "commands.study_commands",
         "commands.tube_commands",
+        "commands.version_option",
         "commands.view_command",
         "commands.workers",
         "commands.cli",
@@ -205,6 +208,20 @@ def test_an_unknown_public_name_is_refused_and_a_near_one_suggested():
     command = [sys.executable, "-c", "import tubeplanner; tubeplanner.PlanOption"]
     output = subprocess.run(command, capture_output=True, text=True)
     assert "No tubeplanner attribute PlanOption. Did you mean: 'PlanOptions'?" in output.stderr
+
+
+def test_native_code_is_short_and_listed():
+    sources = {path.name: len(path.read_text().splitlines()) for path in SOURCES.iterdir()}
+    driver = len((TESTS / "native" / "driver.cpp").read_text().splitlines())
+    assert sum(sources.values()) + driver < 2500
+    page = (TESTS.parent / "docs" / "development" / "architecture.md").read_text()
+    listed = {}
+    for files, lines in re.findall(r"^\| (`\w+\.(?:cpp|h)`.*?) \| .* \| (\d+) \|$", page, re.M):
+        files = files.replace(", `.h`", f", `{files[1:].split('.')[0]}.h`")
+        listed[tuple(re.findall(r"`(.*?)`", files))] = int(lines)
+    assert {name for names in listed for name in names} == set(sources)
+    for names, lines in listed.items():
+        assert sum(sources[name] for name in names) == pytest.approx(lines, rel=0.2, abs=10), names
 
 
 def test_no_function_is_long_and_no_module_huge():

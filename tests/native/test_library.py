@@ -9,12 +9,12 @@ import pytest
 
 from native_exports import exports
 from tubeplanner.native import library
-from tubeplanner.native.build import LEVELS, library_path
+from tubeplanner.native.build import LEVELS, SOURCES, library_path, source_key
 from tubeplanner.native.library import LIBRARY, Bytes, Doubles, Integers, NativeLibrary
 
 IS_BUILT = pytest.mark.skipif(not library_path("baseline").exists(), reason="it is not built")
 WRAPPERS = ("convex_pairs", "inverse_kinematics", "kinematics", "regions", "speed_roots")
-WRAPPERS += ("spline_basis", "spline_rows", "step_program")
+WRAPPERS += ("spline_basis", "spline_rows", "step_program", "clearance_bounds", "tool_moves")
 C_TYPES = {"integer": ctypes.c_int64, "int": ctypes.c_int, "double": ctypes.c_double}
 C_TYPES |= {"void*": ctypes.c_void_p, "void": None, "const Shapes*": ctypes.c_void_p}
 C_TYPES |= {"double*": Doubles, "integer*": Integers, "bool*": Bytes}
@@ -37,7 +37,7 @@ def test_without_a_library_it_is_pure_python_and_says_so(monkeypatch, tmp_path):
     elsewhere(monkeypatch, tmp_path)
     found = loaded(monkeypatch)
     assert found.functions is None
-    assert found.build == "pure Python (no C++ compiler was there at the installation)"
+    assert found.build == "pure Python (no native library was compiled at the installation)"
 
 
 @pytest.mark.parametrize("value", ["1", "yes"])
@@ -78,6 +78,19 @@ def test_changed_sources_leave_it_out_and_name_the_command(monkeypatch):
     assert loaded(monkeypatch) == NativeLibrary(
         None, "pure Python (native sources have changed: python -m tubeplanner.native.build)"
     )
+
+
+@IS_BUILT
+def test_the_library_of_another_level_must_be_of_these_sources_too(monkeypatch, tmp_path):
+    elsewhere(monkeypatch, tmp_path)
+    for level in LEVELS:
+        data = library_path(level).read_bytes()
+        if level != "baseline":
+            data = data.replace(source_key().encode(), b"0" * 16)
+        library_path(level, tmp_path).write_bytes(data)
+    is_newest = ctypes.CDLL(str(library_path("baseline"))).tubeplanner_runs_v3()
+    assert (loaded(monkeypatch).functions is None) == bool(is_newest)
+    assert loaded(monkeypatch, TUBEPLANNER_BASELINE="1").functions is not None
 
 
 def test_a_broken_library_leaves_it_out(monkeypatch, tmp_path):
@@ -130,7 +143,7 @@ def test_python_declares_all_functions_as_the_sources_do(monkeypatch):
 
     monkeypatch.setattr(library, "native_function", note)
     for name in WRAPPERS:
-        source = (library.SOURCES.parent / f"{name}.py").read_text()
+        source = (SOURCES.parent / f"{name}.py").read_text()
         exec(compile(source, name, "exec"), {"__name__": f"for_a_test_{name}"})
     texts = {f"tubeplanner_{name}" for name in ("sources", "level", "compiler", "runs_v3")}
     assert asked == {name: each for name, each in declared.items() if name not in texts}

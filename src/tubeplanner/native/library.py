@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from tubeplanner.native.build import LEVELS, SOURCES, library_path, source_key
+from tubeplanner.native.build import LEVELS, library_path, source_key
 
 
 @dataclass(frozen=True)
@@ -93,21 +93,22 @@ def _loaded() -> NativeLibrary:
     if os.environ.get("TUBEPLANNER_PURE", "") not in ("", "0"):
         return NativeLibrary(None, "pure Python (TUBEPLANNER_PURE is set)")
     if not library_path("baseline").exists():
-        return NativeLibrary(None, "pure Python (no C++ compiler was there at the installation)")
+        return NativeLibrary(
+            None, "pure Python (no native library was compiled at the installation)"
+        )
     try:
-        baseline = ctypes.CDLL(str(library_path("baseline")))
-        is_current = _text(baseline, "tubeplanner_sources") == source_key()
+        library = ctypes.CDLL(str(library_path("baseline")))
+        is_newer = library.tubeplanner_runs_v3() and not os.environ.get("TUBEPLANNER_BASELINE")
+        if is_newer and "x86-64-v3" in LEVELS and library_path("x86-64-v3").exists():
+            library = ctypes.CDLL(str(library_path("x86-64-v3")))
+        is_current = _text(library, "tubeplanner_sources") == source_key()
     except (OSError, AttributeError) as error:
         return NativeLibrary(None, f"pure Python (the library does not load: {error})")
-    if SOURCES.exists() and not is_current:
+    if not is_current:
         message = "pure Python (native sources have changed: python -m tubeplanner.native.build)"
         return NativeLibrary(None, message)
-    best = baseline
-    is_newer = baseline.tubeplanner_runs_v3() and not os.environ.get("TUBEPLANNER_BASELINE")
-    if is_newer and "x86-64-v3" in LEVELS and library_path("x86-64-v3").exists():
-        best = ctypes.CDLL(str(library_path("x86-64-v3")))
-    compiler, level = (_text(best, f"tubeplanner_{name}") for name in ("compiler", "level"))
-    return NativeLibrary(best, f"native ({compiler}, {level})")
+    compiler, level = (_text(library, f"tubeplanner_{name}") for name in ("compiler", "level"))
+    return NativeLibrary(library, f"native ({compiler}, {level})")
 
 
 def _text(library: ctypes.CDLL, name: str) -> str:
