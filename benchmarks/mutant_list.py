@@ -141,6 +141,7 @@ TESTS = {
         "refinement/test_spline_constraints.py",
         "refinement/test_sensitivities.py",
     ),
+    "native/library": ("native/test_library.py",),
     "robot/frame_jacobian": ("robot/test_body_chain.py",),
     "problem/checked_fields": ("cycle/test_cycle_format.py", "cycle/test_cycle_reader.py"),
     "problem/solid_fields": (
