@@ -148,6 +148,7 @@ TESTS = {
         "refinement/test_spline_constraints.py",
         "refinement/test_sensitivities.py",
     ),
+    "native/library": ("native/test_library.py",),
     "robot/frame_jacobian": ("robot/test_body_chain.py", "native/test_kinematics.py"),
     "robot/tool_chain": ("native/test_kinematics.py",),
     "robot/body_chain": ("native/test_kinematics.py",),

@@ -20,8 +20,8 @@ PLANS = ("example:two_link/around_a_post", "example:ur5/over_the_wall")
 MOST_CALLS = 3  # of a function and number of joints or the like
 MOST_BYTES = {"program": 150_000, "call": 50_000}
 # Arrays that a function reads before it writes to them, or may leave as they are.
-ALSO_READ = {"direction", "bound", "changes"}
-LEFT = {"near_rows": ("control", "switching")}
+ALSO_READ = {"direction", "bound", "changes", "q"}
+LEFT = {"near_rows": ("control", "switching"), "compressed_rows": ("column", "value")}
 ALWAYS_LEFT = ("centers",)
 SHAPES = (("body", 1), ("begin", 1), ("size", 1), ("points", 0), ("radius", 1), ("center", 3))
 SHAPES += (("reach", 1), ("axes", 9), ("middle", 3), ("half", 3))
@@ -134,6 +134,12 @@ def plan_problems():
         assert plan(load_problem(name), PlanOptions(quality="fast")).succeeded
 
 
+def measure_a_tube():
+    from tubeplanner import load_problem, measure_tube
+
+    assert measure_tube(load_problem(PLANS[0])).succeeded
+
+
 def no_samples():
     """Call every function with no rows."""
     from tubeplanner.native import (
@@ -220,6 +226,7 @@ if __name__ == "__main__":
     recorder = Recorder()
     library.native_function = recorder.wrapped
     plan_problems()
+    measure_a_tube()
     recorder.takes_all = True
     no_samples()
     small_programs()
