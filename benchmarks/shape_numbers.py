@@ -218,7 +218,7 @@ def _regions(current: Iterate) -> Any:
 
 def _region_rows(region: Any) -> Numbers:
     """Return the rows of a region's planes."""
-    return vars(region.rows(region.planes()))
+    return vars(region.rows(region.planes))
 
 
 def main() -> None:

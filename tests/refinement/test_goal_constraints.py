@@ -28,7 +28,7 @@ def test_the_polyhedron_about_the_ball_is_given_from_the_beginning(case):
     """At its centre, where no plane is near; it reaches little farther than the ball."""
     problem, spline = case
     ball = SequentialProgram(problem, spline.grid).iterate(spline).regions[-1]
-    planes = ball.planes()
+    planes = ball.planes
     assert len(planes) == 26
     assert ball.is_crossed
     np.testing.assert_allclose(ball.slack(planes), 1 - 0.005, atol=1e-9)

@@ -124,7 +124,7 @@ def test_the_excess_is_the_tubes_own(case):
 
 def test_planes_are_outward_and_at_both_caps(case):
     tube = evaluated("tube", case)
-    planes, count = tube.planes(), len(tube.vector)
+    planes, count = tube.planes, len(tube.vector)
     outward = planes.where(np.arange(count))
     np.testing.assert_allclose(-tube.slack(outward), tube.excess, atol=1e-9)
     axis = end_of(tube) - begin_of(tube)
@@ -209,7 +209,7 @@ def test_a_chains_plane_never_cuts_the_samples_own_capsule():
 
 def test_samples_in_chains_have_no_caps():
     capsules, _ = corner(([0.9, 0.05, 0], [0.9, 0.05, 0]), 0)
-    np.testing.assert_allclose(capsules.planes().normal, [[0, 1, 0]])
+    np.testing.assert_allclose(capsules.planes.normal, [[0, 1, 0]])
 
 
 def test_a_boxs_rows_name_the_side_that_binds(case):
@@ -222,7 +222,7 @@ def test_a_boxs_rows_name_the_side_that_binds(case):
 
 def test_a_boxs_planes_are_those_of_all_its_faces(case):
     here = evaluated("box", case)
-    planes, count = here.planes(), len(here.vector)
+    planes, count = here.planes, len(here.vector)
     assert len(planes) == 7 * count
     np.testing.assert_allclose(-here.slack(planes.where(np.arange(count))), here.excess, atol=1e-9)
     for k in (0, 1):
@@ -234,7 +234,7 @@ def test_a_boxs_planes_are_those_of_all_its_faces(case):
 
 def test_every_plane_holds_the_box(case):
     here = evaluated("box", case)
-    faces = here.planes()
+    faces = here.planes
     # As shares of what each reaches, the face that a point is nearest to tells all.
     worst = np.full(len(here.vector), -np.inf)
     np.maximum.at(worst, faces.sample, -here.slack(faces))

@@ -45,38 +45,39 @@ class ControlVariables:
             self._goal.tolerance > 0 or _is_redundant(problem)
         )
         self.column = self._columns(grid.control_point_count)
-        moving = np.flatnonzero(self.column != FIXED)
+        # Which control points move, with which variables; and one point of each variable.
+        self._moving = moving = np.flatnonzero(self.column != FIXED)
+        self._own = self.column[moving]
+        self._first = moving[np.unique(self._own, return_index=True)[1]]
         count = int(self.column.max()) + 1
         lower, upper = self._control_bounds()
         self._share_of_goal = _minimum_jerk(grid.control_point_count)
         self.lower, self.upper = np.full((2, count, lower.shape[1]), np.inf)
         self.lower *= -1
-        np.maximum.at(self.lower, self.column[moving], lower[moving])
-        np.minimum.at(self.upper, self.column[moving], upper[moving])
+        np.maximum.at(self.lower, self._own, lower[moving])
+        np.minimum.at(self.upper, self._own, upper[moving])
 
     def of(self, control_points: FloatArray) -> FloatArray:
         """Return the variables that control points (K, n) have, shape (F, n)."""
-        _, first = np.unique(self.column, return_index=True)
-        return control_points[first[self.column[first] != FIXED]]
+        return control_points[self._first]
 
     def change(self, step: FloatArray) -> FloatArray:
         """Return how control points change with a step of the variables (F, n), shape (K, n)."""
-        padded = np.vstack([step, np.zeros((1, step.shape[1]))])  # the last one is that of FIXED
-        return padded[self.column]
+        change = np.zeros((len(self.column), step.shape[1]))
+        change[self._moving] = step[self._own]
+        return change
 
     def collected(self, by_point: FloatArray) -> FloatArray:
         """Return derivatives by the variables (F, n) from those by control points (K, n)."""
         by_variable = np.zeros_like(self.lower)
-        moving = self.column != FIXED
-        np.add.at(by_variable, self.column[moving], by_point[moving])
+        np.add.at(by_variable, self._own, by_point[self._moving])
         return by_variable
 
     def within_bounds(self, control_points: FloatArray) -> FloatArray:
         """Return control points (K, n), the movable ones clipped to their bounds."""
-        moving = self.column != FIXED
-        inside = np.clip(self.of(control_points), self.lower, self.upper)
+        inside = self.of(control_points).clip(self.lower, self.upper)
         points = control_points.copy()
-        points[moving] = inside[self.column[moving]]
+        points[self._moving] = inside[self._own]
         return points
 
     @property

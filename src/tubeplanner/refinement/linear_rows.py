@@ -6,7 +6,7 @@ duration eta <= slack.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -68,7 +68,8 @@ class Rows:
 
     def numbered_from(self, first: int) -> "Rows":
         """Return the rows with other numbers, the first of which is given."""
-        return replace(self, index=first + self.index)
+        own = (self.first, self.control, self.switching, self.duration, self.slack, self.limit)
+        return Rows(*own, first + self.index)
 
     def reach(self, size: StepSize) -> FloatArray:
         """Return how far a step can move each row, shape (R,)."""

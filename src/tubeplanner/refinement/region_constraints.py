@@ -88,8 +88,9 @@ class EvaluatedRegions:
         """How far the vectors are outside the narrowed regions, as a share of them, shape (N,)."""
         return self._excess_of(self.vector, self.segment)
 
+    @cached_property
     def planes(self) -> Planes:
-        """Return the planes outward and, unless segments pass into each other, those of faces."""
+        """The planes outward and, unless segments pass into each other, those of faces."""
         normal = np.array([self.regions.outward(self.vector, self.segment), *self.faces])
         normal[1:, self.in_chain] = 0.0
         kind, sample = np.nonzero(normal.any(axis=2))

@@ -128,7 +128,7 @@ def sampled(spline: PhasedSpline, evaluation_points: EvaluationPoints) -> Sample
 def _basis(
     grid: KnotGrid, evaluation_points: EvaluationPoints, switching_times: bytes
 ) -> FloatArray:
-    return evaluation_points.basis(grid, np.frombuffer(switching_times))
+    return evaluation_points.basis(grid, np.frombuffer(switching_times).copy())
 
 
 def _values(basis: FloatArray, first: IntArray, control_points: FloatArray) -> FloatArray:

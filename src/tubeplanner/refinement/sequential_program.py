@@ -155,7 +155,7 @@ class SequentialProgram:
 
     def _hardly_move(self, regions: EvaluatedRegions, size: StepSize) -> BoolArray:
         """Return which samples a step moves by less than what the merit function ignores, (N,)."""
-        planes = regions.planes()
+        planes = regions.planes
         reach = np.full(len(regions.vector), np.inf)
         reach[planes.sample] = 0.0
         np.maximum.at(reach, planes.sample, self._reach(regions.rows(planes), size))
@@ -260,7 +260,7 @@ def _near_planes(current: Iterate, ignored: tuple[BoolArray, ...]) -> tuple[Plan
     """Return the planes of every kind of regions that are near, but for some samples'."""
     found = []
     for regions, left_out in zip(current.regions, ignored, strict=True):
-        planes = regions.planes()
+        planes = regions.planes
         is_near = (regions.slack(planes) < _NEAR) | regions.is_crossed
         found.append(planes.where(is_near & ~left_out[planes.sample]))
     return tuple(found)

@@ -256,7 +256,8 @@ class Tube:
 
     def regions_of(self, radius: FloatArray) -> SegmentRegions:
         """Return the regions as they would be with other effective radii, (m,) [m]."""
-        axes = (self.points[:-1], self.points[1:])
+        # Copies: what is not to be written to takes longer to be passed to native functions.
+        axes = (self.points[:-1].copy(), self.points[1:].copy())
         if self.cross_section is None:
             return Capsules(*axes, radius)
         return BoxRegions(*axes, radius, self.cross_section, self.tool_radius)
