@@ -6,12 +6,13 @@ import pytest
 from tubeplanner import load_problem
 from tubeplanner.branches.reference_branch import redundancy_rules, reference_branch
 from tubeplanner.native.library import LIBRARY
-from tubeplanner.refinement.banded_program import BandedProgram
+from tubeplanner.refinement.banded_program import BandedProgram, _without
 from tubeplanner.refinement.descent import FIRST_PENALTY, Remembered
 from tubeplanner.refinement.sequential_program import SequentialProgram
 from tubeplanner.refinement.shared_columns import shared_columns
 from tubeplanner.refinement.sparse_program import SparseProgram
 from tubeplanner.refinement.spline_start import starting_spline
+from tubeplanner.refinement.step_block import SparseRows, stacked_rows
 from tubeplanner.refinement.step_search import StepSearch
 from tubeplanner.refinement.trust_region import TrustRegion
 
@@ -38,6 +39,14 @@ def cost(block, step):
     return block.linear @ x + x @ block.quadratic.hessian.product(x) / 2
 
 
+def least_slack(block, step):
+    """Return the least that the step leaves of any row's slack."""
+    x = np.concatenate([step.control.ravel(), step.switching, [step.duration, step.elastic]])
+    every = stacked_rows(block.rows)
+    used = [row.data @ x[row.column] for row in every.rows()]
+    return (block.slack - np.array(used)).min()
+
+
 @pytest.mark.parametrize("trust", [0.1, 0.01])
 @pytest.mark.parametrize(
     ("name", "intervals"),
@@ -56,6 +65,7 @@ def test_both_find_the_same_least_cost(name, intervals, trust):
     steps = [program([block], columns).solve(FINE)[0] for program in (BandedProgram, SparseProgram)]
     costs = [cost(block, step) for step in steps]
     assert costs[0] == pytest.approx(costs[1], abs=AGREE)
+    assert min(least_slack(block, step) for step in steps) > -1e-5
     assert min(step.multipliers.sum() for step in steps) > 0.5, "nothing but bounds counts"
 
 
@@ -80,3 +90,13 @@ def test_rows_that_join_lead_to_the_same_step_as_rows_given_at_once():
     assert cost(block, step) == pytest.approx(cost(block, whole), abs=AGREE)
     assert whole.multipliers.sum() > 0.5
     assert step.multipliers.sum() == pytest.approx(whole.multipliers.sum(), rel=1e-3)
+
+
+def test_rows_lose_what_would_move_what_is_held_and_no_more():
+    rows = SparseRows(np.array([3.0, 1.0, 2.0, 5.0]), np.array([0, 1, 2, 0]), np.array([3, 1]))
+    held = SparseRows(np.array([0.6, 0.8]), np.array([1, 2]), np.array([2]))
+    first, second = _without(rows, [held]).rows()
+    whole = np.zeros(3)
+    np.add.at(whole, first.column, first.data)
+    assert whole == pytest.approx([3.0, 1 - 0.6 * 2.2, 2 - 0.8 * 2.2])
+    assert second.data.tolist() == [5.0]

@@ -146,3 +146,14 @@ def test_rows_that_would_move_what_is_held_do_not(solved):
     _, (step,) = solved([block], [False])
     assert step.control[0].sum() == pytest.approx(0.0, abs=1e-6)
     assert step.duration == pytest.approx(-2 * FAR, abs=1e-5)
+
+
+def test_curvature_is_that_of_each_legs_own_variables(solved):
+    """A leg that costs the square of what it changes, behind one that costs next to nothing."""
+    soft, stiff = leg(0.0, gradient=-0.02), leg(0.0, gradient=-0.02)
+    eye = np.arange(4)
+    hessian = SymmetricEntries(eye, eye, np.array([1.0, 1.0, 1e-6, 1e-6]), 4)
+    stiff = replace(stiff, quadratic=replace(stiff.quadratic, hessian=hessian))
+    _, steps = solved([soft, stiff], [False, False])
+    assert steps[0].control[0, 0] == pytest.approx(FAR, abs=1e-4)
+    assert steps[1].control[0, 0] == pytest.approx(0.02, abs=1e-4)

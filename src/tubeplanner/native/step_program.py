@@ -79,7 +79,13 @@ class NativeProgram:
             column: Where they are, row after row, shape (entries,); they may repeat.
             value: Theirs, shape (entries,).
             slack: b, shape (R,).
+
+        Raises:
+            ValueError: They do not fit together, or the program has no such variable.
         """
+        fits = len(count) == len(slack) and len(column) == len(value) == count.sum()
+        if not fits or column.max(initial=0) >= self._size:
+            raise ValueError("rows and slack do not fit the program")
         own = (np.ascontiguousarray(part, dtype=np.int64) for part in (count, column))
         _call(_add_rows)(self._handle, len(slack), *own, np.ascontiguousarray(value), slack)
         self.row_count += len(slack)
