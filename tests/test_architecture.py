@@ -177,7 +177,7 @@ def test_plan_and_check_load_no_library_that_they_can_do_without(tmp_path, monke
     never = {"trimesh", "yourdfpy", "matplotlib", "meshcat", "ruamel", "toppra", "ompl"}
     assert (checked | planned) & never == set()
     assert {name for name in checked if name.startswith("scipy")} == set()
-    # PIQP takes its matrices only from scipy.sparse.
+    # For the smoother tube of a second stage, and for PIQP where the native library is left out.
     parts = {name.split(".")[1] for name in planned if name.startswith("scipy.")}
     assert {part for part in parts if not part.startswith("_")} == {"sparse", "version"}
 
