@@ -10,10 +10,11 @@ from tubeplanner.native.step_program import NativeProgram
 from tubeplanner.refinement.joint_blocks import JointBlocks
 from tubeplanner.refinement.sparse_program import SparseProgram
 from tubeplanner.refinement.step_block import Block, SparseRows, Step, stacked_rows
+from tubeplanner.refinement.symmetric_entries import SymmetricEntries
 
 # Where the method begins: eta, and how far beyond what rows lack the elastic variable is.
 _FIRST_DURATION_STEP, _FIRST_SPARE = 0.2, 0.1
-# Of what must not move: no row moves it, so that this balances bounds alone.
+# Of what must not move: neither rows nor curvature move it, this balances bounds alone.
 _STIFFNESS = 1e9
 
 
@@ -33,6 +34,8 @@ class BandedProgram:
             linear[row.column] -= row.data * (row.data @ linear[row.column])
         self._program = NativeProgram(self._first(), linear, *self._bounds, self._band())
         hessian = joint.hessian
+        for columns, directions in _groups(self._held):
+            hessian = _flattened(hessian, columns, directions)
         self._program.add_quadratic(hessian.row, hessian.column, hessian.value)
         for row in self._held:
             column, other = np.meshgrid(row.column, row.column)
@@ -118,12 +121,39 @@ class BandedProgram:
 
 def _without(rows: SparseRows, held: Sequence[SparseRows]) -> SparseRows:
     """Return rows that do not change along some directions, which are at right angles."""
+    for columns, directions in _groups(held):
+        rows = _turned_away(rows, columns, directions)
+    return rows
+
+
+def _groups(held: Sequence[SparseRows]) -> list[tuple[IntArray, FloatArray]]:
+    """Return the variables (n,) of which some directions (r, n) are held."""
     groups: dict[tuple[int, ...], list[FloatArray]] = {}
     for row in held:
         groups.setdefault(tuple(row.column.tolist()), []).append(row.data)
-    for columns, directions in groups.items():
-        rows = _turned_away(rows, np.array(columns), np.array(directions))
-    return rows
+    return [(np.array(columns), np.array(own)) for columns, own in groups.items()]
+
+
+def _flattened(
+    entries: SymmetricEntries, columns: IntArray, directions: FloatArray
+) -> SymmetricEntries:
+    """Return curvature that is none along directions (r, n) of some variables (n,)."""
+    place = np.full(entries.size, -1)
+    place[columns] = np.arange(len(columns))
+    row, column = place[entries.row], place[entries.column]
+    own = np.zeros((entries.size, len(columns)))
+    np.add.at(own, (entries.row[column >= 0], column[column >= 0]), entries.value[column >= 0])
+    own -= own @ directions.T @ directions
+    own[columns] -= directions.T @ (directions @ own[columns])
+    first, second = np.nonzero(own)
+    others = place[first] < 0  # what couples them with other variables stands on both sides
+    rest = (row < 0) & (column < 0)
+    return SymmetricEntries(
+        np.concatenate([entries.row[rest], first, columns[second][others]]),
+        np.concatenate([entries.column[rest], columns[second], first[others]]),
+        np.concatenate([entries.value[rest], own[first, second], own[first, second][others]]),
+        entries.size,
+    )
 
 
 def _turned_away(rows: SparseRows, columns: IntArray, directions: FloatArray) -> SparseRows:

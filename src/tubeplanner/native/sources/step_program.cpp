@@ -189,10 +189,11 @@ void StepProgram::evaluate() {
     collect(row, z[r], gradient_.at(0));
     infeasible_ = larger(infeasible_, std::fabs(row.residual));
   }
-  for (integer i = 0; i < size_; ++i) {  // by what the cost might be less
-    const double reach = smaller(upper_[i] - lower_[i], 1.0);
-    infeasible_ = larger(infeasible_, reach * std::fabs(gradient_[i]));
+  double less = 0.0;  // by what the cost might be less
+  for (integer i = 0; i < size_; ++i) {
+    less += smaller(upper_[i] - lower_[i], 1.0) * std::fabs(gradient_[i]);
   }
+  infeasible_ = larger(infeasible_, less);
   mean_ = product(0.0, 0.0) / s_.size();
 }
 
