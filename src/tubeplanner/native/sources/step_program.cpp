@@ -23,6 +23,7 @@ constexpr double kFirstSlack = 0.1, kJoiningSlack = 0.3, kFirstProduct = 0.3;
 constexpr double kShare = 0.99;
 constexpr double kRegular = 1e-11, kHopeless = 1e100;
 constexpr integer kTogether = 4;
+constexpr double kShareOfCost = 0.1;  // of what gradients might still gain
 
 double larger(double a, double b) { return a > b ? a : b; }
 double smaller(double a, double b) { return a < b ? a : b; }
@@ -193,7 +194,7 @@ void StepProgram::evaluate() {
   for (integer i = 0; i < size_; ++i) {
     less += smaller(upper_[i] - lower_[i], 1.0) * std::fabs(gradient_[i]);
   }
-  infeasible_ = larger(infeasible_, less);
+  infeasible_ = larger(infeasible_, kShareOfCost * less);
   mean_ = product(0.0, 0.0) / s_.size();
 }
 
