@@ -34,8 +34,8 @@ class BandedProgram:
             linear[row.column] -= row.data * (row.data @ linear[row.column])
         self._program = NativeProgram(self._first(), linear, *self._bounds, self._band())
         hessian = joint.hessian
-        for columns, directions in _groups(self._held):
-            hessian = _flattened(hessian, columns, directions)
+        for places, directions in _groups(self._held):
+            hessian = _flattened(hessian, places, directions)
         self._program.add_quadratic(hessian.row, hessian.column, hessian.value)
         for row in self._held:
             column, other = np.meshgrid(row.column, row.column)
