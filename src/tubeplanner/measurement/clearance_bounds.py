@@ -115,5 +115,5 @@ def _table(shapes: list[BodyShape]) -> tuple[FloatArray, FloatArray]:
         boxes.center,
         boxes.half,
     )
-    table = np.hstack([column.reshape(len(shapes), -1) for column in columns])
+    table = np.hstack([column.reshape(len(shapes), -1 if shapes else 0) for column in columns])
     return np.ascontiguousarray(table, dtype=float), np.ascontiguousarray(vertices.T)
